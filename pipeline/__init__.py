@@ -1,0 +1,1 @@
+"""Data: brings recordings to grids, asks the simulator, explains the difference."""

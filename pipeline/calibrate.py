@@ -1,0 +1,223 @@
+"""Calibration of the baseline: bearing curves, correction factor and damping, fitted together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from pmg.pipeline.readings import Readings, predict, take_readings
+from pmg.sim.errors import FitError
+from pmg.sim.lossmodel import LossModel
+from pmg.sim.mechanisms import EddyDamping, ExcessDamping, HysteresisDamping, SunBearings
+
+if TYPE_CHECKING:
+    from pmg.pipeline.fit import LossFits
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
+    from pmg.sim.mechanisms import Parameter
+    from pmg.sim.signals import Array
+
+CONSTANTS: dict[str, Parameter] = {
+    "K_corr": SunBearings.parameters()[0],
+    "b": HysteresisDamping.parameters()[0],
+    "c": EddyDamping.parameters()[0],
+    "d": ExcessDamping.parameters()[0],
+}
+"""The scalar constants of the baseline: unit, bounds, usual size."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The baseline that fits the readings best.
+
+    Parameters
+    ----------
+    model : LossModel
+        The calibrated constants.
+    names : tuple of str
+        Free parameters: ``sun[p]`` and ``ring[p]`` for the coefficient of power p, then K_corr, b, c, d as far as
+        free.
+    values : (k,) array
+        Their values.
+    covariance : (k, k) array
+        Their covariance; rows of parameters on a bound are NaN.
+    on_bound : tuple of str
+        Parameters that sit on a bound: no error bar belongs to them.
+    chi_square : float
+        Weighted sum of squares.
+    dof : int
+        Degrees of freedom.
+    message : str
+        Why the solver stopped.
+    """
+
+    model: LossModel
+    names: tuple[str, ...]
+    values: Array
+    covariance: Array
+    on_bound: tuple[str, ...]
+    chi_square: float
+    dof: int
+    message: str
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """The constants among K_corr, b, c, d that were fitted."""
+        return tuple(name for name in self.names if name in CONSTANTS)
+
+    def value(self, name: str) -> float:
+        """Value of a constant, free or held."""
+        held = {"K_corr": self.model.correction, "b": self.model.b, "c": self.model.c, "d": self.model.d}
+        return held[name] if name in held else float(self.values[self.names.index(name)])
+
+    def standard_error(self, name: str) -> float | None:
+        """Standard error, or None where the parameter was held or sits on a bound."""
+        if name not in self.names or name in self.on_bound:
+            return None
+        i = self.names.index(name)
+        return float(np.sqrt(self.covariance[i, i]))
+
+
+def parameter_names(model: LossModel, free: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the free parameters, curves first."""
+    sun = tuple(f"sun[{p:g}]" for p in model.curve_sun.powers)
+    ring = tuple(f"ring[{p:g}]" for p in model.curve_ring.powers)
+    return sun + ring + free
+
+
+def parameter_values(model: LossModel, free: tuple[str, ...]) -> Array:
+    """Values of the free parameters, in the order of `parameter_names`."""
+    constants = {"K_corr": model.correction, "b": model.b, "c": model.c, "d": model.d}
+    scalars = [constants[name] for name in free]
+    return np.asarray(np.r_[model.curve_sun.coefficients, model.curve_ring.coefficients, scalars])
+
+
+def with_parameters(model: LossModel, free: tuple[str, ...], values: Array) -> LossModel:
+    """The model with other values of the free parameters."""
+    n_sun, n_ring = len(model.curve_sun.powers), len(model.curve_ring.powers)
+    constants = dict(zip(free, map(float, values[n_sun + n_ring :]), strict=True))
+    return replace(
+        model,
+        curve_sun=replace(model.curve_sun, coefficients=values[:n_sun]),
+        curve_ring=replace(model.curve_ring, coefficients=values[n_sun : n_sun + n_ring]),
+        correction=constants.get("K_corr", model.correction),
+        b=constants.get("b", model.b),
+        c=constants.get("c", model.c),
+        d=constants.get("d", model.d),
+    )
+
+
+def jacobian(readings: Readings, bench: BenchParameters, model: LossModel, free: tuple[str, ...]) -> Array:
+    """Derivatives of the predicted readings to the free parameters (m, k).
+
+    The prediction is linear in every single parameter, so a central difference over the parameter's usual size is
+    exact to rounding.
+    """
+    values = parameter_values(model, free)
+    n_curves = len(values) - len(free)
+    steps = np.r_[np.full(n_curves, 0.01), [CONSTANTS[name].typical for name in free]]
+    columns = []
+    for i, step in enumerate(steps):
+        shift = np.zeros(len(values))
+        shift[i] = step
+        up = predict(readings, bench, with_parameters(model, free, values + shift))
+        down = predict(readings, bench, with_parameters(model, free, values - shift))
+        columns.append((up - down) / (2.0 * step))
+    return np.stack(columns, axis=1)
+
+
+def calibrate(
+    grid: Grid,
+    fits: LossFits,
+    bench: BenchParameters,
+    *,
+    correction: float | None = None,
+    free: tuple[str, ...] = ("K_corr", "b", "c"),
+) -> Calibration:
+    """Baseline fitted to neutral and engaged readings together, weighted by their uncertainty.
+
+    Parameters
+    ----------
+    grid : Grid
+        Measured grid with its uncertainties.
+    fits : LossFits
+        Curves of the neutral points: their terms and the start values.
+    bench : BenchParameters
+        Ratio and shares.
+    correction : float, optional
+        Hold K_corr at this value instead of fitting it.
+    free : tuple of str
+        Constants to fit among K_corr, b, c, d. The default leaves d at zero: with a root term in the curves, d and
+        K_corr cannot be told apart by steady points.
+
+    Raises
+    ------
+    FitError
+        There are no engaged points, or the solver did not converge.
+    """
+    if not (grid.points.engaged & grid.accepted).any():
+        raise FitError(
+            "calibration",
+            "no accepted engaged point",
+            "neutral and engaged points",
+            "Ingest the engaged runs too.",
+        )
+    if correction is not None:
+        free = tuple(name for name in free if name != "K_corr")
+    readings = take_readings(grid, bench)
+    start = LossModel(
+        fits.sun.curve,
+        fits.ring.curve,
+        0.85 if correction is None else correction,
+        0.0,
+        CONSTANTS["c"].typical,
+        0.0,
+    )
+    names = parameter_names(start, free)
+    n_curves = len(names) - len(free)
+    lower = np.r_[np.full(n_curves, -np.inf), [CONSTANTS[name].bounds[0] for name in free]]
+    upper = np.r_[np.full(n_curves, np.inf), [CONSTANTS[name].bounds[1] for name in free]]
+
+    def residuals(values: Array) -> Array:
+        model = with_parameters(start, free, values)
+        return (readings.torque - predict(readings, bench, model)) / readings.u
+
+    def slopes(values: Array) -> Array:
+        return -jacobian(readings, bench, with_parameters(start, free, values), free) / readings.u[:, None]
+
+    scale = np.r_[np.full(n_curves, 0.1), [CONSTANTS[name].typical for name in free]]
+    begin = np.clip(parameter_values(start, free), lower + 1e-9 * scale, upper - 1e-9 * scale)
+    found = least_squares(residuals, begin, jac=slopes, bounds=(lower, upper), x_scale=scale, xtol=1e-12, ftol=1e-12)
+    if not found.success:
+        raise FitError("calibration", f"no convergence ({found.message})", "a minimum", "Check the grids for outliers.")
+    margin = 1e-4 * scale
+    bound = (found.x - lower < margin) | (upper - found.x < margin)
+    values = np.where(found.x - lower < margin, lower, np.where(upper - found.x < margin, upper, found.x))
+    covariance = np.full((len(names), len(names)), np.nan)
+    inside = np.flatnonzero(~bound)
+    design = slopes(values)[:, inside]
+    covariance[np.ix_(inside, inside)] = np.linalg.pinv(design.T @ design)
+    final = residuals(values)
+    return Calibration(
+        model=with_parameters(start, free, values),
+        names=names,
+        values=values,
+        covariance=covariance,
+        on_bound=tuple(name for name, at in zip(names, bound, strict=True) if at),
+        chi_square=float(final @ final),
+        dof=len(readings) - len(inside),
+        message=str(found.message),
+    )
+
+
+def predicted_uncertainty(readings: Readings, bench: BenchParameters, calibration: Calibration) -> Array:
+    """Standard uncertainty of the predicted readings from the calibration alone [N m].
+
+    Parameters on a bound contribute nothing here; the report says which they are.
+    """
+    slopes = jacobian(readings, bench, calibration.model, calibration.free)
+    covariance = np.nan_to_num(calibration.covariance)
+    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance, slopes)))

@@ -1,0 +1,58 @@
+"""Points laid out over the test grid, for maps and for curves by load."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.report.document import Measured
+from pmg.sim.signals import SPEED_RING, SPEED_SUN, Array, Mask, Signal
+
+if TYPE_CHECKING:
+    from pmg.sim.grid import Grid, OperatingPoints
+
+REVERSED = "reversed flow"
+"""Name of the engaged series in which the ring drives."""
+
+
+def speed_levels(at: OperatingPoints) -> tuple[Array, Array]:
+    """Speeds rounded to whole rpm, sun and ring."""
+    return np.round(SPEED_SUN.display(at.speed_sun)) + 0.0, np.round(SPEED_RING.display(at.speed_ring)) + 0.0
+
+
+def lay_out(x: Array, y: Array, values: Array) -> tuple[Array, Array, Array]:
+    """Levels of x and of y, and the mean of the finite values in each cell (m, n); NaN where there is none."""
+    levels_x, levels_y = np.unique(x), np.unique(y)
+    total = np.zeros((len(levels_y), len(levels_x)))
+    count = np.zeros_like(total)
+    known = np.isfinite(values)
+    index = (np.searchsorted(levels_y, y[known]), np.searchsorted(levels_x, x[known]))
+    np.add.at(total, index, values[known])
+    np.add.at(count, index, 1.0)
+    with np.errstate(invalid="ignore"):
+        return levels_x, levels_y, total / count
+
+
+def forward_neutral(grid: Grid) -> Mask:
+    """Accepted neutral points with neither shaft reversed."""
+    sun, ring = speed_levels(grid.points)
+    return np.asarray(grid.points.neutral & grid.accepted & (sun >= 0) & (ring >= 0))
+
+
+def by_load(at: OperatingPoints) -> list[tuple[str, Mask]]:
+    """Engaged points by the load asked for, reversed flow after forward flow."""
+    series = []
+    for drive in ("sun", "ring"):
+        rows = at.engaged & (at.drive == drive)
+        for load in np.unique(np.round(np.abs(at.load_set[rows]), 3)):
+            name = f"{load:g} N m" + ("" if drive == "sun" else f", {REVERSED}")
+            series.append((name, np.asarray(rows & (np.round(np.abs(at.load_set), 3) == load))))
+    return series
+
+
+def measured(signal: Signal, value: float, u: float) -> Measured | None:
+    """A table cell in display units; empty where nothing is known."""
+    if not np.isfinite(value):
+        return None
+    return Measured(float(signal.display(value)), abs(float(u)) / signal.scale)

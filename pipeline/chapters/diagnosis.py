@@ -1,0 +1,182 @@
+"""Chapter on the diagnosis: verdict, places, what the baseline had absorbed, the held-out proof."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnose.decide import component_of
+from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Section, Series, Table, Text
+from pmg.sim import sources
+from pmg.sim.signals import RESIDUAL, SPEED_RING, SPEED_SUN
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.decide import Diagnosis
+    from pmg.pipeline.diagnose.locate import Location
+
+
+def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Section:
+    """The verdict and its grounds.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        What was found.
+    residual : (m,) array
+        Measured minus simulated at the readings of the test [N m].
+    """
+    mismatch = diagnosis.mismatch
+    items: list[Text | Facts | Table | Figure] = [
+        Text(diagnosis.statement, kind="plain" if not mismatch.found else "finding"),
+        Facts(
+            (
+                ("Verdict", str(diagnosis.verdict).replace("_", " ")),
+                ("p-value of the whole procedure", f"{mismatch.p_value:.3g} ({mismatch.draws} synthetic campaigns)"),
+                ("False-alarm rate of the test", f"{mismatch.false_alarm_rate:.0%}"),
+                ("Kinds of structure looked for", str(mismatch.tested)),
+                ("Noise, sun", f"{diagnosis.floor.sun.u * 1e3:.2f} mN m: {diagnosis.floor.sun.source}"),
+                ("Noise, ring", f"{diagnosis.floor.ring.u * 1e3:.2f} mN m: {diagnosis.floor.ring.source}"),
+            )
+        ),
+    ]
+    if diagnosis.floor.sun.repeats_dof == 0:
+        items.append(
+            Text(
+                "The campaign has no repeated points, so only structure could be judged, not the size of the scatter. "
+                "Repeating ten points spread over the grid would settle what the noise is.",
+                kind="note",
+            )
+        )
+    if mismatch.locations:
+        items += [_locations(diagnosis), _figure(diagnosis, residual)]
+    if diagnosis.absorbed:
+        items.append(_absorbed(diagnosis))
+    if diagnosis.held_out is not None:
+        held = diagnosis.held_out
+        low, high = held.gain_interval
+        items.append(
+            Facts(
+                (
+                    ("Withheld", held.split),
+                    ("Error before", f"{held.rmse_before * 1e3:.2f} mN m"),
+                    ("Error with the located structure", f"{held.rmse_after * 1e3:.2f} mN m"),
+                    ("Noise of the same readings", f"{held.noise_floor * 1e3:.2f} mN m"),
+                    ("Gain, 95 % interval", f"{low * 1e3:.2f} to {high * 1e3:.2f} mN m"),
+                )
+            )
+        )
+    return Section("diagnosis", "Diagnosis", tuple(items), (sources.WESTFALL_YOUNG,))
+
+
+def _words(names: tuple[str, ...]) -> str:
+    return ", ".join(name.replace("_", " ") for name in names) or "nothing recorded"
+
+
+def _locations(diagnosis: Diagnosis) -> Table:
+    places = diagnosis.mismatch.locations
+    return Table(
+        "locations",
+        "Where it sits",
+        f"{len(places)} places, clearest first; each with the earlier ones added to the baseline. Sizes are what the "
+        "baseline does not absorb: the effect itself may be larger.",
+        (
+            Column("signal", "Signal"),
+            Column("configuration", "Configuration"),
+            Column("component", "Component"),
+            Column("depends_on", "Follows"),
+            Column("size", "rms size", "mN m", digits=2),
+            Column("peak", "peak", "mN m", digits=2),
+            Column("p_value", "p-value", "", format=".2g"),
+        ),
+        tuple(
+            (
+                place.signal.replace("_", " "),
+                place.configuration,
+                str(component_of(place) or "cannot tell").replace("_", " "),
+                _words(place.depends_on),
+                place.size * 1e3,
+                place.peak * 1e3,
+                place.p_value,
+            )
+            for place in places
+        ),
+    )
+
+
+def _figure(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Figure:
+    place = diagnosis.mismatch.locations[0]
+    readings = diagnosis.mismatch.readings
+    rows = np.flatnonzero(place.effect != 0.0)
+    at = readings.grid.points
+    x, label = _covariate(diagnosis, place, rows)
+    order = np.argsort(x, kind="stable")
+    sign = readings.direction[rows]
+    chart = Chart(
+        label,
+        "drag, measured − simulated [mN m]",
+        (
+            Series(
+                "residual, U = 2u",
+                x[order],
+                RESIDUAL.display(sign * residual[rows])[order],
+                readings.u[rows][order] / RESIDUAL.scale,
+                "markers",
+                0,
+            ),
+            Series(
+                "located structure", x[order], RESIDUAL.display(sign * place.effect[rows])[order], None, "markers", 1
+            ),
+        ),
+        references=(("", 0.0),),
+    )
+    del at
+    return Figure(
+        "located-structure",
+        "The clearest place",
+        f"{place.signal.replace('_', ' ').capitalize()} in {place.configuration} points: the residual and the "
+        f"structure found in it, which follows {_words(place.depends_on)}.",
+        (chart,),
+    )
+
+
+def _covariate(
+    diagnosis: Diagnosis, place: Location, rows: np.ndarray[tuple[int], np.dtype[np.int64]]
+) -> tuple[np.ndarray[tuple[int], np.dtype[np.float64]], str]:
+    readings = diagnosis.mismatch.readings
+    at = readings.grid.points
+    row = readings.row[rows]
+    first = place.depends_on[0] if place.depends_on else ""
+    if first in ("load", "power_flow"):
+        return at.torque_ring[row], "ring torque [N m]"
+    if first == "speed_ring":
+        return SPEED_RING.display(np.abs(at.speed_ring[row])), SPEED_RING.label
+    if first == "speed_sun" or not at.ordered:
+        return SPEED_SUN.display(np.abs(at.speed_sun[row])), SPEED_SUN.label
+    return (at.started_at[row] - at.started_at.min()) / 60.0, "time since the first point [min]"
+
+
+def _absorbed(diagnosis: Diagnosis) -> Table:
+    scale = {"K_corr": 1.0, "b": 1e3, "c": 1e4, "d": 1e3}
+    unit = {"K_corr": "", "b": " [mN m]", "c": " [1e-4 N m s/rad]", "d": " [1e-3 N m (s/rad)^1/2]"}
+    return Table(
+        "absorbed",
+        "What the baseline had absorbed",
+        "Constants of the baseline fitted alone, and together with the located structure.",
+        (
+            Column("parameter", "Constant"),
+            Column("before", "alone", "", digits=4),
+            Column("after", "together", "", uncertain=True),
+        ),
+        tuple(
+            (
+                a.parameter + unit[a.parameter],
+                a.before * scale[a.parameter],
+                Measured(
+                    a.after * scale[a.parameter],
+                    float("nan") if a.standard_error is None else a.standard_error * scale[a.parameter],
+                ),
+            )
+            for a in diagnosis.absorbed
+        ),
+    )

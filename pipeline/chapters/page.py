@@ -1,0 +1,91 @@
+"""The whole page: chapters in the order in which an engineer asks."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.chapters.comparison import comparison_section
+from pmg.pipeline.chapters.diagnosis import diagnosis_section
+from pmg.pipeline.chapters.flow import flow_section
+from pmg.pipeline.chapters.losses import losses_section, neutral_section
+from pmg.pipeline.chapters.quality import data_section
+from pmg.pipeline.readings import predict
+from pmg.pipeline.report.document import Facts, Report, Section, Verdict
+from pmg.sim.gearbox import Gearbox
+
+if TYPE_CHECKING:
+    from pmg.pipeline.analyse import Analysis
+    from pmg.pipeline.compare import Residuals
+    from pmg.pipeline.diagnose.decide import Diagnosis
+    from pmg.sim.bench import BenchParameters
+
+PACKAGES = ("pmg-bench", "numpy", "scipy", "pandas", "polars", "mcap", "matplotlib")
+"""Distributions whose versions the report names."""
+
+SYNTHETIC_NOTE = "synthetic recordings, written by a bench generator; no measurement of a real bench"
+
+
+def build_report(
+    analysis: Analysis,
+    residuals: Residuals | None,
+    diagnosis: Diagnosis | None,
+    bench: BenchParameters,
+    *,
+    findings: tuple[tuple[str, str, str], ...],
+    provenance: tuple[tuple[str, str], ...],
+) -> Report:
+    """The report of one campaign, as far as its analysis reached.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        Grids, fits, balance.
+    residuals : Residuals or None
+        Comparison with the simulator.
+    diagnosis : Diagnosis or None
+        Verdict.
+    bench : BenchParameters
+        Motor constants for the power flow.
+    findings : tuple of (severity, where, message)
+        Remarks of the ingest.
+    provenance : tuple of (label, value)
+        Inputs, hashes, seed, command.
+    """
+    sections: list[Section] = []
+    if diagnosis is not None and analysis.calibration is not None:
+        readings = diagnosis.mismatch.readings
+        residual = readings.torque - predict(readings, bench, analysis.calibration.model)
+        sections.append(diagnosis_section(diagnosis, residual))
+    if analysis.fits is not None:
+        sections.append(neutral_section(analysis.grid, analysis.fits))
+    if analysis.balance is not None and analysis.calibration is not None:
+        sections.append(losses_section(analysis, analysis.balance, analysis.calibration))
+    if residuals is not None and analysis.calibration is not None:
+        sections.append(comparison_section(residuals))
+        gearbox = Gearbox.calibrated(bench, analysis.calibration.model)
+        sections.append(flow_section(gearbox, residuals.grid, residuals.simulated, bench))
+    sections.append(data_section(analysis, findings))
+    grid = analysis.grid
+    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    return Report(
+        title=f"Campaign {grid.campaign}",
+        subtitle="Planetary magnetic gearbox: recordings, losses, simulation and what explains the difference",
+        verdict=_verdict(analysis, diagnosis),
+        sections=tuple(sections),
+        provenance=Facts((*provenance, ("Versions", versions))),
+    )
+
+
+def _verdict(analysis: Analysis, diagnosis: Diagnosis | None) -> Verdict:
+    grid = analysis.grid
+    warning = ""
+    rejected = int((~grid.accepted).sum())
+    if rejected:
+        warning += f" {rejected} of {len(grid)} points rejected."
+    if analysis.lacking:
+        warning += f" {len(analysis.lacking)} cells of the grids are empty."
+    if diagnosis is None:
+        return Verdict(f"No comparison was possible: {analysis.missing[0] if analysis.missing else ''}{warning}", "attention")
+    state = "attention" if diagnosis.mismatch.found or warning else "good"
+    return Verdict(diagnosis.statement + warning, "good" if state == "good" else "attention")

@@ -1,0 +1,116 @@
+"""Chapter on the data: what was recorded, what could not be used and why, how large the noise is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.report.document import Column, Facts, Section, Table, Text
+from pmg.sim import sources
+
+if TYPE_CHECKING:
+    from pmg.pipeline.analyse import Analysis
+    from pmg.pipeline.diagnose.noise import ShaftNoise
+
+
+def data_section(analysis: Analysis, findings: tuple[tuple[str, str, str], ...]) -> Section:
+    """What was recorded and what of it could be used.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        The campaign.
+    findings : tuple of (severity, where, message)
+        What reading the recordings brought up.
+    """
+    grid = analysis.grid
+    at = grid.points
+    rows = [
+        ("Campaign", grid.campaign),
+        (
+            "Points",
+            f"{len(grid)}: {int(at.neutral.sum())} neutral, {int(at.engaged.sum())} engaged, "
+            f"{int(at.zero.sum())} zero checks",
+        ),
+        ("Accepted", f"{int(grid.accepted.sum())} of {len(grid)}"),
+        ("Holes in the grids", f"{len(analysis.lacking)}" if analysis.lacking else "none"),
+        ("Order of the test", "known" if at.ordered else "not recorded"),
+        ("Bearing temperature", "not recorded"),
+    ]
+    items: list[Text | Facts | Table] = [Facts(tuple(rows))]
+    if analysis.floor is not None:
+        items += [
+            Text(
+                "Noise of one point's mean torque. Scatter within a window is only part of it: between points the "
+                "bench re-approaches its speed. Uncertainties in this report are standard uncertainties u; bars and "
+                "statements of agreement use U = 2u."
+            ),
+            _noise_table(analysis.floor.sun, analysis.floor.ring),
+        ]
+    rejected = np.flatnonzero(~grid.accepted)
+    if len(rejected):
+        items.append(
+            Table(
+                id="rejected-windows",
+                title="Rejected windows",
+                caption=f"{len(rejected)} of {len(grid)} windows failed a check; they take no part in any fit.",
+                columns=(Column("point", "Point"), Column("reason", "Reason")),
+                rows=tuple((str(at.name[i]), str(grid.reason[i])) for i in rejected),
+            )
+        )
+    if analysis.lacking:
+        items.append(
+            Table(
+                id="holes",
+                title="Holes in the grids",
+                caption=f"{len(analysis.lacking)} cells of the test grid hold no accepted point.",
+                columns=(Column("cell", "Cell"),),
+                rows=tuple((cell,) for cell in analysis.lacking),
+            )
+        )
+    if findings:
+        items.append(
+            Table(
+                id="findings",
+                title="Findings of the ingest",
+                caption=f"{len(findings)} remarks about files, channels and samples.",
+                columns=(Column("severity", "Severity"), Column("where", "Where"), Column("message", "What")),
+                rows=findings,
+            )
+        )
+    items += [Text(f"Not done: {error}", kind="warning") for error in analysis.missing]
+    return Section("data", "Data quality", tuple(items), (sources.GUM,))
+
+
+def _noise_table(sun: ShaftNoise, ring: ShaftNoise) -> Table:
+    def row(shaft: str, noise: ShaftNoise) -> tuple[str | float | None, ...]:
+        return (
+            shaft,
+            noise.u * 1e3,
+            noise.within * 1e3,
+            noise.repeats * 1e3,
+            noise.repeats_dof,
+            noise.unstructured * 1e3,
+            noise.unstructured_dof,
+            noise.correlation,
+            noise.source,
+        )
+
+    return Table(
+        id="noise-floor",
+        title="Noise floor",
+        caption=f"One point's mean is uncertain by {sun.u * 1e3:.2f} mN m (sun) and {ring.u * 1e3:.2f} mN m (ring).",
+        columns=(
+            Column("shaft", "Shaft"),
+            Column("u", "u of a point", "mN m", digits=2),
+            Column("within", "within the window", "mN m", digits=2),
+            Column("repeats", "repeats", "mN m", digits=2),
+            Column("repeats_dof", "degrees of freedom", "", digits=0),
+            Column("unstructured", "unstructured scatter", "mN m", digits=2),
+            Column("unstructured_dof", "degrees of freedom", "", digits=0),
+            Column("correlation", "correlation of neighbours", "", digits=2),
+            Column("source", "Taken from"),
+        ),
+        rows=(row("sun", sun), row("ring", ring)),
+    )

@@ -1,0 +1,56 @@
+"""What a campaign lacks: holes in its grids, points out of place."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.sim.signals import SPEED_RING, SPEED_SUN
+
+if TYPE_CHECKING:
+    from pmg.sim.grid import Grid
+    from pmg.sim.signals import Array, Mask
+
+MAIN_LEVEL = 0.5
+"""A level belongs to the main grid when it holds at least this part of the cells of the fullest level."""
+
+
+def holes(grid: Grid) -> tuple[str, ...]:
+    """Cells of the main neutral and engaged grids without an accepted point, as words.
+
+    The main grid is spanned by the forward set-points that most levels share; reversed flow, reversed rotation and
+    repeats do not span it, and the neutral cell with both shafts at rest is not expected.
+    """
+    at = grid.points
+    sun, ring = np.round(SPEED_SUN.display(at.speed_sun)), np.round(SPEED_RING.display(at.speed_ring))
+    neutral = at.neutral & (sun >= 0) & (ring >= 0)
+    engaged = at.engaged & (at.drive == "sun") & (sun > 0)
+    lacking = [
+        f"neutral, sun {a:.0f} rpm, ring {b:.0f} rpm"
+        for a, b in _lacking(sun, ring, neutral, neutral & grid.accepted)
+        if a or b
+    ]
+    lacking += [
+        f"engaged, sun {a:.0f} rpm, load {b:g} N m"
+        for a, b in _lacking(sun, np.round(at.load_set, 3), engaged, engaged & grid.accepted)
+    ]
+    return tuple(lacking)
+
+
+def _lacking(x: Array, y: Array, tried: Mask, accepted: Mask) -> list[tuple[float, float]]:
+    """Cells of the product of the main levels that hold no accepted point."""
+    cells = set(zip(_levelled(x[tried]), _levelled(y[tried]), strict=True))
+    if not cells:
+        return []
+    present = set(zip(_levelled(x[accepted]), _levelled(y[accepted]), strict=True))
+    return [(a, b) for a in _main([a for a, _ in cells]) for b in _main([b for _, b in cells]) if (a, b) not in present]
+
+
+def _levelled(values: Array) -> list[float]:
+    return [float(v) + 0.0 for v in values]
+
+
+def _main(values: list[float]) -> list[float]:
+    levels, counts = np.unique(values, return_counts=True)
+    return [float(level) for level, count in zip(levels, counts, strict=True) if count >= MAIN_LEVEL * counts.max()]

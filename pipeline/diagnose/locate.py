@@ -1,0 +1,345 @@
+"""Is there a mismatch, and where does it sit: one test over all places at once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import stats
+
+from pmg.pipeline.calibrate import jacobian
+from pmg.pipeline.diagnose.noise import (
+    BASELINE_FREE,
+    orthonormal,
+    repeat_contrasts,
+    start_model,
+    synthetic_noise,
+    whitener,
+)
+from pmg.pipeline.diagnose.structure import families
+from pmg.pipeline.readings import predict, take_readings
+from pmg.sim.signals import SPEED_RING, SPEED_SUN
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.noise import NoiseFloor
+    from pmg.pipeline.diagnose.structure import Family
+    from pmg.pipeline.fit import LossFits
+    from pmg.pipeline.readings import Readings
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
+    from pmg.sim.lossmodel import LossModel
+    from pmg.sim.signals import Array, Mask
+
+FALSE_ALARM_RATE = 0.05
+"""Rate at which a campaign without any mismatch is called mismatched."""
+
+DRAWS = 1000
+"""Synthetic campaigns behind the p-value of the whole procedure."""
+
+MAXIMUM_LOCATIONS = 4
+"""Places named at most; what is left after them is said to be left."""
+
+SAME_TRACE = 0.9
+"""Part of a located effect that another family must carry to be listed as an equal covariate."""
+
+
+@dataclass(frozen=True)
+class Location:
+    """A place where simulation and recordings differ.
+
+    Parameters
+    ----------
+    signal : str
+        Reading that shows it.
+    configuration : str
+        ``neutral``, ``engaged``, ``zero`` or ``all``.
+    depends_on : tuple of str
+        Covariates it follows; first the family that shows it most clearly, then those that carry the same trace.
+    region : dict
+        Range of each covariate in which it exceeds half its peak: in display units, as `unit` says.
+    size : float
+        Root mean square of the effect over the readings concerned [N m], after what the baseline absorbs.
+    peak : float
+        Largest effect [N m].
+    p_value : float
+        Probability of one as clear, anywhere, in a campaign without a mismatch.
+    effect : (m,) array
+        The effect at each reading [N m]; zero elsewhere.
+    """
+
+    signal: str
+    configuration: str
+    depends_on: tuple[str, ...]
+    region: dict[str, tuple[float, float]]
+    size: float
+    peak: float
+    p_value: float
+    effect: Array
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """The outcome of the test.
+
+    Parameters
+    ----------
+    p_value : float
+        Of the whole procedure: all families and the repeats looked at together.
+    false_alarm_rate : float
+        Level at which it was judged.
+    locations : tuple of Location
+        Places, clearest first; empty without a mismatch.
+    readings : Readings
+        What was tested.
+    tested : int
+        Families looked at.
+    draws : int
+        Synthetic campaigns behind `p_value`.
+    """
+
+    p_value: float
+    false_alarm_rate: float
+    locations: tuple[Location, ...]
+    readings: Readings
+    tested: int
+    draws: int
+
+    @property
+    def found(self) -> bool:
+        """Whether the mismatch is beyond the noise."""
+        return self.p_value <= self.false_alarm_rate
+
+
+@dataclass(frozen=True)
+class _Scan:
+    """Projections that turn whitened readings into one p-value a family; the same for data and synthetic noise."""
+
+    baseline: Array
+    everything: Array
+    bases: tuple[Array, ...]
+    sun: Mask
+    contrasts: tuple[Array, ...]
+
+    def __call__(self, white: Array) -> Array:
+        """Nominal p-values (families + 2 repeat tests a shaft + 1, draws) of whitened columns (m, draws)."""
+        left = white - self.everything @ (self.everything.T @ white)
+        leverage = np.einsum("ij,ij->i", self.everything, self.everything)
+        variance, dof = [], []
+        for mine in (self.sun, ~self.sun):
+            free = float(np.sum(1.0 - leverage[mine]))
+            dof.append(max(free, 1.0))
+            variance.append(np.sum(left[mine] ** 2, axis=0) / max(free, 1.0) if free > 1.0 else np.ones(white.shape[1]))
+        scale = np.where(self.sun[:, None], np.sqrt(variance[0]), np.sqrt(variance[1]))
+        residual = white - self.baseline @ (self.baseline.T @ white)
+        standard = residual / scale
+        rows = []
+        for basis in self.bases:
+            k = basis.shape[1]
+            if k == 0:
+                rows.append(np.ones(white.shape[1]))
+                continue
+            on_sun = float(np.sum(basis[self.sun] ** 2)) > 0.5 * k
+            statistic = np.sum((basis.T @ standard) ** 2, axis=0) / k
+            rows.append(stats.f.sf(statistic, k, dof[0] if on_sun else dof[1]))
+        for side, columns in enumerate(self.contrasts):
+            if columns.shape[1]:
+                ratio = np.mean((columns.T @ residual) ** 2, axis=0) / variance[side]
+                rows.append(2.0 * stats.f.sf(ratio, columns.shape[1], dof[side]))
+                rows.append(2.0 * stats.f.cdf(ratio, columns.shape[1], dof[side]))
+        room = np.sqrt(np.maximum(1.0 - np.einsum("ij,ij->i", self.baseline, self.baseline), 1e-6))
+        usable = room > MINIMUM_ROOM
+        largest = np.max(np.abs(standard[usable]) / room[usable, None], axis=0)
+        rows.append(np.minimum(2.0 * usable.sum() * stats.t.sf(largest, min(dof)), 1.0))
+        return np.clip(np.stack(rows), 1e-300, 1.0)
+
+
+MINIMUM_ROOM = 0.2
+"""Part of a reading's standard deviation that the fit must leave before it can be called an outlier."""
+
+
+def find_mismatch(
+    grid: Grid,
+    fits: LossFits,
+    floor: NoiseFloor,
+    bench: BenchParameters,
+    rng: np.random.Generator,
+    *,
+    draws: int = DRAWS,
+    false_alarm_rate: float = FALSE_ALARM_RATE,
+) -> Mismatch:
+    r"""Test the residual of the baseline for structure anywhere, and say where it sits.
+
+    Parameters
+    ----------
+    grid : Grid
+        Measured grid.
+    fits : LossFits
+        Curves of the neutral points (their terms are the baseline's).
+    floor : NoiseFloor
+        Noise of the readings and its correlation from point to point.
+    bench : BenchParameters
+        Ratio, pole pairs.
+    rng : numpy.random.Generator
+        Draws the synthetic campaigns.
+    draws : int
+        How many of them.
+    false_alarm_rate : float
+        Level of the test.
+
+    Notes
+    -----
+    The readings are linearised about the fitted baseline and made white. For each family of structure, what is left
+    of it after projecting out every baseline parameter (curves, K_corr, b, c, d) gives an F statistic against the
+    scatter that follows no family. Two more statistics a shaft ask whether repeats scatter more, or less, than that,
+    and one looks at the largest single residual. The smallest nominal p-value of them all is compared with its
+    distribution over synthetic campaigns of pure noise that go through the same steps (minimum-p, Westfall and
+    Young 1993), so the search is paid for. Locations are taken one by one, each time with the earlier ones added
+    to the baseline.
+    """
+    readings = take_readings(grid, bench)
+    model = start_model(fits)
+    sigma = {True: floor.sun.u, False: floor.ring.u}
+    white = whitener(readings, bench, sigma, {True: floor.sun.correlation, False: floor.ring.correlation})
+    baseline = white(jacobian(readings, bench, model, BASELINE_FREE))
+    y = white((readings.torque - predict(readings, bench, model))[:, None])
+    candidates = families(readings, bench, model)
+    columns = [white(family.columns) for family in candidates]
+    repeats = repeat_contrasts(readings)
+    noise = synthetic_noise(readings, floor, white, draws, rng)
+    p_value, locations = 1.0, []
+    for step in range(MAXIMUM_LOCATIONS):
+        scan = _scan(readings, baseline, columns, repeats)
+        observed = scan(y)[:, 0]
+        smallest = scan(noise).min(axis=0)
+        best = int(np.argmin(observed))
+        adjusted = (1.0 + float(np.sum(smallest <= observed[best]))) / (draws + 1.0)
+        if step == 0:
+            p_value = adjusted
+        if adjusted > false_alarm_rate:
+            break
+        if best >= len(candidates):
+            locations.append(_without_family(readings, scan, y, best - len(candidates), adjusted))
+            break
+        effect_white = scan.bases[best] @ (scan.bases[best].T @ y[:, 0])
+        locations.append(_locate(readings, candidates, scan, best, effect_white, white.scale, adjusted))
+        baseline = np.hstack([baseline, columns[best]])
+    return Mismatch(p_value, false_alarm_rate, tuple(locations), readings, len(candidates), draws)
+
+
+def located_families(
+    readings: Readings, bench: BenchParameters, model: LossModel, locations: tuple[Location, ...]
+) -> Array:
+    """Columns (m, k) of the families that the locations follow; none where they follow no family."""
+    chosen = [
+        family.columns
+        for family in families(readings, bench, model)
+        if any(
+            (family.signal, family.configuration) == (place.signal, place.configuration)
+            and family.covariates == place.depends_on[: len(family.covariates)]
+            for place in locations
+        )
+    ]
+    return np.hstack(chosen) if chosen else np.zeros((len(readings), 0))
+
+
+def _scan(readings: Readings, baseline: Array, columns: list[Array], repeats: Array) -> _Scan:
+    base = orthonormal(baseline)
+    bases = []
+    for block in columns:
+        length = np.linalg.norm(block, axis=0)
+        unit = block[:, length > 0.0] / length[length > 0.0]
+        left = unit - base @ (base.T @ unit)
+        kept = left[:, np.linalg.norm(left, axis=0) > ABSORBED]
+        bases.append(orthonormal(kept, 1e-3))
+    everything = orthonormal(np.hstack([base, *bases]))
+    ordinary = readings.configuration != "engaged"
+    sides = []
+    for mine in (readings.sun, ~readings.sun):
+        whole = repeats[:, (repeats[mine & ordinary] != 0.0).any(axis=0)]
+        sides.append(whole)
+    return _Scan(base, everything, tuple(bases), readings.sun, tuple(sides))
+
+
+ABSORBED = 1e-2
+"""A column of which less than this part survives the baseline cannot be seen, and is not looked for."""
+
+
+def _locate(
+    readings: Readings,
+    candidates: tuple[Family, ...],
+    scan: _Scan,
+    best: int,
+    effect_white: Array,
+    scale: Array,
+    p_value: float,
+) -> Location:
+    family = candidates[best]
+    effect = effect_white * scale
+    touched = (family.columns != 0.0).any(axis=1)
+    covariates = list(family.covariates)
+    energy = float(effect_white @ effect_white)
+    for other, basis in zip(candidates, scan.bases, strict=True):
+        if other.signal != family.signal or other.configuration != family.configuration or other is family:
+            continue
+        carried = float(np.sum((basis.T @ effect_white) ** 2))
+        if carried >= SAME_TRACE * energy:
+            covariates += [name for name in other.covariates if name not in covariates]
+    strong = touched & (np.abs(effect) >= 0.5 * np.abs(effect[touched]).max())
+    return Location(
+        signal=family.signal,
+        configuration=family.configuration,
+        depends_on=tuple(covariates),
+        region=_region(readings, strong),
+        size=math.sqrt(float(np.mean(effect[touched] ** 2))),
+        peak=float(np.abs(effect).max()),
+        p_value=p_value,
+        effect=np.where(touched, effect, 0.0),
+    )
+
+
+def _region(readings: Readings, rows: Mask) -> dict[str, tuple[float, float]]:
+    at = readings.grid.points[readings.row[rows]]
+    region: dict[str, Array] = {
+        "sun_speed_rpm": SPEED_SUN.display(at.speed_sun),
+        "ring_speed_rpm": SPEED_RING.display(at.speed_ring),
+        "ring_torque_Nm": at.torque_ring,
+    }
+    if at.ordered:
+        order = np.argsort(np.argsort(readings.grid.points.started_at, kind="stable"), kind="stable")
+        region["order"] = np.asarray(order[readings.row[rows]] + 1.0)
+    return {name: (round(float(v.min()), 3), round(float(v.max()), 3)) for name, v in region.items()}
+
+
+def _without_family(readings: Readings, scan: _Scan, y: Array, which: int, p_value: float) -> Location:
+    """A mismatch that no family follows: repeats against the rest, or one point that stands out."""
+    residual = (y - scan.baseline @ (scan.baseline.T @ y))[:, 0]
+    tests = [
+        (signal, kind)
+        for signal, columns in zip(("torque_sun", "torque_ring"), scan.contrasts, strict=True)
+        if columns.shape[1]
+        for kind in ("time", "none")
+    ]
+    grid = readings.grid
+    scale = np.where(readings.sun, np.mean(grid.u_sun), np.mean(grid.u_ring))
+    if which < len(tests):
+        signal, kind = tests[which]
+        rows = readings.sun if signal == "torque_sun" else ~readings.sun
+        depends_on: tuple[str, ...] = ("order",) if kind == "time" else ()
+    else:
+        worst = int(np.argmax(np.abs(residual)))
+        rows = np.arange(len(readings)) == worst
+        signal, depends_on = ("torque_sun" if readings.sun[worst] else "torque_ring"), ("point",)
+    effect = np.where(rows, residual * scale, 0.0)
+    where = np.unique(readings.configuration[rows])
+    return Location(
+        signal=signal,
+        configuration=str(where[0]) if len(where) == 1 else "all",
+        depends_on=depends_on,
+        region=_region(readings, rows),
+        size=math.sqrt(float(np.mean(effect[rows] ** 2))),
+        peak=float(np.abs(effect).max()),
+        p_value=p_value,
+        effect=effect,
+    )

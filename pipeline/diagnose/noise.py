@@ -1,0 +1,341 @@
+"""The noise floor: how far two readings of the same thing may lie apart on this bench."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import stats
+from scipy.linalg import cholesky, solve_triangular
+
+from pmg.pipeline.calibrate import jacobian
+from pmg.pipeline.diagnose.structure import families
+from pmg.pipeline.readings import predict, take_readings
+from pmg.sim.lossmodel import LossModel
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from pmg.pipeline.fit import LossFits
+    from pmg.pipeline.readings import Readings
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
+    from pmg.sim.signals import Array, Mask
+
+BASELINE_FREE = ("K_corr", "b", "c", "d")
+"""Constants that the baseline may use to absorb a mismatch."""
+
+AGREEMENT = 0.01
+"""Level of the test whether repeats and unstructured scatter show the same noise."""
+
+
+MINIMUM_FOR_CORRELATION = 30
+"""Degrees of freedom below which no correlation between neighbours is estimated."""
+
+CORRELATIONS = np.arange(0.0, 0.71, 0.05)
+"""Neighbour correlations considered; above the last it is drift, not noise."""
+
+NO_CORRELATION = np.r_[1.0, np.zeros(len(CORRELATIONS) - 1)]
+"""Weights of a campaign whose order is not known, or that is too small to tell."""
+
+
+@dataclass(frozen=True)
+class ShaftNoise:
+    """Noise of one shaft's readings.
+
+    Parameters
+    ----------
+    u : float
+        Standard uncertainty of one point's mean [N m], all causes that differ from point to point.
+    dof : float
+        Degrees of freedom behind it.
+    within : float
+        Root mean square of the within-window part [N m].
+    repeats, repeats_dof : float
+        Standard deviation of repeated points [N m] (NaN without repeats) and its degrees of freedom.
+    unstructured, unstructured_dof : float
+        Scatter that follows no covariate and not the order [N m], and its degrees of freedom.
+    correlation_weights : (r,) array
+        Weight of each of `CORRELATIONS` as correlation of neighbouring points in the order of the test.
+    source : str
+        Where `u` comes from, in words.
+    """
+
+    u: float
+    dof: float
+    within: float
+    repeats: float
+    repeats_dof: int
+    unstructured: float
+    unstructured_dof: float
+    correlation_weights: Array
+    source: str
+
+    @property
+    def correlation(self) -> float:
+        """Correlation of neighbouring points in the order of the test, weighted mean."""
+        return float(self.correlation_weights @ CORRELATIONS)
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """Noise of both shafts."""
+
+    sun: ShaftNoise
+    ring: ShaftNoise
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Makes the noise of the readings white, with unit standard deviation.
+
+    Parameters
+    ----------
+    scale : (m,) array
+        Standard deviation of each reading [N m].
+    blocks : tuple of (rows, factor)
+        Per shaft, the readings in the order of the test and the Cholesky factor of their correlation.
+    """
+
+    scale: Array
+    blocks: tuple[tuple[npt.NDArray[np.int64], Array], ...]
+
+    def __call__(self, values: Array) -> Array:
+        """Whitened columns of a vector or matrix over the readings."""
+        columns = values.reshape(len(values), -1) / self.scale[:, None]
+        out = columns.copy()
+        for rows, factor in self.blocks:
+            out[rows] = solve_triangular(factor, columns[rows], lower=True)
+        return out.reshape(values.shape)
+
+
+def repeat_contrasts(readings: Readings) -> Array:
+    """Orthonormal differences between readings of the same set-point (m, r); none without repeats.
+
+    Two points repeat each other when configuration, gear, driving side, load asked for and both speeds (to 1 rad/s)
+    agree.
+    """
+    at = readings.grid.points
+    keys: dict[tuple[object, ...], list[int]] = {}
+    for i, row in enumerate(readings.row):
+        key = (
+            bool(readings.sun[i]),
+            str(at.configuration[row]),
+            int(at.gear[row]),
+            str(at.drive[row]),
+            round(float(at.load_set[row]), 3),
+            round(float(at.speed_sun[row])),
+            round(float(at.speed_ring[row])),
+        )
+        keys.setdefault(key, []).append(i)
+    columns = []
+    for members in keys.values():
+        g = len(members)
+        helmert = np.zeros((len(readings), g - 1))
+        for k in range(1, g):
+            helmert[members[:k], k - 1] = 1.0
+            helmert[members[k], k - 1] = -k
+            helmert[:, k - 1] /= math.sqrt(k * (k + 1))
+        columns.append(helmert)
+    return np.hstack(columns) if columns else np.zeros((len(readings), 0))
+
+
+def orthonormal(columns: Array, tolerance: float = 1e-6) -> Array:
+    """Orthonormal basis of the columns' span (m, r), each column first brought to unit length."""
+    length = np.linalg.norm(columns, axis=0)
+    kept = columns[:, length > 0.0] / length[length > 0.0]
+    if kept.shape[1] == 0:
+        return np.zeros((len(columns), 0))
+    left, singular, _ = np.linalg.svd(kept, full_matrices=False)
+    return left[:, singular > tolerance * singular[0]]
+
+
+def start_model(fits: LossFits) -> LossModel:
+    """Curves of the neutral points with usual constants: the point about which the baseline is linear."""
+    return LossModel(fits.sun.curve, fits.ring.curve, 0.85, 0.0, 2e-4, 0.0)
+
+
+def relative_scale(readings: Readings, bench: BenchParameters, sigma: dict[bool, float]) -> Array:
+    """Standard deviation of each reading [N m] from that of the two transducers' points."""
+    at = readings.grid.points
+    ratio = np.where(at.gear == 1, bench.gear1.ratio, bench.gear2.ratio)[readings.row]
+    engaged = readings.configuration == "engaged"
+    own = np.where(readings.sun, sigma[True], sigma[False])
+    return np.where(engaged, np.hypot(own, sigma[False] / ratio), own)
+
+
+def whitener(readings: Readings, bench: BenchParameters, sigma: dict[bool, float], rho: dict[bool, float]) -> Whitener:
+    """Whitener for noise of these standard deviations and neighbour correlations, by shaft (True is the sun)."""
+    blocks = []
+    if readings.grid.points.ordered:
+        for sun in (True, False):
+            rows = np.flatnonzero(readings.sun == sun)
+            if len(rows) == 0 or rho[sun] == 0.0:
+                continue
+            rows = rows[np.argsort(readings.grid.points.started_at[readings.row[rows]], kind="stable")]
+            blocks.append((rows, _neighbours(readings, rows, rho[sun])))
+    return Whitener(relative_scale(readings, bench, sigma), tuple(blocks))
+
+
+def synthetic_noise(
+    readings: Readings, floor: NoiseFloor, white: Whitener, draws: int, rng: np.random.Generator
+) -> Array:
+    """Whitened noise of synthetic campaigns (m, draws).
+
+    The neighbour correlation of each is drawn from its weights while the whitening keeps to their mean, so that not
+    knowing it exactly is part of the test's distribution.
+    """
+    out = rng.standard_normal((len(readings), draws))
+    for rows, factor in white.blocks:
+        noise = floor.sun if readings.sun[rows[0]] else floor.ring
+        which = rng.choice(len(CORRELATIONS), size=draws, p=noise.correlation_weights)
+        for k in np.unique(which):
+            columns = np.ix_(rows, np.flatnonzero(which == k))
+            coloured = _neighbours(readings, rows, float(CORRELATIONS[k])) @ out[columns]
+            out[columns] = solve_triangular(factor, coloured, lower=True)
+    return out
+
+
+def _neighbours(readings: Readings, rows: npt.NDArray[np.int64], rho: float) -> Array:
+    """Cholesky factor of rho**|lag|, the lag counted in points of the whole campaign."""
+    position = np.empty(len(readings.grid))
+    position[np.argsort(readings.grid.points.started_at, kind="stable")] = np.arange(len(readings.grid))
+    lag = np.abs(np.subtract.outer(position[readings.row[rows]], position[readings.row[rows]]))
+    return np.asarray(cholesky(rho**lag, lower=True))
+
+
+def _correlation(readings: Readings, residual: Array, basis: Array, sun: bool) -> Array:
+    """Weight of each of `CORRELATIONS`: restricted likelihood with the structured columns taken out, flat prior."""
+    rows = np.flatnonzero(readings.sun == sun)
+    rows = rows[np.argsort(readings.grid.points.started_at[readings.row[rows]], kind="stable")]
+    design = orthonormal(basis[rows])
+    dof = len(rows) - design.shape[1]
+    if dof < MINIMUM_FOR_CORRELATION:
+        return np.asarray(NO_CORRELATION)
+    deviance = []
+    for rho in CORRELATIONS:
+        factor = _neighbours(readings, rows, rho)
+        whitened = solve_triangular(factor, np.c_[design, residual[rows]], lower=True)
+        q, r = np.linalg.qr(whitened[:, :-1])
+        left = whitened[:, -1] - q @ (q.T @ whitened[:, -1])
+        logdet = 2.0 * np.log(np.diag(factor)).sum() + 2.0 * np.log(np.abs(np.diag(r))).sum()
+        deviance.append(dof * math.log(left @ left / dof) + logdet)
+    weight = np.exp(-0.5 * (np.array(deviance) - min(deviance)))
+    return np.asarray(weight / weight.sum())
+
+
+def noise_floor(grid: Grid, fits: LossFits, bench: BenchParameters) -> NoiseFloor:
+    r"""Noise floor of a campaign, from its repeats and from the scatter that follows nothing.
+
+    Parameters
+    ----------
+    grid : Grid
+        Measured grid; uncertainties within the windows are used for comparison only.
+    fits : LossFits
+        Loss curves of the neutral points.
+    bench : BenchParameters
+        Ratio of the stages.
+
+    Notes
+    -----
+    What varies within a window is only part of the noise: between points the bench re-approaches its speed. Two
+    estimates hold all of it: the differences of repeated points, and the part of the residual that is left when the
+    baseline and every family of structure (`pmg.pipeline.diagnose.structure`) are projected out,
+
+    .. math:: s^2 = \sum_{i \in \mathrm{shaft}} r_i^2 / \mathrm{tr}_\mathrm{shaft}(I - P).
+
+    Where they agree (F test at 1 %) they are pooled by degrees of freedom. Repeats that scatter more betray a slow
+    change between them, repeats that scatter less a mismatch that no family follows; in both cases the smaller
+    figure is the noise, and the mismatch test is told.
+    """
+    readings = take_readings(grid, bench)
+    model = start_model(fits)
+    residual = readings.torque - predict(readings, bench, model)
+    structured = np.hstack(
+        [jacobian(readings, bench, model, BASELINE_FREE)]
+        + [family.columns for family in families(readings, bench, model)]
+    )
+    sigma, rho = {True: 1.0, False: 1.0}, {True: NO_CORRELATION, False: NO_CORRELATION}
+    dof = {True: 0.0, False: 0.0}
+    for _ in range(3):
+        scale = relative_scale(readings, bench, sigma)
+        basis = orthonormal(structured / scale[:, None])
+        left = residual / scale - basis @ (basis.T @ (residual / scale))
+        leverage = np.einsum("ij,ij->i", basis, basis)
+        for sun in (True, False):
+            mine = readings.sun == sun
+            dof[sun] = float(np.sum(1.0 - leverage[mine]))
+            if dof[sun] > 1.0:
+                sigma[sun] *= math.sqrt(float(left[mine] @ left[mine]) / dof[sun])
+    if grid.points.ordered:
+        scale = relative_scale(readings, bench, sigma)
+        for sun in (True, False):
+            if (readings.sun == sun).any():
+                rho[sun] = _correlation(readings, residual / scale, structured / scale[:, None], sun)
+    contrasts = repeat_contrasts(readings)
+    return NoiseFloor(
+        sun=_pool(
+            grid.within_sun[grid.accepted],
+            _repeat_scatter(readings, residual, contrasts, True),
+            sigma[True],
+            dof[True],
+            rho[True],
+        ),
+        ring=_pool(
+            grid.within_ring[grid.accepted],
+            _repeat_scatter(readings, residual, contrasts, False),
+            sigma[False],
+            dof[False],
+            rho[False],
+        ),
+    )
+
+
+def _repeat_scatter(readings: Readings, residual: Array, contrasts: Array, sun: bool) -> tuple[float, int]:
+    """Standard deviation of the repeats of one shaft [N m] and its degrees of freedom."""
+    mine: Mask = readings.sun == sun
+    engaged = readings.configuration == "engaged"
+    columns = contrasts[:, (contrasts[mine & ~engaged] != 0.0).any(axis=0)]
+    n = columns.shape[1]
+    return (math.sqrt(float(np.mean((columns.T @ residual) ** 2))), n) if n else (math.nan, 0)
+
+
+def _pool(within: Array, repeats: tuple[float, int], unstructured: float, dof: float, rho: Array) -> ShaftNoise:
+    """One figure from repeats and unstructured scatter."""
+    spread, n = repeats
+    inside = float(np.sqrt(np.mean(within**2))) if len(within) else math.nan
+    noise = ShaftNoise(math.nan, 0.0, inside, spread, n, unstructured, dof, rho, "")
+    if n == 0 and dof <= 1.0:
+        return replace(noise, u=inside, source="within-window scatter only: no repeats, no residual to spare")
+    if n == 0:
+        source = "scatter that follows no covariate; the campaign has no repeats: structure is judged against it alone"
+        return replace(noise, u=unstructured, dof=dof, source=source)
+    if dof <= 1.0:
+        return replace(noise, u=spread, dof=float(n), source="repeated points")
+    ratio = (spread / unstructured) ** 2 if unstructured > 0.0 else math.inf
+    if stats.f.sf(ratio, n, dof) < AGREEMENT:
+        source = "scatter that follows no covariate; repeats scatter more, so something changed slowly between them"
+        return replace(noise, u=unstructured, dof=dof, source=source)
+    if stats.f.cdf(ratio, n, dof) < AGREEMENT:
+        source = "repeated points; the rest scatters more, so something is left that no covariate follows"
+        return replace(noise, u=spread, dof=float(n), source=source)
+    pooled = math.sqrt((n * spread**2 + dof * unstructured**2) / (n + dof))
+    return replace(noise, u=pooled, dof=n + dof, source="repeated points and scatter that follows no covariate, pooled")
+
+
+def with_floor(grid: Grid, floor: NoiseFloor) -> Grid:
+    r"""The grid with the uncertainty of each point, wander between points included.
+
+    Notes
+    -----
+    :math:`u_i^2 = w^2 + u_{i,\mathrm{within}}^2` with the wander :math:`w^2` that the floor has beyond the mean
+    within-window variance: a noisy window keeps its own, larger, uncertainty.
+    """
+
+    def point(within: Array, noise: ShaftNoise) -> Array:
+        wander = max(noise.u**2 - noise.within**2, 0.0)
+        return np.sqrt(wander + within**2)
+
+    return replace(grid, u_sun=point(grid.within_sun, floor.sun), u_ring=point(grid.within_ring, floor.ring))

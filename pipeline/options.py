@@ -1,0 +1,86 @@
+"""What the user may choose about an analysis, kept beside its results."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from pmg.pipeline.fit import DEFAULT_POWERS, THESIS_POWERS_RING, THESIS_POWERS_SUN
+from pmg.sim.errors import FitError, near_miss
+
+THESIS_CORRECTION = 0.80
+"""Correction factor that the thesis settled on (its section 6.2.2)."""
+
+
+@dataclass(frozen=True)
+class AnalysisOptions:
+    """Choices of an analysis.
+
+    Parameters
+    ----------
+    powers_sun, powers_ring : tuple of float
+        Exponents of the speed in the loss curves.
+    include_rest : bool
+        Whether readings of a shaft at rest take part in the loss curves.
+    correction : str
+        ``joint``: K_corr is fitted together with the damping constants. ``rule``: the largest value at which no
+        magnetic loss is negative. Or a number.
+    """
+
+    powers_sun: tuple[float, ...] = DEFAULT_POWERS
+    powers_ring: tuple[float, ...] = DEFAULT_POWERS
+    include_rest: bool = False
+    correction: str = "joint"
+
+    @property
+    def fixed_correction(self) -> float | None:
+        """The number that was given for K_corr; None for ``joint`` and ``rule``."""
+        if self.correction in ("joint", "rule"):
+            return None
+        try:
+            value = float(self.correction)
+        except ValueError:
+            value = float("nan")
+        if not 0.0 <= value <= 1.0:
+            raise FitError(
+                "--k-corr",
+                self.correction,
+                "joint, rule, or a number from 0 to 1",
+                near_miss(self.correction, ("joint", "rule")),
+            )
+        return value
+
+    def document(self) -> dict[str, Any]:
+        """As JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_document(cls, document: dict[str, Any]) -> AnalysisOptions:
+        """The options that `document` wrote."""
+        known = {f.name: document[f.name] for f in fields(cls)}
+        for name in ("powers_sun", "powers_ring"):
+            known[name] = tuple(map(float, known[name]))
+        return cls(**known)
+
+
+THESIS_OPTIONS = AnalysisOptions(
+    powers_sun=THESIS_POWERS_SUN,
+    powers_ring=THESIS_POWERS_RING,
+    include_rest=True,
+    correction=str(THESIS_CORRECTION),
+)
+"""The thesis's own choices: what the published grids are analysed with unless told otherwise."""
+
+
+def parse_powers(text: str, option: str) -> tuple[float, ...]:
+    """Exponents from ``0,0.5,1,2``; fractions such as ``1/2`` are understood."""
+    powers = []
+    for word in text.split(","):
+        top, _, bottom = word.strip().partition("/")
+        try:
+            powers.append(float(top) / (float(bottom) if bottom else 1.0))
+        except (ValueError, ZeroDivisionError):
+            raise FitError(
+                option, repr(word.strip()), "exponents separated by commas, such as 0,1/2,1,2", "Correct the list."
+            ) from None
+    return tuple(powers)

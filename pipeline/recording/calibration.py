@@ -1,0 +1,154 @@
+"""The calibration that travels inside each recording."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.recording.findings import Code
+from pmg.sim.errors import near_miss
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from pmg.pipeline.recording.findings import Findings
+    from pmg.sim.signals import Array
+
+ATTACHMENT = "calibration.toml"
+NUMBERS = ("null_frequency_Hz", "nominal_torque_Nm", "span_Hz")
+SIDES = ("sun", "ring")
+
+
+@dataclass(frozen=True)
+class Transducer:
+    """Sensitivity of a torque transducer with frequency output.
+
+    Parameters
+    ----------
+    null_frequency_hz : float
+        Frequency at no torque [Hz].
+    nominal_torque : float
+        Rated torque [N m].
+    span_hz : float
+        Change of frequency from no torque to the rated one [Hz].
+    serial : str
+        Serial number.
+    """
+
+    null_frequency_hz: float
+    nominal_torque: float
+    span_hz: float
+    serial: str
+
+    def torque(self, frequency: Array) -> Array:
+        """Torque [N m] at a frequency [Hz]."""
+        return (frequency - self.null_frequency_hz) / self.span_hz * self.nominal_torque
+
+    def frequency(self, torque: Array) -> Array:
+        """Frequency [Hz] at a torque [N m]."""
+        return self.null_frequency_hz + torque / self.nominal_torque * self.span_hz
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Transducers and encoders of both shafts.
+
+    Parameters
+    ----------
+    sun, ring : Transducer
+        Torque transducers.
+    counts_per_rev_sun, counts_per_rev_ring : int
+        Quadrature counts of one revolution.
+    """
+
+    sun: Transducer
+    ring: Transducer
+    counts_per_rev_sun: int
+    counts_per_rev_ring: int
+
+    def transducer(self, side: str) -> Transducer:
+        """The transducer of a shaft, ``sun`` or ``ring``."""
+        return self.sun if side == "sun" else self.ring
+
+    def counts_per_rev(self, side: str) -> int:
+        """Encoder counts per revolution of a shaft, ``sun`` or ``ring``."""
+        return self.counts_per_rev_sun if side == "sun" else self.counts_per_rev_ring
+
+
+def read_calibration(attachments: Iterable[tuple[str, bytes]], findings: Findings) -> Calibration | None:
+    """The calibration among the attachments; None, with findings, where there is none that can be used."""
+    listed = list(attachments)
+    found = {data for name, data in listed if name == ATTACHMENT}
+    if len(found) != 1:
+        names = [name for name, _ in listed]
+        findings.error(
+            Code.CALIBRATION_MISSING,
+            f"attachment '{ATTACHMENT}'",
+            f"{len(found)} different ones among the attachments {names}; expected exactly one",
+            "Without it a frequency is no torque: attach the calibration in the recorder.",
+        )
+        return None
+    try:
+        table = tomllib.loads(found.pop().decode("utf-8"))
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as fault:
+        _fault(findings, "", f"it cannot be parsed ({fault})", "TOML text in UTF-8", "Correct the attachment.")
+        return None
+    sun, ring = (_transducer(table, side, findings) for side in SIDES)
+    counts_sun, counts_ring = (_counts(table, side, findings) for side in SIDES)
+    if sun is None or ring is None or counts_sun is None or counts_ring is None:
+        return None
+    return Calibration(sun, ring, counts_sun, counts_ring)
+
+
+def _transducer(table: Mapping[str, Any], side: str, findings: Findings) -> Transducer | None:
+    place = f"transducer.{side}"
+    entries = _section(table, "transducer", side, findings)
+    if entries is None:
+        return None
+    values = {key: _number(entries, key, place, findings) for key in NUMBERS}
+    null, nominal, span = values.values()
+    if null is None or nominal is None or span is None:
+        return None
+    if nominal <= 0.0 or span == 0.0 or null <= 0.0:
+        came = f"nominal torque {nominal}, span {span}, null frequency {null}"
+        _fault(findings, place, came, "positive torque and null, span other than 0", "Correct the attachment.")
+        return None
+    return Transducer(null, nominal, span, str(entries.get("serial", "")))
+
+
+def _counts(table: Mapping[str, Any], side: str, findings: Findings) -> int | None:
+    place = f"encoder.{side}"
+    entries = _section(table, "encoder", side, findings)
+    value = None if entries is None else _number(entries, "counts_per_rev", place, findings)
+    if value is None:
+        return None
+    if value < 1.0 or value != int(value):
+        _fault(findings, f"{place}.counts_per_rev", f"{value}", "a whole number above 0", "Correct it.")
+        return None
+    return int(value)
+
+
+def _section(table: Mapping[str, Any], kind: str, side: str, findings: Findings) -> Mapping[str, Any] | None:
+    group = table.get(kind)
+    entries = group.get(side) if isinstance(group, dict) else None
+    if isinstance(entries, dict):
+        return entries
+    _fault(findings, f"{kind}.{side}", "the table is missing", f"a table [{kind}.{side}]", "Add it.")
+    return None
+
+
+def _number(entries: Mapping[str, Any], key: str, place: str, findings: Findings) -> float | None:
+    value = entries.get(key)
+    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+        return float(value)
+    came = "the key is missing" if key not in entries else f"{value!r}"
+    hint = near_miss(key, entries) if key not in entries and entries else "Correct the attachment."
+    _fault(findings, f"{place}.{key}", came, "a finite number", hint)
+    return None
+
+
+def _fault(findings: Findings, place: str, came: str, expected: str, do: str) -> None:
+    where = f"{ATTACHMENT} {place}".strip()
+    findings.error(Code.CALIBRATION_VALUE, where, f"{came}; expected {expected}", do)

@@ -1,0 +1,86 @@
+"""Single messages of a recording: steps of the sequence, digital lines, clock marks, index pulses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeVar
+
+from pmg.pipeline.recording import wire
+from pmg.pipeline.recording.channels import check_events
+from pmg.pipeline.recording.findings import Code
+from pmg.pipeline.recording.run import step_setpoints
+from pmg.sim.errors import near_miss
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from pmg.pipeline.recording.container import Topic
+    from pmg.pipeline.recording.findings import Findings
+    from pmg.pipeline.recording.run import Setpoints
+
+Message = TypeVar("Message")
+
+PHASES = ("START", "SETTLED", "MEASURE", "END")
+
+
+@dataclass(frozen=True)
+class Step:
+    """What the test sequence did from a sample on.
+
+    Parameters
+    ----------
+    sample : int
+        Sample index on the shared clock.
+    point : str
+        Test point.
+    phase : str
+        ``START``, ``SETTLED``, ``MEASURE`` or ``END``.
+    setpoints : Setpoints
+        What was asked for.
+    """
+
+    sample: int
+    point: str
+    phase: str
+    setpoints: Setpoints
+
+
+def read_events(
+    topics: Mapping[str, Topic], name: str, parse: Callable[[bytes], Message], findings: Findings
+) -> tuple[Message, ...]:
+    """Messages of a topic in file order; what cannot be read is a finding."""
+    topic = topics.get(name)
+    if topic is None or not check_events(topic, findings):
+        return ()
+    messages: list[Message] = []
+    faults: list[str] = []
+    for payload in topic.payloads:
+        try:
+            messages.append(parse(payload))
+        except wire.WireError as fault:
+            faults.append(str(fault))
+    if faults:
+        findings.error(
+            Code.MESSAGE_MALFORMED,
+            name,
+            f"{len(faults)} of {len(topic.payloads)} messages cannot be read ({faults[0]}); expected '{topic.schema}'",
+            "They are left out. Check the recorder's encoder of this topic.",
+        )
+    return tuple(messages)
+
+
+def read_steps(topics: Mapping[str, Topic], findings: Findings) -> tuple[Step, ...]:
+    """Steps of the test sequence in the order of their samples."""
+    steps: list[Step] = []
+    for raw in read_events(topics, "/test/step", wire.test_step, findings):
+        if raw.phase not in PHASES:
+            findings.warning(
+                Code.STEP_UNKNOWN,
+                f"/test/step {raw.point}",
+                f"phase '{raw.phase}' at sample {raw.sample}; expected {', '.join(PHASES)}. It is left out",
+                near_miss(raw.phase, PHASES),
+            )
+            continue
+        setpoints = step_setpoints(raw.point, raw.setpoint, findings)
+        steps.append(Step(raw.sample, raw.point, raw.phase, setpoints))
+    return tuple(sorted(steps, key=lambda step: step.sample))

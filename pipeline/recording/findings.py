@@ -1,0 +1,168 @@
+"""Findings: what a recording lacks, damages or contradicts, told so that someone can act on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from pmg.sim.errors import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+class Severity(StrEnum):
+    """How much a finding costs."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    INFO = "info"
+
+
+class Code(StrEnum):
+    """What was found; stable words for filters and tests."""
+
+    UNREADABLE = "container.unreadable"
+    NOT_MCAP = "container.not_mcap"
+    TRUNCATED = "container.truncated"
+    CHUNK_LOST = "container.chunk_lost"
+    CRC = "container.crc"
+    RECORD_LOST = "container.record_lost"
+    DUPLICATE_FILE = "container.duplicate"
+    RUN_MISSING = "run.missing"
+    RUN_KEY = "run.key"
+    RUN_VALUE = "run.value"
+    CALIBRATION_MISSING = "calibration.missing"
+    CALIBRATION_VALUE = "calibration.value"
+    CHANNEL_MISSING = "channel.missing"
+    CHANNEL_KEY = "channel.key"
+    CHANNEL_VALUE = "channel.value"
+    CHANNEL_CONFLICT = "channel.conflict"
+    TOPIC_UNKNOWN = "topic.unknown"
+    MESSAGE_MALFORMED = "message.malformed"
+    SAMPLES_GAP = "samples.gap"
+    SAMPLES_DUPLICATE = "samples.duplicate"
+    SAMPLES_CONFLICT = "samples.conflict"
+    SAMPLES_ASTRAY = "samples.astray"
+    SAMPLES_RAGGED = "samples.ragged"
+    OVERRUN = "samples.overrun"
+    RESTART = "samples.restart"
+    SATURATED = "samples.saturated"
+    SIMULATED = "samples.simulated"
+    NOT_FINITE = "samples.not_finite"
+    ENCODER_AMBIGUOUS = "encoder.ambiguous"
+    ENCODER_SLIPPED = "encoder.slipped"
+    EDGES_INCONSISTENT = "edges.inconsistent"
+    EDGES_STALLED = "edges.stalled"
+    TIMEBASE_DRIFT = "edges.timebase_drift"
+    STEP_UNKNOWN = "step.unknown"
+    CLOCK_DISAGREES = "clock.disagrees"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing found in one file.
+
+    Parameters
+    ----------
+    code : Code
+        What kind of thing.
+    severity : Severity
+        ``error``: data are lost or cannot be trusted; ``warning``: usable, but someone should look; ``info``.
+    file : str
+        Name of the file.
+    where : str
+        Topic, record, key or byte offset.
+    message : str
+        What came and what was expected.
+    do : str
+        What the user can do about it.
+    """
+
+    code: Code
+    severity: Severity
+    file: str
+    where: str
+    message: str
+    do: str
+
+    def __str__(self) -> str:
+        """One line for a log."""
+        return f"{self.file}: {self.where}: {self.message}. {self.do}"
+
+    def to_dict(self) -> dict[str, str]:
+        """Plain form for JSON."""
+        return {
+            "code": self.code.value,
+            "severity": self.severity.value,
+            "file": self.file,
+            "where": self.where,
+            "message": self.message,
+            "do": self.do,
+        }
+
+    @classmethod
+    def from_dict(cls, plain: Mapping[str, str]) -> Finding:
+        """The finding that `to_dict` wrote."""
+        return cls(
+            code=Code(plain["code"]),
+            severity=Severity(plain["severity"]),
+            file=plain["file"],
+            where=plain["where"],
+            message=plain["message"],
+            do=plain["do"],
+        )
+
+
+@dataclass
+class Findings:
+    """The findings of one file, gathered while it is read.
+
+    Parameters
+    ----------
+    file : str
+        Name of the file, written into each finding.
+    gathered : list of Finding
+        In the order in which they were met.
+    """
+
+    file: str
+    gathered: list[Finding] = field(default_factory=list)
+
+    def error(self, code: Code, where: str, message: str, do: str) -> None:
+        """Data are lost or cannot be trusted."""
+        self.gathered.append(Finding(code, Severity.ERROR, self.file, where, message, do))
+
+    def warning(self, code: Code, where: str, message: str, do: str) -> None:
+        """Usable, but someone should look."""
+        self.gathered.append(Finding(code, Severity.WARNING, self.file, where, message, do))
+
+    def info(self, code: Code, where: str, message: str, do: str) -> None:
+        """Worth knowing."""
+        self.gathered.append(Finding(code, Severity.INFO, self.file, where, message, do))
+
+    def give_up(self) -> UnusableRecordingError:
+        """The error that carries all findings so far, to be raised; the last error heads it."""
+        return UnusableRecordingError(tuple(self.gathered))
+
+
+class UnusableRecordingError(RecordingError):
+    """A recording from which no torque and speed can be had; it carries every finding.
+
+    Parameters
+    ----------
+    findings : tuple of Finding
+        At least one of them is an error.
+    """
+
+    def __init__(self, findings: tuple[Finding, ...]) -> None:
+        """Head the error with the last finding that is one."""
+        self.findings = findings
+        head = [f for f in findings if f.severity is Severity.ERROR][-1]
+        came, _, expected = head.message.partition("; expected ")
+        super().__init__(f"{head.file}: {head.where}", came, expected or "a recording of layout pmg.v1", head.do)
+
+    def __reduce__(self) -> tuple[type[UnusableRecordingError], tuple[tuple[Finding, ...]]]:
+        """Pickle with the findings, so that it survives the way back from a worker."""
+        return type(self), (self.findings,)

@@ -1,0 +1,235 @@
+"""What a recording says about its run: campaign, configuration, set-points, start."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, TypeVar
+
+from pmg.pipeline.recording.findings import Code
+from pmg.sim.errors import near_miss
+from pmg.sim.grid import Configuration
+from pmg.sim.signals import RPM
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from pmg.pipeline.recording.findings import Findings
+
+Value = TypeVar("Value")
+
+RECORD = "pmg.run"
+LAYOUT = "pmg.v1"
+REQUIRED = ("layout", "campaign", "configuration", "gear", "started_at")
+OPTIONAL = ("point", "drive", "sun_speed_set_rpm", "ring_speed_set_rpm", "ring_torque_set_Nm", "note")
+DRIVES = ("sun", "ring")
+GEARS = ("1", "2")
+STEP_KEYS = {
+    "sun_speed_rpm": ("speed_sun", RPM),
+    "ring_speed_rpm": ("speed_ring", RPM),
+    "ring_torque_Nm": ("torque_ring", 1.0),
+}
+"""Set-points of a test step: field of `Setpoints` and SI value of one unit."""
+RUN_KEYS = {
+    "sun_speed_set_rpm": ("speed_sun", RPM),
+    "ring_speed_set_rpm": ("speed_ring", RPM),
+    "ring_torque_set_Nm": ("torque_ring", 1.0),
+}
+"""Set-points in the run's metadata."""
+RFC_3339 = re.compile(r"(\d{4}-\d\d-\d\d)[Tt ](\d\d:\d\d:\d\d)(?:\.(\d+))?(?:([Zz])|([+-]\d\d:\d\d))", flags=re.ASCII)
+
+
+@dataclass(frozen=True)
+class Setpoints:
+    """What was asked for; None where the recording does not say.
+
+    Parameters
+    ----------
+    speed_sun, speed_ring : float or None
+        Speeds [rad/s].
+    torque_ring : float or None
+        Torque of the ring motor [N m].
+    """
+
+    speed_sun: float | None = None
+    speed_ring: float | None = None
+    torque_ring: float | None = None
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """The run as its recorder describes it.
+
+    Parameters
+    ----------
+    campaign : str
+        Name of the campaign.
+    point : str or None
+        Test point; None for a sequence, whose steps name the points.
+    configuration : Configuration
+        Neutral, engaged or zero.
+    gear : int
+        1 or 2.
+    drive : str
+        Side that drives when engaged.
+    started_at : datetime
+        Start [UTC].
+    setpoints : Setpoints
+        Set-points of the whole run.
+    note : str
+        Free text; empty when there is none.
+    """
+
+    campaign: str
+    point: str | None
+    configuration: Configuration
+    gear: int
+    drive: str
+    started_at: datetime
+    setpoints: Setpoints
+    note: str
+
+
+def read_run(records: Iterable[tuple[str, Mapping[str, str]]], findings: Findings) -> RunInfo | None:
+    """The run that the metadata records describe; None, with findings, where they do not.
+
+    Parameters
+    ----------
+    records : iterable of (name, mapping)
+        Metadata records of the container.
+    findings : Findings
+        Receives every key that is missing, misspelt or out of vocabulary.
+    """
+    listed = list(records)
+    found = [entries for name, entries in listed if name == RECORD]
+    if not found or any(entries != found[0] for entries in found):
+        names = sorted({name for name, _ in listed})
+        came = "records that contradict each other" if found else f"metadata records {names}"
+        findings.error(
+            Code.RUN_MISSING,
+            f"metadata '{RECORD}'",
+            f"{came}; expected one record '{RECORD}' with {', '.join(REQUIRED)}",
+            "Let the recorder write it once, when the run starts.",
+        )
+        return None
+    return _checked(found[0], findings)
+
+
+def _checked(entries: Mapping[str, str], findings: Findings) -> RunInfo | None:
+    errors_before = sum(f.severity == "error" for f in findings.gathered)
+    strange = sorted(set(entries) - set(REQUIRED) - set(OPTIONAL))
+    for key in REQUIRED:
+        if key not in entries:
+            hint = near_miss(key, strange) if strange else f"Add '{key}' in the recorder."
+            _fault(findings, Code.RUN_KEY, key, "the key is missing", "it beside the others", hint)
+    for key in strange:
+        findings.warning(
+            Code.RUN_KEY,
+            f"{RECORD}.{key}",
+            f"layout {LAYOUT} does not know this key; expected one of its own keys. It is not used",
+            near_miss(key, (*REQUIRED, *OPTIONAL)),
+        )
+    _vocabulary(entries, "layout", (LAYOUT,), findings)
+    configuration = _vocabulary(entries, "configuration", tuple(c.value for c in Configuration), findings)
+    gear = _vocabulary(entries, "gear", GEARS, findings)
+    drive = _vocabulary({"drive": "sun", **entries}, "drive", DRIVES, findings)
+    if "drive" not in entries and configuration == Configuration.ENGAGED:
+        findings.warning(
+            Code.RUN_KEY,
+            f"{RECORD}.drive",
+            "the key is missing in an engaged run; expected 'sun' or 'ring'. Taken as 'sun'",
+            "Let the recorder write which side drives.",
+        )
+    started = _parsed(entries, "started_at", utc, "a time such as 2025-04-23T08:00:40.390872Z", findings)
+    setpoints = {
+        name: value * scale
+        for key, (name, scale) in RUN_KEYS.items()
+        if (value := _parsed(entries, key, finite, "a finite number", findings)) is not None
+    }
+    errors = sum(f.severity == "error" for f in findings.gathered) - errors_before
+    if errors or configuration is None or gear is None or drive is None or started is None:
+        return None
+    return RunInfo(
+        campaign=entries["campaign"],
+        point=entries.get("point") or None,
+        configuration=Configuration(configuration),
+        gear=int(gear),
+        drive=drive,
+        started_at=started,
+        setpoints=Setpoints(**setpoints),
+        note=entries.get("note", ""),
+    )
+
+
+def step_setpoints(point: str, entries: Mapping[str, float], findings: Findings) -> Setpoints:
+    """Set-points of a test step in SI; an unknown or non-finite one is a finding and left out."""
+    known: dict[str, float] = {}
+    for key, value in sorted(entries.items()):
+        if key in STEP_KEYS and math.isfinite(value):
+            name, scale = STEP_KEYS[key]
+            known[name] = value * scale
+        else:
+            findings.warning(
+                Code.STEP_UNKNOWN,
+                f"/test/step {point}",
+                f"set-point '{key}' = {value}; expected a finite {', '.join(STEP_KEYS)}. It is not used",
+                near_miss(key, STEP_KEYS) if key not in STEP_KEYS else "Correct the test sequence.",
+            )
+    return Setpoints(**known)
+
+
+def utc(text: str) -> datetime:
+    """The time that an RFC 3339 text names, in UTC; digits beyond the microsecond are cut.
+
+    Raises
+    ------
+    ValueError
+        When the text is no such time or names no offset.
+    """
+    match = RFC_3339.fullmatch(text)
+    if match is None:
+        raise ValueError(text)
+    day, clock, fraction, _, offset = match.groups()
+    micro = (fraction or "0")[:6].ljust(6, "0")
+    return datetime.fromisoformat(f"{day}T{clock}.{micro}{offset or '+00:00'}").astimezone(UTC)
+
+
+def finite(text: str) -> float:
+    """A finite number.
+
+    Raises
+    ------
+    ValueError
+        When the text is none.
+    """
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(text)
+    return value
+
+
+def _vocabulary(entries: Mapping[str, str], key: str, words: tuple[str, ...], findings: Findings) -> str | None:
+    came = entries.get(key)
+    if came is None or came in words:
+        return came
+    expected = " or ".join(f"'{word}'" for word in words)
+    _fault(findings, Code.RUN_VALUE, key, f"'{came}'", expected, near_miss(came, words))
+    return None
+
+
+def _parsed(
+    entries: Mapping[str, str], key: str, parse: Callable[[str], Value], expected: str, findings: Findings
+) -> Value | None:
+    if key not in entries:
+        return None
+    try:
+        return parse(entries[key])
+    except (ValueError, OverflowError):
+        _fault(findings, Code.RUN_VALUE, key, f"'{entries[key]}'", expected, "Correct it in the recorder.")
+        return None
+
+
+def _fault(findings: Findings, code: Code, key: str, came: str, expected: str, do: str) -> None:
+    findings.error(code, f"{RECORD}.{key}", f"{came}; expected {expected}", do)

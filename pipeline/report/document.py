@@ -1,0 +1,167 @@
+"""The nouns of a report; nothing here draws, and nothing knows what the report is about."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+from pmg.pipeline.report.figure import Chart, Figure, PowerFlow, Series, SpeedMap
+from pmg.pipeline.report.names import checked_id
+from pmg.pipeline.report.table import Cell, Column, Measured, Table
+
+if TYPE_CHECKING:
+    from pmg.sim.sources import Source
+
+__all__ = [
+    "Cell",
+    "Chart",
+    "Column",
+    "Facts",
+    "Figure",
+    "Measured",
+    "PowerFlow",
+    "Report",
+    "Section",
+    "Series",
+    "SpeedMap",
+    "Table",
+    "Text",
+    "Verdict",
+]
+
+RESERVED = ("contents", "main", "provenance", "references", "verdict")
+"""Anchors that the page itself uses."""
+
+
+@dataclass(frozen=True)
+class Text:
+    """Paragraphs of plain text.
+
+    Parameters
+    ----------
+    body : str
+        Paragraphs, an empty line between them.
+    kind : str
+        ``plain``, or one that is set apart: ``note``, ``warning``, ``finding``.
+    """
+
+    body: str
+    kind: Literal["plain", "note", "warning", "finding"] = "plain"
+
+    @property
+    def paragraphs(self) -> tuple[str, ...]:
+        """The paragraphs, without the space around them."""
+        return tuple(part.strip() for part in self.body.split("\n\n") if part.strip())
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Labels and what they stand for.
+
+    Parameters
+    ----------
+    rows : tuple of (label, value)
+        In the order shown.
+    """
+
+    rows: tuple[tuple[str, Cell], ...]
+
+    @property
+    def shown(self) -> tuple[tuple[str, str], ...]:
+        """The rows as people read them."""
+        return tuple((label, Column(label).text(value)) for label, value in self.rows)
+
+
+Item: TypeAlias = Text | Facts | Table | Figure
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading and what stands under it.
+
+    Parameters
+    ----------
+    id : str
+        Anchor, unique in the report.
+    title : str
+        Heading.
+    items : tuple of Item
+        In the order shown.
+    sources : tuple of Source
+        Where the equations and numbers of this section come from.
+    """
+
+    id: str
+    title: str
+    items: tuple[Item, ...]
+    sources: tuple[Source, ...] = ()
+
+    def __post_init__(self) -> None:
+        checked_id("Section", self.id)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The headline of a report.
+
+    Parameters
+    ----------
+    text : str
+        One or two short sentences.
+    state : str
+        ``good``, ``attention`` or ``neutral``.
+    """
+
+    text: str
+    state: Literal["good", "attention", "neutral"] = "neutral"
+
+
+@dataclass(frozen=True)
+class Report:
+    """All that is told about one analysis.
+
+    Parameters
+    ----------
+    title, subtitle : str
+        Head of the page.
+    verdict : Verdict
+        What a reader in a hurry takes away.
+    sections : tuple of Section
+        The body.
+    provenance : Facts
+        Which inputs, versions, seeds and times made it.
+
+    Raises
+    ------
+    ValueError
+        When two sections, tables or figures share an id.
+    """
+
+    title: str
+    subtitle: str
+    verdict: Verdict
+    sections: tuple[Section, ...]
+    provenance: Facts
+
+    def __post_init__(self) -> None:
+        named: tuple[Section | Table | Figure, ...] = (*self.sections, *self.tables, *self.figures)
+        ids = [item.id for item in named]
+        twice = sorted(name for name, count in Counter((*ids, *RESERVED)).items() if count > 1)
+        if twice:
+            raise ValueError(f"Report {self.title!r}: ids used twice or reserved: {', '.join(twice)}")
+
+    @property
+    def tables(self) -> tuple[Table, ...]:
+        """Every table, in order."""
+        return tuple(item for section in self.sections for item in section.items if isinstance(item, Table))
+
+    @property
+    def figures(self) -> tuple[Figure, ...]:
+        """Every figure, in order."""
+        return tuple(item for section in self.sections for item in section.items if isinstance(item, Figure))
+
+    @property
+    def bibliography(self) -> tuple[Source, ...]:
+        """Sources of all sections, each once, in the order of first use."""
+        return tuple(dict.fromkeys(source for section in self.sections for source in section.sources))

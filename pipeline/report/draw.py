@@ -1,0 +1,125 @@
+"""Figures drawn: as PNG for documents, and as SVG that takes its colours from the page it stands in."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import matplotlib
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure as Canvas
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from pmg.pipeline.report import draw_chart, draw_flow, draw_map
+from pmg.pipeline.report.figure import Chart, Figure, Panel, SpeedMap
+from pmg.pipeline.report.sheet import Sheet
+from pmg.pipeline.report.theme import LIGHT, THEMED, themed
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from matplotlib.figure import SubFigure
+
+PRINT = Sheet(width=8.4, letters=9.5, palette=LIGHT)
+PAGE = Sheet(width=8.4, letters=9.5, palette=THEMED)
+PHONE = Sheet(width=3.7, letters=8.5, palette=THEMED, phone=True)
+RESOLUTION = 200
+"""Dots per inch of the PNG files."""
+
+_STYLE: dict[Any, Any] = {
+    "font.family": ["DejaVu Sans"],
+    "text.parse_math": False,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "pmg",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-4, 6),
+    "axes.linewidth": 0.8,
+    "grid.linewidth": 0.6,
+    "hatch.linewidth": 0.7,
+    "lines.linewidth": 1.5,
+    "lines.markersize": 5.0,
+    "legend.frameon": False,
+    "errorbar.capsize": 2.0,
+}
+
+
+def draw_png(figure: Figure) -> bytes:
+    """A figure as PNG on white; the same figure gives the same bytes."""
+    with _our_style():
+        canvas = _canvas(figure, PRINT)
+        FigureCanvasAgg(canvas)
+        return _saved(canvas, format="png", dpi=RESOLUTION, metadata={"Software": None})
+
+
+def draw_svg(figure: Figure, sheet: Sheet = PAGE) -> str:
+    """A figure as an SVG element whose colours are the CSS variables of `theme.variables`.
+
+    Parameters
+    ----------
+    figure : Figure
+        What to draw.
+    sheet : Sheet
+        `PAGE`, or `PHONE` for narrow screens.
+    """
+    with _our_style():
+        canvas = _canvas(figure, sheet)
+        FigureCanvasSVG(canvas)
+        nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+        svg = _saved(canvas, format="svg", metadata=nothing).decode()
+    return themed(svg, f"{figure.id}-phone" if sheet.phone else figure.id)
+
+
+def _canvas(figure: Figure, sheet: Sheet) -> Canvas:
+    columns = 1 if sheet.phone else min(figure.columns, len(figure.panels))
+    column = sheet.shared(columns)
+    rows = [figure.panels[start : start + columns] for start in range(0, len(figure.panels), columns)]
+    heights = [max(_height(panel, column) for panel in row) for row in rows]
+    layout = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, wspace=0.0, hspace=0.0)
+    canvas = Canvas(figsize=(sheet.width, sum(heights)), layout=layout, facecolor="none")
+    if sheet.palette is LIGHT:
+        canvas.set_facecolor(LIGHT["paper"])
+    boxes = canvas.subfigures(len(rows), columns, squeeze=False, height_ratios=heights, wspace=0, hspace=0)
+    for row, height, places in zip(rows, heights, boxes, strict=True):
+        for panel, box in zip(row, places, strict=False):
+            box.set_facecolor("none")
+            _draw(panel, box, height, column)
+    return canvas
+
+
+def _height(panel: Panel, sheet: Sheet) -> float:
+    """Height that a panel asks for [in]."""
+    if isinstance(panel, Chart):
+        return draw_chart.height(panel, sheet)
+    return draw_map.height(panel, sheet) if isinstance(panel, SpeedMap) else draw_flow.height(panel, sheet)
+
+
+def _draw(panel: Panel, box: SubFigure, height: float, sheet: Sheet) -> None:
+    if isinstance(panel, Chart):
+        draw_chart.draw(panel, box, sheet)
+    elif isinstance(panel, SpeedMap):
+        draw_map.draw(panel, box, sheet)
+    else:
+        draw_flow.draw(panel, box, height, sheet)
+
+
+def _saved(canvas: Canvas, **how: Any) -> bytes:  # noqa: ANN401 - handed on to matplotlib as they are
+    file = io.BytesIO()
+    canvas.savefig(file, **how)
+    return file.getvalue()
+
+
+@contextmanager
+def _our_style() -> Iterator[None]:
+    """The style above and nothing of the user's own settings."""
+    with matplotlib.rc_context(), warnings.catch_warnings():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_STYLE)
+        # A sign that the drawing font lacks shows as a box in the PNG; the page has fonts of its own.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        yield

@@ -1,0 +1,208 @@
+"""What a figure shows, as plain data: the one specification that every drawing starts from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+
+from pmg.pipeline.report.names import checked_id
+
+if TYPE_CHECKING:
+    from pmg.sim.signals import Array, Mask
+
+Style = Literal["markers", "line", "both", "band"]
+
+COVERAGE = 2.0
+"""Error bars and bands reach this many standard uncertainties to each side (U = 2u)."""
+
+UNEXPLAINED = "unexplained"
+"""A loss whose label starts with this word closes a balance instead of naming a cause."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """Points or a line of a chart.
+
+    Parameters
+    ----------
+    name : str
+        Entry in the legend; none when empty.
+    x, y : (n,) array
+        Values in display units; NaN leaves a gap.
+    u : (n,) array, optional
+        Standard uncertainty of ``y``. Bars (or a band, for lines and bands) of twice this are drawn.
+    style : str
+        ``markers``, ``line``, ``both`` or ``band``.
+    colour : int
+        Place in the palette; chooses the marker as well.
+    group : str
+        Series of one group stand under its name in the legend. The first group of a chart is drawn solid
+        and filled, later ones dashed and hollow.
+    """
+
+    name: str
+    x: Array
+    y: Array
+    u: Array | None = None
+    style: Style = "markers"
+    colour: int = 0
+    group: str = ""
+
+    def __post_init__(self) -> None:
+        lengths = {len(self.x), len(self.y), len(self.y if self.u is None else self.u)}
+        if len(lengths) > 1:
+            raise ValueError(f"Series {self.name!r}: x, y and u have lengths {sorted(lengths)}")
+        if self.style == "band" and self.u is None:
+            raise ValueError(f"Series {self.name!r}: a band needs u")
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Series over a common axis.
+
+    Parameters
+    ----------
+    x_label, y_label : str
+        Axis labels with display unit.
+    series : tuple of Series
+        Drawn in this order.
+    references : tuple of (label, value)
+        Horizontal lines to compare with.
+    legend_title : str
+        Heading of the legend.
+    title : str
+        Heading of the panel.
+    x_limits, y_limits : (low, high), optional
+        Axis range; points outside are counted on the drawing.
+    """
+
+    x_label: str
+    y_label: str
+    series: tuple[Series, ...]
+    references: tuple[tuple[str, float], ...] = ()
+    legend_title: str = ""
+    title: str = ""
+    x_limits: tuple[float, float] | None = None
+    y_limits: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class SpeedMap:
+    """A quantity over the test grid; each cell is one test point.
+
+    Parameters
+    ----------
+    x, y : (n,) and (m,) array
+        Values that were set, rising, not necessarily evenly spaced.
+    z : (m, n) array
+        The quantity; a cell that is not finite is drawn as not measured.
+    x_label, y_label, z_label : str
+        Labels with display unit.
+    hatch : (m, n) array of bool, optional
+        Cells to be hatched.
+    hatch_meaning : str
+        What the hatching says.
+    diverging : bool
+        Whether zero is the neutral middle of a symmetric colour scale.
+    annotate : bool
+        Whether the value is written into the cell, where it fits.
+    contours : tuple of float
+        Levels of lines of equal value.
+    title : str
+        Heading of the panel.
+    """
+
+    x: Array
+    y: Array
+    z: Array
+    x_label: str
+    y_label: str
+    z_label: str
+    hatch: Mask | None = None
+    hatch_meaning: str = "difference within uncertainty"
+    diverging: bool = False
+    annotate: bool = False
+    contours: tuple[float, ...] = ()
+    title: str = ""
+
+    def __post_init__(self) -> None:
+        shape = (len(self.y), len(self.x))
+        if self.z.shape != shape or (self.hatch is not None and self.hatch.shape != shape):
+            raise ValueError(f"SpeedMap of {self.z_label!r}: expected z and hatch of shape {shape}")
+        if 0 in shape or not all((np.diff(axis) > 0).all() for axis in (self.x, self.y)):
+            raise ValueError(f"SpeedMap of {self.z_label!r}: x and y must hold rising values")
+
+
+@dataclass(frozen=True)
+class PowerFlow:
+    """Power along a chain of stages, and what leaves it between them.
+
+    Power from left to right is positive. When the flow is reversed the stages keep their place and their
+    powers are negative. A loss is positive where power leaves the chain; a negative one is a gain.
+
+    Parameters
+    ----------
+    title : str
+        Heading of the panel.
+    main : tuple of (label, watts)
+        At least two stages, left to right.
+    losses : tuple of (label, watts, index)
+        What branches off between stage ``index`` and the next one.
+    """
+
+    title: str
+    main: tuple[tuple[str, float], ...]
+    losses: tuple[tuple[str, float, int], ...]
+
+    def __post_init__(self) -> None:
+        if len(self.main) < 2:
+            raise ValueError(f"PowerFlow {self.title!r}: a chain has at least two stages")
+        if any(not 0 <= after < len(self.main) - 1 for _, _, after in self.losses):
+            raise ValueError(f"PowerFlow {self.title!r}: a loss lies between two stages")
+        if not np.isfinite(self.watts).all():
+            raise ValueError(f"PowerFlow {self.title!r}: every power must be a finite number")
+
+    @property
+    def watts(self) -> tuple[float, ...]:
+        """Every power stated, stages first."""
+        return (*(watts for _, watts in self.main), *(watts for _, watts, _ in self.losses))
+
+
+Panel: TypeAlias = Chart | SpeedMap | PowerFlow
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Panels under one caption that states the finding.
+
+    Parameters
+    ----------
+    id : str
+        Anchor and file name, unique in the report.
+    title : str
+        Short name.
+    caption : str
+        The finding, as a sentence; read aloud in place of the drawing.
+    panels : tuple of Panel
+        At least one.
+    columns : int
+        Panels side by side where the page is wide enough.
+    """
+
+    id: str
+    title: str
+    caption: str
+    panels: tuple[Panel, ...]
+    columns: int = 1
+
+    def __post_init__(self) -> None:
+        checked_id("Figure", self.id)
+        if not self.panels or self.columns < 1:
+            raise ValueError(f"Figure {self.id!r}: expected at least one panel and one column")
+
+    @property
+    def file(self) -> str:
+        """Path of the PNG file inside the report's folder."""
+        return f"figures/{self.id}.png"

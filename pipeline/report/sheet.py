@@ -1,0 +1,77 @@
+"""The sheet a figure is drawn on: how wide, which letters, which colours."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import TextToPath
+
+if TYPE_CHECKING:
+    from pmg.pipeline.report.theme import Palette
+
+_SPACES = re.compile(r"[ \t\n]+(?![^\[\]]*\])")
+"""Where a line may break: not at a no-break space, and not inside brackets."""
+
+POINTS = 72.0
+"""Points per inch."""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Width, letter size and colours.
+
+    Parameters
+    ----------
+    width : float
+        Width [in].
+    letters : float
+        Size of ordinary text [pt].
+    palette : Palette
+        Colours.
+    phone : bool
+        Whether this is the narrow drawing: panels below each other, scales below the maps.
+    """
+
+    width: float
+    letters: float
+    palette: Palette
+    phone: bool = False
+
+    @property
+    def small(self) -> float:
+        """Size of tick labels and remarks [pt]."""
+        return self.letters - 1.0
+
+    @property
+    def line(self) -> float:
+        """Height of a line of text [in]."""
+        return 1.35 * self.letters / POINTS
+
+    def shared(self, columns: int) -> Sheet:
+        """One of several columns of this sheet."""
+        return replace(self, width=self.width / columns)
+
+
+@lru_cache(maxsize=4096)
+def text_width(text: str, size: float, weight: str = "normal") -> float:
+    """Width of a line of text [in]."""
+    font = FontProperties(family="DejaVu Sans", weight=weight, size=size)
+    return float(TextToPath().get_text_width_height_descent(text, font, ismath=False)[0]) / POINTS
+
+
+def wrapped(text: str, width: float, size: float, weight: str = "normal") -> tuple[str, ...]:
+    """Lines that fit a width [in]; a word that does not fit alone, and a unit in brackets, stay whole."""
+    lines: list[str] = []
+    if not text.strip():
+        return ()
+    for word in _SPACES.split(text.strip(" \t\n")):
+        longer = f"{lines[-1]} {word}" if lines else word
+        if lines and text_width(longer, size, weight) <= width:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return tuple(lines)

@@ -1,0 +1,103 @@
+"""The colours, once: what each role looks like on a light and on a dark page.
+
+Series colours follow the Okabe-Ito set, darkened or lightened until they stand out from the page.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+ROLES: dict[str, tuple[str, str]] = {
+    "paper": ("#ffffff", "#15191d"),
+    "ink": ("#1a1f24", "#e3e7eb"),
+    "muted": ("#545d67", "#a4aeb8"),
+    "rule": ("#d5dae0", "#353d45"),
+    "missing": ("#c6ccd2", "#4a525b"),
+    "flow": ("#7fa8cc", "#41688c"),
+    "loss": ("#d98a5f", "#a65a30"),
+    "gain": ("#8f5fa8", "#b583cf"),
+    "unexplained": ("#d3d8dd", "#5a636c"),
+    "link": ("#0a58a8", "#7cbcf5"),
+    "soft": ("#f2f5f8", "#1f262d"),
+    "good": ("#10663c", "#6fd6a0"),
+    "good-soft": ("#e8f5ee", "#16291f"),
+    "attention-soft": ("#fdf1e7", "#33231a"),
+    "attention": ("#9a3b00", "#ffb37a"),
+    "series-0": ("#0072b2", "#4ba6e0"),
+    "series-1": ("#d55e00", "#f08a4b"),
+    "series-2": ("#00835f", "#2fc39a"),
+    "series-3": ("#b0588a", "#e39bc4"),
+    "series-4": ("#a67400", "#efb53f"),
+    "series-5": ("#2f86b8", "#8fd0f5"),
+    "series-6": ("#5c4fa3", "#ab9ff0"),
+    "series-7": ("#555e68", "#b4bcc4"),
+}
+"""Role -> colour on a light page, colour on a dark page."""
+
+FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif"
+
+_SENTINEL = {role: f"#fe{index:02x}d7" for index, role in enumerate(ROLES)}
+"""Colours that no map uses; a drawing made with them is coloured by the page that holds it."""
+_ROLE = {colour: role for role, colour in _SENTINEL.items()}
+_FAMILY = re.compile(r"'DejaVu Sans'(?:, sans-serif)?")
+_ATTRIBUTE = re.compile(r'\b(fill|stroke)="(#fe[0-9a-f]{2}d7)"')
+_STYLED = re.compile(r"#fe[0-9a-f]{2}d7")
+_IDENTIFIER = re.compile(r'(\bid="|href="#|url\(#)')
+_LEFT_OUT = re.compile(r"^.*?(?=<svg)|<!--.*?-->|<metadata>.*?</metadata>|<style.*?</style>", re.DOTALL)
+_SIZE = re.compile(r' (?:width|height)="[^"]*"')
+_TAG = re.compile(r"<[^>]*>")
+
+
+@dataclass(frozen=True)
+class Palette:
+    """Colours to draw with.
+
+    Parameters
+    ----------
+    colours : dict
+        Colour of each role.
+    """
+
+    colours: dict[str, str]
+
+    def __getitem__(self, role: str) -> str:
+        return self.colours[role]
+
+    def series(self, index: int) -> str:
+        """Colour of a series; the set repeats when it is used up."""
+        return self.colours[f"series-{index % SERIES}"]
+
+
+SERIES = sum(role.startswith("series-") for role in ROLES)
+LIGHT = Palette({role: light for role, (light, _) in ROLES.items()})
+DARK = Palette({role: dark for role, (_, dark) in ROLES.items()})
+THEMED = Palette(_SENTINEL)
+
+
+def variables(palette: Palette) -> str:
+    """CSS declarations of every role."""
+    return " ".join(f"--{role}: {colour};" for role, colour in palette.colours.items())
+
+
+def themed(svg: str, prefix: str) -> str:
+    """A drawing made with `THEMED`, ready to stand inside a page.
+
+    Colours become CSS variables, fonts the page's own, and identifiers get a prefix so that several drawings
+    can share the page; size, comments and metadata are left out. Text between the tags is left as it is.
+
+    Parameters
+    ----------
+    svg : str
+        A whole SVG file.
+    prefix : str
+        Distinguishes this drawing from all others on the page.
+    """
+
+    def tag(found: re.Match[str]) -> str:
+        text = _SIZE.sub("", found[0]) if found[0].startswith("<svg") else found[0]
+        text = _ATTRIBUTE.sub(r'style="\1: \2"', text)
+        text = _STYLED.sub(lambda colour: f"var(--{_ROLE[colour[0]]})", text)
+        return _IDENTIFIER.sub(rf"\g<1>{prefix}-", _FAMILY.sub(FONTS, text))
+
+    return _TAG.sub(tag, _LEFT_OUT.sub("", svg)).strip()

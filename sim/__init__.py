@@ -1,0 +1,1 @@
+"""Physics of the planetary magnetic gearbox bench: arrays in, arrays out."""

@@ -1,0 +1,153 @@
+"""The bench in numbers: value, unit, standard uncertainty and source of each."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, fields
+from functools import cache
+from importlib import resources
+from typing import Any, Self
+
+from pmg.sim.errors import BenchError, near_miss
+from pmg.sim.sources import THESIS, Source
+
+
+class Quantity(float):
+    """A number about the bench that remembers its unit, standard uncertainty and source.
+
+    It is a float in every formula; `u` is None where no uncertainty is stated.
+    """
+
+    unit: str
+    u: float | None
+    source: Source
+
+    def __new__(cls, value: float, unit: str, u: float | None = None, source: Source = THESIS) -> Self:
+        """Make a quantity of a value, its unit, standard uncertainty and source."""
+        quantity = super().__new__(cls, value)
+        quantity.unit, quantity.u, quantity.source = unit, u, source
+        return quantity
+
+
+@dataclass(frozen=True)
+class GearParameters:
+    """One magnetic stage.
+
+    Notes
+    -----
+    With the carrier fixed, `speed_ratio` = w_sun / w_ring = -p_ring / p_sun.
+    """
+
+    pole_pairs_sun: Quantity
+    pole_pairs_ring: Quantity
+    pull_out_torque_sun: Quantity
+    pull_out_torque_ring: Quantity
+    pull_out_torque_carrier: Quantity
+
+    @property
+    def ratio(self) -> float:
+        """Magnitude of the speed ratio with the carrier fixed, p_ring / p_sun."""
+        return self.pole_pairs_ring / self.pole_pairs_sun
+
+
+@dataclass(frozen=True)
+class CarrierParameters:
+    """The iron poles between the rotors."""
+
+    iron_poles: Quantity
+
+
+@dataclass(frozen=True)
+class MotorParameters:
+    """One of the two equal motors."""
+
+    resistance: Quantity
+    inductance: Quantity
+    torque_constant: Quantity
+    back_emf_constant: Quantity
+    damping: Quantity
+    inertia: Quantity
+
+
+@dataclass(frozen=True)
+class BearingParameters:
+    """Shares of the neutral losses by bearing diameter; bearing 3 sits between the shafts."""
+
+    share_sun_1: Quantity
+    share_sun_2: Quantity
+    share_sun_relative: Quantity
+    share_ring_relative: Quantity
+    share_ring_4: Quantity
+    share_ring_5: Quantity
+    share_ring_6: Quantity
+    share_ring_7: Quantity
+
+    @property
+    def sun(self) -> float:
+        """Share of the sun's neutral losses in bearings 1 and 2."""
+        return self.share_sun_1 + self.share_sun_2
+
+    @property
+    def ring(self) -> float:
+        """Share of the ring's neutral losses in bearings 4 to 7."""
+        return self.share_ring_4 + self.share_ring_5 + self.share_ring_6 + self.share_ring_7
+
+
+@dataclass(frozen=True)
+class TransducerParameters:
+    """A torque transducer: range and the tolerances that all its readings share."""
+
+    nominal_torque: Quantity
+    sensitivity_tolerance: Quantity
+    nonlinearity: Quantity
+
+
+@dataclass(frozen=True)
+class BenchParameters:
+    """The whole bench."""
+
+    gear1: GearParameters
+    gear2: GearParameters
+    carrier: CarrierParameters
+    motor: MotorParameters
+    bearings: BearingParameters
+    transducer_sun: TransducerParameters
+    transducer_ring: TransducerParameters
+
+    def gear(self, number: int) -> GearParameters:
+        """The magnetic stage of that number, 1 or 2."""
+        if number not in (1, 2):
+            raise BenchError("gear", str(number), "1 or 2", "Name one of the two stages.")
+        return self.gear1 if number == 1 else self.gear2
+
+
+def _quantities(table: dict[str, Any], kind: type[Any], where: str) -> Any:  # noqa: ANN401  (any section)
+    known = [f.name for f in fields(kind)]
+    for name in table:
+        if name not in known:
+            raise BenchError(f"bench.toml: {where}.{name}", "unknown key", "a known one", near_miss(name, known))
+    for name in known:
+        if name not in table:
+            raise BenchError(f"bench.toml: {where}.{name}", "missing", "a value with unit", "Add the key.")
+    return kind(
+        **{
+            name: Quantity(entry["value"], entry["unit"], entry.get("u"), THESIS.at(entry["place"]))
+            for name, entry in table.items()
+        }
+    )
+
+
+@cache
+def load_bench() -> BenchParameters:
+    """The parameters that ship with pmg, from ``bench.toml``."""
+    data = tomllib.loads(resources.files("pmg.sim").joinpath("bench.toml").read_text(encoding="utf-8"))
+    kinds = {
+        "gear1": GearParameters,
+        "gear2": GearParameters,
+        "carrier": CarrierParameters,
+        "motor": MotorParameters,
+        "bearings": BearingParameters,
+        "transducer_sun": TransducerParameters,
+        "transducer_ring": TransducerParameters,
+    }
+    return BenchParameters(**{name: _quantities(data[name], kind, name) for name, kind in kinds.items()})

@@ -1,0 +1,54 @@
+"""Loss torque of a shaft against its speed: a sum of powers, as fitted to the neutral tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pmg.sim.signals import RPM, Array
+
+SPEED_REFERENCE_SUN = 1872.0 * RPM
+"""Highest sun speed of the published campaign [rad/s]; scales the fit only."""
+
+SPEED_REFERENCE_RING = 720.0 * RPM
+"""Highest ring speed of the published campaign [rad/s]; scales the fit only."""
+
+
+@dataclass(frozen=True)
+class LossCurve:
+    r"""Loss torque B(w) of one shaft [N m], a magnitude.
+
+    Parameters
+    ----------
+    powers : tuple of float
+        Exponents p_k of the speed; 0 is the constant, 1/2 is allowed.
+    coefficients : (k,) array
+        Coefficients a_k [N m].
+    speed_reference : float
+        Speed w_0 that makes the terms dimensionless [rad/s].
+    speed_limit : float
+        Highest speed with data [rad/s]; beyond it the curve goes on along its tangent.
+
+    Notes
+    -----
+    :math:`B(\omega) = \sum_k a_k\,(|\omega|/\omega_0)^{p_k}`. A polynomial of degree four turns down soon after
+    its last point, and a negative drag would drive a shaft; hence the tangent.
+    """
+
+    powers: tuple[float, ...]
+    coefficients: Array
+    speed_reference: float
+    speed_limit: float
+
+    def terms(self, speed: Array) -> Array:
+        """Design matrix (n, k): the powers of the dimensionless speed."""
+        x = np.abs(np.asarray(speed, dtype=np.float64)) / self.speed_reference
+        x_limit = self.speed_limit / self.speed_reference
+        inside = np.minimum(x, x_limit)
+        columns = [inside**p + (p * x_limit ** (p - 1.0) if p else 0.0) * (x - inside) for p in self.powers]
+        return np.stack(columns, axis=-1)
+
+    def torque(self, speed: Array) -> Array:
+        """Magnitude of the loss torque [N m] at the given speeds [rad/s]."""
+        return np.asarray(self.terms(speed) @ self.coefficients)

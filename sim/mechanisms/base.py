@@ -1,0 +1,132 @@
+"""What a mechanism is: its equation, its parameters and what reveals it, declared once."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, fields
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pmg.sim.grid import OperatingPoints
+    from pmg.sim.signals import Array, Signal
+    from pmg.sim.sources import Source
+
+
+class Component(StrEnum):
+    """Where on the bench a mechanism sits."""
+
+    SUN_BEARINGS = "sun_bearings"
+    RING_BEARINGS = "ring_bearings"
+    RELATIVE_BEARING = "relative_bearing"
+    MAGNETIC_GEAR = "magnetic_gear"
+    SUN_MOTOR = "sun_motor"
+    RING_MOTOR = "ring_motor"
+    SUN_COUPLING = "sun_coupling"
+    RING_COUPLING = "ring_coupling"
+    SUN_TORQUE_TRANSDUCER = "sun_torque_transducer"
+    RING_TORQUE_TRANSDUCER = "ring_torque_transducer"
+    SUN_ENCODER = "sun_encoder"
+    RING_ENCODER = "ring_encoder"
+
+
+class Experiment(StrEnum):
+    """Tests the bench can run."""
+
+    NEUTRAL_SWEEP = "neutral_sweep"
+    ENGAGED_LOADS = "engaged_loads"
+    REVERSED_FLOW = "reversed_flow"
+    REVERSED_ROTATION = "reversed_rotation"
+    REPEATS = "repeats"
+    ZERO_CHECKS = "zero_checks"
+
+
+@dataclass(frozen=True)
+class Reveals:
+    """An experiment and the trace a mechanism leaves in it."""
+
+    experiment: Experiment
+    trace: str
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A physical constant of a mechanism.
+
+    Parameters
+    ----------
+    name, unit, meaning : str
+        As in the equation.
+    bounds : tuple of float
+        Physical range, in `unit`.
+    typical : float
+        A value of the usual size.
+    null : float
+        Value at which the mechanism vanishes.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    bounds: tuple[float, float]
+    typical: float
+    null: float
+
+
+def parameter(unit: str, *, bounds: tuple[float, float], typical: float, meaning: str, null: float = 0.0) -> Any:  # noqa: ANN401
+    """Declare a parameter as a dataclass field; its default is the null, so the mechanism is absent."""
+    return field(
+        default=null,
+        metadata={"unit": unit, "bounds": bounds, "typical": typical, "meaning": meaning, "null": null},
+    )
+
+
+@dataclass(frozen=True)
+class Torques:
+    """Torques that a mechanism puts on the two rotors [N m], positive in the positive direction of rotation."""
+
+    sun: Array
+    ring: Array
+
+    def __add__(self, other: Torques) -> Torques:
+        """Both together."""
+        return Torques(self.sun + other.sun, self.ring + other.ring)
+
+    def power(self, at: OperatingPoints) -> Array:
+        """Power given to the rotors [W]; negative for a loss."""
+        return self.sun * at.speed_sun + self.ring * at.speed_ring
+
+
+@dataclass(frozen=True)
+class Mechanism(ABC):
+    """A piece of physics: the class is its card in the catalogue, an instance is the card with numbers."""
+
+    identifier: ClassVar[str]
+    title: ClassVar[str]
+    equation: ClassVar[str]
+    source: ClassVar[Source]
+    component: ClassVar[Component]
+    affects: ClassVar[tuple[Signal, ...]]
+    revealed_by: ClassVar[tuple[Reveals, ...]]
+    dissipates: ClassVar[bool] = True
+
+    @abstractmethod
+    def torque(self, at: OperatingPoints) -> Torques:
+        """Torques on the rotors at steady points."""
+
+    @classmethod
+    def parameters(cls) -> tuple[Parameter, ...]:
+        """The declared physical constants."""
+        return tuple(Parameter(f.name, **f.metadata) for f in fields(cls) if "unit" in f.metadata)
+
+
+def against(speed: Array, magnitude: Array) -> Array:
+    """A drag of that magnitude, against the direction of rotation; none at rest (friction there is static)."""
+    return -np.sign(speed) * magnitude
+
+
+def nothing(at: OperatingPoints) -> Array:
+    """No torque, one zero a point."""
+    return np.zeros(len(at))

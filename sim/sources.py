@@ -1,0 +1,55 @@
+"""The bibliography: every source that a number or an equation is taken from, written once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Source:
+    """A citation and the place in it.
+
+    Parameters
+    ----------
+    key : str
+        Short key, unique.
+    citation : str
+        Authors, title, year, identifier.
+    """
+
+    key: str
+    citation: str
+
+    def at(self, place: str) -> Source:
+        """The same source, with the place in it (equation, table)."""
+        return Source(self.key, f"{self.citation}, {place}")
+
+
+THESIS = Source(
+    "thesis",
+    "Master's thesis 'Experimental Testing and Dynamic Modelling of a Planetary Magnetic Gearbox "
+    "Prototype', Politecnico di Torino",
+)
+GUM = Source(
+    "gum",
+    "JCGM 100:2008, Evaluation of measurement data: guide to the expression of uncertainty in measurement",
+)
+BERTOTTI = Source(
+    "bertotti",
+    "G. Bertotti, 'General properties of power losses in soft ferromagnetic materials', "
+    "IEEE Transactions on Magnetics 24(1), 1988, doi:10.1109/20.43994",
+)
+BURNHAM_ANDERSON = Source(
+    "burnham-anderson",
+    "K. P. Burnham, D. R. Anderson, 'Model Selection and Multimodel Inference', 2nd ed., Springer, 2002",
+)
+FLEGAL_JONES = Source(
+    "flegal-jones",
+    "J. M. Flegal, G. L. Jones, 'Batch means and spectral variance estimators in Markov chain Monte Carlo', "
+    "Annals of Statistics 38(2), 2010, doi:10.1214/09-AOS735",
+)
+WESTFALL_YOUNG = Source(
+    "westfall-young", "P. H. Westfall, S. S. Young, 'Resampling-Based Multiple Testing', Wiley, 1993"
+)
+
+SOURCES = (THESIS, GUM, BERTOTTI, BURNHAM_ANDERSON, FLEGAL_JONES, WESTFALL_YOUNG)

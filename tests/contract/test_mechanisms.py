@@ -1,0 +1,90 @@
+"""What every mechanism of the library owes: bound, null, passivity, arrays, a drawn equation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.mathtext import MathTextParser
+from tests.points import joined, points
+
+from pmg.sim.bench import load_bench
+from pmg.sim.grid import OperatingPoints
+from pmg.sim.losscurve import LossCurve
+from pmg.sim.lossmodel import LossModel
+from pmg.sim.mechanisms import LIBRARY, Mechanism
+
+CURVE = LossCurve((0.0, 0.5, 1.0), np.array([0.01, 0.05, 0.03]), 100.0, 200.0)
+INSTANCES = LossModel(CURVE, CURVE, 0.8, 5e-4, 2e-4, 1e-3).mechanisms(load_bench())
+BY_TYPE = {type(mechanism): mechanism for mechanism in INSTANCES}
+speeds = st.floats(-3000.0, 3000.0)
+
+
+def some_points(sun: float, ring: float) -> OperatingPoints:
+    return joined(points("neutral", [sun], [ring]), points("engaged", [sun], [-sun / 2.6], 1.5))
+
+
+def at_null(mechanism: Mechanism) -> Mechanism:
+    return replace(mechanism, **{p.name: p.null for p in mechanism.parameters()})
+
+
+def test_every_mechanism_of_the_library_has_an_instance_here() -> None:
+    assert set(BY_TYPE) == set(LIBRARY)
+    assert len({kind.identifier for kind in LIBRARY}) == len(LIBRARY)
+
+
+@pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.identifier)
+def test_parameters_have_unit_bounds_and_a_typical_value_inside(kind: type[Mechanism]) -> None:
+    assert kind.parameters()
+    for parameter in kind.parameters():
+        low, high = parameter.bounds
+        assert low < parameter.typical < high
+        assert low <= parameter.null <= high
+        assert parameter.unit
+        assert parameter.meaning
+
+
+@pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.identifier)
+@given(sun=speeds, ring=speeds)
+def test_absent_at_null(kind: type[Mechanism], sun: float, ring: float) -> None:
+    torques = at_null(BY_TYPE[kind]).torque(some_points(sun, ring))
+    assert not torques.sun.any()
+    assert not torques.ring.any()
+
+
+@pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.identifier)
+@given(sun=speeds, ring=speeds)
+def test_a_loss_only_takes_power(kind: type[Mechanism], sun: float, ring: float) -> None:
+    at = some_points(sun, ring)
+    power = BY_TYPE[kind].torque(at).power(at)
+    assert (power <= 1e-12).all() or not kind.dissipates
+
+
+@pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.identifier)
+def test_points_do_not_influence_each_other(kind: type[Mechanism], rng: np.random.Generator) -> None:
+    at = joined(points("neutral", rng.uniform(-2000, 2000, 6), rng.uniform(-800, 800, 6)), some_points(900.0, 300.0))
+    whole = BY_TYPE[kind].torque(at)
+    for i in range(len(at)):
+        one = BY_TYPE[kind].torque(at[np.array([i])])
+        assert one.sun[0] == pytest.approx(whole.sun[i], rel=1e-12)
+        assert one.ring[0] == pytest.approx(whole.ring[i], rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.identifier)
+def test_finite_at_the_corners_of_its_bounds(kind: type[Mechanism]) -> None:
+    corners = product(*(parameter.bounds for parameter in kind.parameters()))
+    at = joined(some_points(0.0, 0.0), some_points(3000.0, -3000.0))
+    for corner in corners:
+        names = [parameter.name for parameter in kind.parameters()]
+        torques = replace(BY_TYPE[kind], **dict(zip(names, corner, strict=True))).torque(at)
+        assert np.isfinite(torques.sun).all()
+        assert np.isfinite(torques.ring).all()
+
+
+@pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.identifier)
+def test_equation_can_be_drawn(kind: type[Mechanism]) -> None:
+    MathTextParser("path").parse(f"${kind.equation}$")

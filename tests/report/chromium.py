@@ -1,0 +1,118 @@
+"""A headless Chromium, driven through its DevTools pipe with the standard library alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-quic",
+    "--disable-dev-shm-usage",
+    "--remote-debugging-pipe",
+)
+
+
+def found() -> str | None:
+    """Path of the browser, where there is one."""
+    return next((path for path in map(shutil.which, NAMES) if path), None)
+
+
+class Tab:
+    """One page. Commands wait for their answer; events that pass by meanwhile are kept."""
+
+    def __init__(self, commands: int, answers: int) -> None:
+        self._commands, self._answers, self._buffer = commands, answers, b""
+        self._count, self._session = 0, ""
+        self.events: list[dict[str, Any]] = []
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.call(f"{domain}.enable")
+
+    def call(self, method: str, **parameters: Any) -> Any:  # noqa: ANN401 - JSON as it comes
+        """Result of a DevTools command."""
+        self._count += 1
+        message: dict[str, Any] = {"id": self._count, "method": method, "params": parameters}
+        if self._session:
+            message["sessionId"] = self._session
+        os.write(self._commands, json.dumps(message).encode() + b"\0")
+        while True:
+            answer = self._next()
+            if answer.get("id") == self._count:
+                assert "error" not in answer, answer
+                return answer["result"]
+            self.events.append(answer)
+
+    def open(self, page: Path) -> None:
+        """Load a page and wait until it stands."""
+        self.call("Page.navigate", url=page.as_uri())
+        while not any(event.get("method") == "Page.loadEventFired" for event in self.events):
+            self.events.append(self._next())
+
+    def show(self, width: int, *, dark: bool = False) -> None:
+        """Change the window's width and the colour scheme."""
+        self.call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=width < 600
+        )
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self.call("Emulation.setEmulatedMedia", features=[scheme])
+
+    def ask(self, expression: str) -> Any:  # noqa: ANN401 - JSON as it comes
+        """Value of a JavaScript expression."""
+        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+        assert "exceptionDetails" not in answer, answer
+        return answer["result"]["value"]
+
+    def _next(self) -> dict[str, Any]:
+        while b"\0" not in self._buffer:
+            part = os.read(self._answers, 1 << 16)
+            assert part, "the browser closed its pipe"
+            self._buffer += part
+        message, _, self._buffer = self._buffer.partition(b"\0")
+        return dict(json.loads(message))
+
+
+@contextmanager
+def tab(browser: str, profile: Path) -> Iterator[Tab]:
+    """A tab of a fresh browser with an empty profile; ended afterwards."""
+    to_browser, commands = os.pipe()
+    answers, from_browser = os.pipe()
+    # DevTools reads file descriptor 3 and writes 4; the detour over 8 and 9 keeps them from overwriting each other.
+    shell = f'exec 8<&{to_browser} 9>&{from_browser} 3<&8 4>&9; exec "$@"'
+    process = subprocess.Popen(
+        ["bash", "-c", shell, "sh", browser, *FLAGS, f"--user-data-dir={profile}"],
+        pass_fds=(to_browser, from_browser),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    os.close(to_browser)
+    os.close(from_browser)
+    try:
+        page = Tab(commands, answers)
+        yield page
+        page._session = ""
+        page.call("Browser.close")
+    finally:
+        os.close(commands)
+        os.close(answers)
+        try:
+            process.wait(timeout=10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()

@@ -1,0 +1,290 @@
+"""What is shipped: the package list, the data beside the code, the wheel, the pins, and the map in the README."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+ROOT = Path(__file__).resolve().parent.parent
+PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PACKAGE_DIR: dict[str, str] = PROJECT["tool"]["setuptools"]["package-dir"]
+PACKAGES: list[str] = PROJECT["tool"]["setuptools"]["packages"]
+PACKAGE_DATA: dict[str, list[str]] = PROJECT["tool"]["setuptools"]["package-data"]
+DEPENDENCIES: list[str] = PROJECT["project"]["dependencies"]
+DESK: list[str] = PROJECT["project"]["optional-dependencies"]["dev"]
+SCRIPTS: dict[str, str] = PROJECT["project"]["scripts"]
+
+
+def ignored(path: Path) -> bool:
+    """Whether .gitignore leaves out a path, by its own name or, with a leading slash, by its place."""
+    name, place = path.name, path.relative_to(ROOT).as_posix()
+    lines = (ROOT / ".gitignore").read_text(encoding="utf-8").split()
+    patterns = [line.rstrip("/") for line in lines if not line.startswith(("#", "!"))]
+    return any(
+        fnmatchcase(place, pattern[1:]) if pattern.startswith("/") else fnmatchcase(name, pattern)
+        for pattern in patterns
+    )
+
+
+def files_of(folder: Path) -> Iterator[Path]:
+    """Files below a folder that belong to the project."""
+    for path in sorted(folder.iterdir()):
+        if ignored(path):
+            continue
+        if path.is_dir():
+            yield from files_of(path)
+        else:
+            yield path
+
+
+def folder_of(package: str) -> Path:
+    """Folder of a package named in pyproject."""
+    root = next(name for name in PACKAGE_DIR if package == name or package.startswith(f"{name}."))
+    return ROOT.joinpath(PACKAGE_DIR[root], *package.removeprefix(root).split("."))
+
+
+def package_of(path: Path) -> str:
+    """Package that a folder below ``sim`` or ``pipeline`` is imported as."""
+    return ".".join(("pmg", *path.relative_to(ROOT).parts))
+
+
+def names(requirements: list[str]) -> set[str]:
+    """Names of required distributions, in the spelling of the pins."""
+    return {re.split(r"[^A-Za-z0-9._-]", text)[0].lower().replace("_", "-") for text in requirements}
+
+
+# --- packages ------------------------------------------------------------------------------------------
+
+
+def test_the_package_list_names_every_folder_of_code() -> None:
+    code = [path for folder in PACKAGE_DIR.values() for path in files_of(ROOT / folder) if path.suffix == ".py"]
+    assert {package_of(path.parent) for path in code} == set(PACKAGES)
+    without_init = [package for package in PACKAGES if not (folder_of(package) / "__init__.py").is_file()]
+    assert not without_init, f"no __init__.py in {', '.join(without_init)}"
+
+
+@pytest.mark.parametrize(
+    ("package", "pattern"), [(name, pattern) for name, patterns in PACKAGE_DATA.items() for pattern in patterns]
+)
+def test_a_pattern_for_data_matches_files(package: str, pattern: str) -> None:
+    assert package in PACKAGES
+    found = [path for path in folder_of(package).glob(pattern) if path.is_file() and path.suffix != ".py"]
+    assert found, f"pyproject ships {pattern} of {package}, and there is none"
+
+
+def test_the_wheel_holds_the_folders_and_nothing_else(tmp_path: Path) -> None:
+    source, out = tmp_path / "source", tmp_path / "out"
+    out.mkdir()
+    shipped = {path for folder in PACKAGE_DIR.values() for path in files_of(ROOT / folder)}
+    for path in [*shipped, *(ROOT / name for name in ("pyproject.toml", "README.md", "LICENSE"))]:
+        target = source / path.relative_to(ROOT)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, target)
+    build = "import sys; from setuptools import build_meta; print(build_meta.build_wheel(sys.argv[1]))"
+    done = subprocess.run(
+        [sys.executable, "-c", build, str(out)], cwd=source, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    (wheel,) = out.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        held = set(archive.namelist())
+    info = f"{PROJECT['project']['name'].replace('-', '_')}-{PROJECT['project']['version']}.dist-info/"
+    expected = {f"pmg/{path.relative_to(ROOT).as_posix()}" for path in shipped}
+    assert {name for name in held if not name.startswith(info)} == expected
+    assert f"{info}licenses/LICENSE" in held
+    assert {"pmg/sim/py.typed", "pmg/pipeline/py.typed", "pmg/sim/bench.toml"} <= held
+
+
+def test_the_links_for_type_checkers_are_relative_and_lead_home() -> None:
+    links = ROOT / ".typing" / "pmg"
+    assert {link.name for link in links.iterdir()} == set(PACKAGE_DIR.values())
+    for link in links.iterdir():
+        assert link.is_symlink(), f"{link} is a copy"
+        assert not link.readlink().is_absolute()
+        assert link.resolve() == ROOT / link.name
+
+
+# --- dependencies --------------------------------------------------------------------------------------
+
+
+def pins() -> list[str]:
+    """Lines of constraints.txt, without comments."""
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    return [line for line in lines if line and not line.startswith("#")]
+
+
+def test_every_dependency_is_pinned_to_one_version() -> None:
+    form = re.compile(r"[a-z0-9][a-z0-9.-]*==[0-9][0-9a-z.]*( ; .+)?")
+    odd = [line for line in pins() if not form.fullmatch(line)]
+    assert not odd, f"not of the form name==version: {odd}"
+    pinned = [line.split("==")[0] for line in pins()]
+    assert sorted(set(pinned)) == sorted(pinned)
+    missing = names(DEPENDENCIES + DESK + PROJECT["build-system"]["requires"]) - set(pinned)
+    assert not missing, f"in pyproject without a pin: {sorted(missing)}"
+
+
+def test_the_pins_name_no_registry() -> None:
+    text = (ROOT / "constraints.txt").read_text(encoding="utf-8")
+    assert "://" not in text
+    assert "index-url" not in text
+
+
+def test_every_library_that_is_imported_is_a_dependency() -> None:
+    """A library that only comes along with another may go with its next release."""
+    form = re.compile(r"^ *(?:from|import) +([A-Za-z_][A-Za-z0-9_]*)", re.MULTILINE)
+    imported: dict[str, str] = {}
+    for folder in PACKAGE_DIR.values():
+        for path in files_of(ROOT / folder):
+            if path.suffix == ".py":
+                code = re.sub(r'"""(?:.|\n)*?"""', "", path.read_text(encoding="utf-8"))
+                imported |= {top: path.relative_to(ROOT).as_posix() for top in form.findall(code)}
+    ours = set(sys.stdlib_module_names) | {"pmg"} | names(DEPENDENCIES)
+    missing = [f"{path} imports {top}" for top, path in imported.items() if top not in ours]
+    assert "numpy" in imported
+    assert not missing, f"not among the dependencies of pyproject: {missing}"
+
+
+# --- commands ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_a_console_script_starts(script: str, tmp_path: Path) -> None:
+    """Started as the installed script starts it, so that it is checked where nothing is installed too."""
+    module, function = SCRIPTS[script].split(":")
+    assert callable(getattr(importlib.import_module(module), function))
+    start = f"import sys; sys.argv[0] = '{script}'; from {module} import {function}; sys.exit({function}())"
+    done = subprocess.run(
+        [sys.executable, "-c", start, "--help"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT / ".typing")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "run" in done.stdout
+
+
+@pytest.mark.parametrize("path", ["pmgw", ".ci/run"])
+def test_a_script_of_the_desk_can_be_run_and_is_sound_shell(path: str) -> None:
+    assert os.access(ROOT / path, os.X_OK)
+    done = subprocess.run(["sh", "-n", str(ROOT / path)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_desk_explains_itself_without_installing(tmp_path: Path) -> None:
+    shutil.copy(ROOT / "pmgw", tmp_path)
+    done = subprocess.run(["./pmgw", "--help"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert all(word in done.stdout for word in ("demo", "test", "check"))
+    assert [path.name for path in tmp_path.iterdir()] == ["pmgw"]
+
+
+def test_ci_calls_the_desk_and_nothing_else() -> None:
+    lines = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
+    commands = [line for line in lines if line and not line.startswith("#")]
+    assert len(commands) == 1
+    assert commands[0].endswith('pmgw" test')
+
+
+# --- papers --------------------------------------------------------------------------------------------
+
+
+def citation() -> dict[str, str]:
+    """Top-level keys of CITATION.cff with what stands behind or below them."""
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert "\t" not in text, "YAML knows no tabs"
+    found: dict[str, str] = {}
+    key = ""
+    for line in text.splitlines():
+        start = re.fullmatch(r"([a-z-]+):(?: +(.*))?", line)
+        if start:
+            key = start[1]
+            assert key not in found, f"{key} stands twice"
+            found[key] = (start[2] or "").strip("\"'")
+        elif line.strip():
+            assert line.startswith(" "), f"neither a key nor below one: {line}"
+            found[key] += f"\n{line}"
+    return found
+
+
+def test_the_citation_has_what_a_citation_needs() -> None:
+    cff = citation()
+    for key in ("cff-version", "message", "title", "type", "version", "license", "authors", "references"):
+        assert cff.get(key, "").strip(), f"CITATION.cff says nothing under {key}"
+    assert cff["type"] == "software"
+    assert re.search(r"^  - (family-names|name): ", cff["authors"], re.MULTILINE)
+    assert re.search(r"^    title: ", cff["references"], re.MULTILINE)
+
+
+def test_version_and_licence_are_the_same_everywhere() -> None:
+    cff = citation()
+    assert cff["version"] == PROJECT["project"]["version"]
+    assert cff["license"] == PROJECT["project"]["license"]
+    assert (ROOT / "LICENSE").read_text(encoding="utf-8").startswith(f"{cff['license']} License")
+
+
+def map_of_rooms(text: str) -> dict[str, str]:
+    """Places that the README's map names, as paths from the root, each with its meaning."""
+    block = re.search(r"<!-- map -->\n+```[a-z]*\n(.*?)\n```\n+<!-- /map -->", text, re.DOTALL)
+    assert block, "README.md has no fenced block between <!-- map --> and <!-- /map -->"
+    places: dict[str, str] = {}
+    above: list[str] = []
+    for line in block[1].splitlines():
+        entry = re.fullmatch(r"((?:  )*)(\S+)(?:  +(\S.*))?", line)
+        assert entry, f"not a line of the map: {line!r}"
+        depth = len(entry[1]) // 2
+        assert depth <= len(above), f"nothing above {line!r}"
+        above[depth:] = [entry[2]]
+        place = "".join(above)
+        assert place not in places, f"{place} stands twice"
+        places[place] = entry[3] or ""
+    return places
+
+
+def rooms() -> set[str]:
+    """Places that a map has to name: what is on top, and every module."""
+    tops = {f"{path.name}/" if path.is_dir() else path.name for path in ROOT.iterdir() if not ignored(path)}
+    found = {name for name in tops if not name.startswith(".")} | {".ci/", ".typing/"}
+    for folder in PACKAGE_DIR.values():
+        for path in files_of(ROOT / folder):
+            place = path.relative_to(ROOT)
+            if path.suffix == ".py" and path.name != "__init__.py":
+                found.add(place.as_posix())
+            found |= {f"{room.as_posix()}/" for room in place.parents if room.name}
+    return found
+
+
+def test_the_map_names_every_room_and_no_other() -> None:
+    places = map_of_rooms((ROOT / "README.md").read_text(encoding="utf-8"))
+    needed = rooms()
+    hidden = {place for place in places if place.startswith(".") and (ROOT / place).exists()}
+    data = {place for place in places if not place.endswith((".py", "/")) and (ROOT / place).is_file()}
+    assert needed - set(places) == set(), "on disk and not on the map"
+    assert set(places) - needed - hidden - data == set(), "on the map and not on disk"
+    assert [place for place, meaning in places.items() if not meaning] == [], "without a meaning"
+
+
+def test_a_fault_in_the_map_is_seen() -> None:
+    good = "<!-- map -->\n```text\nsim/    physics\n  grid.py  points\n```\n<!-- /map -->\n"
+    assert map_of_rooms(good) == {"sim/": "physics", "sim/grid.py": "points"}
+    with pytest.raises(AssertionError, match="stands twice"):
+        map_of_rooms(good.replace("  grid.py  points", "sim/  physics"))
+    with pytest.raises(AssertionError, match="nothing above"):
+        map_of_rooms(good.replace("  grid.py", "      grid.py"))
+    with pytest.raises(AssertionError, match="no fenced block"):
+        map_of_rooms(good.replace("<!-- /map -->", ""))
