@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 from pmg.pipeline.fit import DEFAULT_POWERS, THESIS_POWERS_RING, THESIS_POWERS_SUN
@@ -84,3 +84,24 @@ def parse_powers(text: str, option: str) -> tuple[float, ...]:
                 option, repr(word.strip()), "exponents separated by commas, such as 0,1/2,1,2", "Correct the list."
             ) from None
     return tuple(powers)
+
+
+def chosen_options(
+    *,
+    published: bool,
+    terms_sun: str | None = None,
+    terms_ring: str | None = None,
+    correction: str | None = None,
+    include_rest: bool | None = None,
+) -> AnalysisOptions:
+    """The options of a call: the thesis's own for published grids, pmg's for recordings, and what the user changed."""
+    options = THESIS_OPTIONS if published else AnalysisOptions()
+    if terms_sun is not None:
+        options = replace(options, powers_sun=parse_powers(terms_sun, "--terms-sun"))
+    if terms_ring is not None:
+        options = replace(options, powers_ring=parse_powers(terms_ring, "--terms-ring"))
+    if correction is not None:
+        options = replace(options, correction=correction)
+    if include_rest is not None:
+        options = replace(options, include_rest=include_rest)
+    return options

@@ -10,6 +10,8 @@ from pmg.pipeline.report.document import Measured
 from pmg.sim.signals import SPEED_RING, SPEED_SUN, Array, Mask, Signal
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
     from pmg.sim.grid import Grid, OperatingPoints
 
 REVERSED = "reversed flow"
@@ -49,6 +51,12 @@ def by_load(at: OperatingPoints) -> list[tuple[str, Mask]]:
             name = f"{load:g} N m" + ("" if drive == "sun" else f", {REVERSED}")
             series.append((name, np.asarray(rows & (np.round(np.abs(at.load_set), 3) == load))))
     return series
+
+
+def by_speed(at: OperatingPoints) -> npt.NDArray[np.int64]:
+    """Rows for a table: by configuration, sun speed, ring speed and load."""
+    sun, ring = speed_levels(at)
+    return np.lexsort((np.round(at.load_set, 3), ring, sun, at.configuration))
 
 
 def measured(signal: Signal, value: float, u: float) -> Measured | None:

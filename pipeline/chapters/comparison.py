@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.cells import by_load, forward_neutral, lay_out, measured, speed_levels
+from pmg.pipeline.chapters.cells import by_load, by_speed, forward_neutral, lay_out, measured, speed_levels
 from pmg.pipeline.compare import COVERAGE
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, SpeedMap, Table
 from pmg.sim import signals, sources
@@ -130,7 +130,10 @@ def _table(residuals: Residuals) -> Table:
             Column(f"{name}_difference", "difference", shown.display_unit, uncertain=True),
         ]
     rows = []
-    for i in np.flatnonzero(grid.accepted & ~at.zero):
+    shown = grid.accepted & ~at.zero
+    for i in by_speed(at):
+        if not shown[i]:
+            continue
         row: list[object] = [
             str(at.name[i]),
             str(at.configuration[i]),
@@ -145,7 +148,7 @@ def _table(residuals: Residuals) -> Table:
             row.append(measured(shown, d.value[i], d.u[i]) if known else None)
         rows.append(tuple(row))
     return Table(
-        "comparison",
+        "comparison-by-point",
         "Measured and simulated, by point",
         f"{len(rows)} points. Engaged, the measured ring torque is the simulator's input, so it is not compared.",
         tuple(columns),

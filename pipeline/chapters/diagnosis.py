@@ -13,7 +13,7 @@ from pmg.sim.signals import RESIDUAL, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.decide import Diagnosis
-    from pmg.pipeline.diagnose.locate import Location
+    from pmg.pipeline.diagnose.locate import Location, Mismatch
 
 
 def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Section:
@@ -28,11 +28,10 @@ def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.
     """
     mismatch = diagnosis.mismatch
     items: list[Text | Facts | Table | Figure] = [
-        Text(diagnosis.statement, kind="plain" if not mismatch.found else "finding"),
         Facts(
             (
                 ("Verdict", str(diagnosis.verdict).replace("_", " ")),
-                ("p-value of the whole procedure", f"{mismatch.p_value:.3g} ({mismatch.draws} synthetic campaigns)"),
+                ("p-value of the whole procedure", _p_value(mismatch)),
                 ("False-alarm rate of the test", f"{mismatch.false_alarm_rate:.0%}"),
                 ("Kinds of structure looked for", str(mismatch.tested)),
                 ("Noise, sun", f"{diagnosis.floor.sun.u * 1e3:.2f} mN m: {diagnosis.floor.sun.source}"),
@@ -67,6 +66,13 @@ def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.
             )
         )
     return Section("diagnosis", "Diagnosis", tuple(items), (sources.WESTFALL_YOUNG,))
+
+
+def _p_value(mismatch: Mismatch) -> str:
+    drawn = f"{mismatch.draws} synthetic campaigns"
+    if mismatch.p_value * (mismatch.draws + 1) < 1.5:
+        return f"below {1.0 / mismatch.draws:.2g}: none of {drawn} showed one as clear"
+    return f"{mismatch.p_value:.3g}, from {drawn}"
 
 
 def _words(names: tuple[str, ...]) -> str:
@@ -108,7 +114,6 @@ def _figure(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.dtype[np.f
     place = diagnosis.mismatch.locations[0]
     readings = diagnosis.mismatch.readings
     rows = np.flatnonzero(place.effect != 0.0)
-    at = readings.grid.points
     x, label = _covariate(diagnosis, place, rows)
     order = np.argsort(x, kind="stable")
     sign = readings.direction[rows]
@@ -130,7 +135,6 @@ def _figure(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.dtype[np.f
         ),
         references=(("", 0.0),),
     )
-    del at
     return Figure(
         "located-structure",
         "The clearest place",

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.chapters.cells import by_speed
 from pmg.pipeline.report.document import Column, Figure, PowerFlow, Section, Table, Text
 from pmg.sim import sources
 from pmg.sim.powerchain import MotorConvention, power_chain
@@ -93,7 +94,7 @@ def _drawing(chain: PowerChain, i: int) -> PowerFlow:
 def _table(grid: Grid, chains: dict[tuple[str, MotorConvention], PowerChain]) -> Table:
     at = grid.points
     rows: list[tuple[Cell, ...]] = []
-    for i in range(len(at)):
+    for i in by_speed(at):
         for (origin, convention), chain in chains.items():
             rows.append(
                 (

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.cells import by_load, forward_neutral, lay_out, measured, speed_levels
+from pmg.pipeline.chapters.cells import by_load, by_speed, forward_neutral, lay_out, measured, speed_levels
 from pmg.pipeline.losses import QUANTITIES
 from pmg.pipeline.report.document import (
     Chart,
@@ -274,6 +274,6 @@ def _balance_table(balance: PowerBalance) -> Table:
                 float(at.load_set[i]),
                 *(measured(s, balance.values[s.name][i], balance.u(s.name)[i]) for s in QUANTITIES),
             )
-            for i in range(len(at))
+            for i in by_speed(at)
         ),
     )

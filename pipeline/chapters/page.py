@@ -86,6 +86,6 @@ def _verdict(analysis: Analysis, diagnosis: Diagnosis | None) -> Verdict:
     if analysis.lacking:
         warning += f" {len(analysis.lacking)} cells of the grids are empty."
     if diagnosis is None:
-        return Verdict(f"No comparison was possible: {analysis.missing[0] if analysis.missing else ''}{warning}", "attention")
-    state = "attention" if diagnosis.mismatch.found or warning else "good"
-    return Verdict(diagnosis.statement + warning, "good" if state == "good" else "attention")
+        reason = str(analysis.missing[0]) if analysis.missing else ""
+        return Verdict(f"No comparison was possible. {reason}{warning}", "attention")
+    return Verdict(diagnosis.statement + warning, "attention" if diagnosis.mismatch.found or warning else "good")

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 DEFAULT_BITS = 32
 INDEX_TOLERANCE = 2
-"""Counts by which two index pulses may disagree: one for each direction of rotation, one for the latch."""
+"""Counts by which two index pulses may disagree, besides those of one sample in which the latch may fall."""
 
 
 @dataclass(frozen=True)
@@ -272,7 +272,8 @@ def _check_pulses(
     latched = near + (latched - near + modulus // 2) % modulus - modulus // 2
     half = counts_per_rev // 2
     residue = (latched - latched[0] + half) % counts_per_rev - half
-    slipped = np.flatnonzero(np.abs(residue) > INDEX_TOLERANCE)
+    quickest = int(np.max(np.abs((count[1:] - count[:-1]) // (at[1:] - at[:-1])), initial=0))
+    slipped = np.flatnonzero(np.abs(residue) > INDEX_TOLERANCE + quickest)
     if len(slipped):
         findings.warning(
             Code.ENCODER_SLIPPED,

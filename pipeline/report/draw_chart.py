@@ -75,11 +75,9 @@ def _series(ax: Axes, series: Series, group: int, sheet: Sheet) -> Artist:
     }
     if reach is not None:
         # A point whose uncertainty is not stated is drawn without a bar, not left out.
-        bars = np.where(np.isnan(reach), 0.0, reach)
         drawn = ~np.isnan(reach) & ~np.isnan(y) & ~np.isnan(x)
-        ax.errorbar(
-            x[drawn], y[drawn], bars[drawn], fmt="none", ecolor=colour, elinewidth=1.0, capthick=1.0, zorder=1.9
-        )
+        strokes = {"color": colour, "markerfacecolor": colour, "elinewidth": 1.0, "capthick": 1.0}
+        ax.errorbar(x[drawn], y[drawn], reach[drawn], fmt="none", zorder=1.9, **strokes)
     (sample,) = ax.plot(x, y, **look)
     return sample
 

@@ -1,0 +1,118 @@
+"""From the manifests of a store to the measured grid of one campaign."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pmg.pipeline.gridtable import common_uncertainty
+from pmg.sim.errors import StoreError, near_miss
+from pmg.sim.grid import Configuration, Grid, OperatingPoints
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pmg.pipeline.store import Manifest, Store
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.signals import Array
+
+REST = 0.05
+"""Speed asked for (or, where nothing was asked for, measured) below which a shaft counts as held at rest [rad/s]."""
+
+
+def campaigns(manifests: list[Manifest]) -> list[str]:
+    """Names of the campaigns that a store holds."""
+    return sorted({manifest.document["run"]["campaign"] for manifest in manifests if manifest.ingested})
+
+
+def choose_campaign(store: Store, name: str | None) -> tuple[str, list[Manifest]]:
+    """The campaign of that name, or the only one, with the manifests of its sources.
+
+    Raises
+    ------
+    StoreError
+        There is none, there are several and none was named, or there is none of that name.
+    """
+    manifests = store.manifests()
+    known = campaigns(manifests)
+    if not known:
+        failed = len(manifests)
+        came = f"{failed} sources, none usable" if failed else "no sources"
+        raise StoreError(str(store.path), came, "at least one ingested recording", "Ingest recordings first.")
+    if name is None and len(known) > 1:
+        raise StoreError(
+            str(store.path), f"{len(known)} campaigns: {', '.join(known)}", "one", "Name it by --campaign."
+        )
+    if name is not None and name not in known:
+        raise StoreError(str(store.path), f"no campaign '{name}'", "one of the store's", near_miss(name, known))
+    chosen = name or known[0]
+    return chosen, [m for m in manifests if m.ingested and m.document["run"]["campaign"] == chosen]
+
+
+def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) -> Grid:
+    """The windows of a campaign as a grid, in the order in which they were run."""
+    windows = sorted(
+        (window for manifest in manifests for window in manifest.document["windows"]),
+        key=lambda window: (window["started_at_s"], window["point"]),
+    )
+
+    def column(shaft: str, key: str) -> Array:
+        values = [window["means"][shaft][key] for window in windows]
+        return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+
+    def asked(key: str) -> Array:
+        values = [window["setpoints"][key] for window in windows]
+        return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+
+    def rest(speed: Array, speed_set: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        return np.abs(np.where(np.isfinite(speed_set), speed_set, speed)) < REST
+
+    def words(key: str) -> np.ndarray[tuple[int], np.dtype[np.str_]]:
+        return np.array([str(window[key]) for window in windows], dtype=np.str_)
+
+    torque_sun, torque_ring = column("sun", "torque"), column("ring", "torque")
+    speed_sun, speed_ring = column("sun", "speed"), column("ring", "speed")
+    within_sun, within_ring = column("sun", "u_torque"), column("ring", "u_torque")
+    common_sun, common_ring = common_uncertainty(torque_sun, torque_ring, bench)
+    configuration = words("configuration")
+    load = asked("torque_ring")
+    engaged = configuration == Configuration.ENGAGED
+    complete = np.isfinite(torque_sun + torque_ring + speed_sun + speed_ring + within_sun + within_ring)
+    accepted = np.array([bool(window["accepted"]) for window in windows]) & complete
+    reasons = [_reason(window, bool(whole)) for window, whole in zip(windows, complete, strict=True)]
+    points = OperatingPoints(
+        name=words("point"),
+        configuration=configuration,
+        gear=np.array([window["gear"] for window in windows], dtype=np.int64),
+        drive=words("drive"),
+        speed_sun=speed_sun,
+        speed_ring=speed_ring,
+        torque_ring=torque_ring,
+        load_set=np.where(engaged, np.where(np.isfinite(load), load, np.round(torque_ring, 1)), 0.0),
+        started_at=np.array([window["started_at_s"] for window in windows], dtype=np.float64),
+        rest_sun=rest(speed_sun, asked("speed_sun")),
+        rest_ring=rest(speed_ring, asked("speed_ring")),
+    )
+    return Grid(
+        origin="measured",
+        campaign=name,
+        points=points,
+        torque_sun=torque_sun,
+        torque_ring=torque_ring,
+        within_sun=within_sun,
+        within_ring=within_ring,
+        u_sun=within_sun,
+        u_ring=within_ring,
+        common_sun=common_sun,
+        common_ring=common_ring,
+        accepted=accepted,
+        reason=np.array(reasons, dtype=np.str_),
+    )
+
+
+def _reason(window: Mapping[str, Any], complete: bool) -> str:
+    reasons = list(window["reasons"])
+    if not complete and not reasons:
+        reasons.append("no mean can be formed")
+    return "; ".join(reasons)

@@ -1,0 +1,283 @@
+"""Checks on a window: each says what speaks against taking it as a steady test point."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.reduce import batch_means, end_to_end_speed
+from pmg.sim.signals import REVOLUTION, RPM
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    import numpy.typing as npt
+
+    from pmg.pipeline.recording.calibration import Calibration
+    from pmg.pipeline.recording.join import Blemish
+    from pmg.pipeline.recording.run import Setpoints
+    from pmg.pipeline.recording.wire import LineEvent
+    from pmg.sim.signals import Array
+
+REST_SPEED = 0.5 * RPM
+"""Below this a shaft counts as held [rad/s]: half of the finest set-point step of the drives."""
+EMERGENCY_STOP = 1
+"""Bit of the digital inputs that is set while the emergency stop is pressed."""
+SIDES = ("sun", "ring")
+
+
+@dataclass(frozen=True)
+class Steadiness:
+    """What counts as a steady window.
+
+    Parameters
+    ----------
+    shortest : float
+        Shortest window [s]: two periods of the 0.5 Hz filter's cut-off would be 4 s; below 1 s the batches that
+        give the uncertainty are shorter than the control loop's settling.
+    completeness : float
+        Least part of the length that the test step announces; a shorter one was cut off.
+    speed_change : float
+        Largest difference between the mean speeds of both halves, and largest standard deviation among the ten
+        parts [rad/s]. Half a rpm over a window accelerates the rotors by less than the transducers resolve.
+    speed_change_relative : float
+        The same, as part of the speed; the larger of both limits holds.
+    parts : int
+        Parts of the window whose speeds are compared.
+    counts : float
+        Encoder counts per part that are added to the limit, so that the resolution alone never trips it.
+    speed_offset, speed_offset_relative : float
+        Largest distance from the set-point [rad/s] and as part of it; the sum of both holds. Beyond, the controller
+        has not reached its target or the set-point in the file is another run's.
+    torque_drift : float
+        Largest change of the torque over the window, as part of the nominal torque.
+    torque_drift_sigmas : float
+        The change must also be this many of its own standard errors: noise alone never trips the check. Warming up
+        during a window stays far below both.
+    frequency_low, frequency_high : float
+        Rated range of the transducers' frequency output [Hz].
+    """
+
+    shortest: float = 1.0
+    completeness: float = 0.9
+    speed_change: float = 0.5 * RPM
+    speed_change_relative: float = 0.002
+    parts: int = 10
+    counts: float = 2.0
+    speed_offset: float = 2.0 * RPM
+    speed_offset_relative: float = 0.005
+    torque_drift: float = 0.01
+    torque_drift_sigmas: float = 8.0
+    frequency_low: float = 5_000.0
+    frequency_high: float = 15_000.0
+
+
+LIMITS = Steadiness()
+
+
+@dataclass(frozen=True)
+class Reason:
+    """What speaks against a window: a stable name, and the numbers."""
+
+    name: str
+    detail: str
+
+    def __str__(self) -> str:
+        """Name and numbers, with a colon between."""
+        return f"{self.name}: {self.detail}"
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What is known of a window when it is judged.
+
+    Parameters
+    ----------
+    first, stop : int
+        Sample indices.
+    closed : bool
+        Whether its end was recorded.
+    meant : int
+        Samples that it was meant to have.
+    rate_hz : float
+        Sample rate [Hz].
+    setpoints : Setpoints
+        What was asked for.
+    calibration : Calibration
+        Transducers and encoders.
+    torque, angle : mapping of str to (n,) array
+        By shaft [N m], [rad]; NaN where nothing was recorded.
+    lines : (m,) array of unsigned int
+        Digital inputs where they were sampled.
+    line_events : sequence of LineEvent
+        Changes of the digital inputs over the whole run.
+    blemishes : sequence of Blemish
+        Stretches that the recorder marks as bad, over the whole run.
+    """
+
+    first: int
+    stop: int
+    closed: bool
+    meant: int
+    rate_hz: float
+    setpoints: Setpoints
+    calibration: Calibration
+    torque: Mapping[str, Array]
+    angle: Mapping[str, Array]
+    lines: npt.NDArray[np.uint32]
+    line_events: Sequence[LineEvent]
+    blemishes: Sequence[Blemish]
+
+
+def too_short(window: Evidence, limits: Steadiness) -> Reason | None:
+    """Less time than a mean needs, or than the test step announces."""
+    seconds = (window.stop - window.first) / window.rate_hz
+    meant = window.meant / window.rate_hz
+    if not window.closed:
+        return Reason("window not closed", f"no END follows MEASURE; {seconds:.2f} s were recorded")
+    if seconds < max(limits.shortest, limits.completeness * meant):
+        return Reason("window too short", f"{seconds:.2f} s of {max(meant, limits.shortest):.2f} s")
+    return None
+
+
+def gaps(window: Evidence, _: Steadiness) -> Reason | None:
+    """Samples without a value."""
+    missing = {
+        f"{kind}_{side}": int(np.count_nonzero(np.isnan(track[side])))
+        for kind, track in (("torque", window.torque), ("angle", window.angle))
+        for side in SIDES
+    }
+    lost = [f"{count} in {name}" for name, count in missing.items() if count]
+    return Reason("samples missing", ", ".join(lost)) if lost else None
+
+
+def flagged(window: Evidence, _: Steadiness) -> Reason | None:
+    """Blocks that the recorder itself marks as overrun, restarted or saturated."""
+    names = sorted({f"{b.code.value} on {b.topic}" for b in window.blemishes if _overlaps(b.start, b.stop, window)})
+    return Reason("flagged by the recorder", ", ".join(names)) if names else None
+
+
+def emergency_stop(window: Evidence, _: Steadiness) -> Reason | None:
+    """Emergency stop pressed at any time in the window."""
+    if bool((window.lines & EMERGENCY_STOP).any()):
+        place = window.first + int(np.argmax((window.lines & EMERGENCY_STOP) > 0))
+        return Reason("emergency stop", f"pressed at sample {place}")
+    earlier = [e for e in window.line_events if e.sample <= window.first]
+    within = [e for e in window.line_events if window.first < e.sample < window.stop]
+    start = earlier[-1].mask if earlier else 0
+    if not earlier and window.line_events:
+        start = window.line_events[0].mask ^ window.line_events[0].changed
+    if start & EMERGENCY_STOP:
+        return Reason("emergency stop", "pressed before the window began")
+    pressed = [e.sample for e in within if e.mask & EMERGENCY_STOP]
+    return Reason("emergency stop", f"pressed at sample {pressed[0]}") if pressed else None
+
+
+def speed_unsettled(window: Evidence, limits: Steadiness) -> Reason | None:
+    """Speed that differs between the halves, or from part to part."""
+    for side in SIDES:
+        angle = window.angle[side]
+        size = len(angle) // limits.parts
+        if size < 2:
+            continue
+        speed = abs(end_to_end_speed(angle, window.rate_hz))
+        limit = max(limits.speed_change, limits.speed_change_relative * speed)
+        count = REVOLUTION / window.calibration.counts_per_rev(side)
+        halves = _speeds(angle, len(angle) // 2, window.rate_hz)
+        change = abs(halves[1] - halves[0])
+        coarse = limits.counts * count * window.rate_hz
+        if change > limit + coarse / (len(angle) // 2):
+            return Reason("speed not settled", _rpm(f"{side} halves differ by", change, limit))
+        spread = float(np.std(_speeds(angle, size, window.rate_hz)))
+        if spread > limit + coarse / size:
+            return Reason("speed not settled", _rpm(f"{side} parts scatter by", spread, limit))
+    return None
+
+
+def speed_off(window: Evidence, limits: Steadiness) -> Reason | None:
+    """Speed away from its set-point, where there is one."""
+    for side, target in (("sun", window.setpoints.speed_sun), ("ring", window.setpoints.speed_ring)):
+        speed = end_to_end_speed(window.angle[side], window.rate_hz)
+        if target is None or math.isnan(speed):
+            continue
+        limit = limits.speed_offset + limits.speed_offset_relative * abs(target)
+        if abs(speed - target) > limit:
+            detail = f"{side} at {speed / RPM:.2f} rpm, set {target / RPM:.2f} rpm"
+            return Reason("speed off set-point", f"{detail}, limit {limit / RPM:.2f} rpm")
+    return None
+
+
+def torque_unsettled(window: Evidence, limits: Steadiness) -> Reason | None:
+    """Torque that still drifts, beyond noise and beyond what matters."""
+    for side in SIDES:
+        torque = window.torque[side]
+        if len(torque) < 2 or not np.isfinite(torque).all():
+            continue
+        means = batch_means(torque, window.angle[side]).means
+        if len(means) < 4:
+            continue
+        change, error = _trend(means)
+        limit = limits.torque_drift * window.calibration.transducer(side).nominal_torque
+        if abs(change) > limit and abs(change) > limits.torque_drift_sigmas * error:
+            detail = f"{side} changes by {change * 1e3:+.1f} mN m over the window, limit {limit * 1e3:.1f} mN m"
+            return Reason("torque not settled", detail)
+    return None
+
+
+def torque_out_of_range(window: Evidence, limits: Steadiness) -> Reason | None:
+    """Torque beyond the nominal range, or a frequency outside the rated band; readings there are bounds."""
+    for side in SIDES:
+        transducer = window.calibration.transducer(side)
+        torque = window.torque[side][np.isfinite(window.torque[side])]
+        if not len(torque):
+            continue
+        largest = float(np.max(np.abs(torque)))
+        if largest > transducer.nominal_torque:
+            detail = f"{side} up to {largest:.3f} N m, nominal {transducer.nominal_torque:g} N m"
+            return Reason("torque out of range", detail)
+        frequency = transducer.frequency(torque)
+        low, high = float(frequency.min()), float(frequency.max())
+        if low < limits.frequency_low or high > limits.frequency_high:
+            detail = f"{side} at {low:.0f} to {high:.0f} Hz"
+            expected = f"{limits.frequency_low:.0f} to {limits.frequency_high:.0f} Hz"
+            return Reason("torque out of range", f"{detail}, rated {expected}")
+    return None
+
+
+CHECKS: tuple[Callable[[Evidence, Steadiness], Reason | None], ...] = (
+    too_short,
+    gaps,
+    flagged,
+    emergency_stop,
+    speed_unsettled,
+    speed_off,
+    torque_unsettled,
+    torque_out_of_range,
+)
+"""Every check that a window must meet."""
+
+
+def _overlaps(start: int, stop: int, window: Evidence) -> bool:
+    return start < window.stop and stop > window.first
+
+
+def _speeds(angle: Array, size: int, rate_hz: float) -> Array:
+    """Speeds of the consecutive parts of that many samples, each from end to end [rad/s]."""
+    starts = np.arange(len(angle) // size) * size
+    return np.asarray((angle[starts + size - 1] - angle[starts]) * rate_hz / (size - 1))
+
+
+def _trend(means: Array) -> tuple[float, float]:
+    """Change over the window by a straight line through the batch means, and its standard error."""
+    place = (np.arange(len(means)) + 0.5) / len(means) - 0.5
+    weight = float(np.sum(place**2))
+    slope = float(np.sum(place * means)) / weight
+    rest = means - means.mean() - slope * place
+    return slope, math.sqrt(float(np.sum(rest**2)) / (len(means) - 2) / weight)
+
+
+def _rpm(what: str, value: float, limit: float) -> str:
+    return f"{what} {value / RPM:.3f} rpm, limit {limit / RPM:.3f} rpm"
