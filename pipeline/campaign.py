@@ -15,10 +15,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.store import Manifest, Store
     from pmg.sim.bench import BenchParameters
-    from pmg.sim.signals import Array
-
-REST = 0.05
-"""Speed asked for (or, where nothing was asked for, measured) below which a shaft counts as held at rest [rad/s]."""
+    from pmg.sim.signals import Array, Mask
 
 
 def campaigns(manifests: list[Manifest]) -> list[str]:
@@ -65,21 +62,21 @@ def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) 
         values = [window["setpoints"][key] for window in windows]
         return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
 
-    def rest(speed: Array, speed_set: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        return np.abs(np.where(np.isfinite(speed_set), speed_set, speed)) < REST
+    def flags(key: str) -> Mask:
+        return np.array([bool(window[key]) for window in windows])
 
     def words(key: str) -> np.ndarray[tuple[int], np.dtype[np.str_]]:
         return np.array([str(window[key]) for window in windows], dtype=np.str_)
 
     torque_sun, torque_ring = column("sun", "torque"), column("ring", "torque")
     speed_sun, speed_ring = column("sun", "speed"), column("ring", "speed")
-    within_sun, within_ring = column("sun", "u_torque"), column("ring", "u_torque")
+    within_sun, within_ring = column("sun", "within"), column("ring", "within")
     common_sun, common_ring = common_uncertainty(torque_sun, torque_ring, bench)
     configuration = words("configuration")
     load = asked("torque_ring")
     engaged = configuration == Configuration.ENGAGED
     complete = np.isfinite(torque_sun + torque_ring + speed_sun + speed_ring + within_sun + within_ring)
-    accepted = np.array([bool(window["accepted"]) for window in windows]) & complete
+    accepted = flags("accepted") & complete
     reasons = [_reason(window, bool(whole)) for window, whole in zip(windows, complete, strict=True)]
     points = OperatingPoints(
         name=words("point"),
@@ -91,8 +88,8 @@ def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) 
         torque_ring=torque_ring,
         load_set=np.where(engaged, np.where(np.isfinite(load), load, np.round(torque_ring, 1)), 0.0),
         started_at=np.array([window["started_at_s"] for window in windows], dtype=np.float64),
-        rest_sun=rest(speed_sun, asked("speed_sun")),
-        rest_ring=rest(speed_ring, asked("speed_ring")),
+        rest_sun=flags("rest_sun"),
+        rest_ring=flags("rest_ring"),
     )
     return Grid(
         origin="measured",

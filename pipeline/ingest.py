@@ -199,12 +199,10 @@ def _recording_document(recording: Recording) -> dict[str, Any]:
 
 
 def _window_document(recording: Recording, window: Window) -> dict[str, Any]:
-    first = max(window.first_sample - recording.first_sample, 0)
-    length = max(window.stop_sample - recording.first_sample - first, 0)
-    means = reduce_window(recording.samples.slice(first, length), recording.rate_hz)
+    means = reduce_window(recording.samples, window, recording.rate_hz)
     return {
         "point": window.point,
-        "configuration": window.configuration,
+        "configuration": str(window.configuration),
         "gear": window.gear,
         "drive": window.drive,
         "started_at_s": window.started_at.timestamp(),
@@ -213,6 +211,8 @@ def _window_document(recording: Recording, window: Window) -> dict[str, Any]:
         "setpoints": asdict(window.setpoints),
         "accepted": window.accepted,
         "reasons": list(window.reasons),
+        "rest_sun": window.rest_sun,
+        "rest_ring": window.rest_ring,
         "means": _finite(asdict(means)),
     }
 
@@ -224,5 +224,5 @@ def _finite(document: dict[str, Any]) -> dict[str, Any]:
         if isinstance(value, dict):
             plain[name] = _finite(value)
         else:
-            plain[name] = None if isinstance(value, float) and value != value else value  # noqa: PLR0124
+            plain[name] = None if isinstance(value, float) and value != value else value
     return plain

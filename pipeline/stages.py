@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pmg.pipeline.analyse import Analysis, analyse
-from pmg.pipeline.campaign import read_campaign
+from pmg.pipeline.campaign import choose_campaign, measured_grid
 from pmg.pipeline.chapters.page import build_report
 from pmg.pipeline.compare import compare
-from pmg.pipeline.diagnose.decide import Diagnosis, Verdict, diagnose, diagnosis_document
+from pmg.pipeline.diagnose.decide import Verdict, diagnose, diagnosis_document
 from pmg.pipeline.gridtable import read_published
 from pmg.pipeline.ingest import ingest
 from pmg.pipeline.options import AnalysisOptions
@@ -21,6 +21,7 @@ from pmg.pipeline.outputs import analysis_document, read_analysis, write_analysi
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store import Store, write_aside
 from pmg.sim.bench import load_bench
+from pmg.sim.errors import RecordingError
 from pmg.sim.gearbox import Gearbox
 from pmg.sim.solve import steady
 
@@ -57,18 +58,55 @@ class Outcome:
     findings: tuple[dict[str, Any], ...] = ()
     partial: bool = False
     mismatch: bool = False
-    parts: tuple[Outcome, ...] = field(default=(), repr=False)
 
 
-def run_analyse(store: Path, options: AnalysisOptions | None, *, grids: Path | None, campaign: str | None) -> Outcome:
+def run_ingest(
+    recordings: Path, store: Path, *, workers: int | None, progress: Callable[[int, int, str], None] | None
+) -> Outcome:
+    """Decode recordings into a store."""
+    report = ingest(recordings, Store(store), workers=workers, progress=progress)
+    lines = [
+        f"ingested {report.ingested}, already there {report.skipped}, not usable {report.failed}; "
+        f"{report.windows} windows, {report.rejected} rejected"
+    ]
+    data = {
+        "store": str(store),
+        "ingested": report.ingested,
+        "skipped": report.skipped,
+        "failed": report.failed,
+        "windows": report.windows,
+        "rejected": report.rejected,
+    }
+    findings = tuple(finding.to_dict() for finding in report.findings)
+    rejected = _rejected_windows(Store(store))
+    return Outcome(data, tuple(lines), findings + rejected, partial=bool(report.failed or report.rejected))
+
+
+def _rejected_windows(store: Store) -> tuple[dict[str, Any], ...]:
+    """Windows that failed a check, as findings."""
+    return tuple(
+        _finding(
+            "warning", f"{manifest.document['file']}: {window['point']}", f"rejected: {'; '.join(window['reasons'])}"
+        )
+        for manifest in store.manifests()
+        for window in manifest.document["windows"]
+        if not window["accepted"]
+    )
+
+
+def _finding(severity: str, where: str, message: str) -> dict[str, Any]:
+    return {"severity": severity, "where": where, "message": message}
+
+
+def run_analyse(store: Path, options: AnalysisOptions, *, grids: Path | None, campaign: str | None) -> Outcome:
     """Condense the recordings of a store (or read published grids) and analyse them into the store.
 
     Parameters
     ----------
     store : Path
         Holds the ingested recordings; receives the analysis.
-    options : AnalysisOptions, optional
-        Choices; the defaults for recordings, the thesis's own for published grids.
+    options : AnalysisOptions
+        Choices.
     grids : Path, optional
         Folder with published grids to analyse instead of recordings.
     campaign : str, optional
@@ -76,18 +114,57 @@ def run_analyse(store: Path, options: AnalysisOptions | None, *, grids: Path | N
     """
     bench = load_bench()
     if grids is not None:
-        grid, findings = read_published(grids, bench), ()
-        store.mkdir(parents=True, exist_ok=True)
+        grid = read_published(grids, bench)
+        Store(store).prepare()
     else:
-        grid, findings = read_campaign(Store(store), campaign, bench)
-    analysis = analyse(grid, options or (THESIS_OPTIONS if grids is not None else AnalysisOptions()), bench)
+        name, manifests = choose_campaign(Store(store), campaign)
+        grid = measured_grid(name, manifests, bench)
+    analysis = analyse(grid, options, bench)
     folder = write_analysis(analysis, store)
     return Outcome(
         data={"analysis": analysis_document(analysis), "folder": str(folder)},
         lines=_analysis_lines(analysis, folder),
-        findings=findings + _analysis_findings(analysis),
+        findings=_analysis_findings(analysis),
         partial=not analysis.complete,
     )
+
+
+def _analysis_lines(analysis: Analysis, folder: Path) -> tuple[str, ...]:
+    grid = analysis.grid
+    lines = [f"campaign {grid.campaign}: {int(grid.accepted.sum())} of {len(grid)} points accepted"]
+    if analysis.fits is not None:
+        sun, ring = analysis.fits.sun, analysis.fits.ring
+        lines.append(f"loss curves: scatter {sun.rmse * 1e3:.2f} mN m (sun), {ring.rmse * 1e3:.2f} mN m (ring)")
+    if analysis.calibration is not None:
+        shown = []
+        for name in ("K_corr", "b", "c", "d"):
+            error = analysis.calibration.standard_error(name)
+            state = "on its bound" if name in analysis.calibration.on_bound else "held"
+            shown.append(
+                f"{name} = {analysis.calibration.value(name):.4g} ({state if error is None else f'u {error:.2g}'})"
+            )
+        lines.append("calibration: " + ", ".join(shown))
+    lines.append(f"grids, losses, fits: {folder}")
+    return tuple(lines)
+
+
+def _analysis_findings(analysis: Analysis) -> tuple[dict[str, Any], ...]:
+    """Holes, steps that could not be made, magnetic efficiencies above 1."""
+    found = [_finding("warning", "grid", f"no accepted point at {cell}") for cell in analysis.lacking]
+    found += [
+        _finding("warning", error.where, f"{error.came}; expected {error.expected}. {error.do}")
+        for error in analysis.missing
+    ]
+    if analysis.balance is not None:
+        above = analysis.balance.above_one()
+        names = analysis.balance.grid.points.name[above]
+        if len(names):
+            message = (
+                f"magnetic efficiency above 1 at {len(names)} points, at {int(analysis.balance.implausible().sum())} "
+                f"by more than U: {', '.join(map(str, names[:5]))}{' ...' if len(names) > 5 else ''}"
+            )
+            found.append(_finding("warning", "efficiency", message))
+    return tuple(found)
 
 
 def run_compare(store: Path, report: Path) -> Outcome:
@@ -102,14 +179,14 @@ def run_compare(store: Path, report: Path) -> Outcome:
         residuals = compare(analysis.grid, simulated, bench, analysis.calibration)
         rng = np.random.default_rng(SEED)
         diagnosis = diagnose(analysis.grid, analysis.fits, analysis.floor, analysis.calibration, bench, rng)
-    remarks = _stored_findings(store, grid)
+    remarks, inputs = _sources(store, grid)
     page = build_report(
         analysis,
         residuals,
         diagnosis,
         bench,
         findings=tuple((f["severity"], f["where"], f["message"]) for f in remarks),
-        provenance=_provenance(store, analysis),
+        provenance=(*inputs, ("Seed of the synthetic campaigns", str(SEED))),
     )
     files = write_report(page, report)
     data: dict[str, Any] = {"report": str(files[0]), "files": [str(path) for path in files], "diagnosis": None}
@@ -125,3 +202,56 @@ def run_compare(store: Path, report: Path) -> Outcome:
     else:
         (report / "diagnosis.json").unlink(missing_ok=True)
     return Outcome(data, tuple(lines), remarks + _analysis_findings(analysis), not analysis.complete, mismatch)
+
+
+def _sources(store: Path, grid: Grid) -> tuple[tuple[dict[str, Any], ...], tuple[tuple[str, str], ...]]:
+    """Findings of the sources of a campaign, and what the report says of its inputs."""
+    if grid.origin == "published":
+        return (), (("Input", "published grids, torques rounded to 0.01 N m"),)
+    _, manifests = choose_campaign(Store(store), grid.campaign)
+    failed = [manifest for manifest in Store(store).manifests() if not manifest.ingested]
+    remarks = tuple(
+        _finding(plain["severity"], f"{plain['file']}: {plain['where']}", f"{plain['message']}. {plain['do']}")
+        for manifest in (*manifests, *failed)
+        for plain in manifest.document["findings"]
+    )
+    joined = "".join(sorted(manifest.document["sha256"] for manifest in manifests))
+    digest = hashlib.sha256(joined.encode()).hexdigest()
+    first = min(manifest.document["run"]["started_at"] for manifest in manifests)
+    simulated = any(plain["code"] == "samples.simulated" for m in manifests for plain in m.document["findings"])
+    inputs = [
+        ("Input", f"{len(manifests)} recordings" + (", marked as simulated by their writer" if simulated else "")),
+        ("First recording started", first),
+        ("SHA-256 over the sorted SHA-256 of the recordings", digest),
+    ]
+    return remarks, tuple(inputs)
+
+
+def run_all(
+    recordings: Path | None,
+    store: Path,
+    report: Path,
+    options: AnalysisOptions,
+    *,
+    grids: Path | None,
+    campaign: str | None,
+    workers: int | None,
+    progress: Callable[[int, int, str], None] | None,
+) -> Outcome:
+    """Ingest, analyse and compare; with published grids, analyse and compare."""
+    if (recordings is None) == (grids is None):
+        came = "neither RECORDINGS nor --grids" if recordings is None else "both RECORDINGS and --grids"
+        raise RecordingError("pmg run", came, "one of them", "Name a folder of recordings, or one of published grids.")
+    parts: dict[str, Outcome] = {}
+    if recordings is not None:
+        parts["ingest"] = run_ingest(recordings, store, workers=workers, progress=progress)
+    parts["analyse"] = run_analyse(store, options, grids=grids, campaign=campaign)
+    parts["compare"] = run_compare(store, report)
+    findings = {json.dumps(finding, sort_keys=True): finding for part in parts.values() for finding in part.findings}
+    return Outcome(
+        data={name: part.data for name, part in parts.items()},
+        lines=tuple(line for part in parts.values() for line in part.lines),
+        findings=tuple(findings.values()),
+        partial=any(part.partial for part in parts.values()),
+        mismatch=parts["compare"].mismatch,
+    )

@@ -1,4 +1,4 @@
-"""The store: decoded runs as Parquet, one manifest per source file, written so that a kill at any moment harms nothing."""
+"""The store: decoded runs as Parquet and one manifest a source, written so that a kill at any moment harms nothing."""
 
 from __future__ import annotations
 

@@ -130,9 +130,9 @@ def _table(residuals: Residuals) -> Table:
             Column(f"{name}_difference", "difference", shown.display_unit, uncertain=True),
         ]
     rows = []
-    shown = grid.accepted & ~at.zero
+    usable = grid.accepted & ~at.zero
     for i in by_speed(at):
-        if not shown[i]:
+        if not usable[i]:
             continue
         row: list[object] = [
             str(at.name[i]),

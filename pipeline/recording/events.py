@@ -83,4 +83,11 @@ def read_steps(topics: Mapping[str, Topic], findings: Findings) -> tuple[Step, .
             continue
         setpoints = step_setpoints(raw.point, raw.setpoint, findings)
         steps.append(Step(raw.sample, raw.point, raw.phase, setpoints))
+    if steps and not any(step.phase == "MEASURE" for step in steps):
+        findings.error(
+            Code.STEP_MISSING,
+            "/test/step",
+            f"{len(steps)} steps and none of them is MEASURE; expected one for each point",
+            "The file gives no point: the sequence was broken off, or the recorder does not write the phase.",
+        )
     return tuple(sorted(steps, key=lambda step: step.sample))

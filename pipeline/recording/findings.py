@@ -57,6 +57,7 @@ class Code(StrEnum):
     EDGES_STALLED = "edges.stalled"
     TIMEBASE_DRIFT = "edges.timebase_drift"
     STEP_UNKNOWN = "step.unknown"
+    STEP_MISSING = "step.missing"
     CLOCK_DISAGREES = "clock.disagrees"
 
 

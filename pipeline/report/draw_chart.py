@@ -76,7 +76,7 @@ def _series(ax: Axes, series: Series, group: int, sheet: Sheet) -> Artist:
     if reach is not None:
         # A point whose uncertainty is not stated is drawn without a bar, not left out.
         drawn = ~np.isnan(reach) & ~np.isnan(y) & ~np.isnan(x)
-        strokes = {"color": colour, "markerfacecolor": colour, "elinewidth": 1.0, "capthick": 1.0}
+        strokes: dict[str, Any] = {"color": colour, "markerfacecolor": colour, "elinewidth": 1.0, "capthick": 1.0}
         ax.errorbar(x[drawn], y[drawn], reach[drawn], fmt="none", zorder=1.9, **strokes)
     (sample,) = ax.plot(x, y, **look)
     return sample
@@ -150,7 +150,7 @@ def _legend(box: SubFigure, chart: Chart, handles: list[Artist], sheet: Sheet) -
     side_by_side = 1 < columns == len(lists)
     longest = max(map(len, lists), default=0)
     shown: list[tuple[Artist, str, bool]] = []
-    nothing = Line2D([], [], color="none")
+    nothing = Line2D([], [], color=sheet.palette["ink"], linestyle="none")
     for group, names in zip(_groups(chart), lists, strict=True):
         if group:
             shown.append((nothing, group, True))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup, escape
 
 from pmg.pipeline.report.draw import PAGE, PHONE, draw_svg
 from pmg.pipeline.report.theme import DARK, FONTS, LIGHT, variables
@@ -43,22 +43,20 @@ def html(report: Report) -> str:
             for section in report.sections
         },
         states=_STATES,
-        numeric=Markup(' class="number"'),
-        whole=Markup(' class="whole"'),
-        light=Markup(variables(LIGHT)),
-        dark=Markup(variables(DARK)),
-        fonts=Markup(FONTS),
-        css=Markup((_TEMPLATES / "report.css").read_text(encoding="utf-8")),
+        light=variables(LIGHT),
+        dark=variables(DARK),
+        fonts=FONTS,
+        css=(_TEMPLATES / "report.css").read_text(encoding="utf-8"),
     )
 
 
-def _drawing(figure: Figure) -> Markup:
-    """The figure drawn for wide and for narrow screens; the style sheet shows one of them."""
+def _drawing(figure: Figure) -> str:
+    """The figure drawn for wide and for narrow screens; the style sheet shows one of them.
+
+    A drawing escapes its own text; only its opening tag is added to.
+    """
     label = escape(figure.caption)
-    return Markup("\n").join(
-        # The drawing escapes its own text; only its opening tag is added to.
-        Markup(
-            draw_svg(figure, sheet).replace("<svg ", f'<svg class="drawing {kind}" role="img" aria-label="{label}" ', 1)
-        )
+    return "\n".join(
+        draw_svg(figure, sheet).replace("<svg ", f'<svg class="drawing {kind}" role="img" aria-label="{label}" ', 1)
         for sheet, kind in ((PAGE, "wide"), (PHONE, "phone"))
     )
