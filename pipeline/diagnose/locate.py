@@ -200,8 +200,7 @@ def find_mismatch(
     """
     readings = take_readings(grid, bench)
     model = start_model(fits)
-    sigma = {True: floor.sun.u, False: floor.ring.u}
-    white = whitener(readings, bench, sigma, {True: floor.sun.correlation, False: floor.ring.correlation})
+    white = whitener(readings, bench, floor)
     baseline = white(jacobian(readings, bench, model, BASELINE_FREE))
     y = white((readings.torque - predict(readings, bench, model))[:, None])
     candidates = families(readings, bench, model)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
-from scipy.linalg import cholesky, solve_triangular
 
 from pmg.pipeline.calibrate import jacobian
 from pmg.pipeline.diagnose.structure import families
@@ -88,6 +87,55 @@ class NoiseFloor:
 
 
 @dataclass(frozen=True)
+class Chain:
+    r"""Readings of one shaft in the order of the test, as links of a first-order autoregression.
+
+    Parameters
+    ----------
+    rows : (k,) array of int
+        The readings, in order.
+    lag : (k - 1,) array
+        Points of the campaign from each to the next.
+
+    Notes
+    -----
+    Noise with correlation :math:`\rho^{\mathrm{lag}}` is a Markov chain: what is new in a link is
+    :math:`(x_k - \rho^{l} x_{k-1}) / \sqrt{1 - \rho^{2l}}`, white and of the same variance.
+    """
+
+    rows: npt.NDArray[np.int64]
+    lag: Array
+
+    def whiten(self, columns: Array, rho: float) -> Array:
+        """What is new in each link (k, c)."""
+        keep = (rho**self.lag)[:, None]
+        out = columns.copy()
+        out[1:] = (columns[1:] - keep * columns[:-1]) / np.sqrt(1.0 - keep**2)
+        return out
+
+    def colour(self, white: Array, rho: float) -> Array:
+        """The noise whose links bring this news; the inverse of `whiten`."""
+        keep = rho**self.lag
+        out = white.copy()
+        for k, part in enumerate(keep, start=1):
+            out[k] = part * out[k - 1] + math.sqrt(1.0 - part**2) * white[k]
+        return out
+
+    def log_determinant(self, rho: float) -> float:
+        """Logarithm of the determinant of the correlation matrix."""
+        return float(np.sum(np.log1p(-(rho ** (2.0 * self.lag)))))
+
+
+def chain_of(readings: Readings, sun: bool) -> Chain:
+    """The chain of one shaft's readings; the order of the test must be known."""
+    position = np.empty(len(readings.grid))
+    position[np.argsort(readings.grid.points.started_at, kind="stable")] = np.arange(len(readings.grid))
+    rows = np.flatnonzero(readings.sun == sun)
+    rows = rows[np.argsort(position[readings.row[rows]], kind="stable")]
+    return Chain(rows, np.diff(position[readings.row[rows]]))
+
+
+@dataclass(frozen=True)
 class Whitener:
     """Makes the noise of the readings white, with unit standard deviation.
 
@@ -95,19 +143,18 @@ class Whitener:
     ----------
     scale : (m,) array
         Standard deviation of each reading [N m].
-    blocks : tuple of (rows, factor)
-        Per shaft, the readings in the order of the test and the Cholesky factor of their correlation.
+    chains : tuple of (Chain, float)
+        Per shaft, its chain and the correlation of neighbours.
     """
 
     scale: Array
-    blocks: tuple[tuple[npt.NDArray[np.int64], Array], ...]
+    chains: tuple[tuple[Chain, float], ...]
 
     def __call__(self, values: Array) -> Array:
         """Whitened columns of a vector or matrix over the readings."""
-        columns = values.reshape(len(values), -1) / self.scale[:, None]
-        out = columns.copy()
-        for rows, factor in self.blocks:
-            out[rows] = solve_triangular(factor, columns[rows], lower=True)
+        out = values.reshape(len(values), -1) / self.scale[:, None]
+        for chain, rho in self.chains:
+            out[chain.rows] = chain.whiten(out[chain.rows], rho)
         return out.reshape(values.shape)
 
 
@@ -166,17 +213,13 @@ def relative_scale(readings: Readings, bench: BenchParameters, sigma: dict[bool,
     return np.where(engaged, np.hypot(own, sigma[False] / ratio), own)
 
 
-def whitener(readings: Readings, bench: BenchParameters, sigma: dict[bool, float], rho: dict[bool, float]) -> Whitener:
-    """Whitener for noise of these standard deviations and neighbour correlations, by shaft (True is the sun)."""
-    blocks = []
-    if readings.grid.points.ordered:
-        for sun in (True, False):
-            rows = np.flatnonzero(readings.sun == sun)
-            if len(rows) == 0 or rho[sun] == 0.0:
-                continue
-            rows = rows[np.argsort(readings.grid.points.started_at[readings.row[rows]], kind="stable")]
-            blocks.append((rows, _neighbours(readings, rows, rho[sun])))
-    return Whitener(relative_scale(readings, bench, sigma), tuple(blocks))
+def whitener(readings: Readings, bench: BenchParameters, floor: NoiseFloor) -> Whitener:
+    """Whitener for noise of a floor's size and neighbour correlation."""
+    scale = relative_scale(readings, bench, {True: floor.sun.u, False: floor.ring.u})
+    if not readings.grid.points.ordered:
+        return Whitener(scale, ())
+    shafts = ((True, floor.sun), (False, floor.ring))
+    return Whitener(scale, tuple((chain_of(readings, sun), noise.correlation) for sun, noise in shafts))
 
 
 def synthetic_noise(
@@ -188,39 +231,27 @@ def synthetic_noise(
     knowing it exactly is part of the test's distribution.
     """
     out = rng.standard_normal((len(readings), draws))
-    for rows, factor in white.blocks:
-        noise = floor.sun if readings.sun[rows[0]] else floor.ring
+    for (chain, rho), noise in zip(white.chains, (floor.sun, floor.ring), strict=False):
         which = rng.choice(len(CORRELATIONS), size=draws, p=noise.correlation_weights)
         for k in np.unique(which):
-            columns = np.ix_(rows, np.flatnonzero(which == k))
-            coloured = _neighbours(readings, rows, float(CORRELATIONS[k])) @ out[columns]
-            out[columns] = solve_triangular(factor, coloured, lower=True)
+            columns = np.ix_(chain.rows, np.flatnonzero(which == k))
+            out[columns] = chain.whiten(chain.colour(out[columns], float(CORRELATIONS[k])), rho)
     return out
-
-
-def _neighbours(readings: Readings, rows: npt.NDArray[np.int64], rho: float) -> Array:
-    """Cholesky factor of rho**|lag|, the lag counted in points of the whole campaign."""
-    position = np.empty(len(readings.grid))
-    position[np.argsort(readings.grid.points.started_at, kind="stable")] = np.arange(len(readings.grid))
-    lag = np.abs(np.subtract.outer(position[readings.row[rows]], position[readings.row[rows]]))
-    return np.asarray(cholesky(rho**lag, lower=True))
 
 
 def _correlation(readings: Readings, residual: Array, basis: Array, sun: bool) -> Array:
     """Weight of each of `CORRELATIONS`: restricted likelihood with the structured columns taken out, flat prior."""
-    rows = np.flatnonzero(readings.sun == sun)
-    rows = rows[np.argsort(readings.grid.points.started_at[readings.row[rows]], kind="stable")]
-    design = orthonormal(basis[rows])
-    dof = len(rows) - design.shape[1]
+    chain = chain_of(readings, sun)
+    design = orthonormal(basis[chain.rows])
+    dof = len(chain.rows) - design.shape[1]
     if dof < MINIMUM_FOR_CORRELATION:
         return np.asarray(NO_CORRELATION)
     deviance = []
     for rho in CORRELATIONS:
-        factor = _neighbours(readings, rows, rho)
-        whitened = solve_triangular(factor, np.c_[design, residual[rows]], lower=True)
+        whitened = chain.whiten(np.c_[design, residual[chain.rows]], float(rho))
         q, r = np.linalg.qr(whitened[:, :-1])
         left = whitened[:, -1] - q @ (q.T @ whitened[:, -1])
-        logdet = 2.0 * np.log(np.diag(factor)).sum() + 2.0 * np.log(np.abs(np.diag(r))).sum()
+        logdet = chain.log_determinant(float(rho)) + 2.0 * np.log(np.abs(np.diag(r))).sum()
         deviance.append(dof * math.log(left @ left / dof) + logdet)
     weight = np.exp(-0.5 * (np.array(deviance) - min(deviance)))
     return np.asarray(weight / weight.sum())
