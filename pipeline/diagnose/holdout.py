@@ -10,7 +10,8 @@ import numpy as np
 
 from pmg.pipeline.calibrate import jacobian
 from pmg.pipeline.diagnose.locate import located_families
-from pmg.pipeline.diagnose.noise import BASELINE_FREE, relative_scale, start_model
+from pmg.pipeline.diagnose.noise import BASELINE_FREE, start_model
+from pmg.pipeline.diagnose.whiten import relative_scale
 from pmg.pipeline.readings import predict, take_readings
 
 if TYPE_CHECKING:

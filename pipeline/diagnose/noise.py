@@ -11,12 +11,11 @@ from scipy import stats
 
 from pmg.pipeline.calibrate import jacobian
 from pmg.pipeline.diagnose.structure import families
+from pmg.pipeline.diagnose.whiten import CORRELATIONS, NO_CORRELATION, chain_of, relative_scale
 from pmg.pipeline.readings import predict, take_readings
 from pmg.sim.lossmodel import LossModel
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
-
     from pmg.pipeline.fit import LossFits
     from pmg.pipeline.readings import Readings
     from pmg.sim.bench import BenchParameters
@@ -32,12 +31,6 @@ AGREEMENT = 0.01
 
 MINIMUM_FOR_CORRELATION = 30
 """Degrees of freedom below which no correlation between neighbours is estimated."""
-
-CORRELATIONS = np.arange(0.0, 0.71, 0.05)
-"""Neighbour correlations considered; above the last it is drift, not noise."""
-
-NO_CORRELATION = np.r_[1.0, np.zeros(len(CORRELATIONS) - 1)]
-"""Weights of a campaign whose order is not known, or that is too small to tell."""
 
 
 @dataclass(frozen=True)
@@ -86,78 +79,6 @@ class NoiseFloor:
     ring: ShaftNoise
 
 
-@dataclass(frozen=True)
-class Chain:
-    r"""Readings of one shaft in the order of the test, as links of a first-order autoregression.
-
-    Parameters
-    ----------
-    rows : (k,) array of int
-        The readings, in order.
-    lag : (k - 1,) array
-        Points of the campaign from each to the next.
-
-    Notes
-    -----
-    Noise with correlation :math:`\rho^{\mathrm{lag}}` is a Markov chain: what is new in a link is
-    :math:`(x_k - \rho^{l} x_{k-1}) / \sqrt{1 - \rho^{2l}}`, white and of the same variance.
-    """
-
-    rows: npt.NDArray[np.int64]
-    lag: Array
-
-    def whiten(self, columns: Array, rho: float) -> Array:
-        """What is new in each link (k, c)."""
-        keep = (rho**self.lag)[:, None]
-        out = columns.copy()
-        out[1:] = (columns[1:] - keep * columns[:-1]) / np.sqrt(1.0 - keep**2)
-        return out
-
-    def colour(self, white: Array, rho: float) -> Array:
-        """The noise whose links bring this news; the inverse of `whiten`."""
-        keep = rho**self.lag
-        out = white.copy()
-        for k, part in enumerate(keep, start=1):
-            out[k] = part * out[k - 1] + math.sqrt(1.0 - part**2) * white[k]
-        return out
-
-    def log_determinant(self, rho: float) -> float:
-        """Logarithm of the determinant of the correlation matrix."""
-        return float(np.sum(np.log1p(-(rho ** (2.0 * self.lag)))))
-
-
-def chain_of(readings: Readings, sun: bool) -> Chain:
-    """The chain of one shaft's readings; the order of the test must be known."""
-    position = np.empty(len(readings.grid))
-    position[np.argsort(readings.grid.points.started_at, kind="stable")] = np.arange(len(readings.grid))
-    rows = np.flatnonzero(readings.sun == sun)
-    rows = rows[np.argsort(position[readings.row[rows]], kind="stable")]
-    return Chain(rows, np.diff(position[readings.row[rows]]))
-
-
-@dataclass(frozen=True)
-class Whitener:
-    """Makes the noise of the readings white, with unit standard deviation.
-
-    Parameters
-    ----------
-    scale : (m,) array
-        Standard deviation of each reading [N m].
-    chains : tuple of (Chain, float)
-        Per shaft, its chain and the correlation of neighbours.
-    """
-
-    scale: Array
-    chains: tuple[tuple[Chain, float], ...]
-
-    def __call__(self, values: Array) -> Array:
-        """Whitened columns of a vector or matrix over the readings."""
-        out = values.reshape(len(values), -1) / self.scale[:, None]
-        for chain, rho in self.chains:
-            out[chain.rows] = chain.whiten(out[chain.rows], rho)
-        return out.reshape(values.shape)
-
-
 def repeat_contrasts(readings: Readings) -> Array:
     """Orthonormal differences between readings of the same set-point (m, r); none without repeats.
 
@@ -202,41 +123,6 @@ def orthonormal(columns: Array, tolerance: float = 1e-6) -> Array:
 def start_model(fits: LossFits) -> LossModel:
     """Curves of the neutral points with usual constants: the point about which the baseline is linear."""
     return LossModel(fits.sun.curve, fits.ring.curve, 0.85, 0.0, 2e-4, 0.0)
-
-
-def relative_scale(readings: Readings, bench: BenchParameters, sigma: dict[bool, float]) -> Array:
-    """Standard deviation of each reading [N m] from that of the two transducers' points."""
-    at = readings.grid.points
-    ratio = np.where(at.gear == 1, bench.gear1.ratio, bench.gear2.ratio)[readings.row]
-    engaged = readings.configuration == "engaged"
-    own = np.where(readings.sun, sigma[True], sigma[False])
-    return np.where(engaged, np.hypot(own, sigma[False] / ratio), own)
-
-
-def whitener(readings: Readings, bench: BenchParameters, floor: NoiseFloor) -> Whitener:
-    """Whitener for noise of a floor's size and neighbour correlation."""
-    scale = relative_scale(readings, bench, {True: floor.sun.u, False: floor.ring.u})
-    if not readings.grid.points.ordered:
-        return Whitener(scale, ())
-    shafts = ((True, floor.sun), (False, floor.ring))
-    return Whitener(scale, tuple((chain_of(readings, sun), noise.correlation) for sun, noise in shafts))
-
-
-def synthetic_noise(
-    readings: Readings, floor: NoiseFloor, white: Whitener, draws: int, rng: np.random.Generator
-) -> Array:
-    """Whitened noise of synthetic campaigns (m, draws).
-
-    The neighbour correlation of each is drawn from its weights while the whitening keeps to their mean, so that not
-    knowing it exactly is part of the test's distribution.
-    """
-    out = rng.standard_normal((len(readings), draws))
-    for (chain, rho), noise in zip(white.chains, (floor.sun, floor.ring), strict=False):
-        which = rng.choice(len(CORRELATIONS), size=draws, p=noise.correlation_weights)
-        for k in np.unique(which):
-            columns = np.ix_(chain.rows, np.flatnonzero(which == k))
-            out[columns] = chain.whiten(chain.colour(out[columns], float(CORRELATIONS[k])), rho)
-    return out
 
 
 def _correlation(readings: Readings, residual: Array, basis: Array, sun: bool) -> Array:

@@ -153,7 +153,7 @@ def edge_frequency(
         return EdgeFrequency(frequency, int(np.count_nonzero(wrong)), len(at), 0.0)
     edge_time = (time[fresh] - time[0]) / timebase_hz
     edge_phase = (count[fresh] - count[0]).astype(np.float64)
-    instant, drift = _instants((time - time[0]) / timebase_hz, at, rate_hz, fresh)
+    instant, drift = _instants((time - time[0]) / timebase_hz, at, rate_hz, count - count[0])
     phase = _phase(instant, edge_time, edge_phase, slowest=1.0 / LOWEST_FREQUENCY_HZ + 1.0 / rate_hz)
     gained = np.diff(phase) / np.diff(instant)
     gained[np.diff(at) > 1] = np.nan
@@ -163,13 +163,15 @@ def edge_frequency(
     return EdgeFrequency(frequency, 0, int(np.count_nonzero(np.isnan(phase))), drift)
 
 
-def _instants(time: Array, at: npt.NDArray[np.int64], rate_hz: float, fresh: Mask) -> tuple[Array, float]:
+def _instants(
+    time: Array, at: npt.NDArray[np.int64], rate_hz: float, count: npt.NDArray[np.int64]
+) -> tuple[Array, float]:
     """Sample instants on the axis of the edge times, and the drift between the two."""
     nominal = (at - at[0]) / rate_hz
-    last = int(np.flatnonzero(fresh)[-1])
+    last = int(np.searchsorted(count, count[-1]))
     slip = float(time[last] - nominal[last])
-    seen = abs(slip) > DRIFT_PERIODS * max(1.0 / rate_hz, float(time[last]) / np.count_nonzero(fresh))
-    drift = slip / float(nominal[last]) if seen else 0.0
+    period = float(time[last]) / float(count[last])
+    drift = slip / float(nominal[last]) if abs(slip) > DRIFT_PERIODS * period else 0.0
     if abs(drift) > LARGEST_DRIFT:
         drift = 0.0
     instant = nominal * (1.0 + drift)
@@ -177,13 +179,18 @@ def _instants(time: Array, at: npt.NDArray[np.int64], rate_hz: float, fresh: Mas
 
 
 def _phase(instant: Array, edge_time: Array, edge_phase: Array, slowest: float) -> Array:
-    """Phase at the sample instants [periods]; NaN where edges are further apart than `slowest` [s]."""
+    """Phase at the sample instants [periods]; NaN where the last edge is longer ago than `slowest` [s].
+
+    Right after the last edge before a pause, the phase goes on as before it.
+    """
     segment = np.searchsorted(edge_time, instant, side="right") - 1
     segment = np.clip(segment, 0, len(edge_time) - 2)
     width = np.diff(edge_time)
     slope = np.diff(edge_phase) / width
-    beyond = instant - edge_time[segment]
-    phase = edge_phase[segment] + slope[segment] * beyond
-    silent = np.where(segment == len(width) - 1, np.maximum(width[segment], beyond - width[segment]), width[segment])
-    phase[silent > slowest] = np.nan
+    wide = width[segment] > slowest
+    since = instant - edge_time[segment]
+    steady = slope[np.where(wide, np.maximum(segment - 1, 0), segment)]
+    phase = edge_phase[segment] + steady * since
+    beyond = instant > edge_time[-1] + slowest
+    phase[beyond | (wide & (since > slowest)) | (wide & (segment == 0))] = np.nan
     return np.asarray(phase)

@@ -17,13 +17,15 @@ RPM = math.pi / 30.0
 COUNTS_PER_REV = 5120
 TIMEBASE_HZ = 100_000_000
 BLOCK = 100
+LEAD = 0.01
+"""Time before the first sample from which the edges are counted [s]."""
 NULL_HZ = {"sun": 10_003.2, "ring": 9_996.9}
 NOMINAL = {"sun": 5.0, "ring": 10.0}
 SPAN_HZ = {"sun": 5_000.0, "ring": -4_900.0}
 FIELDS = {"f64": (10, "<f8"), "f32": (11, "<f4"), "i32": (12, "<i4"), "u32": (13, "<u4"), "u64": (14, "<u8")}
 
 CALIBRATION = "".join(
-    f'[transducer.{side}]\nnull_frequency_Hz = {NULL_HZ[side]}\nnominal_torque_Nm = {NOMINAL[side]}\n'
+    f"[transducer.{side}]\nnull_frequency_Hz = {NULL_HZ[side]}\nnominal_torque_Nm = {NOMINAL[side]}\n"
     f'span_Hz = {SPAN_HZ[side]}\nserial = "T-{side}"\n[encoder.{side}]\ncounts_per_rev = {COUNTS_PER_REV}\n'
     for side in ("sun", "ring")
 )
@@ -44,7 +46,8 @@ class Bench:
     """One run: what the shafts do and how it is recorded.
 
     Speeds in rpm, torques in N m, ripple in N m of a sine of `ripple_hz`. `drop` names sample ranges that a topic
-    lacks, `flags` the flags of a topic's blocks by number, `channel` and `run` metadata to change (None removes).
+    lacks, `raw` the messages of a topic instead of its own, `flags` the flags of a topic's blocks by number,
+    `channel` and `run` metadata to change (None removes).
     """
 
     seconds: float = 2.0
@@ -76,6 +79,7 @@ class Bench:
     index_slip: int = 0
     with_index: bool = False
     extra: Mapping[str, bytes] = field(default_factory=dict)
+    raw: Mapping[str, Sequence[bytes]] = field(default_factory=dict)
     compression: CompressionType = CompressionType.ZSTD
     crc: bool = True
 
@@ -117,8 +121,13 @@ def step(sample: int, point: str, phase: str, setpoint: Mapping[str, float]) -> 
 
 def event(sample: int, mask: int, changed: int) -> bytes:
     """LineEvent."""
-    return key(1, 1) + struct.pack("<Q", sample) + key(2, 5) + struct.pack("<I", mask) + key(3, 5) + struct.pack(
-        "<I", changed
+    return (
+        key(1, 1)
+        + struct.pack("<Q", sample)
+        + key(2, 5)
+        + struct.pack("<I", mask)
+        + key(3, 5)
+        + struct.pack("<I", changed)
     )
 
 
@@ -154,13 +163,12 @@ def edges_and_ticks(
     bench: Bench, side: str, t: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Count of edges and tick of the last one at each time; the first edge lies before the first sample."""
-    lead = 0.01
-    live = np.minimum(t, bench.silent_from) + lead
+    live = np.minimum(t, bench.silent_from) + LEAD
     count = np.floor(phase(bench, side, live))
     moment = live.copy()
     for _ in range(8):
         moment -= (phase(bench, side, moment) - count) / frequency(bench, side, moment)
-    tick = np.floor((moment - lead) * TIMEBASE_HZ * (1 + bench.timebase_error)).astype(np.int64)
+    tick = np.floor((moment - LEAD) * TIMEBASE_HZ * (1 + bench.timebase_error)).astype(np.int64)
     return count.astype(np.int64) + bench.start_edges, tick + 4_000_000 + bench.start_ticks
 
 
@@ -195,7 +203,7 @@ def tracks(bench: Bench) -> dict[str, tuple[dict[str, str], npt.NDArray[Any]]]:
 
 
 def write(path: Path, bench: Bench) -> Path:
-    """Write the run to a file."""
+    """Write the run to a file, the blocks of all topics in turn as a recorder does."""
     with path.open("wb") as stream:
         writer = Writer(stream, chunk_size=8192, compression=bench.compression, enable_crcs=bench.crc)
         writer.start(profile="pmg", library="test bench")
@@ -208,17 +216,19 @@ def write(path: Path, bench: Bench) -> Path:
             for name in ("SampleBlock", "TestStep", "LineEvent", "ClockMark", "IndexPulse")
         }
 
+        queue: list[tuple[int, int, bytes]] = []
+
         def put(topic: str, schema: str, messages: Sequence[bytes], metadata: Mapping[str, str]) -> None:
             if topic in bench.without:
                 return
             changed = dict(metadata) | dict(bench.channel.get(topic, {}))
             kept = {name: value for name, value in changed.items() if value is not None}
             channel = writer.register_channel(topic, "protobuf", schemas[schema], kept)
-            for number, message in enumerate(messages):
-                writer.add_message(channel, log_time=number * 7, publish_time=number, data=message)
+            queue.extend((number, channel, message) for number, message in enumerate(messages))
 
         for topic, (metadata, values) in tracks(bench).items():
-            put(topic, "SampleBlock", blocks(bench, topic, metadata["dtype"], values), metadata)
+            messages = bench.raw.get(topic) or blocks(bench, topic, metadata["dtype"], values)
+            put(topic, "SampleBlock", messages, metadata)
         put("/test/step", "TestStep", [step(*entry) for entry in bench.steps], {})
         put("/events/lines", "LineEvent", [event(*entry) for entry in bench.events], {})
         put("/sys/clock", "ClockMark", [mark(*entry) for entry in bench.marks], {})
@@ -227,6 +237,8 @@ def write(path: Path, bench: Bench) -> Path:
                 put(f"/daq/encoder_{side}/index", "IndexPulse", pulses(bench, side), {})
         for topic, message in bench.extra.items():
             put(topic, "SampleBlock", [message], {})
+        for number, channel, message in sorted(queue, key=lambda entry: entry[0]):
+            writer.add_message(channel, log_time=number * 7, publish_time=number, data=message)
         writer.finish()
     return path
 
