@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 import polars as pl
 
+from pmg.pipeline.aside import write_aside
 from pmg.pipeline.gridtable import frame_grid, grid_frame
 from pmg.pipeline.losses import QUANTITIES
 from pmg.pipeline.options import AnalysisOptions
-from pmg.pipeline.store import write_aside
 from pmg.sim.errors import StoreError
 from pmg.sim.signals import SPEED_SUN
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.analyse import Analysis, analyse
+from pmg.pipeline.aside import write_aside
 from pmg.pipeline.campaign import choose_campaign, measured_grid
 from pmg.pipeline.chapters.page import build_report
 from pmg.pipeline.compare import compare
@@ -19,7 +20,7 @@ from pmg.pipeline.ingest import ingest
 from pmg.pipeline.options import AnalysisOptions
 from pmg.pipeline.outputs import analysis_document, read_analysis, write_analysis
 from pmg.pipeline.report.write import write_report
-from pmg.pipeline.store import Store, write_aside
+from pmg.pipeline.store import Store
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import RecordingError
 from pmg.sim.gearbox import Gearbox

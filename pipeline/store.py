@@ -4,46 +4,26 @@ from __future__ import annotations
 
 import io
 import json
-import os
-import tempfile
+import time
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
+from pmg.pipeline.aside import PREFIX, write_aside
 from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
 SCHEMA = "pmg.store/1"
 MARK = "store.json"
 SOURCES = "sources"
 RUNS = "runs"
-PREFIX = ".pmg-"
-"""Start of the names of files that are still being written."""
-
-
-def write_aside(path: Path, data: bytes) -> None:
-    """Write a file so that it is either the old one or the new one, never half of it.
-
-    The data go to a file of another name in the same folder, which is then renamed. The folder is made if absent.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=PREFIX, suffix=path.suffix, dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as aside:
-            aside.write(data)
-            aside.flush()
-            os.fsync(aside.fileno())
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except BaseException:
-        with suppress(OSError):
-            Path(name).unlink()
-        raise
+ABANDONED = 3600.0
+"""Age after which such a file belongs to no running process [s]."""
 
 
 @dataclass(frozen=True)
@@ -164,11 +144,12 @@ class Store:
             ) from error
 
     def sweep(self) -> None:
-        """Remove what interrupted writes of earlier runs left behind."""
+        """Remove what interrupted writes left behind an hour ago or more; younger ones may be another process's."""
         for folder in (self.path, self.path / SOURCES, self.path / RUNS):
             for left in folder.glob(f"{PREFIX}*"):
                 with suppress(OSError):
-                    left.unlink()
+                    if time.time() - left.stat().st_mtime > ABANDONED:
+                        left.unlink()
 
 
 def _schema_of(mark: Path) -> object:

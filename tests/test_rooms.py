@@ -51,7 +51,13 @@ OWNERS: dict[str, tuple[str, ...]] = {
 MAY_ASK: dict[str, tuple[str, ...]] = {
     "pmg.sim": ("pmg.sim",),
     "pmg.pipeline.recording": ("pmg.pipeline.recording", "pmg.sim"),
-    "pmg.pipeline.report": ("pmg.pipeline.report", "pmg.sim.errors", "pmg.sim.signals", "pmg.sim.sources"),
+    "pmg.pipeline.report": (
+        "pmg.pipeline.report",
+        "pmg.pipeline.aside",
+        "pmg.sim.errors",
+        "pmg.sim.signals",
+        "pmg.sim.sources",
+    ),
 }
 """A room that may ask only some others: physics knows no data, a decoder no analysis, a report no gears."""
 

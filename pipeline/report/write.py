@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.aside import write_aside
 from pmg.pipeline.report.draw import draw_png
 from pmg.pipeline.report.html import html
 from pmg.sim.errors import StoreError
@@ -48,29 +48,18 @@ def write_report(report: Report, folder: Path) -> tuple[Path, ...]:
     files |= {figure.file: draw_png(figure) for figure in report.figures}
     files |= {table.file: _encoded(table.csv()) for table in report.tables}
     # Until all is in place the listing names both reports, so that a broken run leaves nothing unlisted.
-    _write_aside(folder / LISTING, _listing(earlier | set(files)))
+    write_aside(folder / LISTING, _listing(earlier | set(files)))
     for name, data in reversed(files.items()):
-        _write_aside(folder / name, data)
+        write_aside(folder / name, data)
     for name in sorted(earlier - set(files)):
         (folder / name).unlink(missing_ok=True)
-    _write_aside(folder / LISTING, _listing(set(files)))
+    write_aside(folder / LISTING, _listing(set(files)))
     return (*(folder / name for name in files), folder / LISTING)
 
 
 def _encoded(text: str) -> bytes:
     """UTF-8; what it cannot hold (bytes of a file name that were no text) is spelled out."""
     return text.encode("utf-8", "backslashreplace")
-
-
-def _write_aside(path: Path, data: bytes) -> None:
-    """Write beside the target and rename, so that a reader meets the old file or the new one, never half of it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.part")
-    with part.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    part.replace(path)
 
 
 def _listing(names: set[str]) -> bytes:

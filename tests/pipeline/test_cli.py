@@ -9,10 +9,10 @@ from typing import Any
 
 import jsonschema
 import pytest
+from tests.conftest import ROOT
 from typer.testing import CliRunner
 
 from pmg.pipeline.cli import app
-from tests.conftest import ROOT
 
 RUNNER = CliRunner()
 EXAMPLE = ROOT / "raw" / "example"

@@ -14,7 +14,7 @@ SUN, RING = (axis.ravel() for axis in np.meshgrid(np.linspace(-1800.0, 1800.0, 1
 
 def torques(coefficients: tuple[float, float, float], rpm: np.ndarray, top: float) -> np.ndarray:
     x = np.abs(rpm) / top
-    return np.sign(rpm) * (coefficients[0] + coefficients[1] * np.sqrt(x) + coefficients[2] * x)
+    return np.asarray(np.sign(rpm) * (coefficients[0] + coefficients[1] * np.sqrt(x) + coefficients[2] * x))
 
 
 @given(st.tuples(st.floats(0.0, 0.1), st.floats(-0.1, 0.3), st.floats(-0.1, 0.3)))
@@ -31,8 +31,8 @@ def test_standard_errors_cover_the_truth_at_the_stated_rate(rng: np.random.Gener
     clean = torques(truth, SUN, 1872.0), torques(truth, RING, 720.0)
     inside = 0
     for _ in range(400):
-        noisy = [torque + 1e-3 * rng.standard_normal(len(at)) for torque in clean]
-        fit = fit_losses(measured(at, *noisy), (0.0, 0.5, 1.0), (0.0, 0.5, 1.0)).sun
+        sun, ring = (torque + 1e-3 * rng.standard_normal(len(at)) for torque in clean)
+        fit = fit_losses(measured(at, sun, ring), (0.0, 0.5, 1.0), (0.0, 0.5, 1.0)).sun
         inside += abs(fit.curve.coefficients[1] - truth[1]) < 1.992 * fit.standard_errors[1]
     assert 0.925 < inside / 400 < 0.975
 

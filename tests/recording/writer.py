@@ -239,7 +239,7 @@ def write(path: Path, bench: Bench) -> Path:
             put(topic, "SampleBlock", [message], {})
         for number, channel, message in sorted(queue, key=lambda entry: entry[0]):
             writer.add_message(channel, log_time=number * 7, publish_time=number, data=message)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
     return path
 
 
