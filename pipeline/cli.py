@@ -71,6 +71,7 @@ CorrectionOption = Annotated[
 RestOption = Annotated[
     bool | None, typer.Option("--include-rest/--exclude-rest", help="Use readings of resting shafts in the curves.")
 ]
+NoteOption = Annotated[str, typer.Option("--note", help="Told at the head of the report, such as where data are from.")]
 WorkersOption = Annotated[int | None, typer.Option("--workers", min=1, help="Parallel workers of the ingest.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 FailOnOption = Annotated[FailOn, typer.Option("--fail-on", help="Exit with 1 on a mismatch, or on any finding.")]
@@ -122,6 +123,7 @@ def analyse(
 def compare(
     store: StoreOption,
     report: ReportOption,
+    note: NoteOption = "",
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
 ) -> None:
@@ -130,7 +132,7 @@ def compare(
     def stage() -> Outcome:
         from pmg.pipeline.stages import run_compare
 
-        return run_compare(store, report)
+        return run_compare(store, report, note)
 
     _carry_out("compare", stage, as_json, fail_on)
 
@@ -148,6 +150,7 @@ def run(
     terms_ring: TermsRing = None,
     k_corr: CorrectionOption = None,
     include_rest: RestOption = None,
+    note: NoteOption = "",
     workers: WorkersOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
@@ -166,6 +169,7 @@ def run(
                 options,
                 grids=grids,
                 campaign=campaign,
+                note=note,
                 workers=workers,
                 progress=progress,
             )

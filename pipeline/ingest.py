@@ -2,42 +2,28 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.executors import map_over
-from pmg.pipeline.recording import Code, Finding, Severity, UnusableRecordingError, read_recording
+from pmg.pipeline.inventory import take_inventory
+from pmg.pipeline.recording import Finding, UnusableRecordingError, read_recording
 from pmg.pipeline.reduce import reduce_window
 from pmg.pipeline.store import Store
 from pmg.pipeline.windows import find_windows
-from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
+    from pmg.pipeline.inventory import Source
     from pmg.pipeline.recording import Recording
+    from pmg.pipeline.store import Manifest
     from pmg.pipeline.windows import Window
 
-SUFFIX = ".mcap"
 WORTH_A_PROCESS = 64 * 2**20
 """Bytes of recordings from which a second process pays for its start."""
-
-
-@dataclass(frozen=True)
-class Source:
-    """One file to ingest: where it lies, its name in the campaign, its identity."""
-
-    path: Path
-    name: str
-    sha256: str
-
-    @property
-    def identifier(self) -> str:
-        """Stem of the file and the first eight digits of its hash."""
-        return f"{self.path.stem}-{self.sha256[:8]}"
 
 
 @dataclass(frozen=True)
@@ -60,28 +46,6 @@ class IngestReport:
     windows: int
     rejected: int
     findings: tuple[Finding, ...]
-
-
-def find_recordings(place: Path) -> list[Path]:
-    """The recordings of a folder (and below it), by name; or the one file that was named.
-
-    Raises
-    ------
-    RecordingError
-        Nothing is there.
-    """
-    if place.is_file():
-        return [place]
-    if not place.exists():
-        raise RecordingError(str(place), "nothing there", f"a folder of {SUFFIX} files, or one", "Check the path.")
-    found = sorted(path for path in place.rglob(f"*{SUFFIX}") if path.is_file())
-    if not found:
-        others = sorted({path.suffix or "no suffix" for path in place.iterdir()})
-        held = f"no {SUFFIX} file" + (f" (but {', '.join(others[:5])})" if others else " (the folder is empty)")
-        raise RecordingError(
-            str(place), held, f"recordings with the ending {SUFFIX}", "Name the folder that holds them."
-        )
-    return found
 
 
 def ingest(
@@ -109,69 +73,69 @@ def ingest(
     RecordingError
         There are no recordings.
     """
-    paths = find_recordings(place)
-    base = place if place.is_dir() else place.parent
+    inventory = take_inventory(place)
     store.prepare()
     store.sweep()
-    sources, twins = _sources(paths, base)
-    manifests = {source: store.manifest(source.identifier) for source in sources}
-    todo = [source for source in sources if (m := manifests[source]) is None or not m.ingested]
+    there = {manifest.document["sha256"]: manifest for manifest in store.manifests() if manifest.ingested}
+    todo = [source for source in inventory.sources if source.sha256 not in there]
     if workers is None:
         large = sum(source.path.stat().st_size for source in todo) >= WORTH_A_PROCESS
         workers = (os.cpu_count() or 1) if large else 1
-    done = len(sources) - len(todo)
-    jobs = [(source, store.path) for source in todo]
-    for (source, _), _ in map_over(_ingest_one, jobs, workers):
+    done = len(inventory.sources) - len(todo)
+    failed = inventory.unreadable
+    for (source, _), usable in map_over(_ingest_one, [(source, store.path) for source in todo], workers):
         done += 1
+        failed += not usable
         if progress is not None:
-            progress(done, len(sources), source.name)
-    documents = []
-    for source in sources:
-        manifest = store.manifest(source.identifier)
-        if manifest is None:
-            raise RecordingError(source.name, "its manifest vanished", "an undisturbed store", "Run it again.")
-        documents.append(manifest.document)
+            progress(done, len(inventory.sources), source.name)
+    supersede(store, inventory.sources)
+    known = {manifest.document["sha256"]: manifest.document for manifest in store.manifests()}
+    documents = [known[source.sha256] for source in inventory.sources if source.sha256 in known]
     windows = [window for document in documents for window in document["windows"]]
-    failed = sum(document["status"] == "failed" for document in documents)
+    told = (Finding.from_dict(plain) for document in documents for plain in document["findings"])
     return IngestReport(
-        ingested=len(todo) - failed,
-        skipped=len(sources) - len(todo),
+        ingested=len(todo) - (failed - inventory.unreadable),
+        skipped=len(inventory.sources) - len(todo),
         failed=failed,
         windows=len(windows),
         rejected=sum(not window["accepted"] for window in windows),
-        findings=(*twins, *(Finding.from_dict(plain) for document in documents for plain in document["findings"])),
+        findings=(*inventory.findings, *told),
     )
 
 
-def _sources(paths: list[Path], base: Path) -> tuple[list[Source], list[Finding]]:
-    """Files by content: the same bytes twice are one source, and said so."""
-    sources: dict[str, Source] = {}
-    twins = []
-    for path in paths:
-        name = path.relative_to(base).as_posix()
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-        if digest in sources:
-            message = f"the same bytes as {sources[digest].name}; expected each run once. It is ingested once"
-            twins.append(
-                Finding(Code.DUPLICATE_FILE, Severity.WARNING, name, "whole file", message, "Remove the copy.")
-            )
-            continue
-        sources[digest] = Source(path, name, digest)
-    return list(sources.values()), twins
+def supersede(store: Store, sources: tuple[Source, ...]) -> None:
+    """Remove what the store holds of earlier contents of these very files.
+
+    Other bytes at the same place that tell of the same run (campaign and start) are a corrected version; a failed
+    file at the same place was mended. Were both kept, points would count twice. Another run that was written over
+    an earlier one leaves that one in the store.
+    """
+    current = {source.sha256 for source in sources}
+    manifests = store.manifests()
+    runs = {m.document["place"]: _run_of(m) for m in manifests if m.document["sha256"] in current and m.ingested}
+    for manifest in manifests:
+        place = manifest.document["place"]
+        if manifest.document["sha256"] not in current and place in runs and _run_of(manifest) in (None, runs[place]):
+            store.remove(manifest.identifier)
+
+
+def _run_of(manifest: Manifest) -> tuple[str, str] | None:
+    """Campaign and start of an ingested source."""
+    return (manifest.document["run"]["campaign"], manifest.document["run"]["started_at"]) if manifest.ingested else None
 
 
 def _ingest_one(job: tuple[Source, Path]) -> bool:
     """Read, judge, condense and store one file; whether it could be used."""
     source, folder = job
     store = Store(folder)
-    common = {"file": source.name, "sha256": source.sha256, "size": source.path.stat().st_size}
+    common: dict[str, Any] = {"file": source.name, "place": source.place, "sha256": source.sha256}
     try:
         recording = read_recording(source.path, source.name)
     except UnusableRecordingError as error:
         findings = [finding.to_dict() for finding in error.findings]
         store.write(source.identifier, common | {"status": "failed", "findings": findings, "windows": []}, None)
         return False
+    common["size"] = recording.size
     windows = [_window_document(recording, window) for window in find_windows(recording)]
     store.write(source.identifier, common | _recording_document(recording) | {"windows": windows}, recording.samples)
     return True

@@ -168,7 +168,7 @@ def _analysis_findings(analysis: Analysis) -> tuple[dict[str, Any], ...]:
     return tuple(found)
 
 
-def run_compare(store: Path, report: Path) -> Outcome:
+def run_compare(store: Path, report: Path, note: str = "") -> Outcome:
     """Simulate the analysed campaign, compare, diagnose, and write the report."""
     bench = load_bench()
     grid, options = read_analysis(store)
@@ -186,6 +186,7 @@ def run_compare(store: Path, report: Path) -> Outcome:
         residuals,
         diagnosis,
         bench,
+        note=note,
         findings=tuple((f["severity"], f["where"], f["message"]) for f in remarks),
         provenance=(*inputs, ("Seed of the synthetic campaigns", str(SEED))),
     )
@@ -236,6 +237,7 @@ def run_all(
     *,
     grids: Path | None,
     campaign: str | None,
+    note: str,
     workers: int | None,
     progress: Callable[[int, int, str], None] | None,
 ) -> Outcome:
@@ -247,7 +249,7 @@ def run_all(
     if recordings is not None:
         parts["ingest"] = run_ingest(recordings, store, workers=workers, progress=progress)
     parts["analyse"] = run_analyse(store, options, grids=grids, campaign=campaign)
-    parts["compare"] = run_compare(store, report)
+    parts["compare"] = run_compare(store, report, note)
     findings = {json.dumps(finding, sort_keys=True): finding for part in parts.values() for finding in part.findings}
     return Outcome(
         data={name: part.data for name, part in parts.items()},

@@ -133,6 +133,11 @@ class Store:
             write_aside(self.path / RUNS / f"{identifier}.parquet", buffer.getvalue())
         write_aside(self.path / SOURCES / f"{identifier}.json", _json({"schema": SCHEMA} | dict(document)))
 
+    def remove(self, identifier: str) -> None:
+        """Forget a source: the manifest first, so that samples without one are all that a kill can leave."""
+        (self.path / SOURCES / f"{identifier}.json").unlink(missing_ok=True)
+        (self.path / RUNS / f"{identifier}.parquet").unlink(missing_ok=True)
+
     def samples(self, identifier: str) -> pl.DataFrame:
         """Decoded samples of a source: `sample`, `torque_sun`, `torque_ring` [N m], `angle_sun`, `angle_ring` [rad]."""
         path = self.path / RUNS / f"{identifier}.parquet"

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 PACKAGES = ("pmg-bench", "numpy", "scipy", "pandas", "polars", "mcap", "matplotlib")
 """Distributions whose versions the report names."""
 
-SYNTHETIC_NOTE = "synthetic recordings, written by a bench generator; no measurement of a real bench"
-
 
 def build_report(
     analysis: Analysis,
@@ -32,6 +30,7 @@ def build_report(
     diagnosis: Diagnosis | None,
     bench: BenchParameters,
     *,
+    note: str,
     findings: tuple[tuple[str, str, str], ...],
     provenance: tuple[tuple[str, str], ...],
 ) -> Report:
@@ -47,6 +46,8 @@ def build_report(
         Verdict.
     bench : BenchParameters
         Motor constants for the power flow.
+    note : str
+        What the reader must know about the data, such as that they are synthetic; may be empty.
     findings : tuple of (severity, where, message)
         Remarks of the ingest.
     provenance : tuple of (label, value)
@@ -65,12 +66,12 @@ def build_report(
         sections.append(comparison_section(residuals))
         gearbox = Gearbox.calibrated(bench, analysis.calibration.model)
         sections.append(flow_section(gearbox, residuals.grid, residuals.simulated, bench))
-    sections.append(data_section(analysis, findings))
+    sections.append(data_section(analysis, note, findings))
     grid = analysis.grid
     versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     return Report(
         title=f"Campaign {grid.campaign}",
-        subtitle="Planetary magnetic gearbox: recordings, losses, simulation and what explains the difference",
+        subtitle=note or "Planetary magnetic gearbox: recordings, losses, simulation and what explains the difference",
         verdict=_verdict(analysis, diagnosis),
         sections=tuple(sections),
         provenance=Facts((*provenance, ("Versions", versions))),

@@ -14,13 +14,15 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.noise import ShaftNoise
 
 
-def data_section(analysis: Analysis, findings: tuple[tuple[str, str, str], ...]) -> Section:
+def data_section(analysis: Analysis, note: str, findings: tuple[tuple[str, str, str], ...]) -> Section:
     """What was recorded and what of it could be used.
 
     Parameters
     ----------
     analysis : Analysis
         The campaign.
+    note : str
+        What the user says of the data.
     findings : tuple of (severity, where, message)
         What reading the recordings brought up.
     """
@@ -33,6 +35,7 @@ def data_section(analysis: Analysis, findings: tuple[tuple[str, str, str], ...])
             f"{len(grid)}: {int(at.neutral.sum())} neutral, {int(at.engaged.sum())} engaged, "
             f"{int(at.zero.sum())} zero checks",
         ),
+        ("Note", note or "none"),
         ("Accepted", f"{int(grid.accepted.sum())} of {len(grid)}"),
         ("Holes in the grids", f"{len(analysis.lacking)}" if analysis.lacking else "none"),
         ("Order of the test", "known" if at.ordered else "not recorded"),

@@ -128,13 +128,15 @@ def test_recordings_with_damage_among_them_go_on_and_exit_with_three(tmp_path: P
     assert result["data"]["ingest"]["failed"] == 2
     files = {finding["file"] for finding in result["findings"] if "file" in finding}
     assert {names[5], "notes.mcap"} <= files
-    before = {path: path.read_bytes() for path in (store / "sources").iterdir()}
+    before = {p: d for p in (store / "sources").iterdir() if '"failed"' not in (d := p.read_text())}
     (folder / names[5]).write_bytes(whole)
     (folder / "notes.mcap").unlink()
     again = call("ingest", folder, "--store", store, expect=0)
     assert again["data"]["ingested"] == 1
     assert again["data"]["skipped"] == len(names) - 1
-    assert all(path.read_bytes() == data for path, data in before.items())
+    assert all(path.read_text() == data for path, data in before.items())
+    left = [json.loads(path.read_text()) for path in (store / "sources").iterdir()]
+    assert [d["file"] for d in left if d["status"] == "failed"] == ["notes.mcap"]
 
 
 def test_a_store_is_not_made_over_other_things(tmp_path: Path) -> None:
