@@ -137,7 +137,7 @@ def _statement(mismatch: Mismatch, held: HeldOut | None) -> str:
     )
     if held is not None:
         low, high = held.gain_interval
-        change = "falls" if low > 0.0 else ("rises" if high < 0.0 else "goes, within its uncertainty unchanged,")
+        change = "falls" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly fall:")
         sentence += (
             f" With that structure in, the error on withheld readings {change} from {held.rmse_before * 1e3:.2f} "
             f"to {held.rmse_after * 1e3:.2f} mN m (noise {held.noise_floor * 1e3:.2f})."
