@@ -242,17 +242,22 @@ def _pool(within: Array, repeats: tuple[float, int], unstructured: float, dof: f
     return replace(noise, u=pooled, dof=n + dof, source="repeated points and scatter that follows no covariate, pooled")
 
 
+NOISY_WINDOW = 2.5
+"""A window whose own scatter is this many times the usual keeps its own uncertainty; below, the difference from the
+usual is mostly that of an estimate from ten batches."""
+
+
 def with_floor(grid: Grid, floor: NoiseFloor) -> Grid:
     r"""The grid with the uncertainty of each point, wander between points included.
 
     Notes
     -----
-    :math:`u_i^2 = w^2 + u_{i,\mathrm{within}}^2` with the wander :math:`w^2` that the floor has beyond the mean
-    within-window variance: a noisy window keeps its own, larger, uncertainty.
+    :math:`u_i` is the floor. A window that is noisier than the others has
+    :math:`u_i^2 = u_\mathrm{floor}^2 - \overline{u_\mathrm{within}^2} + u_{i,\mathrm{within}}^2` instead.
     """
 
     def point(within: Array, noise: ShaftNoise) -> Array:
-        wander = max(noise.u**2 - noise.within**2, 0.0)
-        return np.sqrt(wander + within**2)
+        own = np.sqrt(max(noise.u**2 - noise.within**2, 0.0) + within**2)
+        return np.where(within > NOISY_WINDOW * noise.within, own, noise.u)
 
     return replace(grid, u_sun=point(grid.within_sun, floor.sun), u_ring=point(grid.within_ring, floor.ring))
