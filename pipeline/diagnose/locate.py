@@ -52,7 +52,7 @@ class Location:
     depends_on : tuple of str
         Covariates it follows; first the family that shows it most clearly, then those that carry the same trace.
     region : dict
-        Range of each covariate in which it exceeds half its peak: in display units, as `unit` says.
+        Range of each quantity in which it exceeds half its peak; the names carry the units.
     size : float
         Root mean square of the effect over the readings concerned [N m], after what the baseline absorbs.
     peak : float
