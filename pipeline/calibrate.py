@@ -29,6 +29,10 @@ CONSTANTS: dict[str, Parameter] = {
 """The scalar constants of the baseline: unit, bounds, usual size."""
 
 
+UNDETERMINED = 1e-6
+"""Ratio of singular values (columns of unit length) below which a combination of parameters is not determined."""
+
+
 @dataclass(frozen=True)
 class Calibration:
     """The baseline that fits the readings best.
@@ -156,7 +160,7 @@ def calibrate(
     Raises
     ------
     FitError
-        There are no engaged points, or the solver did not converge.
+        There are no engaged points, the points do not determine the constants, or the solver did not converge.
     """
     if not (grid.points.engaged & grid.accepted).any():
         raise FitError(
@@ -199,7 +203,19 @@ def calibrate(
     covariance = np.full((len(names), len(names)), np.nan)
     inside = np.flatnonzero(~bound)
     design = slopes(values)[:, inside]
-    covariance[np.ix_(inside, inside)] = np.linalg.pinv(design.T @ design)
+    length = np.linalg.norm(design, axis=0)
+    _, singular, right = np.linalg.svd(design / np.where(length > 0.0, length, 1.0), full_matrices=False)
+    if (length == 0.0).any() or singular[-1] < UNDETERMINED * singular[0]:
+        weak = np.abs(right[-1]) > 0.1 if (length > 0.0).all() else length == 0.0
+        alike = ", ".join(names[i] for i in inside[weak])
+        raise FitError(
+            "calibration",
+            f"these points do not determine {alike}",
+            "engaged points at several speeds, more than there are free constants",
+            "Measure more engaged speeds, or hold K_corr with --k-corr.",
+        )
+    scaled = right.T / singular
+    covariance[np.ix_(inside, inside)] = (scaled @ scaled.T) / np.outer(length, length)
     final = residuals(values)
     return Calibration(
         model=with_parameters(start, free, values),

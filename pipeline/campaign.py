@@ -54,6 +54,14 @@ def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) 
         key=lambda window: (window["started_at_s"], window["point"]),
     )
 
+    if not windows:
+        raise StoreError(
+            f"campaign {name}",
+            f"{len(manifests)} sources without a test window",
+            "one window at least",
+            "Check that the sequence holds MEASURE steps.",
+        )
+
     def column(shaft: str, key: str) -> Array:
         values = [window["means"][shaft][key] for window in windows]
         return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
@@ -63,7 +71,7 @@ def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) 
         return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
 
     def flags(key: str) -> Mask:
-        return np.array([bool(window[key]) for window in windows])
+        return np.array([bool(window[key]) for window in windows], dtype=bool)
 
     def words(key: str) -> np.ndarray[tuple[int], np.dtype[np.str_]]:
         return np.array([str(window[key]) for window in windows], dtype=np.str_)

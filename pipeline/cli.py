@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import traceback
 from contextlib import contextmanager
@@ -265,7 +266,8 @@ FINDINGS_SHOWN = 20
 def _tell_findings(outcome: Outcome) -> None:
     told = [finding for finding in outcome.findings if finding["severity"] != "info"]
     for finding in told[:FINDINGS_SHOWN]:
-        typer.echo(f"{finding['severity']}: {finding['where']}: {finding['message']}", err=True)
+        place = f"{finding['file']}: {finding['where']}" if "file" in finding else finding["where"]
+        typer.echo(f"{finding['severity']}: {place}: {finding['message']}", err=True)
     if len(told) > FINDINGS_SHOWN:
         typer.echo(f"... and {len(told) - FINDINGS_SHOWN} more; --json and the report list them all.", err=True)
 
@@ -281,5 +283,10 @@ def _exit_code(outcome: Outcome, fail_on: FailOn) -> ExitCode:
 
 
 def main() -> None:
-    """Entry of the console scripts."""
+    """Entry of the console scripts.
+
+    Linear algebra keeps to one thread unless the user says otherwise: its matrices here are small, and on a machine
+    that is busy, threads that wait for each other make the analysis several times slower.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     app()

@@ -65,6 +65,7 @@ def fit_damping(grid: Grid, fits: LossFits, correction: float) -> DampingFit:
     unit = (HysteresisDamping(1.0), EddyDamping(1.0), ExcessDamping(1.0))
     design = np.stack([-mechanism.torque(at).power(at) for mechanism in unit], axis=1)
     scale = np.linalg.norm(design, axis=0)
+    scale[scale == 0.0] = 1.0
     scaled, _ = nnls(design / scale, measured)
     values = scaled / scale
     fitted = design @ values
@@ -73,18 +74,18 @@ def fit_damping(grid: Grid, fits: LossFits, correction: float) -> DampingFit:
     dof = max(len(measured) - 3, 1)
     errors: list[float | None] = [None, None, None]
     if free.any():
-        covariance = np.linalg.inv(design[:, free].T @ design[:, free]) * rss / dof
+        covariance = np.linalg.pinv(design[:, free].T @ design[:, free]) * rss / dof
         for i, position in enumerate(np.flatnonzero(free)):
             errors[position] = math.sqrt(float(covariance[i, i]))
     b, c, d = map(float, values)
-    about_mean = measured - measured.mean()
+    about_mean = float(np.sum((measured - measured.mean()) ** 2))
     return DampingFit(
         correction=correction,
         b=b,
         c=c,
         d=d,
         standard_errors=(errors[0], errors[1], errors[2]),
-        r_squared=1.0 - rss / float(about_mean @ about_mean) if len(measured) > 1 else math.nan,
+        r_squared=1.0 - rss / about_mean if about_mean > 0.0 else math.nan,
         rmse=math.sqrt(rss / dof),
         fitted=fitted,
     )

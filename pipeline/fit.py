@@ -28,6 +28,10 @@ THESIS_POWERS_RING = (0.0, 1.0, 2.0, 3.0, 4.0)
 """Ring curve that reproduces the thesis's simulated torques best."""
 
 
+ALIKE = 1e-8
+"""Ratio of singular values (columns of unit length) below which two terms cannot be told apart."""
+
+
 @dataclass(frozen=True)
 class LossFit:
     """A fitted loss curve and how good it is.
@@ -83,7 +87,8 @@ class LossFits:
     ring: LossFit
 
 
-def _checked(powers: tuple[float, ...]) -> tuple[float, ...]:
+def check_powers(powers: tuple[float, ...]) -> tuple[float, ...]:
+    """The exponents in rising order; a `FitError` where they cannot be terms of a curve."""
     if not powers or len(set(powers)) < len(powers) or min(powers) < 0.0 or not np.isfinite(powers).all():
         raise FitError(
             "loss fit terms",
@@ -114,6 +119,17 @@ def _fit_one(shaft: str, speed: Array, drag: Array, rows: Mask, powers: tuple[fl
             f"rank {k}",
             "Choose fewer terms: these are alike here.",
         )
+    length = np.linalg.norm(design, axis=0)
+    _, singular, right = np.linalg.svd(design / length, full_matrices=False)
+    if singular[-1] < ALIKE * singular[0]:
+        raise FitError(
+            f"loss fit of the {shaft}",
+            f"{k} terms that are alike over these speeds",
+            "terms that can be told apart",
+            "Choose fewer terms, or powers further apart.",
+        )
+    inverse = right.T / singular
+    covariance = (inverse @ inverse.T) / np.outer(length, length)
     residuals = measured - design @ coefficients
     rss = float(residuals @ residuals)
     about_mean = float(np.sum((measured - measured.mean()) ** 2))
@@ -123,7 +139,7 @@ def _fit_one(shaft: str, speed: Array, drag: Array, rows: Mask, powers: tuple[fl
     return LossFit(
         shaft=shaft,
         curve=replace(curve, coefficients=np.asarray(coefficients, dtype=np.float64)),
-        covariance=np.linalg.inv(design.T @ design) * rss / (n - k),
+        covariance=covariance * rss / (n - k),
         residuals=residuals,
         rows=rows,
         r_squared=1.0 - rss / about_mean if about_mean > 0.0 else math.nan,
@@ -171,5 +187,5 @@ def fit_losses(
     ):
         direction = np.where(rest, 1.0, np.sign(speed))
         rows = use if include_rest else use & ~rest
-        fits.append(_fit_one(shaft, np.where(rest, 0.0, speed), direction * torque, rows, _checked(powers), scale))
+        fits.append(_fit_one(shaft, np.where(rest, 0.0, speed), direction * torque, rows, check_powers(powers), scale))
     return LossFits(sun=fits[0], ring=fits[1])

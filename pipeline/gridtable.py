@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 ROUNDING_PUBLISHED = 0.01
 """Step to which the published torques are rounded [N m]."""
 
+RATIO_TOLERANCE = 0.02
+"""Largest deviation of engaged speeds from the gear ratio, as part of the sun speed."""
+
 _NEUTRAL_COLUMNS = ("sun_speed_rpm", "ring_speed_rpm", "sun_loss_torque_Nm", "ring_loss_torque_Nm")
 _ENGAGED_COLUMNS = (
     "sun_speed_rpm",
@@ -127,6 +130,15 @@ def _read_published_csv(path: Path, needed: tuple[str, ...]) -> pd.DataFrame:
                 "a number",
                 "A grid must have no holes: fill the cell, or leave the whole line out.",
             )
+        outside = ~np.isfinite(values) | ((values < 0.0) if name.endswith("_rpm") else False)
+        if outside.any():
+            row = int(np.flatnonzero(outside)[0])
+            raise GridError(
+                f"{path}: line {row + 2}, column {name}",
+                repr(str(frame[name].iloc[row])),
+                "a finite number, and a magnitude for a speed",
+                "Published grids hold forward rotation only; ingest recordings for the rest.",
+            )
         frame[name] = values.astype(float)
     if frame.empty:
         raise GridError(str(path), "no rows", "at least one point", "Check the file.")
@@ -157,6 +169,16 @@ def read_published(folder: Path, bench: BenchParameters) -> Grid:
     """
     neutral = _read_published_csv(folder / "neutral_grid.csv", _NEUTRAL_COLUMNS)
     engaged = _read_published_csv(folder / "engaged_grid.csv", _ENGAGED_COLUMNS)
+    slip = np.abs(engaged.sun_speed_rpm - bench.gear1.ratio * engaged.ring_speed_rpm)
+    stray = (slip > RATIO_TOLERANCE * engaged.sun_speed_rpm) | (engaged.sun_speed_rpm == 0.0)
+    if stray.any():
+        row = int(np.flatnonzero(stray)[0])
+        raise GridError(
+            f"{folder / 'engaged_grid.csv'}: line {row + 2}",
+            f"{engaged.sun_speed_rpm[row]:g} and {engaged.ring_speed_rpm[row]:g} rpm",
+            f"speeds in the ratio {bench.gear1.ratio:g} within {RATIO_TOLERANCE:.0%}",
+            "Correct the line; an engaged gear cannot run like that.",
+        )
     n, m = len(neutral), len(engaged)
     speed_sun = np.r_[neutral.sun_speed_rpm, engaged.sun_speed_rpm] * RPM
     speed_ring = np.r_[neutral.ring_speed_rpm, -engaged.ring_speed_rpm] * RPM

@@ -38,6 +38,10 @@ class IngestReport:
         Windows of all usable files, and those that failed a check.
     findings : tuple of Finding
         Of the files of this call, whether decoded now or earlier.
+    sha256 : frozenset of str
+        Content of those files.
+    campaigns : tuple of str
+        Campaigns that they belong to.
     """
 
     ingested: int
@@ -46,6 +50,8 @@ class IngestReport:
     windows: int
     rejected: int
     findings: tuple[Finding, ...]
+    sha256: frozenset[str]
+    campaigns: tuple[str, ...]
 
 
 def ingest(
@@ -100,6 +106,8 @@ def ingest(
         windows=len(windows),
         rejected=sum(not window["accepted"] for window in windows),
         findings=(*inventory.findings, *told),
+        sha256=frozenset(source.sha256 for source in inventory.sources),
+        campaigns=tuple(sorted({document["run"]["campaign"] for document in documents if "run" in document})),
     )
 
 

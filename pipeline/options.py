@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
-from pmg.pipeline.fit import DEFAULT_POWERS, THESIS_POWERS_RING, THESIS_POWERS_SUN
+from pmg.pipeline.fit import DEFAULT_POWERS, THESIS_POWERS_RING, THESIS_POWERS_SUN, check_powers
 from pmg.sim.errors import FitError, near_miss
 
 THESIS_CORRECTION = 0.80
@@ -102,6 +102,8 @@ def chosen_options(
         options = replace(options, powers_ring=parse_powers(terms_ring, "--terms-ring"))
     if correction is not None:
         options = replace(options, correction=correction)
+    check_powers(options.powers_sun)
+    check_powers(options.powers_ring)
     if include_rest is not None:
         options = replace(options, include_rest=include_rest)
     return options

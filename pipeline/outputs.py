@@ -69,7 +69,7 @@ def _fit_document(fit: LossFit) -> dict[str, Any]:
     return {
         "powers": list(fit.curve.powers),
         "coefficients_Nm": [float(v) for v in fit.curve.coefficients],
-        "standard_errors_Nm": [float(v) for v in fit.standard_errors],
+        "standard_errors_Nm": [number(float(v)) for v in fit.standard_errors],
         "speed_reference_rad_s": fit.curve.speed_reference,
         "points": len(fit.residuals),
         "r_squared": number(fit.r_squared),
@@ -163,6 +163,9 @@ def write_analysis(analysis: Analysis, store: Path) -> Path:
         _write_frame(frame[frame.configuration == configuration], folder / name)
     if analysis.balance is not None:
         _write_frame(balance_frame(analysis.balance), folder / "losses")
+    else:
+        for suffix in (".csv", ".parquet"):
+            (folder / "losses").with_suffix(suffix).unlink(missing_ok=True)
     text = json.dumps(analysis_document(analysis) | {"grid_sha256": stamp}, indent=1, allow_nan=False) + "\n"
     write_aside(folder / SUMMARY, text.encode())
     return folder

@@ -77,21 +77,22 @@ def run_ingest(
         "failed": report.failed,
         "windows": report.windows,
         "rejected": report.rejected,
+        "campaigns": list(report.campaigns),
     }
     findings = tuple(finding.to_dict() for finding in report.findings)
-    rejected = _rejected_windows(Store(store))
+    rejected = _rejected_windows(Store(store), report.sha256)
     return Outcome(data, tuple(lines), findings + rejected, partial=bool(report.failed or report.rejected))
 
 
-def _rejected_windows(store: Store) -> tuple[dict[str, Any], ...]:
-    """Windows that failed a check, as findings."""
+def _rejected_windows(store: Store, sources: frozenset[str]) -> tuple[dict[str, Any], ...]:
+    """Windows of these sources that failed a check, as findings."""
     return tuple(
         _finding(
             "warning", f"{manifest.document['file']}: {window['point']}", f"rejected: {'; '.join(window['reasons'])}"
         )
         for manifest in store.manifests()
         for window in manifest.document["windows"]
-        if not window["accepted"]
+        if manifest.document["sha256"] in sources and not window["accepted"]
     )
 
 
@@ -187,18 +188,19 @@ def run_compare(store: Path, report: Path, note: str = "") -> Outcome:
         diagnosis,
         bench,
         note=note,
-        findings=tuple((f["severity"], f["where"], f["message"]) for f in remarks),
+        findings=tuple((f["severity"], f"{f['file']}: {f['where']}", f"{f['message']}. {f['do']}") for f in remarks),
         provenance=(*inputs, ("Seed of the synthetic campaigns", str(SEED))),
     )
+    text = ""
+    if diagnosis is not None:
+        text = json.dumps(diagnosis_document(diagnosis), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     files = write_report(page, report)
     data: dict[str, Any] = {"report": str(files[0]), "files": [str(path) for path in files], "diagnosis": None}
     lines = [f"report: {files[0]}"]
     mismatch = False
     if diagnosis is not None:
-        document = diagnosis_document(diagnosis)
-        text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
         write_aside(report / "diagnosis.json", text.encode())
-        data["diagnosis"], data["statement"] = document, diagnosis.statement
+        data["diagnosis"], data["statement"] = json.loads(text), diagnosis.statement
         lines.insert(0, f"{diagnosis.verdict}: {diagnosis.statement}")
         mismatch = diagnosis.verdict is not Verdict.CONSISTENT
     else:
@@ -212,11 +214,7 @@ def _sources(store: Path, grid: Grid) -> tuple[tuple[dict[str, Any], ...], tuple
         return (), (("Input", "published grids, torques rounded to 0.01 N m"),)
     _, manifests = choose_campaign(Store(store), grid.campaign)
     failed = [manifest for manifest in Store(store).manifests() if not manifest.ingested]
-    remarks = tuple(
-        _finding(plain["severity"], f"{plain['file']}: {plain['where']}", f"{plain['message']}. {plain['do']}")
-        for manifest in (*manifests, *failed)
-        for plain in manifest.document["findings"]
-    )
+    remarks = tuple(plain for manifest in (*manifests, *failed) for plain in manifest.document["findings"])
     joined = "".join(sorted(manifest.document["sha256"] for manifest in manifests))
     digest = hashlib.sha256(joined.encode()).hexdigest()
     first = min(manifest.document["run"]["started_at"] for manifest in manifests)
@@ -248,6 +246,8 @@ def run_all(
     parts: dict[str, Outcome] = {}
     if recordings is not None:
         parts["ingest"] = run_ingest(recordings, store, workers=workers, progress=progress)
+        ingested = parts["ingest"].data["campaigns"]
+        campaign = campaign or (ingested[0] if len(ingested) == 1 else None)
     parts["analyse"] = run_analyse(store, options, grids=grids, campaign=campaign)
     parts["compare"] = run_compare(store, report, note)
     findings = {json.dumps(finding, sort_keys=True): finding for part in parts.values() for finding in part.findings}

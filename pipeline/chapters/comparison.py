@@ -8,7 +8,7 @@ import numpy as np
 
 from pmg.pipeline.chapters.cells import by_load, by_speed, forward_neutral, lay_out, measured, speed_levels
 from pmg.pipeline.compare import COVERAGE
-from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, SpeedMap, Table
+from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, SpeedMap, Table, Text
 from pmg.sim import signals, sources
 from pmg.sim.signals import RESIDUAL, SPEED_RING, SPEED_SUN
 
@@ -38,7 +38,11 @@ def comparison_section(residuals: Residuals) -> Section:
                     f"{int(difference.within[known].sum())} within U; rms difference {rms:.3g} {shown.display_unit}",
                 )
             )
-    items: list[Facts | Figure | Table] = [Facts(tuple(facts))]
+    tolerance = (
+        "U here is that of repeating the test: the transducers' common tolerance, which would shift whole columns "
+        "alike, is not in it. It is in the uncertainties of losses and efficiencies above."
+    )
+    items: list[Facts | Figure | Table | Text] = [Facts(tuple(facts)), Text(tolerance, kind="note")]
     if (residuals.grid.points.engaged & residuals.torque_sun.compared).any():
         items.append(_engaged_figure(residuals))
     items += [*_maps(residuals), _table(residuals)]

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 def neutral_section(grid: Grid, fits: LossFits) -> Section:
     """Neutral losses: maps over the speed grid, fitted curves, coefficients."""
     rows = forward_neutral(grid)
+    if not rows.any():
+        rows = np.asarray(grid.points.neutral & grid.accepted)
     sun, ring = speed_levels(grid.points[rows])
     maps = []
     for signal, torque in ((signals.TORQUE_SUN, grid.torque_sun), (signals.TORQUE_RING, grid.torque_ring)):
@@ -218,8 +220,8 @@ def _efficiency_figure(balance: PowerBalance) -> Figure:
     return Figure(
         "efficiency",
         "Efficiency by load",
-        f"Total efficiency between {total.min() * 100:.1f} and {total.max() * 100:.1f} %; it falls with speed and "
-        "rises with load. Near zero load its uncertainty grows without bound: read the losses in watts first.",
+        f"Total efficiency between {total.min() * 100:.1f} and {total.max() * 100:.1f} % over all points. Near zero "
+        "load its uncertainty grows without bound: read the losses in watts first.",
         tuple(panels),
         columns=2,
     )

@@ -39,7 +39,7 @@ def data_section(analysis: Analysis, note: str, findings: tuple[tuple[str, str, 
         ("Accepted", f"{int(grid.accepted.sum())} of {len(grid)}"),
         ("Holes in the grids", f"{len(analysis.lacking)}" if analysis.lacking else "none"),
         ("Order of the test", "known" if at.ordered else "not recorded"),
-        ("Bearing temperature", "not recorded"),
+        ("Bearing temperature", "not used: this version reads no temperature channel"),
     ]
     items: list[Text | Facts | Table] = [Facts(tuple(rows))]
     if analysis.floor is not None:

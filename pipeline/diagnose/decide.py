@@ -81,6 +81,8 @@ def component_of(place: Location) -> Component | None:
     """Component that the evidence points to; None where it cannot tell (load: gear, bearing or transducer)."""
     shaft = "sun" if place.signal == "torque_sun" else "ring"
     first = place.depends_on[0] if place.depends_on else ""
+    if set(place.depends_on) - set(place.covariates):
+        return None
     if place.configuration == "zero" or first == "direction":
         return Component(f"{shaft}_torque_transducer")
     if first == "pole_slip_speed":
@@ -89,8 +91,6 @@ def component_of(place: Location) -> Component | None:
         return Component.RELATIVE_BEARING
     if place.configuration == "neutral" and first in ("run_history", f"speed_{shaft}"):
         return Component(f"{shaft}_bearings")
-    if place.configuration == "engaged" and first.startswith("speed"):
-        return Component.MAGNETIC_GEAR
     return None
 
 
@@ -139,7 +139,8 @@ def _statement(mismatch: Mismatch, held: HeldOut | None) -> str:
         low, high = held.gain_interval
         change = "falls" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly fall:")
         sentence += (
-            f" With that structure in, the error on withheld readings {change} from {held.rmse_before * 1e3:.2f} "
+            f" With that structure in (its kind chosen on all readings, its size without those withheld), the error "
+            f"on withheld readings {change} from {held.rmse_before * 1e3:.2f} "
             f"to {held.rmse_after * 1e3:.2f} mN m (noise {held.noise_floor * 1e3:.2f})."
         )
     return sentence + " The library holds the baseline only: the place and shape are given, not the cause."

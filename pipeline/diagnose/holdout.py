@@ -102,7 +102,8 @@ def hold_out(
     low, high = np.quantile(gains, [0.025, 0.975])
     what = "blocks of neighbouring points in the order of the test" if at.ordered else "inner rows of sun speed"
     return HeldOut(
-        split=f"{FOLDS} folds of {len(blocks)} {what}; readings the located structure touches",
+        split=f"{len(blocks)} {what}, dealt to {FOLDS} folds; the kind of structure was chosen on all readings, its "
+        "coefficients without the withheld ones",
         rmse_before=math.sqrt(squares["before"][touched].mean()),
         rmse_after=math.sqrt(squares["after"][touched].mean()),
         noise_floor=math.sqrt(float(np.mean(scale[touched] ** 2))),

@@ -12,13 +12,14 @@ from pmg.pipeline.calibrate import jacobian
 from pmg.pipeline.diagnose.noise import BASELINE_FREE, repeat_contrasts, start_model
 from pmg.pipeline.diagnose.scan import Scan, make_scan
 from pmg.pipeline.diagnose.structure import families
-from pmg.pipeline.diagnose.whiten import synthetic_noise, whitener
+from pmg.pipeline.diagnose.whiten import synthetic_noise, undo, whitener
 from pmg.pipeline.readings import predict, take_readings
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.noise import NoiseFloor
     from pmg.pipeline.diagnose.structure import Family
+    from pmg.pipeline.diagnose.whiten import Whitener
     from pmg.pipeline.fit import LossFits
     from pmg.pipeline.readings import Readings
     from pmg.sim.bench import BenchParameters
@@ -49,6 +50,8 @@ class Location:
         Reading that shows it.
     configuration : str
         ``neutral``, ``engaged``, ``zero`` or ``all``.
+    covariates : tuple of str
+        Those of the family that shows it most clearly; empty where no family does.
     depends_on : tuple of str
         Covariates it follows; first the family that shows it most clearly, then those that carry the same trace.
     region : dict
@@ -65,6 +68,7 @@ class Location:
 
     signal: str
     configuration: str
+    covariates: tuple[str, ...]
     depends_on: tuple[str, ...]
     region: dict[str, tuple[float, float]]
     size: float
@@ -166,10 +170,10 @@ def find_mismatch(
         if adjusted > false_alarm_rate:
             break
         if best >= len(candidates):
-            locations.append(_without_family(readings, scan, y, best - len(candidates), adjusted))
+            locations.append(_without_family(readings, scan, y[:, 0], white, best - len(candidates), adjusted))
             break
         effect_white = scan.bases[best] @ (scan.bases[best].T @ y[:, 0])
-        locations.append(_locate(readings, candidates, scan, best, effect_white, white.scale, adjusted))
+        locations.append(_locate(readings, candidates, scan, best, effect_white, undo(white, effect_white), adjusted))
         baseline = np.hstack([baseline, columns[best]])
     return Mismatch(p_value, false_alarm_rate, tuple(locations), readings, len(candidates), draws)
 
@@ -183,7 +187,7 @@ def located_families(
         for family in families(readings, bench, model)
         if any(
             (family.signal, family.configuration) == (place.signal, place.configuration)
-            and family.covariates == place.depends_on[: len(family.covariates)]
+            and family.covariates == place.covariates
             for place in locations
         )
     ]
@@ -196,11 +200,10 @@ def _locate(
     scan: Scan,
     best: int,
     effect_white: Array,
-    scale: Array,
+    effect: Array,
     p_value: float,
 ) -> Location:
     family = candidates[best]
-    effect = effect_white * scale
     touched = (family.columns != 0.0).any(axis=1)
     covariates = list(family.covariates)
     energy = float(effect_white @ effect_white)
@@ -214,6 +217,7 @@ def _locate(
     return Location(
         signal=family.signal,
         configuration=family.configuration,
+        covariates=family.covariates,
         depends_on=tuple(covariates),
         region=_region(readings, strong),
         size=math.sqrt(float(np.mean(effect[touched] ** 2))),
@@ -236,17 +240,15 @@ def _region(readings: Readings, rows: Mask) -> dict[str, tuple[float, float]]:
     return {name: (round(float(v.min()), 3), round(float(v.max()), 3)) for name, v in region.items()}
 
 
-def _without_family(readings: Readings, scan: Scan, y: Array, which: int, p_value: float) -> Location:
+def _without_family(readings: Readings, scan: Scan, y: Array, white: Whitener, which: int, p_value: float) -> Location:
     """A mismatch that no family follows: repeats against the rest, or one point that stands out."""
-    residual = (y - scan.baseline @ (scan.baseline.T @ y))[:, 0]
+    residual = y - scan.baseline @ (scan.baseline.T @ y)
     tests = [
         (signal, kind)
         for signal, columns in zip(("torque_sun", "torque_ring"), scan.contrasts, strict=True)
         if columns.shape[1]
         for kind in ("time", "none")
     ]
-    grid = readings.grid
-    scale = np.where(readings.sun, np.mean(grid.u_sun), np.mean(grid.u_ring))
     if which < len(tests):
         signal, kind = tests[which]
         rows = readings.sun if signal == "torque_sun" else ~readings.sun
@@ -255,11 +257,12 @@ def _without_family(readings: Readings, scan: Scan, y: Array, which: int, p_valu
         worst = int(np.argmax(np.abs(residual)))
         rows = np.arange(len(readings)) == worst
         signal, depends_on = ("torque_sun" if readings.sun[worst] else "torque_ring"), ("point",)
-    effect = np.where(rows, residual * scale, 0.0)
+    effect = np.where(rows, undo(white, residual), 0.0)
     where = np.unique(readings.configuration[rows])
     return Location(
         signal=signal,
         configuration=str(where[0]) if len(where) == 1 else "all",
+        covariates=(),
         depends_on=depends_on,
         region=_region(readings, rows),
         size=math.sqrt(float(np.mean(effect[rows] ** 2))),

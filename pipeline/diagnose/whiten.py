@@ -95,6 +95,14 @@ class Whitener:
         return out.reshape(values.shape)
 
 
+def undo(white: Whitener, values: Array) -> Array:
+    """The effect [N m] whose whitened form this vector is."""
+    out = values.copy()
+    for chain, rho in white.chains:
+        out[chain.rows] = chain.colour(out[chain.rows, None], rho)[:, 0]
+    return out * white.scale
+
+
 def relative_scale(readings: Readings, bench: BenchParameters, sigma: dict[bool, float]) -> Array:
     """Standard deviation of each reading [N m] from that of the two transducers' points."""
     at = readings.grid.points
