@@ -70,6 +70,40 @@ class MotorParameters:
 
 
 @dataclass(frozen=True)
+class ShaftParameters:
+    """The two shafts: inertia between motor and joint, and the elastic joint itself, equal on both sides.
+
+    The same joint with its far end fixed holds the carrier (thesis, section 5.5.2).
+    """
+
+    inertia_sun: Quantity
+    inertia_ring: Quantity
+    joint_stiffness: Quantity
+    joint_damping: Quantity
+
+
+@dataclass(frozen=True)
+class RotorParameters:
+    """Inertias of the gear's three members."""
+
+    inertia_sun: Quantity
+    inertia_carrier: Quantity
+    inertia_ring: Quantity
+
+
+@dataclass(frozen=True)
+class ControlParameters:
+    """Torque loop of either motor: set and feedback gain, PID, amplifier."""
+
+    set_gain: Quantity
+    feedback_gain: Quantity
+    proportional: Quantity
+    integral: Quantity
+    derivative: Quantity
+    amplifier: Quantity
+
+
+@dataclass(frozen=True)
 class BearingParameters:
     """Shares of the neutral losses by bearing diameter; bearing 3 sits between the shafts."""
 
@@ -110,6 +144,9 @@ class BenchParameters:
     gear2: GearParameters
     carrier: CarrierParameters
     motor: MotorParameters
+    shafts: ShaftParameters
+    rotors: RotorParameters
+    control: ControlParameters
     bearings: BearingParameters
     transducer_sun: TransducerParameters
     transducer_ring: TransducerParameters
@@ -146,6 +183,9 @@ def load_bench() -> BenchParameters:
         "gear2": GearParameters,
         "carrier": CarrierParameters,
         "motor": MotorParameters,
+        "shafts": ShaftParameters,
+        "rotors": RotorParameters,
+        "control": ControlParameters,
         "bearings": BearingParameters,
         "transducer_sun": TransducerParameters,
         "transducer_ring": TransducerParameters,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from pmg.sim.signals import RPM, Array
+from pmg.sim.signals import RPM, Array, Number
 
 SPEED_REFERENCE_SUN = 1872.0 * RPM
 """Highest sun speed of the published campaign [rad/s]; scales the fit only."""
@@ -41,14 +42,25 @@ class LossCurve:
     speed_reference: float
     speed_limit: float
 
-    def terms(self, speed: Array) -> Array:
-        """Design matrix (n, k): the powers of the dimensionless speed."""
-        x = np.abs(np.asarray(speed, dtype=np.float64)) / self.speed_reference
+    def _terms(self, x: Number) -> list[Number]:
+        """The powers of the dimensionless speed magnitude `x`, each carried on along its tangent."""
         x_limit = self.speed_limit / self.speed_reference
         inside = np.minimum(x, x_limit)
-        columns = [inside**p + (p * x_limit ** (p - 1.0) if p else 0.0) * (x - inside) for p in self.powers]
-        return np.stack(columns, axis=-1)
+        return [inside**p + (p * x_limit ** (p - 1.0) if p else 0.0) * (x - inside) for p in self.powers]
+
+    def terms(self, speed: Array) -> Array:
+        """Design matrix (n, k): the powers of the dimensionless speed."""
+        return np.stack(self._terms(np.abs(np.asarray(speed, dtype=np.float64)) / self.speed_reference), axis=-1)
+
+    def law(self, magnitude: Number) -> Number:
+        """Loss torque [N m] at a speed's magnitude [rad/s]: a float, a complex number or an array."""
+        terms = self._terms(magnitude / self.speed_reference)
+        return sum(a * term for a, term in zip(self._floats, terms, strict=True))
 
     def torque(self, speed: Array) -> Array:
         """Magnitude of the loss torque [N m] at the given speeds [rad/s]."""
         return np.asarray(self.terms(speed) @ self.coefficients)
+
+    @cached_property
+    def _floats(self) -> list[float]:
+        return [float(a) for a in self.coefficients]

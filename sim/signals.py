@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
+
+Number: TypeAlias = Any
+"""What plain arithmetic takes: a float, a complex number or an array of either."""
 
 RPM = math.pi / 30.0
 """One revolution per minute [rad/s]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pmg.sim.mechanisms.base import Component, Experiment, Mechanism, Parameter, Reveals, Torques
+from pmg.sim.mechanisms.base import Component, Experiment, Mechanism, Parameter, Reveals, RotorLaw, Torques
 from pmg.sim.mechanisms.bearings import NeutralRemainder, RelativeBearing, RingBearings, SunBearings
 from pmg.sim.mechanisms.magnetic import EddyDamping, ExcessDamping, HysteresisDamping
 
@@ -34,6 +34,7 @@ __all__ = [
     "RelativeBearing",
     "Reveals",
     "RingBearings",
+    "RotorLaw",
     "SunBearings",
     "Torques",
 ]

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from pmg.sim.grid import Configuration
+
 if TYPE_CHECKING:
     from pmg.sim.grid import OperatingPoints
-    from pmg.sim.signals import Array, Signal
+    from pmg.sim.signals import Array, Number, Signal
     from pmg.sim.sources import Source
 
 
@@ -122,9 +124,43 @@ class Mechanism(ABC):
         return tuple(Parameter(f.name, **f.metadata) for f in fields(cls) if "unit" in f.metadata)
 
 
-def against(speed: Array, magnitude: Array) -> Array:
-    """A drag of that magnitude, against the direction of rotation; none at rest (friction there is static)."""
-    return -np.sign(speed) * magnitude
+@dataclass(frozen=True)
+class RotorLaw(Mechanism):
+    """A mechanism whose torques depend on the speeds alone: the same law holds at a steady point and in motion."""
+
+    acts_in: ClassVar[tuple[Configuration, ...]] = (Configuration.NEUTRAL, Configuration.ENGAGED)
+
+    @abstractmethod
+    def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
+        """Torques on the rotors [N m] at the given speeds [rad/s], where the mechanism acts.
+
+        Plain arithmetic: floats, complex numbers (for derivatives by complex step) and arrays alike. `rest` is the
+        width of the smooth passage through rest [rad/s], see `against`.
+        """
+
+    def carrier_law(self, speed_carrier: Number, rest: float = 0.0) -> Number:
+        """Torque on the carrier [N m] at its speed; none unless the mechanism says otherwise."""
+        return 0.0 * (speed_carrier + rest)
+
+    def torque(self, at: OperatingPoints) -> Torques:
+        """Torques on the rotors at steady points: the law where the mechanism acts, none elsewhere."""
+        acts = np.isin(at.configuration, self.acts_in)
+        whole = self.law(at.speed_sun, at.speed_ring)
+        return Torques(np.where(acts, whole.sun, 0.0), np.where(acts, whole.ring, 0.0))
+
+
+def modulus(speed: Number, rest: float = 0.0) -> Number:
+    """Magnitude of a speed, differentiable everywhere when `rest` [rad/s] is not zero."""
+    return speed * (np.tanh(speed / rest) if rest else np.sign(np.real(speed)))
+
+
+def against(speed: Number, magnitude: Number, rest: float = 0.0) -> Number:
+    """A drag of that magnitude, against the direction of rotation; none at rest (friction there is static).
+
+    With `rest` [rad/s] not zero the sign becomes tanh(speed/rest), so that an integrator sees no jump; beyond 20
+    widths the two are equal to the last digit.
+    """
+    return -(np.tanh(speed / rest) if rest else np.sign(np.real(speed))) * magnitude
 
 
 def nothing(at: OperatingPoints) -> Array:

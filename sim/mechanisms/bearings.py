@@ -5,23 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from pmg.sim import signals, sources
+from pmg.sim.grid import Configuration
 from pmg.sim.mechanisms.base import (
     Component,
     Experiment,
-    Mechanism,
     Reveals,
+    RotorLaw,
     Torques,
     against,
-    nothing,
+    modulus,
     parameter,
 )
 
 if TYPE_CHECKING:
-    from pmg.sim.grid import OperatingPoints
     from pmg.sim.losscurve import LossCurve
+    from pmg.sim.signals import Number
 
 _SWEEP = Reveals(Experiment.NEUTRAL_SWEEP, "torque follows the shaft's own speed")
 
@@ -36,7 +35,7 @@ def _correction() -> Any:  # noqa: ANN401  (a dataclass field)
 
 
 @dataclass(frozen=True)
-class SunBearings(Mechanism):
+class SunBearings(RotorLaw):
     """Bearings 1 and 2 on the sun shaft.
 
     No temperature dependence is given by the source: the curves hold for the warm bench that was measured.
@@ -54,14 +53,14 @@ class SunBearings(Mechanism):
     share: float
     correction: float = _correction()
 
-    def torque(self, at: OperatingPoints) -> Torques:
+    def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
         """Drag on the sun rotor."""
-        magnitude = self.correction * self.share * self.curve.torque(at.speed_sun)
-        return Torques(sun=against(at.speed_sun, magnitude), ring=nothing(at))
+        magnitude = self.correction * self.share * self.curve.law(modulus(speed_sun, rest))
+        return Torques(sun=against(speed_sun, magnitude, rest), ring=0.0 * speed_ring)
 
 
 @dataclass(frozen=True)
-class RingBearings(Mechanism):
+class RingBearings(RotorLaw):
     """Bearings 4 to 7 on the ring shaft."""
 
     identifier = "ring_bearing_drag"
@@ -76,14 +75,14 @@ class RingBearings(Mechanism):
     share: float
     correction: float = _correction()
 
-    def torque(self, at: OperatingPoints) -> Torques:
+    def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
         """Drag on the ring rotor."""
-        magnitude = self.correction * self.share * self.curve.torque(at.speed_ring)
-        return Torques(sun=nothing(at), ring=against(at.speed_ring, magnitude))
+        magnitude = self.correction * self.share * self.curve.law(modulus(speed_ring, rest))
+        return Torques(sun=0.0 * speed_sun, ring=against(speed_ring, magnitude, rest))
 
 
 @dataclass(frozen=True)
-class RelativeBearing(Mechanism):
+class RelativeBearing(RotorLaw):
     """Bearing 3, between the shafts, as the thesis models it: a share of each shaft's own curve.
 
     Mounted between the shafts it would follow the speed difference; the source lets each side follow its own
@@ -104,15 +103,15 @@ class RelativeBearing(Mechanism):
     share_ring: float
     correction: float = _correction()
 
-    def torque(self, at: OperatingPoints) -> Torques:
+    def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
         """Drag on both rotors."""
-        sun = self.correction * self.share_sun * self.curve_sun.torque(at.speed_sun)
-        ring = self.correction * self.share_ring * self.curve_ring.torque(at.speed_ring)
-        return Torques(sun=against(at.speed_sun, sun), ring=against(at.speed_ring, ring))
+        sun = self.correction * self.share_sun * self.curve_sun.law(modulus(speed_sun, rest))
+        ring = self.correction * self.share_ring * self.curve_ring.law(modulus(speed_ring, rest))
+        return Torques(sun=against(speed_sun, sun, rest), ring=against(speed_ring, ring, rest))
 
 
 @dataclass(frozen=True)
-class NeutralRemainder(Mechanism):
+class NeutralRemainder(RotorLaw):
     """The part of the neutral loss that is not bearing friction; it is there in neutral only.
 
     The thesis puts it down to magnetic coupling that is left with the carrier not quite centred, and takes it
@@ -128,6 +127,7 @@ class NeutralRemainder(Mechanism):
     component = Component.MAGNETIC_GEAR
     affects = (signals.TORQUE_SUN, signals.TORQUE_RING)
     revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "neutral losses above those of the engaged bench"),)
+    acts_in = (Configuration.NEUTRAL,)
 
     curve_sun: LossCurve
     curve_ring: LossCurve
@@ -135,10 +135,8 @@ class NeutralRemainder(Mechanism):
         "1", bounds=(0.0, 1.0), typical=0.2, meaning="part of the neutral loss that is not bearing friction"
     )
 
-    def torque(self, at: OperatingPoints) -> Torques:
+    def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
         """Drag on both rotors in neutral."""
-        part = np.where(at.neutral, self.remainder, 0.0)
-        return Torques(
-            sun=against(at.speed_sun, part * self.curve_sun.torque(at.speed_sun)),
-            ring=against(at.speed_ring, part * self.curve_ring.torque(at.speed_ring)),
-        )
+        sun = self.remainder * self.curve_sun.law(modulus(speed_sun, rest))
+        ring = self.remainder * self.curve_ring.law(modulus(speed_ring, rest))
+        return Torques(sun=against(speed_sun, sun, rest), ring=against(speed_ring, ring, rest))

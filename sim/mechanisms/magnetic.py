@@ -2,22 +2,43 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pmg.sim import signals, sources
-from pmg.sim.mechanisms.base import Component, Experiment, Mechanism, Reveals, Torques, against, parameter
+from pmg.sim.grid import Configuration
+from pmg.sim.mechanisms.base import Component, Experiment, Reveals, RotorLaw, Torques, against, modulus, parameter
 
 if TYPE_CHECKING:
-    from pmg.sim.grid import OperatingPoints
+    from pmg.sim.signals import Number
 
 _ROTORS = (signals.TORQUE_SUN, signals.TORQUE_RING)
 
 
 @dataclass(frozen=True)
-class HysteresisDamping(Mechanism):
+class RotorDamping(RotorLaw):
+    """A drag that sun, ring and carrier of the engaged gear each feel at their own speed."""
+
+    acts_in = (Configuration.ENGAGED,)
+
+    @abstractmethod
+    def drag(self, speed: Number, rest: float = 0.0) -> Number:
+        """Torque on a rotor [N m] at its speed [rad/s]."""
+
+    def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
+        """Drag on both rotors when engaged."""
+        return Torques(self.drag(speed_sun, rest), self.drag(speed_ring, rest))
+
+    def carrier_law(self, speed_carrier: Number, rest: float = 0.0) -> Number:
+        """The same drag on the carrier (thesis, equation 5.3)."""
+        return self.drag(speed_carrier, rest)
+
+
+@dataclass(frozen=True)
+class HysteresisDamping(RotorDamping):
     """Hysteresis of the iron: a torque that does not depend on speed, on each rotor."""
 
     identifier = "hysteresis_damping"
@@ -30,14 +51,13 @@ class HysteresisDamping(Mechanism):
 
     b: float = parameter("N m", bounds=(0.0, 0.1), typical=5e-4, meaning="hysteresis torque on each rotor")
 
-    def torque(self, at: OperatingPoints) -> Torques:
-        """Drag on both rotors when engaged."""
-        magnitude = np.where(at.engaged, self.b, 0.0)
-        return Torques(against(at.speed_sun, magnitude), against(at.speed_ring, magnitude))
+    def drag(self, speed: Number, rest: float = 0.0) -> Number:
+        """Constant torque against the rotation."""
+        return against(speed, self.b, rest)
 
 
 @dataclass(frozen=True)
-class EddyDamping(Mechanism):
+class EddyDamping(RotorDamping):
     """Eddy currents: a torque proportional to speed, on each rotor.
 
     Holds below the speed at which the currents shield the field.
@@ -53,14 +73,13 @@ class EddyDamping(Mechanism):
 
     c: float = parameter("N m s/rad", bounds=(0.0, 1e-2), typical=2e-4, meaning="drag per unit speed")
 
-    def torque(self, at: OperatingPoints) -> Torques:
-        """Drag on both rotors when engaged."""
-        c = np.where(at.engaged, self.c, 0.0)
-        return Torques(-c * at.speed_sun, -c * at.speed_ring)
+    def drag(self, speed: Number, rest: float = 0.0) -> Number:
+        """Torque against the rotation, proportional to speed."""
+        return -self.c * speed
 
 
 @dataclass(frozen=True)
-class ExcessDamping(Mechanism):
+class ExcessDamping(RotorDamping):
     """Excess loss of moving domain walls: a torque that grows with the root of speed, smooth at rest."""
 
     identifier = "excess_damping"
@@ -73,10 +92,6 @@ class ExcessDamping(Mechanism):
 
     d: float = parameter("N m (s/rad)^1/2", bounds=(0.0, 0.1), typical=1e-3, meaning="drag per root of unit speed")
 
-    def torque(self, at: OperatingPoints) -> Torques:
-        """Drag on both rotors when engaged."""
-        d = np.where(at.engaged, self.d, 0.0)
-        return Torques(
-            -d * at.speed_sun / np.sqrt(1.0 + np.abs(at.speed_sun)),
-            -d * at.speed_ring / np.sqrt(1.0 + np.abs(at.speed_ring)),
-        )
+    def drag(self, speed: Number, rest: float = 0.0) -> Number:
+        """Torque against the rotation that goes over into the root of speed."""
+        return -self.d * speed / np.sqrt(1.0 + modulus(speed, rest))

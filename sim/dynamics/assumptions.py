@@ -1,0 +1,88 @@
+"""What the thesis leaves open about the moving bench: one named option each, with its default and the reason for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+from pmg.sim.errors import BenchError
+from pmg.sim.powerchain import MotorConvention
+
+
+class RotorInertia(StrEnum):
+    """Where the inertia of a motor's rotor sits, seen from the torque that is fed back.
+
+    ``BEHIND_SENSOR``: the rotor turns between air gap and sensor, so the loop makes up for it and, while the loop
+    is fast, the shaft does not feel it (thesis, equation 5.11).
+    ``AHEAD_OF_SENSOR``: what is fed back is the torque before the rotor, so the rotor adds to the shaft's inertia.
+    ``ABSENT``: no rotor inertia.
+    """
+
+    BEHIND_SENSOR = "behind sensor"
+    AHEAD_OF_SENSOR = "ahead of sensor"
+    ABSENT = "absent"
+
+
+RANGES: dict[str, tuple[float, float, str]] = {
+    "sensor_lag": (1e-5, 10.0, "s"),
+    "derivative_filter": (1e-1, 1e9, "1/s"),
+    "map_scale": (1e-3, 1e3, "1"),
+    "friction_rest_width": (1e-3, 10.0, "rad/s"),
+    "start_phase": (-math.pi, math.pi, "rad"),
+}
+"""Allowed range and unit of each number."""
+
+
+@dataclass(frozen=True)
+class Assumptions:
+    """Choices that the source does not make.
+
+    Parameters
+    ----------
+    sensor_lag : float
+        Time constant of the torque feedback [s]. A first-order lag is named, its constant is not; 10 ms is short
+        against the magnetic oscillation (16 Hz) and long against the joints.
+    derivative_filter : float or None
+        Corner N of the PID's derivative filter [1/s]; None is the ideal derivative of equation 5.6. With N = 100,
+        a frequent block default, the loop is unstable for lags up to 0.03 s; see `check_control`.
+    motor_signs : MotorConvention
+        ``CONSISTENT`` (default): one constant for torque and back-EMF, physical signs on both sides, nothing created.
+        ``THESIS``: K_c beside K_e, and on the ring the back-EMF, friction and rotor inertia with the sign turned
+        (sections 5.4.1 and 5.4.2). Shaft torques at steady speed do not depend on it.
+    rotor_inertia : RotorInertia
+        Whether the shaft feels the motor's rotor. Default: equation 5.11 as written. Counting it in the shaft
+        brings the published run (485 rpm after 20 s) from 1.5 % to 0.5 %, so the source may have done so.
+    map_scale : float
+        Factor on the design pull-out torques [1]. The maps used are called scaled down, the factor is not given;
+        1 is the design. Steady torques do not depend on it.
+    friction_rest_width : float
+        Width of the smooth passage of friction through rest [rad/s]. Dry friction jumps there in the source; 0.5
+        is below the slowest test by a factor of ten.
+    carrier_in_map : bool
+        Whether the map's argument contains the carrier's angle. True is what magnetism asks for and conserves
+        energy; False is the source's look-up, which sees sun and ring only.
+    start_phase : float
+        Electrical phase at rest [rad]. All states start at zero in the source, yet its figure shows an oscillation
+        that a start in the middle of the well does not make; 0 is what is written.
+    """
+
+    sensor_lag: float = 0.010
+    derivative_filter: float | None = None
+    motor_signs: MotorConvention = MotorConvention.CONSISTENT
+    rotor_inertia: RotorInertia = RotorInertia.BEHIND_SENSOR
+    map_scale: float = 1.0
+    friction_rest_width: float = 0.5
+    carrier_in_map: bool = True
+    start_phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, (low, high, unit) in RANGES.items():
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                expected = f"{low:g} to {high:g} {unit}"
+                raise BenchError(f"assumption {name}", f"{value:g} {unit}", expected, "Choose a value in that range.")
+        for name, kind in (("motor_signs", MotorConvention), ("rotor_inertia", RotorInertia)):
+            if not isinstance(getattr(self, name), kind):
+                names = " or ".join(f"'{choice.value}'" for choice in kind)
+                raise BenchError(f"assumption {name}", repr(getattr(self, name)), names, f"Choose a {kind.__name__}.")

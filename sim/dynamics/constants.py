@@ -1,0 +1,94 @@
+"""The numbers of the equations of motion, from the bench and the assumptions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from pmg.sim.dynamics.assumptions import Assumptions, RotorInertia
+from pmg.sim.powerchain import MotorConvention
+
+if TYPE_CHECKING:
+    from pmg.sim.bench import BenchParameters
+
+
+class Side(NamedTuple):
+    """Constants of one motor and its shaft; `sign` is -1 where the thesis turns the load side's signs."""
+
+    sign: float
+    inertia: float
+    rotor_inertia: float
+    back_emf: float
+    friction: float
+
+
+class Constants(NamedTuple):
+    """The numbers of the equations, as plain floats."""
+
+    p_s: float
+    p_r: float
+    Q: float
+    Q_map: float
+    T_max: float
+    k: float
+    c: float
+    J_s: float
+    J_c: float
+    J_r: float
+    R: float
+    L: float
+    K_c: float
+    K_set: float
+    K_fb: float
+    K_p: float
+    K_i: float
+    K_d: float
+    K_A: float
+    tau: float
+    N: float
+    rest: float
+    ideal: bool
+    sensed: bool
+    sun: Side
+    ring: Side
+
+
+def gather(bench: BenchParameters, given: Assumptions, number: int) -> Constants:
+    """Constants of the bench with that stage engaged, as plain floats."""
+    gear = bench.gear(number)
+    motor, shafts, rotors, loop = bench.motor, bench.shafts, bench.rotors, bench.control
+    thesis = given.motor_signs is MotorConvention.THESIS
+    J_m = 0.0 if given.rotor_inertia is RotorInertia.ABSENT else float(motor.inertia)
+    K_e = float(motor.back_emf_constant if thesis else motor.torque_constant)
+    sun, ring = (
+        Side(sign, float(inertia), sign * J_m, sign * K_e, sign * float(motor.damping))
+        for sign, inertia in ((1.0, shafts.inertia_sun), (-1.0 if thesis else 1.0, shafts.inertia_ring))
+    )
+    poles = float(bench.carrier.iron_poles)
+    return Constants(
+        p_s=float(gear.pole_pairs_sun),
+        p_r=float(gear.pole_pairs_ring),
+        Q=poles,
+        Q_map=poles if given.carrier_in_map else 0.0,
+        T_max=given.map_scale * float(gear.pull_out_torque_sun),
+        k=float(shafts.joint_stiffness),
+        c=float(shafts.joint_damping),
+        J_s=float(rotors.inertia_sun),
+        J_c=float(rotors.inertia_carrier),
+        J_r=float(rotors.inertia_ring),
+        R=float(motor.resistance),
+        L=float(motor.inductance),
+        K_c=float(motor.torque_constant),
+        K_set=float(loop.set_gain),
+        K_fb=float(loop.feedback_gain),
+        K_p=float(loop.proportional),
+        K_i=float(loop.integral),
+        K_d=float(loop.derivative),
+        K_A=float(loop.amplifier),
+        tau=given.sensor_lag,
+        N=given.derivative_filter or 1.0 / given.sensor_lag,
+        rest=given.friction_rest_width,
+        ideal=given.derivative_filter is None,
+        sensed=given.rotor_inertia is RotorInertia.BEHIND_SENSOR,
+        sun=sun,
+        ring=ring,
+    )

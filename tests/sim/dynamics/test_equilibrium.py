@@ -1,0 +1,59 @@
+"""Steady states of the full drivetrain against the steady bench."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.points import points
+from tests.sim.dynamics.bench_in_motion import BENCH, MODEL, choices, drivetrain
+
+from pmg.sim.dynamics.assumptions import Assumptions
+from pmg.sim.dynamics.equilibrium import equilibrium
+from pmg.sim.dynamics.power import powers
+from pmg.sim.dynamics.state import STATES, SetTorques
+from pmg.sim.errors import BenchError
+from pmg.sim.gearbox import Gearbox
+from pmg.sim.signals import RPM
+from pmg.sim.solve import steady
+
+
+@pytest.mark.parametrize("gear", [1, 2])
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_forward_on_the_full_state_undoes_the_inverse_problem(gear: int, sense: float) -> None:
+    speed, load = (axis.ravel() for axis in np.meshgrid([156.0, 780.0, 1872.0], [-1.5, 0.78, 1.95]))
+    speed, load = sense * speed, sense * load
+    at = points("engaged", speed, -speed / BENCH.gear(gear).ratio, load, gear=gear)
+    wanted = steady(Gearbox.calibrated(BENCH, MODEL), at)
+    state = equilibrium(drivetrain(gear=gear), wanted.torque_sun, wanted.torque_ring)
+    np.testing.assert_allclose(state[STATES.index("speed_sun")], at.speed_sun, rtol=1e-9)
+    np.testing.assert_allclose(state[STATES.index("speed_ring")], at.speed_ring, rtol=1e-9)
+
+
+@given(st.floats(0.5, 1.5), st.floats(0.3, 1.0), choices)
+def test_energy_closes_in_steady_state(torque: float, surplus: float, chosen: Assumptions) -> None:
+    train = drivetrain(chosen)
+    asked = SetTorques(torque, 2.6 * (torque - 0.3 * surplus))
+    x = equilibrium(train, asked.sun, asked.ring)[:, 0]
+    balance = powers(train, x, asked)
+    moved = np.sum([np.abs(v) for v in (*balance.supplied.values(), *balance.dissipated.values())])
+    assert abs(balance.residual) <= 1e-9 * moved
+    assert abs(sum(balance.stored.values())) <= 1e-9 * moved
+    rates = np.array(train.rates(x.tolist(), asked))[:-1]
+    assert np.abs(rates[[2, 6, 7]]).max() < 1e-5
+
+
+def test_a_load_above_pull_out_is_refused_by_name() -> None:
+    with pytest.raises(BenchError, match=r"3 N m on the sun.*pull-out torque of 2\.57 N m"):
+        equilibrium(drivetrain(), [1.0, 3.0], [2.3, 7.4])
+
+
+def test_torques_that_no_drag_balances_are_refused() -> None:
+    with pytest.raises(BenchError, match="does not balance"):
+        equilibrium(drivetrain(), 40.0, 0.0)
+
+
+def test_lossless_torques_in_the_ratio_have_no_speed_of_their_own() -> None:
+    state = equilibrium(drivetrain(), 1.0, 2.6)[:, 0]
+    assert abs(state[STATES.index("speed_sun")]) < 1.0 * RPM
