@@ -10,6 +10,7 @@ from typing import Any
 import jsonschema
 import pytest
 from tests.conftest import ROOT
+from tests.recording.writer import Bench, write
 from typer.testing import CliRunner
 
 from pmg.pipeline.cli import app
@@ -162,3 +163,50 @@ def test_a_defect_exits_with_70_and_shows_its_trace(monkeypatch: pytest.MonkeyPa
     outcome = RUNNER.invoke(app, ["compare", "--store", str(tmp_path), "--report", str(tmp_path / "r")])
     assert outcome.exit_code == 70
     assert "planted by this test" in outcome.stderr
+
+
+@pytest.mark.parametrize(
+    ("grid", "line", "text", "words"),
+    [
+        ("neutral_grid.csv", 6, "0,inf,0.02,0.23,0.25", "finite"),
+        ("neutral_grid.csv", 6, "-60,300,0.02,0.23,0.25", "magnitude"),
+        ("engaged_grid.csv", 4, "156,-60,1.95,0.77,1.82,0.7614,1.8233", "magnitude"),
+        ("engaged_grid.csv", 4, "156,90,1.95,0.77,1.82,0.7614,1.8233", "ratio"),
+    ],
+)
+def test_a_published_line_that_cannot_be_is_named(grid: str, line: int, text: str, words: str, tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "raw" / "published", tmp_path / "grids")
+    lines = (tmp_path / "grids" / grid).read_text().splitlines()
+    lines[line] = text
+    (tmp_path / "grids" / grid).write_text("\n".join(lines) + "\n")
+    error = call("analyse", "--grids", tmp_path / "grids", "--store", tmp_path / "s", expect=2)["error"]
+    assert f"line {line + 1}" in error["where"]
+    assert words in error["expected"]
+
+
+def test_impossible_terms_leave_the_stored_analysis_alone(tmp_path: Path) -> None:
+    grids, store = ROOT / "raw" / "published", tmp_path / "s"
+    call("analyse", "--grids", grids, "--store", store, expect=0)
+    before = (store / "analysis" / "analysis.json").read_bytes()
+    call("analyse", "--grids", grids, "--store", store, "--terms-sun=-1,0", expect=2)
+    assert (store / "analysis" / "analysis.json").read_bytes() == before
+
+
+def test_constants_that_the_points_do_not_determine_are_named(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "raw" / "published", tmp_path / "grids")
+    path = tmp_path / "grids" / "engaged_grid.csv"
+    path.write_text("\n".join(path.read_text().splitlines()[:5]) + "\n")  # one speed, four loads
+    store = tmp_path / "s"
+    result = call("analyse", "--grids", tmp_path / "grids", "--store", store, "--k-corr", "joint", expect=3)
+    assert result["data"]["analysis"]["calibration"] is None
+    assert "do not determine" in " ".join(result["data"]["analysis"]["not_done"])
+    assert not (store / "analysis" / "losses.csv").exists()
+
+
+def test_a_clean_ingest_does_not_answer_for_what_lay_in_the_store(tmp_path: Path) -> None:
+    odd = tmp_path / "odd"
+    odd.mkdir()
+    write(odd / "a.mcap", Bench(acceleration=60.0))
+    store = tmp_path / "s"
+    call("ingest", odd, "--store", store, expect=3)
+    call("ingest", ROOT / "tests" / "data", "--store", store, "--fail-on", "findings", expect=0)
