@@ -14,7 +14,7 @@ from pmg.pipeline.aside import write_aside
 from pmg.pipeline.campaign import choose_campaign, measured_grid
 from pmg.pipeline.chapters.page import build_report
 from pmg.pipeline.compare import compare
-from pmg.pipeline.diagnose.decide import Verdict, diagnose, diagnosis_document
+from pmg.pipeline.diagnose.decide import diagnose, diagnosis_document
 from pmg.pipeline.gridtable import read_published
 from pmg.pipeline.ingest import ingest
 from pmg.pipeline.options import AnalysisOptions
@@ -202,7 +202,7 @@ def run_compare(store: Path, report: Path, note: str = "") -> Outcome:
         write_aside(report / "diagnosis.json", text.encode())
         data["diagnosis"], data["statement"] = json.loads(text), diagnosis.statement
         lines.insert(0, f"{diagnosis.verdict}: {diagnosis.statement}")
-        mismatch = diagnosis.verdict is not Verdict.CONSISTENT
+        mismatch = diagnosis.mismatch.found
     else:
         (report / "diagnosis.json").unlink(missing_ok=True)
     return Outcome(data, tuple(lines), remarks + _analysis_findings(analysis), not analysis.complete, mismatch)

@@ -89,4 +89,6 @@ def _verdict(analysis: Analysis, diagnosis: Diagnosis | None) -> Verdict:
     if diagnosis is None:
         reason = str(analysis.missing[0]) if analysis.missing else ""
         return Verdict(f"No comparison was possible. {reason}{warning}", "attention")
-    return Verdict(diagnosis.statement + warning, "attention" if diagnosis.mismatch.found or warning else "good")
+    return Verdict(
+        diagnosis.statement + warning, "attention" if diagnosis.verdict != "consistent" or warning else "good"
+    )

@@ -7,10 +7,12 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy import stats
 
 from pmg.pipeline.calibrate import jacobian
 from pmg.pipeline.diagnose.holdout import hold_out
 from pmg.pipeline.diagnose.locate import find_mismatch, located_families
+from pmg.pipeline.diagnose.noise import repeat_contrasts
 from pmg.pipeline.readings import predict
 from pmg.sim.mechanisms import Component
 
@@ -20,10 +22,15 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.locate import Location, Mismatch
     from pmg.pipeline.diagnose.noise import NoiseFloor
     from pmg.pipeline.fit import LossFits
+    from pmg.pipeline.readings import Readings
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
 
 SCHEMA = "pmg.diagnosis/1"
+
+
+ORDER_IS_SPEED = 0.95
+"""Rank correlation of speed and order from which on a slow change cannot be told from a loss curve."""
 
 
 class Verdict(StrEnum):
@@ -94,6 +101,25 @@ def component_of(place: Location) -> Component | None:
     return None
 
 
+def confounded_shafts(readings: Readings) -> tuple[str, ...]:
+    """Shafts whose neutral points were run in the order of their speed, in a campaign without a repeated point.
+
+    Rank correlation of speed and order of at least `ORDER_IS_SPEED`: what changes with time then looks like what
+    changes with speed, and no repeat tells them apart.
+    """
+    at = readings.grid.points
+    again = repeat_contrasts(readings)[readings.configuration != "zero"]
+    if not at.ordered or again.any():
+        return ()
+    found = []
+    for shaft, mine in (("sun", readings.sun), ("ring", ~readings.sun)):
+        rows = mine & (readings.configuration == "neutral")
+        speed, time = np.abs(readings.speed_own[rows]), at.started_at[readings.row[rows]]
+        if len(np.unique(speed)) > 2 and abs(stats.spearmanr(np.round(speed), time).statistic) >= ORDER_IS_SPEED:
+            found.append(shaft)
+    return tuple(found)
+
+
 def diagnose(
     grid: Grid,
     fits: LossFits,
@@ -107,6 +133,14 @@ def diagnose(
     The mechanism library holds the baseline only, so a mismatch is never named here: it is located and sized.
     """
     mismatch = find_mismatch(grid, fits, floor, bench, rng)
+    blind = confounded_shafts(mismatch.readings)
+    if not mismatch.found and blind:
+        statement = (
+            f"No mismatch beyond the noise (p = {mismatch.p_value:.3g}), but this campaign cannot tell: the points "
+            f"were run in the order of the {' and '.join(blind)} speed and none was repeated: a slow change, however "
+            "large, would pass for part of the loss curve. Repeat points spread over the grid, in random order."
+        )
+        return Diagnosis(grid.campaign, Verdict.CONFOUNDED, statement, mismatch, floor, (), None)
     if not mismatch.found:
         statement = (
             f"No mismatch beyond the noise (p = {mismatch.p_value:.3g} over {mismatch.tested} kinds of structure, "
@@ -167,6 +201,18 @@ def _absorbed(mismatch: Mismatch, calibration: Calibration, bench: BenchParamete
     )
 
 
+MINUTES_A_POINT = 0.75
+"""Bench time of one repeated point: approach, settling and a window of 5 s."""
+
+
+def _spread(readings: Readings) -> list[str]:
+    """Names of ten neutral points, evenly over those that were run."""
+    at = readings.grid.points
+    rows = np.flatnonzero(at.neutral & readings.grid.accepted)
+    chosen = rows[np.linspace(0, len(rows) - 1, min(10, len(rows))).astype(int)]
+    return [str(name) for name in at.name[chosen]]
+
+
 def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
     """The diagnosis as the JSON document ``pmg.diagnosis/1`` (its schema lies beside this module)."""
     mismatch, floor = diagnosis.mismatch, diagnosis.floor
@@ -214,5 +260,15 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
             "noise_floor_Nm": held.noise_floor,
             "gain_interval_Nm": list(held.gain_interval),
         },
-        "next_tests": [],
+        "next_tests": [
+            {
+                "description": "Repeat ten points spread over the neutral grid, in random order, after the last point",
+                "points": _spread(diagnosis.mismatch.readings),
+                "minutes": 10.0 * MINUTES_A_POINT,
+                "separates": ["lubricant_viscosity", "torque_zero_drift"],
+                "power": None,
+            }
+        ]
+        if diagnosis.verdict is Verdict.CONFOUNDED
+        else [],
     }

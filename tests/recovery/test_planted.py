@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
+import jsonschema
 import numpy as np
 import pytest
+from tests.conftest import ROOT
 from tests.nature import Nature, campaign_points, measure
 
 from pmg.pipeline.analyse import Analysis, analyse
-from pmg.pipeline.diagnose.decide import Verdict, diagnose, diagnosis_document
+from pmg.pipeline.diagnose.decide import Verdict, confounded_shafts, diagnose, diagnosis_document
 from pmg.pipeline.diagnose.locate import find_mismatch
 from pmg.pipeline.options import AnalysisOptions
+from pmg.pipeline.readings import take_readings
 from pmg.sim.bench import BenchParameters
 from pmg.sim.grid import Grid
 
 NATURE = Nature()
+SCHEMA = ROOT / "pipeline" / "diagnose" / "diagnosis.schema.json"
 
 
 def analysed(grid: Grid, bench: BenchParameters) -> Analysis:
@@ -126,6 +131,31 @@ def test_one_wild_point_is_named(bench: BenchParameters, rng: np.random.Generato
     assert found.found
     effect = found.locations[0].effect
     assert found.readings.row[int(np.argmax(np.abs(effect)))] == wild
+
+
+def test_an_order_that_is_the_speed_without_repeats_is_called_confounded(
+    bench: BenchParameters, rng: np.random.Generator
+) -> None:
+    at = campaign_points("falling", rng)
+    _, first = np.unique(
+        np.stack([np.round(at.speed_sun), np.round(at.speed_ring), at.load_set, at.engaged], axis=1),
+        axis=0,
+        return_index=True,
+    )
+    once = at[np.sort(first)]
+    once = once[~once.zero & (once.speed_sun >= 0.0)]
+    analysis = analysed(measure(NATURE, once, rng)[0], bench)
+    assert analysis.fits is not None
+    assert analysis.floor is not None
+    assert analysis.calibration is not None
+    found = diagnose(analysis.grid, analysis.fits, analysis.floor, analysis.calibration, bench, rng)
+    assert found.verdict is Verdict.CONFOUNDED
+    document = diagnosis_document(found)
+    jsonschema.validate(document, json.loads(SCHEMA.read_text()))
+    assert len(document["next_tests"][0]["points"]) == 10
+    grid, _, _ = measure(NATURE, campaign_points("random", rng), rng)
+    assert confounded_shafts(take_readings(grid, bench)) == ()
+    assert confounded_shafts(take_readings(measure(NATURE, once, rng)[0], bench)) == ("sun",)
 
 
 def test_same_seed_same_diagnosis(bench: BenchParameters) -> None:
