@@ -133,6 +133,15 @@ def jacobian(readings: Readings, bench: BenchParameters, model: LossModel, free:
     return np.stack(columns, axis=1)
 
 
+USUAL_CORRECTION = 0.85
+"""Correction factor from which a fit starts: in the middle of those the thesis tried."""
+
+
+def start_model(fits: LossFits) -> LossModel:
+    """Curves of the neutral points with usual constants: where a fit starts, and where the baseline is linearised."""
+    return LossModel(fits.sun.curve, fits.ring.curve, USUAL_CORRECTION, 0.0, CONSTANTS["c"].typical, 0.0)
+
+
 def calibrate(
     grid: Grid,
     fits: LossFits,
@@ -172,14 +181,9 @@ def calibrate(
     if correction is not None:
         free = tuple(name for name in free if name != "K_corr")
     readings = take_readings(grid, bench)
-    start = LossModel(
-        fits.sun.curve,
-        fits.ring.curve,
-        0.85 if correction is None else correction,
-        0.0,
-        CONSTANTS["c"].typical,
-        0.0,
-    )
+    start = start_model(fits)
+    if correction is not None:
+        start = replace(start, correction=correction)
     names = parameter_names(start, free)
     n_curves = len(names) - len(free)
     lower = np.r_[np.full(n_curves, -np.inf), [CONSTANTS[name].bounds[0] for name in free]]

@@ -81,22 +81,3 @@ LOSS_MAGNETIC = Signal("loss_magnetic", r"P_m", "W", "W", 1.0, "magnetic loss")
 EFFICIENCY_TOTAL = Signal("efficiency_total", r"\eta_\mathrm{tot}", "1", "%", 0.01, "total efficiency")
 EFFICIENCY_MAGNETIC = Signal("efficiency_magnetic", r"\eta_m", "1", "%", 0.01, "magnetic efficiency")
 EFFICIENCY_BEARINGS = Signal("efficiency_bearings", r"\eta_b", "1", "%", 0.01, "bearing efficiency")
-
-SIGNALS = (
-    SPEED_SUN,
-    SPEED_RING,
-    SPEED_DIFFERENCE,
-    TORQUE_SUN,
-    TORQUE_RING,
-    LOSS_TORQUE_SUN,
-    LOSS_TORQUE_RING,
-    RESIDUAL,
-    POWER_IN,
-    POWER_OUT,
-    LOSS_TOTAL,
-    LOSS_BEARINGS,
-    LOSS_MAGNETIC,
-    EFFICIENCY_TOTAL,
-    EFFICIENCY_MAGNETIC,
-    EFFICIENCY_BEARINGS,
-)

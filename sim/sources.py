@@ -51,5 +51,3 @@ FLEGAL_JONES = Source(
 WESTFALL_YOUNG = Source(
     "westfall-young", "P. H. Westfall, S. S. Young, 'Resampling-Based Multiple Testing', Wiley, 1993"
 )
-
-SOURCES = (THESIS, GUM, BERTOTTI, BURNHAM_ANDERSON, FLEGAL_JONES, WESTFALL_YOUNG)

@@ -162,9 +162,8 @@ def diagnose(
 def _statement(mismatch: Mismatch, held: HeldOut | None) -> str:
     place = mismatch.locations[0]
     follows = " and ".join(word.replace("_", " ") for word in place.depends_on) or "nothing that was recorded"
-    where = "in every configuration" if place.configuration == "all" else f"in {place.configuration} points"
-    if place.configuration in ("engaged", "zero"):
-        where = f"in {place.configuration} points" if place.configuration == "engaged" else "at the zero checks"
+    special = {"all": "in every configuration", "zero": "at the zero checks"}
+    where = special.get(place.configuration, f"in {place.configuration} points")
     sentence = (
         f"Simulation and recordings differ (p ≤ {mismatch.p_value:.2g}): clearest in the "
         f"{place.signal.replace('torque_', '')} torque {where}, {place.size * 1e3:.1f} mN m rms, following {follows}."

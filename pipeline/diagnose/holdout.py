@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.calibrate import jacobian
+from pmg.pipeline.calibrate import jacobian, start_model
 from pmg.pipeline.diagnose.locate import located_families
-from pmg.pipeline.diagnose.noise import BASELINE_FREE, start_model
+from pmg.pipeline.diagnose.noise import BASELINE_FREE
 from pmg.pipeline.diagnose.whiten import relative_scale
 from pmg.pipeline.readings import predict, take_readings
 

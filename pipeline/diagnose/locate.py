@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.calibrate import jacobian
-from pmg.pipeline.diagnose.noise import BASELINE_FREE, repeat_contrasts, start_model
+from pmg.pipeline.calibrate import jacobian, start_model
+from pmg.pipeline.diagnose.noise import BASELINE_FREE, repeat_contrasts
 from pmg.pipeline.diagnose.scan import Scan, make_scan
 from pmg.pipeline.diagnose.structure import families
 from pmg.pipeline.diagnose.whiten import synthetic_noise, undo, whitener

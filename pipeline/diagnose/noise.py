@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.calibrate import jacobian
+from pmg.pipeline.calibrate import jacobian, start_model
 from pmg.pipeline.diagnose.structure import families
 from pmg.pipeline.diagnose.whiten import CORRELATIONS, NO_CORRELATION, chain_of, relative_scale
 from pmg.pipeline.readings import predict, take_readings
-from pmg.sim.lossmodel import LossModel
 
 if TYPE_CHECKING:
     from pmg.pipeline.fit import LossFits
@@ -118,11 +117,6 @@ def orthonormal(columns: Array, tolerance: float = 1e-6) -> Array:
         return np.zeros((len(columns), 0))
     left, singular, _ = np.linalg.svd(kept, full_matrices=False)
     return left[:, singular > tolerance * singular[0]]
-
-
-def start_model(fits: LossFits) -> LossModel:
-    """Curves of the neutral points with usual constants: the point about which the baseline is linear."""
-    return LossModel(fits.sun.curve, fits.ring.curve, 0.85, 0.0, 2e-4, 0.0)
 
 
 def _correlation(readings: Readings, residual: Array, basis: Array, sun: bool) -> Array:
