@@ -63,4 +63,4 @@ class LossCurve:
 
     @cached_property
     def _floats(self) -> list[float]:
-        return [float(a) for a in self.coefficients]
+        return list(self.coefficients.tolist())

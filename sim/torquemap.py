@@ -16,8 +16,7 @@ from pmg.sim.signals import REVOLUTION
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.sim.bench import GearParameters
-    from pmg.sim.signals import Array
+    from pmg.sim.signals import Array, Number
 
 
 _ROUNDING = 2.0 * float(np.finfo(np.float64).eps)
@@ -40,22 +39,6 @@ class PullOut:
     torque_high: float
     phase_low: float
     phase_high: float
-
-
-@dataclass(frozen=True)
-class Cogging:
-    """Pull of the bare iron poles on one rotor.
-
-    Parameters
-    ----------
-    amplitude : float
-        Torque amplitude [N m].
-    order : int or None
-        Periods a turn against the carrier; None for the least common multiple of the magnets and the iron poles.
-    """
-
-    amplitude: float
-    order: int | None = None
 
 
 @dataclass(frozen=True)
@@ -108,6 +91,51 @@ class TorqueMap:
 
     def _terms(self, sun: Array, ring: Array, carrier: Array | float) -> Array:
         return np.multiply.outer(sun - carrier, self.orders_sun) + np.multiply.outer(ring - carrier, self.orders_ring)
+
+    @cached_property
+    def _plain(self) -> tuple[tuple[int, int, float, float, Number, Number], ...]:
+        """Each term: its orders, its shares of phase and sun angle, its amplitudes."""
+        p_s, p_r = self.pole_pairs_sun, self.pole_pairs_ring
+        orders = [(int(m), int(n)) for m, n in zip(self.orders_sun, self.orders_ring, strict=True)]
+        pairs = zip(orders, self.cosine.tolist(), self.sine.tolist(), strict=True)
+        return tuple((m, n, n / p_r, (m * p_r - n * p_s) / p_r, a, b) for (m, n), a, b in pairs)
+
+    @property
+    def follows_phase(self) -> bool:
+        """Whether nothing but the electrical phase matters: no cogging."""
+        return all(per_sun == 0.0 for *_, per_sun, _, _ in self._plain)
+
+    def without_cogging(self) -> TorqueMap:
+        """The same map with the terms that follow the phase only."""
+        kept = self.orders_sun * self.pole_pairs_ring == self.orders_ring * self.pole_pairs_sun
+        return replace(
+            self,
+            orders_sun=self.orders_sun[kept],
+            orders_ring=self.orders_ring[kept],
+            cosine=self.cosine[kept],
+            sine=self.sine[kept],
+        )
+
+    def law(self, phase: Number, sun: Number) -> tuple[Number, Number, Number]:
+        """Torques on sun and ring [N m] and the energy [J]: plain arithmetic on floats, complex numbers or arrays.
+
+        Parameters
+        ----------
+        phase : number
+            Electrical phase [rad].
+        sun : number
+            Angle of the sun against the carrier [rad]; it matters to cogging only.
+        """
+        on_sun: Number = 0.0
+        on_ring: Number = 0.0
+        energy: Number = 0.0
+        for m, n, per_phase, per_sun, a, b in self._plain:
+            psi = per_phase * phase + per_sun * sun if per_sun else per_phase * phase
+            sine, cosine = np.sin(psi), np.cos(psi)
+            pull = a * sine - b * cosine
+            on_sun, on_ring = on_sun + m * pull, on_ring + n * pull
+            energy = energy + a * cosine + b * sine
+        return on_sun, on_ring, energy
 
     def potential(self, sun: Array, ring: Array, carrier: Array | float = 0.0) -> Array:
         """Magnetic energy [J] at the angles [rad] of the three members, less its mean."""
@@ -212,66 +240,3 @@ class TorqueMap:
         rounding = _ROUNDING * max(limits.torque_high, -limits.torque_low)
         ends = np.full_like(torque, limits.phase_low), np.full_like(torque, limits.phase_high)
         return rising_root(missing, *ends, rounding=rounding)[0]
-
-
-def analytic_map(
-    gear: GearParameters,
-    scale: float = 1.0,
-    harmonics: dict[int, float] | None = None,
-    cogging_sun: Cogging | None = None,
-    cogging_ring: Cogging | None = None,
-) -> TorqueMap:
-    r"""The map that the published pull-out torques imply.
-
-    Parameters
-    ----------
-    gear : GearParameters
-        Pole pairs and pull-out torques.
-    scale : float
-        Factor on all torques.
-    harmonics : dict of int to float
-        Order in the phase, from 2, and torque amplitude relative to the fundamental. The pull-out stays as published.
-    cogging_sun, cogging_ring : Cogging
-        Pull of the iron poles on each rotor; absent by default, as the source gives none.
-
-    Notes
-    -----
-    :math:`W = -\hat W\cos\varphi` has pull-outs :math:`p_s\hat W, p_r\hat W, Q\hat W`. The three published values are
-    rounded to 0.01 N m; :math:`\hat W` is their least-squares value,
-    :math:`\sum p_j\hat T_j/\sum p_j^2`, and meets all three within rounding. The source draws the maps but prints no
-    more than their peaks, so the sine is an assumption.
-    """
-    p_s, p_r = round(gear.pole_pairs_sun), round(gear.pole_pairs_ring)
-    poles = np.array([p_s, p_r, p_s + p_r], dtype=np.float64)
-    peaks = np.array([gear.pull_out_torque_sun, gear.pull_out_torque_ring, gear.pull_out_torque_carrier], dtype=float)
-    peak = float(poles @ peaks / (poles @ poles))
-    shape = {1: 1.0, **(harmonics or {})}
-    for order, share in shape.items():
-        if order < 1 or order != int(order) or not math.isfinite(share) or (order == 1 and share != 1.0):
-            raise BenchError(
-                "harmonics", f"{{{order}: {share}}}", "orders from 2 and finite shares", "Correct the entry."
-            )
-    orders = np.array(list(shape), dtype=np.int64)
-    cosine = -np.array([share / order for order, share in shape.items()])
-    zeros = np.zeros(len(orders))
-    plain = TorqueMap(p_s, p_r, p_s * orders, p_r * orders, cosine, zeros, "analytic map")
-    coupling = plain.scaled(p_s * peak / plain.pull_out.torque_high)
-    m, n, a = [coupling.orders_sun], [coupling.orders_ring], [coupling.cosine]
-    for cogging, pairs, on_sun in ((cogging_sun, p_s, 1), (cogging_ring, p_r, 0)):
-        if cogging is None:
-            continue
-        order = math.lcm(2 * pairs, p_s + p_r) if cogging.order is None else cogging.order
-        if order < 1 or not math.isfinite(cogging.amplitude):
-            raise BenchError("cogging", f"{cogging}", "an order from 1 and a finite amplitude", "Correct the entry.")
-        m.append(np.array([order * on_sun]))
-        n.append(np.array([order * (1 - on_sun)]))
-        a.append(np.array([-cogging.amplitude / order]))
-    cosines = np.concatenate(a)
-    whole = replace(
-        coupling,
-        orders_sun=np.concatenate(m),
-        orders_ring=np.concatenate(n),
-        cosine=cosines,
-        sine=np.zeros(len(cosines)),
-    )
-    return whole.scaled(scale)

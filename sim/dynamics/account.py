@@ -7,17 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.sim.dynamics.power import powers
+from pmg.sim.dynamics.power import energies, flows
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Iterable, Mapping
 
     from pmg.sim.dynamics.drivetrain import Drivetrain
-    from pmg.sim.dynamics.state import SetTorques
-    from pmg.sim.signals import Array
+    from pmg.sim.signals import Array, Number
 
-_NODES = np.array([(4.0 - np.sqrt(6.0)) / 10.0, (4.0 + np.sqrt(6.0)) / 10.0, 1.0])
-_WEIGHTS = np.array([(16.0 - np.sqrt(6.0)) / 36.0, (16.0 + np.sqrt(6.0)) / 36.0, 1.0 / 9.0])
+WINDINGS = {"sun amplifier": "sun winding", "ring amplifier": "ring winding"}
 
 
 @dataclass(frozen=True)
@@ -29,10 +27,6 @@ class Account:
     dissipated: Mapping[str, float]
     created: Mapping[str, float]
 
-    def __add__(self, later: Account) -> Account:
-        """Both stretches together."""
-        return Account(*(_sum(getattr(self, group), getattr(later, group)) for group in _GROUPS))
-
     @property
     def inflow(self) -> float:
         """Net energy that came in by supply and was not dissipated [J]; what the stores must have gained."""
@@ -43,40 +37,45 @@ class Account:
         """Sum of the magnitudes of supplied, created and dissipated energies [J]."""
         return sum(abs(value) for group in (self.supplied, self.created, self.dissipated) for value in group.values())
 
-
-_GROUPS = ("supplied", "stored", "dissipated", "created")
-
-
-def _sum(one: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
-    return {name: one.get(name, 0.0) + other.get(name, 0.0) for name in {**one, **other}}
+    @property
+    def residual(self) -> float:
+        """What the account leaves over, relative to the turnover."""
+        return (self.inflow - sum(self.stored.values())) / self.turnover if self.turnover else 0.0
 
 
-def account(
-    drivetrain: Drivetrain, steps: Array, solution: Callable[[Array], Array], asked: Callable[[Array], SetTorques]
-) -> Account:
-    """Energies over a run of the three-stage Radau method.
+def names_of_flows(drivetrain: Drivetrain) -> tuple[tuple[str, ...], ...]:
+    """Names of the flows in the order of `integrands`, by group."""
+    found = flows(drivetrain, drivetrain.at_rest())
+    return tuple(tuple(group) for group in found)
 
-    Parameters
-    ----------
-    drivetrain : Drivetrain
-        What was run.
-    steps : (n,) array
-        Ends of the integrator's steps [s].
-    solution : callable
-        Its own interpolant, the collocation polynomial of each step.
-    asked : callable
-        Set torques at given times.
+
+def integrand_parts(drivetrain: Drivetrain, state: Iterable[Number]) -> list[Number]:
+    """Powers that are summed over a run [W], one after the other."""
+    return [value for group in flows(drivetrain, state) for value in group.values()]
+
+
+def integrands(drivetrain: Drivetrain, state: Iterable[Array]) -> Array:
+    """The same at many instants: one row for each flow."""
+    return np.array(np.broadcast_arrays(*integrand_parts(drivetrain, state)), dtype=np.float64)
+
+
+def settle(drivetrain: Drivetrain, begin: Array, end: Array, sums: Array) -> Account:
+    """Account of a run from its first and last state and the sums over time of its `integrands` [J].
 
     Notes
     -----
-    Summed at the collocation points of the steps with the method's own weights. Only there does the state meet the
-    equations of motion to rounding; between them the amplifier's voltage, a derivative multiplied by 10^6 1/s,
-    shows the interpolant's error and not the bench.
+    Stores are read from the two states. What an amplifier supplied is what its winding passed on and burnt plus
+    what the winding gained: the voltage itself, a derivative multiplied by 10^6 1/s, is no quantity to sum between
+    steps. All other elements are independent of each other, so their balance is a check.
     """
-    h = np.diff(steps)
-    times = (steps[:-1, None] + h[:, None] * _NODES).ravel()
-    weights = (h[:, None] * _WEIGHTS).ravel()
-    flow = powers(drivetrain, solution(times), asked(times))
+    before, after = energies(drivetrain, begin.tolist()), energies(drivetrain, end.tolist())
+    stored = {name: float(after[name] - before[name]) for name in after}
+    drawn_names, dissipated_names, created_names = names_of_flows(drivetrain)
+    drawn, dissipated, created = np.split(sums, np.cumsum([len(drawn_names), len(dissipated_names)]))
+    supplied = {name: float(value) + stored[WINDINGS[name]] for name, value in zip(drawn_names, drawn, strict=True)}
     return Account(
-        *({name: float(np.sum(weights * value)) for name, value in getattr(flow, group).items()} for group in _GROUPS)
+        supplied,
+        stored,
+        dict(zip(dissipated_names, dissipated.tolist(), strict=True)),
+        dict(zip(created_names, created.tolist(), strict=True)),
     )

@@ -30,6 +30,8 @@ RANGES: dict[str, tuple[float, float, str]] = {
     "map_scale": (1e-3, 1e3, "1"),
     "friction_rest_width": (1e-3, 10.0, "rad/s"),
     "start_phase": (-math.pi, math.pi, "rad"),
+    "speed_gain": (1e-4, 10.0, "N m s/rad"),
+    "speed_reset": (1e-2, 1e3, "s"),
 }
 """Allowed range and unit of each number."""
 
@@ -65,6 +67,10 @@ class Assumptions:
     start_phase : float
         Electrical phase at rest [rad]. All states start at zero in the source, yet its figure shows an oscillation
         that a start in the middle of the well does not make; 0 is what is written.
+    speed_gain, speed_reset : float
+        Proportional gain [N m s/rad] and reset time [s] of the outer loop of a speed-controlled motor. The source
+        holds speeds by the drives' own loop and gives no numbers. With 0.05 the engaged bench follows at about
+        10 rad/s, ten times slower than the magnetic oscillation; steady torques do not depend on either.
     """
 
     sensor_lag: float = 0.010
@@ -75,6 +81,8 @@ class Assumptions:
     friction_rest_width: float = 0.5
     carrier_in_map: bool = True
     start_phase: float = 0.0
+    speed_gain: float = 0.05
+    speed_reset: float = 1.0
 
     def __post_init__(self) -> None:
         for name, (low, high, unit) in RANGES.items():

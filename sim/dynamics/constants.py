@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple
 
 from pmg.sim.dynamics.assumptions import Assumptions, RotorInertia
@@ -9,6 +10,13 @@ from pmg.sim.powerchain import MotorConvention
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
+
+
+class Control(StrEnum):
+    """What a motor follows."""
+
+    TORQUE = "torque"
+    SPEED = "speed"
 
 
 class Side(NamedTuple):
@@ -19,16 +27,16 @@ class Side(NamedTuple):
     rotor_inertia: float
     back_emf: float
     friction: float
+    by_speed: bool
 
 
 class Constants(NamedTuple):
-    """The numbers of the equations, as plain floats."""
+    """The numbers of the equations, as plain floats; the flags decide which equations there are."""
 
     p_s: float
     p_r: float
     Q: float
     Q_map: float
-    T_max: float
     k: float
     c: float
     J_s: float
@@ -43,16 +51,27 @@ class Constants(NamedTuple):
     K_i: float
     K_d: float
     K_A: float
+    K_v: float
+    T_v: float
     tau: float
     N: float
     rest: float
     ideal: bool
     sensed: bool
+    ring_held: bool
+    carrier_seen: bool
     sun: Side
     ring: Side
 
 
-def gather(bench: BenchParameters, given: Assumptions, number: int) -> Constants:
+def gather(
+    bench: BenchParameters,
+    given: Assumptions,
+    number: int,
+    ring_held: bool,
+    control_sun: Control,
+    control_ring: Control,
+) -> Constants:
     """Constants of the bench with that stage engaged, as plain floats."""
     gear = bench.gear(number)
     motor, shafts, rotors, loop = bench.motor, bench.shafts, bench.rotors, bench.control
@@ -60,8 +79,11 @@ def gather(bench: BenchParameters, given: Assumptions, number: int) -> Constants
     J_m = 0.0 if given.rotor_inertia is RotorInertia.ABSENT else float(motor.inertia)
     K_e = float(motor.back_emf_constant if thesis else motor.torque_constant)
     sun, ring = (
-        Side(sign, float(inertia), sign * J_m, sign * K_e, sign * float(motor.damping))
-        for sign, inertia in ((1.0, shafts.inertia_sun), (-1.0 if thesis else 1.0, shafts.inertia_ring))
+        Side(sign, float(inertia), sign * J_m, sign * K_e, sign * float(motor.damping), control is Control.SPEED)
+        for sign, inertia, control in (
+            (1.0, shafts.inertia_sun, control_sun),
+            (-1.0 if thesis else 1.0, shafts.inertia_ring, control_ring),
+        )
     )
     poles = float(bench.carrier.iron_poles)
     return Constants(
@@ -69,7 +91,6 @@ def gather(bench: BenchParameters, given: Assumptions, number: int) -> Constants
         p_r=float(gear.pole_pairs_ring),
         Q=poles,
         Q_map=poles if given.carrier_in_map else 0.0,
-        T_max=given.map_scale * float(gear.pull_out_torque_sun),
         k=float(shafts.joint_stiffness),
         c=float(shafts.joint_damping),
         J_s=float(rotors.inertia_sun),
@@ -84,11 +105,15 @@ def gather(bench: BenchParameters, given: Assumptions, number: int) -> Constants
         K_i=float(loop.integral),
         K_d=float(loop.derivative),
         K_A=float(loop.amplifier),
+        K_v=given.speed_gain,
+        T_v=given.speed_reset,
         tau=given.sensor_lag,
         N=given.derivative_filter or 1.0 / given.sensor_lag,
         rest=given.friction_rest_width,
         ideal=given.derivative_filter is None,
         sensed=given.rotor_inertia is RotorInertia.BEHIND_SENSOR,
+        ring_held=ring_held,
+        carrier_seen=given.carrier_in_map,
         sun=sun,
         ring=ring,
     )

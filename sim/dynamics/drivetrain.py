@@ -1,4 +1,4 @@
-"""The whole bench in motion: two motors with their torque loops, two shafts, three rotors; its equations of motion."""
+"""The whole bench in motion: two motors with their loops, two shafts, three rotors; its equations of motion."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.sim.analyticmap import analytic_map
 from pmg.sim.dynamics.assumptions import Assumptions
-from pmg.sim.dynamics.constants import Constants, Side, gather
-from pmg.sim.dynamics.state import STATES, Motion, MotorState, SetTorques, State
+from pmg.sim.dynamics.constants import Constants, Control, Side, gather
+from pmg.sim.dynamics.state import STATES, Motion, MotorState, SetPoints, State
 from pmg.sim.errors import BenchError
 from pmg.sim.grid import Configuration
+from pmg.sim.kinematics import Member
 from pmg.sim.mechanisms import RotorLaw
 
 if TYPE_CHECKING:
@@ -22,35 +24,49 @@ if TYPE_CHECKING:
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.mechanisms import Mechanism
     from pmg.sim.signals import Array, Number
+    from pmg.sim.torquemap import TorqueMap
 
 
 @dataclass(frozen=True)
 class Drivetrain:
-    r"""The bench with one stage engaged, both motors torque-controlled.
+    r"""The bench in one of its modes.
 
     Parameters
     ----------
     bench : BenchParameters
         Its numbers.
     mechanisms : tuple of Mechanism
-        Losses; each must be a `RotorLaw`. Those that do not act when engaged are left out.
+        Losses; each must be a `RotorLaw`. Those that do not act in this configuration are left out.
     assumptions : Assumptions
         What the source leaves open.
     gear : int
         Stage, 1 or 2.
+    configuration : Configuration
+        Engaged, or neutral: the carrier between the stages, no magnetic torque.
+    held : Member
+        The member that the block holds: the carrier, as on the bench, or the ring; then the ring motor's shaft is
+        coupled to the free carrier. The source gives no bearing of a turning carrier, so it has magnetic drag only.
+    control_sun, control_ring : Control
+        What each motor follows.
+    torque_map : TorqueMap or None
+        Magnetic torques before `map_scale`; the sine that the published pull-out torques imply when not given.
 
     Notes
     -----
-    Electrical phase :math:`\varphi = p_s\theta_s + p_r\theta_r - Q\theta_c`; the field energy
-    :math:`-(\hat T/p_s)\cos\varphi` gives the torques :math:`\hat T\sin\varphi` and
-    :math:`(p_r/p_s)\hat T\sin\varphi` against sun and ring and their sum on the carrier, so they cancel over the
-    three. Blocks as in the thesis, chapter 5; the maps there are finite-element tables that are not printed.
+    Electrical phase :math:`\varphi = p_s\theta_s + p_r\theta_r - Q\theta_c`; the magnetic torques are the slopes of
+    one energy, so they cancel over the three members. Blocks as in the thesis, chapter 5; the maps there are
+    finite-element tables that are not printed.
     """
 
     bench: BenchParameters
     mechanisms: tuple[Mechanism, ...] = ()
     assumptions: Assumptions = field(default_factory=Assumptions)
     gear: int = 1
+    configuration: Configuration = Configuration.ENGAGED
+    held: Member = Member.CARRIER
+    control_sun: Control = Control.TORQUE
+    control_ring: Control = Control.TORQUE
+    torque_map: TorqueMap | None = None
 
     def __post_init__(self) -> None:
         self.bench.gear(self.gear)
@@ -62,34 +78,79 @@ class Drivetrain:
                     "a RotorLaw",
                     "Leave it out of the transient or give it a law.",
                 )
+        if self.configuration not in (Configuration.NEUTRAL, Configuration.ENGAGED):
+            raise BenchError("drivetrain", f"'{self.configuration}'", "neutral or engaged", "Choose one of them.")
+        if self.held is Member.SUN or (self.held is Member.RING and not self.assumptions.carrier_in_map):
+            came = (
+                "the sun held" if self.held is Member.SUN else "the ring held, and a map that does not see the carrier"
+            )
+            raise BenchError("drivetrain", came, "carrier or ring held", "Hold another member, or set carrier_in_map.")
 
     @classmethod
     def calibrated(
         cls, bench: BenchParameters, model: LossModel, assumptions: Assumptions | None = None, gear: int = 1
     ) -> Drivetrain:
-        """The baseline with the losses of a calibration."""
+        """The baseline with the losses of a calibration, engaged, torque-controlled."""
         return cls(bench, model.mechanisms(bench), assumptions or Assumptions(), gear)
 
     @cached_property
     def losses(self) -> tuple[RotorLaw, ...]:
-        """The mechanisms that act with the gear engaged."""
+        """The mechanisms that act in this configuration."""
         laws = (m for m in self.mechanisms if isinstance(m, RotorLaw))
-        return tuple(law for law in laws if Configuration.ENGAGED in law.acts_in)
+        return tuple(law for law in laws if self.configuration in law.acts_in)
 
     @cached_property
     def constants(self) -> Constants:
         """The numbers of the equations, gathered once."""
-        return gather(self.bench, self.assumptions, self.gear)
+        held = self.held is Member.RING
+        return gather(self.bench, self.assumptions, self.gear, held, self.control_sun, self.control_ring)
+
+    @cached_property
+    def coupling(self) -> TorqueMap | None:
+        """The magnetic torques at their scale; none in neutral."""
+        if self.configuration is Configuration.NEUTRAL:
+            return None
+        scale = self.assumptions.map_scale
+        given = self.torque_map
+        return given.scaled(scale) if given is not None else analytic_map(self.bench.gear(self.gear), scale)
 
     def at_rest(self) -> Array:
         """State at rest with nothing applied, at the assumed phase."""
         return np.array(State(*np.zeros(len(STATES)))._replace(phase=self.assumptions.start_phase), dtype=np.float64)
 
+    def angle_sun(self, state: Iterable[Number]) -> Number:
+        """Angle of the sun against the carrier [rad], as the map sees it; from phase and held angle."""
+        x, q = State(*state), self.constants
+        if q.ring_held:
+            return (x.phase + q.p_r * (x.angle_sun - x.angle_block)) / q.Q
+        return x.angle_sun - x.angle_block if q.carrier_seen else x.angle_sun
+
+    def magnetic(self, state: Iterable[Number]) -> tuple[Number, Number, Number]:
+        """Torques of the field on sun and ring [N m] and its energy [J]."""
+        x = State(*state)
+        return (0.0, 0.0, 0.0) if self.coupling is None else self.coupling.law(x.phase, self.angle_sun(x))
+
+    def drags(self, state: Iterable[Number]) -> tuple[tuple[Number, Number, Number], ...]:
+        """Torques of each mechanism on sun, ring and carrier [N m]."""
+        x, rest = State(*state), self.constants.rest
+        found = []
+        for law in self.losses:
+            drag = law.law(x.speed_sun, x.speed_ring, rest)
+            found.append((drag.sun, drag.ring, law.carrier_law(x.speed_carrier, rest)))
+        return tuple(found)
+
     def _motor(self, side: Side, loop: Sequence[Number], joint: Number, asked: Number, slope: Number) -> MotorState:
-        """One motor with its torque loop, equations 5.5 to 5.11."""
+        """One motor with its torque loop, equations 5.5 to 5.11, and the speed loop around it where there is one."""
         q = self.constants
-        w, i, integral, feedback, filtered = loop
+        w, i, integral, feedback, filtered, angle_lag = loop
         acceleration = (q.K_c * i - side.friction * w - joint) / (side.inertia + side.rotor_inertia)
+        d_angle_lag = -angle_lag
+        if side.by_speed:
+            d_angle_lag = asked - w
+            asked, slope = (
+                q.K_v * (d_angle_lag + angle_lag / q.T_v),
+                q.K_v * (slope - acceleration + d_angle_lag / q.T_v),
+            )
         torque_out = q.K_c * i - side.friction * w - (side.rotor_inertia * acceleration if q.sensed else 0.0)
         d_feedback = (torque_out - feedback) / q.tau
         error = q.K_set * asked - q.K_fb * feedback
@@ -97,51 +158,54 @@ class Drivetrain:
         derivative = q.K_set * slope - q.K_fb * d_feedback if q.ideal else d_filtered
         voltage = q.K_A * (q.K_p * error + q.K_i * integral + q.K_d * derivative)
         d_current = (voltage - side.back_emf * w - q.R * i) / q.L
-        return MotorState(acceleration, d_current, error, d_feedback, d_filtered, torque_out, voltage)
+        return MotorState(acceleration, d_current, error, d_feedback, d_filtered, d_angle_lag, torque_out, voltage)
 
-    def motion(self, state: Iterable[Number], asked: SetTorques) -> Motion:
+    def motion(self, state: Iterable[Number], asked: SetPoints) -> Motion:
         """Torques at an instant: plain arithmetic on floats, complex numbers or arrays with further axes."""
         x, q = State(*state), self.constants
+        held, turned = (x.speed_ring, x.speed_carrier) if q.ring_held else (x.speed_carrier, x.speed_ring)
         joint_sun = q.k * x.twist_sun + q.c * (x.speed_sun_motor - x.speed_sun)
-        joint_ring = q.k * x.twist_ring + q.c * (x.speed_ring_motor - x.speed_ring)
-        magnetic_sun = q.T_max * np.sin(x.phase)
-        magnetic_ring = q.p_r / q.p_s * magnetic_sun
-        drag_sun: Number = 0.0
-        drag_ring: Number = 0.0
-        drag_carrier: Number = 0.0
-        for law in self.losses:
-            drag = law.law(x.speed_sun, x.speed_ring, q.rest)
-            drag_sun, drag_ring = drag_sun + drag.sun, drag_ring + drag.ring
-            drag_carrier = drag_carrier + law.carrier_law(x.speed_carrier, q.rest)
-        loop_sun = (x.speed_sun_motor, x.current_sun, x.integral_sun, x.feedback_sun, x.filtered_sun)
-        loop_ring = (x.speed_ring_motor, x.current_ring, x.integral_ring, x.feedback_ring, x.filtered_ring)
+        joint_ring = q.k * x.twist_ring + q.c * (x.speed_ring_motor - turned)
+        magnetic_sun, magnetic_ring, _ = self.magnetic(x)
+        drags = self.drags(x)
+        loop_sun = (x.speed_sun_motor, x.current_sun, x.integral_sun, x.feedback_sun, x.filtered_sun, x.angle_lag_sun)
+        loop_ring = (
+            x.speed_ring_motor,
+            x.current_ring,
+            x.integral_ring,
+            x.feedback_ring,
+            x.filtered_ring,
+            x.angle_lag_ring,
+        )
         return Motion(
             joint_sun=joint_sun,
             joint_ring=joint_ring,
-            block=-(q.k * x.angle_carrier + q.c * x.speed_carrier),
-            magnetic_sun=-magnetic_sun,
-            magnetic_ring=-magnetic_ring,
-            magnetic_carrier=q.Q / q.p_s * magnetic_sun,
-            drag_sun=drag_sun,
-            drag_ring=drag_ring,
-            drag_carrier=drag_carrier,
+            block=-(q.k * x.angle_block + q.c * held),
+            magnetic_sun=magnetic_sun,
+            magnetic_ring=magnetic_ring,
+            magnetic_carrier=-(magnetic_sun + magnetic_ring),
+            drag_sun=sum((sun for sun, _, _ in drags), 0.0),
+            drag_ring=sum((ring for _, ring, _ in drags), 0.0),
+            drag_carrier=sum((carrier for _, _, carrier in drags), 0.0),
             sun=self._motor(q.sun, loop_sun, joint_sun, asked.sun, asked.slope_sun),
             ring=self._motor(q.ring, loop_ring, joint_ring, asked.ring, asked.slope_ring),
         )
 
-    def rates(self, state: Iterable[Number], asked: SetTorques) -> State:
+    def rates(self, state: Iterable[Number], asked: SetPoints) -> State:
         """Time derivative of the state: the equations of motion, written once for every solver."""
         x, q = State(*state), self.constants
         m = self.motion(x, asked)
+        held, turned = (x.speed_ring, x.speed_carrier) if q.ring_held else (x.speed_carrier, x.speed_ring)
+        on_ring, on_carrier = (m.block, m.joint_ring) if q.ring_held else (m.joint_ring, m.block)
         return State(
             twist_sun=x.speed_sun_motor - x.speed_sun,
-            twist_ring=x.speed_ring_motor - x.speed_ring,
+            twist_ring=x.speed_ring_motor - turned,
             phase=q.p_s * x.speed_sun + q.p_r * x.speed_ring - q.Q_map * x.speed_carrier,
-            angle_carrier=x.speed_carrier,
-            speed_carrier=(m.block + m.magnetic_carrier + m.drag_carrier) / q.J_c,
+            angle_block=held,
+            speed_carrier=(on_carrier + m.magnetic_carrier + m.drag_carrier) / q.J_c,
             speed_sun_motor=m.sun.acceleration,
             speed_sun=(m.joint_sun + m.magnetic_sun + m.drag_sun) / q.J_s,
-            speed_ring=(m.joint_ring + m.magnetic_ring + m.drag_ring) / q.J_r,
+            speed_ring=(on_ring + m.magnetic_ring + m.drag_ring) / q.J_r,
             speed_ring_motor=m.ring.acceleration,
             current_sun=m.sun.d_current,
             integral_sun=m.sun.error,
@@ -151,5 +215,7 @@ class Drivetrain:
             integral_ring=m.ring.error,
             feedback_ring=m.ring.d_feedback,
             filtered_ring=m.ring.d_filtered,
+            angle_lag_sun=m.sun.d_angle_lag,
+            angle_lag_ring=m.ring.d_angle_lag,
             angle_sun=x.speed_sun,
         )

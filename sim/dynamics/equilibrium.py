@@ -1,28 +1,60 @@
-"""Steady states of the whole drivetrain at given motor torques."""
+"""Steady states of the whole engaged drivetrain."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pmg.sim.dynamics.drivetrain import Drivetrain
-from pmg.sim.dynamics.jacobian import dense
-from pmg.sim.dynamics.state import STATES, SetTorques, State
+from pmg.sim.dynamics.jacobian import STEP, active, dense
+from pmg.sim.dynamics.state import STATES, SetPoints, State
 from pmg.sim.errors import BenchError
+from pmg.sim.roots import rising_root
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
     from pmg.sim.signals import Array, Mask, Number
+    from pmg.sim.torquemap import TorqueMap
 
 SPEED_CEILING = 1e4
 """Sun speed up to which a balance is sought [rad/s]; fifty times the fastest test."""
 
-_HALVINGS = 60
+_SCAN = 40
+"""Steps of the scan for balances; they widen with speed."""
+
 _NEWTON_STEPS = 20
+_ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 
 
-def equilibrium(drivetrain: Drivetrain, torque_sun: Number, torque_ring: Number) -> Array:
-    r"""Steady states (18, n) at the given set torques [N m], by Newton's method on all states at once.
+@dataclass(frozen=True)
+class Equilibrium:
+    """Steady states.
+
+    Parameters
+    ----------
+    state : (20, n) array
+        The states; the sun's angle, a quadrature, is zero.
+    balances : (n,) array of int
+        Speeds that balance the torques, as far as the scan sees. One where drag grows with speed; else the state
+        given is the first that is met from rest. 1 where a speed is asked for.
+    """
+
+    state: Array
+    balances: npt.NDArray[np.int64]
+
+
+def equilibrium(drivetrain: Drivetrain, sun: Number, ring: Number) -> Equilibrium:
+    r"""Steady states at what the two motors are asked for, by Newton's method on all states at once.
+
+    Parameters
+    ----------
+    drivetrain : Drivetrain
+        Engaged. Cogging, which averages out over a turn, is left out.
+    sun, ring : number or (n,) array
+        Set torques [N m], or speeds [rad/s] where a motor follows speed; at most one may.
 
     Raises
     ------
@@ -31,46 +63,91 @@ def equilibrium(drivetrain: Drivetrain, torque_sun: Number, torque_ring: Number)
 
     Notes
     -----
-    The start is the rigid, locked gear: :math:`\omega_r = -\omega_s/i`, and
-    :math:`T_s + \tau_s(\omega_s) = (T_r + \tau_r(\omega_r))/i` by bisection; drag that grows with speed gives one
-    root, otherwise one of them is found and `linear.linearise` tells whether it is stable. The last state, a
-    quadrature, is set to zero.
+    The start is the rigid, locked gear. With the pole numbers :math:`p_s` and :math:`p_o` of sun and turned member
+    (the ring, or :math:`-Q` for a free carrier), :math:`\omega_o = -\omega_s p_s/p_o` and
+    :math:`(T_s + \tau_s)/p_s = (T_o + \tau_o)/p_o`.
     """
-    asked_sun, asked_ring = np.broadcast_arrays(np.atleast_1d(torque_sun), np.atleast_1d(torque_ring))
-    asked = SetTorques(asked_sun.astype(np.float64), asked_ring.astype(np.float64))
-    state = _locked(drivetrain, asked, _locked_speed(drivetrain, asked))
-    n = len(STATES) - 1
+    coupling = drivetrain.coupling
+    if coupling is None:
+        came, do = "a bench in neutral", "Use pmg.sim.solve.steady for neutral points."
+        raise BenchError("steady state of the drivetrain", came, "an engaged one", do)
+    if not coupling.follows_phase:
+        mean = replace(drivetrain.assumptions, map_scale=1.0)
+        drivetrain = replace(drivetrain, torque_map=coupling.without_cogging(), assumptions=mean)
+        coupling = drivetrain.coupling
+        assert coupling is not None
+    asked = SetPoints(
+        *(value.astype(np.float64) for value in np.broadcast_arrays(np.atleast_1d(sun), np.atleast_1d(ring)))
+    )
+    q = drivetrain.constants
+    if q.sun.by_speed and q.ring.by_speed:
+        came, do = "both motors follow speed", "Let one of them follow torque."
+        raise BenchError("steady state of the drivetrain", came, "one speed, as the gear ties the other to it", do)
+    leverage = q.p_s / (-q.Q if q.ring_held else q.p_r)
+    if q.sun.by_speed:
+        speed, balances = asked.sun, np.ones(asked.sun.size, dtype=np.int64)
+    elif q.ring.by_speed:
+        speed, balances = -asked.ring / leverage, np.ones(asked.sun.size, dtype=np.int64)
+    else:
+        speed, balances = _locked_speed(drivetrain, asked, leverage)
+    drag_sun, drag_out = _drags(drivetrain, speed, leverage)
+    torque_sun = leverage * (asked.ring + drag_out) - drag_sun if q.sun.by_speed else asked.sun
+    torque_out = (asked.sun + drag_sun) / leverage - drag_out if q.ring.by_speed else asked.ring
+    state = _locked(drivetrain, coupling, speed, leverage, torque_sun, torque_out, torque_sun + drag_sun)
+    return Equilibrium(_polish(drivetrain, asked, state), balances)
+
+
+def _polish(drivetrain: Drivetrain, asked: SetPoints, state: Array) -> Array:
+    """Newton's method from the states of the rigid, locked gear."""
+    taking_part = active(drivetrain)
+    corner = np.ix_(taking_part, taking_part)
     for _ in range(_NEWTON_STEPS):
-        rates = np.array(np.broadcast_arrays(*drivetrain.rates(state, asked)))[:n]
-        step = np.linalg.solve(dense(drivetrain, state)[:, :n, :n], rates.T[..., None])[..., 0].T
-        state = np.concatenate((state[:n] - step, state[n:]))
-        if (np.abs(step) <= 1e-12 * (np.abs(state[:n]) + 1e-3)).all():
+        rates = np.array(np.broadcast_arrays(*drivetrain.rates(state, asked)))[taking_part]
+        slopes = np.stack([whole[corner] for whole in dense(drivetrain, state)])
+        step = np.linalg.solve(slopes, rates.T[..., None])[..., 0].T
+        state = state.copy()
+        state[taking_part] -= step
+        if (np.abs(step) <= 1e-12 * (np.abs(state[taking_part]) + 1e-3)).all():
             return state
     worst = int(np.argmax(np.abs(step).max(axis=0)))
+    largest = int(np.argmax(np.abs(step[:, worst])))
     raise BenchError(
         _at(asked, np.arange(asked.sun.size) == worst),
-        f"last Newton step {np.abs(step[:, worst]).max():.2g} in {STATES[int(np.argmax(np.abs(step[:, worst])))]}",
+        f"last Newton step {np.abs(step[largest, worst]):.2g} in {STATES[taking_part[largest]]}",
         "a step below rounding",
         "Choose torques further below pull-out, or wider friction at rest.",
     )
 
 
-def _at(asked: SetTorques, wrong: Mask) -> str:
+def _at(asked: SetPoints, wrong: Mask) -> str:
     first = int(np.argmax(wrong))
     return f"steady state at {asked.sun[first]:g} N m on the sun, {asked.ring[first]:g} N m on the ring"
 
 
-def _locked_speed(drivetrain: Drivetrain, asked: SetTorques) -> Array:
-    """Sun speed at which the rigid, locked gear balances [rad/s]."""
-    q = drivetrain.constants
-    ratio = q.p_r / q.p_s
+def _drags(drivetrain: Drivetrain, speed: Array, leverage: float) -> tuple[Array, Array]:
+    """Drag on the sun and on the turned member of the locked gear [N m]."""
+    turned, held = -leverage * speed, drivetrain.constants.ring_held
+    zero = np.zeros_like(speed)
+    x = State(*[zero] * len(STATES))
+    x = x._replace(speed_sun=speed, **{"speed_carrier" if held else "speed_ring": turned})
+    drags = drivetrain.drags(x)
+    on_sun = sum((sun for sun, _, _ in drags), zero)
+    return on_sun, sum((carrier if held else ring for _, ring, carrier in drags), zero)
 
-    def surplus(speed: Array) -> Array:
-        m = drivetrain.motion(_spinning(speed, -speed / ratio), asked)
-        return np.asarray(asked.sun + m.drag_sun - (asked.ring + m.drag_ring) / ratio)
 
-    low, high = np.full(asked.sun.shape, -SPEED_CEILING), np.full(asked.sun.shape, SPEED_CEILING)
-    runaway = (surplus(low) < 0.0) | (surplus(high) > 0.0)
+def _locked_speed(drivetrain: Drivetrain, asked: SetPoints, leverage: float) -> tuple[Array, npt.NDArray[np.int64]]:
+    """Sun speed at which the rigid, locked gear balances [rad/s], and how many there are."""
+    net = asked.sun - leverage * asked.ring
+    way = np.where(net < 0.0, -1.0, 1.0)
+    rest = drivetrain.constants.rest
+    speeds = np.concatenate(([0.0], np.geomspace(1e-3 * rest, SPEED_CEILING, _SCAN)))
+
+    def missing(magnitude: Array | npt.NDArray[np.complex128]) -> npt.NDArray[Any]:
+        on_sun, out = _drags(drivetrain, np.asarray(way * magnitude), leverage)
+        return np.asarray(way * (leverage * out - on_sun - net))
+
+    scan = np.stack([missing(np.full(net.shape, speed)) for speed in speeds])
+    runaway = np.asarray((scan < 0.0).all(axis=0))
     if runaway.any():
         raise BenchError(
             _at(asked, runaway),
@@ -78,50 +155,49 @@ def _locked_speed(drivetrain: Drivetrain, asked: SetTorques) -> Array:
             "torques that the losses can take up",
             "Bring the sun torque nearer to the ring torque divided by the ratio.",
         )
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        faster = surplus(middle) > 0.0
-        low, high = np.where(faster, middle, low), np.where(faster, high, middle)
-    return 0.5 * (low + high)
+    over = scan >= 0.0
+    first = np.maximum(np.argmax(over, axis=0), 1)
+
+    def with_slope(magnitude: Array) -> tuple[Array, Array]:
+        moved = missing(np.asarray(magnitude + 1j * STEP, dtype=np.complex128))
+        return np.asarray(np.real(moved)), np.asarray(np.imag(moved) / STEP)
+
+    rounding = _ROUNDING * (np.abs(asked.sun) + np.abs(leverage * asked.ring))
+    found, _ = rising_root(with_slope, speeds[first - 1], speeds[first], rounding=rounding)
+    return way * found, np.count_nonzero(over[1:] != over[:-1], axis=0)
 
 
-def _spinning(speed_sun: Array, speed_ring: Array) -> Array:
-    """States (18, n) with these speeds and nothing else."""
-    zero = np.zeros_like(speed_sun)
-    state = State(*[zero] * len(STATES))._replace(
-        speed_sun=speed_sun, speed_sun_motor=speed_sun, speed_ring=speed_ring, speed_ring_motor=speed_ring
-    )
-    return np.array(state)
-
-
-def _locked(drivetrain: Drivetrain, asked: SetTorques, speed: Array) -> Array:
-    """States (18, n) of the rigid, locked gear at that sun speed, in closed form."""
-    q = drivetrain.constants
-    x = State(*_spinning(speed, -speed * q.p_s / q.p_r))
-    transmitted = asked.sun + drivetrain.motion(x, asked).drag_sun
-    beyond = np.abs(transmitted) >= q.T_max
-    if beyond.any():
-        raise BenchError(
-            _at(asked, beyond),
-            f"{np.abs(transmitted[beyond][0]):.3g} N m on the sun rotor",
-            f"less than the pull-out torque of {q.T_max:.3g} N m",
-            "Lower the load, or raise map_scale.",
-        )
-    current_sun = (asked.sun + q.sun.friction * x.speed_sun) / q.K_c
-    current_ring = (asked.ring + q.ring.friction * x.speed_ring) / q.K_c
-    integral_sun = (q.R * current_sun + q.sun.back_emf * x.speed_sun) / (q.K_A * q.K_i)
-    integral_ring = (q.R * current_ring + q.ring.back_emf * x.speed_ring) / (q.K_A * q.K_i)
+def _locked(
+    drivetrain: Drivetrain,
+    coupling: TorqueMap,
+    speed: Array,
+    leverage: float,
+    torque_sun: Array,
+    torque_out: Array,
+    transmitted: Array,
+) -> Array:
+    """States (20, n) of the rigid, locked gear at that sun speed, in closed form."""
+    q, zero = drivetrain.constants, np.zeros_like(speed)
+    turned = -leverage * speed
+    current_sun = (torque_sun + q.sun.friction * speed) / q.K_c
+    current_ring = (torque_out + q.ring.friction * turned) / q.K_c
     gain = q.K_set / q.K_fb
-    state = x._replace(
-        twist_sun=asked.sun / q.k,
-        twist_ring=asked.ring / q.k,
-        phase=np.arcsin(transmitted / q.T_max),
-        angle_carrier=q.Q / q.p_s * transmitted / q.k,
+    on_block = -q.p_r / q.p_s if q.ring_held else q.Q / q.p_s
+    x = State(*[zero] * len(STATES))._replace(
+        twist_sun=torque_sun / q.k,
+        twist_ring=torque_out / q.k,
+        phase=coupling.load_angle(transmitted),
+        angle_block=on_block * transmitted / q.k,
+        speed_sun_motor=speed,
+        speed_sun=speed,
+        speed_ring_motor=turned,
         current_sun=current_sun,
         current_ring=current_ring,
-        integral_sun=integral_sun,
-        integral_ring=integral_ring,
-        feedback_sun=gain * asked.sun,
-        feedback_ring=gain * asked.ring,
+        integral_sun=(q.R * current_sun + q.sun.back_emf * speed) / (q.K_A * q.K_i),
+        integral_ring=(q.R * current_ring + q.ring.back_emf * turned) / (q.K_A * q.K_i),
+        feedback_sun=gain * torque_sun,
+        feedback_ring=gain * torque_out,
+        angle_lag_sun=torque_sun * q.T_v / q.K_v if q.sun.by_speed else zero,
+        angle_lag_ring=torque_out * q.T_v / q.K_v if q.ring.by_speed else zero,
     )
-    return np.array(state)
+    return np.array(x._replace(**{"speed_carrier" if q.ring_held else "speed_ring": turned}))

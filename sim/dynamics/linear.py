@@ -10,8 +10,8 @@ import numpy as np
 from scipy.linalg import eig
 
 from pmg.sim.dynamics.drivetrain import Drivetrain
-from pmg.sim.dynamics.jacobian import dense
-from pmg.sim.dynamics.state import STATES, SetTorques, State
+from pmg.sim.dynamics.jacobian import active, dense
+from pmg.sim.dynamics.state import STATES, SetPoints, State
 from pmg.sim.errors import BenchError
 
 if TYPE_CHECKING:
@@ -31,9 +31,11 @@ class ModeKind(StrEnum):
     RESET_RING = "ring loop's integral action"
     FILTER_SUN = "sun derivative filter"
     FILTER_RING = "ring derivative filter"
+    SPEED_LOOP_SUN = "sun speed loop"
+    SPEED_LOOP_RING = "ring speed loop"
     JOINT_SUN = "sun joint"
     JOINT_RING = "ring joint"
-    CARRIER = "carrier in its block"
+    CARRIER = "held member in its block"
     MAGNETIC = "magnetic coupling"
     SPEED = "speed of the locked gear"
 
@@ -120,7 +122,7 @@ class FrequencyResponse:
 
 _OWN_KIND = {
     "phase": ModeKind.MAGNETIC,
-    "angle_carrier": ModeKind.CARRIER,
+    "angle_block": ModeKind.CARRIER,
     "speed_carrier": ModeKind.CARRIER,
     "twist_sun": ModeKind.JOINT_SUN,
     "twist_ring": ModeKind.JOINT_RING,
@@ -132,14 +134,16 @@ _OWN_KIND = {
     "integral_ring": ModeKind.RESET_RING,
     "filtered_sun": ModeKind.FILTER_SUN,
     "filtered_ring": ModeKind.FILTER_RING,
+    "angle_lag_sun": ModeKind.SPEED_LOOP_SUN,
+    "angle_lag_ring": ModeKind.SPEED_LOOP_RING,
 }
 _LOOPS = frozenset(ModeKind) - {ModeKind.MAGNETIC, ModeKind.SPEED, ModeKind.CARRIER}
 
 
 def _matrix(drivetrain: Drivetrain, state: Iterable[Number]) -> Array:
-    """Jacobian of the states that matter: all but the quadrature."""
-    n = len(STATES) - 1
-    return dense(drivetrain, state)[:n, :n]
+    """Jacobian of the states that take part."""
+    taking_part = active(drivetrain)
+    return dense(drivetrain, state)[np.ix_(taking_part, taking_part)]
 
 
 def linearise(drivetrain: Drivetrain, state: Iterable[Number]) -> tuple[Mode, ...]:
@@ -153,7 +157,7 @@ def linearise(drivetrain: Drivetrain, state: Iterable[Number]) -> tuple[Mode, ..
     """
     found: Any = eig(_matrix(drivetrain, state), left=True, right=True)
     values, left, right = found
-    part = np.abs(left.conj() * right).argmax(axis=0)
+    part = active(drivetrain)[np.abs(left.conj() * right).argmax(axis=0)]
     q = drivetrain.constants
     modes = []
     for value, largest in zip(values, part, strict=True):
@@ -190,13 +194,15 @@ def frequency_response(
     """
     if side not in ("sun", "ring"):
         raise BenchError("frequency response: side", side, "sun or ring", "Name the motor whose torque is varied.")
-    n, x = len(STATES) - 1, State(*state)
-    unit = SetTorques(**{side: 1.0}), SetTorques(**{f"slope_{side}": 1.0})
-    still = np.array(drivetrain.rates(x, SetTorques()))
-    b_0, b_1 = (np.array(drivetrain.rates(x, asked))[:n] - still[:n] for asked in unit)
+    x, taking_part = State(*state), active(drivetrain)
+    unit = SetPoints(**{side: 1.0}), SetPoints(**{f"slope_{side}": 1.0})
+    still = np.array(drivetrain.rates(x, SetPoints()))
+    b_0, b_1 = ((np.array(drivetrain.rates(x, asked)) - still)[taking_part] for asked in unit)
     s = 1j * np.asarray(frequency, dtype=np.float64)[:, None]
-    whole = s[..., None] * np.eye(n) - _matrix(drivetrain, x)
+    whole = s[..., None] * np.eye(taking_part.size) - _matrix(drivetrain, x)
     answer = np.asarray(np.linalg.solve(whole, (b_0 + s * b_1)[..., None])[..., 0], dtype=np.complex128)
     resonances = tuple(mode for mode in linearise(drivetrain, x) if mode.eigenvalue.imag > 0.0)
-    at = STATES.index
-    return FrequencyResponse(frequency, answer[:, at("speed_sun")], answer[:, at("speed_ring")], resonances)
+    sun, ring = (
+        answer[:, np.flatnonzero(taking_part == STATES.index(name))[0]] for name in ("speed_sun", "speed_ring")
+    )
+    return FrequencyResponse(frequency, sun, ring, resonances)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pmg.sim.dynamics.drivetrain import Drivetrain
-from pmg.sim.dynamics.state import SetTorques, State
+from pmg.sim.dynamics.state import SetPoints, State
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -50,9 +50,21 @@ class Powers:
         return np.asarray(sum(np.abs(value) for group in groups for value in group.values()))
 
 
+class Flows(NamedTuple):
+    """Powers that follow from the state alone [W].
+
+    `drawn` is what each winding passes on to its rotor or burns: the supply, less what the winding stores.
+    """
+
+    drawn: dict[str, Number]
+    dissipated: dict[str, Number]
+    created: dict[str, Number]
+
+
 def energies(drivetrain: Drivetrain, state: Iterable[Number]) -> dict[str, Number]:
-    """Energy stored in each element [J]; that of the field is zero where the phase is zero."""
+    """Energy stored in each element [J]; that of the field is zero where all angles are zero."""
     x, q = State(*state), drivetrain.constants
+    magnetic = drivetrain.magnetic(x)[2] - drivetrain.magnetic([0.0] * len(x))[2]
     return {
         "sun shaft and motor inertia": 0.5 * (q.sun.inertia + q.sun.rotor_inertia) * x.speed_sun_motor**2,
         "ring shaft and motor inertia": 0.5 * (q.ring.inertia + q.ring.rotor_inertia) * x.speed_ring_motor**2,
@@ -61,25 +73,57 @@ def energies(drivetrain: Drivetrain, state: Iterable[Number]) -> dict[str, Numbe
         "carrier inertia": 0.5 * q.J_c * x.speed_carrier**2,
         "sun joint twist": 0.5 * q.k * x.twist_sun**2,
         "ring joint twist": 0.5 * q.k * x.twist_ring**2,
-        "carrier block twist": 0.5 * q.k * x.angle_carrier**2,
+        "block twist": 0.5 * q.k * x.angle_block**2,
         "sun winding": 0.5 * q.L * x.current_sun**2,
         "ring winding": 0.5 * q.L * x.current_ring**2,
-        "magnetic field": q.T_max / q.p_s * (1.0 - np.cos(x.phase)),
+        "magnetic field": magnetic,
     }
 
 
-def powers(drivetrain: Drivetrain, state: Iterable[Number], asked: SetTorques) -> Powers:
-    r"""Power of every element at an instant, or at many when the state has further axes.
+def flows(drivetrain: Drivetrain, state: Iterable[Number]) -> Flows:
+    r"""Powers that follow from the state alone, at an instant or at many when the state has further axes.
 
     Notes
     -----
-    With the thesis's motor signs the ring's rotor inertia and friction count negative and the conversion creates
+    With the thesis's motor signs the ring's friction counts negative and the conversion creates
     :math:`(K_c - K_e)\,\omega i`; with the carrier left out of the map its motion draws from a field that does not
     lose. Both stand under `created`.
     """
     x, q = State(*state), drivetrain.constants
+    held, turned = (x.speed_ring, x.speed_carrier) if q.ring_held else (x.speed_carrier, x.speed_ring)
+    magnetic_sun, magnetic_ring, _ = drivetrain.magnetic(x)
+    dissipated = {
+        "sun joint damping": q.c * (x.speed_sun_motor - x.speed_sun) ** 2,
+        "ring joint damping": q.c * (x.speed_ring_motor - turned) ** 2,
+        "block damping": q.c * held**2,
+        "sun winding resistance": q.R * x.current_sun**2,
+        "ring winding resistance": q.R * x.current_ring**2,
+        "sun motor friction": q.sun.friction * x.speed_sun_motor**2,
+        "ring motor friction": q.ring.friction * x.speed_ring_motor**2,
+    }
+    for law, (sun, ring, carrier) in zip(drivetrain.losses, drivetrain.drags(x), strict=True):
+        dissipated[law.title] = -(sun * x.speed_sun + ring * x.speed_ring + carrier * x.speed_carrier)
+    unseen = 0.0 if q.carrier_seen else 1.0
+    return Flows(
+        drawn={
+            "sun amplifier": (q.R * x.current_sun + q.sun.back_emf * x.speed_sun_motor) * x.current_sun,
+            "ring amplifier": (q.R * x.current_ring + q.ring.back_emf * x.speed_ring_motor) * x.current_ring,
+        },
+        dissipated=dissipated,
+        created={
+            "sun motor conversion": (q.K_c - q.sun.back_emf) * x.speed_sun_motor * x.current_sun,
+            "ring motor conversion": (q.K_c - q.ring.back_emf) * x.speed_ring_motor * x.current_ring,
+            "map without carrier": unseen * -(magnetic_sun + magnetic_ring) * x.speed_carrier,
+        },
+    )
+
+
+def powers(drivetrain: Drivetrain, state: Iterable[Number], asked: SetPoints) -> Powers:
+    """Power of every element at an instant, or at many when the state has further axes."""
+    x, q = State(*state), drivetrain.constants
     m, d = drivetrain.motion(x, asked), drivetrain.rates(x, asked)
     inertia_sun, inertia_ring = (side.inertia + side.rotor_inertia for side in (q.sun, q.ring))
+    seen = 1.0 if q.carrier_seen else 0.0
     stored = {
         "sun shaft and motor inertia": inertia_sun * x.speed_sun_motor * d.speed_sun_motor,
         "ring shaft and motor inertia": inertia_ring * x.speed_ring_motor * d.speed_ring_motor,
@@ -88,34 +132,20 @@ def powers(drivetrain: Drivetrain, state: Iterable[Number], asked: SetTorques) -
         "carrier inertia": q.J_c * x.speed_carrier * d.speed_carrier,
         "sun joint twist": q.k * x.twist_sun * d.twist_sun,
         "ring joint twist": q.k * x.twist_ring * d.twist_ring,
-        "carrier block twist": q.k * x.angle_carrier * d.angle_carrier,
+        "block twist": q.k * x.angle_block * d.angle_block,
         "sun winding": q.L * x.current_sun * d.current_sun,
         "ring winding": q.L * x.current_ring * d.current_ring,
-        "magnetic field": -m.magnetic_sun * d.phase / q.p_s,
+        "magnetic field": -(
+            m.magnetic_sun * x.speed_sun + m.magnetic_ring * x.speed_ring + seen * m.magnetic_carrier * x.speed_carrier
+        ),
     }
-    dissipated = {
-        "sun joint damping": q.c * d.twist_sun**2,
-        "ring joint damping": q.c * d.twist_ring**2,
-        "carrier block damping": q.c * x.speed_carrier**2,
-        "sun winding resistance": q.R * x.current_sun**2,
-        "ring winding resistance": q.R * x.current_ring**2,
-        "sun motor friction": q.sun.friction * x.speed_sun_motor**2,
-        "ring motor friction": q.ring.friction * x.speed_ring_motor**2,
-    }
-    for law in drivetrain.losses:
-        drag = law.law(x.speed_sun, x.speed_ring, q.rest)
-        on_carrier = law.carrier_law(x.speed_carrier, q.rest) * x.speed_carrier
-        dissipated[law.title] = -(drag.sun * x.speed_sun + drag.ring * x.speed_ring + on_carrier)
+    found = flows(drivetrain, x)
     return Powers(
         supplied={
             "sun amplifier": m.sun.voltage * x.current_sun,
             "ring amplifier": m.ring.voltage * x.current_ring,
         },
         stored=stored,
-        dissipated=dissipated,
-        created={
-            "sun motor conversion": (q.K_c - q.sun.back_emf) * x.speed_sun_motor * x.current_sun,
-            "ring motor conversion": (q.K_c - q.ring.back_emf) * x.speed_ring_motor * x.current_ring,
-            "map without carrier": (q.Q - q.Q_map) * m.magnetic_sun * -x.speed_carrier / q.p_s,
-        },
+        dissipated=found.dissipated,
+        created=found.created,
     )

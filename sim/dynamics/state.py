@@ -1,4 +1,4 @@
-"""The 18 states of the moving bench, what it is asked for, and the torques in it at an instant."""
+"""The states of the moving bench, what it is asked for, and the torques in it at an instant."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ class State(NamedTuple):
     """The state, in relative coordinates so that no large angle is subtracted from another.
 
     Twists and the phase [rad], speeds [rad/s], currents [A], the integral of the loop error [V s], the torque fed
-    back [N m], the filtered loop error [V].
+    back [N m], the filtered loop error [V], the integral of the speed error [rad]. The block holds the carrier, or
+    the ring where that is the member held; the ring motor's joint then turns the carrier.
     """
 
     twist_sun: Number
     twist_ring: Number
     phase: Number
-    angle_carrier: Number
+    angle_block: Number
     speed_carrier: Number
     speed_sun_motor: Number
     speed_sun: Number
@@ -32,15 +33,20 @@ class State(NamedTuple):
     integral_ring: Number
     feedback_ring: Number
     filtered_ring: Number
+    angle_lag_sun: Number
+    angle_lag_ring: Number
     angle_sun: Number
 
 
 STATES = State._fields
-"""Names of the 18 states; the last is a quadrature that nothing depends on."""
+"""Names of the states; the last is a quadrature that only a map with cogging depends on."""
 
 
-class SetTorques(NamedTuple):
-    """What the two motors are asked for [N m], and the rate of it [N m/s]."""
+class SetPoints(NamedTuple):
+    """What the two motors are asked for, and the rate of it.
+
+    A torque [N m, N m/s], or, where the motor is speed-controlled, a speed [rad/s, rad/s2].
+    """
 
     sun: Number = 0.0
     ring: Number = 0.0
@@ -56,6 +62,7 @@ class MotorState(NamedTuple):
     error: Number
     d_feedback: Number
     d_filtered: Number
+    d_angle_lag: Number
     torque_out: Number
     voltage: Number
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.sim.dynamics.power import Powers, powers
-from pmg.sim.dynamics.state import STATES, SetTorques
+from pmg.sim.dynamics.state import STATES, SetPoints
+from pmg.sim.errors import BenchError
 
 if TYPE_CHECKING:
     from pmg.sim.dynamics.account import Account
     from pmg.sim.dynamics.drivetrain import Drivetrain
-    from pmg.sim.errors import BenchError
     from pmg.sim.signals import Array
 
 
@@ -27,10 +27,10 @@ class Trace:
         What was run.
     time : (n,) array
         Instants [s].
-    state : (18, n) array
+    state : (20, n) array
         The states, in the order of `STATES`.
-    asked : SetTorques
-        Set torques [N m] and their rates [N m/s] at those instants.
+    asked : SetPoints
+        What the motors are asked for at those instants, and its rates.
     locked_at : float
         Time from which the gear stays locked [s]; NaN if it has not locked by the end.
     slips : (m,) array
@@ -39,19 +39,22 @@ class Trace:
         Why the run ended early, told in four parts; None when it went to its end.
     steps : int
         Steps of the integrator.
-    energy : Account
-        Energy that flowed through each element over the run [J].
+    last : (20,) array
+        State at the end of the run.
+    account : Account or None
+        Energy that flowed through each element over the run [J]; None where it was not summed.
     """
 
     drivetrain: Drivetrain
     time: Array
     state: Array
-    asked: SetTorques
+    asked: SetPoints
     locked_at: float
     slips: Array
     stopped: BenchError | None
     steps: int
-    energy: Account
+    last: Array
+    account: Account | None
 
     def __getitem__(self, name: str) -> Array:
         """One state over time."""
@@ -66,6 +69,13 @@ class Trace:
     def torque_ring(self) -> Array:
         """Torque that the ring motor gives to its shaft [N m]."""
         return np.asarray(self.drivetrain.motion(self.state, self.asked).ring.torque_out)
+
+    @property
+    def energy(self) -> Account:
+        """Energy that flowed through each element over the run [J]."""
+        if self.account is None:
+            raise BenchError("energy of a run", "not summed", "a run that sums it", "Set energy when it is run.")
+        return self.account
 
     def powers(self) -> Powers:
         """Power of every element over time [W]."""

@@ -1,38 +1,38 @@
-"""The bench from a start state through a torque programme."""
+"""The bench from a start state through a programme of set torques or speeds."""
 
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from enum import StrEnum
-from functools import reduce
-from operator import add
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
-from pmg.sim.dynamics.account import Account, account
+from pmg.sim.dynamics import radau
+from pmg.sim.dynamics.account import settle
 from pmg.sim.dynamics.drivetrain import Drivetrain
-from pmg.sim.dynamics.jacobian import jacobian
+from pmg.sim.dynamics.kernel import NO_STEP, STOPPED, TOO_MANY, kernel_of
+from pmg.sim.dynamics.legs import Legs, make_legs
 from pmg.sim.dynamics.linear import check_control
-from pmg.sim.dynamics.state import STATES, SetTorques, State
+from pmg.sim.dynamics.radau import Course
+from pmg.sim.dynamics.state import STATES, SetPoints, State
 from pmg.sim.dynamics.trace import Trace
 from pmg.sim.errors import BenchError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from scipy import sparse
+    from collections.abc import Sequence
 
     from pmg.sim.dynamics.programme import Programme
-    from pmg.sim.signals import Array, Number
+    from pmg.sim.signals import Array
 
 SCALES = np.array(
     State(
         twist_sun=1e-4,
         twist_ring=1e-4,
         phase=1.0,
-        angle_carrier=1e-3,
+        angle_block=1e-3,
         speed_carrier=1e-1,
         speed_sun_motor=1.0,
         speed_sun=1.0,
@@ -46,6 +46,8 @@ SCALES = np.array(
         integral_ring=1e-2,
         feedback_ring=1.0,
         filtered_ring=1.0,
+        angle_lag_sun=1.0,
+        angle_lag_ring=1.0,
         angle_sun=1.0,
     )
 )
@@ -62,27 +64,44 @@ class OnSlip(StrEnum):
     GO_ON = "go on"
 
 
-class _Leg(NamedTuple):
-    """A stretch between two corners of the programmes, on which both are straight lines."""
+class Solver(StrEnum):
+    """Who integrates."""
 
-    begin: float
-    end: float
-    sun: float
-    ring: float
-    slope_sun: float
-    slope_ring: float
-
-    def asked(self, time: Number) -> SetTorques:
-        dt = time - self.begin
-        return SetTorques(self.sun + self.slope_sun * dt, self.ring + self.slope_ring * dt, *self[4:])
+    COMPILED = "compiled"
+    RADAU = "radau"
 
 
-def _legs(sun: Programme, ring: Programme, duration: float) -> list[_Leg]:
-    knots = np.concatenate((sun.times, ring.times))
-    corners = np.unique(np.concatenate(([0.0, duration], knots[(knots > 0.0) & (knots < duration)])))
-    lines = zip(sun.torque(corners), ring.torque(corners), sun.slope(corners), ring.slope(corners), strict=True)
-    ends = zip(corners[:-1], corners[1:], lines, strict=False)
-    return [_Leg(float(a), float(b), *(float(value) for value in line)) for a, b, line in ends]
+MOST_STEPS = 50_000_000
+"""Steps after which a compiled run is given up: minutes."""
+
+OUTPUTS = 2001
+"""Instants reported where none are asked for."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A run to be made.
+
+    Parameters
+    ----------
+    drivetrain : Drivetrain
+        The model.
+    sun, ring : Programme
+        What the two motors are asked for: torque [N m], or speed [rad/s] where they follow speed.
+    duration : float
+        Length of the run [s].
+    start : (20,) array, optional
+        State to start from; at rest when not given.
+    times : (n,) array, optional
+        Instants to report [s], increasing, from 0 to `duration`; 2001 even ones when not given.
+    """
+
+    drivetrain: Drivetrain
+    sun: Programme
+    ring: Programme
+    duration: float
+    start: Array | None = None
+    times: Array | None = None
 
 
 def transient(
@@ -95,117 +114,91 @@ def transient(
     times: Array | None = None,
     rtol: float = 1e-6,
     on_slip: OnSlip = OnSlip.STOP,
+    solver: Solver = Solver.COMPILED,
 ) -> Trace:
-    """Run the bench through a programme of set torques.
+    """Run the bench through a programme.
 
     Parameters
     ----------
-    drivetrain : Drivetrain
-        The model.
-    sun, ring : Programme
-        Set torques of the two motors.
-    duration : float
-        Length of the run [s].
-    start : (18,) array, optional
-        State to start from; at rest when not given.
-    times : (n,) array, optional
-        Instants to report [s], increasing, from 0 to `duration`; 2001 even ones when not given.
+    drivetrain, sun, ring, duration, start, times
+        As in `Task`.
     rtol : float
         Relative tolerance; the absolute one is this times `SCALES`.
     on_slip : OnSlip
         Stop at the first slipped pole, which tells in `Trace.stopped`, or go on.
+    solver : Solver
+        ``COMPILED`` is Rodas4 as machine code, see `rodas`; ``RADAU`` is scipy's, hundreds of times slower, on the
+        equations as they are written. They agree within their tolerances.
 
     Raises
     ------
     BenchError
         When the torque loop is unstable as set, when an argument is out of range, or when a step does not converge.
-
-    Notes
-    -----
-    Radau IIA of order five with the analytic sparse Jacobian: one-step and L-stable, which the torque loop
-    (10^6 1/s) beside the lightly damped magnetic oscillation (16 Hz) asks for. The run is split at the corners of
-    the programmes.
     """
-    instants = np.linspace(0.0, duration, 2001) if times is None else np.asarray(times, dtype=np.float64)
-    _check(duration, instants, rtol)
+    task = Task(drivetrain, sun, ring, duration, start, times)
     check_control(drivetrain).enforce()
-    y = _start(drivetrain, start)
-    columns, seen, slips, locks, steps = [y[:, None]], [0.0], [], [], 0
-    flows: list[Account] = []
+    return _run(task, rtol, on_slip, solver)
+
+
+def transients(
+    tasks: Sequence[Task], *, rtol: float = 1e-4, on_slip: OnSlip = OnSlip.STOP, threads: int = 1, energy: bool = False
+) -> list[Trace]:
+    """Many runs by the compiled solver, in the order given.
+
+    Parameters
+    ----------
+    tasks : sequence of Task
+        The runs.
+    rtol, on_slip
+        As in `transient`.
+    threads : int
+        Runs made at a time; the compiled solver lets go of the interpreter.
+    energy : bool
+        Whether each element's energy is summed.
+    """
+    checked: set[int] = set()
+    for task in tasks:
+        if id(task.drivetrain) not in checked:
+            check_control(task.drivetrain).enforce()
+            checked.add(id(task.drivetrain))
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(lambda task: _run(task, rtol, on_slip, Solver.COMPILED, energy), tasks))
+
+
+def _run(task: Task, rtol: float, on_slip: OnSlip, solver: Solver, energy: bool = True) -> Trace:
+    duration, given = task.duration, task.times
+    instants = np.linspace(0.0, duration, OUTPUTS) if given is None else np.asarray(given, dtype=np.float64)
+    _check(duration, instants, rtol)
+    begin = _start(task.drivetrain, task.start)
+    legs = make_legs(task.sun, task.ring, duration)
+    stop = on_slip is OnSlip.STOP
+    if solver is Solver.RADAU:
+        run = radau.course(task.drivetrain, begin, legs, instants, SCALES, rtol, stop=stop, locked=LOCKED)
+    else:
+        run = _compiled(task.drivetrain, begin, legs, instants, rtol, stop, energy)
+    if run.failed:
+        raise _no_step(run.time, run.failed, rtol)
+    time, states = instants[: len(run.states)], run.states
     stopped: BenchError | None = None
-    for leg in _legs(sun, ring, duration):
-        inside = instants[(instants > leg.begin) & (instants <= leg.end)]
-        wanted = np.union1d(inside, [leg.end])
-        with np.errstate(over="ignore", invalid="ignore"):
-            run = solve_ivp(
-                _rates(drivetrain, leg),
-                (leg.begin, leg.end),
-                y,
-                method="Radau",
-                t_eval=wanted,
-                dense_output=True,
-                events=_events(drivetrain, on_slip),
-                jac=_sparse(drivetrain),
-                rtol=rtol,
-                atol=rtol * SCALES,
-            )
-        if run.status < 0 or not np.isfinite(run.y).all():
-            raise _no_step(run.t[-1] if len(run.t) else leg.begin, run.message, rtol)
-        solution: Any = run.sol
-        flows.append(account(drivetrain, solution.ts, solution, leg.asked))
-        steps += len(solution.ts) - 1
-        at_times, at_states = run.t_events or [], run.y_events or []
-        slips += list(at_times[0])
-        locks += list(at_times[1])
-        if run.status == 1:
-            y = at_states[0][0]
-            columns += [run.y, y[:, None]]
-            seen += [*run.t, float(slips[-1])]
-            stopped = _slipped(drivetrain, slips[-1], leg.asked(slips[-1]))
-            break
-        y = run.y[:, -1]
-        columns.append(run.y[:, np.isin(run.t, inside)])
-        seen += list(inside)
-    time, state = np.array(seen), np.concatenate(columns, axis=1)
-    if instants[0] > 0.0:
-        time, state = time[1:], state[:, 1:]
-    at_end = drivetrain.rates(y, SetTorques()).phase
-    asked = SetTorques(sun.torque(time), ring.torque(time), sun.slope(time), ring.slope(time))
-    locked = stopped is None and abs(at_end) < LOCKED
-    locked_at = (locks[-1] if locks else 0.0) if locked else math.nan
-    return Trace(drivetrain, time, state, asked, float(locked_at), np.array(slips), stopped, steps, reduce(add, flows))
+    if not math.isnan(run.slipped_at):
+        stopped = _slipped(task, run.slipped_at)
+        if not time.size or run.slipped_at > time[-1]:
+            time, states = np.append(time, run.slipped_at), np.vstack((states, run.last))
+    asked = SetPoints(task.sun.value(time), task.ring.value(time), task.sun.slope(time), task.ring.slope(time))
+    account = settle(task.drivetrain, begin, run.last, run.sums) if run.sums.size else None
+    return Trace(
+        task.drivetrain, time, states.T, asked, run.locked_at, run.slips, stopped, run.steps, run.last, account
+    )
 
 
-def _rates(drivetrain: Drivetrain, leg: _Leg) -> Callable[[float, Array], Array]:
-    def rates(time: float, y: Array) -> Array:
-        return np.array(drivetrain.rates(y.tolist(), leg.asked(time)))
-
-    return rates
-
-
-def _sparse(drivetrain: Drivetrain) -> Callable[[float, Array], sparse.csc_array]:
-    def jac(_: float, y: Array) -> sparse.csc_array:
-        return jacobian(drivetrain, y.tolist())
-
-    return jac
-
-
-def _events(drivetrain: Drivetrain, on_slip: OnSlip) -> list[Callable[[float, Array], float]]:
-    """A slipped pole (the phase passes the top between two wells) and the way into lock."""
-    q = drivetrain.constants
-
-    def slip(_: float, y: Array) -> float:
-        return math.cos(0.5 * State(*y).phase)
-
-    def lock(_: float, y: Array) -> float:
-        x = State(*y)
-        rate = q.p_s * x.speed_sun + q.p_r * x.speed_ring - q.Q_map * x.speed_carrier
-        return float(abs(rate) - LOCKED)
-
-    # attributes are how solve_ivp is told about an event
-    slip.terminal = on_slip is OnSlip.STOP  # type: ignore[attr-defined]
-    lock.direction = -1.0  # type: ignore[attr-defined]
-    return [slip, lock]
+def _compiled(
+    drivetrain: Drivetrain, start: Array, legs: Legs, instants: Array, rtol: float, stop: bool, energy: bool
+) -> Course:
+    kernel = kernel_of(drivetrain)
+    run = kernel.run(start, legs, instants, SCALES, rtol, stop=stop, locked=LOCKED, most=MOST_STEPS, energy=energy)
+    failed = {NO_STEP: "the step became too small", TOO_MANY: f"not done after {MOST_STEPS} steps"}.get(run.ended, "")
+    slipped_at = run.time if run.ended == STOPPED else math.nan
+    return Course(run.states, run.last, run.time, run.slips, slipped_at, run.locked_at, run.steps, run.sums, failed)
 
 
 def _check(duration: float, instants: Array, rtol: float) -> None:
@@ -239,10 +232,18 @@ def _no_step(time: float, message: str, rtol: float) -> BenchError:
     )
 
 
-def _slipped(drivetrain: Drivetrain, time: float, asked: SetTorques) -> BenchError:
+def _slipped(task: Task, time: float) -> BenchError:
+    sun, ring = float(task.sun.value(time)), float(task.ring.value(time))
+    units = ("N m" if side.by_speed is False else "rad/s" for side in task.drivetrain.constants[-2:])
+    asked = " and ".join(
+        f"{value:.3g} {unit} on the {name}"
+        for value, unit, name in zip((sun, ring), units, ("sun", "ring"), strict=True)
+    )
+    coupling = task.drivetrain.coupling
+    assert coupling is not None  # nothing else slips
     return BenchError(
         f"transient at t = {time:.4g} s",
-        f"a pole slipped at {asked.sun:.3g} N m on the sun and {asked.ring:.3g} N m on the ring",
-        f"a torque on the sun rotor below its pull-out of {drivetrain.constants.T_max:.3g} N m, swings included",
-        "Lower or slow the torques, start nearer to the middle of the well, or raise map_scale.",
+        f"a pole slipped at {asked}",
+        f"a torque on the sun rotor below its pull-out of {coupling.pull_out.torque_high:.3g} N m, swings included",
+        "Lower or slow what is asked, start nearer to the middle of the well, or raise map_scale.",
     )

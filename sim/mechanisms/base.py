@@ -149,9 +149,15 @@ class RotorLaw(Mechanism):
         return Torques(np.where(acts, whole.sun, 0.0), np.where(acts, whole.ring, 0.0))
 
 
+_ABOVE_ZERO = 1e-16
+
+
 def modulus(speed: Number, rest: float = 0.0) -> Number:
-    """Magnitude of a speed, differentiable everywhere when `rest` [rad/s] is not zero."""
-    return speed * (np.tanh(speed / rest) if rest else np.sign(np.real(speed)))
+    """Magnitude of a speed, differentiable everywhere when `rest` [rad/s] is not zero.
+
+    Its roots are differentiable too: it is kept from zero by less than the rounding of `rest`.
+    """
+    return speed * np.tanh(speed / rest) + _ABOVE_ZERO * rest if rest else speed * np.sign(np.real(speed))
 
 
 def against(speed: Number, magnitude: Number, rest: float = 0.0) -> Number:

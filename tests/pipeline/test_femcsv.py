@@ -12,7 +12,7 @@ from pmg.pipeline.femcsv import COLUMNS, read_fem_csv
 from pmg.sim.bench import BenchParameters
 from pmg.sim.errors import GridError
 from pmg.sim.femtable import fit_map
-from pmg.sim.torquemap import analytic_map
+from pmg.sim.analyticmap import analytic_map
 
 
 def computed(bench: BenchParameters) -> pd.DataFrame:

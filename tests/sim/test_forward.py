@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from tests.points import joined, points
 
 from pmg.sim import signals, sources
+from pmg.sim.analyticmap import analytic_map
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import BenchError
 from pmg.sim.forward import SPEED_LIMIT, balancing_torque, forward, locked, torque_slope
@@ -25,7 +26,6 @@ from pmg.sim.roots import rising_root
 from pmg.sim.sensitivity import forward_sensitivity, steady_sensitivity
 from pmg.sim.signals import Array
 from pmg.sim.solve import steady
-from pmg.sim.torquemap import analytic_map
 
 BENCH = load_bench()
 CURVE_SUN = LossCurve((0.0, 1.0, 2.0, 3.0), np.array([0.02, 0.35, -0.3, 0.12]), 196.0, 196.0)

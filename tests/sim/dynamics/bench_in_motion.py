@@ -21,10 +21,10 @@ CURVE = LossCurve((0.0, 0.5, 1.0), np.array([0.01, 0.05, 0.03]), 100.0, 200.0)
 MODEL = LossModel(CURVE, CURVE, 0.8, 5e-4, 2e-4, 1e-3)
 
 SIZES = np.array(
-    State(1e-3, 1e-3, 3.0, 1e-2, 2.0, 200.0, 200.0, 80.0, 80.0, 3.0, 0.1, 3.0, 1.0, 3.0, 0.1, 3.0, 1.0, 100.0)
+    State(1e-3, 1e-3, 3.0, 1e-2, 2.0, 200.0, 200.0, 80.0, 80.0, 3.0, 0.1, 3.0, 1.0, 3.0, 0.1, 3.0, 1.0, 1.0, 1.0, 100.0)
 )
 
-states = st.lists(st.floats(-1.0, 1.0), min_size=18, max_size=18).map(lambda unit: np.array(unit) * SIZES)
+states = st.lists(st.floats(-1.0, 1.0), min_size=20, max_size=20).map(lambda unit: np.array(unit) * SIZES)
 
 choices = st.builds(
     Assumptions,

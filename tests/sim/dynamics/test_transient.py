@@ -17,7 +17,7 @@ from pmg.sim.dynamics.drivetrain import Drivetrain
 from pmg.sim.dynamics.equilibrium import equilibrium
 from pmg.sim.dynamics.power import energies
 from pmg.sim.dynamics.programme import Programme
-from pmg.sim.dynamics.state import SetTorques
+from pmg.sim.dynamics.state import SetPoints
 from pmg.sim.dynamics.trace import Trace
 from pmg.sim.dynamics.transient import OnSlip, transient
 from pmg.sim.errors import BenchError
@@ -56,7 +56,7 @@ def test_the_published_run_with_the_published_tables(
     The speed answers with 8 rpm to each mN m, and the tables are rounded to 10 mN m, so 2.5 % is what they support.
     """
     trace = run_of_the_thesis(published_folder, bench, Assumptions(), eddy)
-    m = trace.drivetrain.motion(trace.state[:, -1], SetTorques(1.0, 2.3))
+    m = trace.drivetrain.motion(trace.state[:, -1], SetPoints(1.0, 2.3))
     speed_sun, speed_ring = trace["speed_sun"][-1], trace["speed_ring"][-1]
     eddies = eddy * np.array([speed_sun, speed_ring])
     into_gear, out_of_gear = (-m.magnetic_sun + eddies[0]) * speed_sun, (-m.magnetic_ring + eddies[1]) * -speed_ring
@@ -148,7 +148,7 @@ def test_a_run_may_go_on_after_a_slip() -> None:
 
 def test_a_run_that_starts_steady_stays_there() -> None:
     train = drivetrain()
-    start = equilibrium(train, 1.0, 2.3)[:, 0]
+    start = equilibrium(train, 1.0, 2.3).state[:, 0]
     trace = transient(train, Programme.hold(1.0), Programme.hold(2.3), 5.0, start=start)
     np.testing.assert_allclose(trace["speed_sun"], start[6], rtol=1e-8)
     assert trace.locked_at == 0.0
@@ -177,4 +177,4 @@ def test_arguments_out_of_range_are_named(wrong: dict[str, object], told: str) -
 def test_a_state_that_is_no_number_ends_with_a_clear_error() -> None:
     train = drivetrain()
     with pytest.raises(BenchError, match="start: speed_sun is nan"):
-        transient(train, SUN, RING, 1.0, start=np.array(train.at_rest()) + np.where(np.arange(18) == 6, np.nan, 0.0))
+        transient(train, SUN, RING, 1.0, start=np.array(train.at_rest()) + np.where(np.arange(20) == 6, np.nan, 0.0))

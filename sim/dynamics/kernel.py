@@ -1,0 +1,175 @@
+"""The compiled solver of a drivetrain: its equations as machine code, made from the one place they are written in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from pmg.sim.dynamics import kernelcache
+from pmg.sim.dynamics.rodas import DONE, NO_STEP, STOPPED, TOO_MANY
+from pmg.sim.dynamics.state import STATES
+from pmg.sim.dynamics.structure import survey
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from pmg.sim.dynamics.drivetrain import Drivetrain
+    from pmg.sim.dynamics.legs import Legs
+    from pmg.sim.signals import Array
+
+__all__ = ["DONE", "NO_STEP", "STOPPED", "TOO_MANY", "Kernel", "Run", "kernel_of"]
+
+MOST_SLIPS = 10_000
+"""Slipped poles whose times are kept; more are counted only."""
+
+
+class Run(NamedTuple):
+    """What a run of the compiled solver gave; `ended` is one of the codes of `rodas`."""
+
+    ended: int
+    steps: int
+    rejected: int
+    states: Array
+    slips: Array
+    locked_at: float
+    time: float
+    last: Array
+    sums: Array
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A drivetrain compiled.
+
+    Parameters
+    ----------
+    module : module
+        The generated functions; drivetrains of equal structure share it.
+    parameters : (k,) array
+        The numbers of this drivetrain.
+    coupled : bool
+        Whether there is a magnetic coupling that can slip.
+    """
+
+    module: ModuleType
+    parameters: Array
+    coupled: bool
+
+    def rates(self, state: Array, asked: Array) -> Array:
+        """Time derivative of the state (20,)."""
+        out = np.empty(state.size)
+        self.module.rates(state, asked, self.parameters, out)
+        return out
+
+    def jacobian(self, state: Array) -> Array:
+        """Its derivative with respect to the state (20, 20), from formulas."""
+        entries, whole = np.empty(self.module.ENTRIES), np.zeros((state.size, state.size))
+        self.module.slopes(state, self.parameters, entries)
+        whole[self.module.ROWS, self.module.COLUMNS] = entries
+        return whole
+
+    def sums(self, state: Array) -> Array:
+        """The powers that are summed over a run [W]."""
+        out = np.empty(self.number_of_sums)
+        self.module.sums(state, self.parameters, out)
+        return out
+
+    @property
+    def number_of_sums(self) -> int:
+        """How many powers are summed."""
+        return int(self.module.SUMS)
+
+    def solution(self, state: Array, d: float, right: Array) -> Array:
+        """Solution x of (d I - J) x = b at a state."""
+        entries, lu = np.empty(self.module.ENTRIES), np.empty(self.module.FACTORS)
+        self.module.slopes(state, self.parameters, entries)
+        self.module.factor(entries, d, lu)
+        x = right.copy()
+        self.module.solve(lu, x)
+        return x
+
+    def run(
+        self,
+        start: Array,
+        legs: Legs,
+        instants: Array,
+        scales: Array,
+        rtol: float,
+        *,
+        stop: bool,
+        locked: float,
+        most: int,
+        energy: bool = True,
+    ) -> Run:
+        """Integrate from a start state through the legs; see `rodas.integrate`."""
+        last, out = np.array(start, dtype=np.float64), np.empty((instants.size, start.size))
+        sums, slips = np.empty(self.number_of_sums if energy else 0), np.empty(MOST_SLIPS if self.coupled else 0)
+        phase = STATES.index("phase") if self.coupled else -1
+        ended, steps, rejected, reported, slipped, locked_at, time = self.module.integrate(
+            last,
+            self.parameters,
+            legs.ends,
+            legs.rows,
+            instants,
+            out,
+            sums,
+            slips,
+            scales,
+            rtol,
+            phase,
+            stop,
+            locked,
+            most,
+        )
+        return Run(
+            ended,
+            steps,
+            rejected,
+            out[:reported],
+            slips[: min(slipped, slips.size)].copy(),
+            locked_at,
+            time,
+            last,
+            sums,
+        )
+
+
+class _Blueprint:
+    """A drivetrain as a key: equal to any other of the same structure."""
+
+    def __init__(self, drivetrain: Drivetrain, structure: str) -> None:
+        self.drivetrain, self.structure = drivetrain, structure
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Blueprint) and other.structure == self.structure
+
+    def __hash__(self) -> int:
+        return hash(self.structure)
+
+
+@lru_cache(maxsize=64)
+def _module(blueprint: _Blueprint) -> ModuleType:
+    own = __name__.rsplit(".", 2)[0]
+    lasting = all(type(law).__module__.startswith(own) for law in blueprint.drivetrain.losses)
+
+    def make(cache: bool) -> str:
+        from pmg.sim.dynamics.codegen import solver_text  # the symbols' library is slow to load and seldom needed
+        from pmg.sim.dynamics.tracing import formulas
+
+        return solver_text(formulas(blueprint.drivetrain), cache)
+
+    return kernelcache.load_solver(blueprint.structure, lasting, make)
+
+
+def kernel_of(drivetrain: Drivetrain) -> Kernel:
+    """The compiled solver of a drivetrain.
+
+    The first call for a structure makes and compiles it, which takes seconds; it is kept in the user's cache. Other
+    numbers in the same structure cost nothing.
+    """
+    parameters, structure = survey(drivetrain)
+    module = _module(_Blueprint(drivetrain, structure))
+    return Kernel(module, np.array(parameters), drivetrain.coupling is not None)
