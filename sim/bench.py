@@ -28,6 +28,10 @@ class Quantity(float):
         quantity.unit, quantity.u, quantity.source = unit, u, source
         return quantity
 
+    def __getnewargs__(self) -> tuple[float, str, float | None, Source]:  # type: ignore[override]  # more than a float
+        """What a copy in another process is made of."""
+        return float(self), self.unit, self.u, self.source
+
 
 @dataclass(frozen=True)
 class GearParameters:
