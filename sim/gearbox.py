@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.sim.mechanisms.base import Torques, nothing
+from pmg.sim.mechanisms.base import Instrument, Torques, nothing
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
@@ -36,6 +36,11 @@ class Gearbox:
     def calibrated(cls, bench: BenchParameters, model: LossModel) -> Gearbox:
         """The baseline with the numbers of a calibration."""
         return cls(bench, model.mechanisms(bench))
+
+    @property
+    def instruments(self) -> tuple[Instrument, ...]:
+        """The faults among the mechanisms: they act on readings, not on rotors."""
+        return tuple(mechanism for mechanism in self.mechanisms if isinstance(mechanism, Instrument))
 
     def ratio(self, at: OperatingPoints) -> Array:
         """Magnitude of w_sun / w_ring of each point's stage."""

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pmg.sim.grid import Grid
+from pmg.sim.mechanisms.base import Torques
+from pmg.sim.mechanisms.instruments import distorted
 
 if TYPE_CHECKING:
     from pmg.sim.gearbox import Gearbox
     from pmg.sim.grid import OperatingPoints
+    from pmg.sim.signals import Array
 
 
 def steady(gearbox: Gearbox, at: OperatingPoints, campaign: str = "") -> Grid:
@@ -36,16 +40,26 @@ def steady(gearbox: Gearbox, at: OperatingPoints, campaign: str = "") -> Grid:
     Balance of each rotor at constant speed, with :math:`\tau` the sum of contributions and M the transmitted
     torque: :math:`T_s = M - \tau_s`; when engaged :math:`T_r` is given and :math:`M = (T_r + \tau_r)/i`, in
     neutral :math:`T_r = -\tau_r`. Holds for either direction of rotation and of power flow. (Thesis, section 6.1.1:
-    the ring gets the measured torque, the sun torque is what keeps the speed.)
+    the ring gets the measured torque, the sun torque is what keeps the speed.) Faults of the instruments come last:
+    what is given is then a reading, from which the true ring torque follows, and what comes out are readings.
     """
-    drag = gearbox.torque(at)
     zero = np.zeros(len(at))
+    given = at
+    faults = gearbox.instruments
+    if faults:
+        at = replace(given, torque_ring=_true_load(gearbox, given))
+    drag = gearbox.torque(at)
+    torque_sun = gearbox.transmitted(at) - drag.sun
+    torque_ring = np.where(at.engaged, at.torque_ring, -drag.ring)
+    if faults:
+        error_sun, error_ring = distorted(faults, at, Torques(torque_sun, torque_ring))
+        torque_sun, torque_ring = torque_sun + error_sun, torque_ring + error_ring
     return Grid(
         origin="simulated",
         campaign=campaign,
-        points=at,
-        torque_sun=gearbox.transmitted(at) - drag.sun,
-        torque_ring=np.where(at.engaged, at.torque_ring, -drag.ring),
+        points=given,
+        torque_sun=torque_sun,
+        torque_ring=torque_ring,
         within_sun=zero,
         within_ring=zero,
         u_sun=zero,
@@ -55,3 +69,17 @@ def steady(gearbox: Gearbox, at: OperatingPoints, campaign: str = "") -> Grid:
         accepted=np.ones(len(at), dtype=bool),
         reason=np.full(len(at), ""),
     )
+
+
+_FAULT_STEPS = 8
+"""Fixed-point steps from a distorted load to the true one; each gains two digits or more, as faults are small."""
+
+
+def _true_load(gearbox: Gearbox, at: OperatingPoints) -> Array:
+    """Ring torque [N m] whose reading is the one given, where engaged."""
+    load = at.torque_ring
+    for _ in range(_FAULT_STEPS):
+        guess = replace(at, torque_ring=load)
+        true = Torques(gearbox.transmitted(guess) - gearbox.torque(guess).sun, load)
+        load = np.where(at.engaged, at.torque_ring - distorted(gearbox.instruments, guess, true)[1], at.torque_ring)
+    return np.asarray(load)

@@ -51,3 +51,23 @@ FLEGAL_JONES = Source(
 WESTFALL_YOUNG = Source(
     "westfall-young", "P. H. Westfall, S. S. Young, 'Resampling-Based Multiple Testing', Wiley, 1993"
 )
+PALMGREN = Source(
+    "palmgren", "A. Palmgren, 'Ball and Roller Bearing Engineering', 3rd ed., S. H. Burbank, Philadelphia, 1959"
+)
+HARRIS = Source(
+    "harris",
+    "T. A. Harris, M. N. Kotzalas, 'Essential Concepts of Bearing Technology', 5th ed., CRC Press, 2006",
+)
+SKF = Source("skf", "SKF Group, 'Rolling bearings', catalogue PUB BU/P1 17000 EN, 2018, model of the frictional moment")
+VOGEL = Source(
+    "vogel",
+    "H. Vogel, 'Das Temperaturabhaengigkeitsgesetz der Viskositaet von Fluessigkeiten', Physikalische Zeitschrift 22, "
+    "1921",
+)
+SCHLICHTING = Source("schlichting", "H. Schlichting, K. Gersten, 'Boundary-Layer Theory', 9th ed., Springer, 2017")
+WOUTERSE = Source(
+    "wouterse",
+    "J. H. Wouterse, 'Critical torque and speed of eddy current brake with widely separated soft iron poles', "
+    "IEE Proceedings B 138(4), 1991, doi:10.1049/ip-b.1991.0019",
+)
+STOLL = Source("stoll", "R. L. Stoll, 'The Analysis of Eddy Currents', Clarendon Press, Oxford, 1974")

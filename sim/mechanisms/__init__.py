@@ -2,9 +2,37 @@
 
 from __future__ import annotations
 
-from pmg.sim.mechanisms.base import Component, Experiment, Mechanism, Parameter, Reveals, RotorLaw, Torques
+from pmg.sim.mechanisms.base import (
+    Component,
+    Experiment,
+    Instrument,
+    Mechanism,
+    Parameter,
+    Reveals,
+    RotorLaw,
+    Torques,
+)
 from pmg.sim.mechanisms.bearings import NeutralRemainder, RelativeBearing, RingBearings, SunBearings
+from pmg.sim.mechanisms.field import LoadIronLoss, ResidualCoupling, SkinEffect
+from pmg.sim.mechanisms.friction import (
+    LoadFriction,
+    MixedLubrication,
+    PoleSlip,
+    RelativeBearingDrag,
+    RubbingCarrier,
+    Windage,
+)
+from pmg.sim.mechanisms.instruments import Crosstalk, GainError, ZeroDrift, ZeroOffset
 from pmg.sim.mechanisms.magnetic import EddyDamping, ExcessDamping, HysteresisDamping
+from pmg.sim.mechanisms.thermal import LubricantViscosity, MagnetTemperature
+from pmg.sim.mechanisms.waveform import (
+    ClockOffset,
+    CoggingLines,
+    Eccentricity,
+    EncoderScale,
+    Misalignment,
+    Unbalance,
+)
 
 BASELINE: tuple[type[Mechanism], ...] = (
     SunBearings,
@@ -17,17 +45,52 @@ BASELINE: tuple[type[Mechanism], ...] = (
 )
 """The mechanisms of the thesis's own model, in the order of the power chain."""
 
-LIBRARY: tuple[type[Mechanism], ...] = BASELINE
-"""Every mechanism pmg knows; what the diagnosis may name beyond the baseline joins here."""
+CANDIDATES: tuple[type[Mechanism], ...] = (
+    LubricantViscosity,
+    LoadFriction,
+    MixedLubrication,
+    Windage,
+    RelativeBearingDrag,
+    RubbingCarrier,
+    ResidualCoupling,
+    SkinEffect,
+    LoadIronLoss,
+    MagnetTemperature,
+    ZeroOffset,
+    ZeroDrift,
+    GainError,
+    Crosstalk,
+)
+"""What may be left out of the baseline and shows in mean torques: what the diagnosis may name."""
+
+OTHERS: tuple[type[Mechanism], ...] = (
+    PoleSlip,
+    CoggingLines,
+    Unbalance,
+    Misalignment,
+    Eccentricity,
+    EncoderScale,
+    ClockOffset,
+)
+"""What shows in speeds or within a turn, not in mean torques."""
+
+LIBRARY: tuple[type[Mechanism], ...] = (*BASELINE, *CANDIDATES, *OTHERS)
+"""Every mechanism pmg knows."""
 
 __all__ = [
     "BASELINE",
+    "CANDIDATES",
     "LIBRARY",
+    "OTHERS",
     "Component",
     "EddyDamping",
     "ExcessDamping",
     "Experiment",
+    "GainError",
     "HysteresisDamping",
+    "Instrument",
+    "LoadFriction",
+    "LubricantViscosity",
     "Mechanism",
     "NeutralRemainder",
     "Parameter",

@@ -5,14 +5,16 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
 from pmg.sim.grid import Configuration
 
 if TYPE_CHECKING:
+    from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import OperatingPoints
+    from pmg.sim.lossmodel import LossModel
     from pmg.sim.signals import Array, Number, Signal
     from pmg.sim.sources import Source
 
@@ -103,7 +105,12 @@ class Torques:
 
 @dataclass(frozen=True)
 class Mechanism(ABC):
-    """A piece of physics: the class is its card in the catalogue, an instance is the card with numbers."""
+    """A piece of physics: the class is its card in the catalogue, an instance is the card with numbers.
+
+    What the diagnosis may name says three things more: `by_shaft`, the parameters that are sizes, for each shaft it may
+    sit on (``both``: it acts on both at once); `shape`, those that only change its form; and `components`, where it
+    sits if that depends on the shaft. `memory`: whether a point depends on what was run before it.
+    """
 
     identifier: ClassVar[str]
     title: ClassVar[str]
@@ -113,6 +120,20 @@ class Mechanism(ABC):
     affects: ClassVar[tuple[Signal, ...]]
     revealed_by: ClassVar[tuple[Reveals, ...]]
     dissipates: ClassVar[bool] = True
+    memory: ClassVar[bool] = False
+    by_shaft: ClassVar[dict[str, tuple[str, ...]]] = {}
+    shape: ClassVar[tuple[str, ...]] = ()
+    components: ClassVar[dict[str, Component]] = {}
+
+    @classmethod
+    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
+        """The mechanism at its null, on the numbers of a bench and a calibrated baseline."""
+        raise NotImplementedError(f"{cls.__name__} belongs to the baseline, which makes it")
+
+    @classmethod
+    def component_on(cls, shaft: str) -> Component:
+        """Where it sits when it acts on that shaft."""
+        return cls.components.get(shaft, cls.component)
 
     @abstractmethod
     def torque(self, at: OperatingPoints) -> Torques:
@@ -122,6 +143,21 @@ class Mechanism(ABC):
     def parameters(cls) -> tuple[Parameter, ...]:
         """The declared physical constants."""
         return tuple(Parameter(f.name, **f.metadata) for f in fields(cls) if "unit" in f.metadata)
+
+
+@dataclass(frozen=True)
+class Instrument(Mechanism):
+    """A fault of a transducer: it distorts a reading and leaves the bench alone."""
+
+    dissipates: ClassVar[bool] = False
+
+    def torque(self, at: OperatingPoints) -> Torques:
+        """None: nothing acts on the rotors."""
+        return Torques(nothing(at), nothing(at))
+
+    @abstractmethod
+    def distortion(self, at: OperatingPoints, true: Torques) -> Torques:
+        """What each transducer shows too much [N m], given the torques that the motors apply."""
 
 
 @dataclass(frozen=True)

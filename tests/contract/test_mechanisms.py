@@ -13,13 +13,23 @@ from matplotlib.mathtext import MathTextParser
 from tests.points import joined, points
 
 from pmg.sim.bench import load_bench
+from pmg.sim.gearbox import Gearbox
 from pmg.sim.grid import OperatingPoints
 from pmg.sim.losscurve import LossCurve
 from pmg.sim.lossmodel import LossModel
-from pmg.sim.mechanisms import LIBRARY, Mechanism
+from pmg.sim.mechanisms import BASELINE, CANDIDATES, LIBRARY, GainError, Instrument, Mechanism
+from pmg.sim.solve import steady
 
 CURVE = LossCurve((0.0, 0.5, 1.0), np.array([0.01, 0.05, 0.03]), 100.0, 200.0)
-INSTANCES = LossModel(CURVE, CURVE, 0.8, 5e-4, 2e-4, 1e-3).mechanisms(load_bench())
+MODEL = LossModel(CURVE, CURVE, 0.8, 5e-4, 2e-4, 1e-3)
+BENCH = load_bench()
+
+
+def typical(kind: type[Mechanism]) -> Mechanism:
+    return replace(kind.of(BENCH, MODEL), **{p.name: p.typical for p in kind.parameters()})
+
+
+INSTANCES = (*MODEL.mechanisms(BENCH), *(typical(kind) for kind in LIBRARY if kind not in BASELINE))
 BY_TYPE = {type(mechanism): mechanism for mechanism in INSTANCES}
 speeds = st.floats(-3000.0, 3000.0)
 
@@ -66,6 +76,8 @@ def test_a_loss_only_takes_power(kind: type[Mechanism], sun: float, ring: float)
 
 @pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.identifier)
 def test_points_do_not_influence_each_other(kind: type[Mechanism], rng: np.random.Generator) -> None:
+    if kind.memory:
+        pytest.skip("it remembers what was run before, and says so")
     at = joined(points("neutral", rng.uniform(-2000, 2000, 6), rng.uniform(-800, 800, 6)), some_points(900.0, 300.0))
     whole = BY_TYPE[kind].torque(at)
     for i in range(len(at)):
@@ -88,3 +100,39 @@ def test_finite_at_the_corners_of_its_bounds(kind: type[Mechanism]) -> None:
 @pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.identifier)
 def test_equation_can_be_drawn(kind: type[Mechanism]) -> None:
     MathTextParser("path").parse(f"${kind.equation}$")
+
+
+@pytest.mark.parametrize("kind", CANDIDATES, ids=lambda kind: kind.identifier)
+def test_sizes_and_shapes_are_its_parameters(kind: type[Mechanism]) -> None:
+    names = [parameter.name for parameter in kind.parameters()]
+    sizes = [name for group in kind.by_shaft.values() for name in group]
+    assert sorted((*sizes, *kind.shape)) == sorted(names)
+    assert set(kind.by_shaft) <= {"sun", "ring", "both"}
+    nulls = {parameter.name: parameter.null for parameter in kind.parameters()}
+    assert all(nulls[name] == 0.0 for name in sizes)
+
+
+@pytest.mark.parametrize("kind", CANDIDATES, ids=lambda kind: kind.identifier)
+def test_a_candidate_changes_what_is_read(kind: type[Mechanism], rng: np.random.Generator) -> None:
+    sun, ring = rng.uniform(50.0, 1800.0, 12), rng.uniform(-700.0, 700.0, 12)
+    load = np.tile([0.78, 1.95], 6)
+    at = joined(points("neutral", sun, ring), points("engaged", sun, -sun / 2.6, load))
+    at = replace(at, started_at=60.0 * np.arange(24.0))
+    baseline = MODEL.mechanisms(BENCH)
+    without = steady(Gearbox(BENCH, baseline), at)
+    for sizes in kind.by_shaft.values():
+        some = replace(kind.of(BENCH, MODEL), **{p.name: p.typical for p in kind.parameters() if p.name in sizes})
+        changed = steady(Gearbox(BENCH, (*baseline, some)), at)
+        moved = np.hypot(changed.torque_sun - without.torque_sun, changed.torque_ring - without.torque_ring)
+        assert 1e-5 < moved.max() < 1.0
+        assert isinstance(some, Instrument) or not some.dissipates or (some.torque(at).power(at) <= 1e-12).all()
+
+
+def test_a_reading_with_faults_is_that_of_the_true_load() -> None:
+    at = points("engaged", [900.0], [-900.0 / 2.6], 1.5)
+    faults = (GainError(gain_ring=0.02, gain_sun=-0.01),)
+    baseline = MODEL.mechanisms(BENCH)
+    read = steady(Gearbox(BENCH, (*baseline, *faults)), at)
+    true = steady(Gearbox(BENCH, baseline), replace(at, torque_ring=at.torque_ring / 1.02))
+    assert read.torque_ring == pytest.approx(at.torque_ring, rel=1e-12)
+    assert read.torque_sun == pytest.approx(0.99 * true.torque_sun, rel=1e-12)

@@ -1,0 +1,131 @@
+"""Magnetic losses beyond the baseline: coupling left in neutral, skin effect, iron loss under load."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from pmg.sim import signals, sources
+from pmg.sim.grid import Configuration
+from pmg.sim.mechanisms.base import (
+    Component,
+    Experiment,
+    Mechanism,
+    Reveals,
+    RotorLaw,
+    Torques,
+    parameter,
+)
+from pmg.sim.mechanisms.friction import pole_pairs, ratio_of
+from pmg.sim.mechanisms.magnetic import RotorDamping
+
+if TYPE_CHECKING:
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import OperatingPoints
+    from pmg.sim.lossmodel import LossModel
+    from pmg.sim.signals import Number
+
+_BOTH = (signals.TORQUE_SUN, signals.TORQUE_RING)
+
+
+@dataclass(frozen=True)
+class ResidualCoupling(RotorLaw):
+    """In neutral the carrier is not quite centred: the slipping poles drag on each other.
+
+    An eddy-current coupling between the rotors. Its torque grows with the slip speed of the poles, has a maximum at a
+    critical slip and falls again; it acts on both rotors in the ratio of their pole pairs. One pair of poles is
+    taken, that of stage 1, nearer to which the carrier stands.
+    """
+
+    identifier = "residual_magnetic_coupling"
+    title = "Magnetic coupling left in neutral"
+    equation = r"\tau_k = -p_k\,M\,\frac{2\,S/S_c}{1+(S/S_c)^2}\ \mathrm{in\ neutral},\ S = p_s\omega_s+p_r\omega_r"
+    source = sources.WOUTERSE
+    component = Component.MAGNETIC_GEAR
+    affects = _BOTH
+    revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "torque follows the pole-slip speed"),)
+    acts_in = (Configuration.NEUTRAL,)
+    by_shaft = {"both": ("strength",)}
+    shape = ("critical",)
+
+    pole_pairs: tuple[tuple[int, int], ...]
+    strength: float = parameter(
+        "N m", bounds=(0.0, 0.05), typical=1e-3, meaning="largest torque on each rotor per pole pair"
+    )
+    critical: float = parameter(
+        "rad/s", bounds=(50.0, 20000.0), typical=1000.0, meaning="critical slip speed of the poles", null=1000.0
+    )
+
+    @classmethod
+    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
+        """Absent."""
+        return cls(pole_pairs(bench))
+
+    def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
+        """Drag on both rotors in neutral."""
+        p_s, p_r = self.pole_pairs[0]
+        slip = (p_s * speed_sun + p_r * speed_ring) / self.critical
+        pull = self.strength * 2.0 * slip / (1.0 + slip * slip)
+        return Torques(-p_s * pull, -p_r * pull)
+
+
+@dataclass(frozen=True)
+class SkinEffect(RotorDamping):
+    """Eddy torque that grows more slowly than speed once the currents shield the field."""
+
+    identifier = "eddy_skin_effect"
+    title = "Skin effect of the eddy currents"
+    equation = r"\tau_k = c\,\omega_k\,[1-(1+(\omega_k\theta)^2)^{-1/4}]"
+    source = sources.STOLL.at("thick plates")
+    component = Component.MAGNETIC_GEAR
+    affects = _BOTH
+    revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "magnetic loss grows more slowly than the square of speed"),)
+    dissipates = False
+    by_shaft = {"both": ("shielding",)}
+
+    c: float
+    shielding: float = parameter(
+        "s/rad",
+        bounds=(0.0, 1.0),
+        typical=0.01,
+        meaning="inverse of the corner speed, above which the field is shielded",
+    )
+
+    @classmethod
+    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
+        """Absent, on the eddy damping of a calibration."""
+        return cls(model.c)
+
+    def drag(self, speed: Number, rest: float = 0.0) -> Number:
+        """What shielding takes off the eddy torque."""
+        x = speed * self.shielding
+        return self.c * speed * (1.0 - (1.0 + x * x) ** -0.25)
+
+
+@dataclass(frozen=True)
+class LoadIronLoss(Mechanism):
+    """Iron loss that grows with the transmitted torque: the load angle bends more flux through the poles."""
+
+    identifier = "load_dependent_iron_loss"
+    title = "Iron loss growing with load"
+    equation = r"\tau_k = -k\,|T_s|\,\omega_k\ \mathrm{engaged}"
+    source = sources.STOLL.at("eddy loss proportional to the square of the field")
+    component = Component.MAGNETIC_GEAR
+    affects = _BOTH
+    revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "magnetic loss grows with load and speed together"),)
+    by_shaft = {"both": ("k",)}
+
+    pole_pairs: tuple[tuple[int, int], ...]
+    k: float = parameter("s/rad", bounds=(0.0, 1e-2), typical=5e-5, meaning="eddy damping per transmitted torque")
+
+    @classmethod
+    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
+        """Absent."""
+        return cls(pole_pairs(bench))
+
+    def torque(self, at: OperatingPoints) -> Torques:
+        """Drag on both rotors."""
+        load = np.where(at.engaged, np.abs(at.torque_ring), 0.0) / ratio_of(self.pole_pairs, at)
+        return Torques(-self.k * load * at.speed_sun, -self.k * load * at.speed_ring)

@@ -1,0 +1,152 @@
+"""Faults of the torque transducers: mechanisms like any other, but they distort a reading."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from pmg.sim import signals, sources
+from pmg.sim.mechanisms.base import Component, Experiment, Instrument, Reveals, Torques, parameter
+
+if TYPE_CHECKING:
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import OperatingPoints
+    from pmg.sim.lossmodel import LossModel
+    from pmg.sim.signals import Array
+
+_SHAFTS = {"sun": Component.SUN_TORQUE_TRANSDUCER, "ring": Component.RING_TORQUE_TRANSDUCER}
+_BOTH = (signals.TORQUE_SUN, signals.TORQUE_RING)
+
+
+@dataclass(frozen=True)
+class ZeroOffset(Instrument):
+    """A zero that is off by a constant: the error keeps its sign whatever the direction of rotation."""
+
+    identifier = "torque_zero_offset"
+    title = "Zero offset of a torque transducer"
+    equation = r"\Delta T_k = z_k"
+    source = sources.GUM.at("section 4.3")
+    component = Component.SUN_TORQUE_TRANSDUCER
+    components = _SHAFTS
+    affects = _BOTH
+    revealed_by = (
+        Reveals(Experiment.ZERO_CHECKS, "a reading with free shafts"),
+        Reveals(Experiment.REVERSED_ROTATION, "drag that differs between the directions"),
+    )
+    by_shaft = {"sun": ("offset_sun",), "ring": ("offset_ring",)}
+
+    offset_sun: float = parameter("N m", bounds=(-1.0, 1.0), typical=5e-3, meaning="zero of the sun's transducer")
+    offset_ring: float = parameter("N m", bounds=(-1.0, 1.0), typical=5e-3, meaning="zero of the ring's transducer")
+
+    @classmethod
+    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
+        """Absent."""
+        return cls()
+
+    def distortion(self, at: OperatingPoints, true: Torques) -> Torques:
+        """The offset, everywhere."""
+        return Torques(np.full(len(at), self.offset_sun), np.full(len(at), self.offset_ring))
+
+
+@dataclass(frozen=True)
+class ZeroDrift(Instrument):
+    """A zero that moves with time, at an even rate through the campaign.
+
+    The rate is taken about the middle of the campaign, so that a constant offset is another mechanism.
+    """
+
+    identifier = "torque_zero_drift"
+    title = "Zero drift of a torque transducer"
+    equation = r"\Delta T_k = r_k\,(t - \bar{t})"
+    source = sources.GUM.at("section 4.3")
+    component = Component.SUN_TORQUE_TRANSDUCER
+    components = _SHAFTS
+    affects = _BOTH
+    revealed_by = (
+        Reveals(Experiment.ZERO_CHECKS, "readings with free shafts that move"),
+        Reveals(Experiment.REPEATS, "the same point reads differently later"),
+    )
+    memory = True
+    by_shaft = {"sun": ("rate_sun",), "ring": ("rate_ring",)}
+
+    rate_sun: float = parameter("N m/s", bounds=(-1e-3, 1e-3), typical=1e-6, meaning="drift of the sun's zero")
+    rate_ring: float = parameter("N m/s", bounds=(-1e-3, 1e-3), typical=1e-6, meaning="drift of the ring's zero")
+
+    @classmethod
+    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
+        """Absent."""
+        return cls()
+
+    def distortion(self, at: OperatingPoints, true: Torques) -> Torques:
+        """The zero at each point's time; none where the order is not known."""
+        time = at.started_at - at.started_at.mean() if at.ordered and len(at) else np.zeros(len(at))
+        return Torques(self.rate_sun * time, self.rate_ring * time)
+
+
+@dataclass(frozen=True)
+class GainError(Instrument):
+    """A sensitivity that is off: the error is a part of the reading and turns with the power flow."""
+
+    identifier = "torque_gain_error"
+    title = "Gain error of a torque transducer"
+    equation = r"\Delta T_k = g_k\,T_k"
+    source = sources.GUM.at("section 4.3")
+    component = Component.SUN_TORQUE_TRANSDUCER
+    components = _SHAFTS
+    affects = _BOTH
+    revealed_by = (Reveals(Experiment.REVERSED_FLOW, "the apparent loss changes its sign with the power flow"),)
+    by_shaft = {"sun": ("gain_sun",), "ring": ("gain_ring",)}
+
+    gain_sun: float = parameter("1", bounds=(-0.2, 0.2), typical=0.01, meaning="gain error of the sun's transducer")
+    gain_ring: float = parameter("1", bounds=(-0.2, 0.2), typical=0.01, meaning="gain error of the ring's transducer")
+
+    @classmethod
+    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
+        """Absent."""
+        return cls()
+
+    def distortion(self, at: OperatingPoints, true: Torques) -> Torques:
+        """A part of the torque."""
+        return Torques(self.gain_sun * true.sun, self.gain_ring * true.ring)
+
+
+@dataclass(frozen=True)
+class Crosstalk(Instrument):
+    """A transducer that also shows a part of the other one's torque."""
+
+    identifier = "torque_crosstalk"
+    title = "Crosstalk between the torque transducers"
+    equation = r"\Delta T_s = x_s\,T_r,\ \Delta T_r = x_r\,T_s"
+    source = sources.GUM.at("section 4.3")
+    component = Component.SUN_TORQUE_TRANSDUCER
+    components = _SHAFTS
+    affects = _BOTH
+    revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "a reading that follows the other shaft's torque"),)
+    by_shaft = {"sun": ("part_sun",), "ring": ("part_ring",)}
+
+    part_sun: float = parameter(
+        "1", bounds=(-0.2, 0.2), typical=0.01, meaning="part of the ring torque shown by the sun"
+    )
+    part_ring: float = parameter(
+        "1", bounds=(-0.2, 0.2), typical=0.01, meaning="part of the sun torque shown by the ring"
+    )
+
+    @classmethod
+    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
+        """Absent."""
+        return cls()
+
+    def distortion(self, at: OperatingPoints, true: Torques) -> Torques:
+        """A part of the other torque."""
+        return Torques(self.part_sun * true.ring, self.part_ring * true.sun)
+
+
+def distorted(instruments: tuple[Instrument, ...], at: OperatingPoints, true: Torques) -> tuple[Array, Array]:
+    """What all faults together add to the readings [N m]."""
+    sun, ring = np.zeros(len(at)), np.zeros(len(at))
+    for instrument in instruments:
+        part = instrument.distortion(at, true)
+        sun, ring = sun + part.sun, ring + part.ring
+    return sun, ring

@@ -1,0 +1,166 @@
+"""Warming: a thermal node fed by the power that the run itself dissipated, and what it does to drag."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from pmg.sim import signals, sources
+from pmg.sim.mechanisms.base import Component, Experiment, Mechanism, Reveals, Torques, parameter
+
+if TYPE_CHECKING:
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import OperatingPoints
+    from pmg.sim.losscurve import LossCurve
+    from pmg.sim.lossmodel import LossModel
+    from pmg.sim.signals import Array
+
+LUBRICANT_COEFFICIENT = 0.033
+"""Relative fall of a greased bearing's viscous drag per kelvin near room temperature [1/K].
+
+Viscous drag grows with viscosity to the power 2/3 (Palmgren); a mineral base oil of 100 mm2/s loses about 5 %
+of its viscosity per kelvin there (Vogel's law). Only its product with the thermal resistance shows in torque.
+"""
+
+MAGNET_COEFFICIENT = 1.2e-3
+"""Relative fall of the remanence of sintered NdFeB per kelvin [1/K]; losses follow its square."""
+
+
+def temperature_rise(at: OperatingPoints, power: Array, time_constant: float) -> Array:
+    r"""Rise above ambient of a node with a thermal resistance of 1 K/W [K].
+
+    Parameters
+    ----------
+    at : OperatingPoints
+        All points of the run; their start times give order and pauses.
+    power : (n,) array
+        Power that is dissipated while each point is held [W].
+    time_constant : float
+        Of the node [s].
+
+    Notes
+    -----
+    :math:`\tau\,\dot\Theta = P - \Theta`, cold at the first point. Between two recordings the bench is already at the
+    second one's speeds for most of the time, so that point's power is taken for the whole stretch. Without a known
+    order there is no history: the rise is then that of the steady state of each point.
+    """
+    if not at.ordered or not len(at):
+        return np.asarray(power)
+    order = np.argsort(at.started_at, kind="stable")
+    time, fed = at.started_at[order], power[order]
+    rise = np.zeros(len(order))
+    for i in range(1, len(order)):
+        keep = np.exp(-(time[i] - time[i - 1]) / time_constant)
+        rise[i] = keep * rise[i - 1] + (1.0 - keep) * fed[i]
+    out = np.empty(len(order))
+    out[order] = rise
+    return out
+
+
+@dataclass(frozen=True)
+class LubricantViscosity(Mechanism):
+    """Viscous bearing drag that falls as the bearing warms by its own loss.
+
+    No temperature is recorded on this bench: it follows from the run history by one thermal node a shaft. The
+    constant part of the drag (seals, dry friction) does not change. Holds while the grease is neither starved nor
+    churned and the ambient is constant.
+    """
+
+    identifier = "lubricant_viscosity"
+    title = "Lubricant viscosity falling with temperature"
+    equation = (
+        r"\tau_k = -\mathrm{sgn}(\omega_k)\,K\,[B_k(|\omega_k|)-B_k(0)]\,(e^{-\beta R_k\Theta_k}-1),"
+        r"\ T_\mathrm{th}\,\dot{\Theta}_k = P_k-\Theta_k"
+    )
+    source = sources.PALMGREN.at("viscous moment; viscosity after Vogel 1921")
+    component = Component.RING_BEARINGS
+    components = {"sun": Component.SUN_BEARINGS, "ring": Component.RING_BEARINGS}
+    affects = (signals.TORQUE_SUN, signals.TORQUE_RING)
+    revealed_by = (
+        Reveals(Experiment.REPEATS, "the same point has less drag when the bench is warm"),
+        Reveals(Experiment.NEUTRAL_SWEEP, "drag depends on what was run before"),
+    )
+    dissipates = False
+    memory = True
+    by_shaft = {"sun": ("resistance_sun",), "ring": ("resistance_ring",)}
+    shape = ("time_constant",)
+
+    curve_sun: LossCurve
+    curve_ring: LossCurve
+    correction: float
+    resistance_sun: float = parameter(
+        "K/W", bounds=(0.0, 20.0), typical=1.0, meaning="thermal resistance of the sun bearings to ambient"
+    )
+    resistance_ring: float = parameter(
+        "K/W", bounds=(0.0, 20.0), typical=1.0, meaning="thermal resistance of the ring bearings to ambient"
+    )
+    time_constant: float = parameter(
+        "s", bounds=(30.0, 20000.0), typical=1200.0, meaning="thermal time constant", null=1200.0
+    )
+
+    @classmethod
+    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
+        """Absent, on the curves of a calibration."""
+        return cls(model.curve_sun, model.curve_ring, model.correction)
+
+    def torque(self, at: OperatingPoints) -> Torques:
+        """What warming takes off the drag."""
+        part = np.where(at.neutral, 1.0, np.where(at.engaged, self.correction, 0.0))
+        found = []
+        for curve, speed, resistance in (
+            (self.curve_sun, at.speed_sun, self.resistance_sun),
+            (self.curve_ring, at.speed_ring, self.resistance_ring),
+        ):
+            drag = part * curve.torque(speed) * (speed != 0.0)
+            viscous = drag - part * curve.torque(np.zeros_like(speed)) * (speed != 0.0)
+            rise = resistance * temperature_rise(at, drag * np.abs(speed), self.time_constant)
+            found.append(-np.sign(speed) * viscous * np.expm1(-LUBRICANT_COEFFICIENT * rise))
+        return Torques(*found)
+
+
+@dataclass(frozen=True)
+class MagnetTemperature(Mechanism):
+    """Remanence that falls as the magnets warm by the gear's own loss: less eddy and hysteresis drag.
+
+    The pull-out torque falls with it, which steady torques do not show.
+    """
+
+    identifier = "magnet_temperature"
+    title = "Remanence falling with magnet temperature"
+    equation = (
+        r"\tau_k = (b\,\mathrm{sgn}\,\omega_k + c\,\omega_k)\,[1-(1-\alpha R\Theta)^2],\ \tau\dot{\Theta} = P_m-\Theta"
+    )
+    source = sources.STOLL.at("eddy loss proportional to the square of the field")
+    component = Component.MAGNETIC_GEAR
+    affects = (signals.TORQUE_SUN, signals.TORQUE_RING)
+    revealed_by = (Reveals(Experiment.REPEATS, "engaged points lose less after a long loaded run"),)
+    dissipates = False
+    memory = True
+    by_shaft = {"both": ("resistance",)}
+    shape = ("time_constant",)
+
+    b: float
+    c: float
+    resistance: float = parameter(
+        "K/W", bounds=(0.0, 50.0), typical=5.0, meaning="thermal resistance of the magnets to ambient"
+    )
+    time_constant: float = parameter(
+        "s", bounds=(30.0, 20000.0), typical=1800.0, meaning="thermal time constant", null=1800.0
+    )
+
+    @classmethod
+    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
+        """Absent, on the damping of a calibration."""
+        return cls(model.b, model.c)
+
+    def torque(self, at: OperatingPoints) -> Torques:
+        """What warming takes off the magnetic drag."""
+        loss = {}
+        for shaft, speed in (("sun", at.speed_sun), ("ring", at.speed_ring)):
+            loss[shaft] = np.where(at.engaged, self.b * np.sign(speed) + self.c * speed, 0.0)
+        power = loss["sun"] * at.speed_sun + loss["ring"] * at.speed_ring
+        rise = self.resistance * temperature_rise(at, power, self.time_constant)
+        less = 1.0 - np.maximum(1.0 - MAGNET_COEFFICIENT * rise, 0.0) ** 2
+        return Torques(loss["sun"] * less, loss["ring"] * less)
