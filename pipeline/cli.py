@@ -1,47 +1,22 @@
-"""The command line: ``pmg ingest``, ``analyse``, ``compare`` and ``run``. Each command parses, calls verbs, prints."""
+"""The command line: ``pmg ingest``, ``analyse``, ``compare`` and so on; each command parses and calls a stage."""
 
 from __future__ import annotations
 
-import json
 import os
 import sys
-import traceback
 from contextlib import contextmanager
-from enum import IntEnum, StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pmg.sim.errors import PmgError
+from pmg.pipeline.cli_frame import FailOn, FailOnOption, JsonOption, carry_out
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from pmg.pipeline.options import AnalysisOptions
     from pmg.pipeline.stages import Outcome
-
-SCHEMA = "pmg.result/1"
-
-
-class ExitCode(IntEnum):
-    """What the exit code says."""
-
-    DONE = 0
-    FINDINGS = 1
-    COULD_NOT_RUN = 2
-    PARTLY_DONE = 3
-    INTERNAL_ERROR = 70
-    INTERRUPTED = 130
-
-
-class FailOn(StrEnum):
-    """What makes a finished command exit with 1."""
-
-    NEVER = "never"
-    MISMATCH = "mismatch"
-    FINDINGS = "findings"
-
 
 app = typer.Typer(
     help="From recordings of a planetary magnetic gearbox to losses, a simulation beside them, and what explains "
@@ -74,8 +49,6 @@ RestOption = Annotated[
 ]
 NoteOption = Annotated[str, typer.Option("--note", help="Told at the head of the report, such as where data are from.")]
 WorkersOption = Annotated[int | None, typer.Option("--workers", min=1, help="Parallel workers of the ingest.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
-FailOnOption = Annotated[FailOn, typer.Option("--fail-on", help="Exit with 1 on a mismatch, or on any finding.")]
 
 
 @app.command()
@@ -94,7 +67,7 @@ def ingest(
         with _progress(as_json) as progress:
             return run_ingest(recordings, store, workers=workers, progress=progress)
 
-    _carry_out("ingest", stage, as_json, fail_on)
+    carry_out("ingest", stage, as_json, fail_on)
 
 
 @app.command()
@@ -117,7 +90,7 @@ def analyse(
         options = _options(grids, terms_sun, terms_ring, k_corr, include_rest)
         return run_analyse(store, options, grids=grids, campaign=campaign)
 
-    _carry_out("analyse", stage, as_json, fail_on)
+    carry_out("analyse", stage, as_json, fail_on)
 
 
 @app.command()
@@ -135,7 +108,7 @@ def compare(
 
         return run_compare(store, report, note)
 
-    _carry_out("compare", stage, as_json, fail_on)
+    carry_out("compare", stage, as_json, fail_on)
 
 
 @app.command()
@@ -175,7 +148,50 @@ def run(
                 progress=progress,
             )
 
-    _carry_out("run", stage, as_json, fail_on)
+    carry_out("run", stage, as_json, fail_on)
+
+
+@app.command()
+def simulate(
+    scenario: Annotated[Path, typer.Argument(help="Scenario in TOML; examples in raw/scenarios.", metavar="SCENARIO")],
+    out: Annotated[Path, typer.Option("--out", help="Folder of tables, recordings, report and summary.json.")],
+    campaign: Annotated[
+        str | None, typer.Option("--campaign", help="Name of the campaign in the recordings, instead of the file's.")
+    ] = None,
+    as_json: JsonOption = False,
+    fail_on: FailOnOption = FailOn.NEVER,
+) -> None:
+    """Simulate a scenario: steady points, a run in time, a frequency response; tables, recordings and a report."""
+
+    def stage() -> Outcome:
+        from pmg.pipeline.simulation_stage import run_simulate
+
+        return run_simulate(scenario, out, campaign)
+
+    carry_out("simulate", stage, as_json, fail_on)
+
+
+@app.command()
+def validate(
+    grids: Annotated[
+        Path, typer.Option("--grids", help="Folder with the thesis's neutral_grid.csv and engaged_grid.csv.")
+    ] = Path("raw/published"),
+    draws: Annotated[
+        int | None, typer.Option("--draws", help="Draws within the rounding of the grids; 500 if not given.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the draws.")] = None,
+    report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
+    as_json: JsonOption = False,
+    fail_on: FailOnOption = FailOn.NEVER,
+) -> None:
+    """Compute every published figure of the thesis from its rounded grids, and say which come out."""
+
+    def stage() -> Outcome:
+        from pmg.pipeline.validate.stage import run_validate
+
+        return run_validate(grids, draws, seed, report)
+
+    carry_out("validate", stage, as_json, fail_on)
 
 
 def _options(
@@ -214,72 +230,6 @@ def _progress(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
         if terminal and shown >= 0:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
-
-
-def _carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on: FailOn) -> None:
-    """Run a stage, print what it gave, and exit with the code that says how it went."""
-    outcome: Outcome | None = None
-    error: dict[str, str] | None = None
-    try:
-        outcome = stage()
-        code = _exit_code(outcome, fail_on)
-    except PmgError as problem:
-        code = ExitCode.COULD_NOT_RUN
-        error = {"where": problem.where, "came": problem.came, "expected": problem.expected, "do": problem.do}
-        typer.echo(f"pmg {command}: {problem}", err=True)
-    except OSError as problem:
-        code = ExitCode.COULD_NOT_RUN
-        where, came = str(problem.filename or command), problem.strerror or str(problem)
-        error = {"where": where, "came": came, "expected": "a readable, writable place", "do": "Check path and rights."}
-        typer.echo(f"pmg {command}: {where}: {came}. Check path, rights and free space.", err=True)
-    except KeyboardInterrupt:
-        code = ExitCode.INTERRUPTED
-        error = {"where": command, "came": "interrupted", "expected": "", "do": "Run it again to resume."}
-        typer.echo(f"pmg {command}: interrupted; what is in the store is whole. Run it again to resume.", err=True)
-    except Exception as problem:  # the outermost place: a defect of pmg, shown with its trace
-        code = ExitCode.INTERNAL_ERROR
-        error = {"where": command, "came": repr(problem), "expected": "", "do": "Report this as a defect of pmg."}
-        traceback.print_exc()
-        typer.echo(f"pmg {command}: internal error, a defect of pmg; please report it with the lines above.", err=True)
-    if as_json:
-        result: dict[str, Any] = {
-            "schema": SCHEMA,
-            "command": command,
-            "exit_code": int(code),
-            "data": None if outcome is None else outcome.data,
-            "findings": [] if outcome is None else list(outcome.findings),
-            "error": error,
-        }
-        typer.echo(json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False))
-    elif outcome is not None:
-        for line in outcome.lines:
-            typer.echo(line)
-        _tell_findings(outcome)
-    if code:
-        raise typer.Exit(int(code))
-
-
-FINDINGS_SHOWN = 20
-"""Findings printed before the rest is counted."""
-
-
-def _tell_findings(outcome: Outcome) -> None:
-    told = [finding for finding in outcome.findings if finding["severity"] != "info"]
-    for finding in told[:FINDINGS_SHOWN]:
-        place = f"{finding['file']}: {finding['where']}" if "file" in finding else finding["where"]
-        typer.echo(f"{finding['severity']}: {place}: {finding['message']}", err=True)
-    if len(told) > FINDINGS_SHOWN:
-        typer.echo(f"... and {len(told) - FINDINGS_SHOWN} more; --json and the report list them all.", err=True)
-
-
-def _exit_code(outcome: Outcome, fail_on: FailOn) -> ExitCode:
-    if outcome.partial:
-        return ExitCode.PARTLY_DONE
-    if fail_on is not FailOn.NEVER and outcome.mismatch:
-        return ExitCode.FINDINGS
-    if fail_on is FailOn.FINDINGS and outcome.findings:
-        return ExitCode.FINDINGS
-    return ExitCode.DONE
 
 
 def main() -> None:

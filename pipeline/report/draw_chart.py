@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogFormatter
 
 from pmg.pipeline.report.axes import axes, fitted
 from pmg.pipeline.report.figure import COVERAGE
@@ -14,6 +16,7 @@ from pmg.pipeline.report.sheet import text_width
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import SubFigure
 
     from pmg.pipeline.report.figure import Chart, Series
@@ -38,6 +41,12 @@ def draw(chart: Chart, box: SubFigure, sheet: Sheet) -> None:
     remark = _remark(chart)
     ax = axes(box, chart.title, chart.x_label, chart.y_label, sheet, remark)
     ax.grid(color=sheet.palette["rule"])
+    if chart.x_log:
+        ax.set_xscale("log")
+        _plain_decades(ax.xaxis, sheet)
+    if chart.y_log:
+        ax.set_yscale("log")
+        _plain_decades(ax.yaxis, sheet)
     if chart.x_limits:
         ax.set_xlim(*chart.x_limits)
     if chart.y_limits:
@@ -45,8 +54,40 @@ def draw(chart: Chart, box: SubFigure, sheet: Sheet) -> None:
     for label, value in chart.references:
         _reference(ax, chart, label, value, sheet)
     groups = _groups(chart)
-    handles = [_series(ax, series, groups.index(series.group), sheet) for series in chart.series]
+    handles = [_series(ax, _on_scale(chart, series), groups.index(series.group), sheet) for series in chart.series]
     _legend(box, chart, handles, sheet)
+
+
+def _plain_decades(axis: Axis, sheet: Sheet) -> None:
+    """Plain numbers at the decades of a logarithmic axis, and between them where there are few."""
+    paint = sheet.palette
+    axis.set_major_formatter(FuncFormatter(_plain))
+    axis.set_minor_formatter(_FewDecades())
+    look: dict[str, Any] = {"color": paint["muted"], "labelcolor": paint["ink"], "labelsize": sheet.small}
+    axis.set_tick_params(which="minor", **look)
+
+
+def _plain(value: float, _: object = None) -> str:
+    return f"{value:.12g}".replace("-", "−")
+
+
+class _FewDecades(LogFormatter):
+    """Numbers at 2 and 5 between the decades of an axis that shows less than two of them."""
+
+    def __call__(self, value: float, pos: int | None = None) -> str:
+        """Text at a minor tick; empty for most."""
+        low, high = sorted(self.axis.get_view_interval()) if self.axis is not None else (1.0, 1.0)
+        leading = f"{value:.0e}"[0]
+        return _plain(value) if high < 100.0 * low and leading in "25" else ""
+
+
+def _on_scale(chart: Chart, series: Series) -> Series:
+    """The series without what a logarithmic axis cannot show."""
+    x, y = (
+        np.where(values > 0.0, values, np.nan) if logarithmic else values
+        for values, logarithmic in ((_finite(series.x), chart.x_log), (_finite(series.y), chart.y_log))
+    )
+    return replace(series, x=x, y=y)
 
 
 def _groups(chart: Chart) -> list[str]:
@@ -103,7 +144,8 @@ def _reference(ax: Axes, chart: Chart, label: str, value: float, sheet: Sheet) -
 
 def _remark(chart: Chart) -> str:
     """That nothing is shown, or how many points lie outside the axes."""
-    points: list[Array] = [np.array([_finite(s.x), _finite(s.y)]) for s in chart.series]
+    drawn = (_on_scale(chart, series) for series in chart.series)
+    points: list[Array] = [np.array([s.x, s.y]) for s in drawn]
     shown = [pair[:, ~np.isnan(pair).any(axis=0)] for pair in points]
     if not sum(pair.shape[1] for pair in shown):
         return "no data"

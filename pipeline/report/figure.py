@@ -76,6 +76,8 @@ class Chart:
         Heading of the panel.
     x_limits, y_limits : (low, high), optional
         Axis range; points outside are counted on the drawing.
+    x_log, y_log : bool
+        Whether that axis is logarithmic; what is not positive there is a gap.
     """
 
     x_label: str
@@ -86,6 +88,8 @@ class Chart:
     title: str = ""
     x_limits: tuple[float, float] | None = None
     y_limits: tuple[float, float] | None = None
+    x_log: bool = False
+    y_log: bool = False
 
 
 @dataclass(frozen=True)

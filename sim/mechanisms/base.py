@@ -109,7 +109,7 @@ class Mechanism(ABC):
 
     What the diagnosis may name says three things more: `by_shaft`, the parameters that are sizes, for each shaft it may
     sit on (``both``: it acts on both at once); `shape`, those that only change its form; and `components`, where it
-    sits if that depends on the shaft. `memory`: whether a point depends on what was run before it.
+    sits if that depends on the shaft. `both_at_once`: one cause may well act on both shafts. `memory`: whether a point depends on what was run before it.
     """
 
     identifier: ClassVar[str]
@@ -124,6 +124,7 @@ class Mechanism(ABC):
     by_shaft: ClassVar[dict[str, tuple[str, ...]]] = {}
     shape: ClassVar[tuple[str, ...]] = ()
     components: ClassVar[dict[str, Component]] = {}
+    both_at_once: ClassVar[bool] = False
 
     @classmethod
     def of(cls, bench: BenchParameters, model: LossModel) -> Self:

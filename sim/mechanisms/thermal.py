@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 from pmg.sim import signals, sources
 from pmg.sim.mechanisms.base import Component, Experiment, Mechanism, Reveals, Torques, parameter
@@ -28,34 +29,34 @@ MAGNET_COEFFICIENT = 1.2e-3
 """Relative fall of the remanence of sintered NdFeB per kelvin [1/K]; losses follow its square."""
 
 
-def temperature_rise(at: OperatingPoints, power: Array, time_constant: float) -> Array:
-    r"""Rise above ambient of a node with a thermal resistance of 1 K/W [K].
+def temperature_rise(at: OperatingPoints, heat: Array, time_constant: float, start: float = 0.0) -> Array:
+    r"""Rise of a node above ambient [K].
 
     Parameters
     ----------
     at : OperatingPoints
         All points of the run; their start times give order and pauses.
-    power : (n,) array
-        Power that is dissipated while each point is held [W].
+    heat : (n,) array
+        Dissipated power times thermal resistance while each point is held: where the rise is going to [K].
     time_constant : float
         Of the node [s].
+    start : float
+        Rise at the first point [K]; a bench that was soaked hot begins above what the points hold.
 
     Notes
     -----
-    :math:`\tau\,\dot\Theta = P - \Theta`, cold at the first point. Between two recordings the bench is already at the
-    second one's speeds for most of the time, so that point's power is taken for the whole stretch. Without a known
-    order there is no history: the rise is then that of the steady state of each point.
+    :math:`\tau\,\dot\Theta = RP - \Theta`. Between two recordings the bench is already at the second one's speeds
+    for most of the time, so that point's power is taken for the whole stretch. Without a known order there is no
+    history: the rise is then that of the steady state of each point.
     """
     if not at.ordered or not len(at):
-        return np.asarray(power)
+        return np.asarray(heat)
     order = np.argsort(at.started_at, kind="stable")
-    time, fed = at.started_at[order], power[order]
-    rise = np.zeros(len(order))
-    for i in range(1, len(order)):
-        keep = np.exp(-(time[i] - time[i - 1]) / time_constant)
-        rise[i] = keep * rise[i - 1] + (1.0 - keep) * fed[i]
+    time, fed = at.started_at[order], heat[order]
+    keep = np.exp(-np.diff(time) / time_constant)
+    recursion = np.stack([np.ones(len(order)), np.r_[-keep, 0.0]])
     out = np.empty(len(order))
-    out[order] = rise
+    out[order] = solve_banded((1, 0), recursion, np.r_[start, (1.0 - keep) * fed[1:]])
     return out
 
 
@@ -71,8 +72,8 @@ class LubricantViscosity(Mechanism):
     identifier = "lubricant_viscosity"
     title = "Lubricant viscosity falling with temperature"
     equation = (
-        r"\tau_k = -\mathrm{sgn}(\omega_k)\,K\,[B_k(|\omega_k|)-B_k(0)]\,(e^{-\beta R_k\Theta_k}-1),"
-        r"\ T_\mathrm{th}\,\dot{\Theta}_k = P_k-\Theta_k"
+        r"\tau_k = -\mathrm{sgn}(\omega_k)\,K\,[B_k(|\omega_k|)-B_k(0)]\,(e^{-\beta\Theta_k}-1),"
+        r"\ \tau\,\dot{\Theta}_k = R_kP_k-\Theta_k"
     )
     source = sources.PALMGREN.at("viscous moment; viscosity after Vogel 1921")
     component = Component.RING_BEARINGS
@@ -84,7 +85,8 @@ class LubricantViscosity(Mechanism):
     )
     dissipates = False
     memory = True
-    by_shaft = {"sun": ("resistance_sun",), "ring": ("resistance_ring",)}
+    by_shaft = {"sun": ("resistance_sun", "start_sun"), "ring": ("resistance_ring", "start_ring")}
+    both_at_once = True
     shape = ("time_constant",)
 
     curve_sun: LossCurve
@@ -95,6 +97,12 @@ class LubricantViscosity(Mechanism):
     )
     resistance_ring: float = parameter(
         "K/W", bounds=(0.0, 20.0), typical=1.0, meaning="thermal resistance of the ring bearings to ambient"
+    )
+    start_sun: float = parameter(
+        "K", bounds=(-40.0, 120.0), typical=10.0, meaning="sun bearings above ambient at the first point"
+    )
+    start_ring: float = parameter(
+        "K", bounds=(-40.0, 120.0), typical=10.0, meaning="ring bearings above ambient at the first point"
     )
     time_constant: float = parameter(
         "s", bounds=(30.0, 20000.0), typical=1200.0, meaning="thermal time constant", null=1200.0
@@ -109,13 +117,13 @@ class LubricantViscosity(Mechanism):
         """What warming takes off the drag."""
         part = np.where(at.neutral, 1.0, np.where(at.engaged, self.correction, 0.0))
         found = []
-        for curve, speed, resistance in (
-            (self.curve_sun, at.speed_sun, self.resistance_sun),
-            (self.curve_ring, at.speed_ring, self.resistance_ring),
+        for curve, speed, resistance, start in (
+            (self.curve_sun, at.speed_sun, self.resistance_sun, self.start_sun),
+            (self.curve_ring, at.speed_ring, self.resistance_ring, self.start_ring),
         ):
             drag = part * curve.torque(speed) * (speed != 0.0)
             viscous = drag - part * curve.torque(np.zeros_like(speed)) * (speed != 0.0)
-            rise = resistance * temperature_rise(at, drag * np.abs(speed), self.time_constant)
+            rise = temperature_rise(at, resistance * drag * np.abs(speed), self.time_constant, start)
             found.append(-np.sign(speed) * viscous * np.expm1(-LUBRICANT_COEFFICIENT * rise))
         return Torques(*found)
 
@@ -130,7 +138,7 @@ class MagnetTemperature(Mechanism):
     identifier = "magnet_temperature"
     title = "Remanence falling with magnet temperature"
     equation = (
-        r"\tau_k = (b\,\mathrm{sgn}\,\omega_k + c\,\omega_k)\,[1-(1-\alpha R\Theta)^2],\ \tau\dot{\Theta} = P_m-\Theta"
+        r"\tau_k = (b\,\mathrm{sgn}\,\omega_k + c\,\omega_k)\,[1-(1-\alpha\Theta)^2],\ \tau\dot{\Theta} = RP_m-\Theta"
     )
     source = sources.STOLL.at("eddy loss proportional to the square of the field")
     component = Component.MAGNETIC_GEAR
@@ -161,6 +169,6 @@ class MagnetTemperature(Mechanism):
         for shaft, speed in (("sun", at.speed_sun), ("ring", at.speed_ring)):
             loss[shaft] = np.where(at.engaged, self.b * np.sign(speed) + self.c * speed, 0.0)
         power = loss["sun"] * at.speed_sun + loss["ring"] * at.speed_ring
-        rise = self.resistance * temperature_rise(at, power, self.time_constant)
+        rise = temperature_rise(at, self.resistance * power, self.time_constant)
         less = 1.0 - np.maximum(1.0 - MAGNET_COEFFICIENT * rise, 0.0) ** 2
         return Torques(loss["sun"] * less, loss["ring"] * less)

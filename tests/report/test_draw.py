@@ -99,6 +99,19 @@ def test_text_that_the_drawing_font_lacks_is_still_text() -> None:
     assert draw_png(figure(Chart("速度", "y", (Series("a", ONE, ONE),))))
 
 
+def test_a_logarithmic_axis_has_plain_numbers_and_gaps_where_it_has_no_place() -> None:
+    x = np.array([-1.0, 0.0, 0.01, 1.0, 100.0])
+    decades = Chart("f", "y", (Series("a", x, x, None, "line"),), x_log=True, y_log=True)
+    shown = texts(draw_svg(figure(decades)))
+    assert {"0.01", "0.1", "1", "10", "100"} <= set(shown)
+    assert not any("mathdefault" in text for text in shown)
+    few = Chart("f", "y", (Series("a", np.array([1.0, 30.0]), np.array([1.0, 2.0])),), x_log=True)
+    assert {"2", "5", "10", "20"} <= set(texts(draw_svg(figure(few))))
+    empty = Chart("f", "y", (Series("a", -x[3:], x[3:]),), x_log=True)
+    assert "no data" in texts(draw_svg(figure(empty)))
+    assert draw_png(figure(decades, few, empty)).startswith(b"\x89PNG")
+
+
 def test_the_flow_is_labelled_with_power_and_share() -> None:
     words = " ".join(texts(draw_svg(figure(example.power_flow())))).replace("\N{NO-BREAK SPACE}", " ")
     assert "198.7 W · 100.0 %" in words

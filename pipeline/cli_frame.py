@@ -1,0 +1,108 @@
+"""What all commands share: exit codes, the options on output, and how a stage is carried out and told."""
+
+from __future__ import annotations
+
+import json
+import traceback
+from enum import IntEnum, StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pmg.sim.errors import PmgError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pmg.pipeline.stages import Outcome
+
+SCHEMA = "pmg.result/1"
+
+
+class ExitCode(IntEnum):
+    """What the exit code says."""
+
+    DONE = 0
+    FINDINGS = 1
+    COULD_NOT_RUN = 2
+    PARTLY_DONE = 3
+    INTERNAL_ERROR = 70
+    INTERRUPTED = 130
+
+
+class FailOn(StrEnum):
+    """What makes a finished command exit with 1."""
+
+    NEVER = "never"
+    MISMATCH = "mismatch"
+    FINDINGS = "findings"
+
+
+JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
+FailOnOption = Annotated[FailOn, typer.Option("--fail-on", help="Exit with 1 on a mismatch, or on any finding.")]
+
+
+def carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on: FailOn) -> None:
+    """Run a stage, print what it gave, and exit with the code that says how it went."""
+    outcome: Outcome | None = None
+    error: dict[str, str] | None = None
+    try:
+        outcome = stage()
+        code = _exit_code(outcome, fail_on)
+    except PmgError as problem:
+        code = ExitCode.COULD_NOT_RUN
+        error = {"where": problem.where, "came": problem.came, "expected": problem.expected, "do": problem.do}
+        typer.echo(f"pmg {command}: {problem}", err=True)
+    except OSError as problem:
+        code = ExitCode.COULD_NOT_RUN
+        where, came = str(problem.filename or command), problem.strerror or str(problem)
+        error = {"where": where, "came": came, "expected": "a readable, writable place", "do": "Check path and rights."}
+        typer.echo(f"pmg {command}: {where}: {came}. Check path, rights and free space.", err=True)
+    except KeyboardInterrupt:
+        code = ExitCode.INTERRUPTED
+        error = {"where": command, "came": "interrupted", "expected": "", "do": "Run it again to resume."}
+        typer.echo(f"pmg {command}: interrupted; what has been written is whole. Run it again to resume.", err=True)
+    except Exception as problem:  # the outermost place: a defect of pmg, shown with its trace
+        code = ExitCode.INTERNAL_ERROR
+        error = {"where": command, "came": repr(problem), "expected": "", "do": "Report this as a defect of pmg."}
+        traceback.print_exc()
+        typer.echo(f"pmg {command}: internal error, a defect of pmg; please report it with the lines above.", err=True)
+    if as_json:
+        result: dict[str, Any] = {
+            "schema": SCHEMA,
+            "command": command,
+            "exit_code": int(code),
+            "data": None if outcome is None else outcome.data,
+            "findings": [] if outcome is None else list(outcome.findings),
+            "error": error,
+        }
+        typer.echo(json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False))
+    elif outcome is not None:
+        for line in outcome.lines:
+            typer.echo(line)
+        _tell_findings(outcome)
+    if code:
+        raise typer.Exit(int(code))
+
+
+FINDINGS_SHOWN = 20
+"""Findings printed before the rest is counted."""
+
+
+def _tell_findings(outcome: Outcome) -> None:
+    told = [finding for finding in outcome.findings if finding["severity"] != "info"]
+    for finding in told[:FINDINGS_SHOWN]:
+        place = f"{finding['file']}: {finding['where']}" if "file" in finding else finding["where"]
+        typer.echo(f"{finding['severity']}: {place}: {finding['message']}", err=True)
+    if len(told) > FINDINGS_SHOWN:
+        typer.echo(f"... and {len(told) - FINDINGS_SHOWN} more; --json and the report list them all.", err=True)
+
+
+def _exit_code(outcome: Outcome, fail_on: FailOn) -> ExitCode:
+    if outcome.partial:
+        return ExitCode.PARTLY_DONE
+    if fail_on is not FailOn.NEVER and outcome.mismatch:
+        return ExitCode.FINDINGS
+    if fail_on is FailOn.FINDINGS and outcome.findings:
+        return ExitCode.FINDINGS
+    return ExitCode.DONE

@@ -1,0 +1,216 @@
+"""What a scenario names, gathered: losses, torque map and recorded programmes, made into a model and its programmes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from pmg.pipeline.analyse import analyse
+from pmg.pipeline.femcsv import read_fem_csv
+from pmg.pipeline.fit import check_powers, fit_losses
+from pmg.pipeline.gridtable import read_published
+from pmg.pipeline.options import chosen_options, parse_powers
+from pmg.pipeline.outputs import read_analysis
+from pmg.sim.analyticmap import Cogging, analytic_map
+from pmg.sim.dynamics.constants import Control
+from pmg.sim.dynamics.drivetrain import Drivetrain
+from pmg.sim.dynamics.programme import Programme
+from pmg.sim.errors import BenchError, FitError, near_miss
+from pmg.sim.femtable import fit_map
+from pmg.sim.gearbox import Gearbox
+from pmg.sim.lossmodel import LossModel
+from pmg.sim.signals import REVOLUTION, SPEED_SUN
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pmg.pipeline.options import AnalysisOptions
+    from pmg.pipeline.scenario_file import ScenarioFile
+    from pmg.pipeline.scenario_words import Motor, Recorded
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
+    from pmg.sim.signals import Array
+    from pmg.sim.torquemap import TorqueMap
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """A scenario's model and programmes.
+
+    Parameters
+    ----------
+    bench : BenchParameters
+        The bench's numbers.
+    losses : LossModel or None
+        The losses; None where there are none at all.
+    drivetrain : Drivetrain
+        The bench in motion.
+    sun, ring : Programme
+        What the motors are asked for [N m], or [rad/s] where they follow speed; nothing unless the scenario says.
+    facts : tuple of (label, value)
+        Where the losses and the map come from, for people.
+    """
+
+    bench: BenchParameters
+    losses: LossModel | None
+    drivetrain: Drivetrain
+    sun: Programme
+    ring: Programme
+    facts: tuple[tuple[str, str], ...]
+
+    @property
+    def gearbox(self) -> Gearbox:
+        """The same losses at steady speed."""
+        return Gearbox(self.bench, self.drivetrain.mechanisms)
+
+
+def gather_inputs(file: ScenarioFile, bench: BenchParameters) -> Inputs:
+    """What a scenario names, read and made into a model."""
+    scenario, mode = file.scenario, file.scenario.bench
+    model = _loss_model(file, bench)
+    torque_map, about_map = _torque_map(file, bench)
+    drivetrain = Drivetrain(
+        bench,
+        () if model is None else model.mechanisms(bench),
+        scenario.assumptions,
+        mode.gear,
+        mode.configuration,
+        mode.held,
+        mode.control_sun,
+        mode.control_ring,
+        torque_map,
+    )
+    run = scenario.transient
+    sun, ring = (
+        _programme(file, side, None if run is None else getattr(run, side), getattr(mode, f"control_{side}"))
+        for side in ("sun", "ring")
+    )
+    facts = (*_about_losses(file, model), ("Torque map", about_map))
+    return Inputs(bench, model, drivetrain, sun, ring, facts)
+
+
+def _loss_model(file: ScenarioFile, bench: BenchParameters) -> LossModel | None:
+    """The losses: curves fitted to the grids, and what is not set by hand calibrated on them."""
+    given = file.scenario.losses
+    if given.none:
+        return None
+    if given.grids is not None:
+        grid, options = read_published(file.beside(given.grids), bench), chosen_options(published=True)
+    else:
+        grid, options = read_analysis(file.beside(str(given.analysis)))
+    if given.terms_sun is not None:
+        options = replace(options, powers_sun=_powers(given.terms_sun, f"{file.path}: losses.terms_sun"))
+    if given.terms_ring is not None:
+        options = replace(options, powers_ring=_powers(given.terms_ring, f"{file.path}: losses.terms_ring"))
+    by_hand = {name: getattr(given, name) for name in ("b", "c", "d") if getattr(given, name) is not None}
+    if given.K_corr is not None and len(by_hand) == 3:
+        fits = fit_losses(grid, options.powers_sun, options.powers_ring, include_rest=options.include_rest)
+        return LossModel(fits.sun.curve, fits.ring.curve, given.K_corr, **by_hand)
+    if given.K_corr is not None:
+        options = replace(options, correction=repr(given.K_corr))
+    return replace(_calibrated(grid, options, bench), **by_hand)
+
+
+def _powers(text: str, where: str) -> tuple[float, ...]:
+    return check_powers(parse_powers(text, where))
+
+
+def _calibrated(grid: Grid, options: AnalysisOptions, bench: BenchParameters) -> LossModel:
+    analysis = analyse(grid, options, bench)
+    if analysis.calibration is None:
+        raise (
+            analysis.missing[0]
+            if analysis.missing
+            else FitError(
+                "losses", "no calibration", "grids that determine one", "Set K_corr, b, c and d in the scenario."
+            )
+        )
+    return analysis.calibration.model
+
+
+def _about_losses(file: ScenarioFile, model: LossModel | None) -> tuple[tuple[str, str], ...]:
+    given = file.scenario.losses
+    if model is None:
+        return (("Losses", "none at all"),)
+    constants = {"K_corr": model.correction, "b": model.b, "c": model.c, "d": model.d}
+    told = ", ".join(
+        f"{name} = {value:.4g} ({'calibrated' if getattr(given, name) is None else 'set in the scenario'})"
+        for name, value in constants.items()
+    )
+    return (("Losses", f"curves of {given.grids or given.analysis}"), ("Loss constants", told))
+
+
+def _torque_map(file: ScenarioFile, bench: BenchParameters) -> tuple[TorqueMap | None, str]:
+    """The map that the scenario describes, before its scale; None for the plain sine."""
+    given, gear = file.scenario.map, bench.gear(file.scenario.bench.gear)
+    if given.fem is not None:
+        found, quality = fit_map(read_fem_csv(file.beside(given.fem)), gear)
+        return found, f"{given.fem}: {quality.terms} terms, residual {quality.residual_rms:.2g} N m (rms)"
+    if not given.model_fields_set:
+        return None, "sine with the published pull-out torques"
+    harmonics = {int(order): share for order, share in given.harmonics.items()}
+    cogging = (
+        None if amplitude is None else Cogging(amplitude, order)
+        for amplitude, order in (
+            (given.cogging_sun_nm, given.cogging_sun_order),
+            (given.cogging_ring_nm, given.cogging_ring_order),
+        )
+    )
+    return analytic_map(gear, 1.0, harmonics, *cogging), "analytic, with the harmonics and cogging of the scenario"
+
+
+def _programme(file: ScenarioFile, side: str, motor: Motor | None, control: Control) -> Programme:
+    """What a motor is asked for [N m] or [rad/s]."""
+    if motor is None:
+        return Programme.hold(0.0)
+    unit = SPEED_SUN.scale if control is Control.SPEED else 1.0
+    where = f"{file.path}: transient.{side}"
+    if motor.ramp is not None:
+        r = motor.ramp
+        made = Programme.ramp(r.to * unit, r.over_s, begin=r.begin_s, start=r.start * unit)
+    elif motor.step is not None:
+        s = motor.step
+        made = Programme.step(s.to * unit, s.at_s, start=s.start * unit, rise=s.rise_s)
+    elif motor.points is not None:
+        made = Programme.sampled(np.array(motor.points.times_s), np.array(motor.points.values) * unit)
+    elif motor.recorded is not None:
+        times, values = _recorded(file.beside(motor.recorded.file), motor.recorded, f"{where}.recorded")
+        made = Programme.sampled(times, values * unit)
+    else:
+        made = Programme.hold((motor.hold or 0.0) * unit)
+    if motor.sweep is not None:
+        w = motor.sweep
+        ends = w.from_hz * REVOLUTION, w.to_hz * REVOLUTION
+        made = made.sweep(w.amplitude * unit, *ends, begin=w.begin_s, over=w.over_s)
+    return made
+
+
+def _recorded(path: Path, given: Recorded, where: str) -> tuple[Array, Array]:
+    """Times [s] and values of two columns of a CSV file."""
+    if not path.is_file():
+        raise BenchError(f"{where}.file", f"no file {path}", "a CSV file beside the scenario", "Check the path.")
+    try:
+        frame = pd.read_csv(path, skipinitialspace=True)
+    except (ValueError, UnicodeDecodeError) as error:
+        raise BenchError(str(path), f"not a table ({error})", "comma-separated values", "Check the file.") from error
+    columns = []
+    for key, name in (("time", given.time), ("value", given.value)):
+        known = [str(column) for column in frame.columns]
+        if name not in known:
+            raise BenchError(f"{where}.{key}", f"no column '{name}'", f"a column of {path}", near_miss(name, known))
+        column = pd.to_numeric(frame[name], errors="coerce").to_numpy(dtype=np.float64)
+        holes = np.flatnonzero(~np.isfinite(column))
+        if len(holes):
+            at = f"{path}: line {holes[0] + 2}, column {name}"
+            raise BenchError(at, repr(str(frame[name].iloc[holes[0]])), "a finite number", "Fill the cell.")
+        columns.append(column)
+    times, values = columns
+    back = np.flatnonzero(np.diff(times) <= 0.0)
+    if not len(times) or len(back):
+        at = f"{path}: line {back[0] + 3}, column {given.time}" if len(back) else str(path)
+        came = f"{times[back[0] + 1]:g} s after {times[back[0]]:g} s" if len(back) else "no rows"
+        raise BenchError(at, came, "times that increase", "Sort the rows and drop repeated times.")
+    return times, values
