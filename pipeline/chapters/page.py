@@ -10,6 +10,7 @@ from pmg.pipeline.chapters.diagnosis import diagnosis_section
 from pmg.pipeline.chapters.flow import flow_section
 from pmg.pipeline.chapters.losses import losses_section, neutral_section
 from pmg.pipeline.chapters.quality import data_section
+from pmg.pipeline.chapters.validation import published_sections
 from pmg.pipeline.readings import predict
 from pmg.pipeline.report.document import Facts, Report, Section, Verdict
 from pmg.sim.gearbox import Gearbox
@@ -66,6 +67,7 @@ def build_report(
         sections.append(comparison_section(residuals))
         gearbox = Gearbox.calibrated(bench, analysis.calibration.model)
         sections.append(flow_section(gearbox, residuals.grid, residuals.simulated, bench))
+    sections.extend(published_sections(analysis.grid, bench))
     sections.append(data_section(analysis, note, findings))
     grid = analysis.grid
     versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)

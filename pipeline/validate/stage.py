@@ -1,0 +1,94 @@
+"""The stage behind ``pmg validate``."""
+
+from __future__ import annotations
+
+import hashlib
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pmg.pipeline.chapters.page import PACKAGES
+from pmg.pipeline.chapters.validation import validation_section
+from pmg.pipeline.gridtable import read_published
+from pmg.pipeline.report.document import Facts, Report, Verdict
+from pmg.pipeline.report.write import write_report
+from pmg.pipeline.stages import Outcome
+from pmg.pipeline.validate import verdict
+from pmg.pipeline.validate.listing import documents, summary, table_lines, told
+from pmg.pipeline.validate.rounding import DRAWS, SEED
+from pmg.sim.bench import load_bench
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pmg.pipeline.validate.verdict import Judged
+
+FILES = ("neutral_grid.csv", "engaged_grid.csv")
+"""What the figures are computed from."""
+
+
+def run_validate(grids: Path, draws: int | None = None, seed: int | None = None, report: Path | None = None) -> Outcome:
+    """Compute every published figure from the published grids, and say whether it comes out.
+
+    Parameters
+    ----------
+    grids : Path
+        Folder of the published grids.
+    draws : int, optional
+        Draws within the rounding of the tables; `DRAWS` when not given.
+    seed : int, optional
+        Seed of the draws; `SEED` when not given.
+    report : Path, optional
+        Folder of a report; none is written when not given.
+    """
+    draws, seed = DRAWS if draws is None else draws, SEED if seed is None else seed
+    bench = load_bench()
+    grid = read_published(grids, bench)
+    judged = verdict.validate(grid, bench, draws, np.random.default_rng(seed))
+    counts = verdict.count(judged)
+    digests = {name: hashlib.sha256((grids / name).read_bytes()).hexdigest() for name in FILES}
+    data: dict[str, Any] = {
+        "draws": draws,
+        "seed": seed,
+        "sha256": digests,
+        "counts": {str(name): n for name, n in counts.items()},
+        "figures": documents(judged),
+        "report": None,
+    }
+    lines = [*table_lines(judged), "", f"{summary(judged)} ({draws} draws, seed {seed})"]
+    if report is not None:
+        files = write_report(_page(judged, draws, seed, digests), report)
+        data |= {"report": str(files[0]), "files": [str(path) for path in files]}
+        lines.append(f"report: {files[0]}")
+    return Outcome(
+        data,
+        tuple(lines),
+        _findings(judged),
+        mismatch=bool(counts[verdict.Verdict.NOT_EXPLAINED]),
+    )
+
+
+def _findings(judged: tuple[Judged, ...]) -> tuple[dict[str, Any], ...]:
+    """Every figure that rounding does not explain, or that the source states twice."""
+    kinds = (verdict.Verdict.NOT_EXPLAINED, verdict.Verdict.INCONSISTENT)
+    return tuple(
+        {
+            "severity": "info",
+            "where": j.figure.id,
+            "message": f"{j.figure.what}: {j.figure.text} {j.figure.unit.name}".rstrip() + f" is {told(j)}",
+        }
+        for j in judged
+        if j.verdict in kinds
+    )
+
+
+def _page(judged: tuple[Judged, ...], draws: int, seed: int, digests: dict[str, str]) -> Report:
+    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    return Report(
+        title="Published figures",
+        subtitle="Planetary magnetic gearbox: the thesis's figures, computed anew from its rounded grids",
+        verdict=Verdict(f"{summary(judged)}.", "neutral"),
+        sections=(validation_section(judged, draws, seed),),
+        provenance=Facts((*((f"SHA-256 of {name}", d) for name, d in digests.items()), ("Versions", versions))),
+    )

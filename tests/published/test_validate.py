@@ -1,0 +1,251 @@
+"""`pmg validate`: every published figure beside ours, and what is said of it."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from pmg.pipeline.chapters.validation import published_sections
+from pmg.pipeline.cli import app
+from pmg.pipeline.gridtable import read_published
+from pmg.pipeline.validate.claim import Other, Published, Unit
+from pmg.pipeline.validate.figures import FIGURES, WATT
+from pmg.pipeline.validate.listing import documents, table_lines
+from pmg.pipeline.validate.replicate import replicate
+from pmg.pipeline.validate.rounding import FEWEST_DRAWS, Spread, draw, spreads
+from pmg.pipeline.validate.stage import run_validate
+from pmg.pipeline.validate.tables import LOADS, SPEEDS, TORQUE_RING, TORQUE_SUN, printed
+from pmg.pipeline.validate.verdict import Judged, Verdict, judge, validate
+from pmg.sim.bench import BenchParameters
+from pmg.sim.errors import FitError, GridError
+from pmg.sim.grid import Grid
+from pmg.sim.signals import SPEED_SUN
+
+SEED = 3
+BY_ID = {figure.id: figure for figure in FIGURES}
+
+
+@pytest.fixture(scope="module")
+def grid(published_folder: Path, bench: BenchParameters) -> Grid:
+    return read_published(published_folder, bench)
+
+
+@pytest.fixture(scope="module")
+def found(grid: Grid, bench: BenchParameters) -> dict[str, Spread]:
+    return spreads(printed(grid), bench, FEWEST_DRAWS, np.random.default_rng(SEED))
+
+
+@pytest.fixture(scope="module")
+def judged(found: dict[str, Spread]) -> dict[str, Judged]:
+    return {figure.id: judge(figure, found[figure.id]) for figure in FIGURES}
+
+
+def test_every_figure_is_computed_and_has_a_verdict(judged: dict[str, Judged], found: dict[str, Spread]) -> None:
+    assert set(judged) == set(found)
+    assert len(BY_ID) == len(FIGURES)
+    for j in judged.values():
+        assert isinstance(j.verdict, Verdict)
+        assert j.low < j.ours < j.high
+        assert j.figure.place
+        assert j.figure.source.citation.endswith(j.figure.place)
+
+
+def test_every_figure_that_differs_for_a_known_reason_says_it(judged: dict[str, Judged]) -> None:
+    silent = [j.figure.id for j in judged.values() if j.verdict is not Verdict.REPRODUCED and not j.remarks]
+    assert not silent
+
+
+def printed_value(id_: str) -> float:
+    return BY_ID[id_].value
+
+
+def test_printed_shares_sum_to_the_whole() -> None:
+    elements = ("motor-in", "sun-bearings", "gear", "ring-bearings", "motor-out")
+    assert sum(printed_value(f"chain.share-{name}") for name in elements) == pytest.approx(100.0, abs=0.03)
+    assert sum(printed_value(f"chain.{name}") for name in elements) == pytest.approx(64.12, abs=0.001)
+    splits = [printed_value(f"chain.split-{name}") for name in ("sun", "relative", "ring")]
+    assert sum(splits) == pytest.approx(100.0, abs=0.02)
+    for shaft in ("sun", "ring"):
+        shares = [f.value for f in FIGURES if f.id.startswith(f"design.share-{shaft}-")]
+        assert sum(shares) == pytest.approx(100.0, abs=0.1)
+
+
+def test_the_printed_power_chain_adds_up() -> None:
+    v = printed_value
+    assert v("chain.electric-in") - v("chain.motor-in") == pytest.approx(v("chain.mechanical-in"), abs=0.011)
+    between = v("chain.sun-bearings") + v("chain.gear") + v("chain.ring-bearings")
+    assert v("chain.mechanical-in") - between == pytest.approx(v("chain.mechanical-out"), abs=0.011)
+    assert v("chain.mechanical-out") - v("chain.motor-out") == pytest.approx(v("chain.electric-out"), abs=0.011)
+    assert v("chain.electric-in") - v("chain.electric-out") == pytest.approx(v("chain.all"), abs=0.011)
+
+
+def test_ours_add_up_too(found: dict[str, Spread]) -> None:
+    for group in ("chain", "chain-implied"):
+        ours = {id_.partition(".")[2]: s.ours for id_, s in found.items() if id_.startswith(f"{group}.")}
+        assert sum(v for k, v in ours.items() if k.startswith("share-")) == pytest.approx(1.0)
+        assert sum(v for k, v in ours.items() if k.startswith("split-")) == pytest.approx(1.0)
+        assert ours["electric-in"] - ours["electric-out"] == pytest.approx(ours["all"])
+
+
+def test_the_simulated_points_are_those_that_ship_with_the_grids(published_folder: Path) -> None:
+    table = pd.read_csv(published_folder / "engaged_grid.csv")
+    for i, load in enumerate(LOADS):
+        rows = table[np.isclose(table.ring_torque_set_Nm, load)]
+        np.testing.assert_allclose(rows.sun_speed_rpm, SPEED_SUN.display(SPEEDS))
+        np.testing.assert_array_equal(rows.sun_torque_simulated_Nm, TORQUE_SUN[i])
+        np.testing.assert_array_equal(rows.ring_torque_simulation_input_Nm, TORQUE_RING[i])
+
+
+PLAIN = Published("x.plain", "plain", 10.0, 1, WATT, "nowhere")
+LEAST = replace(PLAIN, until=math.inf)
+MOST = replace(PLAIN, value=-math.inf, until=10.0)
+RANGE = replace(PLAIN, until=12.0)
+TWICE = replace(PLAIN, other=Other(10.2, 1, "elsewhere"))
+ALIKE = replace(PLAIN, other=Other(10.04, 2, "elsewhere"))
+SIZED = replace(PLAIN, value=0.0, size=1.0)
+
+
+@pytest.mark.parametrize(
+    ("figure", "ours", "shift", "verdict"),
+    [
+        (PLAIN, 10.3, 0.3, Verdict.REPRODUCED),
+        (PLAIN, 10.36, 0.3, Verdict.NOT_EXPLAINED),
+        (PLAIN, 9.6, 0.3, Verdict.NOT_EXPLAINED),
+        (PLAIN, 10.5, 1.1, Verdict.NOT_DETERMINED),
+        (PLAIN, 15.0, 1.1, Verdict.NOT_EXPLAINED),
+        (PLAIN, math.nan, 0.1, Verdict.NOT_EXPLAINED),
+        (LEAST, 11.0, 0.5, Verdict.REPRODUCED),
+        (LEAST, 10.2, 0.5, Verdict.NOT_DETERMINED),
+        (LEAST, 9.0, 0.5, Verdict.NOT_EXPLAINED),
+        (MOST, 9.0, 0.5, Verdict.REPRODUCED),
+        (MOST, 10.2, 0.5, Verdict.NOT_DETERMINED),
+        (MOST, 11.0, 0.5, Verdict.NOT_EXPLAINED),
+        (RANGE, 11.0, 0.5, Verdict.REPRODUCED),
+        (RANGE, 12.7, 0.5, Verdict.NOT_EXPLAINED),
+        (RANGE, 9.3, 0.5, Verdict.NOT_EXPLAINED),
+        (TWICE, 10.0, 0.1, Verdict.INCONSISTENT),
+        (TWICE, 99.0, 0.1, Verdict.INCONSISTENT),
+        (ALIKE, 10.0, 0.1, Verdict.REPRODUCED),
+        (SIZED, 0.0, 0.05, Verdict.REPRODUCED),
+        (SIZED, 0.0, 0.2, Verdict.NOT_DETERMINED),
+        (SIZED, 0.5, 0.2, Verdict.NOT_EXPLAINED),
+    ],
+)
+def test_the_verdict_by_table(figure: Published, ours: float, shift: float, verdict: Verdict) -> None:
+    assert judge(figure, Spread(ours, ours - shift, ours)).verdict is verdict
+    assert judge(figure, Spread(ours, ours, ours + shift)).verdict is verdict
+
+
+def test_distance_is_in_half_widths_of_the_interval() -> None:
+    j = judge(PLAIN, Spread(11.0, 10.55, 11.2))
+    assert j.reach == pytest.approx(0.5)
+    assert j.distance == pytest.approx(2.0)
+    in_milli = replace(PLAIN, unit=Unit("mW", 1e-3))
+    assert judge(in_milli, Spread(0.011, 0.01055, 0.0112)).distance == pytest.approx(2.0)
+
+
+def test_draws_stay_within_the_rounding_and_round_to_the_tables(grid: Grid, rng: np.random.Generator) -> None:
+    sample = printed(grid)
+    drawn = draw(sample, rng)
+    for name in ("torque_sun", "torque_ring"):
+        np.testing.assert_allclose(np.round(getattr(drawn.grid, name), 2), getattr(grid, name), atol=1e-9)
+        assert np.abs(getattr(drawn.grid, name) - getattr(grid, name)).max() > 0.0045
+    np.testing.assert_allclose(np.round(drawn.ring, 4), sample.ring, atol=1e-9)
+    np.testing.assert_allclose(np.round(drawn.sun, 4), sample.sun, atol=1e-9)
+
+
+def test_rounding_once_more_adds_scatter_and_moves_the_constant_both_ways(grid: Grid, bench: BenchParameters) -> None:
+    sample = printed(grid)
+    ours = replicate(sample, bench)
+    drawn = [replicate(draw(sample, np.random.default_rng(i)), bench) for i in range(12)]
+    assert min(d["damping-0.80.rmse"] for d in drawn) > ours["damping-0.80.rmse"] - 0.05
+    c = [d["damping-0.80.c"] - ours["damping-0.80.c"] for d in drawn]
+    assert min(c) < 0.0 < max(c)
+
+
+def test_the_known_disagreements_are_told(judged: dict[str, Judged]) -> None:
+    verdicts = {id_: j.verdict for id_, j in judged.items()}
+    for id_ in ("chain.mechanical-in", "printed.power-in", "printed.eddy", "steady.torque-share", "steady.user"):
+        assert verdicts[id_] is Verdict.INCONSISTENT
+    assert verdicts["chain.gear"] is Verdict.NOT_EXPLAINED
+    assert verdicts["chain-implied.gear"] is Verdict.REPRODUCED
+    assert verdicts["chain-implied.electric-in"] is Verdict.REPRODUCED
+    assert verdicts["steady.difference-0.78"] is Verdict.NOT_DETERMINED
+
+
+@pytest.mark.parametrize("id_", ["chain-implied.sun-bearings", "design.ratio-1", "run.loss", "point-implied.1872-1.95"])
+def test_a_planted_wrong_value_is_called_out(id_: str, found: dict[str, Spread]) -> None:
+    right = judge(BY_ID[id_], found[id_])
+    wrong = judge(replace(BY_ID[id_], value=1.25 * BY_ID[id_].value), found[id_])
+    assert right.verdict is Verdict.REPRODUCED
+    assert wrong.verdict is Verdict.NOT_EXPLAINED
+    assert wrong.distance < -1.0
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(published_folder: Path, tmp_path: Path) -> None:
+    runs = [run_validate(published_folder, FEWEST_DRAWS, seed, tmp_path / str(i)) for i, seed in enumerate((1, 1, 2))]
+    told = [json.dumps(run.data["figures"]) + "\n".join(run.lines[:-2]) for run in runs]
+    assert told[0] == told[1] != told[2]
+    files = [sorted(p for p in (tmp_path / str(i)).rglob("*") if p.is_file()) for i in range(2)]
+    assert [p.name for p in files[0]] == [p.name for p in files[1]]
+    for one, other in zip(*files, strict=True):
+        assert one.read_bytes() == other.read_bytes()
+
+
+def test_json_and_table_hold_every_figure(judged: dict[str, Judged]) -> None:
+    told = documents(tuple(judged.values()))
+    assert [entry["id"] for entry in told] == [figure.id for figure in FIGURES]
+    needed = {"id", "source", "published", "ours", "low", "high", "unit", "verdict", "remark"}
+    assert all(needed <= set(entry) for entry in told)
+    json.dumps(told, allow_nan=False)
+    lines = table_lines(tuple(judged.values()))
+    for figure in FIGURES:
+        if not figure.group.startswith("point"):
+            assert any(line.startswith(figure.what) for line in lines)
+    assert sum("48 sun torques, furthest" in line for line in lines) == 2
+
+
+def test_too_few_draws_are_refused(grid: Grid, bench: BenchParameters) -> None:
+    with pytest.raises(FitError, match="draws: 3; expected 20 or more"):
+        validate(grid, bench, 3, np.random.default_rng(1))
+
+
+def test_grids_that_are_not_the_thesis_s_are_refused(
+    grid: Grid, bench: BenchParameters, rng: np.random.Generator
+) -> None:
+    other = grid[np.arange(len(grid)) != len(grid) - 1]
+    with pytest.raises(GridError, match="engaged point 1872-1"):
+        validate(other, bench, FEWEST_DRAWS, rng)
+    with pytest.raises(GridError, match="207 neutral and 48 engaged points"):
+        validate(grid[np.arange(len(grid)) != 5], bench, FEWEST_DRAWS, rng)
+    assert published_sections(other, bench) == ()
+    assert published_sections(replace(grid, origin="measured"), bench) == ()
+
+
+def test_the_command(published_folder: Path, tmp_path: Path) -> None:
+    runner = CliRunner()
+    call = ["validate", "--grids", str(published_folder), "--draws", str(FEWEST_DRAWS)]
+    done = runner.invoke(app, [*call, "--json", "--report", str(tmp_path)])
+    assert done.exit_code == 0
+    data = json.loads(done.stdout)["data"]
+    assert len(data["figures"]) == len(FIGURES) == sum(data["counts"].values())
+    assert "published-figures-table" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert runner.invoke(app, [*call, "--fail-on", "mismatch"]).exit_code == 1
+
+
+@pytest.mark.parametrize("wrong", [["--draws", "2"], ["--seed", "-1"], ["--grids", "nowhere"]])
+def test_wrong_arguments_end_with_2(wrong: list[str]) -> None:
+    assert CliRunner().invoke(app, ["validate", *wrong]).exit_code == 2
+
+
+def test_the_report_of_the_published_grids_has_the_chapter(grid: Grid, bench: BenchParameters) -> None:
+    (section,) = published_sections(grid, bench)
+    assert section.id == "published-figures"
+    assert {type(item).__name__ for item in section.items} == {"Text", "Facts", "Figure", "Table"}
