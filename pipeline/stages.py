@@ -14,7 +14,9 @@ from pmg.pipeline.aside import write_aside
 from pmg.pipeline.campaign import choose_campaign, measured_grid
 from pmg.pipeline.chapters.page import build_report
 from pmg.pipeline.compare import compare
-from pmg.pipeline.diagnose.decide import diagnose, diagnosis_document
+from pmg.pipeline.diagnose.decide import diagnose
+from pmg.pipeline.diagnose.document import diagnosis_document
+from pmg.pipeline.diagnose.statement import statement
 from pmg.pipeline.gridtable import read_published
 from pmg.pipeline.ingest import ingest
 from pmg.pipeline.options import AnalysisOptions
@@ -200,8 +202,9 @@ def run_compare(store: Path, report: Path, note: str = "") -> Outcome:
     mismatch = False
     if diagnosis is not None:
         write_aside(report / "diagnosis.json", text.encode())
-        data["diagnosis"], data["statement"] = json.loads(text), diagnosis.statement
-        lines.insert(0, f"{diagnosis.verdict}: {diagnosis.statement}")
+        told = statement(diagnosis)
+        data["diagnosis"], data["statement"] = json.loads(text), told
+        lines.insert(0, f"{diagnosis.verdict}: {told}")
         mismatch = diagnosis.mismatch.found
     else:
         (report / "diagnosis.json").unlink(missing_ok=True)

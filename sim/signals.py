@@ -18,6 +18,9 @@ Number: TypeAlias = Any
 RPM = math.pi / 30.0
 """One revolution per minute [rad/s]."""
 
+MINUTE = 60.0
+"""One minute [s]."""
+
 REVOLUTION = 2.0 * math.pi
 """One turn [rad]."""
 

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.chapters.causes import cause_items
 from pmg.pipeline.diagnose.decide import component_of
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Section, Series, Table, Text
 from pmg.sim import sources
-from pmg.sim.signals import RESIDUAL, SPEED_RING, SPEED_SUN
+from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.decide import Diagnosis
@@ -49,6 +50,7 @@ def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.
         )
     if mismatch.locations:
         items += [_locations(diagnosis), _figure(diagnosis, residual)]
+    items += cause_items(diagnosis, residual)
     if diagnosis.absorbed:
         items.append(_absorbed(diagnosis))
     if diagnosis.held_out is not None:
@@ -59,7 +61,7 @@ def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.
                 (
                     ("Withheld", held.split),
                     ("Error before", f"{held.rmse_before * 1e3:.2f} mN m"),
-                    ("Error with the located structure", f"{held.rmse_after * 1e3:.2f} mN m"),
+                    ("Error with it in", f"{held.rmse_after * 1e3:.2f} mN m"),
                     ("Noise of the same readings", f"{held.noise_floor * 1e3:.2f} mN m"),
                     ("Gain, 95 % interval", f"{low * 1e3:.2f} to {high * 1e3:.2f} mN m"),
                 )
@@ -157,7 +159,7 @@ def _covariate(
         return SPEED_RING.display(np.abs(at.speed_ring[row])), SPEED_RING.label
     if first == "speed_sun" or not at.ordered:
         return SPEED_SUN.display(np.abs(at.speed_sun[row])), SPEED_SUN.label
-    return (at.started_at[row] - at.started_at.min()) / 60.0, "time since the first point [min]"
+    return (at.started_at[row] - at.started_at.min()) / MINUTE, "time since the first point [min]"
 
 
 def _absorbed(diagnosis: Diagnosis) -> Table:
@@ -166,7 +168,7 @@ def _absorbed(diagnosis: Diagnosis) -> Table:
     return Table(
         "absorbed",
         "What the baseline had absorbed",
-        "Constants of the baseline fitted alone, and together with the located structure.",
+        "Constants of the baseline fitted alone, and together with what was left out.",
         (
             Column("parameter", "Constant"),
             Column("before", "alone", "", digits=4),

@@ -11,6 +11,7 @@ from pmg.pipeline.chapters.flow import flow_section
 from pmg.pipeline.chapters.losses import losses_section, neutral_section
 from pmg.pipeline.chapters.quality import data_section
 from pmg.pipeline.chapters.validation import published_sections
+from pmg.pipeline.diagnose.statement import statement
 from pmg.pipeline.readings import predict
 from pmg.pipeline.report.document import Facts, Report, Section, Verdict
 from pmg.sim.gearbox import Gearbox
@@ -92,5 +93,5 @@ def _verdict(analysis: Analysis, diagnosis: Diagnosis | None) -> Verdict:
         reason = str(analysis.missing[0]) if analysis.missing else ""
         return Verdict(f"No comparison was possible. {reason}{warning}", "attention")
     return Verdict(
-        diagnosis.statement + warning, "attention" if diagnosis.verdict != "consistent" or warning else "good"
+        statement(diagnosis) + warning, "attention" if diagnosis.verdict != "consistent" or warning else "good"
     )

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
 
 from pmg.pipeline.calibrate import jacobian
+from pmg.pipeline.diagnose.candidates import set_stage
 from pmg.pipeline.diagnose.holdout import hold_out
+from pmg.pipeline.diagnose.leftover import make_judge
 from pmg.pipeline.diagnose.locate import find_mismatch, located_families
+from pmg.pipeline.diagnose.naming import name_mechanisms
+from pmg.pipeline.diagnose.nexttest import next_test
 from pmg.pipeline.diagnose.noise import repeat_contrasts
+from pmg.pipeline.diagnose.refit import refit
+from pmg.pipeline.diagnose.whiten import whitener
+from pmg.pipeline.diagnose.withheld import withhold
 from pmg.pipeline.readings import predict
 from pmg.sim.mechanisms import Component
 
@@ -20,17 +27,20 @@ if TYPE_CHECKING:
     from pmg.pipeline.calibrate import Calibration
     from pmg.pipeline.diagnose.holdout import HeldOut
     from pmg.pipeline.diagnose.locate import Location, Mismatch
+    from pmg.pipeline.diagnose.naming import Explanation, Naming
+    from pmg.pipeline.diagnose.nexttest import NextTest
     from pmg.pipeline.diagnose.noise import NoiseFloor
+    from pmg.pipeline.diagnose.refit import Refit
     from pmg.pipeline.fit import LossFits
     from pmg.pipeline.readings import Readings
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
 
-SCHEMA = "pmg.diagnosis/1"
-
-
 ORDER_IS_SPEED = 0.95
 """Rank correlation of speed and order from which on a slow change cannot be told from a loss curve."""
+
+JUDGE_DRAWS = 300
+"""Synthetic campaigns behind the adequacy of an explanation."""
 
 
 class Verdict(StrEnum):
@@ -45,7 +55,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Absorbed:
-    """A baseline parameter before and after the located structure joined the fit."""
+    """A baseline parameter before and after what was left out joined the fit."""
 
     parameter: str
     before: float
@@ -54,8 +64,24 @@ class Absorbed:
 
 
 @dataclass(frozen=True)
+class Rival:
+    """An explanation that these data cannot tell from the leading one, and the test that would.
+
+    Parameters
+    ----------
+    explanation : Explanation
+        The rival set of mechanisms.
+    test : NextTest or None
+        The test.
+    """
+
+    explanation: Explanation
+    test: NextTest | None
+
+
+@dataclass(frozen=True)
 class Diagnosis:
-    """Mismatch, place and verdict.
+    """Mismatch, place, cause and verdict.
 
     Parameters
     ----------
@@ -63,25 +89,34 @@ class Diagnosis:
         Name of the campaign.
     verdict : Verdict
         One of the five words.
-    statement : str
-        The verdict in a sentence.
     mismatch : Mismatch
         Test and locations.
     floor : NoiseFloor
         Noise it was judged against.
+    blind : tuple of str
+        Shafts whose points were run in the order of their speed, without repeats.
+    naming : Naming or None
+        What the catalogue says; None without a mismatch.
+    refit : Refit or None
+        Baseline and mechanisms fitted together.
+    rivals : tuple of Rival
+        Explanations that cannot be told from it.
     absorbed : tuple of Absorbed
         What the baseline had swallowed.
     held_out : HeldOut or None
-        Error on withheld readings with and without the located structure.
+        Error on withheld readings without and with what was left out.
     """
 
     campaign: str
     verdict: Verdict
-    statement: str
     mismatch: Mismatch
     floor: NoiseFloor
-    absorbed: tuple[Absorbed, ...]
-    held_out: HeldOut | None
+    blind: tuple[str, ...] = ()
+    naming: Naming | None = None
+    refit: Refit | None = None
+    rivals: tuple[Rival, ...] = ()
+    absorbed: tuple[Absorbed, ...] = ()
+    held_out: HeldOut | None = None
 
 
 def component_of(place: Location) -> Component | None:
@@ -128,55 +163,43 @@ def diagnose(
     bench: BenchParameters,
     rng: np.random.Generator,
 ) -> Diagnosis:
-    """Test for a mismatch, locate it, prove the location on withheld readings, and say what follows.
+    """Test for a mismatch, locate it, search the catalogue for what makes it, and prove it on withheld readings.
 
-    The mechanism library holds the baseline only, so a mismatch is never named here: it is located and sized.
+    A mechanism is named when it brings more evidence than its parameters cost, beats every rival by a margin, leaves
+    no more than an error of form, and predicts withheld readings better than the baseline does. Rivals within the
+    margin are reported as one set with the test that would tell.
     """
     mismatch = find_mismatch(grid, fits, floor, bench, rng)
-    blind = confounded_shafts(mismatch.readings)
-    if not mismatch.found and blind:
-        statement = (
-            f"No mismatch beyond the noise (p = {mismatch.p_value:.3g}), but this campaign cannot tell: the points "
-            f"were run in the order of the {' and '.join(blind)} speed and none was repeated: a slow change, however "
-            "large, would pass for part of the loss curve. Repeat points spread over the grid, in random order."
-        )
-        return Diagnosis(grid.campaign, Verdict.CONFOUNDED, statement, mismatch, floor, (), None)
+    readings = mismatch.readings
+    blind = confounded_shafts(readings)
     if not mismatch.found:
-        statement = (
-            f"No mismatch beyond the noise (p = {mismatch.p_value:.3g} over {mismatch.tested} kinds of structure, "
-            f"judged at {mismatch.false_alarm_rate:.0%})."
-        )
-        return Diagnosis(grid.campaign, Verdict.CONSISTENT, statement, mismatch, floor, (), None)
-    held = hold_out(grid, fits, floor, bench, mismatch.locations, rng)
+        verdict = Verdict.CONFOUNDED if blind else Verdict.CONSISTENT
+        return Diagnosis(grid.campaign, verdict, mismatch, floor, blind)
+    stage = set_stage(readings, bench, calibration.model, whitener(readings, bench, floor))
+    naming = name_mechanisms(stage, make_judge(stage, floor, rng, JUDGE_DRAWS))
+    if naming.explained:
+        held = withhold(stage, naming.best.fits, rng)
+        if held.rmse_after < held.rmse_before:
+            found = refit(stage, naming.best.fits)
+            rivals = tuple(Rival(rival, next_test(stage, naming.best, rival, floor)) for rival in naming.rivals)
+            verdict = Verdict.AMBIGUOUS if rivals else Verdict.NAMED
+            swallowed = _swallowed(calibration, found)
+            return Diagnosis(grid.campaign, verdict, mismatch, floor, blind, naming, found, rivals, swallowed, held)
+    held_structure = hold_out(grid, fits, floor, bench, mismatch.locations, rng)
+    absorbed = _absorbed(mismatch, calibration, bench)
     return Diagnosis(
-        campaign=grid.campaign,
-        verdict=Verdict.NOT_IN_LIBRARY,
-        statement=_statement(mismatch, held),
-        mismatch=mismatch,
-        floor=floor,
-        absorbed=_absorbed(mismatch, calibration, bench),
-        held_out=held,
+        grid.campaign, Verdict.NOT_IN_LIBRARY, mismatch, floor, blind, naming, None, (), absorbed, held_structure
     )
 
 
-def _statement(mismatch: Mismatch, held: HeldOut | None) -> str:
-    place = mismatch.locations[0]
-    follows = " and ".join(word.replace("_", " ") for word in place.depends_on) or "nothing that was recorded"
-    special = {"all": "in every configuration", "zero": "at the zero checks"}
-    where = special.get(place.configuration, f"in {place.configuration} points")
-    sentence = (
-        f"Simulation and recordings differ (p ≤ {mismatch.p_value:.2g}): clearest in the "
-        f"{place.signal.replace('torque_', '')} torque {where}, {place.size * 1e3:.1f} mN m rms, following {follows}."
-    )
-    if held is not None:
-        low, high = held.gain_interval
-        change = "falls" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly fall:")
-        sentence += (
-            f" With that structure in (its kind chosen on all readings, its size without those withheld), the error "
-            f"on withheld readings {change} from {held.rmse_before * 1e3:.2f} "
-            f"to {held.rmse_after * 1e3:.2f} mN m (noise {held.noise_floor * 1e3:.2f})."
-        )
-    return sentence + " The library holds the baseline only: the place and shape are given, not the cause."
+def _swallowed(calibration: Calibration, found: Refit) -> tuple[Absorbed, ...]:
+    """Baseline constants alone and with the mechanisms in."""
+    after = {"K_corr": found.model.correction, "b": found.model.b, "c": found.model.c, "d": found.model.d}
+    rows = []
+    for name in calibration.free:
+        error = found.baseline_errors.get(name, float("nan"))
+        rows.append(Absorbed(name, calibration.value(name), after[name], error if np.isfinite(error) else None))
+    return tuple(rows)
 
 
 def _absorbed(mismatch: Mismatch, calibration: Calibration, bench: BenchParameters) -> tuple[Absorbed, ...]:
@@ -198,76 +221,3 @@ def _absorbed(mismatch: Mismatch, calibration: Calibration, bench: BenchParamete
         Absorbed(name, before := calibration.value(name), before + float(change[i]), float(error[i]))
         for i, name in enumerate(calibration.free, start=first)
     )
-
-
-MINUTES_A_POINT = 0.75
-"""Bench time of one repeated point: approach, settling and a window of 5 s."""
-
-
-def _spread(readings: Readings) -> list[str]:
-    """Names of ten neutral points, evenly over those that were run."""
-    at = readings.grid.points
-    rows = np.flatnonzero(at.neutral & readings.grid.accepted)
-    chosen = rows[np.linspace(0, len(rows) - 1, min(10, len(rows))).astype(int)]
-    return [str(name) for name in at.name[chosen]]
-
-
-def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
-    """The diagnosis as the JSON document ``pmg.diagnosis/1`` (its schema lies beside this module)."""
-    mismatch, floor = diagnosis.mismatch, diagnosis.floor
-    held = diagnosis.held_out
-    return {
-        "schema": SCHEMA,
-        "campaign": diagnosis.campaign,
-        "verdict": str(diagnosis.verdict),
-        "p_value": mismatch.p_value,
-        "false_alarm_rate": mismatch.false_alarm_rate,
-        "noise_Nm": {
-            "sun": floor.sun.u,
-            "ring": floor.ring.u,
-            "source": f"sun: {floor.sun.source}; ring: {floor.ring.source}",
-        },
-        "locations": [
-            {
-                "signal": place.signal,
-                "configuration": place.configuration,
-                "component": None if (component := component_of(place)) is None else str(component),
-                "depends_on": list(place.depends_on),
-                "region": {name: list(span) for name, span in place.region.items()},
-                "size_Nm": place.size,
-                "p_value": place.p_value,
-            }
-            for place in mismatch.locations
-        ],
-        "mechanisms": [],
-        "rivals": [],
-        "absorbed": [
-            {
-                "parameter": a.parameter,
-                "before": a.before,
-                "after": a.after,
-                "standard_error": a.standard_error,
-            }
-            for a in diagnosis.absorbed
-        ],
-        "held_out": None
-        if held is None
-        else {
-            "split": held.split,
-            "rmse_before_Nm": held.rmse_before,
-            "rmse_after_Nm": held.rmse_after,
-            "noise_floor_Nm": held.noise_floor,
-            "gain_interval_Nm": list(held.gain_interval),
-        },
-        "next_tests": [
-            {
-                "description": "Repeat ten points spread over the neutral grid, in random order, after the last point",
-                "points": _spread(diagnosis.mismatch.readings),
-                "minutes": 10.0 * MINUTES_A_POINT,
-                "separates": ["lubricant_viscosity", "torque_zero_drift"],
-                "power": None,
-            }
-        ]
-        if diagnosis.verdict is Verdict.CONFOUNDED
-        else [],
-    }

@@ -107,9 +107,11 @@ class Torques:
 class Mechanism(ABC):
     """A piece of physics: the class is its card in the catalogue, an instance is the card with numbers.
 
-    What the diagnosis may name says three things more: `by_shaft`, the parameters that are sizes, for each shaft it may
-    sit on (``both``: it acts on both at once); `shape`, those that only change its form; and `components`, where it
-    sits if that depends on the shaft. `both_at_once`: one cause may well act on both shafts. `memory`: whether a point depends on what was run before it.
+    What the diagnosis may name says more: `by_shaft`, the parameters that are sizes, for each shaft it may sit on
+    (``both``: it acts on both at once); `shape`, those that only change its form; `components`, where it sits if that
+    depends on the shaft; `both_at_once`, whether one cause may well act on both shafts; `linear`, whether the effect
+    is proportional to the sizes; `memory`, whether a point depends on what was run before it; `refined`, the same
+    mechanism in more detail, for data that call for it.
     """
 
     identifier: ClassVar[str]
@@ -125,6 +127,8 @@ class Mechanism(ABC):
     shape: ClassVar[tuple[str, ...]] = ()
     components: ClassVar[dict[str, Component]] = {}
     both_at_once: ClassVar[bool] = False
+    linear: ClassVar[bool] = True
+    refined: ClassVar[type[Mechanism] | None] = None
 
     @classmethod
     def of(cls, bench: BenchParameters, model: LossModel) -> Self:

@@ -83,6 +83,7 @@ class SkinEffect(RotorDamping):
     affects = _BOTH
     revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "magnetic loss grows more slowly than the square of speed"),)
     dissipates = False
+    linear = False
     by_shaft = {"both": ("shielding",)}
 
     c: float

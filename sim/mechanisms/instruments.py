@@ -50,16 +50,20 @@ class ZeroOffset(Instrument):
         return Torques(np.full(len(at), self.offset_sun), np.full(len(at), self.offset_ring))
 
 
+HOUR = 3600.0
+"""Time after which a drift is given [s]."""
+
+
 @dataclass(frozen=True)
 class ZeroDrift(Instrument):
-    """A zero that moves with time, at an even rate through the campaign.
+    """A zero that moves with time from the tare at the first point: fast at first, then more slowly, or evenly.
 
-    The rate is taken about the middle of the campaign, so that a constant offset is another mechanism.
+    Warming electronics settle like an exponential; with a settling time far beyond the campaign the drift is even.
     """
 
     identifier = "torque_zero_drift"
     title = "Zero drift of a torque transducer"
-    equation = r"\Delta T_k = r_k\,(t - \bar{t})"
+    equation = r"\Delta T_k = z_k\,\frac{1-e^{-t/\tau}}{1-e^{-t_1/\tau}},\ t_1 = 1\,\mathrm{h}"
     source = sources.GUM.at("section 4.3")
     component = Component.SUN_TORQUE_TRANSDUCER
     components = _SHAFTS
@@ -69,10 +73,14 @@ class ZeroDrift(Instrument):
         Reveals(Experiment.REPEATS, "the same point reads differently later"),
     )
     memory = True
-    by_shaft = {"sun": ("rate_sun",), "ring": ("rate_ring",)}
+    by_shaft = {"sun": ("drift_sun",), "ring": ("drift_ring",)}
+    shape = ("settling",)
 
-    rate_sun: float = parameter("N m/s", bounds=(-1e-3, 1e-3), typical=1e-6, meaning="drift of the sun's zero")
-    rate_ring: float = parameter("N m/s", bounds=(-1e-3, 1e-3), typical=1e-6, meaning="drift of the ring's zero")
+    drift_sun: float = parameter("N m", bounds=(-1.0, 1.0), typical=3e-3, meaning="drift of the sun's zero in an hour")
+    drift_ring: float = parameter(
+        "N m", bounds=(-1.0, 1.0), typical=3e-3, meaning="drift of the ring's zero in an hour"
+    )
+    settling: float = parameter("s", bounds=(300.0, 1e6), typical=1e5, meaning="settling time of the zero", null=1e5)
 
     @classmethod
     def of(cls, bench: BenchParameters, model: LossModel) -> Self:
@@ -81,8 +89,9 @@ class ZeroDrift(Instrument):
 
     def distortion(self, at: OperatingPoints, true: Torques) -> Torques:
         """The zero at each point's time; none where the order is not known."""
-        time = at.started_at - at.started_at.mean() if at.ordered and len(at) else np.zeros(len(at))
-        return Torques(self.rate_sun * time, self.rate_ring * time)
+        time = at.started_at - at.started_at.min() if at.ordered and len(at) else np.zeros(len(at))
+        moved = np.expm1(-time / self.settling) / np.expm1(-HOUR / self.settling)
+        return Torques(self.drift_sun * moved, self.drift_ring * moved)
 
 
 @dataclass(frozen=True)

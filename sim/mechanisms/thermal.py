@@ -25,11 +25,21 @@ Viscous drag grows with viscosity to the power 2/3 (Palmgren); a mineral base oi
 of its viscosity per kelvin there (Vogel's law). Only its product with the thermal resistance shows in torque.
 """
 
+STOPPED = 120.0
+"""Time between two recordings beyond which it is a pause, in which the motors may stand still [s]."""
+
 MAGNET_COEFFICIENT = 1.2e-3
 """Relative fall of the remanence of sintered NdFeB per kelvin [1/K]; losses follow its square."""
 
 
-def temperature_rise(at: OperatingPoints, heat: Array, time_constant: float, start: float = 0.0) -> Array:
+def temperature_rise(
+    at: OperatingPoints,
+    heat: Array,
+    time_constant: float,
+    start: float = 0.0,
+    dwell: float = 1.0,
+    idle: float = 0.0,
+) -> Array:
     r"""Rise of a node above ambient [K].
 
     Parameters
@@ -42,37 +52,138 @@ def temperature_rise(at: OperatingPoints, heat: Array, time_constant: float, sta
         Of the node [s].
     start : float
         Rise at the first point [K]; a bench that was soaked hot begins above what the points hold.
+    dwell : float
+        Part of the time between two recordings that the bench is already at the second one's speeds.
+    idle : float
+        Part of the long pauses that the motors stand still.
 
     Notes
     -----
-    :math:`\tau\,\dot\Theta = RP - \Theta`. Between two recordings the bench is already at the second one's speeds
-    for most of the time, so that point's power is taken for the whole stretch. Without a known order there is no
-    history: the rise is then that of the steady state of each point.
+    :math:`\tau\,\dot\Theta = RP - \Theta`. Without a known order there is no history: the rise is then that of the
+    steady state of each point.
     """
     if not at.ordered or not len(at):
         return np.asarray(heat)
     order = np.argsort(at.started_at, kind="stable")
-    time, fed = at.started_at[order], heat[order]
-    keep = np.exp(-np.diff(time) / time_constant)
+    gaps, fed = np.diff(at.started_at[order]), heat[order]
+    keep = np.exp(-gaps / time_constant)
+    turning = np.where(gaps > STOPPED, 1.0 - idle, 1.0)
+    during = turning * (dwell * fed[1:] + (1.0 - dwell) * fed[:-1])
     recursion = np.stack([np.ones(len(order)), np.r_[-keep, 0.0]])
     out = np.empty(len(order))
-    out[order] = solve_banded((1, 0), recursion, np.r_[start, (1.0 - keep) * fed[1:]])
+    out[order] = solve_banded((1, 0), recursion, np.r_[start, (1.0 - keep) * during])
     return out
+
+
+@dataclass(frozen=True)
+class WarmingInTwoSteps(Mechanism):
+    """The same, in more detail: races that warm fast in a housing that warms slowly, in a room that drifts.
+
+    A Foster network of two nodes a shaft; the room's temperature changes evenly with time.
+    """
+
+    identifier = "lubricant_viscosity"
+    title = "Lubricant viscosity falling with temperature"
+    equation = (
+        r"\tau_k = -\mathrm{sgn}(\omega_k)\,K\,B_k(|\omega_k|)\,(e^{-\beta(\Theta_k+\Theta'_k+\dot{T}t)}-1),"
+        r"\ \tau\,\dot{\Theta}_k = R_kP_k-\Theta_k,\ \tau'\dot{\Theta}'_k = R'_kP_k-\Theta'_k"
+    )
+    source = sources.PALMGREN.at("viscous moment; viscosity after Vogel 1921")
+    component = Component.RING_BEARINGS
+    components = {"sun": Component.SUN_BEARINGS, "ring": Component.RING_BEARINGS}
+    affects = (signals.TORQUE_SUN, signals.TORQUE_RING)
+    revealed_by = (Reveals(Experiment.REPEATS, "the same point has less drag when the bench is warm"),)
+    dissipates = False
+    memory = True
+    linear = False
+    by_shaft = {
+        "sun": ("resistance_sun", "race_sun", "start_sun", "room"),
+        "ring": ("resistance_ring", "race_ring", "start_ring", "room"),
+    }
+    both_at_once = True
+    shape = ("time_constant", "race_time", "dwell", "idle")
+
+    curve_sun: LossCurve
+    curve_ring: LossCurve
+    correction: float
+    resistance_sun: float = parameter(
+        "K/W", bounds=(0.0, 20.0), typical=1.0, meaning="thermal resistance of the sun bearings' housing to the room"
+    )
+    resistance_ring: float = parameter(
+        "K/W", bounds=(0.0, 20.0), typical=1.0, meaning="thermal resistance of the ring bearings' housing to the room"
+    )
+    race_sun: float = parameter(
+        "K/W", bounds=(0.0, 20.0), typical=0.5, meaning="thermal resistance of the sun bearings' races to the housing"
+    )
+    race_ring: float = parameter(
+        "K/W", bounds=(0.0, 20.0), typical=0.5, meaning="thermal resistance of the ring bearings' races to the housing"
+    )
+    start_sun: float = parameter(
+        "K", bounds=(-40.0, 120.0), typical=10.0, meaning="sun bearings above the room at the first point"
+    )
+    start_ring: float = parameter(
+        "K", bounds=(-40.0, 120.0), typical=10.0, meaning="ring bearings above the room at the first point"
+    )
+    room: float = parameter("K/s", bounds=(-5e-3, 5e-3), typical=2e-4, meaning="drift of the room's temperature")
+    time_constant: float = parameter(
+        "s", bounds=(300.0, 20000.0), typical=2000.0, meaning="time constant of the housing", null=2000.0
+    )
+    race_time: float = parameter(
+        "s", bounds=(20.0, 600.0), typical=150.0, meaning="time constant of the races", null=150.0
+    )
+    dwell: float = parameter(
+        "1",
+        bounds=(0.05, 1.0),
+        typical=0.8,
+        meaning="part of the time between two recordings spent at the second one's speeds",
+        null=0.8,
+    )
+    idle: float = parameter(
+        "1", bounds=(0.0, 1.0), typical=0.3, meaning="part of long pauses in which the motors stand still", null=0.3
+    )
+
+    @classmethod
+    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
+        """Absent, on the curves of a calibration."""
+        return cls(model.curve_sun, model.curve_ring, model.correction)
+
+    def torque(self, at: OperatingPoints) -> Torques:
+        """What warming takes off the drag."""
+        part = np.where(at.neutral, 1.0, np.where(at.engaged, self.correction, 0.0))
+        elapsed = at.started_at - at.started_at.min() if at.ordered and len(at) else np.zeros(len(at))
+        found = []
+        for curve, speed, resistance, race, start in (
+            (self.curve_sun, at.speed_sun, self.resistance_sun, self.race_sun, self.start_sun),
+            (self.curve_ring, at.speed_ring, self.resistance_ring, self.race_ring, self.start_ring),
+        ):
+            if resistance == race == start == 0.0:
+                found.append(np.zeros(len(at)))
+                continue
+            drag = part * curve.torque(speed) * (speed != 0.0)
+            power = drag * np.abs(speed)
+            rise = temperature_rise(at, resistance * power, self.time_constant, start, self.dwell, self.idle)
+            rise = (
+                rise
+                + temperature_rise(at, race * power, self.race_time, 0.0, self.dwell, self.idle)
+                + self.room * elapsed
+            )
+            found.append(-np.sign(speed) * drag * np.expm1(-LUBRICANT_COEFFICIENT * rise))
+        return Torques(*found)
 
 
 @dataclass(frozen=True)
 class LubricantViscosity(Mechanism):
     """Viscous bearing drag that falls as the bearing warms by its own loss.
 
-    No temperature is recorded on this bench: it follows from the run history by one thermal node a shaft. The
-    constant part of the drag (seals, dry friction) does not change. Holds while the grease is neither starved nor
-    churned and the ambient is constant.
+    No temperature is recorded on this bench: it follows from the run history by one thermal node a shaft. The whole
+    drag is taken as viscous: what a curve's constant term holds of dry friction is not known. Holds while the grease
+    is neither starved nor churned and the ambient is constant.
     """
 
     identifier = "lubricant_viscosity"
     title = "Lubricant viscosity falling with temperature"
     equation = (
-        r"\tau_k = -\mathrm{sgn}(\omega_k)\,K\,[B_k(|\omega_k|)-B_k(0)]\,(e^{-\beta\Theta_k}-1),"
+        r"\tau_k = -\mathrm{sgn}(\omega_k)\,K\,B_k(|\omega_k|)\,(e^{-\beta\Theta_k}-1),"
         r"\ \tau\,\dot{\Theta}_k = R_kP_k-\Theta_k"
     )
     source = sources.PALMGREN.at("viscous moment; viscosity after Vogel 1921")
@@ -85,9 +196,11 @@ class LubricantViscosity(Mechanism):
     )
     dissipates = False
     memory = True
+    linear = False
     by_shaft = {"sun": ("resistance_sun", "start_sun"), "ring": ("resistance_ring", "start_ring")}
     both_at_once = True
-    shape = ("time_constant",)
+    refined = WarmingInTwoSteps
+    shape = ("time_constant", "dwell", "idle")
 
     curve_sun: LossCurve
     curve_ring: LossCurve
@@ -107,6 +220,16 @@ class LubricantViscosity(Mechanism):
     time_constant: float = parameter(
         "s", bounds=(30.0, 20000.0), typical=1200.0, meaning="thermal time constant", null=1200.0
     )
+    dwell: float = parameter(
+        "1",
+        bounds=(0.05, 1.0),
+        typical=0.8,
+        meaning="part of the time between two recordings spent at the second one's speeds",
+        null=0.8,
+    )
+    idle: float = parameter(
+        "1", bounds=(0.0, 1.0), typical=0.3, meaning="part of long pauses in which the motors stand still", null=0.3
+    )
 
     @classmethod
     def of(cls, bench: BenchParameters, model: LossModel) -> Self:
@@ -122,9 +245,10 @@ class LubricantViscosity(Mechanism):
             (self.curve_ring, at.speed_ring, self.resistance_ring, self.start_ring),
         ):
             drag = part * curve.torque(speed) * (speed != 0.0)
-            viscous = drag - part * curve.torque(np.zeros_like(speed)) * (speed != 0.0)
-            rise = temperature_rise(at, resistance * drag * np.abs(speed), self.time_constant, start)
-            found.append(-np.sign(speed) * viscous * np.expm1(-LUBRICANT_COEFFICIENT * rise))
+            rise = temperature_rise(
+                at, resistance * drag * np.abs(speed), self.time_constant, start, self.dwell, self.idle
+            )
+            found.append(-np.sign(speed) * drag * np.expm1(-LUBRICANT_COEFFICIENT * rise))
         return Torques(*found)
 
 
@@ -146,6 +270,7 @@ class MagnetTemperature(Mechanism):
     revealed_by = (Reveals(Experiment.REPEATS, "engaged points lose less after a long loaded run"),)
     dissipates = False
     memory = True
+    linear = False
     by_shaft = {"both": ("resistance",)}
     shape = ("time_constant",)
 

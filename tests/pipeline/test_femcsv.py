@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 
 from pmg.pipeline.femcsv import COLUMNS, read_fem_csv
+from pmg.sim.analyticmap import analytic_map
 from pmg.sim.bench import BenchParameters
 from pmg.sim.errors import GridError
 from pmg.sim.femtable import fit_map
-from pmg.sim.analyticmap import analytic_map
 
 
 def computed(bench: BenchParameters) -> pd.DataFrame:

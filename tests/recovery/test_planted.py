@@ -12,7 +12,8 @@ from tests.conftest import ROOT
 from tests.nature import Nature, campaign_points, measure
 
 from pmg.pipeline.analyse import Analysis, analyse
-from pmg.pipeline.diagnose.decide import Verdict, confounded_shafts, diagnose, diagnosis_document
+from pmg.pipeline.diagnose.decide import Verdict, confounded_shafts, diagnose
+from pmg.pipeline.diagnose.document import diagnosis_document
 from pmg.pipeline.diagnose.locate import find_mismatch
 from pmg.pipeline.options import AnalysisOptions
 from pmg.pipeline.readings import take_readings
@@ -88,7 +89,9 @@ def test_a_warming_ring_bearing_is_located(bench: BenchParameters, rng: np.rando
     assert analysis.floor is not None
     assert analysis.calibration is not None
     found = diagnose(analysis.grid, analysis.fits, analysis.floor, analysis.calibration, bench, rng)
-    assert found.verdict is Verdict.NOT_IN_LIBRARY
+    assert found.verdict is Verdict.NAMED
+    assert found.naming is not None
+    assert found.naming.shafts == {"lubricant_viscosity": "ring"}
     first = found.mismatch.locations[0]
     assert (first.signal, first.configuration) == ("torque_ring", "neutral")
     assert {"run_history", "order"} & set(first.depends_on)

@@ -1,0 +1,172 @@
+"""The diagnosis as the JSON document ``pmg.diagnosis/1``; its schema lies beside this module."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pmg.pipeline.diagnose.decide import Verdict, component_of
+from pmg.pipeline.diagnose.plans import A_POINT
+from pmg.sim.signals import MINUTE
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.candidates import CandidateFit
+    from pmg.pipeline.diagnose.decide import Diagnosis, Rival
+    from pmg.pipeline.readings import Readings
+    from pmg.sim.signals import Array
+
+SCHEMA = "pmg.diagnosis/1"
+
+
+def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The whole document."""
+    mismatch, floor, held = diagnosis.mismatch, diagnosis.floor, diagnosis.held_out
+    return {
+        "schema": SCHEMA,
+        "campaign": diagnosis.campaign,
+        "verdict": str(diagnosis.verdict),
+        "p_value": mismatch.p_value,
+        "false_alarm_rate": mismatch.false_alarm_rate,
+        "noise_Nm": {
+            "sun": floor.sun.u,
+            "ring": floor.ring.u,
+            "source": f"sun: {floor.sun.source}; ring: {floor.ring.source}",
+        },
+        "locations": [
+            {
+                "signal": place.signal,
+                "configuration": place.configuration,
+                "component": None if (component := component_of(place)) is None else str(component),
+                "depends_on": list(place.depends_on),
+                "region": {name: list(span) for name, span in place.region.items()},
+                "size_Nm": place.size,
+                "p_value": place.p_value,
+            }
+            for place in mismatch.locations
+        ],
+        "mechanisms": _mechanisms(diagnosis),
+        "rivals": [_rival(diagnosis, rival) for rival in diagnosis.rivals],
+        "absorbed": [
+            {"parameter": a.parameter, "before": a.before, "after": a.after, "standard_error": a.standard_error}
+            for a in diagnosis.absorbed
+        ],
+        "held_out": None
+        if held is None
+        else {
+            "split": held.split,
+            "rmse_before_Nm": held.rmse_before,
+            "rmse_after_Nm": held.rmse_after,
+            "noise_floor_Nm": held.noise_floor,
+            "gain_interval_Nm": list(held.gain_interval),
+        },
+        "next_tests": _next_tests(diagnosis),
+    }
+
+
+def probabilities(diagnosis: Diagnosis) -> list[float]:
+    """Weight of the leading explanation and of each rival, for equal prior odds."""
+    if diagnosis.naming is None:
+        return []
+    scores = [diagnosis.naming.best.score, *(rival.explanation.score for rival in diagnosis.rivals)]
+    weights = [math.exp(0.5 * (score - max(scores))) for score in scores]
+    return [weight / sum(weights) for weight in weights]
+
+
+def _mechanisms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    naming, found = diagnosis.naming, diagnosis.refit
+    if naming is None or found is None:
+        return []
+    weights = probabilities(diagnosis)
+    rows = []
+    for fit, values, errors in zip(naming.best.fits, found.values, found.standard_errors, strict=True):
+        shaft = naming.shafts[fit.candidate.identifier]
+        row = _mechanism(fit, shaft, weights[0])
+        row["parameters"] = _parameters(fit, values, errors)
+        if shaft == "either":
+            row["parameters"] += [
+                parameter
+                for other in naming.ranking
+                if other.candidate.identifier == fit.candidate.identifier
+                and other.candidate.shaft in ("sun", "ring")
+                and other.candidate.shaft != fit.candidate.shaft
+                for parameter in _parameters(other, other.values, None)[: len(other.candidate.sizes)]
+            ]
+        rows.append(row)
+    for rival, weight in zip(diagnosis.rivals, weights[1:], strict=True):
+        known = {row["id"] for row in rows}
+        new = [fit for fit in rival.explanation.fits if fit.candidate.identifier not in known]
+        rows += [_mechanism(fit, fit.candidate.shaft, weight) for fit in new]
+    return rows
+
+
+def _mechanism(fit: CandidateFit, shaft: str, probability: float) -> dict[str, Any]:
+    touched = fit.effect[fit.effect != 0.0]
+    return {
+        "id": fit.candidate.identifier,
+        "component": str(fit.candidate.kind.component_on(fit.candidate.shaft)),
+        "shaft": shaft,
+        "probability": probability,
+        "parameters": _parameters(fit, fit.values, None),
+        "rms_effect_Nm": float(np.sqrt(np.mean(touched**2))) if touched.size else 0.0,
+        "peak_effect_Nm": float(np.abs(fit.effect).max()),
+    }
+
+
+def _parameters(fit: CandidateFit, values: Array, errors: Array | None) -> list[dict[str, Any]]:
+    spread = [math.nan] * len(values) if errors is None else errors.tolist()
+    return [
+        {
+            "name": parameter.name,
+            "value": float(value),
+            "standard_error": error if math.isfinite(error) else None,
+            "unit": parameter.unit,
+        }
+        for parameter, value, error in zip(fit.candidate.parameters, values, spread, strict=True)
+    ]
+
+
+def _rival(diagnosis: Diagnosis, rival: Rival) -> dict[str, Any]:
+    assert diagnosis.naming is not None  # a rival is one to something
+    fits = (*diagnosis.naming.best.fits, *rival.explanation.fits)
+    closer = diagnosis.naming.best.score - rival.explanation.score
+    return {
+        "ids": list(dict.fromkeys(fit.candidate.identifier for fit in fits)),
+        "shafts": list(dict.fromkeys(fit.candidate.shaft for fit in fits)),
+        "why": f"evidence differs by {closer:.1f} noise variances, less than the margin",
+        "separating_test": "" if rival.test is None else rival.test.plan.description,
+    }
+
+
+def _next_tests(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    tests = [
+        {
+            "description": rival.test.plan.description,
+            "points": [str(name) for name in rival.test.plan.points.name],
+            "minutes": rival.test.plan.seconds / MINUTE,
+            "separates": list(rival.test.separates),
+            "power": rival.test.power,
+        }
+        for rival in diagnosis.rivals
+        if rival.test is not None
+    ]
+    if diagnosis.verdict is Verdict.CONFOUNDED:
+        tests.append(
+            {
+                "description": "Repeat ten points spread over the neutral grid, in random order, after the last point",
+                "points": _spread(diagnosis.mismatch.readings),
+                "minutes": 10.0 * A_POINT / MINUTE,
+                "separates": ["lubricant_viscosity", "torque_zero_drift"],
+                "power": None,
+            }
+        )
+    return tests
+
+
+def _spread(readings: Readings) -> list[str]:
+    """Names of ten neutral points, evenly over those that were run."""
+    at = readings.grid.points
+    rows = np.flatnonzero(at.neutral & readings.grid.accepted)
+    chosen = rows[np.linspace(0, len(rows) - 1, min(10, len(rows))).astype(int)]
+    return [str(name) for name in at.name[chosen]]

@@ -1,0 +1,251 @@
+"""Which mechanisms of the catalogue explain a mismatch, which rivals cannot be told from them, and what is left."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnose.candidates import CandidateFit, Stage, candidates, fit_candidate, refinement
+from pmg.pipeline.diagnose.noise import orthonormal
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pmg.sim.signals import Array
+
+MOST = 3
+"""Mechanisms named at once at most."""
+
+ENTRY = 10.0
+"""Evidence that a mechanism must bring to enter: fall of the sum of squares in noise variances, beyond its cost."""
+
+MARGIN = 10.0
+"""Evidence by which a mechanism must beat a rival to be named alone: odds of about 150 to 1."""
+
+FIRST_OF_PAIRS = 3
+"""Leading single mechanisms from which pairs are tried."""
+
+FORM_ERROR = 0.10
+"""Part of a mechanism's gain that may be left over and pass for the error of its form rather than another mechanism.
+
+Other physical forms of the same mechanism leave a few hundredths once it is taken in detail; mechanisms from outside
+the catalogue mostly leave more of their nearest look-alike."""
+
+SHARE_OF_REST = 0.5
+"""Part of what is left that a further mechanism must explain to enter."""
+
+SHARE_OF_FIRST = 0.03
+"""Part of the gain so far that a further mechanism must bring: below, an error of form explains it as well."""
+
+ADEQUATE = 0.01
+"""p-value of the structure left over from which on a set of mechanisms is adequate.
+
+Below the level of the mismatch test, as it is looked at after a choice was made."""
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A set of mechanisms and what it leaves.
+
+    Parameters
+    ----------
+    fits : tuple of CandidateFit
+        The mechanisms, strongest first.
+    stage : Stage
+        The readings with them taken out and their parameters free.
+    """
+
+    fits: tuple[CandidateFit, ...]
+    stage: Stage
+
+    @property
+    def gain(self) -> float:
+        """Fall of the whitened sum of squares by all of them."""
+        return float(sum(fit.gain for fit in self.fits))
+
+    @property
+    def score(self) -> float:
+        """Gain less the cost of the parameters (Schwarz's criterion, up to a constant)."""
+        cost = sum(fit.cost for fit in self.fits)
+        return float(self.gain - cost * math.log(len(self.stage.left)))
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What a stage leaves.
+
+    Parameters
+    ----------
+    p_value : float
+        Of any structure in it.
+    excess : float
+        Sum of squares along the families of structure, beyond what noise gives, in noise variances.
+    """
+
+    p_value: float
+    excess: float
+
+    @property
+    def adequate(self) -> bool:
+        """Whether it may be noise."""
+        return self.p_value >= ADEQUATE
+
+
+@dataclass(frozen=True)
+class Naming:
+    """What the catalogue says.
+
+    Parameters
+    ----------
+    best : Explanation
+        The leading set; without mechanisms where none enters.
+    rivals : tuple of Explanation
+        Sets of other mechanisms within the margin, best first.
+    shafts : dict of str to str
+        Shaft of each named mechanism; ``either`` where only the shaft cannot be told.
+    probabilities : dict of str to float
+        By id of the mechanism: posterior weight among the single mechanisms of the catalogue, for equal prior odds.
+    remainder : Remainder
+        What the leading set leaves.
+    explained : bool
+        Whether the set is good enough to be named: adequate, or left with no more than an error of form.
+    ranking : tuple of CandidateFit
+        All single mechanisms, best first.
+    """
+
+    best: Explanation
+    rivals: tuple[Explanation, ...]
+    shafts: dict[str, str]
+    probabilities: dict[str, float]
+    remainder: Remainder
+    explained: bool
+    ranking: tuple[CandidateFit, ...]
+
+
+def take_out(stage: Stage, fit: CandidateFit) -> Stage:
+    """The stage with a fitted candidate taken out and its parameters free to move with the baseline's."""
+    slopes = []
+    for i, parameter in enumerate(fit.candidate.parameters):
+        step = 1e-3 * max(abs(float(fit.values[i])), 1e-3 * parameter.typical)
+        low, high = parameter.bounds
+        up, down = fit.values.copy(), fit.values.copy()
+        up[i], down[i] = min(fit.values[i] + step, high), max(fit.values[i] - step, low)
+        slopes.append((stage.effect(fit.candidate, up) - stage.effect(fit.candidate, down)) / (up[i] - down[i]))
+    columns = np.stack([stage.project(slope) for slope in slopes], axis=1)
+    added = orthonormal(columns, 1e-4)
+    left = stage.left - fit.seen
+    return replace(stage, baseline=np.hstack([stage.baseline, added]), left=left - added @ (added.T @ left))
+
+
+def _ranked(stage: Stage, without: tuple[str, ...]) -> list[CandidateFit]:
+    """All candidates fitted, best score first."""
+    fits = [fit_candidate(stage, c) for c in candidates() if c.identifier not in without]
+    return sorted(fits, key=lambda fit: fit.cost * math.log(len(stage.left)) - fit.gain)
+
+
+def _extended(first: Explanation, wanted: int) -> list[Explanation]:
+    """The best ways to add one mechanism to a set."""
+    taken = tuple(fit.candidate.identifier for fit in first.fits)
+    best = _ranked(first.stage, taken)[:wanted]
+    return [Explanation((*first.fits, fit), take_out(first.stage, fit)) for fit in best]
+
+
+def name_mechanisms(stage: Stage, left_over: Callable[[Stage], Remainder]) -> Naming:
+    """Search the catalogue: single mechanisms, then pairs and threes while something is left.
+
+    Parameters
+    ----------
+    stage : Stage
+        Readings with the baseline free.
+    left_over : callable
+        Judges what a stage leaves.
+
+    Notes
+    -----
+    A rival is any set with other mechanisms whose evidence comes within the margin of the best one's. What the best
+    set leaves beyond the noise widens the margin: it tells how far the catalogue's forms are from the truth, and two
+    mechanisms closer than that are not told apart.
+    """
+    empty = Explanation((), stage)
+    ranking = _ranked(stage, ())
+    singles = [Explanation((fit,), take_out(stage, fit)) for fit in ranking[: FIRST_OF_PAIRS + 3]]
+    best = singles[0] if singles[0].score > ENTRY else empty
+    remainder = left_over(best.stage)
+    pool = list(singles)
+    if best.fits and not remainder.adequate:
+        best, remainder, singles = _in_detail(stage, best, remainder, singles, left_over)
+        pool += singles
+    while best.fits and not remainder.adequate and len(best.fits) < MOST:
+        starts = [best] if len(best.fits) > 1 else singles[:FIRST_OF_PAIRS]
+        larger = sorted((e for start in starts for e in _extended(start, 3)), key=lambda e: -e.score)
+        if not larger or not _enters(best, larger[0], remainder.excess):
+            break
+        pool += larger
+        best = larger[0]
+        remainder = left_over(best.stage)
+    explained = bool(best.fits) and remainder.excess <= FORM_ERROR * best.gain
+    margin = MARGIN + (0.0 if remainder.adequate else remainder.excess)
+    near = [e for e in sorted(pool, key=lambda e: -e.score) if e.score > max(ENTRY, best.score - margin)]
+    rivals, shafts = _rivals(best, near)
+    return Naming(best, rivals, shafts, _probabilities(ranking, len(stage.left)), remainder, explained, tuple(ranking))
+
+
+def _in_detail(
+    stage: Stage,
+    best: Explanation,
+    remainder: Remainder,
+    singles: list[Explanation],
+    left_over: Callable[[Stage], Remainder],
+) -> tuple[Explanation, Remainder, list[Explanation]]:
+    """The leading mechanism in more detail, where it has one and the data call for it; it then leads the singles."""
+    finer = refinement(best.fits[0].candidate)
+    if finer is None:
+        return best, remainder, singles
+    fit = fit_candidate(stage, finer)
+    detailed = Explanation((fit,), take_out(stage, fit))
+    if detailed.score <= best.score + ENTRY:
+        return best, remainder, singles
+    return detailed, left_over(detailed.stage), [detailed, *singles[1:]]
+
+
+def _enters(before: Explanation, after: Explanation, excess: float) -> bool:
+    """Whether one more mechanism is more than an error of form of those before."""
+    gained = after.gain - before.gain
+    enough = max(SHARE_OF_REST * excess, SHARE_OF_FIRST * before.gain)
+    return after.score > before.score + ENTRY and gained > enough and _needed(after)
+
+
+def _needed(explanation: Explanation) -> bool:
+    """No mechanism sits on a bound of its size."""
+    return not any(set(fit.on_bound) & set(fit.candidate.sizes) for fit in explanation.fits)
+
+
+def _ids(explanation: Explanation) -> frozenset[str]:
+    return frozenset(fit.candidate.identifier for fit in explanation.fits)
+
+
+def _rivals(best: Explanation, near: list[Explanation]) -> tuple[tuple[Explanation, ...], dict[str, str]]:
+    """Rivals with other mechanisms, each set once; and the shafts of the best, open where a twin differs there only."""
+    shafts = {fit.candidate.identifier: fit.candidate.shaft for fit in best.fits}
+    rivals: dict[frozenset[str], Explanation] = {}
+    for other in near:
+        ids = _ids(other)
+        if ids == _ids(best):
+            for fit in other.fits:
+                if {shafts[fit.candidate.identifier], fit.candidate.shaft} == {"sun", "ring"}:
+                    shafts[fit.candidate.identifier] = "either"
+        elif len(other.fits) <= len(best.fits) and not _ids(best) < ids:
+            rivals.setdefault(ids, other)
+    return tuple(rivals.values()), shafts
+
+
+def _probabilities(ranking: list[CandidateFit], n: int) -> dict[str, float]:
+    scores = np.array([fit.gain - fit.cost * math.log(n) for fit in ranking])
+    weight: Array = np.exp(0.5 * (scores - scores.max()))
+    total: dict[str, float] = {}
+    for fit, share in zip(ranking, weight / weight.sum(), strict=True):
+        total[fit.candidate.identifier] = total.get(fit.candidate.identifier, 0.0) + float(share)
+    return total

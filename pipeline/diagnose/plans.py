@@ -1,0 +1,164 @@
+"""Tests a bench could still run: a few points each, in order, with the time they take."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.sim.grid import OperatingPoints
+from pmg.sim.mechanisms import Experiment
+from pmg.sim.signals import RPM
+
+if TYPE_CHECKING:
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.signals import Array
+
+A_POINT = 45.0
+"""Bench time of one point: approach, settling and a window of 5 s [s]."""
+
+PAUSE = 7200.0
+"""Pause after which the bench is cold again [s]."""
+
+LOW_SPEEDS = (20.0, 40.0, 80.0, 120.0, 200.0)
+"""Low sun speeds of a Stribeck test [rpm]; the ring's are those divided by 2.6."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A test.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Its kind.
+    description : str
+        What to run, for people.
+    points : OperatingPoints
+        The points in their order; the ring torque of engaged points is the load to ask for.
+    seconds : float
+        Bench time, pauses included [s].
+    """
+
+    experiment: Experiment
+    description: str
+    points: OperatingPoints
+    seconds: float
+
+
+def _points(
+    name: str, configuration: str, sun: Array, ring: Array, load: Array, *, drive: str = "sun", begin: float
+) -> OperatingPoints:
+    n = len(sun)
+    return OperatingPoints(
+        name=np.array([f"{name}_{i + 1:02d}" for i in range(n)]),
+        configuration=np.full(n, configuration),
+        gear=np.ones(n, dtype=np.int64),
+        drive=np.full(n, drive),
+        speed_sun=np.asarray(sun, dtype=np.float64),
+        speed_ring=np.asarray(ring, dtype=np.float64),
+        torque_ring=np.asarray(load, dtype=np.float64),
+        load_set=np.asarray(load, dtype=np.float64),
+        started_at=np.asarray(begin + A_POINT * (1.0 + np.arange(n)), dtype=np.float64),
+        rest_sun=np.asarray(sun) == 0.0,
+        rest_ring=np.asarray(ring) == 0.0,
+    )
+
+
+def join_points(*parts: OperatingPoints) -> OperatingPoints:
+    """Points one after the other."""
+    columns = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in OperatingPoints.__annotations__
+    }
+    return OperatingPoints(**columns)
+
+
+def possible_plans(at: OperatingPoints, bench: BenchParameters) -> tuple[Plan, ...]:
+    """Plans that fit a campaign: at its own speeds and loads, after its last point."""
+    begin = float(at.started_at.max()) if at.ordered and len(at) else 0.0
+    sun = _spread(np.abs(at.speed_sun[at.speed_sun != 0.0]), 6)
+    ring = _spread(np.abs(at.speed_ring[at.neutral & (at.speed_ring != 0.0)]), 6)
+    loads = np.abs(at.load_set[at.engaged])
+    plans = []
+    ratio = bench.gear1.ratio
+    if len(loads):
+        speed, load = np.tile(sun, 2), np.repeat([loads.min(), loads.max()], len(sun))
+        plans += [
+            Plan(
+                Experiment.REVERSED_FLOW,
+                f"Engaged with the ring motor driving: {len(speed)} points at {len(sun)} speeds and the lowest and "
+                "highest load",
+                _points("F", "engaged", speed, -speed / ratio, -load, drive="ring", begin=begin),
+                len(speed) * A_POINT,
+            ),
+            Plan(
+                Experiment.ENGAGED_LOADS,
+                f"Engaged at a third of the lowest load and at the highest: {len(speed)} points at {len(sun)} speeds",
+                _points(
+                    "L",
+                    "engaged",
+                    speed,
+                    -speed / ratio,
+                    np.repeat([loads.min() / 3.0, loads.max()], len(sun)),
+                    begin=begin,
+                ),
+                len(speed) * A_POINT,
+            ),
+        ]
+    if len(ring):
+        pair = min(len(sun), len(ring))
+        sun_n, ring_n = sun[:pair], ring[::-1][:pair]
+        back = _points("B", "neutral", -sun_n, ring_n, np.zeros(pair), begin=begin)
+        if len(loads):
+            load = np.full(len(sun), loads.max())
+            after = begin + A_POINT * pair
+            back = join_points(back, _points("BE", "engaged", -sun, sun / ratio, -load, begin=after))
+        rows = np.linspace(0, pair * pair - 1, 10).astype(int)
+        again_sun, again_ring = sun_n[rows % pair], ring_n[rows // pair]
+        low = np.array(LOW_SPEEDS) * RPM
+        plans += [
+            Plan(
+                Experiment.REVERSED_ROTATION,
+                f"Both shafts turning backwards: {len(back)} points",
+                back,
+                len(back) * A_POINT,
+            ),
+            Plan(
+                Experiment.REPEATS,
+                "Ten neutral points spread over the grid, in random order, right after the campaign and again after "
+                "two hours of rest",
+                join_points(
+                    _points("R", "neutral", again_sun, again_ring, np.zeros(10), begin=begin),
+                    _points("C", "neutral", again_sun, again_ring, np.zeros(10), begin=begin + PAUSE),
+                ),
+                20 * A_POINT + PAUSE,
+            ),
+            Plan(
+                Experiment.NEUTRAL_SWEEP,
+                "Neutral at low speed, each shaft turning alone: ten points",
+                join_points(
+                    _points("S", "neutral", low, np.zeros(5), np.zeros(5), begin=begin),
+                    _points("T", "neutral", np.zeros(5), low / ratio, np.zeros(5), begin=begin + 300.0),
+                ),
+                10 * A_POINT,
+            ),
+        ]
+    zero = np.zeros(5)
+    plans.append(
+        Plan(
+            Experiment.ZERO_CHECKS,
+            "Five zero checks, shafts free and at rest, over half an hour",
+            _points("Z", "zero", zero, zero, zero, begin=begin),
+            1800.0,
+        )
+    )
+    return tuple(plans)
+
+
+def _spread(values: Array, count: int) -> Array:
+    """That many values spread evenly over those that occur."""
+    levels = np.unique(np.round(values, 3))
+    if not len(levels):
+        return np.zeros(0)
+    return np.asarray(levels[np.unique(np.linspace(0, len(levels) - 1, count).astype(int))])

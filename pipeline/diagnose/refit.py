@@ -1,0 +1,113 @@
+"""Baseline and named mechanisms fitted together on the simulator itself, every constant free."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from pmg.pipeline.calibrate import CONSTANTS, parameter_names, parameter_values, with_parameters
+from pmg.pipeline.diagnose.candidates import predict_with
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.candidates import Candidate, CandidateFit, Stage
+    from pmg.sim.lossmodel import LossModel
+    from pmg.sim.mechanisms import Mechanism
+    from pmg.sim.signals import Array
+
+FREE = ("K_corr", "b", "c")
+"""Constants of the baseline that are fitted; d stays where the calibration has it, as there."""
+
+WEAK = 1e-7
+"""Ratio of singular values below which a direction is not determined and gets no error."""
+
+
+@dataclass(frozen=True)
+class Refit:
+    """The augmented model.
+
+    Parameters
+    ----------
+    model : LossModel
+        The baseline as it is with the mechanisms in.
+    candidates : tuple of Candidate
+        What was added.
+    values : tuple of (k,) array
+        Parameters of each.
+    standard_errors : tuple of (k,) array
+        Their standard errors; NaN on a bound or where not determined.
+    baseline_errors : dict of str to float
+        Standard errors of the free baseline constants; NaN on a bound.
+    prediction : (m,) array
+        What the augmented model gives for each reading [N m].
+    """
+
+    model: LossModel
+    candidates: tuple[Candidate, ...]
+    values: tuple[Array, ...]
+    standard_errors: tuple[Array, ...]
+    baseline_errors: dict[str, float]
+    prediction: Array
+
+    def mechanisms(self, stage: Stage) -> tuple[Mechanism, ...]:
+        """The added mechanisms with their numbers."""
+        pairs = zip(self.candidates, self.values, strict=True)
+        return tuple(candidate.mechanism(stage.bench, self.model, values) for candidate, values in pairs)
+
+
+def refit(stage: Stage, fits: tuple[CandidateFit, ...]) -> Refit:
+    """Nonlinear least squares of all constants at once, from the separate fits.
+
+    Notes
+    -----
+    Residuals are whitened, so that the covariance :math:`(J^T J)^{-1}` holds for noise that is correlated from point
+    to point. Bounds are the physical ones.
+    """
+    names = parameter_names(stage.model, FREE)
+    n_curves = len(names) - len(FREE)
+    begin = [parameter_values(stage.model, FREE)]
+    scale = [np.r_[np.full(n_curves, 0.1), [CONSTANTS[name].typical for name in FREE]]]
+    low = [np.r_[np.full(n_curves, -np.inf), [CONSTANTS[name].bounds[0] for name in FREE]]]
+    high = [np.r_[np.full(n_curves, np.inf), [CONSTANTS[name].bounds[1] for name in FREE]]]
+    for fit in fits:
+        parameters = fit.candidate.parameters
+        begin.append(fit.values)
+        scale.append(np.array([p.typical for p in parameters]))
+        low.append(np.array([p.bounds[0] for p in parameters]))
+        high.append(np.array([p.bounds[1] for p in parameters]))
+    start, size, lower, upper = (np.concatenate(parts) for parts in (begin, scale, low, high))
+    cuts = np.cumsum([len(part) for part in begin])[:-1]
+
+    def predicted(values: Array) -> Array:
+        own, *added = np.split(values, cuts)
+        model = with_parameters(stage.model, FREE, own)
+        extra = tuple(f.candidate.mechanism(stage.bench, model, v) for f, v in zip(fits, added, strict=True))
+        return predict_with(stage.readings, stage.bench, model, extra)
+
+    def residuals(scaled: Array) -> Array:
+        return stage.white((stage.readings.torque - predicted(scaled * size))[:, None])[:, 0]
+
+    inside = np.clip(start, lower + 1e-9 * size, upper - 1e-9 * size)
+    found = least_squares(residuals, inside / size, bounds=(lower / size, upper / size), xtol=1e-9, ftol=1e-10)
+    values = found.x * size
+    margin = 1e-4 * size
+    free = (values - lower > margin) & (upper - values > margin)
+    errors = np.full(len(values), np.nan)
+    slopes = np.asarray(found.jac)
+    _, singular, right = np.linalg.svd(slopes[:, free], full_matrices=False)
+    weak = singular < WEAK * singular[0]
+    spread = np.where(weak[:, None], 0.0, right / np.where(weak, 1.0, singular)[:, None])
+    lost = (np.abs(right[weak]) > 0.3).any(axis=0) if weak.any() else np.zeros(int(free.sum()), dtype=bool)
+    errors[free] = np.where(lost, np.nan, np.sqrt(np.sum(spread**2, axis=0)) * size[free])
+    own, *added = np.split(values, cuts)
+    own_errors, *added_errors = np.split(errors, cuts)
+    return Refit(
+        with_parameters(stage.model, FREE, own),
+        tuple(fit.candidate for fit in fits),
+        tuple(added),
+        tuple(added_errors),
+        dict(zip(names, own_errors.tolist(), strict=True)),
+        predicted(values),
+    )

@@ -1,0 +1,92 @@
+"""The verdict in sentences."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnose.decide import Verdict
+from pmg.sim.signals import MINUTE
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.decide import Diagnosis
+    from pmg.pipeline.diagnose.naming import Explanation
+
+SHAFT_WORDS = {
+    "sun": " on the sun shaft",
+    "ring": " on the ring shaft",
+    "both": "",
+    "either": " (which shaft cannot be told: the same error with the other sign on the other one reads alike)",
+}
+
+
+def statement(diagnosis: Diagnosis) -> str:
+    """The verdict in a few sentences."""
+    mismatch = diagnosis.mismatch
+    if diagnosis.verdict is Verdict.CONFOUNDED:
+        return (
+            f"No mismatch beyond the noise (p = {mismatch.p_value:.3g}), but this campaign cannot tell: the points "
+            f"were run in the order of the {' and '.join(diagnosis.blind)} speed and none was repeated: a slow change, "
+            "however large, would pass for part of the loss curve. Repeat points spread over the grid, in random order."
+        )
+    if diagnosis.verdict is Verdict.CONSISTENT:
+        return (
+            f"No mismatch beyond the noise (p = {mismatch.p_value:.3g} over {mismatch.tested} kinds of structure, "
+            f"judged at {mismatch.false_alarm_rate:.0%})."
+        )
+    sentences = [_place(diagnosis)]
+    if diagnosis.naming is None or diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
+        sentences.append("No mechanism of the catalogue explains it: place and shape are given, not a cause.")
+    elif diagnosis.verdict is Verdict.NAMED:
+        sentences.append(f"What was left out: {causes(diagnosis, diagnosis.naming.best)}.")
+    else:
+        sets = [causes(diagnosis, diagnosis.naming.best)]
+        sets += [causes(diagnosis, rival.explanation) for rival in diagnosis.rivals]
+        sentences.append(f"These recordings cannot tell between: {'; or '.join(sets)}.")
+        tests = [rival.test for rival in diagnosis.rivals if rival.test is not None]
+        if tests:
+            test = max(tests, key=lambda test: test.power)
+            sentences.append(
+                f"{test.plan.description} would tell ({test.plan.seconds / MINUTE:.0f} min, power {test.power:.0%})."
+            )
+    sentences.append(_held_out(diagnosis))
+    return " ".join(sentence for sentence in sentences if sentence)
+
+
+def causes(diagnosis: Diagnosis, explanation: Explanation) -> str:
+    """A set of mechanisms in words, with the root mean square of what each does."""
+    shafts = diagnosis.naming.shafts if diagnosis.naming is not None else {}
+    words = []
+    for fit in explanation.fits:
+        own = diagnosis.naming is not None and explanation is diagnosis.naming.best
+        shaft = shafts.get(fit.candidate.identifier, fit.candidate.shaft) if own else fit.candidate.shaft
+        touched = fit.effect[fit.effect != 0.0]
+        size = float(np.sqrt(np.mean(touched**2))) if touched.size else 0.0
+        title = fit.candidate.kind.title
+        words.append(f"{title[0].lower()}{title[1:]}{SHAFT_WORDS[shaft]}, {size * 1e3:.1f} mN m rms")
+    return " together with ".join(words)
+
+
+def _place(diagnosis: Diagnosis) -> str:
+    place = diagnosis.mismatch.locations[0]
+    follows = " and ".join(word.replace("_", " ") for word in place.depends_on) or "nothing that was recorded"
+    special = {"all": "in every configuration", "zero": "at the zero checks"}
+    where = special.get(place.configuration, f"in {place.configuration} points")
+    return (
+        f"Simulation and recordings differ (p ≤ {diagnosis.mismatch.p_value:.2g}): clearest in the "
+        f"{place.signal.replace('torque_', '')} torque {where}, {place.size * 1e3:.1f} mN m rms, following {follows}."
+    )
+
+
+def _held_out(diagnosis: Diagnosis) -> str:
+    held = diagnosis.held_out
+    if held is None:
+        return ""
+    low, high = held.gain_interval
+    change = "falls" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly fall:")
+    what = "it" if diagnosis.refit is not None else "that structure (its kind chosen on all readings)"
+    return (
+        f"With {what} in, the error on withheld readings {change} from {held.rmse_before * 1e3:.2f} to "
+        f"{held.rmse_after * 1e3:.2f} mN m (noise {held.noise_floor * 1e3:.2f})."
+    )

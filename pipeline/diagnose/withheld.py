@@ -1,0 +1,127 @@
+"""Does naming a mechanism help on recordings it has not seen: parts withheld before anything is chosen."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.calibrate import jacobian
+from pmg.pipeline.diagnose.candidates import Candidate, CandidateFit, Stage, candidates, fit_candidate, refinement
+from pmg.pipeline.diagnose.holdout import BLOCKS, RESAMPLES, HeldOut
+from pmg.pipeline.diagnose.naming import ENTRY, take_out
+from pmg.pipeline.diagnose.noise import BASELINE_FREE, orthonormal
+from pmg.pipeline.diagnose.whiten import Whitener
+
+if TYPE_CHECKING:
+    from pmg.sim.signals import Array, Mask
+
+FOLDS = 4
+"""Parts withheld in turn; for each the whole choice is made anew without it."""
+
+
+def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Generator) -> HeldOut:
+    """Errors on withheld blocks, with the baseline alone and with what the rest of the readings would name.
+
+    Parameters
+    ----------
+    stage : Stage
+        All readings.
+    fits : tuple of CandidateFit
+        What was named on all of them; it decides only which readings are looked at, and how many mechanisms are
+        chosen from the rest.
+    rng : numpy.random.Generator
+        Resamples the blocks.
+
+    Notes
+    -----
+    Blocks of neighbours in the order of the test, or whole inner rows of sun speed where the order is not known. For
+    every fold the mechanism is chosen among the whole catalogue, and baseline and mechanism are fitted, on the other
+    folds only. What was run before a point is known without its reading, so mechanisms with a memory see the whole
+    run history.
+    """
+    readings, at = stage.readings, stage.readings.grid.points
+    key = at.started_at[readings.row] if at.ordered else np.abs(at.speed_sun[readings.row])
+    levels = np.unique(key)
+    n_blocks = min(BLOCKS if at.ordered else len(levels), len(levels))
+    block = (np.searchsorted(levels, key) * n_blocks) // len(levels)
+    fold = block % FOLDS
+    if not at.ordered:  # the outermost rows always train: a fit is not asked to reach beyond its data
+        fold = np.where((block == 0) | (block == n_blocks - 1), FOLDS, fold)
+    effect = np.sum([fit.effect for fit in fits], axis=0)
+    touched = (np.abs(effect) > 0.1 * np.sqrt(np.mean(effect**2))) & (fold < FOLDS)
+    y = readings.torque - stage.predicted
+    columns = jacobian(readings, stage.bench, stage.model, BASELINE_FREE)
+    before, after = y.copy(), y.copy()
+    chosen: Counter[str] = Counter()
+    for k in range(FOLDS):
+        train, test = fold != k, fold == k
+        scale = stage.white.scale
+        before[test] = _left(y, columns, scale, train)[test]
+        effects = np.zeros_like(y)
+        part = _part(stage, train)
+        taken: list[str] = []
+        for _ in fits:
+            fit = _choose(part, taken)
+            part = take_out(part, fit)
+            effects = effects + stage.effect(fit.candidate, fit.values)
+            taken.append(fit.candidate.identifier)
+        chosen.update(taken)
+        after[test] = _left(y - effects, columns, scale, train)[test]
+    squares = before**2, after**2
+    blocks = [rows for k in range(n_blocks) if len(rows := np.flatnonzero((block == k) & touched))]
+    gains = []
+    for _ in range(RESAMPLES):
+        rows = np.concatenate([blocks[i] for i in rng.integers(len(blocks), size=len(blocks))])
+        gains.append(math.sqrt(squares[0][rows].mean()) - math.sqrt(squares[1][rows].mean()))
+    low, high = np.quantile(gains, [0.025, 0.975])
+    named = {fit.candidate.identifier for fit in fits}
+    kept = sum(count for name, count in chosen.items() if name in named)
+    what = "blocks of neighbouring points in the order of the test" if at.ordered else "inner rows of sun speed"
+    return HeldOut(
+        split=f"{what}, a quarter at a time, withheld before the choice: the same mechanism was chosen in {kept} of "
+        f"{FOLDS * len(fits)}",
+        rmse_before=math.sqrt(squares[0][touched].mean()),
+        rmse_after=math.sqrt(squares[1][touched].mean()),
+        noise_floor=math.sqrt(float(np.mean(stage.white.scale[touched] ** 2))),
+        gain_interval=(float(low), float(high)),
+    )
+
+
+def _left(y: Array, columns: Array, scale: Array, train: Mask) -> Array:
+    """Readings less the baseline that the training rows determine."""
+    design, wanted = columns[train] / scale[train, None], y[train] / scale[train]
+    length = np.linalg.norm(design, axis=0)
+    length[length == 0.0] = 1.0
+    solution = np.linalg.lstsq(design / length, wanted, rcond=1e-8)[0] / length
+    return np.asarray(y - columns @ solution)
+
+
+def _part(stage: Stage, rows: Mask) -> Stage:
+    """The stage of some of the readings; neighbours are no longer neighbours, so the noise is taken as white."""
+    readings = stage.readings[rows]
+    white = Whitener(stage.white.scale[rows], ())
+    columns = jacobian(stage.readings, stage.bench, stage.model, BASELINE_FREE)[rows]
+    basis = orthonormal(white(columns))
+    y = white((readings.torque - stage.predicted[rows])[:, None])[:, 0]
+    left = y - basis @ (basis.T @ y)
+    predicted, ideal = stage.predicted[rows], stage.ideal[rows]
+    return replace(stage, readings=readings, white=white, baseline=basis, left=left, predicted=predicted, ideal=ideal)
+
+
+def _choose(stage: Stage, without: list[str]) -> CandidateFit:
+    free: list[Candidate] = [c for c in candidates() if c.identifier not in without]
+    fits = [fit_candidate(stage, candidate) for candidate in free]
+    best = max(fits, key=lambda fit: _score(stage, fit))
+    finer = refinement(best.candidate)
+    if finer is None:
+        return best
+    detailed = fit_candidate(stage, finer)
+    return detailed if _score(stage, detailed) > _score(stage, best) + ENTRY else best
+
+
+def _score(stage: Stage, fit: CandidateFit) -> float:
+    return fit.gain - fit.cost * math.log(len(stage.left))
