@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 FREE = ("K_corr", "b", "c")
 """Constants of the baseline that are fitted; d stays where the calibration has it, as there."""
 
+MOST_STEPS = 60
+"""Steps of the fit; it starts from the separate fits, so a few are enough."""
+
 WEAK = 1e-7
 """Ratio of singular values below which a direction is not determined and gets no error."""
 
@@ -63,7 +66,7 @@ def refit(stage: Stage, fits: tuple[CandidateFit, ...]) -> Refit:
     Notes
     -----
     Residuals are whitened, so that the covariance :math:`(J^T J)^{-1}` holds for noise that is correlated from point
-    to point. Bounds are the physical ones.
+    to point. Bounds are the physical ones; a parameter that sat on one stays there.
     """
     names = parameter_names(stage.model, FREE)
     n_curves = len(names) - len(FREE)
@@ -79,6 +82,8 @@ def refit(stage: Stage, fits: tuple[CandidateFit, ...]) -> Refit:
         high.append(np.array([p.bounds[1] for p in parameters]))
     start, size, lower, upper = (np.concatenate(parts) for parts in (begin, scale, low, high))
     cuts = np.cumsum([len(part) for part in begin])[:-1]
+    stuck = [name in fit.on_bound for fit in fits for name in (p.name for p in fit.candidate.parameters)]
+    loose = ~np.r_[np.zeros(len(names), dtype=bool), np.array(stuck, dtype=bool)]
 
     def predicted(values: Array) -> Array:
         own, *added = np.split(values, cuts)
@@ -86,16 +91,23 @@ def refit(stage: Stage, fits: tuple[CandidateFit, ...]) -> Refit:
         extra = tuple(f.candidate.mechanism(stage.bench, model, v) for f, v in zip(fits, added, strict=True))
         return predict_with(stage.readings, stage.bench, model, extra)
 
-    def residuals(scaled: Array) -> Array:
-        return stage.white((stage.readings.torque - predicted(scaled * size))[:, None])[:, 0]
+    def whole(scaled: Array) -> Array:
+        values = start.copy()
+        values[loose] = scaled * size[loose]
+        return values
 
-    inside = np.clip(start, lower + 1e-9 * size, upper - 1e-9 * size)
-    found = least_squares(residuals, inside / size, bounds=(lower / size, upper / size), xtol=1e-9, ftol=1e-10)
-    values = found.x * size
+    def residuals(scaled: Array) -> Array:
+        return stage.white((stage.readings.torque - predicted(whole(scaled)))[:, None])[:, 0]
+
+    inside = np.clip(start, lower + 1e-6 * size, upper - 1e-6 * size)[loose] / size[loose]
+    bounds = (lower / size)[loose], (upper / size)[loose]
+    found = least_squares(residuals, inside, bounds=bounds, xtol=1e-7, ftol=1e-8, max_nfev=MOST_STEPS)
+    values = whole(found.x)
     margin = 1e-4 * size
-    free = (values - lower > margin) & (upper - values > margin)
+    free = loose & (values - lower > margin) & (upper - values > margin)
     errors = np.full(len(values), np.nan)
-    slopes = np.asarray(found.jac)
+    slopes = np.zeros((len(stage.readings), len(values)))
+    slopes[:, loose] = np.asarray(found.jac)
     _, singular, right = np.linalg.svd(slopes[:, free], full_matrices=False)
     weak = singular < WEAK * singular[0]
     spread = np.where(weak[:, None], 0.0, right / np.where(weak, 1.0, singular)[:, None])
