@@ -194,6 +194,64 @@ def validate(
     carry_out("validate", stage, as_json, fail_on)
 
 
+@app.command()
+def design(
+    plan: Annotated[
+        Path | None, typer.Argument(help="TOML file with a [plan] of points to run.", metavar="[PLAN.toml]")
+    ] = None,
+    store: Annotated[Path | None, typer.Option("--store", help="Store with an analysed campaign, instead.")] = None,
+    report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
+    as_json: JsonOption = False,
+    fail_on: FailOnOption = FailOn.NEVER,
+) -> None:
+    """Say what a campaign's points can tell apart, before or after it is run, and which tests would add to it."""
+
+    def stage() -> Outcome:
+        from pmg.pipeline.design_stage import run_design
+
+        return run_design(plan, store, report)
+
+    carry_out("design", stage, as_json, fail_on)
+
+
+@app.command()
+def prove(
+    out: Annotated[Path, typer.Option("--out", help="Folder of seal, results, scores.json, report.html; resumed.")],
+    campaigns: Annotated[
+        int | None, typer.Option("--campaigns", help="How many concealed campaigns; 200 if not given.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Master seed of the campaigns.")] = None,
+    strata: Annotated[
+        str | None, typer.Option("--strata", help="Kinds out of clean,one,outside,two,confounded; all if not given.")
+    ] = None,
+    route: Annotated[str, typer.Option("--route", help="grid (fast), or recordings: through files.")] = "grid",
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="Processes; all processors if absent.")
+    ] = None,
+    case: Annotated[int | None, typer.Option("--case", help="Run this campaign only, and say what came.")] = None,
+    as_json: JsonOption = False,
+    fail_on: FailOnOption = FailOn.NEVER,
+) -> None:
+    """Try the diagnosis on concealed campaigns with sealed truths, and set each rate beside its aim."""
+
+    def stage() -> Outcome:
+        from pmg.pipeline.prove.trial.stage import run_prove
+
+        with _progress(as_json, "prove") as progress:
+            return run_prove(
+                out,
+                campaigns=campaigns,
+                seed=seed,
+                strata=strata,
+                route=route,
+                workers=workers,
+                case=case,
+                progress=progress,
+            )
+
+    carry_out("prove", stage, as_json, fail_on)
+
+
 def _options(
     grids: Path | None, terms_sun: str | None, terms_ring: str | None, k_corr: str | None, include_rest: bool | None
 ) -> AnalysisOptions:
@@ -209,7 +267,7 @@ def _options(
 
 
 @contextmanager
-def _progress(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
+def _progress(quiet: bool, what: str = "ingest") -> Iterator[Callable[[int, int, str], None]]:
     """A progress line on standard error: rewritten on a terminal, one line a tenth elsewhere."""
     terminal = sys.stderr.isatty()
     shown = -1
@@ -220,7 +278,7 @@ def _progress(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
         if step == shown or (quiet and not terminal):
             return
         shown = step
-        text = f"ingest {done}/{total} {name}"
+        text = f"{what} {done}/{total} {name}"
         sys.stderr.write(f"\r\x1b[K{text}" if terminal else f"{text}\n")
         sys.stderr.flush()
 

@@ -152,6 +152,23 @@ class Output(Strict):
     figures: bool = True
 
 
+class Plan(Strict):
+    """A campaign that is to be run, for the design audit."""
+
+    neutral_sun_rpm: Annotated[list[Rpm], Field(min_length=1)]
+    neutral_ring_rpm: Annotated[list[Rpm], Field(min_length=1)]
+    engaged_sun_rpm: list[Rpm] = Field(default_factory=list)
+    engaged_load_nm: list[Amplitude] = Field(default_factory=list)
+    order: Literal["random", "rising", "falling"] = "random"
+    repeats: Annotated[int, Field(ge=0, le=1000)] = 0
+    zero_checks: Annotated[int, Field(ge=0, le=1000)] = 0
+    reversed_flow: bool = False
+    reversed_rotation: bool = False
+    seconds_a_point: Annotated[float, within(1.0, 3_600.0, "s")] = 45.0
+    noise_sun_nm: Annotated[float, within(1e-6, 1.0, "N m")] = 1e-3
+    noise_ring_nm: Annotated[float, within(1e-6, 1.0, "N m")] = 1e-3
+
+
 def _assumptions(table: object) -> Assumptions:
     """What the thesis leaves open, as a table of the file chooses it."""
     if not isinstance(table, dict):
@@ -194,10 +211,13 @@ class Scenario(Strict):
     grid: Levels | None = None
     transient: Transient | None = None
     response: Response | None = None
+    plan: Plan | None = None
     output: Output = Output()
 
     @model_validator(mode="after")
     def _whole(self) -> Scenario:
-        if not (self.point or self.grid or self.transient or self.response):
-            refuse("nothing to simulate", "[point], [grid], [transient] or [response]", "Add one of these tables.")
+        if not (self.point or self.grid or self.transient or self.response or self.plan):
+            refuse(
+                "nothing to simulate", "[point], [grid], [transient], [response] or [plan]", "Add one of these tables."
+            )
         return self

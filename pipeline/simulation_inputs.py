@@ -70,7 +70,7 @@ class Inputs:
 def gather_inputs(file: ScenarioFile, bench: BenchParameters) -> Inputs:
     """What a scenario names, read and made into a model."""
     scenario, mode = file.scenario, file.scenario.bench
-    model = _loss_model(file, bench)
+    model = loss_model(file, bench)
     torque_map, about_map = _torque_map(file, bench)
     drivetrain = Drivetrain(
         bench,
@@ -92,7 +92,7 @@ def gather_inputs(file: ScenarioFile, bench: BenchParameters) -> Inputs:
     return Inputs(bench, model, drivetrain, sun, ring, facts)
 
 
-def _loss_model(file: ScenarioFile, bench: BenchParameters) -> LossModel | None:
+def loss_model(file: ScenarioFile, bench: BenchParameters) -> LossModel | None:
     """The losses: curves fitted to the grids, and what is not set by hand calibrated on them."""
     given = file.scenario.losses
     if given.none:

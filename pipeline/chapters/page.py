@@ -26,6 +26,11 @@ PACKAGES = ("pmg-bench", "numpy", "scipy", "pandas", "polars", "mcap", "matplotl
 """Distributions whose versions the report names."""
 
 
+def versions(packages: tuple[str, ...]) -> str:
+    """Distributions and their versions, in one line."""
+    return ", ".join(f"{name} {version(name)}" for name in packages)
+
+
 def build_report(
     analysis: Analysis,
     residuals: Residuals | None,
@@ -71,13 +76,12 @@ def build_report(
     sections.extend(published_sections(analysis.grid, bench))
     sections.append(data_section(analysis, note, findings))
     grid = analysis.grid
-    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     return Report(
         title=f"Campaign {grid.campaign}",
         subtitle=note or "Planetary magnetic gearbox: recordings, losses, simulation and what explains the difference",
         verdict=_verdict(analysis, diagnosis),
         sections=tuple(sections),
-        provenance=Facts((*provenance, ("Versions", versions))),
+        provenance=Facts((*provenance, ("Versions", versions(PACKAGES)))),
     )
 
 

@@ -47,9 +47,10 @@ class Plan:
     seconds: float
 
 
-def _points(
+def make_points(
     name: str, configuration: str, sun: Array, ring: Array, load: Array, *, drive: str = "sun", begin: float
 ) -> OperatingPoints:
+    """Points of stage 1 in a row from a time on: speeds [rad/s], ring torque to ask for [N m], start [s]."""
     n = len(sun)
     return OperatingPoints(
         name=np.array([f"{name}_{i + 1:02d}" for i in range(n)]),
@@ -89,13 +90,13 @@ def possible_plans(at: OperatingPoints, bench: BenchParameters) -> tuple[Plan, .
                 Experiment.REVERSED_FLOW,
                 f"Engaged with the ring motor driving: {len(speed)} points at {len(sun)} speeds and the lowest and "
                 "highest load",
-                _points("F", "engaged", speed, -speed / ratio, -load, drive="ring", begin=begin),
+                make_points("F", "engaged", speed, -speed / ratio, -load, drive="ring", begin=begin),
                 len(speed) * A_POINT,
             ),
             Plan(
                 Experiment.ENGAGED_LOADS,
                 f"Engaged at a third of the lowest load and at the highest: {len(speed)} points at {len(sun)} speeds",
-                _points(
+                make_points(
                     "L",
                     "engaged",
                     speed,
@@ -109,11 +110,11 @@ def possible_plans(at: OperatingPoints, bench: BenchParameters) -> tuple[Plan, .
     if len(ring):
         pair = min(len(sun), len(ring))
         sun_n, ring_n = sun[:pair], ring[::-1][:pair]
-        back = _points("B", "neutral", -sun_n, ring_n, np.zeros(pair), begin=begin)
+        back = make_points("B", "neutral", -sun_n, ring_n, np.zeros(pair), begin=begin)
         if len(loads):
             load = np.full(len(sun), loads.max())
             after = begin + A_POINT * pair
-            back = join_points(back, _points("BE", "engaged", -sun, sun / ratio, -load, begin=after))
+            back = join_points(back, make_points("BE", "engaged", -sun, sun / ratio, -load, begin=after))
         rows = np.linspace(0, pair * pair - 1, 10).astype(int)
         again_sun, again_ring = sun_n[rows % pair], ring_n[rows // pair]
         low = np.array(LOW_SPEEDS) * RPM
@@ -129,8 +130,8 @@ def possible_plans(at: OperatingPoints, bench: BenchParameters) -> tuple[Plan, .
                 "Ten neutral points spread over the grid, in random order, right after the campaign and again after "
                 "two hours of rest",
                 join_points(
-                    _points("R", "neutral", again_sun, again_ring, np.zeros(10), begin=begin),
-                    _points("C", "neutral", again_sun, again_ring, np.zeros(10), begin=begin + PAUSE),
+                    make_points("R", "neutral", again_sun, again_ring, np.zeros(10), begin=begin),
+                    make_points("C", "neutral", again_sun, again_ring, np.zeros(10), begin=begin + PAUSE),
                 ),
                 20 * A_POINT + PAUSE,
             ),
@@ -138,8 +139,8 @@ def possible_plans(at: OperatingPoints, bench: BenchParameters) -> tuple[Plan, .
                 Experiment.NEUTRAL_SWEEP,
                 "Neutral at low speed, each shaft turning alone: ten points",
                 join_points(
-                    _points("S", "neutral", low, np.zeros(5), np.zeros(5), begin=begin),
-                    _points("T", "neutral", np.zeros(5), low / ratio, np.zeros(5), begin=begin + 300.0),
+                    make_points("S", "neutral", low, np.zeros(5), np.zeros(5), begin=begin),
+                    make_points("T", "neutral", np.zeros(5), low / ratio, np.zeros(5), begin=begin + 300.0),
                 ),
                 10 * A_POINT,
             ),
@@ -149,7 +150,7 @@ def possible_plans(at: OperatingPoints, bench: BenchParameters) -> tuple[Plan, .
         Plan(
             Experiment.ZERO_CHECKS,
             "Five zero checks, shafts free and at rest, over half an hour",
-            _points("Z", "zero", zero, zero, zero, begin=begin),
+            make_points("Z", "zero", zero, zero, zero, begin=begin),
             1800.0,
         )
     )

@@ -1,0 +1,134 @@
+"""The stage behind ``pmg design``: what a campaign, run or planned, can tell apart."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.analyse import analyse
+from pmg.pipeline.chapters.audit import audit_section
+from pmg.pipeline.chapters.page import PACKAGES, versions
+from pmg.pipeline.diagnose.audit import audit_design
+from pmg.pipeline.outputs import read_analysis
+from pmg.pipeline.planned import planned_floor, planned_grid
+from pmg.pipeline.report.document import Facts, Report, Verdict
+from pmg.pipeline.report.write import write_report
+from pmg.pipeline.scenario_file import read_scenario
+from pmg.pipeline.simulation_inputs import loss_model
+from pmg.pipeline.stages import Outcome
+from pmg.sim.bench import load_bench
+from pmg.sim.errors import BenchError
+from pmg.sim.signals import MINUTE
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pmg.pipeline.diagnose.audit import Audit, LookAlike, Visibility
+
+
+def run_design(plan: Path | None, store: Path | None, report: Path | None = None) -> Outcome:
+    """Audit the points of an analysed campaign, or of a plan.
+
+    Parameters
+    ----------
+    plan : Path, optional
+        TOML file with a ``[plan]`` table and a source of losses.
+    store : Path, optional
+        Store with an analysis.
+    report : Path, optional
+        Folder of a report; none is written when not given.
+    """
+    if (plan is None) == (store is None):
+        came = "neither PLAN nor --store" if plan is None else "both PLAN and --store"
+        raise BenchError("pmg design", came, "one of them", "Name a plan, or a store with an analysed campaign.")
+    bench = load_bench()
+    if plan is not None:
+        file = read_scenario(plan)
+        if file.scenario.plan is None:
+            raise BenchError(str(plan), "no [plan]", "a table [plan]", "Add one.")
+        model = loss_model(file, bench)
+        if model is None:
+            raise BenchError(f"{plan}: losses", "none", "losses to take effects about", "Name grids or an analysis.")
+        grid, floor, name = planned_grid(file.scenario.plan, bench), planned_floor(file.scenario.plan), str(plan)
+    else:
+        assert store is not None  # one of the two is given
+        measured, options = read_analysis(store)
+        analysis = analyse(measured, options, bench)
+        if analysis.calibration is None or analysis.floor is None:
+            raise analysis.missing[0]
+        grid, floor, model = analysis.grid, analysis.floor, analysis.calibration.model
+        name = f"campaign {grid.campaign}"
+    audit = audit_design(grid, bench, model, floor)
+    data: dict[str, Any] = {
+        "of": name,
+        "points": len(grid),
+        "noise_Nm": {"sun": floor.sun.u, "ring": floor.ring.u},
+        "mechanisms": [_visible(row) for row in audit.visible],
+        "look_alikes": [_alike(pair) for pair in audit.alike],
+        "report": None,
+    }
+    lines = [*_lines(audit)]
+    if report is not None:
+        page = Report(
+            title=f"What {name} can tell apart",
+            subtitle=f"{len(grid)} points, audited from their design and noise alone",
+            verdict=Verdict(_told(audit), "attention" if audit.alike else "good"),
+            sections=(audit_section(audit),),
+            provenance=Facts((("Of", name), ("Versions", versions(PACKAGES)))),
+        )
+        files = write_report(page, report)
+        data["report"] = str(files[0])
+        lines.append(f"report: {files[0]}")
+    return Outcome(data, tuple(lines))
+
+
+def _told(audit: Audit) -> str:
+    unseen = [f"{row.candidate.identifier} ({row.candidate.shaft})" for row in audit.visible if row.unseen]
+    hidden = f"cannot be seen at any size: {', '.join(unseen)}" if unseen else "every mechanism can be seen"
+    pairs = f"{len(audit.alike)} pairs look alike" if audit.alike else "no two of them look alike"
+    return f"Of the catalogue, {hidden}; {pairs}."
+
+
+def _lines(audit: Audit) -> list[str]:
+    rows = [f"{'mechanism':<34}{'shaft':<6}{'absorbed':>9}{'50 % [mN m]':>13}{'95 % [mN m]':>13}"]
+    for row in audit.visible:
+        sizes = ("-", "-") if row.unseen else (f"{row.size_50 * 1e3:.2f}", f"{row.size_95 * 1e3:.2f}")
+        rows.append(
+            f"{row.candidate.identifier:<34}{row.candidate.shaft:<6}{100.0 * row.absorbed:>8.1f}%"
+            f"{sizes[0]:>13}{sizes[1]:>13}"
+        )
+    for pair in audit.alike:
+        test = (
+            "no known test tells"
+            if pair.plan is None
+            else (f"{pair.plan.experiment}, {pair.plan.seconds / MINUTE:.0f} min, power {pair.power:.0%}")
+        )
+        rows.append(
+            f"look alike ({pair.correlation:.3f}): {pair.one.identifier} ({pair.one.shaft}) and "
+            f"{pair.other.identifier} ({pair.other.shaft}); {test}"
+        )
+    return [*rows, _told(audit)]
+
+
+def _visible(row: Visibility) -> dict[str, Any]:
+    names = [parameter.name for parameter in row.candidate.parameters]
+    return {
+        "id": row.candidate.identifier,
+        "shaft": row.candidate.shaft,
+        "absorbed": row.absorbed,
+        "seen": not row.unseen,
+        "size_50_Nm": row.size_50 if math.isfinite(row.size_50) else None,
+        "size_95_Nm": row.size_95 if math.isfinite(row.size_95) else None,
+        "parameters_50": dict(zip(names, map(float, row.values_50), strict=True)),
+    }
+
+
+def _alike(pair: LookAlike) -> dict[str, Any]:
+    return {
+        "ids": [pair.one.identifier, pair.other.identifier],
+        "shafts": [pair.one.shaft, pair.other.shaft],
+        "correlation": pair.correlation,
+        "test": None if pair.plan is None else pair.plan.description,
+        "minutes": None if pair.plan is None else pair.plan.seconds / MINUTE,
+        "power": pair.power,
+    }

@@ -1,0 +1,83 @@
+"""Mechanisms planted by the proving bench, which shares no form with the catalogue, named again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pmg.pipeline.analyse import analyse
+from pmg.pipeline.diagnose.candidates import CandidateFit, candidates, fit_candidate, set_stage
+from pmg.pipeline.diagnose.decide import Diagnosis, Verdict, diagnose
+from pmg.pipeline.diagnose.document import diagnosis_document
+from pmg.pipeline.diagnose.naming import take_out
+from pmg.pipeline.diagnose.statement import statement
+from pmg.pipeline.diagnose.whiten import whitener
+from pmg.pipeline.options import AnalysisOptions
+from pmg.pipeline.prove.nature import draw_case, measure_case
+from pmg.pipeline.prove.strata import find_stratum
+from pmg.pipeline.readings import take_readings
+from pmg.sim.bench import BenchParameters
+
+
+def diagnosed(stratum: str, bench: BenchParameters, seed: int) -> Diagnosis:
+    rng = np.random.default_rng(seed)
+    grid = measure_case(draw_case(find_stratum(stratum), rng), rng)
+    analysis = analyse(grid, AnalysisOptions(), bench)
+    assert analysis.fits is not None
+    assert analysis.floor is not None
+    assert analysis.calibration is not None
+    return diagnose(analysis.grid, analysis.fits, analysis.floor, analysis.calibration, bench, rng)
+
+
+@pytest.mark.parametrize(
+    ("identifier", "shaft", "seen_on"),
+    [
+        ("relative_bearing_drag", "both", "both"),
+        ("torque_zero_offset", "sun", "sun"),
+        ("stribeck_mixed_lubrication", "sun", "sun"),
+        ("load_dependent_bearing_friction", "ring", "either"),
+    ],
+)
+def test_a_planted_mechanism_is_named(identifier: str, shaft: str, seen_on: str, bench: BenchParameters) -> None:
+    found = diagnosed(f"{identifier} {shaft} 2", bench, 1000)
+    assert found.verdict is Verdict.NAMED
+    assert found.naming is not None
+    assert found.naming.shafts == {identifier: seen_on}
+    assert found.held_out is not None
+    assert found.held_out.rmse_after < 2.0 * found.held_out.noise_floor
+    assert found.held_out.rmse_after < 0.7 * found.held_out.rmse_before
+    document = diagnosis_document(found)
+    assert [row["id"] for row in document["mechanisms"]] == [identifier]
+    assert "What was left out" in statement(found)
+
+
+def test_a_twin_under_one_way_flow_is_ambiguous_with_the_test_that_tells(bench: BenchParameters) -> None:
+    found = diagnosed("one-way flow, load_dependent_bearing_friction sun 2", bench, 1000)
+    assert found.verdict is Verdict.AMBIGUOUS
+    document = diagnosis_document(found)
+    assert {"torque_gain_error", "load_dependent_bearing_friction"} <= {row["id"] for row in document["mechanisms"]}
+    assert sum(row["probability"] for row in document["mechanisms"]) == pytest.approx(1.0, abs=0.01)
+    assert any("ring motor driving" in test["description"] and test["power"] > 0.9 for test in document["next_tests"])
+    assert "cannot tell between" in statement(found)
+
+
+def test_what_is_outside_the_catalogue_is_not_named(bench: BenchParameters) -> None:
+    found = diagnosed("outside_previous_speed sun 2", bench, 1000)
+    assert found.verdict is Verdict.NOT_IN_LIBRARY
+    assert not diagnosis_document(found)["mechanisms"]
+    assert "No mechanism of the catalogue" in statement(found)
+
+
+def test_a_candidate_taken_out_leaves_nothing_of_itself(bench: BenchParameters) -> None:
+    rng = np.random.default_rng(3)
+    grid = measure_case(draw_case(find_stratum("torque_gain_error sun 4"), rng), rng)
+    analysis = analyse(grid, AnalysisOptions(), bench)
+    assert analysis.floor is not None
+    assert analysis.calibration is not None
+    readings = take_readings(analysis.grid, bench)
+    stage = set_stage(readings, bench, analysis.calibration.model, whitener(readings, bench, analysis.floor))
+    gain = next(c for c in candidates() if (c.identifier, c.shaft) == ("torque_gain_error", "sun"))
+    fit: CandidateFit = fit_candidate(stage, gain)
+    after = take_out(stage, fit)
+    assert fit_candidate(after, gain).gain < 1e-6 * fit.gain
+    assert fit.gain == pytest.approx(float(stage.left @ stage.left) - float(after.left @ after.left), rel=1e-6)
