@@ -86,6 +86,7 @@ def frame_grid(frame: pd.DataFrame, origin: str, campaign: str) -> Grid:
         accepted=frame["accepted"].to_numpy(dtype=bool),
         reason=words("reason"),
         **values,
+        rounding=ROUNDING_PUBLISHED if origin == "published" else 0.0,
     )
 
 
@@ -215,4 +216,5 @@ def read_published(folder: Path, bench: BenchParameters) -> Grid:
         common_ring=common_ring,
         accepted=np.ones(n + m, dtype=bool),
         reason=np.full(n + m, ""),
+        rounding=ROUNDING_PUBLISHED,
     )

@@ -123,6 +123,8 @@ class Grid:
         Whether the window met every check.
     reason : (n,) array of str
         Why not, where it did not.
+    rounding : float
+        Step to which the torques are rounded [N m]; 0 where they are not.
     """
 
     origin: str
@@ -138,6 +140,7 @@ class Grid:
     common_ring: Array
     accepted: Mask
     reason: npt.NDArray[np.str_]
+    rounding: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.points)

@@ -71,3 +71,17 @@ WOUTERSE = Source(
     "IEE Proceedings B 138(4), 1991, doi:10.1049/ip-b.1991.0019",
 )
 STOLL = Source("stoll", "R. L. Stoll, 'The Analysis of Eddy Currents', Clarendon Press, Oxford, 1974")
+BREIMAN = Source(
+    "breiman",
+    "L. Breiman, J. H. Friedman, R. A. Olshen, C. J. Stone, 'Classification and Regression Trees', Wadsworth, 1984",
+)
+HUBER = Source("huber", "P. J. Huber, E. M. Ronchetti, 'Robust Statistics', 2nd ed., Wiley, 2009")
+HOLM = Source(
+    "holm",
+    "S. Holm, 'A simple sequentially rejective multiple test procedure', Scandinavian Journal of Statistics 6(2), 1979",
+)
+BIRGE = Source(
+    "birge",
+    "R. T. Birge, 'The calculation of errors by the method of least squares', Physical Review 40, 1932, "
+    "doi:10.1103/PhysRev.40.207",
+)

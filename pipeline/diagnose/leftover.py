@@ -10,7 +10,7 @@ from pmg.pipeline.diagnose.naming import Remainder
 from pmg.pipeline.diagnose.noise import repeat_contrasts
 from pmg.pipeline.diagnose.scan import make_scan
 from pmg.pipeline.diagnose.structure import families
-from pmg.pipeline.diagnose.whiten import synthetic_noise
+from pmg.pipeline.diagnose.whiten import synthetic_noise, undo
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,7 +41,8 @@ def make_judge(stage: Stage, floor: NoiseFloor, rng: np.random.Generator, draws:
     readings = stage.readings
     columns = [stage.white(family.columns) for family in families(readings, stage.bench, stage.model)]
     repeats = repeat_contrasts(readings)
-    noise = synthetic_noise(readings, floor, stage.white, draws, rng)
+    fitted = readings.torque - undo(stage.white, stage.left)
+    noise = synthetic_noise(readings, floor, stage.white, draws, rng, fitted=fitted)
 
     def judge(given: Stage) -> Remainder:
         scan = make_scan(readings, given.baseline, columns, repeats)

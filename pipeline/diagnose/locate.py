@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.calibrate import jacobian, start_model
-from pmg.pipeline.diagnose.noise import BASELINE_FREE, repeat_contrasts
+from pmg.pipeline.diagnose.noise import BASELINE_FREE, orthonormal, repeat_contrasts
 from pmg.pipeline.diagnose.scan import Scan, make_scan
 from pmg.pipeline.diagnose.structure import families
 from pmg.pipeline.diagnose.whiten import synthetic_noise, undo, whitener
@@ -157,7 +157,9 @@ def find_mismatch(
     candidates = families(readings, bench, model)
     columns = [white(family.columns) for family in candidates]
     repeats = repeat_contrasts(readings)
-    noise = synthetic_noise(readings, floor, white, draws, rng)
+    base = orthonormal(baseline)
+    fitted = readings.torque - undo(white, (y - base @ (base.T @ y))[:, 0])
+    noise = synthetic_noise(readings, floor, white, draws, rng, fitted=fitted)
     p_value, locations = 1.0, []
     for step in range(MAXIMUM_LOCATIONS):
         scan = make_scan(readings, baseline, columns, repeats)

@@ -37,7 +37,9 @@ def statement(diagnosis: Diagnosis) -> str:
         )
     sentences = [_place(diagnosis)]
     if diagnosis.naming is None or diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
-        sentences.append("No mechanism of the catalogue explains it: place and shape are given, not a cause.")
+        sentences.append(
+            f"No mechanism of the catalogue explains it{_nearest(diagnosis)}: place and shape are given, not a cause."
+        )
     elif diagnosis.verdict is Verdict.NAMED:
         sentences.append(f"What was left out: {causes(diagnosis, diagnosis.naming.best)}.")
     else:
@@ -58,14 +60,39 @@ def causes(diagnosis: Diagnosis, explanation: Explanation) -> str:
     """A set of mechanisms in words, with the root mean square of what each does."""
     shafts = diagnosis.naming.shafts if diagnosis.naming is not None else {}
     words = []
-    for fit in explanation.fits:
+    found = diagnosis.refit
+    for i, fit in enumerate(explanation.fits):
         own = diagnosis.naming is not None and explanation is diagnosis.naming.best
         shaft = shafts.get(fit.candidate.identifier, fit.candidate.shaft) if own else fit.candidate.shaft
         touched = fit.effect[fit.effect != 0.0]
         size = float(np.sqrt(np.mean(touched**2))) if touched.size else 0.0
         title = fit.candidate.kind.title
-        words.append(f"{title[0].lower()}{title[1:]}{SHAFT_WORDS[shaft]}, {size * 1e3:.1f} mN m rms")
+        told = f"{title[0].lower()}{title[1:]}{SHAFT_WORDS[shaft]}, {size * 1e3:.1f} mN m rms"
+        if own and found is not None:
+            first, value, error = fit.candidate.parameters[0], found.values[i][0], found.standard_errors[i][0]
+            spread = f" ± {error:.1g}" if np.isfinite(error) else ""
+            unit = "" if first.unit == "1" else f" {first.unit}"
+            told += f" ({first.meaning} {value:.3g}{spread}{unit})"
+        words.append(told)
     return " together with ".join(words)
+
+
+NEAREST_FROM = 0.2
+"""Part of what is left that the nearest mechanism must take up to be mentioned."""
+
+
+def _nearest(diagnosis: Diagnosis) -> str:
+    """The mechanism that comes nearest, where it takes up a good part of the mismatch."""
+    if diagnosis.naming is None or not diagnosis.naming.best.fits:
+        return ""
+    naming = diagnosis.naming
+    share = naming.best.gain / (naming.best.gain + naming.remainder.excess)
+    if share < NEAREST_FROM:
+        return ""
+    titles = " with ".join(fit.candidate.kind.title for fit in naming.best.fits)
+    others = [" with ".join(fit.candidate.kind.title for fit in rival.fits) for rival in naming.rivals[:1]]
+    rival = f", or {others[0]}," if others else ""
+    return f" ({titles[0].lower()}{titles[1:]}{rival} takes up {share:.0%} of it)"
 
 
 def _place(diagnosis: Diagnosis) -> str:
