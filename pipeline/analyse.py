@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.calibrate import Calibration, calibrate
 from pmg.pipeline.completeness import holes
+from pmg.pipeline.correction import CorrectionStudy, study_correction
 from pmg.pipeline.damping import THESIS_CORRECTIONS, DampingFit, fit_damping
 from pmg.pipeline.diagnose.noise import NoiseFloor, noise_floor, with_floor
-from pmg.pipeline.fit import LossFits, fit_losses
+from pmg.pipeline.drift import Drift, find_drift
+from pmg.pipeline.fit import LossFits, fit_losses, point_weights, shaft_drags
 from pmg.pipeline.losses import PowerBalance, largest_plausible_correction, power_balance
+from pmg.pipeline.planefit import PlaneFits, plane_fits
+from pmg.pipeline.termchoice import TermChoice, choose_terms
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
@@ -28,7 +32,7 @@ class Analysis:
     grid : Grid
         All points, with the uncertainty of each once the noise floor is known.
     options : AnalysisOptions
-        Choices that were made.
+        Choices that were made; terms that the data chose are among them.
     fits : LossFits or None
         Loss curves of the neutral points.
     floor : NoiseFloor or None
@@ -45,6 +49,14 @@ class Analysis:
         Holes of the grids.
     missing : tuple of FitError
         Steps that could not be made, with their reason.
+    choices : tuple of TermChoice
+        Ranking of the terms of each shaft for which the data chose them.
+    plane : PlaneFits or None
+        What the other shaft does.
+    drift : Drift or None
+        Repeats and order.
+    study : CorrectionStudy or FitError or None
+        The joint fit of K_corr, b and c, or why these points do not determine them, where K_corr is held.
     """
 
     grid: Grid
@@ -57,6 +69,10 @@ class Analysis:
     damping: tuple[DampingFit, ...]
     lacking: tuple[str, ...]
     missing: tuple[FitError, ...]
+    choices: tuple[TermChoice, ...] = ()
+    plane: PlaneFits | None = None
+    drift: Drift | None = None
+    study: CorrectionStudy | FitError | None = None
 
     @property
     def complete(self) -> bool:
@@ -82,30 +98,76 @@ def analyse(grid: Grid, options: AnalysisOptions, bench: BenchParameters) -> Ana
         The options themselves cannot be met; a lack of points is reported in `Analysis.missing` instead.
     """
     fixed = options.fixed_correction
-    lacking = holes(grid)
+    nothing = Analysis(grid, options, None, None, None, None, None, (), holes(grid), ())
     try:
-        fits = fit_losses(grid, options.powers_sun, options.powers_ring, include_rest=options.include_rest)
+        options, choices = _chosen_terms(grid, options)
+        fits = _curves(grid, options)
     except FitError as error:
-        return Analysis(grid, options, None, None, None, None, None, (), lacking, (error,))
+        return replace(nothing, missing=(error,))
     floor = noise_floor(grid, fits, bench)
     grid = with_floor(grid, floor)
+    if point_weights(grid) is not None:
+        fits = _curves(grid, options, weighted=True)
+    curves = replace(
+        nothing,
+        grid=grid,
+        options=options,
+        fits=fits,
+        floor=floor,
+        choices=choices,
+        plane=plane_fits(grid, fits, bench),
+        drift=find_drift(grid, bench),
+    )
     try:
         rule = largest_plausible_correction(grid, fits)
         correction = min(max(rule, 0.0), 1.0) if options.correction == "rule" else fixed
         calibration = calibrate(grid, fits, bench, correction=correction)
     except FitError as error:
-        return Analysis(grid, options, fits, floor, None, None, None, (), lacking, (error,))
+        return replace(curves, missing=(error,))
     used = calibration.model.correction
     corrections = THESIS_CORRECTIONS + (() if used in THESIS_CORRECTIONS else (used,))
-    return Analysis(
-        grid=grid,
-        options=options,
-        fits=fits,
-        floor=floor,
+    return replace(
+        curves,
         calibration=calibration,
         balance=power_balance(grid, fits, used),
         rule_correction=rule,
         damping=tuple(fit_damping(grid, fits, k) for k in corrections),
-        lacking=lacking,
-        missing=(),
+        study=_study(grid, fits, bench, rule, calibration),
     )
+
+
+def _chosen_terms(grid: Grid, options: AnalysisOptions) -> tuple[AnalysisOptions, tuple[TermChoice, ...]]:
+    """The options with the terms that the data choose, where they are to, and the rankings behind them."""
+    choices = []
+    readings = shaft_drags(grid, include_rest=options.include_rest)
+    for reading, auto in zip(readings, (options.auto_sun, options.auto_ring), strict=True):
+        if auto:
+            choice = choose_terms(reading, robust=options.robust)
+            choices.append(choice)
+            if reading.shaft == "sun":
+                options = replace(options, powers_sun=choice.powers)
+            else:
+                options = replace(options, powers_ring=choice.powers)
+    return options, tuple(choices)
+
+
+def _curves(grid: Grid, options: AnalysisOptions, *, weighted: bool = False) -> LossFits:
+    """The loss curves, weighted by the uncertainty of the points once it is known and where it differs."""
+    return fit_losses(
+        grid,
+        options.powers_sun,
+        options.powers_ring,
+        include_rest=options.include_rest,
+        weights=point_weights(grid) if weighted else None,
+        robust=options.robust,
+    )
+
+
+def _study(
+    grid: Grid, fits: LossFits, bench: BenchParameters, rule: float, calibration: Calibration
+) -> CorrectionStudy | FitError:
+    """The joint fit: the calibration itself where K_corr is free in it, else one of its own, or why there is none."""
+    try:
+        return study_correction(grid, fits, bench, rule, calibration if "K_corr" in calibration.names else None)
+    except FitError as error:
+        return error

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import os
-import sys
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pmg.pipeline.cli_frame import FailOn, FailOnOption, JsonOption, carry_out
+from pmg.pipeline.cli_frame import FailOn, FailOnOption, JsonOption, carry_out, progress_line
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
     from pmg.pipeline.options import AnalysisOptions
     from pmg.pipeline.stages import Outcome
 
@@ -37,7 +33,8 @@ GridsOption = Annotated[
 ]
 CampaignOption = Annotated[str | None, typer.Option("--campaign", help="Which campaign, if the store holds several.")]
 TermsSun = Annotated[
-    str | None, typer.Option("--terms-sun", help="Powers of speed in the sun's loss curve, such as 0,1/2,1,2.")
+    str | None,
+    typer.Option("--terms-sun", help="Powers of speed in the sun's loss curve, such as 0,1/2,1,2; or auto."),
 ]
 TermsRing = Annotated[str | None, typer.Option("--terms-ring", help="The same for the ring.")]
 CorrectionOption = Annotated[
@@ -46,6 +43,9 @@ CorrectionOption = Annotated[
 ]
 RestOption = Annotated[
     bool | None, typer.Option("--include-rest/--exclude-rest", help="Use readings of resting shafts in the curves.")
+]
+RobustOption = Annotated[
+    bool, typer.Option("--robust", help="Fit the loss curves by Huber's M-estimate instead of least squares.")
 ]
 NoteOption = Annotated[str, typer.Option("--note", help="Told at the head of the report, such as where data are from.")]
 WorkersOption = Annotated[int | None, typer.Option("--workers", min=1, help="Parallel workers of the ingest.")]
@@ -64,7 +64,7 @@ def ingest(
     def stage() -> Outcome:
         from pmg.pipeline.stages import run_ingest
 
-        with _progress(as_json) as progress:
+        with progress_line(as_json) as progress:
             return run_ingest(recordings, store, workers=workers, progress=progress)
 
     carry_out("ingest", stage, as_json, fail_on)
@@ -79,6 +79,7 @@ def analyse(
     terms_ring: TermsRing = None,
     k_corr: CorrectionOption = None,
     include_rest: RestOption = None,
+    robust: RobustOption = False,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
 ) -> None:
@@ -87,7 +88,7 @@ def analyse(
     def stage() -> Outcome:
         from pmg.pipeline.stages import run_analyse
 
-        options = _options(grids, terms_sun, terms_ring, k_corr, include_rest)
+        options = _options(grids, terms_sun, terms_ring, k_corr, include_rest, robust)
         return run_analyse(store, options, grids=grids, campaign=campaign)
 
     carry_out("analyse", stage, as_json, fail_on)
@@ -124,6 +125,7 @@ def run(
     terms_ring: TermsRing = None,
     k_corr: CorrectionOption = None,
     include_rest: RestOption = None,
+    robust: RobustOption = False,
     note: NoteOption = "",
     workers: WorkersOption = None,
     as_json: JsonOption = False,
@@ -134,8 +136,8 @@ def run(
     def stage() -> Outcome:
         from pmg.pipeline.stages import run_all
 
-        options = _options(grids, terms_sun, terms_ring, k_corr, include_rest)
-        with _progress(as_json) as progress:
+        options = _options(grids, terms_sun, terms_ring, k_corr, include_rest, robust)
+        with progress_line(as_json) as progress:
             return run_all(
                 recordings,
                 store,
@@ -237,7 +239,7 @@ def prove(
     def stage() -> Outcome:
         from pmg.pipeline.prove.trial.stage import run_prove
 
-        with _progress(as_json, "prove") as progress:
+        with progress_line(as_json, "prove") as progress:
             return run_prove(
                 out,
                 campaigns=campaigns,
@@ -253,7 +255,12 @@ def prove(
 
 
 def _options(
-    grids: Path | None, terms_sun: str | None, terms_ring: str | None, k_corr: str | None, include_rest: bool | None
+    grids: Path | None,
+    terms_sun: str | None,
+    terms_ring: str | None,
+    k_corr: str | None,
+    include_rest: bool | None,
+    robust: bool,
 ) -> AnalysisOptions:
     from pmg.pipeline.options import chosen_options
 
@@ -263,31 +270,8 @@ def _options(
         terms_ring=terms_ring,
         correction=k_corr,
         include_rest=include_rest,
+        robust=robust,
     )
-
-
-@contextmanager
-def _progress(quiet: bool, what: str = "ingest") -> Iterator[Callable[[int, int, str], None]]:
-    """A progress line on standard error: rewritten on a terminal, one line a tenth elsewhere."""
-    terminal = sys.stderr.isatty()
-    shown = -1
-
-    def show(done: int, total: int, name: str) -> None:
-        nonlocal shown
-        step = done if terminal else (10 * done) // max(total, 1)
-        if step == shown or (quiet and not terminal):
-            return
-        shown = step
-        text = f"{what} {done}/{total} {name}"
-        sys.stderr.write(f"\r\x1b[K{text}" if terminal else f"{text}\n")
-        sys.stderr.flush()
-
-    try:
-        yield show
-    finally:
-        if terminal and shown >= 0:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
 
 
 def main() -> None:

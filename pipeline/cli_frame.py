@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import sys
 import traceback
+from contextlib import contextmanager
 from enum import IntEnum, StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,7 +14,7 @@ import typer
 from pmg.sim.errors import PmgError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from pmg.pipeline.stages import Outcome
 
@@ -106,3 +108,27 @@ def _exit_code(outcome: Outcome, fail_on: FailOn) -> ExitCode:
     if fail_on is FailOn.FINDINGS and outcome.findings:
         return ExitCode.FINDINGS
     return ExitCode.DONE
+
+
+@contextmanager
+def progress_line(quiet: bool, what: str = "ingest") -> Iterator[Callable[[int, int, str], None]]:
+    """A progress line on standard error: rewritten on a terminal, one line a tenth elsewhere."""
+    terminal = sys.stderr.isatty()
+    shown = -1
+
+    def show(done: int, total: int, name: str) -> None:
+        nonlocal shown
+        step = done if terminal else (10 * done) // max(total, 1)
+        if step == shown or (quiet and not terminal):
+            return
+        shown = step
+        text = f"{what} {done}/{total} {name}"
+        sys.stderr.write(f"\r\x1b[K{text}" if terminal else f"{text}\n")
+        sys.stderr.flush()
+
+    try:
+        yield show
+    finally:
+        if terminal and shown >= 0:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()

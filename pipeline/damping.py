@@ -39,6 +39,10 @@ class DampingFit:
         parameters are counted whether or not they sit on their bound.
     fitted : (n,) array
         Fitted magnetic loss [W].
+    smallest : float
+        Smallest measured magnetic loss at this correction factor [W].
+    negative : int
+        Points at which it is below zero.
     """
 
     correction: float
@@ -49,6 +53,8 @@ class DampingFit:
     r_squared: float
     rmse: float
     fitted: Array
+    smallest: float
+    negative: int
 
 
 def fit_damping(grid: Grid, fits: LossFits, correction: float) -> DampingFit:
@@ -88,4 +94,6 @@ def fit_damping(grid: Grid, fits: LossFits, correction: float) -> DampingFit:
         r_squared=1.0 - rss / about_mean if about_mean > 0.0 else math.nan,
         rmse=math.sqrt(rss / dof),
         fitted=fitted,
+        smallest=float(measured.min()),
+        negative=int((measured < 0.0).sum()),
     )

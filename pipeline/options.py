@@ -11,6 +11,9 @@ from pmg.sim.errors import FitError, near_miss
 THESIS_CORRECTION = 0.80
 """Correction factor that the thesis settled on (its section 6.2.2)."""
 
+AUTO = "auto"
+"""Word for terms that are chosen by the data."""
+
 
 @dataclass(frozen=True)
 class AnalysisOptions:
@@ -19,18 +22,25 @@ class AnalysisOptions:
     Parameters
     ----------
     powers_sun, powers_ring : tuple of float
-        Exponents of the speed in the loss curves.
+        Exponents of the speed in the loss curves; where they are chosen by the data, those that were chosen.
     include_rest : bool
         Whether readings of a shaft at rest take part in the loss curves.
     correction : str
         ``joint``: K_corr is fitted together with the damping constants. ``rule``: the largest value at which no
         magnetic loss is negative. Or a number.
+    auto_sun, auto_ring : bool
+        Whether the terms are chosen by the data (`pmg.pipeline.termchoice`).
+    robust : bool
+        Huber's M-estimate instead of least squares for the loss curves.
     """
 
     powers_sun: tuple[float, ...] = DEFAULT_POWERS
     powers_ring: tuple[float, ...] = DEFAULT_POWERS
     include_rest: bool = False
     correction: str = "joint"
+    auto_sun: bool = False
+    auto_ring: bool = False
+    robust: bool = False
 
     @property
     def fixed_correction(self) -> float | None:
@@ -56,8 +66,9 @@ class AnalysisOptions:
 
     @classmethod
     def from_document(cls, document: dict[str, Any]) -> AnalysisOptions:
-        """The options that `document` wrote."""
-        known = {f.name: document[f.name] for f in fields(cls)}
+        """The options that `document` wrote; choices that are younger than the document have their default."""
+        younger = ("auto_sun", "auto_ring", "robust")
+        known = {f.name: document[f.name] for f in fields(cls) if f.name in document or f.name not in younger}
         for name in ("powers_sun", "powers_ring"):
             known[name] = tuple(map(float, known[name]))
         return cls(**known)
@@ -81,7 +92,10 @@ def parse_powers(text: str, option: str) -> tuple[float, ...]:
             powers.append(float(top) / (float(bottom) if bottom else 1.0))
         except (ValueError, ZeroDivisionError):
             raise FitError(
-                option, repr(word.strip()), "exponents separated by commas, such as 0,1/2,1,2", "Correct the list."
+                option,
+                repr(word.strip()),
+                "exponents separated by commas, such as 0,1/2,1,2, or auto",
+                "Correct the list.",
             ) from None
     return tuple(powers)
 
@@ -93,12 +107,17 @@ def chosen_options(
     terms_ring: str | None = None,
     correction: str | None = None,
     include_rest: bool | None = None,
+    robust: bool = False,
 ) -> AnalysisOptions:
     """The options of a call: the thesis's own for published grids, pmg's for recordings, and what the user changed."""
-    options = THESIS_OPTIONS if published else AnalysisOptions()
-    if terms_sun is not None:
+    options = replace(THESIS_OPTIONS if published else AnalysisOptions(), robust=robust)
+    if terms_sun == AUTO:
+        options = replace(options, auto_sun=True)
+    elif terms_sun is not None:
         options = replace(options, powers_sun=parse_powers(terms_sun, "--terms-sun"))
-    if terms_ring is not None:
+    if terms_ring == AUTO:
+        options = replace(options, auto_ring=True)
+    elif terms_ring is not None:
         options = replace(options, powers_ring=parse_powers(terms_ring, "--terms-ring"))
     if correction is not None:
         options = replace(options, correction=correction)

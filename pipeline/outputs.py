@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import math
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import polars as pl
 
 from pmg.pipeline.aside import write_aside
+from pmg.pipeline.fitdocument import damping_document, fit_document, further_document, number
 from pmg.pipeline.gridtable import frame_grid, grid_frame
 from pmg.pipeline.losses import QUANTITIES
 from pmg.pipeline.options import AnalysisOptions
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.analyse import Analysis
     from pmg.pipeline.calibrate import Calibration
     from pmg.pipeline.diagnose.noise import ShaftNoise
-    from pmg.pipeline.fit import LossFit
     from pmg.pipeline.losses import PowerBalance
     from pmg.sim.grid import Grid
 
@@ -58,25 +57,6 @@ def balance_frame(balance: PowerBalance) -> pd.DataFrame:
         columns[f"u_{signal.name}{unit}"] = balance.independent[signal.name]
         columns[f"u_common_{signal.name}{unit}"] = balance.common[signal.name]
     return pd.DataFrame(columns)
-
-
-def number(value: float | None) -> float | None:
-    """A JSON number, or null for what is not known."""
-    return None if value is None or not math.isfinite(value) else float(value)
-
-
-def _fit_document(fit: LossFit) -> dict[str, Any]:
-    return {
-        "powers": list(fit.curve.powers),
-        "coefficients_Nm": [float(v) for v in fit.curve.coefficients],
-        "standard_errors_Nm": [number(float(v)) for v in fit.standard_errors],
-        "speed_reference_rad_s": fit.curve.speed_reference,
-        "points": len(fit.residuals),
-        "r_squared": number(fit.r_squared),
-        "rmse_Nm": fit.rmse,
-        "error_thesis_Nm": fit.error_thesis,
-        "aicc": number(fit.aicc),
-    }
 
 
 def _noise_document(noise: ShaftNoise) -> dict[str, Any]:
@@ -128,24 +108,14 @@ def analysis_document(analysis: Analysis) -> dict[str, Any]:
         "not_done": [str(error) for error in analysis.missing],
         "loss_curves": None
         if analysis.fits is None
-        else {"sun": _fit_document(analysis.fits.sun), "ring": _fit_document(analysis.fits.ring)},
+        else {"sun": fit_document(analysis.fits.sun), "ring": fit_document(analysis.fits.ring)},
         "noise": None
         if analysis.floor is None
         else {"sun": _noise_document(analysis.floor.sun), "ring": _noise_document(analysis.floor.ring)},
         "calibration": None if analysis.calibration is None else _calibration_document(analysis.calibration),
         "correction_by_rule": number(analysis.rule_correction),
-        "damping": [
-            {
-                "K_corr": fit.correction,
-                "b_Nm": fit.b,
-                "c_Nm_s_rad": fit.c,
-                "d": fit.d,
-                "standard_errors": list(fit.standard_errors),
-                "r_squared": number(fit.r_squared),
-                "rmse_W": fit.rmse,
-            }
-            for fit in analysis.damping
-        ],
+        "damping": [damping_document(fit) for fit in analysis.damping],
+        **further_document(analysis),
     }
 
 

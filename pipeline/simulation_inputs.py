@@ -10,7 +10,7 @@ import pandas as pd
 
 from pmg.pipeline.analyse import analyse
 from pmg.pipeline.femcsv import read_fem_csv
-from pmg.pipeline.fit import check_powers, fit_losses
+from pmg.pipeline.fit import check_powers, fit_losses, point_weights
 from pmg.pipeline.gridtable import read_published
 from pmg.pipeline.options import chosen_options, parse_powers
 from pmg.pipeline.outputs import read_analysis
@@ -102,12 +102,21 @@ def loss_model(file: ScenarioFile, bench: BenchParameters) -> LossModel | None:
     else:
         grid, options = read_analysis(file.beside(str(given.analysis)))
     if given.terms_sun is not None:
-        options = replace(options, powers_sun=_powers(given.terms_sun, f"{file.path}: losses.terms_sun"))
+        powers = _powers(given.terms_sun, f"{file.path}: losses.terms_sun")
+        options = replace(options, auto_sun=False, powers_sun=powers)
     if given.terms_ring is not None:
-        options = replace(options, powers_ring=_powers(given.terms_ring, f"{file.path}: losses.terms_ring"))
+        powers = _powers(given.terms_ring, f"{file.path}: losses.terms_ring")
+        options = replace(options, auto_ring=False, powers_ring=powers)
     by_hand = {name: getattr(given, name) for name in ("b", "c", "d") if getattr(given, name) is not None}
     if given.K_corr is not None and len(by_hand) == 3:
-        fits = fit_losses(grid, options.powers_sun, options.powers_ring, include_rest=options.include_rest)
+        fits = fit_losses(
+            grid,
+            options.powers_sun,
+            options.powers_ring,
+            include_rest=options.include_rest,
+            weights=point_weights(grid),
+            robust=options.robust,
+        )
         return LossModel(fits.sun.curve, fits.ring.curve, given.K_corr, **by_hand)
     if given.K_corr is not None:
         options = replace(options, correction=repr(given.K_corr))

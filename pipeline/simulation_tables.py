@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import polars as pl
 
+from pmg.pipeline.fitdocument import number
 from pmg.pipeline.losses import QUANTITIES
-from pmg.pipeline.outputs import number
 from pmg.sim.dynamics.assumptions import Assumptions
 from pmg.sim.powerchain import PowerChain
 from pmg.sim.signals import REVOLUTION, SPEED_RING, SPEED_SUN

@@ -1,4 +1,4 @@
-"""Chapters on the neutral losses and on the powers and efficiencies of the engaged gear."""
+"""The chapter on powers, losses and efficiencies of the engaged gear."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.cells import by_load, by_speed, forward_neutral, lay_out, measured, speed_levels
+from pmg.pipeline.chapters.cells import by_load, by_speed, measured
+from pmg.pipeline.chapters.correction import correction_items
 from pmg.pipeline.losses import QUANTITIES
 from pmg.pipeline.report.document import (
     Chart,
@@ -16,117 +17,16 @@ from pmg.pipeline.report.document import (
     Measured,
     Section,
     Series,
-    SpeedMap,
     Table,
     Text,
 )
 from pmg.sim import signals, sources
-from pmg.sim.signals import SPEED_RING, SPEED_SUN
+from pmg.sim.signals import SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.analyse import Analysis
     from pmg.pipeline.calibrate import Calibration
-    from pmg.pipeline.damping import DampingFit
-    from pmg.pipeline.fit import LossFit, LossFits
     from pmg.pipeline.losses import PowerBalance
-    from pmg.sim.grid import Grid
-
-
-def neutral_section(grid: Grid, fits: LossFits) -> Section:
-    """Neutral losses: maps over the speed grid, fitted curves, coefficients."""
-    rows = forward_neutral(grid)
-    if not rows.any():
-        rows = np.asarray(grid.points.neutral & grid.accepted)
-    sun, ring = speed_levels(grid.points[rows])
-    maps = []
-    for signal, torque in ((signals.TORQUE_SUN, grid.torque_sun), (signals.TORQUE_RING, grid.torque_ring)):
-        x, y, z = lay_out(ring, sun, torque[rows])
-        maps.append(SpeedMap(x, y, z, SPEED_RING.label, SPEED_SUN.label, signal.label, title=signal.meaning))
-    charts = tuple(_curve_chart(grid, fit) for fit in (fits.sun, fits.ring))
-    return Section(
-        "neutral",
-        "Neutral losses",
-        (
-            Figure(
-                "neutral-maps",
-                "Torque over the neutral grid",
-                f"Loss torque of the sun {_range(grid.torque_sun[rows])} N m and of the ring "
-                f"{_range(grid.torque_ring[rows])} N m over {len(np.unique(sun))} x {len(np.unique(ring))} speeds. "
-                "A shaft at 0 rpm is held by its motor: its reading is a static reaction.",
-                tuple(maps),
-                columns=2,
-            ),
-            Figure(
-                "loss-curves",
-                "Loss curves",
-                f"Fitted loss torque against the shaft's own speed: scatter about the curve {fits.sun.rmse * 1e3:.2f} "
-                f"mN m (sun) and {fits.ring.rmse * 1e3:.2f} mN m (ring).",
-                charts,
-                columns=2,
-            ),
-            _coefficients(fits),
-        ),
-        (sources.THESIS.at("section 4.2.3"), sources.BURNHAM_ANDERSON),
-    )
-
-
-def _range(values: signals.Array) -> str:
-    return f"{values.min():.3f} to {values.max():.3f}"
-
-
-def _curve_chart(grid: Grid, fit: LossFit) -> Chart:
-    is_sun = fit.shaft == "sun"
-    own = SPEED_SUN if is_sun else SPEED_RING
-    speed = grid.points.speed_sun if is_sun else grid.points.speed_ring
-    drag = fit.residuals + fit.curve.torque(speed[fit.rows])
-    u = (grid.u_sun if is_sun else grid.u_ring)[fit.rows]
-    fine = np.linspace(0.0, fit.curve.speed_limit, 200)
-    label = signals.LOSS_TORQUE_SUN.label if is_sun else signals.LOSS_TORQUE_RING.label
-    return Chart(
-        own.label,
-        label,
-        (
-            Series("measured, U = 2u", own.display(np.abs(speed[fit.rows])), drag, u, "markers", 0),
-            Series("fit", own.display(fine), fit.curve.torque(fine), None, "line", 1),
-        ),
-        title=f"{fit.shaft} shaft",
-    )
-
-
-def _coefficients(fits: LossFits) -> Table:
-    rows = []
-    for fit in (fits.sun, fits.ring):
-        for power, value, error in zip(fit.curve.powers, fit.curve.coefficients, fit.standard_errors, strict=True):
-            unit = float(
-                (signals.SPEED_SUN if fit.shaft == "sun" else signals.SPEED_RING).display(fit.curve.speed_reference)
-            )
-            rows.append(
-                (
-                    fit.shaft,
-                    f"(n / {unit:.0f} rpm)^{power:g}" if power else "constant",
-                    Measured(float(value), float(error)),
-                    fit.r_squared,
-                    fit.rmse * 1e3,
-                    fit.error_thesis * 1e3,
-                    fit.aicc,
-                )
-            )
-    return Table(
-        "loss-fit",
-        "Coefficients of the loss curves",
-        "Least squares of the neutral torques. The thesis's own error measure divides the root of the sum of squares "
-        "by n, so it shrinks with the number of points; the scatter (RMSE) does not.",
-        (
-            Column("shaft", "Shaft"),
-            Column("term", "Term"),
-            Column("coefficient", "Coefficient", "N m", uncertain=True),
-            Column("r_squared", "R²", "", digits=4),
-            Column("rmse", "RMSE", "mN m", digits=2),
-            Column("error_thesis", "thesis's error", "mN m", digits=3),
-            Column("aicc", "AICc", "", digits=1),
-        ),
-        tuple(rows),
-    )
 
 
 def losses_section(analysis: Analysis, balance: PowerBalance, calibration: Calibration) -> Section:
@@ -179,10 +79,10 @@ def losses_section(analysis: Analysis, balance: PowerBalance, calibration: Calib
                 (loss_chart,),
             ),
             _efficiency_figure(balance),
-            _damping_table(analysis.damping),
+            *correction_items(analysis),
             _balance_table(balance),
         ),
-        (sources.THESIS.at("equations 4.2 to 4.7 and 6.1"), sources.BERTOTTI),
+        (sources.THESIS.at("equations 4.2 to 4.7 and 6.1"), sources.BERTOTTI, sources.BIRGE),
     )
 
 
@@ -224,36 +124,6 @@ def _efficiency_figure(balance: PowerBalance) -> Figure:
         "load its uncertainty grows without bound: read the losses in watts first.",
         tuple(panels),
         columns=2,
-    )
-
-
-def _damping_table(fits: tuple[DampingFit, ...]) -> Table:
-    def cell(value: float, error: float | None, factor: float) -> Measured | str:
-        return "0 (on its bound)" if error is None else Measured(value * factor, error * factor)
-
-    return Table(
-        "damping",
-        "Damping constants against the correction factor",
-        "Least squares of the magnetic loss power at a given K_corr, constants not below zero (thesis, equation 6.1).",
-        (
-            Column("k_corr", "K_corr", "", digits=3),
-            Column("b", "b", "mN m"),
-            Column("c", "c", "1e-4 N m s/rad"),
-            Column("d", "d", "1e-3 N m (s/rad)^1/2"),
-            Column("r_squared", "R²", "", digits=4),
-            Column("rmse", "RMSE", "W", digits=4),
-        ),
-        tuple(
-            (
-                fit.correction,
-                cell(fit.b, fit.standard_errors[0], 1e3),
-                cell(fit.c, fit.standard_errors[1], 1e4),
-                cell(fit.d, fit.standard_errors[2], 1e3),
-                fit.r_squared,
-                fit.rmse,
-            )
-            for fit in fits
-        ),
     )
 
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from pmg.pipeline.chapters.comparison import comparison_section
 from pmg.pipeline.chapters.diagnosis import diagnosis_section
 from pmg.pipeline.chapters.flow import flow_section
-from pmg.pipeline.chapters.losses import losses_section, neutral_section
+from pmg.pipeline.chapters.losses import losses_section
+from pmg.pipeline.chapters.neutral import neutral_section
 from pmg.pipeline.chapters.quality import data_section
 from pmg.pipeline.chapters.validation import published_sections
 from pmg.pipeline.diagnose.statement import statement
@@ -66,7 +67,7 @@ def build_report(
         residual = readings.torque - predict(readings, bench, analysis.calibration.model)
         sections.append(diagnosis_section(diagnosis, residual))
     if analysis.fits is not None:
-        sections.append(neutral_section(analysis.grid, analysis.fits))
+        sections.append(neutral_section(analysis, analysis.fits))
     if analysis.balance is not None and analysis.calibration is not None:
         sections.append(losses_section(analysis, analysis.balance, analysis.calibration))
     if residuals is not None and analysis.calibration is not None:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.chapters.page import PACKAGES
-from pmg.pipeline.prove.trial.summary import shown, time_document
+from pmg.pipeline.prove.trial.summary import time_document
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Report, Section, Series, Table, Text, Verdict
+from pmg.pipeline.report.figure import COVERAGE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -83,20 +84,20 @@ def _figures(trial: Trial) -> Table:
             Column("aim", "Aim"),
             Column("state", "State"),
         ),
-        tuple(
-            (figure.what, shown(figure), "" if figure.aim is None else figure.aim.text, figure.state)
-            for figure in trial.figures
-        ),
+        tuple((figure.what, figure.shown, figure.aim_shown, figure.state) for figure in trial.figures),
     )
 
 
 def _detection(trial: Trial) -> Figure:
     sizes = np.array([mean for _, _, mean, _ in trial.bins])
     rates = np.array([rate.value for *_, rate in trial.bins], dtype=np.float64)
-    half = np.array([0.25 * (ends[1] - ends[0]) for *_, rate in trial.bins if (ends := rate.interval)])
-    series = [Series("campaigns, by size", sizes, rates, half, "markers", 0)]
-    caption = "Part of the campaigns with one effect in which a mismatch was claimed, against its size; "
-    caption += "bars have the length of the interval at 95 %. "
+    ends = np.array([rate.interval for *_, rate in trial.bins])  # a bin is never empty
+    half = 0.5 * (ends[:, 1] - ends[:, 0])
+    series = [
+        Series("its interval at 95 %", sizes, ends.mean(axis=1), half / COVERAGE, "band", 0),
+        Series("part detected, by size", sizes, rates, None, "markers", 0),
+    ]
+    caption = "Part of the campaigns with one effect in which a mismatch was claimed, against its size. "
     if trial.curve is None:
         caption += "A curve cannot be fitted: all, or none, were detected."
     else:
@@ -122,14 +123,28 @@ def _outcomes(trial: Trial) -> Table:
         for kind, counted in trial.outcomes.items()
     ]
     rows += [
-        (kind, f"{low:g} to {high:g}", sum(counted.values()), *(counted.get(name, 0) for name in columns))
+        ("clean", design, sum(counted.values()), *(counted.get(name, 0) for name in columns))
+        for design, counted in trial.by_design.items()
+    ]
+    rows += [
+        (
+            kind,
+            f"from {low:g}" if high == np.inf else f"{low:g} to {high:g}",
+            sum(counted.values()),
+            *(counted.get(name, 0) for name in columns),
+        )
         for kind, low, high, counted in trial.by_size
     ]
     return Table(
         "outcomes",
         "How it came out, by kind and size",
-        "Campaigns by kind; below, those with one effect by size after absorption [sigma].",
-        (Column("kind", "Kind"), Column("size", "Size"), Column("campaigns", "Campaigns"), *map(Column, columns)),
+        "Campaigns by kind; below, clean ones by design, and those with one effect by size after absorption [sigma].",
+        (
+            Column("kind", "Kind"),
+            Column("part", "Design, size"),
+            Column("campaigns", "Campaigns"),
+            *map(Column, columns),
+        ),
         tuple(rows),
     )
 

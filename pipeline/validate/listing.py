@@ -6,7 +6,7 @@ import math
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.outputs import number
+from pmg.pipeline.fitdocument import number
 from pmg.pipeline.validate.figures import MANY
 from pmg.pipeline.validate.verdict import Judged, Verdict, count
 

@@ -14,6 +14,7 @@ from tests.recording.writer import Bench, write
 from typer.testing import CliRunner
 
 from pmg.pipeline.cli import app
+from pmg.pipeline.outputs import read_analysis
 
 RUNNER = CliRunner()
 EXAMPLE = ROOT / "raw" / "example"
@@ -71,6 +72,27 @@ def test_options_reach_the_analysis(tmp_path: Path) -> None:
     analysis = result["data"]["analysis"]
     assert analysis["options"]["powers_sun"] == [0.0, 0.5, 1.0]
     assert analysis["calibration"]["constants"]["K_corr"]["value"] == pytest.approx(analysis["correction_by_rule"])
+
+
+def test_terms_chosen_by_the_data_are_stored_with_their_ranking(tmp_path: Path) -> None:
+    grids, store = ROOT / "raw" / "published", tmp_path / "s"
+    chosen = ("--terms-sun", "auto", "--terms-ring", "auto", "--robust")
+    analysis = call("analyse", "--grids", grids, "--store", store, *chosen, expect=0)["data"]["analysis"]
+    for shaft in ("sun", "ring"):
+        terms = analysis["terms"][shaft]
+        assert terms["chosen"] == analysis["options"][f"powers_{shaft}"] == analysis["loss_curves"][shaft]["powers"]
+        assert terms["ranking"][0]["within_one_standard_error"]
+        assert analysis["loss_curves"][shaft]["down_weighted"] > 0
+        assert analysis["other_shaft"][shaft]["p"] < 0.01
+    assert analysis["repeats_and_order"]["nothing_to_compare"]
+    assert "only together" in analysis["correction"]["told"]
+    _, options = read_analysis(store)
+    assert options.auto_sun
+    assert options.robust
+    report = tmp_path / "r"
+    call("compare", "--store", store, "--report", report, expect=0)
+    for name in ("terms-sun", "terms-ring", "other-shaft", "correction-joint"):
+        assert (report / "tables" / f"{name}.csv").is_file()
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,1 @@
+"""The trial of the diagnosis: sealed campaigns drawn, diagnosed unseen, opened, scored."""

@@ -1,0 +1,216 @@
+"""What a diagnosis was worth, beside the truth; nothing here draws, reads or writes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pmg.sim.signals import Array
+
+SILENT = ("consistent", "confounded")
+"""Verdicts that claim no mismatch; every other one is an alarm."""
+PARAMETERS = {"torque_zero_offset": "offset", "torque_gain_error": "gain", "torque_crosstalk": "part"}
+"""Parameter of the library that corresponds to an effect's size, without its shaft."""
+QUANTILE = 1.96
+"""Half-width of a 95 % interval in standard errors."""
+
+
+class Outcome(StrEnum):
+    """How a diagnosis came out."""
+
+    QUIET = "quiet"
+    FALSE_ALARM = "false alarm"
+    MISSED = "missed"
+    SAID_CONFOUNDED = "said confounded"
+    RIGHT = "named right"
+    WRONG_SHAFT = "right id, wrong shaft"
+    PART = "named in part"
+    WRONG = "wrong and confident"
+    RIGHT_SET = "set holds the truth"
+    WRONG_SET = "set without the truth"
+    NOT_IN_LIBRARY = "not in library"
+    NOT_MADE = "not made"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A fitted parameter beside its true value.
+
+    Parameters
+    ----------
+    identifier : str
+        Mechanism.
+    true, value : float
+        True value (least squares over the points, for effects that are not quite proportional), fitted value.
+    error : float or None
+        Its standard error.
+    """
+
+    identifier: str
+    true: float
+    value: float
+    error: float | None
+
+    @property
+    def relative(self) -> float:
+        """Relative error, without its sign."""
+        return abs(self.value - self.true) / abs(self.true)
+
+    @property
+    def covers(self) -> bool | None:
+        """Whether the 95 % interval holds the true value; None without a standard error."""
+        return None if self.error is None else abs(self.value - self.true) <= QUANTILE * self.error
+
+
+@dataclass(frozen=True)
+class Score:
+    """One campaign, judged.
+
+    Parameters
+    ----------
+    kind, stratum : str
+        What it was.
+    ids : tuple of str
+        What was concealed.
+    reached : float
+        Size after absorption [sigma]: root of the sum of squares over the effects.
+    verdict : str
+        What was said.
+    named : tuple of str
+        Ids that were said, leading ones first; of a set, all.
+    outcome : Outcome
+        What it was worth.
+    p_value : float or None
+        Of the mismatch.
+    parameter : Parameter or None
+        Where one corresponds.
+    held_out : float or None
+        Error on withheld readings with the mechanisms in, over the noise floor.
+    recognised : bool or None
+        For a confounded design: that it cannot tell was said, or the set with the truth and a test that would.
+    """
+
+    kind: str
+    stratum: str
+    ids: tuple[str, ...]
+    reached: float
+    verdict: str
+    named: tuple[str, ...]
+    outcome: Outcome
+    p_value: float | None
+    parameter: Parameter | None
+    held_out: float | None
+    recognised: bool | None
+
+    @property
+    def detected(self) -> bool:
+        """Whether a mismatch was claimed."""
+        return self.outcome is not Outcome.NOT_MADE and self.verdict not in SILENT
+
+
+def judge(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Score:
+    """A diagnosis document beside the truth."""
+    effects, kind = truth["effects"], str(truth["kind"])
+    outcome = naming_outcome(truth, document)
+    tested = document is not None and any(rival["separating_test"] for rival in document["rivals"])
+    told = outcome is Outcome.SAID_CONFOUNDED or (outcome is Outcome.RIGHT_SET and tested)
+    held = None if document is None else document["held_out"]
+    after = document is not None and document["verdict"] in ("named", "ambiguous") and held is not None
+    return Score(
+        kind=kind,
+        stratum=str(truth["stratum"]),
+        ids=tuple(str(effect["id"]) for effect in effects),
+        reached=float(np.sqrt(sum(effect["reached_sigma"] ** 2 for effect in effects))),
+        verdict="" if document is None else str(document["verdict"]),
+        named=said_ids(document),
+        outcome=outcome,
+        p_value=None if document is None else float(document["p_value"]),
+        parameter=parameter_beside(truth, document),
+        held_out=float(held["rmse_after_Nm"] / held["noise_floor_Nm"]) if after and held is not None else None,
+        recognised=told if kind == "confounded" else None,
+    )
+
+
+def said_ids(document: Mapping[str, Any] | None) -> tuple[str, ...]:
+    """Every id that a verdict names, those of its rivals too."""
+    if document is None or document["verdict"] not in ("named", "ambiguous"):
+        return ()
+    ids = [mechanism["id"] for mechanism in document["mechanisms"]]
+    if document["verdict"] == "ambiguous":
+        ids += [name for rival in document["rivals"] for name in rival["ids"]]
+    return tuple(dict.fromkeys(ids))
+
+
+def naming_outcome(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Outcome:
+    """What was said of the cause.
+
+    A mechanism is right with its shaft, or with the shaft left open. `Outcome.WRONG` is a verdict ``named`` with an
+    id that is not true, whatever else it names.
+    """
+    if document is None:
+        return Outcome.NOT_MADE
+    verdict = document["verdict"]
+    if not truth["effects"]:
+        return Outcome.QUIET if verdict in SILENT else Outcome.FALSE_ALARM
+    if verdict == "consistent":
+        return Outcome.MISSED
+    if verdict == "confounded":
+        return Outcome.SAID_CONFOUNDED
+    if verdict == "not_in_library":
+        return Outcome.NOT_IN_LIBRARY
+    true = {effect["id"]: effect["shaft"] for effect in truth["effects"]}
+    said = set(said_ids(document))
+    if verdict == "ambiguous":
+        return Outcome.RIGHT_SET if set(true) <= said else Outcome.WRONG_SET
+    if said - set(true):
+        return Outcome.WRONG
+    shafts = {mechanism["id"]: mechanism["shaft"] for mechanism in document["mechanisms"]}
+    if any(shaft not in (true[name], "either") for name, shaft in shafts.items()):
+        return Outcome.WRONG_SHAFT
+    return Outcome.RIGHT if said == set(true) else Outcome.PART
+
+
+def parameter_beside(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Parameter | None:
+    """The fitted size of a single effect that was named right, where a parameter corresponds to it."""
+    if document is None or len(truth["effects"]) != 1 or naming_outcome(truth, document) is not Outcome.RIGHT:
+        return None
+    effect = truth["effects"][0]
+    stem, shaft = PARAMETERS.get(effect["id"]), effect["shaft"]
+    if stem is None or effect["knobs"].get("law") == "magnitude":
+        return None
+    fitted = {p["name"]: p for mechanism in document["mechanisms"] for p in mechanism["parameters"]}
+    found = fitted.get(f"{stem}_{shaft}")
+    if found is None:
+        return None
+    true = _least_squares(truth, effect["id"], shaft)
+    return Parameter(effect["id"], true, float(found["value"]), found["standard_error"])
+
+
+def _least_squares(truth: Mapping[str, Any], identifier: str, shaft: str) -> float:
+    """The constant that comes nearest to what the effect did at the points of the campaign."""
+    points = truth["points"]
+    bare: dict[str, Array] = {s: np.array(points[f"torque_{s}_without_Nm"]) for s in ("sun", "ring")}
+    change = np.array(points[f"torque_{shaft}_Nm"]) - bare[shaft]
+    other = "ring" if shaft == "sun" else "sun"
+    carrier = {"gain": bare[shaft], "part": bare[other], "offset": np.ones_like(change)}[PARAMETERS[identifier]]
+    return float(carrier @ change / (carrier @ carrier))
+
+
+def resolution(truth: Mapping[str, Any], extended: Mapping[str, Any] | None) -> str:
+    """What the separating test made of a set: ``resolved``, ``still a set``, ``wrong``, ``lost`` or ``not tested``."""
+    if extended is None:
+        return "not tested"
+    outcome = naming_outcome(truth, extended["diagnosis"])
+    if outcome in (Outcome.RIGHT, Outcome.WRONG_SHAFT):
+        return "resolved"
+    if outcome in (Outcome.RIGHT_SET, Outcome.WRONG_SET):
+        return "still a set"
+    if outcome is Outcome.NOT_IN_LIBRARY and any(not effect["in_library"] for effect in truth["effects"]):
+        return "resolved"
+    return "wrong" if outcome in (Outcome.WRONG, Outcome.PART, Outcome.FALSE_ALARM) else "lost"
