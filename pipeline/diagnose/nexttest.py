@@ -51,20 +51,24 @@ def with_points(grid: Grid, more: OperatingPoints) -> Grid:
     zero, points = np.zeros(n), join_points(grid.points, more)
     if not grid.points.ordered:
         points = replace(points, started_at=np.full(len(points), np.nan))
-    added = {
-        name: np.concatenate([getattr(grid, name), zero])
-        for name in ("torque_sun", "within_sun", "within_ring", "common_sun", "common_ring")
-    }
+
+    def longer(column: Array, more_of_it: Array) -> Array:
+        return np.concatenate([column, more_of_it])
+
     return Grid(
         origin=grid.origin,
         campaign=grid.campaign,
         points=points,
-        torque_ring=np.concatenate([grid.torque_ring, more.torque_ring]),
-        u_sun=np.concatenate([grid.u_sun, np.full(n, np.median(grid.u_sun))]),
-        u_ring=np.concatenate([grid.u_ring, np.full(n, np.median(grid.u_ring))]),
+        torque_sun=longer(grid.torque_sun, zero),
+        torque_ring=longer(grid.torque_ring, more.torque_ring),
+        within_sun=longer(grid.within_sun, zero),
+        within_ring=longer(grid.within_ring, zero),
+        u_sun=longer(grid.u_sun, np.full(n, np.median(grid.u_sun))),
+        u_ring=longer(grid.u_ring, np.full(n, np.median(grid.u_ring))),
+        common_sun=longer(grid.common_sun, zero),
+        common_ring=longer(grid.common_ring, zero),
         accepted=np.concatenate([grid.accepted, np.ones(n, dtype=bool)]),
         reason=np.concatenate([grid.reason, np.full(n, "")]),
-        **added,
     )
 
 
