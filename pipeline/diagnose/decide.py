@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -38,6 +38,12 @@ if TYPE_CHECKING:
 
 ORDER_IS_SPEED = 0.95
 """Rank correlation of speed and order from which on a slow change cannot be told from a loss curve."""
+
+MOST_OUTLIERS = 0.04
+"""Part of the points that may be set aside because they stand out by themselves; more is no accident."""
+
+WITHHELD_SHARE = 0.8
+"""Part of the withheld mismatch, in squares beyond the noise, that a mechanism must predict to be named."""
 
 JUDGE_DRAWS = 300
 """Synthetic campaigns behind the adequacy of an explanation."""
@@ -105,6 +111,8 @@ class Diagnosis:
         What the baseline had swallowed.
     held_out : HeldOut or None
         Error on withheld readings without and with what was left out.
+    outliers : tuple of str
+        Points that stand out by themselves and were set aside before the rest was judged.
     """
 
     campaign: str
@@ -117,6 +125,7 @@ class Diagnosis:
     rivals: tuple[Rival, ...] = ()
     absorbed: tuple[Absorbed, ...] = ()
     held_out: HeldOut | None = None
+    outliers: tuple[str, ...] = ()
 
 
 def component_of(place: Location) -> Component | None:
@@ -169,27 +178,69 @@ def diagnose(
     no more than an error of form, and predicts withheld readings better than the baseline does. Rivals within the
     margin are reported as one set with the test that would tell.
     """
-    mismatch = find_mismatch(grid, fits, floor, bench, rng)
+    mismatch, outliers = _without_outliers(grid, fits, floor, bench, rng)
     readings = mismatch.readings
     blind = confounded_shafts(readings)
     if not mismatch.found:
         verdict = Verdict.CONFOUNDED if blind else Verdict.CONSISTENT
-        return Diagnosis(grid.campaign, verdict, mismatch, floor, blind)
+        return Diagnosis(grid.campaign, verdict, mismatch, floor, blind, outliers=outliers)
     stage = set_stage(readings, bench, calibration.model, whitener(readings, bench, floor))
     naming = name_mechanisms(stage, make_judge(stage, floor, rng, JUDGE_DRAWS))
     if naming.explained:
         held = withhold(stage, naming.best.fits, rng)
-        if held.rmse_after < held.rmse_before:
+        if _predicts(held):
             found = refit(stage, naming.best.fits)
             rivals = tuple(Rival(rival, next_test(stage, naming.best, rival, floor)) for rival in naming.rivals)
             verdict = Verdict.AMBIGUOUS if rivals else Verdict.NAMED
             swallowed = _swallowed(calibration, found)
-            return Diagnosis(grid.campaign, verdict, mismatch, floor, blind, naming, found, rivals, swallowed, held)
+            return Diagnosis(
+                grid.campaign, verdict, mismatch, floor, blind, naming, found, rivals, swallowed, held, outliers
+            )
     held_structure = hold_out(grid, fits, floor, bench, mismatch.locations, rng)
     absorbed = _absorbed(mismatch, calibration, bench)
     return Diagnosis(
-        grid.campaign, Verdict.NOT_IN_LIBRARY, mismatch, floor, blind, naming, None, (), absorbed, held_structure
+        grid.campaign,
+        Verdict.NOT_IN_LIBRARY,
+        mismatch,
+        floor,
+        blind,
+        naming,
+        None,
+        (),
+        absorbed,
+        held_structure,
+        outliers,
     )
+
+
+def _predicts(held: HeldOut) -> bool:
+    """Whether a mechanism predicts most of the mismatch of withheld readings."""
+    before = held.rmse_before**2 - held.noise_floor**2
+    after = held.rmse_after**2 - held.noise_floor**2
+    return held.rmse_after < held.rmse_before and after <= (1.0 - WITHHELD_SHARE) * before
+
+
+def _without_outliers(
+    grid: Grid, fits: LossFits, floor: NoiseFloor, bench: BenchParameters, rng: np.random.Generator
+) -> tuple[Mismatch, tuple[str, ...]]:
+    """The mismatch of the points that do not stand out by themselves, and the names of those that do.
+
+    A single reading far from all others is a bad reading, not physics: it is set aside and told, and the rest is judged
+    again, as long as they are few.
+    """
+    aside: list[str] = []
+    mismatch = first = find_mismatch(grid, fits, floor, bench, rng)
+    while mismatch.found and mismatch.locations[0].depends_on == ("point",):
+        if len(aside) >= MOST_OUTLIERS * len(grid):
+            return first, ()
+        effect = mismatch.locations[0].effect
+        row = int(mismatch.readings.row[int(np.argmax(np.abs(effect)))])
+        aside.append(str(grid.points.name[row]))
+        accepted = grid.accepted.copy()
+        accepted[row] = False
+        grid = replace(grid, accepted=accepted)
+        mismatch = find_mismatch(grid, fits, floor, bench, rng)
+    return mismatch, tuple(aside)
 
 
 def _swallowed(calibration: Calibration, found: Refit) -> tuple[Absorbed, ...]:

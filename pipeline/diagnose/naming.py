@@ -186,7 +186,7 @@ def name_mechanisms(stage: Stage, left_over: Callable[[Stage], Remainder]) -> Na
         pool += larger
         best = larger[0]
         remainder = left_over(best.stage)
-    explained = bool(best.fits) and remainder.excess <= FORM_ERROR * best.gain
+    explained = bool(best.fits) and remainder.excess <= FORM_ERROR * best.gain and not _without_scale(best)
     margin = MARGIN + (0.0 if remainder.adequate else remainder.excess)
     near = [e for e in sorted(pool, key=lambda e: -e.score) if e.score > max(ENTRY, best.score - margin)]
     rivals, shafts = _rivals(best, near)
@@ -206,7 +206,8 @@ def _in_detail(
         return best, remainder, singles
     fit = fit_candidate(stage, finer)
     detailed = Explanation((fit,), take_out(stage, fit))
-    if detailed.score <= best.score + ENTRY:
+    runaway = set(finer.kind.shape[:1]) & set(fit.on_bound)  # a time constant that has no scale in the data
+    if detailed.score <= best.score + ENTRY or runaway:
         return best, remainder, singles
     return detailed, left_over(detailed.stage), [detailed, *singles[1:]]
 
@@ -216,6 +217,14 @@ def _enters(before: Explanation, after: Explanation, excess: float) -> bool:
     gained = after.gain - before.gain
     enough = max(SHARE_OF_REST * excess, SHARE_OF_FIRST * before.gain)
     return after.score > before.score + ENTRY and gained > enough and _needed(after)
+
+
+def _without_scale(explanation: Explanation) -> bool:
+    """Whether the leading shape of a nonlinear mechanism ran to its bound: it then bends to anything slow."""
+    return any(
+        not fit.candidate.kind.linear and bool(set(fit.candidate.kind.shape[:1]) & set(fit.on_bound))
+        for fit in explanation.fits
+    )
 
 
 def _needed(explanation: Explanation) -> bool:

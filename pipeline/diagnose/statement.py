@@ -23,6 +23,18 @@ SHAFT_WORDS = {
 
 def statement(diagnosis: Diagnosis) -> str:
     """The verdict in a few sentences."""
+    told = _told(diagnosis)
+    if not diagnosis.outliers:
+        return told
+    several = len(diagnosis.outliers) > 1
+    names = ", ".join(diagnosis.outliers[:5]) + (" ..." if len(diagnosis.outliers) > 5 else "")
+    return (
+        f"{told} {len(diagnosis.outliers)} point{'s' if several else ''} that stand{'' if several else 's'} out by "
+        f"{'themselves' if several else 'itself'} ({names}) {'were' if several else 'was'} set aside first."
+    )
+
+
+def _told(diagnosis: Diagnosis) -> str:
     mismatch = diagnosis.mismatch
     if diagnosis.verdict is Verdict.CONFOUNDED:
         return (
