@@ -200,7 +200,7 @@ def _with_test(
             values = fits[candidate].values.copy()
             values[: len(candidate.sizes)] *= SURE_SIZE
             sets.append(Explanation((_as_fit(stage, candidate, values),), stage))
-        one = Explanation((replace(sets[0].fits[0]),), stage)
+        one = sets[0]
         power = power_to_separate(_imitation(stage, one, sets[1]))
         better = best is None or (plan.seconds < best[0].seconds if min(power, best[1]) >= ENOUGH else power > best[1])
         if better:

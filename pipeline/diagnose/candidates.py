@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 SHAPE_STARTS = 4
-"""Values of each shape parameter, evenly spaced on a logarithm inside its bounds, from which a fit starts."""
+"""Values of the first shape parameter, evenly spaced on a logarithm inside its bounds, from which a fit starts."""
 
 
 @dataclass(frozen=True)
@@ -280,14 +280,3 @@ def signature(stage: Stage, candidate: Candidate, shape: Array) -> Array:
         sizes[i] = SMALL * parameter.typical
         columns.append(stage.effect(candidate, np.r_[sizes, shape]) / sizes[i])
     return np.stack(columns, axis=1)
-
-
-def usual_shape(candidate: Candidate) -> Array:
-    """Typical values of the shape parameters."""
-    return np.array([p.typical for p in candidate.parameters[len(candidate.sizes) :]])
-
-
-def likeness(one: Array, other: Array) -> float:
-    """Magnitude of the correlation of two effects as they are seen; 0 where one is not seen at all."""
-    norm = math.sqrt(float(one @ one) * float(other @ other))
-    return abs(float(one @ other)) / norm if norm > 0.0 else 0.0

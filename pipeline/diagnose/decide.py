@@ -175,7 +175,7 @@ def diagnose(
     """Test for a mismatch, locate it, search the catalogue for what makes it, and prove it on withheld readings.
 
     A mechanism is named when it brings more evidence than its parameters cost, beats every rival by a margin, leaves
-    no more than an error of form, and predicts withheld readings better than the baseline does. Rivals within the
+    no more than an error of form, and predicts most of the mismatch of withheld readings. Rivals within the
     margin are reported as one set with the test that would tell.
     """
     mismatch, outliers = _without_outliers(grid, fits, floor, bench, rng)

@@ -9,12 +9,13 @@ import numpy as np
 
 from pmg.pipeline.diagnose.decide import Verdict, component_of
 from pmg.pipeline.diagnose.plans import A_POINT
-from pmg.sim.signals import MINUTE
+from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.candidates import CandidateFit
     from pmg.pipeline.diagnose.decide import Diagnosis, Rival
     from pmg.pipeline.readings import Readings
+    from pmg.sim.grid import OperatingPoints
     from pmg.sim.signals import Array
 
 SCHEMA = "pmg.diagnosis/1"
@@ -143,7 +144,7 @@ def _next_tests(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     tests = [
         {
             "description": rival.test.plan.description,
-            "points": [str(name) for name in rival.test.plan.points.name],
+            "points": set_points(rival.test.plan.points),
             "minutes": rival.test.plan.seconds / MINUTE,
             "separates": list(rival.test.separates),
             "power": rival.test.power,
@@ -162,6 +163,20 @@ def _next_tests(diagnosis: Diagnosis) -> list[dict[str, Any]]:
             }
         )
     return tests
+
+
+def set_points(at: OperatingPoints) -> list[str]:
+    """The points of a test in words, in their order: what to set on the bench."""
+    told = []
+    for i, configuration in enumerate(at.configuration):
+        sun, ring = SPEED_SUN.display(at.speed_sun[i]), SPEED_RING.display(at.speed_ring[i])
+        if configuration == "zero":
+            told.append("zero check, shafts free and at rest")
+        elif configuration == "neutral":
+            told.append(f"neutral, sun {sun:.0f} rpm, ring {ring:.0f} rpm")
+        else:
+            told.append(f"engaged, {at.drive[i]} drives, sun {sun:.0f} rpm, ring torque {at.load_set[i]:.2f} N m")
+    return told
 
 
 def _spread(readings: Readings) -> list[str]:

@@ -14,7 +14,6 @@ from pmg.pipeline.diagnose.noise import orthonormal
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pmg.sim.signals import Array
 
 MOST = 3
 """Mechanisms named at once at most."""
@@ -106,8 +105,6 @@ class Naming:
         Sets of other mechanisms within the margin, best first.
     shafts : dict of str to str
         Shaft of each named mechanism; ``either`` where only the shaft cannot be told.
-    probabilities : dict of str to float
-        By id of the mechanism: posterior weight among the single mechanisms of the catalogue, for equal prior odds.
     remainder : Remainder
         What the leading set leaves.
     explained : bool
@@ -119,7 +116,6 @@ class Naming:
     best: Explanation
     rivals: tuple[Explanation, ...]
     shafts: dict[str, str]
-    probabilities: dict[str, float]
     remainder: Remainder
     explained: bool
     ranking: tuple[CandidateFit, ...]
@@ -190,7 +186,7 @@ def name_mechanisms(stage: Stage, left_over: Callable[[Stage], Remainder]) -> Na
     margin = MARGIN + (0.0 if remainder.adequate else remainder.excess)
     near = [e for e in sorted(pool, key=lambda e: -e.score) if e.score > max(ENTRY, best.score - margin)]
     rivals, shafts = _rivals(best, near)
-    return Naming(best, rivals, shafts, _probabilities(ranking, len(stage.left)), remainder, explained, tuple(ranking))
+    return Naming(best, rivals, shafts, remainder, explained, tuple(ranking))
 
 
 def _in_detail(
@@ -228,8 +224,8 @@ def _without_scale(explanation: Explanation) -> bool:
 
 
 def _needed(explanation: Explanation) -> bool:
-    """No mechanism sits on a bound of its size."""
-    return not any(set(fit.on_bound) & set(fit.candidate.sizes) for fit in explanation.fits)
+    """No mechanism has all its sizes on a bound: it would be absent, or as large as can be."""
+    return not any(set(fit.candidate.sizes) <= set(fit.on_bound) for fit in explanation.fits)
 
 
 def _ids(explanation: Explanation) -> frozenset[str]:
@@ -246,15 +242,6 @@ def _rivals(best: Explanation, near: list[Explanation]) -> tuple[tuple[Explanati
             for fit in other.fits:
                 if {shafts[fit.candidate.identifier], fit.candidate.shaft} == {"sun", "ring"}:
                     shafts[fit.candidate.identifier] = "either"
-        elif len(other.fits) <= len(best.fits) and not _ids(best) < ids:
+        elif len(other.fits) <= len(best.fits) and not ids < _ids(best):
             rivals.setdefault(ids, other)
     return tuple(rivals.values()), shafts
-
-
-def _probabilities(ranking: list[CandidateFit], n: int) -> dict[str, float]:
-    scores = np.array([fit.gain - fit.cost * math.log(n) for fit in ranking])
-    weight: Array = np.exp(0.5 * (scores - scores.max()))
-    total: dict[str, float] = {}
-    for fit, share in zip(ranking, weight / weight.sum(), strict=True):
-        total[fit.candidate.identifier] = total.get(fit.candidate.identifier, 0.0) + float(share)
-    return total

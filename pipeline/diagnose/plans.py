@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +17,12 @@ if TYPE_CHECKING:
 
 A_POINT = 45.0
 """Bench time of one point: approach, settling and a window of 5 s [s]."""
+
+SEED = 20260105
+"""Seed of the random order of repeated points."""
+
+ZERO_CHECKS_OVER = 1800.0
+"""Time over which zero checks are spread [s]."""
 
 PAUSE = 7200.0
 """Pause after which the bench is cold again [s]."""
@@ -110,13 +116,15 @@ def possible_plans(at: OperatingPoints, bench: BenchParameters) -> tuple[Plan, .
     if len(ring):
         pair = min(len(sun), len(ring))
         sun_n, ring_n = sun[:pair], ring[::-1][:pair]
-        back = make_points("B", "neutral", -sun_n, ring_n, np.zeros(pair), begin=begin)
+        sense = float(np.sign(np.median(at.speed_ring[at.neutral & (at.speed_ring != 0.0)])))
+        back = make_points("B", "neutral", -sun_n, -sense * ring_n, np.zeros(pair), begin=begin)
         if len(loads):
             load = np.full(len(sun), loads.max())
             after = begin + A_POINT * pair
             back = join_points(back, make_points("BE", "engaged", -sun, sun / ratio, -load, begin=after))
         rows = np.linspace(0, pair * pair - 1, 10).astype(int)
-        again_sun, again_ring = sun_n[rows % pair], ring_n[rows // pair]
+        rows = np.random.default_rng(SEED).permutation(rows)
+        again_sun, again_ring = sun_n[rows % pair], sense * ring_n[rows // pair]
         low = np.array(LOW_SPEEDS) * RPM
         plans += [
             Plan(
@@ -131,7 +139,9 @@ def possible_plans(at: OperatingPoints, bench: BenchParameters) -> tuple[Plan, .
                 "two hours of rest",
                 join_points(
                     make_points("R", "neutral", again_sun, again_ring, np.zeros(10), begin=begin),
-                    make_points("C", "neutral", again_sun, again_ring, np.zeros(10), begin=begin + PAUSE),
+                    make_points(
+                        "C", "neutral", again_sun, again_ring, np.zeros(10), begin=begin + PAUSE + 10 * A_POINT
+                    ),
                 ),
                 20 * A_POINT + PAUSE,
             ),
@@ -150,8 +160,11 @@ def possible_plans(at: OperatingPoints, bench: BenchParameters) -> tuple[Plan, .
         Plan(
             Experiment.ZERO_CHECKS,
             "Five zero checks, shafts free and at rest, over half an hour",
-            make_points("Z", "zero", zero, zero, zero, begin=begin),
-            1800.0,
+            replace(
+                make_points("Z", "zero", zero, zero, zero, begin=begin),
+                started_at=begin + ZERO_CHECKS_OVER * np.arange(1.0, 6.0) / 5.0,
+            ),
+            ZERO_CHECKS_OVER,
         )
     )
     return tuple(plans)

@@ -106,6 +106,7 @@ def refit(stage: Stage, fits: tuple[CandidateFit, ...]) -> Refit:
     margin = 1e-4 * size
     free = loose & (values - lower > margin) & (upper - values > margin)
     errors = np.full(len(values), np.nan)
+    free &= found.status > 0  # a fit that ran out of steps has no error bars
     slopes = np.zeros((len(stage.readings), len(values)))
     slopes[:, loose] = np.asarray(found.jac)
     _, singular, right = np.linalg.svd(slopes[:, free], full_matrices=False)

@@ -15,6 +15,7 @@ from pmg.pipeline.diagnose.holdout import BLOCKS, RESAMPLES, HeldOut
 from pmg.pipeline.diagnose.naming import ENTRY, take_out
 from pmg.pipeline.diagnose.noise import BASELINE_FREE, orthonormal
 from pmg.pipeline.diagnose.whiten import Whitener
+from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
     from pmg.sim.signals import Array, Mask
@@ -73,6 +74,9 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
         after[test] = _left(y - effects, columns, scale, train)[test]
     squares = before**2, after**2
     blocks = [rows for k in range(n_blocks) if len(rows := np.flatnonzero((block == k) & touched))]
+    if len(blocks) < 2:
+        where, came = "held-out proof", f"{len(blocks)} blocks of readings"
+        raise FitError(where, came, "two or more", "Measure more speeds, or record when each point was run.")
     gains = []
     for _ in range(RESAMPLES):
         rows = np.concatenate([blocks[i] for i in rng.integers(len(blocks), size=len(blocks))])

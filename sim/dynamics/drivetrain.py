@@ -80,6 +80,9 @@ class Drivetrain:
                 )
         if self.configuration not in (Configuration.NEUTRAL, Configuration.ENGAGED):
             raise BenchError("drivetrain", f"'{self.configuration}'", "neutral or engaged", "Choose one of them.")
+        if self.configuration is Configuration.NEUTRAL and self.held is Member.RING:
+            do = "Engage the gear, or hold the carrier."
+            raise BenchError("drivetrain", "the ring held in neutral: nothing turns the free carrier", "engaged", do)
         if self.held is Member.SUN or (self.held is Member.RING and not self.assumptions.carrier_in_map):
             came = (
                 "the sun held" if self.held is Member.SUN else "the ring held, and a map that does not see the carrier"
@@ -114,9 +117,15 @@ class Drivetrain:
         given = self.torque_map
         return given.scaled(scale) if given is not None else analytic_map(self.bench.gear(self.gear), scale)
 
-    def at_rest(self) -> Array:
-        """State at rest with nothing applied, at the assumed phase."""
-        return np.array(State(*np.zeros(len(STATES)))._replace(phase=self.assumptions.start_phase), dtype=np.float64)
+    @cached_property
+    def centre(self) -> float:
+        """Phase at which the unloaded gear rests [rad]: the middle of its magnetic well; 0 in neutral."""
+        return 0.0 if self.coupling is None else float(self.coupling.load_angle(np.zeros(1))[0])
+
+    def at_rest(self, phase: float | None = None) -> Array:
+        """State at rest with nothing applied, at a phase from the middle of the well [rad]; the assumed one if none."""
+        begin = self.centre + (self.assumptions.start_phase if phase is None else phase)
+        return np.array(State(*np.zeros(len(STATES)))._replace(phase=begin), dtype=np.float64)
 
     def angle_sun(self, state: Iterable[Number]) -> Number:
         """Angle of the sun against the carrier [rad], as the map sees it; from phase and held angle."""

@@ -40,12 +40,13 @@ def dense(drivetrain: Drivetrain, state: Iterable[Number]) -> Array:
 def active(drivetrain: Drivetrain) -> npt.NDArray[np.intp]:
     """Indices of the states that take part in small motions about a steady state.
 
-    Left out: the quadrature of the sun's angle, the phase where nothing couples it, and the speed error's integral
-    of a motor that follows torque.
+    Left out: the quadrature of the sun's angle, the derivative's filter where the derivative is ideal, the phase where
+    nothing couples it, and the speed error's integral of a motor that follows torque.
     """
     q = drivetrain.constants
     idle = {"angle_sun"}
     idle |= {"phase"} if drivetrain.coupling is None else set()
+    idle |= {"filtered_sun", "filtered_ring"} if q.ideal else set()
     idle |= set() if q.sun.by_speed else {"angle_lag_sun"}
     idle |= set() if q.ring.by_speed else {"angle_lag_ring"}
     return np.array([i for i, name in enumerate(STATES) if name not in idle], dtype=np.intp)

@@ -34,6 +34,7 @@ class Run(NamedTuple):
     rejected: int
     states: Array
     slips: Array
+    slipped: int
     locked_at: float
     time: float
     last: Array
@@ -102,6 +103,7 @@ class Kernel:
         stop: bool,
         locked: float,
         most: int,
+        centre: float = 0.0,
         energy: bool = True,
     ) -> Run:
         """Integrate from a start state through the legs; see `rodas.integrate`."""
@@ -120,6 +122,7 @@ class Kernel:
             scales,
             rtol,
             phase,
+            centre,
             stop,
             locked,
             most,
@@ -130,6 +133,7 @@ class Kernel:
             rejected,
             out[:reported],
             slips[: min(slipped, slips.size)].copy(),
+            slipped,
             locked_at,
             time,
             last,
@@ -152,8 +156,9 @@ class _Blueprint:
 
 @lru_cache(maxsize=64)
 def _module(blueprint: _Blueprint) -> ModuleType:
-    own = __name__.rsplit(".", 2)[0]
-    lasting = all(type(law).__module__.startswith(own) for law in blueprint.drivetrain.losses)
+    own = __name__.rsplit(".", 2)[0] + "."
+    parts = (*blueprint.drivetrain.losses, blueprint.drivetrain.coupling)
+    lasting = all(part is None or type(part).__module__.startswith(own) for part in parts)
 
     def make(cache: bool) -> str:
         from pmg.sim.dynamics.codegen import solver_text  # the symbols' library is slow to load and seldom needed

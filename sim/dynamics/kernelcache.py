@@ -17,7 +17,13 @@ if TYPE_CHECKING:
     from types import ModuleType
 
 SETTING = "PMG_CACHE"
-"""Environment variable that names the folder; without it the user's cache folder is taken."""
+"""Environment variable that names the folder; without it the user's cache folder is taken.
+
+Code is run from there, so a folder or file that others may write to is not used: solvers are then made anew.
+"""
+
+END = "\n# whole\n"
+"""Last line of a solver that was written to its end."""
 
 
 def cache_folder() -> Path:
@@ -54,16 +60,19 @@ def load_solver(structure: str, lasting: bool, make: Callable[[bool], str]) -> M
         Makes the text; its argument says whether compiled code is kept beside it.
     """
     name = "solver_" + hashlib.sha256(_sources() + structure.encode()).hexdigest()[:24]
-    path = cache_folder() / f"{name}.py"
+    if not lasting:
+        return _run(make(False), name)
     try:
-        if not lasting:
+        path = cache_folder() / f"{name}.py"
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if not _own(path.parent):
             return _run(make(False), name)
-        if not path.is_file():
-            text = make(True)
-            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if not (path.is_file() and _own(path) and path.read_text(encoding="utf-8").endswith(END)):
             descriptor, aside = tempfile.mkstemp(dir=path.parent, prefix=f".{name}.", suffix=".part")
             with os.fdopen(descriptor, "w", encoding="utf-8") as stream:
-                stream.write(text)
+                stream.write(make(True) + END)
+                stream.flush()
+                os.fsync(stream.fileno())
             Path(aside).replace(path)
         spec = importlib.util.spec_from_file_location(name, path)
         assert spec is not None  # a path that ends in .py has a loader
@@ -71,9 +80,17 @@ def load_solver(structure: str, lasting: bool, make: Callable[[bool], str]) -> M
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module  # the compiler looks its functions up there
         spec.loader.exec_module(module)
-    except OSError:  # a cache that cannot be written or read is done without
+    except (OSError, RuntimeError, UnicodeDecodeError):  # no home, no rights, no room, damage: done without
         return _run(make(False), name)
     return module
+
+
+def _own(path: Path) -> bool:
+    """Whether nobody else could have put it there: code is run from it."""
+    if os.name != "posix":
+        return True
+    facts = path.stat()
+    return facts.st_uid == os.geteuid() and not facts.st_mode & 0o022
 
 
 def _run(text: str, name: str) -> ModuleType:

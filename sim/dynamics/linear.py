@@ -173,7 +173,7 @@ def check_control(drivetrain: Drivetrain) -> ControlVerdict:
 
     They are two to five orders of magnitude faster than all else, so the operating point hardly matters.
     """
-    modes = linearise(drivetrain, np.array(State(*[0.0] * len(STATES))))
+    modes = linearise(drivetrain, drivetrain.at_rest(0.0))
     worst = max((mode for mode in modes if mode.kind in _LOOPS), key=lambda mode: mode.eigenvalue.real)
     given, q = drivetrain.assumptions, drivetrain.constants
     filtered = "ideal derivative" if given.derivative_filter is None else f"N = {given.derivative_filter:g} 1/s"

@@ -97,7 +97,8 @@ def course(
         locks += run.t_events[1].tolist()
         if run.status == 1:
             begin, y = slips[-1], run.y_events[0][0]
-            columns.append(run.y[:, np.isin(run.t, inside)])
+            if len(run.t):
+                columns.append(run.y[:, np.isin(run.t, inside)])
             slipped_at = begin
             break
         columns.append(run.y[:, np.isin(run.t, inside)])
@@ -124,10 +125,10 @@ def _jacobian(drivetrain: Drivetrain) -> Callable[[float, Array], Array]:
 
 def _events(drivetrain: Drivetrain, stop: bool, locked: float) -> list[Callable[[float, Array], float]]:
     """A slipped pole (the phase passes the top between two wells) and the way into lock."""
-    q, coupled = drivetrain.constants, drivetrain.coupling is not None
+    q, coupled, centre = drivetrain.constants, drivetrain.coupling is not None, drivetrain.centre
 
     def slip(_: float, y: Array) -> float:
-        return math.cos(0.5 * State(*y).phase) if coupled else 1.0
+        return math.cos(0.5 * (State(*y).phase - centre)) if coupled else 1.0
 
     def lock(_: float, y: Array) -> float:
         x = State(*y)

@@ -95,6 +95,7 @@ def integrate(
     scales: Array,
     rtol: float,
     phase: int,
+    centre: float,
     stop: bool,
     locked: float,
     most: int,
@@ -121,6 +122,8 @@ def integrate(
         Relative tolerance; the absolute one is this times `scales`.
     phase : int
         Index of the electrical phase, or -1 where nothing can slip.
+    centre : float
+        Phase in the middle of a magnetic well [rad]; a pole slips half a period from it.
     stop : bool
         Whether to end at the first slipped pole.
     locked : float
@@ -239,10 +242,11 @@ def integrate(
             length = 1.0
             halted = False
             if phase >= 0:
-                well, next_well = math.floor(y[phase] / REVOLUTION + 0.5), math.floor(w[phase] / REVOLUTION + 0.5)
+                well = math.floor((y[phase] - centre) / REVOLUTION + 0.5)
+                next_well = math.floor((w[phase] - centre) / REVOLUTION + 0.5)
                 sense = 1 if next_well > well else -1
                 while well != next_well:
-                    top = (well + 0.5 * sense) * REVOLUTION
+                    top = centre + (well + 0.5 * sense) * REVOLUTION
                     low, high = 0.0, 1.0
                     for _ in range(50):
                         share = 0.5 * (low + high)

@@ -160,6 +160,7 @@ def transients(
     for task in tasks:
         if id(task.drivetrain) not in checked:
             check_control(task.drivetrain).enforce()
+            kernel_of(task.drivetrain)  # made once here, not by each thread
             checked.add(id(task.drivetrain))
     with ThreadPoolExecutor(threads) as pool:
         return list(pool.map(lambda task: _run(task, rtol, on_slip, Solver.COMPILED, energy), tasks))
@@ -195,7 +196,18 @@ def _compiled(
     drivetrain: Drivetrain, start: Array, legs: Legs, instants: Array, rtol: float, stop: bool, energy: bool
 ) -> Course:
     kernel = kernel_of(drivetrain)
-    run = kernel.run(start, legs, instants, SCALES, rtol, stop=stop, locked=LOCKED, most=MOST_STEPS, energy=energy)
+    run = kernel.run(
+        start,
+        legs,
+        instants,
+        SCALES,
+        rtol,
+        stop=stop,
+        locked=LOCKED,
+        most=MOST_STEPS,
+        centre=drivetrain.centre,
+        energy=energy,
+    )
     failed = {NO_STEP: "the step became too small", TOO_MANY: f"not done after {MOST_STEPS} steps"}.get(run.ended, "")
     slipped_at = run.time if run.ended == STOPPED else math.nan
     return Course(run.states, run.last, run.time, run.slips, slipped_at, run.locked_at, run.steps, run.sums, failed)
@@ -234,7 +246,10 @@ def _no_step(time: float, message: str, rtol: float) -> BenchError:
 
 def _slipped(task: Task, time: float) -> BenchError:
     sun, ring = float(task.sun.value(time)), float(task.ring.value(time))
-    units = ("N m" if side.by_speed is False else "rad/s" for side in task.drivetrain.constants[-2:])
+    units = (
+        "N m" if side.by_speed is False else "rad/s"
+        for side in (task.drivetrain.constants.sun, task.drivetrain.constants.ring)
+    )
     asked = " and ".join(
         f"{value:.3g} {unit} on the {name}"
         for value, unit, name in zip((sun, ring), units, ("sun", "ring"), strict=True)

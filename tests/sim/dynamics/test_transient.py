@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from tests.sim.dynamics.bench_in_motion import BENCH, MODEL, drivetrain, lossles
 
 from pmg.pipeline.fit import THESIS_POWERS_RING, THESIS_POWERS_SUN, fit_losses
 from pmg.pipeline.gridtable import read_published
+from pmg.sim.analyticmap import analytic_map
 from pmg.sim.bench import BenchParameters
 from pmg.sim.dynamics.assumptions import Assumptions, RotorInertia
 from pmg.sim.dynamics.drivetrain import Drivetrain
@@ -19,7 +21,7 @@ from pmg.sim.dynamics.power import energies
 from pmg.sim.dynamics.programme import Programme
 from pmg.sim.dynamics.state import SetPoints
 from pmg.sim.dynamics.trace import Trace
-from pmg.sim.dynamics.transient import OnSlip, transient
+from pmg.sim.dynamics.transient import OnSlip, Solver, transient
 from pmg.sim.errors import BenchError
 from pmg.sim.gearbox import Gearbox
 from pmg.sim.lossmodel import LossModel
@@ -178,3 +180,36 @@ def test_a_state_that_is_no_number_ends_with_a_clear_error() -> None:
     train = drivetrain()
     with pytest.raises(BenchError, match="start: speed_sun is nan"):
         transient(train, SUN, RING, 1.0, start=np.array(train.at_rest()) + np.where(np.arange(20) == 6, np.nan, 0.0))
+
+
+@pytest.mark.parametrize("solver", list(Solver))
+def test_a_map_whose_well_lies_elsewhere_slips_where_its_own_top_is(solver: Solver) -> None:
+    """A field table begins at any angle: the well is where the unloaded gear rests."""
+    plain = analytic_map(BENCH.gear(1))
+    shift = 2.9
+    turned = replace(
+        plain,
+        cosine=plain.cosine * np.cos(shift) - plain.sine * np.sin(shift),
+        sine=plain.cosine * np.sin(shift) + plain.sine * np.cos(shift),
+    )
+    train = replace(drivetrain(), torque_map=turned)
+    assert abs(train.centre) == pytest.approx(shift, abs=1e-9)
+    held = transient(train, Programme.ramp(1.5, 0.2), Programme.ramp(3.6, 0.2), 0.5, rtol=1e-5, solver=solver)
+    assert held.stopped is None
+    beyond = transient(train, Programme.ramp(4.0, 0.2), Programme.ramp(10.0, 0.2), 2.0, rtol=1e-5, solver=solver)
+    assert beyond.stopped is not None
+    assert abs(beyond["phase"][-1] - train.centre) == pytest.approx(np.pi, abs=1e-5)
+
+
+def test_a_slip_before_the_first_report_ends_the_reference_run_too() -> None:
+    trace = transient(
+        drivetrain(),
+        Programme.ramp(4.0, 0.2),
+        Programme.ramp(10.0, 0.2),
+        2.0,
+        times=np.array([0.0, 2.0]),
+        rtol=1e-5,
+        solver=Solver.RADAU,
+    )
+    assert trace.stopped is not None
+    assert trace.time[-1] < 2.0
