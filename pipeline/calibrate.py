@@ -15,6 +15,8 @@ from pmg.sim.lossmodel import LossModel
 from pmg.sim.mechanisms import EddyDamping, ExcessDamping, HysteresisDamping, SunBearings
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import numpy.typing as npt
 
     from pmg.pipeline.fit import LossFits
@@ -30,7 +32,6 @@ CONSTANTS: dict[str, Parameter] = {
     "d": ExcessDamping.parameters()[0],
 }
 """The scalar constants of the baseline: unit, bounds, usual size."""
-
 
 UNDETERMINED = 1e-6
 """Ratio of singular values (columns of unit length) below which a combination of parameters is not determined."""
@@ -152,6 +153,7 @@ def calibrate(
     *,
     correction: float | None = None,
     free: tuple[str, ...] = ("K_corr", "b", "c"),
+    held: Mapping[str, float] | None = None,
 ) -> Calibration:
     """Baseline fitted to neutral and engaged readings together, weighted by their uncertainty.
 
@@ -166,8 +168,11 @@ def calibrate(
     correction : float, optional
         Hold K_corr at this value instead of fitting it.
     free : tuple of str
-        Constants to fit among K_corr, b, c, d. The default leaves d at zero: with a root term in the curves, d and
-        K_corr cannot be told apart by steady points.
+        Constants to fit among K_corr, b, c, d, less those held. The default leaves d at zero: with a root term in the
+        curves, d and K_corr cannot be told apart by steady points.
+
+    held : mapping of str to float
+        Values at which b, c or d are held.
 
     Raises
     ------
@@ -184,9 +189,12 @@ def calibrate(
     if correction is not None:
         free = tuple(name for name in free if name != "K_corr")
     readings = take_readings(grid, bench)
+    held = held or {}
     start = start_model(fits)
+    start = replace(start, b=held.get("b", start.b), c=held.get("c", start.c), d=held.get("d", start.d))
     if correction is not None:
         start = replace(start, correction=correction)
+    free = tuple(name for name in free if name not in held)
     names = parameter_names(start, free)
     n_curves = len(names) - len(free)
     lower = np.r_[np.full(n_curves, -np.inf), [CONSTANTS[name].bounds[0] for name in free]]

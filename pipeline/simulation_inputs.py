@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pmg.pipeline.analyse import analyse
+from pmg.pipeline.calibrate import calibrate
 from pmg.pipeline.femcsv import read_fem_csv
 from pmg.pipeline.fit import check_powers, fit_losses, point_weights
 from pmg.pipeline.gridtable import read_published
@@ -120,15 +121,19 @@ def loss_model(file: ScenarioFile, bench: BenchParameters) -> LossModel | None:
         return LossModel(fits.sun.curve, fits.ring.curve, given.K_corr, **by_hand)
     if given.K_corr is not None:
         options = replace(options, correction=repr(given.K_corr))
-    return replace(_calibrated(grid, options, bench), **by_hand)
+    return _calibrated(grid, options, bench, by_hand)
 
 
 def _powers(text: str, where: str) -> tuple[float, ...]:
     return check_powers(parse_powers(text, where))
 
 
-def _calibrated(grid: Grid, options: AnalysisOptions, bench: BenchParameters) -> LossModel:
+def _calibrated(grid: Grid, options: AnalysisOptions, bench: BenchParameters, by_hand: dict[str, float]) -> LossModel:
+    """The calibrated losses; with constants set by hand, the others are calibrated beside them."""
     analysis = analyse(grid, options, bench)
+    if by_hand and analysis.calibration is not None and analysis.fits is not None:
+        correction = None if options.correction == "joint" else analysis.calibration.model.correction
+        return calibrate(analysis.grid, analysis.fits, bench, correction=correction, held=by_hand).model
     if analysis.calibration is None:
         raise (
             analysis.missing[0]

@@ -395,3 +395,18 @@ def test_people_are_told_the_control_check_and_the_results(tmp_path: Path) -> No
     assert outcome.exit_code == 0
     assert outcome.stdout.startswith("Torque loops stable with PID")
     assert "4 steady points" in outcome.stdout
+
+
+def test_a_constant_set_by_hand_is_held_while_the_others_are_calibrated(tmp_path: Path) -> None:
+    text = (
+        f'[losses]\ngrids = "{ROOT / "raw" / "published"}"\nc = 0.0\n'
+        "[point]\nspeed_sun_rpm = 1872\ntorque_ring_Nm = 1.9\n"
+    )
+    (tmp_path / "held.toml").write_text(text)
+    held = gather_inputs(read_scenario(tmp_path / "held.toml"), load_bench()).losses
+    (tmp_path / "free.toml").write_text(text.replace("c = 0.0\n", ""))
+    free = gather_inputs(read_scenario(tmp_path / "free.toml"), load_bench()).losses
+    assert held is not None
+    assert free is not None
+    assert held.c == 0.0 < free.c
+    assert held.b > free.b + 1e-3  # hysteresis takes up what eddy currents may not
