@@ -156,7 +156,7 @@ class WarmingInTwoSteps(Mechanism):
             (self.curve_sun, at.speed_sun, self.resistance_sun, self.race_sun, self.start_sun),
             (self.curve_ring, at.speed_ring, self.resistance_ring, self.race_ring, self.start_ring),
         ):
-            if resistance == race == start == self.room == 0.0:
+            if resistance == race == start == 0.0:  # this shaft does not warm: the room alone changes nothing here
                 found.append(np.zeros(len(at)))
                 continue
             drag = part * curve.torque(speed) * (speed != 0.0)
