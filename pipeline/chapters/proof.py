@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.chapters.page import PACKAGES
+from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.prove.trial.summary import time_document
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Report, Section, Series, Table, Text, Verdict
 from pmg.pipeline.report.figure import COVERAGE
@@ -41,7 +40,7 @@ def proof_page(trial: Trial, told: Mapping[str, Any]) -> Report:
                 ("Kinds of campaign", ", ".join(told["strata"])),
                 ("Route", str(told["route"])),
                 ("SHA-256 of the program's sources", str(told["code"])),
-                ("Versions", ", ".join(f"{name} {version(name)}" for name in PACKAGES)),
+                ("Versions", versions(PACKAGES)),
             )
         ),
     )

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pmg.pipeline.chapters.cells import by_load, lay_out, speed_levels
 from pmg.pipeline.chapters.motion import response_section, run_section
-from pmg.pipeline.chapters.page import PACKAGES
+from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.losses import QUANTITIES
 from pmg.pipeline.report.document import (
     Chart,
@@ -74,13 +73,12 @@ def simulation_report(
         sections.append(response_section(simulation))
     if not scenario.output.figures:
         sections = [_without_figures(section) for section in sections]
-    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     return Report(
         title=scenario.title or f"Simulation {scenario.output.campaign}",
         subtitle="Simulated, all of it: a model of the bench, not the bench",
         verdict=_verdict(simulation, findings),
         sections=tuple(sections),
-        provenance=Facts((*provenance, ("Versions", versions))),
+        provenance=Facts((*provenance, ("Versions", versions(PACKAGES)))),
     )
 
 

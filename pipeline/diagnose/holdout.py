@@ -15,12 +15,15 @@ from pmg.pipeline.diagnose.whiten import relative_scale
 from pmg.pipeline.readings import predict, take_readings
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
     from pmg.pipeline.diagnose.locate import Location
     from pmg.pipeline.diagnose.noise import NoiseFloor
     from pmg.pipeline.fit import LossFits
+    from pmg.pipeline.readings import Readings
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
-    from pmg.sim.signals import Array
+    from pmg.sim.signals import Array, Mask
 
 FOLDS = 8
 """Parts of the readings withheld in turn."""
@@ -80,26 +83,15 @@ def hold_out(
     after = np.hstack([before, structure / scale[:, None]])
     touched = (structure != 0.0).any(axis=1)
     at = grid.points
-    key = at.started_at[readings.row] if at.ordered else np.abs(at.speed_sun[readings.row])
-    levels = np.unique(key)
-    n_blocks = min(BLOCKS if at.ordered else len(levels), len(levels))
-    block = (np.searchsorted(levels, key) * n_blocks) // len(levels)
-    fold = block % FOLDS
-    if not at.ordered:  # the outermost rows always train: a fit is not asked to reach beyond its data
-        fold = np.where((block == 0) | (block == n_blocks - 1), FOLDS, fold)
-        touched = touched & (fold < FOLDS)
+    block, fold = deal(readings, FOLDS)
+    touched = touched & (fold < FOLDS)
     errors = {"before": np.zeros(len(y)), "after": np.zeros(len(y))}
     for k in range(FOLDS):
         train, test = fold != k, fold == k
         for name, design in (("before", before), ("after", after)):
-            errors[name][test] = y[test] - design[test] @ _solve(design[train], y[train])
+            errors[name][test] = y[test] - design[test] @ solve(design[train], y[train])
     squares = {name: (value * scale) ** 2 for name, value in errors.items()}
-    blocks = [rows for k in range(n_blocks) if len(rows := np.flatnonzero((block == k) & touched))]
-    gains = []
-    for _ in range(RESAMPLES):
-        rows = np.concatenate([blocks[i] for i in rng.integers(len(blocks), size=len(blocks))])
-        gains.append(math.sqrt(squares["before"][rows].mean()) - math.sqrt(squares["after"][rows].mean()))
-    low, high = np.quantile(gains, [0.025, 0.975])
+    blocks = touched_blocks(block, touched)
     what = "blocks of neighbouring points in the order of the test" if at.ordered else "inner rows of sun speed"
     return HeldOut(
         split=f"{len(blocks)} {what}, dealt to {FOLDS} folds; the kind of structure was chosen on all readings, its "
@@ -107,11 +99,45 @@ def hold_out(
         rmse_before=math.sqrt(squares["before"][touched].mean()),
         rmse_after=math.sqrt(squares["after"][touched].mean()),
         noise_floor=math.sqrt(float(np.mean(scale[touched] ** 2))),
-        gain_interval=(float(low), float(high)),
+        gain_interval=gain_interval(squares["before"], squares["after"], blocks, rng),
     )
 
 
-def _solve(design: Array, y: Array) -> Array:
+def deal(readings: Readings, folds: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Block and fold of each reading; blocks follow the order of the test, or the sun's speed where it is not known.
+
+    Without an order the outermost rows are in no fold (`folds`): they always train, as a fit is not asked to reach
+    beyond its data.
+    """
+    at = readings.grid.points
+    key = at.started_at[readings.row] if at.ordered else np.abs(at.speed_sun[readings.row])
+    levels = np.unique(key)
+    n_blocks = min(BLOCKS if at.ordered else len(levels), len(levels))
+    block = np.asarray((np.searchsorted(levels, key) * n_blocks) // len(levels))
+    fold = block % folds
+    if not at.ordered:
+        fold = np.where((block == 0) | (block == n_blocks - 1), folds, fold)
+    return block, fold
+
+
+def touched_blocks(block: npt.NDArray[np.int64], touched: Mask) -> list[npt.NDArray[np.intp]]:
+    """Rows of each block that are looked at; blocks without any are left out."""
+    return [np.flatnonzero((block == k) & touched) for k in np.unique(block[touched])]
+
+
+def gain_interval(
+    before: Array, after: Array, blocks: list[npt.NDArray[np.intp]], rng: np.random.Generator
+) -> tuple[float, float]:
+    """95 % interval of the fall of the error [N m] from squared errors, blocks resampled with replacement."""
+    gains = []
+    for _ in range(RESAMPLES):
+        rows = np.concatenate([blocks[i] for i in rng.integers(len(blocks), size=len(blocks))])
+        gains.append(math.sqrt(before[rows].mean()) - math.sqrt(after[rows].mean()))
+    low, high = np.quantile(gains, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def solve(design: Array, y: Array) -> Array:
     """Least squares with columns of equal length; directions the rows do not determine stay at zero."""
     length = np.linalg.norm(design, axis=0)
     length[length == 0.0] = 1.0

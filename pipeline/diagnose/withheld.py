@@ -11,7 +11,7 @@ import numpy as np
 
 from pmg.pipeline.calibrate import jacobian
 from pmg.pipeline.diagnose.candidates import Candidate, CandidateFit, Stage, candidates, fit_candidate, refinement
-from pmg.pipeline.diagnose.holdout import BLOCKS, RESAMPLES, HeldOut
+from pmg.pipeline.diagnose.holdout import HeldOut, deal, gain_interval, solve, touched_blocks
 from pmg.pipeline.diagnose.naming import ENTRY, take_out
 from pmg.pipeline.diagnose.noise import BASELINE_FREE, orthonormal
 from pmg.pipeline.diagnose.whiten import Whitener
@@ -45,13 +45,7 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
     run history.
     """
     readings, at = stage.readings, stage.readings.grid.points
-    key = at.started_at[readings.row] if at.ordered else np.abs(at.speed_sun[readings.row])
-    levels = np.unique(key)
-    n_blocks = min(BLOCKS if at.ordered else len(levels), len(levels))
-    block = (np.searchsorted(levels, key) * n_blocks) // len(levels)
-    fold = block % FOLDS
-    if not at.ordered:  # the outermost rows always train: a fit is not asked to reach beyond its data
-        fold = np.where((block == 0) | (block == n_blocks - 1), FOLDS, fold)
+    block, fold = deal(readings, FOLDS)
     effect = np.sum([fit.effect for fit in fits], axis=0)
     touched = (np.abs(effect) > 0.1 * np.sqrt(np.mean(effect**2))) & (fold < FOLDS)
     y = readings.torque - stage.predicted
@@ -73,15 +67,10 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
         chosen.update(taken)
         after[test] = _left(y - effects, columns, scale, train)[test]
     squares = before**2, after**2
-    blocks = [rows for k in range(n_blocks) if len(rows := np.flatnonzero((block == k) & touched))]
+    blocks = touched_blocks(block, touched)
     if len(blocks) < 2:
         where, came = "held-out proof", f"{len(blocks)} blocks of readings"
         raise FitError(where, came, "two or more", "Measure more speeds, or record when each point was run.")
-    gains = []
-    for _ in range(RESAMPLES):
-        rows = np.concatenate([blocks[i] for i in rng.integers(len(blocks), size=len(blocks))])
-        gains.append(math.sqrt(squares[0][rows].mean()) - math.sqrt(squares[1][rows].mean()))
-    low, high = np.quantile(gains, [0.025, 0.975])
     named = {fit.candidate.identifier for fit in fits}
     kept = sum(count for name, count in chosen.items() if name in named)
     what = "blocks of neighbouring points in the order of the test" if at.ordered else "inner rows of sun speed"
@@ -91,16 +80,13 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
         rmse_before=math.sqrt(squares[0][touched].mean()),
         rmse_after=math.sqrt(squares[1][touched].mean()),
         noise_floor=math.sqrt(float(np.mean(stage.white.scale[touched] ** 2))),
-        gain_interval=(float(low), float(high)),
+        gain_interval=gain_interval(*squares, blocks, rng),
     )
 
 
 def _left(y: Array, columns: Array, scale: Array, train: Mask) -> Array:
     """Readings less the baseline that the training rows determine."""
-    design, wanted = columns[train] / scale[train, None], y[train] / scale[train]
-    length = np.linalg.norm(design, axis=0)
-    length[length == 0.0] = 1.0
-    solution = np.linalg.lstsq(design / length, wanted, rcond=1e-8)[0] / length
+    solution = solve(columns[train] / scale[train, None], y[train] / scale[train])
     return np.asarray(y - columns @ solution)
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.chapters.page import PACKAGES
+from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.chapters.validation import validation_section
 from pmg.pipeline.gridtable import read_published
 from pmg.pipeline.report.document import Facts, Report, Verdict
@@ -84,11 +83,12 @@ def _findings(judged: tuple[Judged, ...]) -> tuple[dict[str, Any], ...]:
 
 
 def _page(judged: tuple[Judged, ...], draws: int, seed: int, digests: dict[str, str]) -> Report:
-    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     return Report(
         title="Published figures",
         subtitle="Planetary magnetic gearbox: the thesis's figures, computed anew from its rounded grids",
         verdict=Verdict(f"{summary(judged)}.", "neutral"),
         sections=(validation_section(judged, draws, seed),),
-        provenance=Facts((*((f"SHA-256 of {name}", d) for name, d in digests.items()), ("Versions", versions))),
+        provenance=Facts(
+            (*((f"SHA-256 of {name}", d) for name, d in digests.items()), ("Versions", versions(PACKAGES)))
+        ),
     )

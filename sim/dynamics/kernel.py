@@ -34,7 +34,6 @@ class Run(NamedTuple):
     rejected: int
     states: Array
     slips: Array
-    slipped: int
     locked_at: float
     time: float
     last: Array
@@ -133,7 +132,6 @@ class Kernel:
             rejected,
             out[:reported],
             slips[: min(slipped, slips.size)].copy(),
-            slipped,
             locked_at,
             time,
             last,
