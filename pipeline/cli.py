@@ -9,6 +9,21 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pmg.pipeline.cli_frame import FailOn, FailOnOption, JsonOption, carry_out, progress_line
+from pmg.pipeline.cli_studies import COMMANDS
+from pmg.pipeline.cli_options import (
+    CampaignOption,
+    CorrectionOption,
+    GridsOption,
+    NoteOption,
+    Recordings,
+    ReportOption,
+    RestOption,
+    RobustOption,
+    StoreOption,
+    TermsRing,
+    TermsSun,
+    WorkersOption,
+)
 
 if TYPE_CHECKING:
     from pmg.pipeline.options import AnalysisOptions
@@ -24,31 +39,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-
-Recordings = Annotated[Path, typer.Argument(help="Folder of .mcap recordings, or one file.", metavar="RECORDINGS")]
-StoreOption = Annotated[Path, typer.Option("--store", help="Folder of decoded runs and results; made if absent.")]
-ReportOption = Annotated[Path, typer.Option("--report", help="Folder of report.html, figures, tables, diagnosis.json.")]
-GridsOption = Annotated[
-    Path | None, typer.Option("--grids", help="Folder with neutral_grid.csv and engaged_grid.csv, instead.")
-]
-CampaignOption = Annotated[str | None, typer.Option("--campaign", help="Which campaign, if the store holds several.")]
-TermsSun = Annotated[
-    str | None,
-    typer.Option("--terms-sun", help="Powers of speed in the sun's loss curve, such as 0,1/2,1,2; or auto."),
-]
-TermsRing = Annotated[str | None, typer.Option("--terms-ring", help="The same for the ring.")]
-CorrectionOption = Annotated[
-    str | None,
-    typer.Option("--k-corr", help="Correction factor: joint (fitted), rule (largest plausible), or a number."),
-]
-RestOption = Annotated[
-    bool | None, typer.Option("--include-rest/--exclude-rest", help="Use readings of resting shafts in the curves.")
-]
-RobustOption = Annotated[
-    bool, typer.Option("--robust", help="Fit the loss curves by Huber's M-estimate instead of least squares.")
-]
-NoteOption = Annotated[str, typer.Option("--note", help="Told at the head of the report, such as where data are from.")]
-WorkersOption = Annotated[int | None, typer.Option("--workers", min=1, help="Parallel workers of the ingest.")]
 
 
 @app.command()
@@ -153,107 +143,6 @@ def run(
     carry_out("run", stage, as_json, fail_on)
 
 
-@app.command()
-def simulate(
-    scenario: Annotated[Path, typer.Argument(help="Scenario in TOML; examples in raw/scenarios.", metavar="SCENARIO")],
-    out: Annotated[Path, typer.Option("--out", help="Folder of tables, recordings, report and summary.json.")],
-    campaign: Annotated[
-        str | None, typer.Option("--campaign", help="Name of the campaign in the recordings, instead of the file's.")
-    ] = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
-    """Simulate a scenario: steady points, a run in time, a frequency response; tables, recordings and a report."""
-
-    def stage() -> Outcome:
-        from pmg.pipeline.simulation_stage import run_simulate
-
-        return run_simulate(scenario, out, campaign)
-
-    carry_out("simulate", stage, as_json, fail_on)
-
-
-@app.command()
-def validate(
-    grids: Annotated[
-        Path, typer.Option("--grids", help="Folder with the thesis's neutral_grid.csv and engaged_grid.csv.")
-    ] = Path("raw/published"),
-    draws: Annotated[
-        int | None, typer.Option("--draws", help="Draws within the rounding of the grids; 500 if not given.")
-    ] = None,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the draws.")] = None,
-    report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
-    """Compute every published figure of the thesis from its rounded grids, and say which come out."""
-
-    def stage() -> Outcome:
-        from pmg.pipeline.validate.stage import run_validate
-
-        return run_validate(grids, draws, seed, report)
-
-    carry_out("validate", stage, as_json, fail_on)
-
-
-@app.command()
-def design(
-    plan: Annotated[
-        Path | None, typer.Argument(help="TOML file with a [plan] of points to run.", metavar="[PLAN.toml]")
-    ] = None,
-    store: Annotated[Path | None, typer.Option("--store", help="Store with an analysed campaign, instead.")] = None,
-    report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
-    """Say what a campaign's points can tell apart, before or after it is run, and which tests would add to it."""
-
-    def stage() -> Outcome:
-        from pmg.pipeline.design_stage import run_design
-
-        return run_design(plan, store, report)
-
-    carry_out("design", stage, as_json, fail_on)
-
-
-@app.command()
-def prove(
-    out: Annotated[Path, typer.Option("--out", help="Folder of seal, results, scores.json, report.html; resumed.")],
-    campaigns: Annotated[
-        int | None, typer.Option("--campaigns", help="How many concealed campaigns; 200 if not given.")
-    ] = None,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Master seed of the campaigns.")] = None,
-    strata: Annotated[
-        str | None, typer.Option("--strata", help="Kinds out of clean,one,outside,two,confounded; all if not given.")
-    ] = None,
-    route: Annotated[str, typer.Option("--route", help="grid (fast), or recordings: through files.")] = "grid",
-    workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="Processes; all processors if absent.")
-    ] = None,
-    case: Annotated[int | None, typer.Option("--case", help="Run this campaign only, and say what came.")] = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
-    """Try the diagnosis on concealed campaigns with sealed truths, and set each rate beside its aim."""
-
-    def stage() -> Outcome:
-        from pmg.pipeline.prove.trial.stage import run_prove
-
-        with progress_line(as_json, "prove") as progress:
-            return run_prove(
-                out,
-                campaigns=campaigns,
-                seed=seed,
-                strata=strata,
-                route=route,
-                workers=workers,
-                case=case,
-                progress=progress,
-            )
-
-    carry_out("prove", stage, as_json, fail_on)
-
-
 def _options(
     grids: Path | None,
     terms_sun: str | None,
@@ -272,6 +161,10 @@ def _options(
         include_rest=include_rest,
         robust=robust,
     )
+
+
+for command in COMMANDS:
+    app.command()(command)
 
 
 def main() -> None:

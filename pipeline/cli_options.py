@@ -1,0 +1,33 @@
+"""Arguments and options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Recordings = Annotated[Path, typer.Argument(help="Folder of .mcap recordings, or one file.", metavar="RECORDINGS")]
+StoreOption = Annotated[Path, typer.Option("--store", help="Folder of decoded runs and results; made if absent.")]
+ReportOption = Annotated[Path, typer.Option("--report", help="Folder of report.html, figures, tables, diagnosis.json.")]
+GridsOption = Annotated[
+    Path | None, typer.Option("--grids", help="Folder with neutral_grid.csv and engaged_grid.csv, instead.")
+]
+CampaignOption = Annotated[str | None, typer.Option("--campaign", help="Which campaign, if the store holds several.")]
+TermsSun = Annotated[
+    str | None,
+    typer.Option("--terms-sun", help="Powers of speed in the sun's loss curve, such as 0,1/2,1,2; or auto."),
+]
+TermsRing = Annotated[str | None, typer.Option("--terms-ring", help="The same for the ring.")]
+CorrectionOption = Annotated[
+    str | None,
+    typer.Option("--k-corr", help="Correction factor: joint (fitted), rule (largest plausible), or a number."),
+]
+RestOption = Annotated[
+    bool | None, typer.Option("--include-rest/--exclude-rest", help="Use readings of resting shafts in the curves.")
+]
+RobustOption = Annotated[
+    bool, typer.Option("--robust", help="Fit the loss curves by Huber's M-estimate instead of least squares.")
+]
+NoteOption = Annotated[str, typer.Option("--note", help="Told at the head of the report, such as where data are from.")]
+WorkersOption = Annotated[int | None, typer.Option("--workers", min=1, help="Parallel workers of the ingest.")]
