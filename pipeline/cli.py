@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pmg.pipeline.cli_frame import FailOn, FailOnOption, JsonOption, carry_out, progress_line
-from pmg.pipeline.cli_studies import COMMANDS
 from pmg.pipeline.cli_options import (
     CampaignOption,
     CorrectionOption,
@@ -24,6 +23,7 @@ from pmg.pipeline.cli_options import (
     TermsSun,
     WorkersOption,
 )
+from pmg.pipeline.cli_studies import COMMANDS
 
 if TYPE_CHECKING:
     from pmg.pipeline.options import AnalysisOptions
