@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pmg.pipeline import cli_studies
 from pmg.pipeline.cli_frame import FailOn, FailOnOption, JsonOption, carry_out, progress_line
 from pmg.pipeline.cli_options import (
     CampaignOption,
@@ -23,7 +24,6 @@ from pmg.pipeline.cli_options import (
     TermsSun,
     WorkersOption,
 )
-from pmg.pipeline.cli_studies import COMMANDS
 
 if TYPE_CHECKING:
     from pmg.pipeline.options import AnalysisOptions
@@ -163,8 +163,10 @@ def _options(
     )
 
 
-for command in COMMANDS:
-    app.command()(command)
+simulate = app.command()(cli_studies.simulate)
+validate = app.command()(cli_studies.validate)
+design = app.command()(cli_studies.design)
+prove = app.command()(cli_studies.prove)
 
 
 def main() -> None:

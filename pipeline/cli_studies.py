@@ -108,7 +108,3 @@ def prove(
             )
 
     carry_out("prove", stage, as_json, fail_on)
-
-
-COMMANDS = (simulate, validate, design, prove)
-"""In the order in which the help lists them."""
