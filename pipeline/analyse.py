@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.calibrate import Calibration, calibrate
+from pmg.pipeline.causes import Causes, causes_of_calibration, causes_of_fits
 from pmg.pipeline.completeness import holes
 from pmg.pipeline.correction import CorrectionStudy, study_correction
 from pmg.pipeline.damping import THESIS_CORRECTIONS, DampingFit, fit_damping
-from pmg.pipeline.diagnose.noise import NoiseFloor, noise_floor, with_floor
+from pmg.pipeline.diagnose.noise import NoiseFloor, noise_floor
+from pmg.pipeline.diagnose.whiten import with_floor
 from pmg.pipeline.drift import Drift, find_drift
 from pmg.pipeline.fit import LossFits, fit_losses, point_weights, shaft_drags
 from pmg.pipeline.losses import PowerBalance, largest_plausible_correction, power_balance
@@ -57,6 +59,8 @@ class Analysis:
         Repeats and order.
     study : CorrectionStudy or FitError or None
         The joint fit of K_corr, b and c, or why these points do not determine them, where K_corr is held.
+    causes : Causes or None
+        What the points share: transducers, and what the calibration fitted.
     """
 
     grid: Grid
@@ -73,6 +77,7 @@ class Analysis:
     plane: PlaneFits | None = None
     drift: Drift | None = None
     study: CorrectionStudy | FitError | None = None
+    causes: Causes | None = None
 
     @property
     def complete(self) -> bool:
@@ -125,14 +130,17 @@ def analyse(grid: Grid, options: AnalysisOptions, bench: BenchParameters) -> Ana
     except FitError as error:
         return replace(curves, missing=(error,))
     used = calibration.model.correction
+    causes = causes_of_calibration(grid, calibration, bench)
+    behind = causes if causes.fitted else causes_of_fits(grid, fits, bench)
     corrections = THESIS_CORRECTIONS + (() if used in THESIS_CORRECTIONS else (used,))
     return replace(
         curves,
         calibration=calibration,
-        balance=power_balance(grid, fits, used),
+        balance=power_balance(grid, fits, used, behind),
         rule_correction=rule,
         damping=tuple(fit_damping(grid, fits, k) for k in corrections),
         study=_study(grid, fits, bench, rule, calibration),
+        causes=causes,
     )
 
 

@@ -60,6 +60,8 @@ class Calibration:
         Degrees of freedom.
     message : str
         Why the solver stopped.
+    moments : (k, k) array
+        The covariance with parameters on a bound in it: what they may still be, as second moments about the bound.
     """
 
     model: LossModel
@@ -70,6 +72,7 @@ class Calibration:
     chi_square: float
     dof: int
     message: str
+    moments: Array
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -170,7 +173,6 @@ def calibrate(
     free : tuple of str
         Constants to fit among K_corr, b, c, d, less those held. The default leaves d at zero: with a root term in the
         curves, d and K_corr cannot be told apart by steady points.
-
     held : mapping of str to float
         Values at which b, c or d are held.
 
@@ -180,19 +182,14 @@ def calibrate(
         There are no engaged points, the points do not determine the constants, or the solver did not converge.
     """
     if not (grid.points.engaged & grid.accepted).any():
-        raise FitError(
-            "calibration",
-            "no accepted engaged point",
-            "neutral and engaged points",
-            "Ingest the engaged runs too.",
-        )
-    if correction is not None:
-        free = tuple(name for name in free if name != "K_corr")
+        came, expected = "no accepted engaged point", "neutral and engaged points"
+        raise FitError("calibration", came, expected, "Ingest the engaged runs too.")
     readings = take_readings(grid, bench)
     held = held or {}
     start = start_model(fits)
     start = replace(start, b=held.get("b", start.b), c=held.get("c", start.c), d=held.get("d", start.d))
     if correction is not None:
+        free = tuple(name for name in free if name != "K_corr")
         start = replace(start, correction=correction)
     free = tuple(name for name in free if name not in held)
     names = parameter_names(start, free)
@@ -215,7 +212,6 @@ def calibrate(
     margin = 1e-4 * scale
     bound = (found.x - lower < margin) | (upper - found.x < margin)
     values = np.where(found.x - lower < margin, lower, np.where(upper - found.x < margin, upper, found.x))
-    covariance = np.full((len(names), len(names)), np.nan)
     inside = np.flatnonzero(~bound)
     design = slopes(values)[:, inside]
     length = np.linalg.norm(design, axis=0)
@@ -230,11 +226,13 @@ def calibrate(
             "Measure more engaged speeds, or hold K_corr with --k-corr.",
         )
     scaled = right.T / singular
-    covariance[np.ix_(inside, inside)] = (scaled @ scaled.T) / np.outer(length, length)
+    moments = np.zeros((len(names), len(names)))
+    moments[np.ix_(inside, inside)] = (scaled @ scaled.T) / np.outer(length, length)
     if bound.any():
         upward = np.where(found.x - lower < margin, 1.0, np.where(upper - found.x < margin, -1.0, 0.0))
-        shared = _with_bounds(slopes(values), residuals(values), inside, upward, covariance)
-        covariance[np.ix_(inside, inside)] = shared
+        moments = _with_bounds(slopes(values), residuals(values), inside, upward, moments)
+    covariance = moments.copy()
+    covariance[bound, :] = covariance[:, bound] = np.nan
     final = residuals(values)
     return Calibration(
         model=with_parameters(start, free, values),
@@ -245,11 +243,12 @@ def calibrate(
         chi_square=float(final @ final),
         dof=len(readings) - len(inside),
         message=str(found.message),
+        moments=moments,
     )
 
 
 def _with_bounds(design: Array, left: Array, inside: npt.NDArray[np.intp], upward: Array, conditional: Array) -> Array:
-    r"""Covariance of the parameters inside their bounds when others sit on theirs.
+    r"""Second moments of all parameters when some sit on their bounds.
 
     Parameters
     ----------
@@ -260,7 +259,7 @@ def _with_bounds(design: Array, left: Array, inside: npt.NDArray[np.intp], upwar
     upward : (k,) array
         For those on a bound, 1 where they may only grow, -1 where they may only fall.
     conditional : (k, k) array
-        Covariance with the others held where they are.
+        Covariance of those inside with the others held where they are; zero for the others.
 
     Notes
     -----
@@ -270,7 +269,7 @@ def _with_bounds(design: Array, left: Array, inside: npt.NDArray[np.intp], upwar
     :math:`g = \Sigma_{\cdot b}/\Sigma_{bb}`. Where the points do not determine all of them together, the conditional
     covariance is all there is.
     """
-    kept = conditional[np.ix_(inside, inside)]
+    kept = conditional
     length = np.linalg.norm(design, axis=0)
     if (length == 0.0).any():
         return kept
@@ -285,7 +284,8 @@ def _with_bounds(design: Array, left: Array, inside: npt.NDArray[np.intp], upwar
         beyond = -float(upward[b] * step[b]) / spread
         cut = stats.truncnorm(a=beyond, b=np.inf)
         second = float(cut.var() + (cut.mean() - beyond) ** 2) * spread**2
-        lever = whole[inside, b] / whole[b, b]
+        lever = np.zeros(len(whole))
+        lever[inside], lever[b] = whole[inside, b] / whole[b, b], 1.0
         kept = kept + np.outer(lever, lever) * second
     return np.asarray(kept)
 

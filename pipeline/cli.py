@@ -14,6 +14,7 @@ from pmg.pipeline.cli_options import (
     CampaignOption,
     CorrectionOption,
     GridsOption,
+    ModelOption,
     NoteOption,
     Recordings,
     ReportOption,
@@ -70,15 +71,19 @@ def analyse(
     k_corr: CorrectionOption = None,
     include_rest: RestOption = None,
     robust: RobustOption = False,
+    model: ModelOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
 ) -> None:
     """Average windows into neutral and engaged grids, fit losses, calibrate, balance powers."""
 
     def stage() -> Outcome:
+        from pmg.pipeline.modelfile_read import with_model
         from pmg.pipeline.stages import run_analyse
 
         options = _options(grids, terms_sun, terms_ring, k_corr, include_rest, robust)
+        if model is not None:
+            options = with_model(options, model, k_corr)
         return run_analyse(store, options, grids=grids, campaign=campaign)
 
     carry_out("analyse", stage, as_json, fail_on)
@@ -89,6 +94,7 @@ def compare(
     store: StoreOption,
     report: ReportOption,
     note: NoteOption = "",
+    model: ModelOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
 ) -> None:
@@ -97,7 +103,7 @@ def compare(
     def stage() -> Outcome:
         from pmg.pipeline.stages import run_compare
 
-        return run_compare(store, report, note)
+        return run_compare(store, report, note, model)
 
     carry_out("compare", stage, as_json, fail_on)
 
@@ -117,6 +123,7 @@ def run(
     include_rest: RestOption = None,
     robust: RobustOption = False,
     note: NoteOption = "",
+    model: ModelOption = None,
     workers: WorkersOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
@@ -138,6 +145,7 @@ def run(
                 note=note,
                 workers=workers,
                 progress=progress,
+                model=model,
             )
 
     carry_out("run", stage, as_json, fail_on)
@@ -165,7 +173,9 @@ def _options(
 
 simulate = app.command()(cli_studies.simulate)
 validate = app.command()(cli_studies.validate)
+residuals = app.command()(cli_studies.residuals)
 design = app.command()(cli_studies.design)
+terms = app.command()(cli_studies.terms)
 prove = app.command()(cli_studies.prove)
 
 

@@ -31,3 +31,10 @@ RobustOption = Annotated[
 ]
 NoteOption = Annotated[str, typer.Option("--note", help="Told at the head of the report, such as where data are from.")]
 WorkersOption = Annotated[int | None, typer.Option("--workers", min=1, help="Parallel workers of the ingest.")]
+ModelOption = Annotated[
+    Path | None, typer.Option("--model", help="Model file that 'pmg compare' wrote: losses and mechanisms are its.")
+]
+WithOption = Annotated[
+    list[str] | None,
+    typer.Option("--with", help="Switch on a mechanism, as id or id:key=value,key=value; repeat for more."),
+]

@@ -1,4 +1,4 @@
-"""Commands beside the way from recordings to a report: simulate, validate, design, prove."""
+"""Commands beside the way from recordings to a report: simulate, validate, residuals, design, prove."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pmg.pipeline.cli_frame import FailOn, FailOnOption, JsonOption, carry_out, progress_line
+from pmg.pipeline.cli_options import ModelOption, WithOption
 
 if TYPE_CHECKING:
     from pmg.pipeline.stages import Outcome
@@ -19,6 +20,8 @@ def simulate(
     campaign: Annotated[
         str | None, typer.Option("--campaign", help="Name of the campaign in the recordings, instead of the file's.")
     ] = None,
+    model: ModelOption = None,
+    switched: WithOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
 ) -> None:
@@ -27,7 +30,7 @@ def simulate(
     def stage() -> Outcome:
         from pmg.pipeline.simulation_stage import run_simulate
 
-        return run_simulate(scenario, out, campaign)
+        return run_simulate(scenario, out, campaign, model=model, switched=switched or ())
 
     carry_out("simulate", stage, as_json, fail_on)
 
@@ -54,12 +57,39 @@ def validate(
     carry_out("validate", stage, as_json, fail_on)
 
 
+def residuals(
+    store: Annotated[Path | None, typer.Option("--store", help="Store with an analysed campaign.")] = None,
+    grids: Annotated[
+        Path | None, typer.Option("--grids", help="Folder with neutral_grid.csv and engaged_grid.csv, instead.")
+    ] = None,
+    fit: Annotated[
+        str | None, typer.Option("--fit", help="curves, plane or baseline; all that apply if not given.")
+    ] = None,
+    draws: Annotated[
+        int | None, typer.Option("--draws", help="Synthetic grids behind the p-values; 1000 if not given.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the synthetic grids.")] = None,
+    report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
+    as_json: JsonOption = False,
+    fail_on: FailOnOption = FailOn.NEVER,
+) -> None:
+    """Say what the residuals of the fits to a campaign follow beyond the known noise, and which points lie out."""
+
+    def stage() -> Outcome:
+        from pmg.pipeline.residuals.stage import run_residuals
+
+        return run_residuals(store, grids, fit=fit, draws=draws, seed=seed, report=report)
+
+    carry_out("residuals", stage, as_json, fail_on)
+
+
 def design(
     plan: Annotated[
         Path | None, typer.Argument(help="TOML file with a [plan] of points to run.", metavar="[PLAN.toml]")
     ] = None,
     store: Annotated[Path | None, typer.Option("--store", help="Store with an analysed campaign, instead.")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
+    model: ModelOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
 ) -> None:
@@ -68,9 +98,29 @@ def design(
     def stage() -> Outcome:
         from pmg.pipeline.design_stage import run_design
 
-        return run_design(plan, store, report)
+        return run_design(plan, store, report, model)
 
     carry_out("design", stage, as_json, fail_on)
+
+
+def terms(
+    case: Annotated[Path, typer.Argument(help="Case in TOML; an example in raw/emps.", metavar="CASE")],
+    out: Annotated[Path, typer.Option("--out", help="Folder of report.html, tables, terms.json, residuals.csv.")],
+    data: Annotated[
+        Path | None, typer.Option("--data", help="Folder of the recordings, instead of the one the case names.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of synthetic records and decoys.")] = None,
+    as_json: JsonOption = False,
+    fail_on: FailOnOption = FailOn.NEVER,
+) -> None:
+    """Name what the force balance of another machine lacks, by the same rules, from its recordings."""
+
+    def stage() -> Outcome:
+        from pmg.pipeline.terms.stage import run_terms
+
+        return run_terms(case, out, data, seed)
+
+    carry_out("terms", stage, as_json, fail_on)
 
 
 def prove(

@@ -9,6 +9,7 @@ from pmg.pipeline.analyse import analyse
 from pmg.pipeline.chapters.audit import audit_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.diagnose.audit import audit_design
+from pmg.pipeline.modelfile_read import read_model
 from pmg.pipeline.outputs import read_analysis
 from pmg.pipeline.planned import planned_floor, planned_grid
 from pmg.pipeline.report.document import Facts, Report, Verdict
@@ -26,7 +27,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.audit import Audit, LookAlike, Visibility
 
 
-def run_design(plan: Path | None, store: Path | None, report: Path | None = None) -> Outcome:
+def run_design(
+    plan: Path | None, store: Path | None, report: Path | None = None, model_file: Path | None = None
+) -> Outcome:
     """Audit the points of an analysed campaign, or of a plan.
 
     Parameters
@@ -37,16 +40,20 @@ def run_design(plan: Path | None, store: Path | None, report: Path | None = None
         Store with an analysis.
     report : Path, optional
         Folder of a report; none is written when not given.
+    model_file : Path, optional
+        A model whose baseline the effects are taken about, instead of the plan's losses or the store's calibration.
+        Its mechanisms are not counted as known: the audit asks whether these points would show them.
     """
     if (plan is None) == (store is None):
         came = "neither PLAN nor --store" if plan is None else "both PLAN and --store"
         raise BenchError("pmg design", came, "one of them", "Name a plan, or a store with an analysed campaign.")
     bench = load_bench()
+    whole = None if model_file is None else read_model(model_file)
     if plan is not None:
         file = read_scenario(plan)
         if file.scenario.plan is None:
             raise BenchError(str(plan), "no [plan]", "a table [plan]", "Add one.")
-        model = loss_model(file, bench)
+        model = loss_model(file, bench) if whole is None else whole.baseline
         if model is None:
             raise BenchError(f"{plan}: losses", "none", "losses to take effects about", "Name grids or an analysis.")
         grid, floor, name = planned_grid(file.scenario.plan, bench), planned_floor(file.scenario.plan), str(plan)
@@ -58,6 +65,7 @@ def run_design(plan: Path | None, store: Path | None, report: Path | None = None
             raise analysis.missing[0]
         grid, floor, model = analysis.grid, analysis.floor, analysis.calibration.model
         name = f"campaign {grid.campaign}"
+    model = model if whole is None else whole.baseline
     audit = audit_design(grid, bench, model, floor)
     data: dict[str, Any] = {
         "of": name,

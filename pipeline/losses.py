@@ -8,18 +8,32 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from pmg.pipeline.causes import CORRECTION, causes_of_fits
+from pmg.pipeline.propagate import carry
 from pmg.sim import signals
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
-    from pmg.pipeline.fit import LossFit, LossFits
-    from pmg.sim.grid import Grid
+    from pmg.pipeline.causes import Causes
+    from pmg.pipeline.fit import LossFits
+    from pmg.pipeline.propagate import Mean, Spread
+    from pmg.sim.grid import Grid, OperatingPoints
+    from pmg.sim.losscurve import LossCurve
     from pmg.sim.signals import Array, Mask, Signal
 
 AnyArray = npt.NDArray[Any]
 """Real, or complex while slopes are taken by the complex step."""
+
+AVERAGED: tuple[Signal, ...] = (
+    signals.EFFICIENCY_TOTAL,
+    signals.EFFICIENCY_MAGNETIC,
+    signals.LOSS_TOTAL,
+    signals.LOSS_BEARINGS,
+    signals.LOSS_MAGNETIC,
+)
+"""What is averaged over the points of a load."""
 
 QUANTITIES: tuple[Signal, ...] = (
     signals.POWER_IN,
@@ -46,22 +60,35 @@ class PowerBalance:
         K_corr that was used.
     values : dict of str to (n,) array
         By signal name, SI.
-    independent : dict of str to (n,) array
-        Standard uncertainty that differs from point to point.
-    common : dict of str to (n,) array
-        Standard uncertainty that points share: calibration of the transducers and the fitted curves. It does not
-        average out. K_corr is taken as given: what it may be is the calibration's matter.
+    spread : Spread
+        Their uncertainty: what differs from point to point, and what points share (transducers, curves, K_corr).
+    correction_fitted : bool
+        Whether K_corr is a fitted value, with an uncertainty; held otherwise, and taken as given.
     """
 
     grid: Grid
     correction: float
     values: dict[str, Array]
-    independent: dict[str, Array]
-    common: dict[str, Array]
+    spread: Spread
+    correction_fitted: bool = False
+
+    @property
+    def independent(self) -> dict[str, Array]:
+        """Standard uncertainty that differs from point to point, by signal name."""
+        return {name: self.spread.independent(name) for name in self.values}
+
+    @property
+    def common(self) -> dict[str, Array]:
+        """Standard uncertainty that points share, by signal name. It does not average out."""
+        return {name: self.spread.common(name) for name in self.values}
+
+    def mean(self, name: str, rows: Mask) -> Mean:
+        """Mean of a quantity over some of the points."""
+        return self.spread.mean(name, self.values[name], rows)
 
     def u(self, name: str) -> Array:
         """Standard uncertainty, both parts together."""
-        return np.hypot(self.independent[name], self.common[name])
+        return self.spread.u(name)
 
     def implausible(self) -> Mask:
         """Points whose magnetic efficiency is above 1, or below 0, by more than twice its uncertainty."""
@@ -97,12 +124,7 @@ def _formulas(inputs: Sequence[AnyArray], w_s: Array, w_r: Array, forward: Mask)
     )
 
 
-def _curve_uncertainty(fit: LossFit, speed: Array) -> Array:
-    terms = fit.curve.terms(speed)
-    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", terms, fit.covariance, terms)))
-
-
-def power_balance(grid: Grid, fits: LossFits, correction: float) -> PowerBalance:
+def power_balance(grid: Grid, fits: LossFits, correction: float, causes: Causes | None = None) -> PowerBalance:
     r"""Losses and efficiencies of the accepted engaged points of a grid.
 
     Parameters
@@ -113,6 +135,8 @@ def power_balance(grid: Grid, fits: LossFits, correction: float) -> PowerBalance
         Curves of the neutral losses.
     correction : float
         K_corr, which scales them to bearing losses.
+    causes : Causes, optional
+        What the points share, row by row of `grid`; the curves' own covariance and the transducers where not given.
 
     Raises
     ------
@@ -128,9 +152,11 @@ def power_balance(grid: Grid, fits: LossFits, correction: float) -> PowerBalance
     reversed flow the shafts change places. A power may be negative and an efficiency above 1: shown, not clipped.
 
     First-order propagation (GUM 5.1.2, 5.2.2): the two torques of a point are independent; the transducers'
-    tolerances and the curves are common to all points.
+    tolerances, the curves and K_corr are common to all points. Curves and K_corr are correlated through the
+    calibration's covariance, so that bearing and magnetic loss err in opposite directions.
     """
-    chosen = grid[grid.points.engaged & grid.accepted]
+    rows = grid.points.engaged & grid.accepted
+    chosen = grid[rows]
     if len(chosen) == 0:
         raise FitError("power balance", "no accepted engaged point", "at least one", "Ingest the engaged runs.")
     at = chosen.points
@@ -150,18 +176,31 @@ def power_balance(grid: Grid, fits: LossFits, correction: float) -> PowerBalance
         moved = [x.astype(complex) for x in inputs]
         moved[i] = moved[i] + 1e-20j
         slopes.append(np.imag(_formulas(moved, w_s, w_r, forward)) / 1e-20)
-    by_point = np.hypot(slopes[0] * chosen.u_sun, slopes[1] * chosen.u_ring)
-    shared = np.sqrt(
-        (slopes[0] * chosen.common_sun) ** 2
-        + (slopes[1] * chosen.common_ring) ** 2
-        + (slopes[2] * correction * _curve_uncertainty(fits.sun, at.speed_sun)) ** 2
-        + (slopes[3] * correction * _curve_uncertainty(fits.ring, at.speed_ring)) ** 2
+    shared = (causes if causes is not None else causes_of_fits(grid, fits))[rows]
+    spread = carry(
+        tuple(signal.name for signal in QUANTITIES),
+        (slopes[0] * sign_sun, slopes[1] * sign_ring),
+        _by_parameter(slopes[2], slopes[3], fits, at, correction, shared),
+        shared,
     )
+    named = {signal.name: row for signal, row in zip(QUANTITIES, values, strict=True)}
+    return PowerBalance(chosen, correction, named, spread, shared.fitted)
 
-    def named(rows: Array) -> dict[str, Array]:
-        return {signal.name: row for signal, row in zip(QUANTITIES, rows, strict=True)}
 
-    return PowerBalance(chosen, correction, named(values), named(by_point), named(shared))
+def _by_parameter(
+    to_sun: Array, to_ring: Array, fits: LossFits, at: OperatingPoints, correction: float, causes: Causes
+) -> Array:
+    """Derivatives (8, n, k) to the fitted parameters, from those to the bearing torques of sun and ring."""
+    sun, ring = fits.sun.curve, fits.ring.curve
+    columns = {f"sun[{p:g}]": to_sun * correction * term for p, term in _by_power(sun, at.speed_sun)}
+    columns |= {f"ring[{p:g}]": to_ring * correction * term for p, term in _by_power(ring, at.speed_ring)}
+    columns[CORRECTION] = to_sun * sun.torque(at.speed_sun) + to_ring * ring.torque(at.speed_ring)
+    return np.stack([columns.get(name, np.zeros_like(to_sun)) for name in causes.parameters], axis=-1)
+
+
+def _by_power(curve: LossCurve, speed: Array) -> Iterator[tuple[float, Array]]:
+    """Each power of a curve and its term at the given speeds."""
+    return zip(curve.powers, curve.terms(speed).T, strict=True)
 
 
 def largest_plausible_correction(grid: Grid, fits: LossFits) -> float:

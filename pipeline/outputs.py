@@ -7,22 +7,31 @@ import io
 import json
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 import polars as pl
 
 from pmg.pipeline.aside import write_aside
+from pmg.pipeline.causes import CORRECTION, CURVES, TRANSDUCERS
+from pmg.pipeline.chapters.cells import by_load
 from pmg.pipeline.fitdocument import damping_document, fit_document, further_document, number
 from pmg.pipeline.gridtable import frame_grid, grid_frame
-from pmg.pipeline.losses import QUANTITIES
+from pmg.pipeline.losses import AVERAGED, QUANTITIES
 from pmg.pipeline.options import AnalysisOptions
+from pmg.pipeline.powerflow import flow_document, flow_frame, power_flows
+from pmg.pipeline.unstated import unstated_columns, unstated_in
+from pmg.sim.bench import load_bench
 from pmg.sim.errors import StoreError
+from pmg.sim.gearbox import Gearbox
 from pmg.sim.signals import SPEED_SUN
+from pmg.sim.solve import steady
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.analyse import Analysis
     from pmg.pipeline.calibrate import Calibration
+    from pmg.pipeline.causes import Causes
     from pmg.pipeline.diagnose.noise import ShaftNoise
     from pmg.pipeline.losses import PowerBalance
     from pmg.sim.grid import Grid
@@ -47,7 +56,10 @@ def _plain(column: pd.Series[Any]) -> list[Any]:
 
 
 def balance_frame(balance: PowerBalance) -> pd.DataFrame:
-    """Losses and efficiencies by point: value, independent and common standard uncertainty, SI."""
+    """Losses and efficiencies by point: value, both parts of its standard uncertainty, the common one by cause too, SI.
+
+    The columns of K_corr are empty where it was held.
+    """
     at = balance.grid.points
     columns: dict[str, Any] = {"point": at.name, SPEED_SUN.display_name: SPEED_SUN.display(at.speed_sun)}
     columns |= {"load_set_Nm": at.load_set, "drive": at.drive}
@@ -56,7 +68,33 @@ def balance_frame(balance: PowerBalance) -> pd.DataFrame:
         columns[signal.name + unit] = balance.values[signal.name]
         columns[f"u_{signal.name}{unit}"] = balance.independent[signal.name]
         columns[f"u_common_{signal.name}{unit}"] = balance.common[signal.name]
-    return pd.DataFrame(columns)
+        for group in (TRANSDUCERS, CURVES, CORRECTION):
+            known = group in balance.spread.groups
+            part = balance.spread.part(signal.name, group) if known else np.full(len(at), np.nan)
+            columns[f"u_{group}_{signal.name}{unit}"] = part
+    return pd.DataFrame(columns | {"K_corr": np.full(len(at), _fitted(balance))})
+
+
+def means_frame(balance: PowerBalance) -> pd.DataFrame:
+    """Means over the points of each load: the independent part falls with their number, the common one does not, SI."""
+    rows = []
+    for load, chosen in by_load(balance.grid.points):
+        row: dict[str, Any] = {"load": load}
+        for signal in AVERAGED:
+            mean = balance.mean(signal.name, chosen)
+            name = f"mean_{signal.name}" + ("_W" if signal.unit == "W" else "")
+            row |= {
+                "points": mean.points,
+                name: mean.value,
+                f"u_{name}": mean.independent,
+                f"u_common_{name}": mean.common,
+            }
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _fitted(balance: PowerBalance) -> str:
+    return "fitted" if balance.correction_fitted else "held"
 
 
 def _noise_document(noise: ShaftNoise) -> dict[str, Any]:
@@ -67,16 +105,21 @@ def _noise_document(noise: ShaftNoise) -> dict[str, Any]:
         "repeats_dof": noise.repeats_dof,
         "unstructured_Nm": number(noise.unstructured),
         "correlation": noise.correlation,
+        "at_rest_Nm": number(noise.at(0.0)),
+        "at_highest_speed_Nm": number(noise.at(noise.growth.fastest)),
         "source": noise.source,
     }
 
 
-def _calibration_document(calibration: Calibration) -> dict[str, Any]:
+def _calibration_document(calibration: Calibration, causes: Causes | None) -> dict[str, Any]:
+    errors = causes.standard_errors() if causes is not None else {}
     return {
         "constants": {
             name: {
                 "value": calibration.value(name),
                 "standard_error": calibration.standard_error(name),
+                "u_scatter": errors[name][0] if name in errors else None,
+                "u_transducers": errors[name][1] if name in errors else None,
                 "free": name in calibration.names,
                 "on_bound": name in calibration.on_bound,
             }
@@ -92,7 +135,7 @@ def analysis_document(analysis: Analysis) -> dict[str, Any]:
     """The analysis as JSON."""
     grid = analysis.grid
     at = grid.points
-    return {
+    document = {
         "schema": SCHEMA,
         "campaign": grid.campaign,
         "origin": grid.origin,
@@ -112,16 +155,21 @@ def analysis_document(analysis: Analysis) -> dict[str, Any]:
         "noise": None
         if analysis.floor is None
         else {"sun": _noise_document(analysis.floor.sun), "ring": _noise_document(analysis.floor.ring)},
-        "calibration": None if analysis.calibration is None else _calibration_document(analysis.calibration),
+        "calibration": None
+        if analysis.calibration is None
+        else _calibration_document(analysis.calibration, analysis.causes),
         "correction_by_rule": number(analysis.rule_correction),
         "damping": [damping_document(fit) for fit in analysis.damping],
+        "means_by_load": None if analysis.balance is None else means_frame(analysis.balance).to_dict("records"),
         **further_document(analysis),
     }
+    return document | {"without_uncertainty": unstated_in(document)}
 
 
 def write_analysis(analysis: Analysis, store: Path) -> Path:
     """Write grids, losses and fits into the store; returns the folder.
 
+    ``losses``, ``means_by_load`` and ``power_flow`` hold what is derived, each with both parts of its uncertainty.
     ``grid`` holds every point, ``neutral_grid``, ``engaged_grid`` and ``zero_checks`` those of one configuration.
     The summary is written last: where it is there, the rest is.
     """
@@ -131,14 +179,34 @@ def write_analysis(analysis: Analysis, store: Path) -> Path:
     stamp = _write_frame(frame, folder / "grid")
     for configuration, name in (("neutral", "neutral_grid"), ("engaged", "engaged_grid"), ("zero", "zero_checks")):
         _write_frame(frame[frame.configuration == configuration], folder / name)
-    if analysis.balance is not None:
-        _write_frame(balance_frame(analysis.balance), folder / "losses")
-    else:
-        for suffix in (".csv", ".parquet"):
-            (folder / "losses").with_suffix(suffix).unlink(missing_ok=True)
-    text = json.dumps(analysis_document(analysis) | {"grid_sha256": stamp}, indent=1, allow_nan=False) + "\n"
+    tables = {"grid": frame} | _loss_tables(analysis, folder)
+    columns = {f"{name}.csv": unstated_columns(table) for name, table in tables.items()}
+    document = analysis_document(analysis) | {"columns_without_uncertainty": columns, "grid_sha256": stamp}
+    text = json.dumps(document, indent=1, allow_nan=False) + "\n"
     write_aside(folder / SUMMARY, text.encode())
     return folder
+
+
+def _loss_tables(analysis: Analysis, folder: Path) -> dict[str, pd.DataFrame]:
+    """Losses, their means and the power flow, written; where there are none, those of an earlier run go."""
+    tables: dict[str, pd.DataFrame] = {}
+    if analysis.balance is not None:
+        tables |= {"losses": balance_frame(analysis.balance), "means_by_load": means_frame(analysis.balance)}
+    if analysis.calibration is not None and analysis.causes is not None:
+        bench = load_bench()
+        gearbox = Gearbox.calibrated(bench, analysis.calibration.model)
+        simulated = steady(gearbox, analysis.grid.points, analysis.grid.campaign)
+        flows = power_flows(gearbox, analysis.grid, simulated, bench, analysis.calibration, analysis.causes)
+        tables["power_flow"] = flow_frame(flows)
+        text = json.dumps(flow_document(flows), allow_nan=False) + "\n"
+        write_aside(folder / "power_flow.json", text.encode())
+    for name in ("losses", "means_by_load", "power_flow"):
+        if name in tables:
+            _write_frame(tables[name], folder / name)
+        else:
+            for suffix in (".csv", ".parquet", ".json"):
+                (folder / name).with_suffix(suffix).unlink(missing_ok=True)
+    return tables
 
 
 def read_analysis(store: Path) -> tuple[Grid, AnalysisOptions]:

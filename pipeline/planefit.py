@@ -143,7 +143,7 @@ def holm(p: Array) -> Array:
     return corrected
 
 
-def _columns(grid: Grid, fit: LossFit, bench: BenchParameters) -> Array:
+def plane_columns(grid: Grid, fit: LossFit, bench: BenchParameters) -> Array:
     """The terms of `FORMS` as drag at the rows of the fit, each 1 where it is largest (m, 6)."""
     at = grid.points[fit.rows]
     sun, ring = np.where(at.rest_sun, 0.0, at.speed_sun), np.where(at.rest_ring, 0.0, at.speed_ring)
@@ -181,7 +181,7 @@ def _plane_fit(grid: Grid, fit: LossFit, bench: BenchParameters) -> PlaneFit:
     left = fit.residuals * root
     left = left - basis @ (basis.T @ left)
     rss, n, k = float(left @ left), len(left), line.shape[1]
-    columns = _columns(grid, fit, bench) * root[:, None]
+    columns = plane_columns(grid, fit, bench) * root[:, None]
     length = np.linalg.norm(columns, axis=0)
     beyond = columns - basis @ (basis.T @ columns)
     remains = np.linalg.norm(beyond, axis=0)

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import BeforeValidator, Field, InstanceOf, model_validator
 
 from pmg.pipeline.calibrate import CONSTANTS
+from pmg.pipeline.scenario_mechanisms import Switched, switch_on
 from pmg.pipeline.scenario_words import (
     Amplitude,
     Frequency,
@@ -40,6 +41,11 @@ class Bench(Strict):
     held: Annotated[Member, one_of(Member.CARRIER, Member.RING)] = Member.CARRIER
     control_sun: Annotated[Control, one_of(*Control)] = Control.TORQUE
     control_ring: Annotated[Control, one_of(*Control)] = Control.TORQUE
+    history: Literal["settled", "run"] = "settled"
+
+
+SOURCES = ("grids", "analysis", "model", "none")
+"""Keys that say where the losses come from."""
 
 
 class Losses(Strict):
@@ -47,6 +53,7 @@ class Losses(Strict):
 
     grids: str | None = None
     analysis: str | None = None
+    model: str | None = None
     none: bool = False
     K_corr: Annotated[float, within(*CONSTANTS["K_corr"].bounds, "")] | None = None
     b: Annotated[float, within(*CONSTANTS["b"].bounds, CONSTANTS["b"].unit)] | None = None
@@ -57,14 +64,15 @@ class Losses(Strict):
 
     @model_validator(mode="after")
     def _one_source(self) -> Losses:
-        named = [name for name in ("grids", "analysis", "none") if getattr(self, name)]
+        named = [name for name in SOURCES if getattr(self, name)]
         if len(named) != 1:
             came = f"{' and '.join(named)} together" if named else "no source"
-            refuse(came, "exactly one of grids, analysis, none = true", "Name one source of the losses.")
-        changed = [name for name in type(self).model_fields if name not in ("grids", "analysis", "none")]
+            refuse(came, "exactly one of grids, analysis, model, none = true", "Name one source of the losses.")
+        changed = [name for name in type(self).model_fields if name not in SOURCES]
         for name in changed:
-            if self.none and getattr(self, name) is not None:
-                refuse("beside none = true", "a source of losses to change", "Take it out, or name a source.", name)
+            if getattr(self, name) is not None and (self.none or self.model):
+                came = "beside none = true" if self.none else "beside a model, which holds it"
+                refuse(came, "a source of losses to change", "Take it out, or name grids or an analysis.", name)
         return self
 
 
@@ -206,6 +214,7 @@ class Scenario(Strict):
     bench: Bench = Bench()
     losses: Losses
     map: Map = Map()
+    mechanism: Annotated[tuple[InstanceOf[Switched], ...], BeforeValidator(switch_on)] = ()
     assumptions: Annotated[InstanceOf[Assumptions], BeforeValidator(_assumptions)] = Assumptions()
     point: Point | None = None
     grid: Levels | None = None

@@ -175,6 +175,9 @@ def _contradictions(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:
             sets = " or ".join(" and ".join(map(key_of, sorted(names))) for names in allowed)
             came = " and ".join(map(key_of, sorted(given))) or "nothing"
             yield "point", came, f"{sets} in {bench.configuration}", "Give these two."
+    if point is not None and "torque_sun_nm" in point.model_fields_set and bench.history == "run":
+        came = "run, with a point given by its torques"
+        yield "bench.history", came, "settled: a speed that is sought has no history", "Give the point's speed."
     if grid is not None:
         second, other = ("speed_ring_rpm", "load_nm") if neutral else ("load_nm", "speed_ring_rpm")
         key = key_of(second)

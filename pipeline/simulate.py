@@ -231,10 +231,30 @@ def findings_of(simulation: Simulation, scenario: Scenario, inputs: Inputs) -> t
         elif np.isnan(run.trace.locked_at) and scenario.bench.configuration is Configuration.ENGAGED:
             found.append(("info", "transient", "the gear still swings at the end of the run"))
     found += _beyond_data(simulation, inputs)
+    found += _held(simulation, scenario, inputs)
     if not recordable(scenario) and "mcap" in scenario.output.formats:
         message = "no recordings: their layout cannot say that the ring is held, and they would pass for others"
         found.append(("info", "output.formats", message))
     return tuple({"severity": severity, "where": where, "message": message} for severity, where, message in found)
+
+
+LONG_RUN = 0.1
+"""Part of a thermal time constant beyond which a run is long for a warmth that is held."""
+
+
+def _held(simulation: Simulation, scenario: Scenario, inputs: Inputs) -> list[tuple[str, str, str]]:
+    """What is held over a run or left out of settled points."""
+    found = []
+    if simulation.run is not None and inputs.limits:
+        lasts, shortest = float(simulation.run.trace.time[-1]), min(inputs.limits)
+        if lasts > LONG_RUN * shortest:
+            message = f"warmth is held at its start over the run of {lasts:g} s; its time constant is {shortest:g} s"
+            found.append(("warning", "transient", message))
+    drifts = any(fault.memory for fault in inputs.drivetrain.instruments)
+    if simulation.points is not None and drifts and scenario.bench.history == "settled":
+        message = 'settled points have no time, so no zero drifts; set history = "run" to have it'
+        found.append(("warning", "bench.history", message))
+    return found
 
 
 def _beyond_data(simulation: Simulation, inputs: Inputs) -> list[tuple[str, str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -16,9 +17,11 @@ from pmg.sim.errors import BenchError
 from pmg.sim.forward import forward
 from pmg.sim.grid import Configuration, Grid, OperatingPoints
 from pmg.sim.kinematics import Member
-from pmg.sim.mechanisms import Component
+from pmg.sim.mechanisms import Component, Torques
+from pmg.sim.mechanisms.instruments import distorted
 from pmg.sim.powerchain import MotorConvention, power_chain
 from pmg.sim.solve import steady
+from pmg.sim.warmth import warmth_at
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -54,6 +57,8 @@ class SteadyPoints:
         Power chain in both conventions of the motors; empty in neutral and with the ring held.
     balances : (n,) array of int
         Speeds at which given torques balance, as far as the scan sees; 1 where the speed was given.
+    readings : Torques
+        What the transducers show [N m]: the torques, and what their faults add.
     """
 
     grid: Grid
@@ -64,6 +69,7 @@ class SteadyPoints:
     values: dict[str, Array]
     chains: dict[MotorConvention, PowerChain]
     balances: npt.NDArray[np.int64]
+    readings: Torques
 
 
 def steady_points(scenario: Scenario, inputs: Inputs) -> SteadyPoints:
@@ -74,6 +80,9 @@ def steady_points(scenario: Scenario, inputs: Inputs) -> SteadyPoints:
     gearbox, campaign = inputs.gearbox, scenario.output.campaign
     balances = np.ones(len(at), dtype=np.int64)
     given = np.isfinite(torque_sun)
+    began = at.started_at
+    if scenario.bench.history == "settled":
+        at = replace(at, started_at=np.full(len(at), np.nan))
     if given.any():
         speeds = forward(gearbox, at[given], torque_sun[given])
         at, balances[given] = _with_speeds(at, given, speeds.points), speeds.balances
@@ -96,7 +105,19 @@ def steady_points(scenario: Scenario, inputs: Inputs) -> SteadyPoints:
         for mechanism, torques in zip(gearbox.mechanisms, gearbox.contributions(at), strict=True)
     }
     values = _balance(grid, at.speed_ring, _bearings(inputs, losses), _bearings(inputs, on_sun), engaged)
-    return SteadyPoints(grid, at.speed_ring, np.zeros(len(at)), load_angle, losses, values, chains, balances)
+    readings = _readings(inputs, grid)
+    grid = replace(grid, points=replace(at, started_at=began))
+    return SteadyPoints(grid, at.speed_ring, np.zeros(len(at)), load_angle, losses, values, chains, balances, readings)
+
+
+def _readings(inputs: Inputs, grid: Grid) -> Torques:
+    """What the transducers show at the points of a grid [N m]."""
+    true = Torques(grid.torque_sun, grid.torque_ring)
+    faults = inputs.drivetrain.instruments
+    if not faults:
+        return true
+    error_sun, error_ring = distorted(faults, grid.points, true)
+    return Torques(true.sun + error_sun, true.ring + error_ring)
 
 
 def _asked(scenario: Scenario, inputs: Inputs) -> tuple[OperatingPoints, Array]:
@@ -168,7 +189,9 @@ def _load_angle(inputs: Inputs, at: OperatingPoints, transmitted: Array) -> Arra
     """Electrical phase of each point [rad]; a load beyond pull-out is refused by name."""
     coupling = inputs.drivetrain.coupling
     assert coupling is not None  # engaged points only
-    limits = coupling.pull_out
+    limits, mechanisms = coupling.pull_out, inputs.gearbox.mechanisms
+    left = [math.prod(m.field_left(warmth) for m in mechanisms) for warmth in warmth_at(mechanisms, at)]
+    transmitted = transmitted * inputs.drivetrain.field_left / np.array(left)  # as if the magnets were at their start
     slips = np.flatnonzero((transmitted <= limits.torque_low) | (transmitted >= limits.torque_high))
     if len(slips):
         raise BenchError(
@@ -249,5 +272,13 @@ def _free_carrier(scenario: Scenario, inputs: Inputs, at: OperatingPoints, torqu
     bearings = _bearings(inputs, losses)
     values = _balance(grid, column["speed_ring_motor"], bearings, bearings, True)
     return SteadyPoints(
-        grid, column["speed_ring_motor"], column["speed_carrier"], column["phase"], losses, values, {}, balances
+        grid,
+        column["speed_ring_motor"],
+        column["speed_carrier"],
+        column["phase"],
+        losses,
+        values,
+        {},
+        balances,
+        _readings(inputs, grid),
     )

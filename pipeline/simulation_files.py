@@ -93,7 +93,7 @@ def _moment(seconds: float) -> datetime:
 
 
 def _steady_recording(points: SteadyPoints, i: int, scenario: Scenario) -> SimulatedRun:
-    """A steady point as it would be recorded: constant torques, angles that advance evenly."""
+    """A steady point as it would be recorded: constant readings of torque, angles that advance evenly."""
     at, output = points.grid.points, scenario.output
     time = np.arange(round(output.seconds * output.rate_hz)) / output.rate_hz
     setpoints = {
@@ -110,8 +110,8 @@ def _steady_recording(points: SteadyPoints, i: int, scenario: Scenario) -> Simul
         started_at=_moment(float(at.started_at[i])),
         drive=str(at.drive[i]),
         rate=output.rate_hz,
-        torque_sun=np.full(len(time), points.grid.torque_sun[i]),
-        torque_ring=np.full(len(time), points.grid.torque_ring[i]),
+        torque_sun=np.full(len(time), points.readings.sun[i]),
+        torque_ring=np.full(len(time), points.readings.ring[i]),
         angle_sun=at.speed_sun[i] * time,
         angle_ring=at.speed_ring[i] * time,
         setpoints=setpoints,
@@ -124,6 +124,7 @@ def _recorded_run(run: Run, scenario: Scenario, started: float) -> SimulatedRun:
     trace = run.recorded
     assert trace is not None  # the caller has looked
     angle_sun, angle_ring = encoder_angles(trace)
+    shown = trace.readings
     ring_drives = trace.torque_ring[-1] * trace["speed_ring_motor"][-1] > 0.0
     engaged = scenario.bench.configuration is Configuration.ENGAGED
     return SimulatedRun(
@@ -134,8 +135,8 @@ def _recorded_run(run: Run, scenario: Scenario, started: float) -> SimulatedRun:
         started_at=_moment(started),
         drive="ring" if engaged and ring_drives else "sun",
         rate=scenario.output.rate_hz,
-        torque_sun=trace.torque_sun,
-        torque_ring=trace.torque_ring,
+        torque_sun=shown.sun,
+        torque_ring=shown.ring,
         angle_sun=angle_sun,
         angle_ring=angle_ring,
         setpoints={},

@@ -13,6 +13,7 @@ from pmg.pipeline.calibrate import calibrate
 from pmg.pipeline.femcsv import read_fem_csv
 from pmg.pipeline.fit import check_powers, fit_losses, point_weights
 from pmg.pipeline.gridtable import read_published
+from pmg.pipeline.modelfile_read import read_model
 from pmg.pipeline.options import chosen_options, parse_powers
 from pmg.pipeline.outputs import read_analysis
 from pmg.sim.analyticmap import Cogging, analytic_map
@@ -22,17 +23,22 @@ from pmg.sim.dynamics.programme import Programme
 from pmg.sim.errors import BenchError, FitError, near_miss
 from pmg.sim.femtable import fit_map
 from pmg.sim.gearbox import Gearbox
+from pmg.sim.losscurve import LossCurve
 from pmg.sim.lossmodel import LossModel
+from pmg.sim.mechanisms import Instrument
 from pmg.sim.signals import REVOLUTION, SPEED_SUN
+from pmg.sim.warmth import WARMING, begin_warm
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.options import AnalysisOptions
     from pmg.pipeline.scenario_file import ScenarioFile
+    from pmg.pipeline.scenario_mechanisms import Switched
     from pmg.pipeline.scenario_words import Motor, Recorded
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
+    from pmg.sim.mechanisms import Mechanism
     from pmg.sim.signals import Array
     from pmg.sim.torquemap import TorqueMap
 
@@ -53,6 +59,8 @@ class Inputs:
         What the motors are asked for [N m], or [rad/s] where they follow speed; nothing unless the scenario says.
     facts : tuple of (label, value)
         Where the losses and the map come from, for people.
+    limits : tuple of float
+        Time constants of what is held over a run [s].
     """
 
     bench: BenchParameters
@@ -61,21 +69,52 @@ class Inputs:
     sun: Programme
     ring: Programme
     facts: tuple[tuple[str, str], ...]
+    limits: tuple[float, ...] = ()
 
     @property
     def gearbox(self) -> Gearbox:
-        """The same losses at steady speed."""
-        return Gearbox(self.bench, self.drivetrain.mechanisms)
+        """The same losses at steady speed; faults of the transducers distort what is recorded, not these."""
+        return Gearbox(self.bench, tuple(m for m in self.drivetrain.mechanisms if not isinstance(m, Instrument)))
 
 
-def gather_inputs(file: ScenarioFile, bench: BenchParameters) -> Inputs:
-    """What a scenario names, read and made into a model."""
+def gather_inputs(
+    file: ScenarioFile, bench: BenchParameters, model_file: Path | None = None, switched: tuple[Switched, ...] = ()
+) -> Inputs:
+    """What a scenario names, read and made into a model.
+
+    Parameters
+    ----------
+    file : ScenarioFile
+        The scenario.
+    bench : BenchParameters
+        The bench's numbers.
+    model_file : Path, optional
+        A model to take the losses and mechanisms from, instead of the scenario's source of losses.
+    switched : tuple of Switched
+        Mechanisms to switch on besides the scenario's.
+    """
     scenario, mode = file.scenario, file.scenario.bench
-    model = loss_model(file, bench)
+    given = scenario.losses.model
+    model_file = model_file or (None if given is None else file.beside(given))
+    model: LossModel | None
+    about: tuple[tuple[str, str], ...]
+    beside: tuple[Mechanism, ...]
+    if model_file is not None:
+        whole = read_model(model_file)
+        model, beside = whole.baseline, whole.beside(bench)
+        about = (("Losses", f"model {model_file.name}"), ("Mechanisms of the model", whole.told))
+    else:
+        model, beside = loss_model(file, bench), ()
+        about = _about_losses(file, model)
+    extra = (*scenario.mechanism, *switched)
+    beside += tuple(one.mechanism(bench, model or NO_LOSSES) for one in extra)
+    _refuse_twice(file, beside)
+    if extra:
+        about = (*about, ("Mechanisms switched on", "; ".join(one.told for one in extra)))
     torque_map, about_map = _torque_map(file, bench)
     drivetrain = Drivetrain(
         bench,
-        () if model is None else model.mechanisms(bench),
+        (*(() if model is None else model.mechanisms(bench)), *beside),
         scenario.assumptions,
         mode.gear,
         mode.configuration,
@@ -83,14 +122,31 @@ def gather_inputs(file: ScenarioFile, bench: BenchParameters) -> Inputs:
         mode.control_sun,
         mode.control_ring,
         torque_map,
+        begin_warm(beside),
     )
     run = scenario.transient
     sun, ring = (
         _programme(file, side, None if run is None else getattr(run, side), getattr(mode, f"control_{side}"))
         for side in ("sun", "ring")
     )
-    facts = (*_about_losses(file, model), ("Torque map", about_map))
-    return Inputs(bench, model, drivetrain, sun, ring, facts)
+    if any(isinstance(m, WARMING) for m in beside):
+        held = drivetrain.warmth
+        told = f"sun {held.sun:g} K, ring {held.ring:g} K, magnets {held.magnets:g} K above ambient"
+        about = (*about, ("Warmth held over a run", told))
+    limits = tuple(float(m.time_constant) for m in beside if isinstance(m, WARMING))
+    return Inputs(bench, model, drivetrain, sun, ring, (*about, ("Torque map", about_map)), limits)
+
+
+NO_LOSSES = LossModel(LossCurve((0.0,), np.zeros(1), 1.0, 1.0), LossCurve((0.0,), np.zeros(1), 1.0, 1.0), 1.0, 0, 0, 0)
+"""What mechanisms stand on where a scenario has no losses."""
+
+
+def _refuse_twice(file: ScenarioFile, mechanisms: tuple[Mechanism, ...]) -> None:
+    ids = [mechanism.identifier for mechanism in mechanisms]
+    for i, name in enumerate(ids):
+        if name in ids[:i]:
+            came, do = f"{name} twice", "Take it out of the scenario, of --with, or of the model."
+            raise BenchError(f"{file.path}: mechanism.{name}", came, "each mechanism once", do)
 
 
 def loss_model(file: ScenarioFile, bench: BenchParameters) -> LossModel | None:
@@ -98,6 +154,8 @@ def loss_model(file: ScenarioFile, bench: BenchParameters) -> LossModel | None:
     given = file.scenario.losses
     if given.none:
         return None
+    if given.model is not None:
+        return read_model(file.beside(given.model)).baseline
     if given.grids is not None:
         grid, options = read_published(file.beside(given.grids), bench), chosen_options(published=True)
     else:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from pmg.pipeline.chapters.simulation import simulation_report
 from pmg.pipeline.report.write import PAGE
 from pmg.pipeline.scenario_file import read_scenario
+from pmg.pipeline.scenario_mechanisms import switch_on_by_words
 from pmg.pipeline.simulate import findings_of, simulate
 from pmg.pipeline.simulation_files import simulation_files, write_simulation
 from pmg.pipeline.simulation_inputs import gather_inputs
@@ -17,12 +18,20 @@ from pmg.sim.bench import load_bench
 from pmg.sim.signals import REVOLUTION, SPEED_SUN
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from pmg.pipeline.simulate import Simulation
 
 
-def run_simulate(path: Path, out: Path, campaign: str | None = None) -> Outcome:
+def run_simulate(
+    path: Path,
+    out: Path,
+    campaign: str | None = None,
+    *,
+    model: Path | None = None,
+    switched: Sequence[str] = (),
+) -> Outcome:
     """Simulate a scenario and write what comes out.
 
     Parameters
@@ -33,6 +42,10 @@ def run_simulate(path: Path, out: Path, campaign: str | None = None) -> Outcome:
         Folder of the results; files of other origin in it are left alone.
     campaign : str, optional
         Name of the campaign in the recordings, instead of the scenario's.
+    model : Path, optional
+        A model file to take losses and mechanisms from, instead of the scenario's source of losses.
+    switched : sequence of str
+        Mechanisms to switch on, as ``id:key=value,key=value``.
     """
     bench = load_bench()
     file = read_scenario(path)
@@ -41,14 +54,19 @@ def run_simulate(path: Path, out: Path, campaign: str | None = None) -> Outcome:
         scenario = file.scenario.model_copy(update={"output": output})
     else:
         scenario = file.scenario
-    inputs = gather_inputs(file, bench)
+    inputs = gather_inputs(file, bench, model, switch_on_by_words(switched))
     simulation = simulate(scenario, inputs)
     files, missing = simulation_files(simulation, scenario, bench)
     findings = findings_of(simulation, scenario, inputs) + missing
     digest = hashlib.sha256(file.text.encode()).hexdigest()
     source = {"file": path.name, "sha256": digest}
-    provenance = (("Scenario", path.name), ("SHA-256 of the scenario", digest), ("Randomness", "none"))
-    report = simulation_report(simulation, scenario, inputs, findings, provenance)
+    provenance = [("Scenario", path.name), ("SHA-256 of the scenario", digest), ("Randomness", "none")]
+    if model is not None:
+        source["model"], source["model_sha256"] = model.name, hashlib.sha256(model.read_bytes()).hexdigest()
+        provenance.append((f"SHA-256 of {model.name}", source["model_sha256"]))
+    if switched:
+        source["with"] = "; ".join(switched)
+    report = simulation_report(simulation, scenario, inputs, findings, tuple(provenance))
     summary = summary_document(simulation, scenario, inputs, findings, source)
     written = write_simulation(out, files, report, summary)
     return Outcome(

@@ -12,6 +12,7 @@ import polars as pl
 from pmg.pipeline.fitdocument import number
 from pmg.pipeline.losses import QUANTITIES
 from pmg.sim.dynamics.assumptions import Assumptions
+from pmg.sim.mechanisms import Torques
 from pmg.sim.powerchain import PowerChain
 from pmg.sim.signals import REVOLUTION, SPEED_RING, SPEED_SUN
 
@@ -60,6 +61,7 @@ def points_frame(points: SteadyPoints, scenario: Scenario) -> pl.DataFrame:
         "torque_ring_Nm": grid.torque_ring,
         "load_angle_rad": points.load_angle,
     }
+    columns |= _shown(Torques(grid.torque_sun, grid.torque_ring), points.readings)
     for signal in QUANTITIES:
         columns[signal.name + ("_W" if signal.unit == "W" else "")] = points.values[signal.name]
     columns |= {f"loss_{name}_W": loss for name, loss in points.losses.items()}
@@ -70,6 +72,13 @@ def points_frame(points: SteadyPoints, scenario: Scenario) -> pl.DataFrame:
                 is_motor = "electric" in part.name or "motor" in part.name
                 columns[f"{convention}_{part.name}_W" if is_motor else f"chain_{part.name}_W"] = value
     return _frame(columns)
+
+
+def _shown(true: Torques, readings: Torques) -> dict[str, Any]:
+    """What the transducers show, where a fault distorts it."""
+    if np.array_equal(true.sun, readings.sun) and np.array_equal(true.ring, readings.ring):
+        return {}
+    return {"reading_sun_Nm": readings.sun, "reading_ring_Nm": readings.ring}
 
 
 def transient_frame(trace: Trace) -> pl.DataFrame:
@@ -94,6 +103,7 @@ def transient_frame(trace: Trace) -> pl.DataFrame:
         "twist_block_rad": trace["angle_block"],
         "current_sun_A": trace["current_sun"],
         "current_ring_A": trace["current_ring"],
+        **_shown(Torques(trace.torque_sun, trace.torque_ring), trace.readings),
         "power_sun_W": m.sun.torque_out * trace["speed_sun_motor"],
         "power_ring_W": m.ring.torque_out * trace["speed_ring_motor"],
     }

@@ -12,21 +12,21 @@ import numpy as np
 from pmg.pipeline.analyse import Analysis, analyse
 from pmg.pipeline.aside import write_aside
 from pmg.pipeline.campaign import choose_campaign, measured_grid
+from pmg.pipeline.carry import lead, remark
 from pmg.pipeline.chapters.page import build_report
-from pmg.pipeline.compare import compare
-from pmg.pipeline.diagnose.decide import diagnose
 from pmg.pipeline.diagnose.document import diagnosis_document
 from pmg.pipeline.diagnose.statement import statement
 from pmg.pipeline.gridtable import read_published
 from pmg.pipeline.ingest import ingest
+from pmg.pipeline.judged import judge, leave_model
+from pmg.pipeline.modelfile import FILE as MODEL
+from pmg.pipeline.modelfile_read import read_model
 from pmg.pipeline.options import AnalysisOptions
 from pmg.pipeline.outputs import analysis_document, read_analysis, write_analysis
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store import Store
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import RecordingError
-from pmg.sim.gearbox import Gearbox
-from pmg.sim.solve import steady
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -171,27 +171,39 @@ def _analysis_findings(analysis: Analysis) -> tuple[dict[str, Any], ...]:
     return tuple(found)
 
 
-def run_compare(store: Path, report: Path, note: str = "") -> Outcome:
-    """Simulate the analysed campaign, compare, diagnose, and write the report."""
+def run_compare(store: Path, report: Path, note: str = "", model: Path | None = None) -> Outcome:
+    """Simulate the analysed campaign, compare, diagnose, and write the report.
+
+    Parameters
+    ----------
+    store : Path
+        Holds the analysis.
+    report : Path
+        Folder of the report, diagnosis.json and model.toml.
+    note : str
+        Told at the head of the report.
+    model : Path, optional
+        A model file to simulate instead of the calibrated baseline.
+    """
     bench = load_bench()
+    given = None if model is None else read_model(model)
     grid, options = read_analysis(store)
     analysis = analyse(grid, options, bench)
-    residuals, diagnosis = None, None
-    if analysis.calibration is not None and analysis.fits is not None and analysis.floor is not None:
-        gearbox = Gearbox.calibrated(bench, analysis.calibration.model)
-        simulated = steady(gearbox, analysis.grid.points, grid.campaign)
-        residuals = compare(analysis.grid, simulated, bench, analysis.calibration)
-        rng = np.random.default_rng(SEED)
-        diagnosis = diagnose(analysis.grid, analysis.fits, analysis.floor, analysis.calibration, bench, rng)
+    judged = judge(analysis, options, bench, np.random.default_rng(SEED), given)
+    diagnosis = None if judged is None else judged.diagnosis
     remarks, inputs = _sources(store, grid)
+    if model is not None:
+        inputs += ((f"SHA-256 of {model.name}", hashlib.sha256(model.read_bytes()).hexdigest()),)
     page = build_report(
         analysis,
-        residuals,
+        None if judged is None else judged.residuals,
         diagnosis,
         bench,
         note=note,
         findings=tuple((f["severity"], f"{f['file']}: {f['where']}", f"{f['message']}. {f['do']}") for f in remarks),
         provenance=(*inputs, ("Seed of the synthetic campaigns", str(SEED))),
+        carried=None if judged is None else judged.carried,
+        ends=() if judged is None else judged.ends,
     )
     text = ""
     if diagnosis is not None:
@@ -202,12 +214,16 @@ def run_compare(store: Path, report: Path, note: str = "") -> Outcome:
     mismatch = False
     if diagnosis is not None:
         write_aside(report / "diagnosis.json", text.encode())
-        told = statement(diagnosis)
+        before = "" if judged is None or judged.carried is None else lead(judged.carried)
+        told = before + statement(diagnosis)
         data["diagnosis"], data["statement"] = json.loads(text), told
         lines.insert(0, f"{diagnosis.verdict}: {told}")
         mismatch = diagnosis.mismatch.found
     else:
         (report / "diagnosis.json").unlink(missing_ok=True)
+    if judged is not None:
+        data |= leave_model(judged, report / MODEL, model)
+        lines += [] if judged.carried is None else [remark(judged.carried)]
     return Outcome(data, tuple(lines), remarks + _analysis_findings(analysis), not analysis.complete, mismatch)
 
 
@@ -241,6 +257,7 @@ def run_all(
     note: str,
     workers: int | None,
     progress: Callable[[int, int, str], None] | None,
+    model: Path | None = None,
 ) -> Outcome:
     """Ingest, analyse and compare; with published grids, analyse and compare."""
     if (recordings is None) == (grids is None):
@@ -252,7 +269,7 @@ def run_all(
         ingested = parts["ingest"].data["campaigns"]
         campaign = campaign or (ingested[0] if len(ingested) == 1 else None)
     parts["analyse"] = run_analyse(store, options, grids=grids, campaign=campaign)
-    parts["compare"] = run_compare(store, report, note)
+    parts["compare"] = run_compare(store, report, note, model)
     findings = {json.dumps(finding, sort_keys=True): finding for part in parts.values() for finding in part.findings}
     return Outcome(
         data={name: part.data for name, part in parts.items()},

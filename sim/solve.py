@@ -47,7 +47,7 @@ def steady(gearbox: Gearbox, at: OperatingPoints, campaign: str = "") -> Grid:
     given = at
     faults = gearbox.instruments
     if faults:
-        at = replace(given, torque_ring=_true_load(gearbox, given))
+        at = replace(given, torque_ring=true_load(gearbox, given))
     drag = gearbox.torque(at)
     torque_sun = gearbox.transmitted(at) - drag.sun
     torque_ring = np.where(at.engaged, at.torque_ring, -drag.ring)
@@ -75,8 +75,8 @@ _FAULT_STEPS = 8
 """Fixed-point steps from a distorted load to the true one; each gains two digits or more, as faults are small."""
 
 
-def _true_load(gearbox: Gearbox, at: OperatingPoints) -> Array:
-    """Ring torque [N m] whose reading is the one given, where engaged."""
+def true_load(gearbox: Gearbox, at: OperatingPoints) -> Array:
+    """Ring torque [N m] whose reading is the one given, where engaged: what faults of the instruments hide."""
     load = at.torque_ring
     for _ in range(_FAULT_STEPS):
         guess = replace(at, torque_ring=load)

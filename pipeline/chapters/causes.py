@@ -11,7 +11,7 @@ from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Series
 from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_SUN, Array
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.decide import Diagnosis
+    from pmg.pipeline.diagnose.diagnosis import Diagnosis
     from pmg.pipeline.report.table import Cell
 
 RANKED = 8

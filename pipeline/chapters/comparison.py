@@ -24,8 +24,8 @@ _COMPARED = (
 )
 
 
-def comparison_section(residuals: Residuals) -> Section:
-    """How well the calibrated simulator meets the measurement, point by point."""
+def comparison_section(residuals: Residuals, more: tuple[Table, ...] = ()) -> Section:
+    """How well the simulator meets the measurement, point by point; `more` tables stand behind the facts."""
     facts = []
     for name, signal, shown in _COMPARED:
         difference: Difference = getattr(residuals, name)
@@ -43,6 +43,7 @@ def comparison_section(residuals: Residuals) -> Section:
         "alike, is not in it. It is in the uncertainties of losses and efficiencies above."
     )
     items: list[Facts | Figure | Table | Text] = [Facts(tuple(facts)), Text(tolerance, kind="note")]
+    items += more
     if (residuals.grid.points.engaged & residuals.torque_sun.compared).any():
         items.append(_engaged_figure(residuals))
     items += [*_maps(residuals), _table(residuals)]

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.chapters.causes import cause_items
-from pmg.pipeline.diagnose.decide import component_of
+from pmg.pipeline.chapters.shape import shape_items
+from pmg.pipeline.diagnose.diagnosis import component_of
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Section, Series, Table, Text
 from pmg.sim import sources
 from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.decide import Diagnosis
+    from pmg.pipeline.diagnose.diagnosis import Diagnosis
     from pmg.pipeline.diagnose.locate import Location, Mismatch
 
 
@@ -50,6 +51,7 @@ def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.
         )
     if mismatch.locations:
         items += [_locations(diagnosis), _figure(diagnosis, residual)]
+    items += shape_items(diagnosis)
     items += cause_items(diagnosis, residual)
     if diagnosis.absorbed:
         items.append(_absorbed(diagnosis))

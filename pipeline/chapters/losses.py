@@ -8,7 +8,8 @@ import numpy as np
 
 from pmg.pipeline.chapters.cells import by_load, by_speed, measured
 from pmg.pipeline.chapters.correction import correction_items
-from pmg.pipeline.losses import QUANTITIES
+from pmg.pipeline.losses import AVERAGED, QUANTITIES
+from pmg.pipeline.report import numerals
 from pmg.pipeline.report.document import (
     Chart,
     Column,
@@ -69,16 +70,18 @@ def losses_section(analysis: Analysis, balance: PowerBalance, calibration: Calib
         "Power losses and efficiency by load",
         (
             Facts(_constants(analysis, calibration)),
+            Text(_uncertainty_told(balance, calibration), kind="note"),
             *warning,
             Figure(
                 "power-losses",
                 "Power losses",
-                f"Total loss up to {balance.values[signals.LOSS_TOTAL.name].max():.1f} W, of which bearings "
-                f"{balance.values[signals.LOSS_BEARINGS.name].max():.1f} W and the magnetic gear "
-                f"{balance.values[signals.LOSS_MAGNETIC.name].max():.1f} W (K_corr = {balance.correction:.3f}).",
+                f"Total loss up to {_highest(balance, signals.LOSS_TOTAL)} W; bearings up to "
+                f"{_highest(balance, signals.LOSS_BEARINGS)} W and the magnetic gear up to "
+                f"{_highest(balance, signals.LOSS_MAGNETIC)} W, with U = 2u (K_corr = {balance.correction:.3f}).",
                 (loss_chart,),
             ),
             _efficiency_figure(balance),
+            _means_table(balance),
             *correction_items(analysis),
             _balance_table(balance),
         ),
@@ -91,7 +94,8 @@ def _constants(analysis: Analysis, calibration: Calibration) -> tuple[tuple[str,
         error = calibration.standard_error(name)
         value = calibration.value(name) * factor
         if error is not None:
-            return Measured(value, error * factor)
+            of = analysis.causes.standard_errors()[name] if analysis.causes is not None else (error, 0.0)
+            return Measured(value, float(np.hypot(*of)) * factor)
         return f"{value:.4g} ({'on its bound' if name in calibration.on_bound else 'held'})"
 
     rule = analysis.rule_correction
@@ -102,6 +106,53 @@ def _constants(analysis: Analysis, calibration: Calibration) -> tuple[tuple[str,
         ("Eddy c [1e-4 N m s/rad]", shown("c", 1e4)),
         ("Excess d", shown("d")),
         ("Chi-square of the calibration", f"{calibration.chi_square:.0f} for {calibration.dof} degrees of freedom"),
+    )
+
+
+def _uncertainty_told(balance: PowerBalance, calibration: Calibration) -> str:
+    if not balance.correction_fitted:
+        factor = "K_corr is held: what it may be off by is in no figure here."
+    elif "K_corr" in calibration.on_bound:
+        factor = "K_corr sits on its bound; what it may still be is in the figures."
+    else:
+        factor = "K_corr errs together with the curves, so bearing and magnetic loss err in opposite directions."
+    return (
+        "Uncertainties have a part that differs from point to point and one that all points share: the transducers' "
+        f"tolerances, the curves and K_corr. {factor} The constants' hold the scatter of the readings and the "
+        "transducers' tolerances."
+    )
+
+
+def _highest(balance: PowerBalance, signal: signals.Signal) -> str:
+    """The largest value and its U, in the unit of display."""
+    values = balance.values[signal.name]
+    i = int(np.argmax(values))
+    return numerals.measured(float(signal.display(values[i])), 2.0 * float(balance.u(signal.name)[i]) / signal.scale)
+
+
+def _means_table(balance: PowerBalance) -> Table:
+    rows = []
+    for load, chosen in by_load(balance.grid.points):
+        for signal in AVERAGED:
+            mean = balance.mean(signal.name, chosen)
+            value = Measured(float(signal.display(mean.value)), mean.u / signal.scale)
+            parts = mean.independent / signal.scale, mean.common / signal.scale
+            rows.append((load, mean.points, signal.meaning, signal.display_unit, value, *parts))
+    return Table(
+        "means-by-load",
+        "Means by load",
+        "Means over the points of each load. What differs from point to point falls with the root of their number; "
+        "what they share does not.",
+        (
+            Column("load", "Load"),
+            Column("points", "Points"),
+            Column("quantity", "Quantity"),
+            Column("unit", "Unit"),
+            Column("mean", "Mean ± u", "", uncertain=True),
+            Column("u_independent", "u, by point", "", digits=4),
+            Column("u_common", "u, common", "", digits=4),
+        ),
+        tuple(rows),
     )
 
 
@@ -116,12 +167,16 @@ def _efficiency_figure(balance: PowerBalance) -> Figure:
             y, u = signal.display(balance.values[signal.name][rows]), balance.u(signal.name)[rows] / signal.scale
             series.append(Series(name, x[order], y[order], u[order], "both", i))
         panels.append(Chart(SPEED_SUN.label, signal.label, tuple(series), (("", 100.0),), "Load", signal.meaning))
-    total = balance.values[signals.EFFICIENCY_TOTAL.name]
+    of = signals.EFFICIENCY_TOTAL
+    total, u_total = of.display(balance.values[of.name]), balance.u(of.name) / of.scale
+    low, high = (
+        numerals.measured(float(total[i]), 2.0 * float(u_total[i])) for i in (int(total.argmin()), int(total.argmax()))
+    )
     return Figure(
         "efficiency",
         "Efficiency by load",
-        f"Total efficiency between {total.min() * 100:.1f} and {total.max() * 100:.1f} % over all points. Near zero "
-        "load its uncertainty grows without bound: read the losses in watts first.",
+        f"Total efficiency between {low} and {high} % over all points, with U = 2u. Near zero load its uncertainty "
+        "grows without bound: read the losses in watts first.",
         tuple(panels),
         columns=2,
     )
@@ -132,7 +187,7 @@ def _balance_table(balance: PowerBalance) -> Table:
     return Table(
         "power-balance",
         "Losses and efficiencies by point",
-        f"{len(at)} engaged points; uncertainty with the common part (transducer tolerance, curves) included.",
+        f"{len(at)} engaged points; uncertainty with the common part (transducers, curves, K_corr) included.",
         (
             Column("point", "Point"),
             Column("speed_sun", SPEED_SUN.meaning, SPEED_SUN.display_unit, digits=1),

@@ -5,6 +5,9 @@ from __future__ import annotations
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.carry import lead
+from pmg.pipeline.chapters.audit import audit_section
+from pmg.pipeline.chapters.carried import ends_table, prediction_table
 from pmg.pipeline.chapters.comparison import comparison_section
 from pmg.pipeline.chapters.diagnosis import diagnosis_section
 from pmg.pipeline.chapters.flow import flow_section
@@ -13,14 +16,17 @@ from pmg.pipeline.chapters.neutral import neutral_section
 from pmg.pipeline.chapters.quality import data_section
 from pmg.pipeline.chapters.validation import published_sections
 from pmg.pipeline.diagnose.statement import statement
+from pmg.pipeline.powerflow import power_flows
 from pmg.pipeline.readings import predict
 from pmg.pipeline.report.document import Facts, Report, Section, Verdict
 from pmg.sim.gearbox import Gearbox
 
 if TYPE_CHECKING:
     from pmg.pipeline.analyse import Analysis
+    from pmg.pipeline.carry import Carried
     from pmg.pipeline.compare import Residuals
-    from pmg.pipeline.diagnose.decide import Diagnosis
+    from pmg.pipeline.diagnose.diagnosis import Diagnosis
+    from pmg.pipeline.steady_ends import SteadyEnd
     from pmg.sim.bench import BenchParameters
 
 PACKAGES = ("pmg-bench", "numpy", "scipy", "pandas", "polars", "mcap", "matplotlib")
@@ -41,6 +47,8 @@ def build_report(
     note: str,
     findings: tuple[tuple[str, str, str], ...],
     provenance: tuple[tuple[str, str], ...],
+    carried: Carried | None = None,
+    ends: tuple[SteadyEnd, ...] = (),
 ) -> Report:
     """The report of one campaign, as far as its analysis reached.
 
@@ -60,33 +68,44 @@ def build_report(
         Remarks of the ingest.
     provenance : tuple of (label, value)
         Inputs, hashes, seed, command.
+    carried : Carried, optional
+        The model that was simulated instead of the calibrated baseline; the diagnosis is that of what it leaves.
+    ends : tuple of SteadyEnd
+        Where the moving bench comes to rest, without and with mechanisms.
     """
     sections: list[Section] = []
-    if diagnosis is not None and analysis.calibration is not None:
+    judged = analysis if carried is None else carried.analysis
+    if diagnosis is not None and judged.calibration is not None:
         readings = diagnosis.mismatch.readings
-        residual = readings.torque - predict(readings, bench, analysis.calibration.model)
+        residual = readings.torque - predict(readings, bench, judged.calibration.model)
         sections.append(diagnosis_section(diagnosis, residual))
+        if diagnosis.audit is not None:
+            sections.append(audit_section(diagnosis.audit))
     if analysis.fits is not None:
         sections.append(neutral_section(analysis, analysis.fits))
     if analysis.balance is not None and analysis.calibration is not None:
         sections.append(losses_section(analysis, analysis.balance, analysis.calibration))
     if residuals is not None and analysis.calibration is not None:
-        sections.append(comparison_section(residuals))
-        gearbox = Gearbox.calibrated(bench, analysis.calibration.model)
-        sections.append(flow_section(gearbox, residuals.grid, residuals.simulated, bench))
+        more = (() if carried is None else (prediction_table(carried),)) + ((ends_table(ends),) if ends else ())
+        sections.append(comparison_section(residuals, more))
+        plain = Gearbox.calibrated(bench, analysis.calibration.model)
+        gearbox = plain if carried is None else carried.gearbox
+        if analysis.causes is not None:
+            behind = analysis.calibration, analysis.causes
+            sections.append(flow_section(power_flows(gearbox, residuals.grid, residuals.simulated, bench, *behind)))
     sections.extend(published_sections(analysis.grid, bench))
     sections.append(data_section(analysis, note, findings))
     grid = analysis.grid
     return Report(
         title=f"Campaign {grid.campaign}",
         subtitle=note or "Planetary magnetic gearbox: recordings, losses, simulation and what explains the difference",
-        verdict=_verdict(analysis, diagnosis),
+        verdict=_verdict(analysis, diagnosis, "" if carried is None else lead(carried)),
         sections=tuple(sections),
         provenance=Facts((*provenance, ("Versions", versions(PACKAGES)))),
     )
 
 
-def _verdict(analysis: Analysis, diagnosis: Diagnosis | None) -> Verdict:
+def _verdict(analysis: Analysis, diagnosis: Diagnosis | None, before: str) -> Verdict:
     grid = analysis.grid
     warning = ""
     rejected = int((~grid.accepted).sum())
@@ -98,5 +117,5 @@ def _verdict(analysis: Analysis, diagnosis: Diagnosis | None) -> Verdict:
         reason = str(analysis.missing[0]) if analysis.missing else ""
         return Verdict(f"No comparison was possible. {reason}{warning}", "attention")
     return Verdict(
-        statement(diagnosis) + warning, "attention" if diagnosis.verdict != "consistent" or warning else "good"
+        before + statement(diagnosis) + warning, "attention" if diagnosis.verdict != "consistent" or warning else "good"
     )

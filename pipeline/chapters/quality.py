@@ -97,6 +97,8 @@ def _noise_table(sun: ShaftNoise, ring: ShaftNoise) -> Table:
             noise.unstructured * 1e3,
             noise.unstructured_dof,
             noise.correlation,
+            noise.at(0.0) * 1e3,
+            noise.at(noise.growth.fastest) * 1e3,
             noise.source,
         )
 
@@ -113,6 +115,8 @@ def _noise_table(sun: ShaftNoise, ring: ShaftNoise) -> Table:
             Column("unstructured", "unstructured scatter", "mN m", digits=2),
             Column("unstructured_dof", "degrees of freedom", "", digits=0),
             Column("correlation", "correlation of neighbours", "", digits=2),
+            Column("at_rest", "u towards rest", "mN m", digits=2),
+            Column("at_highest", "u at the highest speed", "mN m", digits=2),
             Column("source", "Taken from"),
         ),
         rows=(row("sun", sun), row("ring", ring)),

@@ -195,7 +195,7 @@ def _flow_figure(points: SteadyPoints, inputs: Inputs) -> Figure:
     chain = points.chains[MotorConvention.CONSISTENT]
     i = int(np.argmax(chain.mechanical_in))
     losses = [("driving motor", float(chain.loss_motor_in[i]), 0)]
-    for mechanism in inputs.drivetrain.mechanisms:
+    for mechanism in inputs.gearbox.mechanisms:
         loss = float(points.losses[mechanism.identifier][i])
         if loss:
             losses.append((mechanism.title, loss, 1))

@@ -110,6 +110,9 @@ class Stage:
         Whitened readings less the prediction, with that taken out.
     predicted, ideal : (m,) array
         What the baseline, and a gear without any mechanism, give for each reading [N m].
+    columns : (m, k) array
+        What the baseline may use, before whitening [N m per unit]: slopes of its constants, and whatever else it is
+        allowed to follow.
     """
 
     readings: Readings
@@ -120,6 +123,7 @@ class Stage:
     left: Array
     predicted: Array
     ideal: Array
+    columns: Array
 
     def project(self, values: Array) -> Array:
         """What of an effect [N m] the baseline cannot absorb, whitened."""
@@ -139,14 +143,19 @@ class Stage:
         return self.readings.of(alone) - self.ideal
 
 
-def set_stage(readings: Readings, bench: BenchParameters, model: LossModel, white: Whitener) -> Stage:
-    """The stage of a campaign, about a calibrated baseline."""
-    baseline = orthonormal(white(jacobian(readings, bench, model, BASELINE_FREE)))
+def set_stage(
+    readings: Readings, bench: BenchParameters, model: LossModel, white: Whitener, allowed: Array | None = None
+) -> Stage:
+    """The stage of a campaign, about a calibrated baseline that may follow some `allowed` columns (m, k) besides."""
+    columns = jacobian(readings, bench, model, BASELINE_FREE)
+    if allowed is not None:
+        columns = np.hstack([columns, allowed])
+    baseline = orthonormal(white(columns))
     predicted = predict(readings, bench, model)
     ideal = readings.of(steady(Gearbox(bench, ()), readings.grid.points))
     y = white((readings.torque - predicted)[:, None])[:, 0]
     left = y - baseline @ (baseline.T @ y)
-    return Stage(readings, bench, model, white, baseline, left, predicted, ideal)
+    return Stage(readings, bench, model, white, baseline, left, predicted, ideal, columns)
 
 
 @dataclass(frozen=True)
@@ -207,12 +216,12 @@ def fit_candidate(stage: Stage, candidate: Candidate) -> CandidateFit:
     )
 
 
-def _shapes(candidate: Candidate) -> Iterator[Array]:
+def shapes(candidate: Candidate) -> Iterator[Array]:
     """Values of the shape parameters from which a fit starts."""
-    shapes = candidate.parameters[len(candidate.sizes) :]
-    axes = [[p.typical] for p in shapes]
-    if shapes:
-        axes[0] = np.geomspace(*shapes[0].bounds, SHAPE_STARTS + 2)[1:-1].tolist()
+    parameters = candidate.parameters[len(candidate.sizes) :]
+    axes = [[p.typical] for p in parameters]
+    if parameters:
+        axes[0] = np.geomspace(*parameters[0].bounds, SHAPE_STARTS + 2)[1:-1].tolist()
     return (np.array(shape) for shape in product(*axes))
 
 
@@ -229,7 +238,7 @@ def _sizes(stage: Stage, candidate: Candidate, shape: Array) -> tuple[float, Arr
 
 def _by_proportion(stage: Stage, candidate: Candidate) -> tuple[float, Array]:
     """Sum of squares and values; the only search is over one shape, on a logarithm."""
-    starts = [(*_sizes(stage, candidate, shape), shape) for shape in _shapes(candidate)]
+    starts = [(*_sizes(stage, candidate, shape), shape) for shape in shapes(candidate)]
     cost, sizes, shape = min(starts, key=lambda start: start[0])
     if len(shape) == 1:
         (parameter,) = candidate.parameters[len(candidate.sizes) :]
@@ -256,7 +265,7 @@ def _by_search(stage: Stage, candidate: Candidate) -> tuple[float, Array]:
     def residuals(scaled: Array) -> Array:
         return stage.left - stage.project(stage.effect(candidate, scaled * typical))
 
-    for shape in _shapes(candidate):
+    for shape in shapes(candidate):
         start = np.r_[_sizes(stage, candidate, shape)[1], shape]
         inside = np.clip(start, low + 1e-9 * typical, high - 1e-9 * typical)
         found = least_squares(

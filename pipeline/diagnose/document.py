@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.diagnose.decide import Verdict, component_of
-from pmg.pipeline.diagnose.plans import A_POINT
+from pmg.pipeline.diagnose.diagnosis import component_of
+from pmg.pipeline.diagnose.shape import shape_document
 from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.candidates import CandidateFit
-    from pmg.pipeline.diagnose.decide import Diagnosis, Rival
-    from pmg.pipeline.readings import Readings
+    from pmg.pipeline.diagnose.diagnosis import Diagnosis, Rival
     from pmg.sim.grid import OperatingPoints
     from pmg.sim.signals import Array
 
@@ -61,8 +61,34 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
             "rmse_after_Nm": held.rmse_after,
             "noise_floor_Nm": held.noise_floor,
             "gain_interval_Nm": list(held.gain_interval),
+            "placebo_gain_Nm": held.placebo_gain,
         },
         "next_tests": _next_tests(diagnosis),
+        "decoys": None if diagnosis.decoys is None else asdict(diagnosis.decoys),
+        "design": _design(diagnosis),
+        "shape": None if diagnosis.shape is None else shape_document(diagnosis.shape),
+    }
+
+
+def _design(diagnosis: Diagnosis) -> dict[str, Any] | None:
+    """What the points cannot tell, whatever was read."""
+    audit = diagnosis.audit
+    if audit is None:
+        return None
+    return {
+        "blind_to_slow_changes": list(diagnosis.blind),
+        "unseen": [
+            {"id": row.candidate.identifier, "shaft": row.candidate.shaft} for row in audit.visible if row.unseen
+        ],
+        "look_alike": [
+            {
+                "ids": [pair.one.identifier, pair.other.identifier],
+                "shafts": [pair.one.shaft, pair.other.shaft],
+                "correlation": pair.correlation,
+                "separating_test": "" if pair.plan is None else pair.plan.description,
+            }
+            for pair in audit.alike
+        ],
     }
 
 
@@ -135,34 +161,25 @@ def _rival(diagnosis: Diagnosis, rival: Rival) -> dict[str, Any]:
     return {
         "ids": list(dict.fromkeys(fit.candidate.identifier for fit in fits)),
         "shafts": list(dict.fromkeys(fit.candidate.shaft for fit in fits)),
-        "why": f"evidence differs by {closer:.1f} noise variances, less than the margin",
+        "why": f"evidence differs by {closer:.1f} noise variances"
+        + (", and the mismatch is too weak to name its cause" if diagnosis.weak else ", less than the margin"),
         "separating_test": "" if rival.test is None else rival.test.plan.description,
     }
 
 
 def _next_tests(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    tests = [
+    wanted = [rival.test for rival in diagnosis.rivals] + [diagnosis.lifting]
+    return [
         {
-            "description": rival.test.plan.description,
-            "points": set_points(rival.test.plan.points),
-            "minutes": rival.test.plan.seconds / MINUTE,
-            "separates": list(rival.test.separates),
-            "power": rival.test.power,
+            "description": test.plan.description,
+            "points": set_points(test.plan.points),
+            "minutes": test.plan.seconds / MINUTE,
+            "separates": list(test.separates),
+            "power": test.power,
         }
-        for rival in diagnosis.rivals
-        if rival.test is not None
+        for test in wanted
+        if test is not None
     ]
-    if diagnosis.verdict is Verdict.CONFOUNDED:
-        tests.append(
-            {
-                "description": "Repeat ten points spread over the neutral grid, in random order, after the last point",
-                "points": _spread(diagnosis.mismatch.readings),
-                "minutes": 10.0 * A_POINT / MINUTE,
-                "separates": ["lubricant_viscosity", "torque_zero_drift"],
-                "power": None,
-            }
-        )
-    return tests
 
 
 def set_points(at: OperatingPoints) -> list[str]:
@@ -177,11 +194,3 @@ def set_points(at: OperatingPoints) -> list[str]:
         else:
             told.append(f"engaged, {at.drive[i]} drives, sun {sun:.0f} rpm, ring torque {at.load_set[i]:.2f} N m")
     return told
-
-
-def _spread(readings: Readings) -> list[str]:
-    """Names of ten neutral points, evenly over those that were run."""
-    at = readings.grid.points
-    rows = np.flatnonzero(at.neutral & readings.grid.accepted)
-    chosen = rows[np.linspace(0, len(rows) - 1, min(10, len(rows))).astype(int)]
-    return [str(name) for name in at.name[chosen]]

@@ -11,7 +11,7 @@ import numpy as np
 from pmg.pipeline.calibrate import jacobian, start_model
 from pmg.pipeline.diagnose.locate import located_families
 from pmg.pipeline.diagnose.noise import BASELINE_FREE
-from pmg.pipeline.diagnose.whiten import relative_scale
+from pmg.pipeline.diagnose.whiten import floor_scale
 from pmg.pipeline.readings import predict, take_readings
 
 if TYPE_CHECKING:
@@ -49,6 +49,8 @@ class HeldOut:
         Noise of the same readings [N m].
     gain_interval : tuple of float
         95 % interval of `rmse_before` - `rmse_after`, from resampled blocks [N m].
+    placebo_gain : float or None
+        The same difference for a placebo: what was found, shuffled over the readings; it should gain nothing [N m].
     """
 
     split: str
@@ -56,6 +58,7 @@ class HeldOut:
     rmse_after: float
     noise_floor: float
     gain_interval: tuple[float, float]
+    placebo_gain: float | None = None
 
 
 def hold_out(
@@ -77,7 +80,7 @@ def hold_out(
     structure = located_families(readings, bench, model, locations)
     if structure.shape[1] == 0:
         return None
-    scale = relative_scale(readings, bench, {True: floor.sun.u, False: floor.ring.u})
+    scale = floor_scale(readings, bench, floor)
     y = (readings.torque - predict(readings, bench, model)) / scale
     before = jacobian(readings, bench, model, BASELINE_FREE) / scale[:, None]
     after = np.hstack([before, structure / scale[:, None]])

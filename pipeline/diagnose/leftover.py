@@ -54,6 +54,8 @@ def make_judge(stage: Stage, floor: NoiseFloor, rng: np.random.Generator, draws:
         dof = max(len(rest) - scan.everything.shape[1], 1)
         dimensions = scan.everything.shape[1] - given.baseline.shape[1]
         variance = max(float(rest @ rest) / dof, 1e-12)
-        return Remainder(p_value, max(0.0, float(along @ along) / variance - dimensions))
+        of_noise = np.sum((scan.everything.T @ noise) ** 2, axis=0) - np.sum((given.baseline.T @ noise) ** 2, axis=0)
+        usual = float(np.quantile(of_noise, 0.95)) - dimensions
+        return Remainder(p_value, max(0.0, float(along @ along) / variance - dimensions), usual)
 
     return judge

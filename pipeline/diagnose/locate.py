@@ -10,8 +10,9 @@ import numpy as np
 
 from pmg.pipeline.calibrate import jacobian, start_model
 from pmg.pipeline.diagnose.noise import BASELINE_FREE, orthonormal, repeat_contrasts
-from pmg.pipeline.diagnose.scan import Scan, make_scan
+from pmg.pipeline.diagnose.scan import Scan, search
 from pmg.pipeline.diagnose.structure import families
+from pmg.pipeline.diagnose.traces import traces
 from pmg.pipeline.diagnose.whiten import synthetic_noise, undo, whitener
 from pmg.pipeline.readings import predict, take_readings
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
@@ -92,7 +93,7 @@ class Mismatch:
     readings : Readings
         What was tested.
     tested : int
-        Families looked at.
+        Families and traces of mechanisms looked at.
     draws : int
         Synthetic campaigns behind `p_value`.
     """
@@ -119,6 +120,7 @@ def find_mismatch(
     *,
     draws: int = DRAWS,
     false_alarm_rate: float = FALSE_ALARM_RATE,
+    allowed: Array | None = None,
 ) -> Mismatch:
     r"""Test the residual of the baseline for structure anywhere, and say where it sits.
 
@@ -138,46 +140,54 @@ def find_mismatch(
         How many of them.
     false_alarm_rate : float
         Level of the test.
+    allowed : (m, k) array, optional
+        What the baseline may use besides its constants, as columns over the readings [N m per unit].
 
     Notes
     -----
     The readings are linearised about the fitted baseline and made white. For each family of structure, what is left
     of it after projecting out every baseline parameter (curves, K_corr, b, c, d) gives an F statistic against the
-    scatter that follows no family. Two more statistics a shaft ask whether repeats scatter more, or less, than that,
-    and one looks at the largest single residual. The smallest nominal p-value of them all is compared with its
-    distribution over synthetic campaigns of pure noise that go through the same steps (minimum-p, Westfall and
-    Young 1993), so the search is paid for. Locations are taken one by one, each time with the earlier ones added
-    to the baseline.
+    scatter that follows no family, and so does the trace of each mechanism of the catalogue. Two more statistics a
+    shaft ask whether repeats scatter more, or less, than that, and one looks at the largest single residual. The
+    smallest nominal p-value of them all is compared with its distribution over synthetic campaigns of pure noise that
+    go through the same steps (minimum-p, Westfall and Young 1993), so the search is paid for. Locations are taken one
+    by one, each time with the earlier ones added to the baseline.
     """
     readings = take_readings(grid, bench)
     model = start_model(fits)
     white = whitener(readings, bench, floor)
     baseline = white(jacobian(readings, bench, model, BASELINE_FREE))
+    if allowed is not None:
+        baseline = np.hstack([baseline, white(allowed)])
     y = white((readings.torque - predict(readings, bench, model))[:, None])
     candidates = families(readings, bench, model)
-    columns = [white(family.columns) for family in candidates]
+    columns = [white(family.columns) for family in candidates] + traces(readings, bench, model, white)
     repeats = repeat_contrasts(readings)
     base = orthonormal(baseline)
     fitted = readings.torque - undo(white, (y - base @ (base.T @ y))[:, 0])
     noise = synthetic_noise(readings, floor, white, draws, rng, fitted=fitted)
     p_value, locations = 1.0, []
-    for step in range(MAXIMUM_LOCATIONS):
-        scan = make_scan(readings, baseline, columns, repeats)
-        observed = scan(y)[:, 0]
-        smallest = scan(noise).min(axis=0)
-        best = int(np.argmin(observed))
-        adjusted = (1.0 + float(np.sum(smallest <= observed[best]))) / (draws + 1.0)
-        if step == 0:
-            p_value = adjusted
-        if adjusted > false_alarm_rate:
+    steps = search(readings, baseline, columns, repeats, (y, noise), steps=MAXIMUM_LOCATIONS, level=false_alarm_rate)
+    for number, step in enumerate(steps):
+        scan, best = step.scan, step.best
+        if number == 0:
+            p_value = step.p_value
+        if step.p_value > false_alarm_rate:
             break
-        if best >= len(candidates):
-            locations.append(_without_family(readings, scan, y[:, 0], white, best - len(candidates), adjusted))
+        if best >= len(columns):
+            locations.append(_without_family(readings, scan, y[:, 0], white, best - len(columns), step.p_value))
             break
         effect_white = scan.bases[best] @ (scan.bases[best].T @ y[:, 0])
-        locations.append(_locate(readings, candidates, scan, best, effect_white, undo(white, effect_white), adjusted))
-        baseline = np.hstack([baseline, columns[best]])
-    return Mismatch(p_value, false_alarm_rate, tuple(locations), readings, len(candidates), draws)
+        effect = undo(white, effect_white)
+        follows = best if best < len(candidates) else _carrying(candidates, scan, effect_white)
+        locations.append(_locate(readings, candidates, scan, follows, effect_white, effect, step.p_value))
+    return Mismatch(p_value, false_alarm_rate, tuple(locations), readings, len(columns), draws)
+
+
+def _carrying(candidates: tuple[Family, ...], scan: Scan, effect_white: Array) -> int:
+    """The family that carries most of an effect."""
+    carried = [float(np.sum((basis.T @ effect_white) ** 2)) for basis in scan.bases[: len(candidates)]]
+    return int(np.argmax(carried))
 
 
 def located_families(
@@ -196,6 +206,19 @@ def located_families(
     return np.hstack(chosen) if chosen else np.zeros((len(readings), 0))
 
 
+def same_trace(candidates: tuple[Family, ...], scan: Scan, best: int, effect_white: Array) -> list[int]:
+    """Other families, of the same signal and configuration, that carry `SAME_TRACE` of a family's effect."""
+    family = candidates[best]
+    energy = float(effect_white @ effect_white)
+    found = []
+    for k, (other, basis) in enumerate(zip(candidates, scan.bases, strict=False)):
+        if other.signal != family.signal or other.configuration != family.configuration or other is family:
+            continue
+        if float(np.sum((basis.T @ effect_white) ** 2)) >= SAME_TRACE * energy:
+            found.append(k)
+    return found
+
+
 def _locate(
     readings: Readings,
     candidates: tuple[Family, ...],
@@ -208,13 +231,8 @@ def _locate(
     family = candidates[best]
     touched = (family.columns != 0.0).any(axis=1)
     covariates = list(family.covariates)
-    energy = float(effect_white @ effect_white)
-    for other, basis in zip(candidates, scan.bases, strict=True):
-        if other.signal != family.signal or other.configuration != family.configuration or other is family:
-            continue
-        carried = float(np.sum((basis.T @ effect_white) ** 2))
-        if carried >= SAME_TRACE * energy:
-            covariates += [name for name in other.covariates if name not in covariates]
+    for other in same_trace(candidates, scan, best, effect_white):
+        covariates += [name for name in candidates[other].covariates if name not in covariates]
     strong = touched & (np.abs(effect) >= 0.5 * np.abs(effect[touched]).max())
     return Location(
         signal=family.signal,

@@ -44,6 +44,18 @@ ADEQUATE = 0.01
 
 Below the level of the mismatch test, as it is looked at after a choice was made."""
 
+ORDINARY = 0.05
+"""p-value of the structure left over from which on nothing is seen in it."""
+
+SMALL_PART = 0.3
+"""Part of a mechanism's gain that may be left over where it is within the noise."""
+
+WEAK = 80.0
+"""Gain below which what a mechanism leaves is hardly told from noise, and an effect of another kind may pass for it."""
+
+FEWEST, MOST_RIVALS = 1, 4
+"""Rivals of a weak explanation that are told, at least and at most."""
+
 
 @dataclass(frozen=True)
 class Explanation:
@@ -82,15 +94,23 @@ class Remainder:
         Of any structure in it.
     excess : float
         Sum of squares along the families of structure, beyond what noise gives, in noise variances.
+    usual : float
+        What noise alone exceeds one time in twenty.
     """
 
     p_value: float
     excess: float
+    usual: float
 
     @property
     def adequate(self) -> bool:
         """Whether it may be noise."""
         return self.p_value >= ADEQUATE
+
+    @property
+    def within_noise(self) -> bool:
+        """Whether nothing in it is more than noise gives one time in twenty."""
+        return self.p_value >= ORDINARY and self.excess <= self.usual
 
 
 @dataclass(frozen=True)
@@ -109,6 +129,9 @@ class Naming:
         What the leading set leaves.
     explained : bool
         Whether the set is good enough to be named: adequate, or left with no more than an error of form.
+    weak : tuple of Explanation
+        Where the mismatch is too weak to name its cause and single mechanisms explain all that is seen of it: those,
+        best first.
     ranking : tuple of CandidateFit
         All single mechanisms, best first.
     """
@@ -118,6 +141,7 @@ class Naming:
     shafts: dict[str, str]
     remainder: Remainder
     explained: bool
+    weak: tuple[Explanation, ...]
     ranking: tuple[CandidateFit, ...]
 
 
@@ -182,11 +206,30 @@ def name_mechanisms(stage: Stage, left_over: Callable[[Stage], Remainder]) -> Na
         pool += larger
         best = larger[0]
         remainder = left_over(best.stage)
-    explained = bool(best.fits) and remainder.excess <= FORM_ERROR * best.gain and not _without_scale(best)
     margin = MARGIN + (0.0 if remainder.adequate else remainder.excess)
-    near = [e for e in sorted(pool, key=lambda e: -e.score) if e.score > max(ENTRY, best.score - margin)]
+    near = [e for e in sorted(pool, key=lambda e: -e.score) if e.score > max(0.0, best.score - margin)]
     rivals, shafts = _rivals(best, near)
-    return Naming(best, rivals, shafts, remainder, explained, tuple(ranking))
+    explained = _explains(best, remainder)
+    return Naming(best, rivals, shafts, remainder, explained, _weak(singles, left_over), tuple(ranking))
+
+
+def _explains(best: Explanation, remainder: Remainder) -> bool:
+    """Whether what a set leaves is an error of form, or noise."""
+    if not best.fits or _without_scale(best):
+        return False
+    small = remainder.within_noise and remainder.excess <= SMALL_PART * best.gain
+    return small or remainder.excess <= FORM_ERROR * best.gain
+
+
+def _weak(singles: list[Explanation], left_over: Callable[[Stage], Remainder]) -> tuple[Explanation, ...]:
+    """Single mechanisms that explain a weak mismatch, best first; none where it is strong or something is left."""
+    listed = sorted(singles, key=lambda e: -e.score)
+    leader = listed[0]
+    if leader.gain >= WEAK or leader.score <= 0.0 or not left_over(leader.stage).within_noise:
+        return ()
+    others = [e for e in listed if _ids(e) != _ids(leader)]
+    near = [e for e in others if e.score > leader.score - MARGIN]
+    return (leader, *(near or others[:FEWEST])[:MOST_RIVALS])
 
 
 def _in_detail(

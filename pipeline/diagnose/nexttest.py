@@ -9,17 +9,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.diagnose.candidates import Stage, set_stage
-from pmg.pipeline.diagnose.naming import MARGIN, take_out
+from pmg.pipeline.diagnose.candidates import Stage, candidates, set_stage
+from pmg.pipeline.diagnose.naming import ENTRY, MARGIN, take_out
 from pmg.pipeline.diagnose.plans import Plan, join_points, possible_plans
 from pmg.pipeline.diagnose.whiten import whitener
 from pmg.pipeline.readings import take_readings
 from pmg.sim.grid import Grid
+from pmg.sim.mechanisms import Experiment
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.naming import Explanation
     from pmg.pipeline.diagnose.noise import NoiseFloor
+    from pmg.pipeline.readings import Readings
+    from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import OperatingPoints
+    from pmg.sim.lossmodel import LossModel
     from pmg.sim.signals import Array
 
 ENOUGH = 0.95
@@ -96,6 +100,40 @@ def power_to_separate(noncentrality: float) -> float:
     if noncentrality <= 0.0:
         return 0.0
     return float(stats.norm.cdf((noncentrality - MARGIN) / (2.0 * math.sqrt(noncentrality))))
+
+
+HIDDEN = 2.0
+"""Size of the hidden change for which the power of a lifting test is told, in noise floors."""
+
+
+def lifting_test(
+    readings: Readings, bench: BenchParameters, model: LossModel, floor: NoiseFloor, blind: tuple[str, ...]
+) -> NextTest | None:
+    """The repeats that a blind design lacks, and their power to show what it may hide.
+
+    Power is that of entering the diagnosis, for each mechanism that depends on what was run before, at `HIDDEN` noise
+    floors root mean square before anything is absorbed; the least of them is told.
+    """
+    kinds = [c for c in candidates() if c.shaft in blind and c.kind.memory]
+    plans = [p for p in possible_plans(readings.grid.points, bench) if p.experiment is Experiment.REPEATS]
+    if not plans or not kinds:
+        return None
+    plan = plans[0]
+    whole = take_readings(with_points(readings.grid, plan.points), bench)
+    stage = set_stage(whole, bench, model, whitener(whole, bench, floor))
+    powers = []
+    for candidate in kinds:
+        effect = stage.effect(candidate, np.array([p.typical for p in candidate.parameters]))
+        touched = effect[effect != 0.0]
+        if not touched.size:
+            continue
+        noise = floor.sun.u if candidate.shaft == "sun" else floor.ring.u
+        seen = stage.project(effect * HIDDEN * noise / math.sqrt(float(np.mean(touched**2))))
+        needed = ENTRY + len(candidate.parameters) * math.log(len(whole))
+        powers.append(float(stats.ncx2.sf(needed, len(candidate.parameters), float(seen @ seen))))
+    if not powers:
+        return None
+    return NextTest(plan, tuple(sorted({c.identifier for c in kinds})), min(powers))
 
 
 def next_test(stage: Stage, best: Explanation, rival: Explanation, floor: NoiseFloor) -> NextTest | None:

@@ -11,7 +11,16 @@ from scipy import stats
 
 from pmg.pipeline.calibrate import jacobian, start_model
 from pmg.pipeline.diagnose.structure import families
-from pmg.pipeline.diagnose.whiten import CORRELATIONS, NO_CORRELATION, chain_of, relative_scale
+from pmg.pipeline.diagnose.whiten import (
+    CORRELATIONS,
+    GROWTHS,
+    NO_CORRELATION,
+    NO_GROWTH,
+    Growth,
+    chain_of,
+    growth_of,
+    relative_scale,
+)
 from pmg.pipeline.readings import predict, take_readings
 
 if TYPE_CHECKING:
@@ -52,6 +61,8 @@ class ShaftNoise:
         Weight of each of `CORRELATIONS` as correlation of neighbouring points in the order of the test.
     source : str
         Where `u` comes from, in words.
+    growth : Growth
+        How its size grows with the shaft's speed; `u` is the root mean square over the readings.
     """
 
     u: float
@@ -63,11 +74,16 @@ class ShaftNoise:
     unstructured_dof: float
     correlation_weights: Array
     source: str
+    growth: Growth = NO_GROWTH
 
     @property
     def correlation(self) -> float:
         """Correlation of neighbouring points in the order of the test, weighted mean."""
         return float(self.correlation_weights @ CORRELATIONS)
+
+    def at(self, speed: float) -> float:
+        """Standard uncertainty of one point's mean at a speed of the shaft [rad/s], in N m."""
+        return self.u * float(np.sqrt(self.growth.variance(np.array([speed]))[0]))
 
 
 @dataclass(frozen=True)
@@ -119,6 +135,12 @@ def orthonormal(columns: Array, tolerance: float = 1e-6) -> Array:
     return left[:, singular > tolerance * singular[0]]
 
 
+def _weights(deviance: list[float]) -> Array:
+    """Weights of hypotheses under a flat prior."""
+    weight = np.exp(-0.5 * (np.array(deviance) - min(deviance)))
+    return np.asarray(weight / weight.sum())
+
+
 def _correlation(readings: Readings, residual: Array, basis: Array, sun: bool) -> Array:
     """Weight of each of `CORRELATIONS`: restricted likelihood with the structured columns taken out, flat prior."""
     chain = chain_of(readings, sun)
@@ -129,12 +151,39 @@ def _correlation(readings: Readings, residual: Array, basis: Array, sun: bool) -
     deviance = []
     for rho in CORRELATIONS:
         whitened = chain.whiten(np.c_[design, residual[chain.rows]], float(rho))
-        q, r = np.linalg.qr(whitened[:, :-1])
-        left = whitened[:, -1] - q @ (q.T @ whitened[:, -1])
-        logdet = chain.log_determinant(float(rho)) + 2.0 * np.log(np.abs(np.diag(r))).sum()
-        deviance.append(dof * math.log(left @ left / dof) + logdet)
-    weight = np.exp(-0.5 * (np.array(deviance) - min(deviance)))
-    return np.asarray(weight / weight.sum())
+        deviance.append(_deviance(whitened, dof) + chain.log_determinant(float(rho)))
+    return _weights(deviance)
+
+
+def _deviance(whitened: Array, dof: int) -> float:
+    """Restricted deviance of the last column beside the others, without the determinant of the noise."""
+    q, r = np.linalg.qr(whitened[:, :-1])
+    left = whitened[:, -1] - q @ (q.T @ whitened[:, -1])
+    return float(dof * math.log(left @ left / dof) + 2.0 * np.log(np.abs(np.diag(r))).sum())
+
+
+STRAY = 3.0
+"""Residuals beyond that many standard deviations count as that many where the growth of the noise is estimated: one
+bad reading at high speed is not a noise that grows."""
+
+
+def _growth(readings: Readings, residual: Array, basis: Array, sun: bool) -> Growth:
+    """Growth of one shaft's noise with its speed: restricted likelihood, flat prior; values in units of the floor."""
+    rows = np.flatnonzero(readings.sun == sun)
+    design = orthonormal(basis[rows])
+    dof = len(rows) - design.shape[1]
+    flat = growth_of(readings, sun, NO_GROWTH.weights)
+    if dof < MINIMUM_FOR_CORRELATION or readings.grid.rounding > 0.0 or flat is NO_GROWTH:
+        return flat
+    left = residual[rows] - design @ (design.T @ residual[rows])
+    size = math.sqrt(float(left @ left) / dof)
+    y = np.clip(left, -STRAY * size, STRAY * size)
+    deviance = []
+    for growth in GROWTHS:
+        variance = flat.of(float(growth), readings.speed_own[rows])
+        whitened = np.c_[design, y] / np.sqrt(variance)[:, None]
+        deviance.append(_deviance(whitened, dof) + float(np.sum(np.log(variance))))
+    return replace(flat, weights=_weights(deviance))
 
 
 def noise_floor(grid: Grid, fits: LossFits, bench: BenchParameters) -> NoiseFloor:
@@ -169,9 +218,9 @@ def noise_floor(grid: Grid, fits: LossFits, bench: BenchParameters) -> NoiseFloo
         + [family.columns for family in families(readings, bench, model)]
     )
     sigma, rho = {True: 1.0, False: 1.0}, {True: NO_CORRELATION, False: NO_CORRELATION}
-    dof = {True: 0.0, False: 0.0}
-    for _ in range(3):
-        scale = relative_scale(readings, bench, sigma)
+    dof, growth = {True: 0.0, False: 0.0}, {True: NO_GROWTH, False: NO_GROWTH}
+    for step in range(4):
+        scale = relative_scale(readings, bench, sigma, growth)
         basis = orthonormal(structured / scale[:, None])
         left = residual / scale - basis @ (basis.T @ (residual / scale))
         leverage = np.einsum("ij,ij->i", basis, basis)
@@ -180,28 +229,23 @@ def noise_floor(grid: Grid, fits: LossFits, bench: BenchParameters) -> NoiseFloo
             dof[sun] = float(np.sum(1.0 - leverage[mine]))
             if dof[sun] > 1.0:
                 sigma[sun] *= math.sqrt(float(left[mine] @ left[mine]) / dof[sun])
+        if step == 1:
+            flat = relative_scale(readings, bench, sigma)
+            growth = {sun: _growth(readings, residual / flat, structured / flat[:, None], sun) for sun in (True, False)}
     if grid.points.ordered:
-        scale = relative_scale(readings, bench, sigma)
+        scale = relative_scale(readings, bench, sigma, growth)
         for sun in (True, False):
             if (readings.sun == sun).any():
                 rho[sun] = _correlation(readings, residual / scale, structured / scale[:, None], sun)
     contrasts = repeat_contrasts(readings)
-    return NoiseFloor(
-        sun=_pool(
-            grid.within_sun[grid.accepted],
-            _repeat_scatter(readings, residual, contrasts, True),
-            sigma[True],
-            dof[True],
-            rho[True],
-        ),
-        ring=_pool(
-            grid.within_ring[grid.accepted],
-            _repeat_scatter(readings, residual, contrasts, False),
-            sigma[False],
-            dof[False],
-            rho[False],
-        ),
-    )
+
+    def shaft(sun: bool, within: Array) -> ShaftNoise:
+        even = residual / np.sqrt(growth[sun].variance(readings.speed_own))
+        repeats = _repeat_scatter(readings, even, contrasts, sun)
+        pooled = _pool(within[grid.accepted], repeats, sigma[sun], dof[sun], rho[sun])
+        return replace(pooled, growth=growth[sun])
+
+    return NoiseFloor(sun=shaft(True, grid.within_sun), ring=shaft(False, grid.within_ring))
 
 
 def _repeat_scatter(readings: Readings, residual: Array, contrasts: Array, sun: bool) -> tuple[float, int]:
@@ -234,24 +278,3 @@ def _pool(within: Array, repeats: tuple[float, int], unstructured: float, dof: f
         return replace(noise, u=spread, dof=float(n), source=source)
     pooled = math.sqrt((n * spread**2 + dof * unstructured**2) / (n + dof))
     return replace(noise, u=pooled, dof=n + dof, source="repeated points and scatter that follows no covariate, pooled")
-
-
-NOISY_WINDOW = 2.5
-"""A window whose own scatter is this many times the usual keeps its own uncertainty; below, the difference from the
-usual is mostly that of an estimate from ten batches."""
-
-
-def with_floor(grid: Grid, floor: NoiseFloor) -> Grid:
-    r"""The grid with the uncertainty of each point, wander between points included.
-
-    Notes
-    -----
-    :math:`u_i` is the floor. A window that is noisier than the others has
-    :math:`u_i^2 = u_\mathrm{floor}^2 - \overline{u_\mathrm{within}^2} + u_{i,\mathrm{within}}^2` instead.
-    """
-
-    def point(within: Array, noise: ShaftNoise) -> Array:
-        own = np.sqrt(max(noise.u**2 - noise.within**2, 0.0) + within**2)
-        return np.where(within > NOISY_WINDOW * noise.within, own, noise.u)
-
-    return replace(grid, u_sun=point(grid.within_sun, floor.sun), u_ring=point(grid.within_ring, floor.ring))

@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 
 from pmg.pipeline.calibrate import CONSTANTS, parameter_names, parameter_values, with_parameters
 from pmg.pipeline.diagnose.candidates import predict_with
+from pmg.pipeline.diagnose.noise import BASELINE_FREE, orthonormal
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.candidates import Candidate, CandidateFit, Stage
@@ -66,7 +67,8 @@ def refit(stage: Stage, fits: tuple[CandidateFit, ...]) -> Refit:
     Notes
     -----
     Residuals are whitened, so that the covariance :math:`(J^T J)^{-1}` holds for noise that is correlated from point
-    to point. Bounds are the physical ones; a parameter that sat on one stays there.
+    to point, and freed from what the baseline is allowed to follow besides its constants. Bounds are the physical
+    ones; a parameter that sat on one stays there.
     """
     names = parameter_names(stage.model, FREE)
     n_curves = len(names) - len(FREE)
@@ -96,8 +98,12 @@ def refit(stage: Stage, fits: tuple[CandidateFit, ...]) -> Refit:
         values[loose] = scaled * size[loose]
         return values
 
+    n_constants = len(parameter_names(stage.model, BASELINE_FREE))
+    allowed = orthonormal(stage.white(stage.columns[:, n_constants:]))
+
     def residuals(scaled: Array) -> Array:
-        return stage.white((stage.readings.torque - predicted(whole(scaled)))[:, None])[:, 0]
+        left = stage.white((stage.readings.torque - predicted(whole(scaled)))[:, None])[:, 0]
+        return np.asarray(left - allowed @ (allowed.T @ left))
 
     inside = np.clip(start, lower + 1e-6 * size, upper - 1e-6 * size)[loose] / size[loose]
     bounds = (lower / size)[loose], (upper / size)[loose]

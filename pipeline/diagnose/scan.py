@@ -11,6 +11,8 @@ from scipy import stats
 from pmg.pipeline.diagnose.noise import orthonormal
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from pmg.pipeline.readings import Readings
     from pmg.sim.signals import Array, Mask
 
@@ -81,3 +83,93 @@ def make_scan(readings: Readings, baseline: Array, columns: list[Array], repeats
         whole = repeats[:, (repeats[mine & ordinary] != 0.0).any(axis=0)]
         sides.append(whole)
     return Scan(base, everything, tuple(bases), readings.sun, tuple(sides))
+
+
+def look_elsewhere(p_value: float, smallest: Array) -> float:
+    """Probability that a campaign of pure noise shows something as clear: of its smallest nominal p-values (draws,)."""
+    return (1.0 + float(np.sum(smallest <= p_value))) / (len(smallest) + 1.0)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a search: what was looked at, and the clearest of it.
+
+    Parameters
+    ----------
+    scan : Scan
+        With everything found before in its baseline.
+    nominal : (t,) array
+        Nominal p-values of the tests.
+    observed : (t,) array
+        The same as they are compared with each other and with `smallest`.
+    smallest : (draws,) array
+        Smallest p-value of each synthetic campaign.
+    best : int
+        The clearest test.
+    p_value : float
+        Of the clearest, the search paid for.
+    """
+
+    scan: Scan
+    nominal: Array
+    observed: Array
+    smallest: Array
+    best: int
+    p_value: float
+
+
+def search(
+    readings: Readings,
+    baseline: Array,
+    columns: list[Array],
+    repeats: Array,
+    white: tuple[Array, Array],
+    *,
+    steps: int,
+    level: float,
+    elsewhere: Array | None = None,
+) -> Iterator[Step]:
+    r"""Step by step the clearest structure, each time with the earlier ones added to the baseline.
+
+    Parameters
+    ----------
+    readings : Readings
+        The m readings.
+    baseline : (m, k) array
+        Whitened columns of what is fitted.
+    columns : list of (m, c) array
+        Whitened columns of the families.
+    repeats : (m, r) array
+        Contrasts of repeated readings.
+    white : (m, 1) and (m, draws) array
+        Whitened residual and synthetic noise.
+    steps : int
+        Most steps.
+    level : float
+        Level above which the search ends; the step that ends it is given too.
+    elsewhere : (draws,) array, optional
+        Smallest p-value of each synthetic campaign in other searches that are paid for together with this one; only
+        the families then count, not repeats and single points, and each on its own scale.
+
+    Notes
+    -----
+    Rounding alone gives some families a small nominal p-value in every synthetic campaign, and the smallest of all
+    would then be that of these. On its own scale :math:`-\ln p` is divided by its mean over the synthetic campaigns,
+    1 for a p-value that is uniform; where the mean is below 1, p is left as it is.
+    """
+    y, noise = white
+    counted = slice(None) if elsewhere is None else slice(len(columns))
+    for _ in range(steps):
+        scan = make_scan(readings, baseline, columns, repeats)
+        observed = nominal = scan(y)[counted, 0]
+        drawn = scan(noise)[counted]
+        if elsewhere is not None:
+            power = 1.0 / np.maximum(-np.log(drawn).mean(axis=1), 1.0)
+            observed, drawn = nominal**power, np.r_[drawn ** power[:, None], elsewhere[None, :]]
+        smallest = drawn.min(axis=0)
+        best = int(np.argmin(observed))
+        p_value = look_elsewhere(float(observed[best]), smallest)
+        yield Step(scan, nominal, observed, smallest, best, p_value)
+        if p_value > level or best >= len(columns):
+            return
+        baseline = np.hstack([baseline, columns[best]])

@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.decide import Verdict
+from pmg.pipeline.diagnose.diagnosis import Verdict
+from pmg.pipeline.diagnose.nexttest import HIDDEN
 from pmg.sim.signals import MINUTE
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.decide import Diagnosis
+    from pmg.pipeline.diagnose.diagnosis import Diagnosis
+    from pmg.pipeline.diagnose.locate import Mismatch
     from pmg.pipeline.diagnose.naming import Explanation
 
 SHAFT_WORDS = {
@@ -38,9 +40,9 @@ def _told(diagnosis: Diagnosis) -> str:
     mismatch = diagnosis.mismatch
     if diagnosis.verdict is Verdict.CONFOUNDED:
         return (
-            f"No mismatch beyond the noise (p = {mismatch.p_value:.3g}), but this campaign cannot tell: the points "
-            f"were run in the order of the {' and '.join(diagnosis.blind)} speed and none was repeated: a slow change, "
-            "however large, would pass for part of the loss curve. Repeat points spread over the grid, in random order."
+            f"{_beyond(mismatch)} This campaign cannot tell: the points were run in the order of the "
+            f"{' and '.join(diagnosis.blind)} speed and none was repeated: a slow change, however large, would pass "
+            f"for part of the loss curve.{_lifting(diagnosis)}"
         )
     if diagnosis.verdict is Verdict.CONSISTENT:
         return (
@@ -52,12 +54,17 @@ def _told(diagnosis: Diagnosis) -> str:
         sentences.append(
             f"No mechanism of the catalogue explains it{_nearest(diagnosis)}: place and shape are given, not a cause."
         )
+        sentences.append(shape_sentence(diagnosis))
     elif diagnosis.verdict is Verdict.NAMED:
         sentences.append(f"What was left out: {causes(diagnosis, diagnosis.naming.best)}.")
     else:
         sets = [causes(diagnosis, diagnosis.naming.best)]
         sets += [causes(diagnosis, rival.explanation) for rival in diagnosis.rivals]
-        sentences.append(f"These recordings cannot tell between: {'; or '.join(sets)}.")
+        known = "; or ".join(sets)
+        if diagnosis.weak:
+            sentences.append(f"It is too weak to name its cause; of the catalogue it may be: {known}.")
+        else:
+            sentences.append(f"These recordings cannot tell between: {known}.")
         tests = [rival.test for rival in diagnosis.rivals if rival.test is not None]
         if tests:
             test = max(tests, key=lambda test: test.power)
@@ -65,6 +72,7 @@ def _told(diagnosis: Diagnosis) -> str:
                 f"{test.plan.description} would tell ({test.plan.seconds / MINUTE:.0f} min, power {test.power:.0%})."
             )
     sentences.append(_held_out(diagnosis))
+    sentences.append(_by_chance(diagnosis))
     return " ".join(sentence for sentence in sentences if sentence)
 
 
@@ -87,6 +95,35 @@ def causes(diagnosis: Diagnosis, explanation: Explanation) -> str:
             told += f" ({first.meaning} {value:.3g}{spread}{unit})"
         words.append(told)
     return " together with ".join(words)
+
+
+def _beyond(mismatch: Mismatch) -> str:
+    if mismatch.found:
+        return f"Something follows the order of the test (p ≤ {mismatch.p_value:.2g}), and a slow change may make it."
+    return f"No mismatch beyond the noise (p = {mismatch.p_value:.3g})."
+
+
+def _lifting(diagnosis: Diagnosis) -> str:
+    test = diagnosis.lifting
+    if test is None:
+        return " Repeat points spread over the grid, in random order."
+    return (
+        f" {test.plan.description} would tell ({test.plan.seconds / MINUTE:.0f} min; it shows a change of "
+        f"{HIDDEN:g} noise floors with power {test.power:.0%})."
+    )
+
+
+def shape_sentence(diagnosis: Diagnosis) -> str:
+    """The short form and its error on withheld readings, or that none holds up."""
+    shape = diagnosis.shape
+    if shape is None:
+        return "No short form of what it follows holds up on withheld readings."
+    names = ", ".join(f"{c.symbol} {c.meaning}" for c in shape.covariates)
+    return (
+        f"A short form that holds up on withheld readings ({shape.label}): {shape.text}"
+        f"{f', with {names}' if names else ''}; their error falls from {shape.rmse_before * 1e3:.2f} to "
+        f"{shape.rmse_after * 1e3:.2f} mN m."
+    )
 
 
 NEAREST_FROM = 0.2
@@ -115,6 +152,17 @@ def _place(diagnosis: Diagnosis) -> str:
     return (
         f"Simulation and recordings differ (p ≤ {diagnosis.mismatch.p_value:.2g}): clearest in the "
         f"{place.signal.replace('torque_', '')} torque {where}, {place.size * 1e3:.1f} mN m rms, following {follows}."
+    )
+
+
+def _by_chance(diagnosis: Diagnosis) -> str:
+    """A word on decoys, where one would have passed."""
+    decoys = diagnosis.decoys
+    if decoys is None or not decoys.passed:
+        return ""
+    return (
+        f"{decoys.passed} of {decoys.count} random smooth structures would have passed as well: the mismatch has "
+        "little shape of its own."
     )
 
 

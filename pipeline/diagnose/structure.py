@@ -109,7 +109,7 @@ def families(readings: Readings, bench: BenchParameters, model: LossModel) -> tu
     return tuple(family for family in found if family.columns.any())
 
 
-def _place(readings: Readings, rows: Mask, columns: Array) -> Array:
+def place(readings: Readings, rows: Mask, columns: Array) -> Array:
     """Columns over the chosen rows as drag, laid out over all readings."""
     whole = np.zeros((len(readings), columns.shape[1]))
     whole[rows] = columns * readings.direction[rows, None]
@@ -123,7 +123,7 @@ def _signal_families(readings: Readings, signal: str, rows: Mask) -> Iterator[Fa
     yield Family(signal, "all", ("direction",), whole)
     drift = rows & (readings.configuration == "zero")
     if drift.sum() >= MINIMUM_ZERO_CHECKS and readings.grid.points.ordered:
-        yield Family(signal, "zero", ("order",), _place(readings, drift, _polynomials(_time(readings)[drift], 1)))
+        yield Family(signal, "zero", ("order",), place(readings, drift, _polynomials(_time(readings)[drift], 1)))
 
 
 def _neutral_families(readings: Readings, bench: BenchParameters, shaft: str, rows: Mask) -> Iterator[Family]:
@@ -151,7 +151,7 @@ def _neutral_families(readings: Readings, bench: BenchParameters, shaft: str, ro
         (("pole_slip_speed",), np.c_[_polynomials(np.abs(slip), 3), np.sign(slip) * np.sign(own)]),
         ((f"speed_{shaft}", other_name), _products(np.abs(own), np.abs(other))),
     ):
-        yield Family(signal, "neutral", covariates, _place(readings, rows, columns))
+        yield Family(signal, "neutral", covariates, place(readings, rows, columns))
 
 
 def _engaged_families(readings: Readings, signal: str, rows: Mask) -> Iterator[Family]:
@@ -166,19 +166,19 @@ def _engaged_families(readings: Readings, signal: str, rows: Mask) -> Iterator[F
         signal,
         "engaged",
         (f"{signal.replace('torque', 'speed')}",),
-        _place(readings, rows, _polynomials(np.sqrt(own), 6)),
+        place(readings, rows, _polynomials(np.sqrt(own), 6)),
     )
-    yield Family(signal, "engaged", ("load",), _place(readings, rows, _polynomials(load, 2)))
+    yield Family(signal, "engaged", ("load",), place(readings, rows, _polynomials(load, 2)))
     yield Family(
         signal,
         "engaged",
         ("load", f"{signal.replace('torque', 'speed')}"),
-        _place(readings, rows, _products(own, load)),
+        place(readings, rows, _products(own, load)),
     )
     if both_flows:
         flow = np.where(reading > 0.0, 1.0, -1.0)
         columns = np.c_[flow, flow * load]
-        yield Family(signal, "engaged", ("power_flow", "load"), _place(readings, rows, columns))
+        yield Family(signal, "engaged", ("power_flow", "load"), place(readings, rows, columns))
 
 
 def _order_families(readings: Readings, model: LossModel, shaft: str, mine: Mask) -> Iterator[Family]:
@@ -201,8 +201,8 @@ def _order_families(readings: Readings, model: LossModel, shaft: str, mine: Mask
             drag = drag + own_drag["ring"][readings.row[rows]] / 2.0
         drag = drag / max(float(np.sqrt(np.mean(drag**2))), 1e-12)
         trend = _polynomials(time, 5)
-        yield Family(signal, configuration, ("order",), _place(readings, rows, trend))
-        yield Family(signal, configuration, ("order", f"speed_{shaft}"), _place(readings, rows, trend * drag[:, None]))
+        yield Family(signal, configuration, ("order",), place(readings, rows, trend))
+        yield Family(signal, configuration, ("order", f"speed_{shaft}"), place(readings, rows, trend * drag[:, None]))
         histories = [
             run_history(at.started_at[order], power[source][order], time, constant)
             for source in ("sun", "ring")
@@ -211,12 +211,12 @@ def _order_families(readings: Readings, model: LossModel, shaft: str, mine: Mask
         memory = np.stack(histories, axis=1)
         spread = memory.std(axis=0)
         memory = (memory - memory.mean(axis=0))[:, spread > 0.0] / spread[spread > 0.0]
-        yield Family(signal, configuration, ("run_history",), _place(readings, rows, memory * drag[:, None]))
+        yield Family(signal, configuration, ("run_history",), place(readings, rows, memory * drag[:, None]))
         before = np.r_[0.0, np.abs(at.speed_sun[order][:-1])]
         previous = np.empty(len(at))
         previous[order] = before
         columns = _polynomials(previous[readings.row[rows]], 1)
-        yield Family(signal, configuration, ("previous_point",), _place(readings, rows, columns))
+        yield Family(signal, configuration, ("previous_point",), place(readings, rows, columns))
 
 
 def _time(readings: Readings) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,9 +11,10 @@ import numpy as np
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnose.noise import NoiseFloor
+    from pmg.pipeline.diagnose.noise import NoiseFloor, ShaftNoise
     from pmg.pipeline.readings import Readings
     from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
 
 CORRELATIONS = np.arange(0.0, 0.71, 0.05)
@@ -21,6 +22,56 @@ CORRELATIONS = np.arange(0.0, 0.71, 0.05)
 
 NO_CORRELATION = np.r_[1.0, np.zeros(len(CORRELATIONS) - 1)]
 """Weights of a campaign whose order is not known, or that is too small to tell."""
+
+
+GROWTHS = np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0])
+"""Relative growths of the noise variance up to the highest speed that are considered."""
+
+
+@dataclass(frozen=True)
+class Growth:
+    r"""How the noise of a shaft grows with its speed.
+
+    Parameters
+    ----------
+    weights : (r,) array
+        Weight of each of `GROWTHS`.
+    fastest : float
+        Highest speed of the shaft's readings [rad/s].
+    mean_square : float
+        Mean of :math:`x^2 = (w/w_{max})^2` over them.
+
+    Notes
+    -----
+    For one growth g the variance is :math:`(1 + g x^2)/(1 + g\,\overline{x^2})` times that of the floor, so that the
+    floor stays the root mean square over the readings.
+    """
+
+    weights: Array
+    fastest: float
+    mean_square: float
+
+    def variance(self, speed: Array) -> Array:
+        """Variance at a speed over that of the floor, weighted mean."""
+        return np.asarray(np.sum([w * self.of(float(g), speed) for w, g in zip(self.weights, GROWTHS, strict=True)], 0))
+
+    def of(self, growth: float, speed: Array) -> Array:
+        """The same for one growth."""
+        square = (speed / self.fastest) ** 2
+        return np.asarray((1.0 + growth * square) / (1.0 + growth * self.mean_square))
+
+
+NO_GROWTH = Growth(np.r_[1.0, np.zeros(len(GROWTHS) - 1)], 1.0, 0.0)
+"""Noise of the same size at every speed."""
+
+
+def growth_of(readings: Readings, sun: bool, weights: Array) -> Growth:
+    """Growth of that weight over one shaft's readings."""
+    speed = np.abs(readings.speed_own[readings.sun == sun])
+    fastest = float(speed.max(initial=0.0))
+    if fastest == 0.0:
+        return NO_GROWTH
+    return Growth(weights, fastest, float(np.mean((speed / fastest) ** 2)))
 
 
 @dataclass(frozen=True)
@@ -96,29 +147,66 @@ class Whitener:
 
 
 def undo(white: Whitener, values: Array) -> Array:
-    """The effect [N m] whose whitened form this vector is."""
-    out = values.copy()
+    """The effects [N m] whose whitened form this vector is, or the columns of this matrix are."""
+    out = values.reshape(len(values), -1).copy()
     for chain, rho in white.chains:
-        out[chain.rows] = chain.colour(out[chain.rows, None], rho)[:, 0]
-    return out * white.scale
+        out[chain.rows] = chain.colour(out[chain.rows], rho)
+    return np.asarray(out * white.scale[:, None]).reshape(values.shape)
 
 
-def relative_scale(readings: Readings, bench: BenchParameters, sigma: dict[bool, float]) -> Array:
+def relative_scale(
+    readings: Readings, bench: BenchParameters, sigma: dict[bool, float], growth: dict[bool, Growth] | None = None
+) -> Array:
     """Standard deviation of each reading [N m] from that of the two transducers' points."""
     at = readings.grid.points
     ratio = np.where(at.gear == 1, bench.gear1.ratio, bench.gear2.ratio)[readings.row]
     engaged = readings.configuration == "engaged"
-    own = np.where(readings.sun, sigma[True], sigma[False])
-    return np.where(engaged, np.hypot(own, sigma[False] / ratio), own)
+    grows = growth or {True: NO_GROWTH, False: NO_GROWTH}
+    sun = sigma[True] * np.sqrt(grows[True].variance(at.speed_sun[readings.row]))
+    ring = sigma[False] * np.sqrt(grows[False].variance(at.speed_ring[readings.row]))
+    own = np.where(readings.sun, sun, ring)
+    return np.where(engaged, np.hypot(own, ring / ratio), own)
+
+
+def floor_scale(readings: Readings, bench: BenchParameters, floor: NoiseFloor) -> Array:
+    """Standard deviation of each reading by a noise floor [N m]."""
+    size = {True: floor.sun.u, False: floor.ring.u}
+    return relative_scale(readings, bench, size, {True: floor.sun.growth, False: floor.ring.growth})
 
 
 def whitener(readings: Readings, bench: BenchParameters, floor: NoiseFloor) -> Whitener:
     """Whitener for noise of a floor's size and neighbour correlation."""
-    scale = relative_scale(readings, bench, {True: floor.sun.u, False: floor.ring.u})
+    scale = floor_scale(readings, bench, floor)
     if not readings.grid.points.ordered:
         return Whitener(scale, ())
     shafts = ((True, floor.sun), (False, floor.ring))
     return Whitener(scale, tuple((chain_of(readings, sun), noise.correlation) for sun, noise in shafts))
+
+
+NOISY_WINDOW = 2.5
+"""A window whose own scatter is this many times the usual keeps its own uncertainty; below, the difference from the
+usual is mostly that of an estimate from ten batches."""
+
+
+def with_floor(grid: Grid, floor: NoiseFloor) -> Grid:
+    r"""The grid with the uncertainty of each point, wander between points included.
+
+    Notes
+    -----
+    :math:`u_i` is the floor at the point's speed. A window that is noisier than the others has
+    :math:`u_i^2 = u_\mathrm{floor}^2 - \overline{u_\mathrm{within}^2} + u_{i,\mathrm{within}}^2` instead.
+    """
+
+    def point(within: Array, noise: ShaftNoise, speed: Array) -> Array:
+        usual = noise.u * np.sqrt(noise.growth.variance(speed))
+        own = np.sqrt(np.maximum(usual**2 - noise.within**2, 0.0) + within**2)
+        return np.where(within > NOISY_WINDOW * noise.within, own, usual)
+
+    return replace(
+        grid,
+        u_sun=point(grid.within_sun, floor.sun, grid.points.speed_sun),
+        u_ring=point(grid.within_ring, floor.ring, grid.points.speed_ring),
+    )
 
 
 def synthetic_noise(
@@ -132,20 +220,33 @@ def synthetic_noise(
 ) -> Array:
     """Whitened noise of synthetic campaigns (m, draws).
 
-    The neighbour correlation of each is drawn from its weights while the whitening keeps to their mean, so that not
-    knowing it exactly is part of the test's distribution. Published tables are rounded: there the `fitted` torques
-    of the baseline get noise and are rounded alike, since points of equal torque share their rounding error, which
-    looks like structure and is none.
+    The neighbour correlation and the growth with speed of each are drawn from their weights while the whitening keeps
+    to their means, so that not knowing them exactly is part of the test's distribution. Published tables are rounded:
+    there the `fitted` torques of the baseline get noise and are rounded alike, since points of equal torque share
+    their rounding error, which looks like structure and is none.
     """
     step = readings.grid.rounding
     if step > 0.0 and fitted is not None:
         return white(_rounded(readings, floor, fitted, step, draws, rng))
     out = rng.standard_normal((len(readings), draws))
-    for (chain, rho), noise in zip(white.chains, (floor.sun, floor.ring), strict=False):
-        which = rng.choice(len(CORRELATIONS), size=draws, p=noise.correlation_weights)
-        for k in np.unique(which):
-            columns = np.ix_(chain.rows, np.flatnonzero(which == k))
-            out[columns] = chain.whiten(chain.colour(out[columns], float(CORRELATIONS[k])), rho)
+    for sun, noise in ((True, floor.sun), (False, floor.ring)):
+        rows = np.flatnonzero(readings.sun == sun)
+        speed = readings.speed_own[rows]
+        usual = noise.growth.variance(speed)
+        which = rng.choice(len(GROWTHS), size=draws, p=noise.growth.weights)
+        sizes = np.sqrt([noise.growth.of(float(g), speed) / usual for g in GROWTHS]).T
+        chain = next(((c, rho) for c, rho in white.chains if np.array_equal(np.sort(c.rows), rows)), None)
+        if chain is None:
+            out[rows] *= sizes[:, which]
+            continue
+        links, rho = chain
+        back = np.searchsorted(rows, links.rows)
+        drawn = rng.choice(len(CORRELATIONS), size=draws, p=noise.correlation_weights)
+        for k in np.unique(drawn):
+            of_k = np.flatnonzero(drawn == k)
+            columns = np.ix_(links.rows, of_k)
+            coloured = links.colour(out[columns], float(CORRELATIONS[k])) * sizes[np.ix_(back, which[of_k])]
+            out[columns] = links.whiten(coloured, rho)
     return out
 
 

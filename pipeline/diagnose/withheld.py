@@ -9,16 +9,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.calibrate import jacobian
 from pmg.pipeline.diagnose.candidates import Candidate, CandidateFit, Stage, candidates, fit_candidate, refinement
 from pmg.pipeline.diagnose.holdout import HeldOut, deal, gain_interval, solve, touched_blocks
 from pmg.pipeline.diagnose.naming import ENTRY, take_out
-from pmg.pipeline.diagnose.noise import BASELINE_FREE, orthonormal
+from pmg.pipeline.diagnose.noise import orthonormal
 from pmg.pipeline.diagnose.whiten import Whitener
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
     from pmg.sim.signals import Array, Mask
+
+PLACEBOS = 20
+"""Placebos tried, each another shuffle."""
 
 FOLDS = 4
 """Parts withheld in turn; for each the whole choice is made anew without it."""
@@ -49,7 +53,7 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
     effect = np.sum([fit.effect for fit in fits], axis=0)
     touched = (np.abs(effect) > 0.1 * np.sqrt(np.mean(effect**2))) & (fold < FOLDS)
     y = readings.torque - stage.predicted
-    columns = jacobian(readings, stage.bench, stage.model, BASELINE_FREE)
+    columns = stage.columns
     before, after = y.copy(), y.copy()
     chosen: Counter[str] = Counter()
     for k in range(FOLDS):
@@ -81,7 +85,30 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
         rmse_after=math.sqrt(squares[1][touched].mean()),
         noise_floor=math.sqrt(float(np.mean(stage.white.scale[touched] ** 2))),
         gain_interval=gain_interval(*squares, blocks, rng),
+        placebo_gain=_placebo_gain(stage, effect, fold, touched, rng),
     )
+
+
+def _placebo_gain(
+    stage: Stage, effect: Array, fold: npt.NDArray[np.int64], touched: Mask, rng: np.random.Generator
+) -> float:
+    """Mean fall of the withheld error by the effect shuffled over the readings of a shaft and configuration [N m]."""
+    y, scale = stage.readings.torque - stage.predicted, stage.white.scale
+    places = np.char.add(np.where(stage.readings.sun, "sun ", "ring "), stage.readings.configuration)
+    groups = [np.flatnonzero(places == place) for place in np.unique(places)]
+    gains = []
+    for _ in range(PLACEBOS):
+        shuffled = effect.copy()
+        for rows in groups:
+            shuffled[rows] = effect[rng.permutation(rows)]
+        before, after = y.copy(), y.copy()
+        columns = np.column_stack([stage.columns, shuffled])
+        for k in range(FOLDS):
+            train, test = fold != k, fold == k
+            before[test] = _left(y, stage.columns, scale, train)[test]
+            after[test] = _left(y, columns, scale, train)[test]
+        gains.append(math.sqrt((before[touched] ** 2).mean()) - math.sqrt((after[touched] ** 2).mean()))
+    return float(np.mean(gains))
 
 
 def _left(y: Array, columns: Array, scale: Array, train: Mask) -> Array:
@@ -94,12 +121,21 @@ def _part(stage: Stage, rows: Mask) -> Stage:
     """The stage of some of the readings; neighbours are no longer neighbours, so the noise is taken as white."""
     readings = stage.readings[rows]
     white = Whitener(stage.white.scale[rows], ())
-    columns = jacobian(stage.readings, stage.bench, stage.model, BASELINE_FREE)[rows]
+    columns = stage.columns[rows]
     basis = orthonormal(white(columns))
     y = white((readings.torque - stage.predicted[rows])[:, None])[:, 0]
     left = y - basis @ (basis.T @ y)
     predicted, ideal = stage.predicted[rows], stage.ideal[rows]
-    return replace(stage, readings=readings, white=white, baseline=basis, left=left, predicted=predicted, ideal=ideal)
+    return replace(
+        stage,
+        readings=readings,
+        white=white,
+        baseline=basis,
+        left=left,
+        predicted=predicted,
+        ideal=ideal,
+        columns=columns,
+    )
 
 
 def _choose(stage: Stage, without: list[str]) -> CandidateFit:

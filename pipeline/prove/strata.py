@@ -30,11 +30,14 @@ PAIRS: tuple[tuple[tuple[str, str], tuple[str, str]], ...] = (
     (("torque_gain_error", "ring"), ("stribeck_mixed_lubrication", "sun")),
 )
 """Effects concealed together, each with its shaft."""
-ONE_WAY: tuple[tuple[str, tuple[tuple[str, float | str], ...]], ...] = (
-    ("torque_gain_error", (("quadratic", 0.02),)),
-    ("load_dependent_bearing_friction", (("law", "power"), ("power", 1.03))),
+ONE_WAY: tuple[tuple[str, str, tuple[tuple[str, float | str], ...]], ...] = (
+    ("torque_gain_error", "sun", (("quadratic", 0.02), ("sign", 1.0))),
+    ("torque_gain_error", "ring", (("quadratic", 0.02), ("sign", -1.0))),
+    ("load_dependent_bearing_friction", "sun", (("law", "power"), ("power", 1.03))),
+    ("load_dependent_bearing_friction", "ring", (("law", "power"), ("power", 1.03))),
 )
-"""Effects that look alike while power flows one way, with the shape in which they do."""
+"""Effects that look alike while power flows one way, with shaft and the shape in which they do: a gain that reads as
+more loss, as no friction takes loss away."""
 
 
 @dataclass(frozen=True)
@@ -132,10 +135,9 @@ def _confounded() -> tuple[Stratum, ...]:
                 effect, expected = ((identifier, shaft),), ("confounded", "ambiguous")
                 order = "rising" if shaft == "sun" else "rising by ring"
                 found.append(Stratum(name, "confounded", effect, size, expected, order, False, True, "raw"))
-        for identifier, pinned in ONE_WAY:
-            for shaft in ("sun", "ring"):
-                name = f"one-way flow, {identifier} {shaft} {size:g}"
-                effect, expected = ((identifier, shaft),), ("ambiguous", "confounded")
-                basis = "absorbed"
-                found.append(Stratum(name, "confounded", effect, size, expected, "random", True, True, basis, pinned))
+        for identifier, shaft, pinned in ONE_WAY:
+            name = f"one-way flow, {identifier} {shaft} {size:g}"
+            effect, expected = ((identifier, shaft),), ("ambiguous", "confounded")
+            basis = "absorbed"
+            found.append(Stratum(name, "confounded", effect, size, expected, "random", True, True, basis, pinned))
     return tuple(found)

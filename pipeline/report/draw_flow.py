@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -31,6 +32,7 @@ _STEM = 0.28
 """Straight part of a branch [in]."""
 _TIP = 0.14
 """Depth of an arrow head or tail [in]."""
+_DOT = "\N{NO-BREAK SPACE}\N{MIDDLE DOT}\N{NO-BREAK SPACE}"
 
 
 @dataclass(frozen=True)
@@ -116,9 +118,12 @@ def _plan(flow: PowerFlow, sheet: Sheet) -> _Plan:
         scale = min(scale, (pitch - 2 * _BEND - 0.1) / widest)
     crowded = sheet.phone and len(widths.places) > 2
     rooms = _rooms(widths, pitch, scale, crowded=crowded)
-    above = tuple(_lettering(widths, label, abs(watts), pitch - 0.06, sheet) for label, watts, _ in widths.stages)
+    above = tuple(
+        _lettering(widths, label, (abs(watts), expanded), pitch - 0.06, sheet)
+        for (label, watts, _), expanded in zip(widths.stages, widths.expanded, strict=True)
+    )
     below = tuple(
-        _lettering(widths, branch.label, branch.watts, room, sheet) if branch else ()
+        _lettering(widths, branch.label, (branch.watts, branch.expanded), room, sheet) if branch else ()
         for branch, room in zip(widths.places, rooms, strict=True)
     )
     stagger = max(map(len, below), default=0) * sheet.line + 0.1 if crowded else 0.0
@@ -137,14 +142,18 @@ def _rooms(widths: Balance, pitch: float, scale: float, *, crowded: bool) -> lis
     return rooms
 
 
-def _lettering(widths: Balance, label: str, watts: float, room: float, sheet: Sheet) -> _Label:
-    """Name, power and share of the supply, broken into lines; a gain is called one."""
-    power = numerals.number(watts, 1 if abs(watts) >= 100 else 2)
-    share = numerals.number(100 * widths.share(watts), 1)
-    amount = [f"{power}\N{NO-BREAK SPACE}W", f"{share}\N{NO-BREAK SPACE}%"]
-    together = "\N{NO-BREAK SPACE}\N{MIDDLE DOT}\N{NO-BREAK SPACE}".join(amount)
-    plain = [together] if text_width(together, sheet.small) <= room else amount
-    if watts < 0:
+def _lettering(widths: Balance, label: str, power: tuple[float, float], room: float, sheet: Sheet) -> _Label:
+    """Name, power with its U where there is room, and share of the supply, in lines; a gain beyond U is called one."""
+    watts, expanded = power
+    share = f"{numerals.number(100 * widths.share(watts), 1)}\N{NO-BREAK SPACE}%"
+    short = f"{numerals.number(watts, 1 if abs(watts) >= 100 else 2)}\N{NO-BREAK SPACE}W"
+    ways = [[_DOT.join((short, share))], [short, share]]
+    if math.isfinite(expanded) and expanded > 0.0:
+        told = numerals.measured(watts, expanded).replace(" ", "\N{NO-BREAK SPACE}") + "\N{NO-BREAK SPACE}W"
+        ways = [[_DOT.join((told, share))], [told, share], *ways]
+    fitting = (way for way in ways if all(text_width(line, sheet.small) <= room for line in way))
+    plain = next(fitting, ways[-1])
+    if watts < 0 and not abs(watts) <= expanded:
         plain = [*plain, "a gain, not a loss"]
     return (
         *((line, "bold") for line in wrapped(label, room, sheet.small, "bold")),

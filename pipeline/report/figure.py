@@ -154,11 +154,14 @@ class PowerFlow:
         At least two stages, left to right.
     losses : tuple of (label, watts, index)
         What branches off between stage ``index`` and the next one.
+    expanded : tuple of float
+        Expanded uncertainty U of each power, in the order of `watts`; NaN where none is stated. Empty: of none.
     """
 
     title: str
     main: tuple[tuple[str, float], ...]
     losses: tuple[tuple[str, float, int], ...]
+    expanded: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if len(self.main) < 2:
@@ -167,11 +170,18 @@ class PowerFlow:
             raise ValueError(f"PowerFlow {self.title!r}: a loss lies between two stages")
         if not np.isfinite(self.watts).all():
             raise ValueError(f"PowerFlow {self.title!r}: every power must be a finite number")
+        if self.expanded and (len(self.expanded) != len(self.watts) or any(u < 0.0 for u in self.expanded)):
+            raise ValueError(f"PowerFlow {self.title!r}: one uncertainty for each power, zero or more")
 
     @property
     def watts(self) -> tuple[float, ...]:
         """Every power stated, stages first."""
         return (*(watts for _, watts in self.main), *(watts for _, watts, _ in self.losses))
+
+    @property
+    def uncertainties(self) -> tuple[float, ...]:
+        """U of every power, in the order of `watts`; NaN where none is stated."""
+        return self.expanded or (float("nan"),) * len(self.watts)
 
 
 Panel: TypeAlias = Chart | SpeedMap | PowerFlow

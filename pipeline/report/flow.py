@@ -28,6 +28,8 @@ class Branch:
         Width that it shares with the trunk on either side [W], zero or more; ``left + right = |watts|``.
     through : float
         Width of the trunk that passes by [W].
+    expanded : float
+        Expanded uncertainty U of the power that leaves [W]; NaN where none is stated.
     """
 
     label: str
@@ -35,6 +37,7 @@ class Branch:
     left: float
     right: float
     through: float
+    expanded: float = float("nan")
 
     @property
     def gain(self) -> bool:
@@ -61,12 +64,15 @@ class Balance:
         What happens between two stretches; None where a balanced junction has no branch.
     stages : tuple of (label, watts, index)
         Each stage, its power and its stretch of the trunk.
+    expanded : tuple of float
+        Expanded uncertainty U of the power of each stage [W]; NaN where none is stated.
     """
 
     supply: float
     trunk: tuple[float, ...]
     places: tuple[Branch | None, ...]
     stages: tuple[tuple[str, float, int], ...]
+    expanded: tuple[float, ...]
 
     def share(self, watts: float) -> float:
         """Part of the supply; NaN where nothing is supplied."""
@@ -88,14 +94,19 @@ def balance(flow: PowerFlow) -> Balance:
     """
     greatest = max(abs(watts) for watts in flow.watts)
     trunk, stages = [flow.main[0][1]], [(*flow.main[0], 0)]
+    of_stages, of_losses = flow.uncertainties[: len(flow.main)], flow.uncertainties[len(flow.main) :]
     places: list[Branch | None] = []
     for index, (after_label, after) in enumerate(flow.main[1:]):
-        leaving = [(label, watts) for label, watts, stage in flow.losses if stage == index]
-        remainder = flow.main[index][1] - after - sum(watts for _, watts in leaving)
+        leaving = [
+            (label, watts, expanded)
+            for (label, watts, stage), expanded in zip(flow.losses, of_losses, strict=True)
+            if stage == index
+        ]
+        remainder = flow.main[index][1] - after - sum(watts for _, watts, _ in leaving)
         if abs(remainder) > _CLOSED * greatest:
-            leaving.append((UNEXPLAINED.capitalize(), remainder))
-        for label, watts in leaving:
-            places.append(_branch(label, watts, trunk[-1]))
+            leaving.append((UNEXPLAINED.capitalize(), remainder, float("nan")))
+        for label, watts, expanded in leaving:
+            places.append(_branch(label, watts, trunk[-1], expanded))
             trunk.append(trunk[-1] - watts)
         if not leaving:
             places.append(None)
@@ -103,10 +114,10 @@ def balance(flow: PowerFlow) -> Balance:
         trunk[-1] = after
         stages.append((after_label, after, len(trunk) - 1))
     supply = max(flow.main[0][1], 0.0) + max(-flow.main[-1][1], 0.0)
-    return Balance(supply, tuple(trunk), tuple(places), tuple(stages))
+    return Balance(supply, tuple(trunk), tuple(places), tuple(stages), of_stages)
 
 
-def _branch(label: str, watts: float, before: float) -> Branch:
+def _branch(label: str, watts: float, before: float, expanded: float) -> Branch:
     after = before - watts
     through = min(abs(before), abs(after)) if before * after > 0 else 0.0
-    return Branch(label, watts, abs(before) - through, abs(after) - through, through)
+    return Branch(label, watts, abs(before) - through, abs(after) - through, through, expanded)

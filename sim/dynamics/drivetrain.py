@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -15,7 +16,8 @@ from pmg.sim.dynamics.state import STATES, Motion, MotorState, SetPoints, State
 from pmg.sim.errors import BenchError
 from pmg.sim.grid import Configuration
 from pmg.sim.kinematics import Member
-from pmg.sim.mechanisms import RotorLaw
+from pmg.sim.mechanisms import Instrument
+from pmg.sim.mechanisms.base import Instant, Warmth
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.mechanisms import Mechanism
+    from pmg.sim.mechanisms.base import MotionLaw
     from pmg.sim.signals import Array, Number
     from pmg.sim.torquemap import TorqueMap
 
@@ -36,7 +39,8 @@ class Drivetrain:
     bench : BenchParameters
         Its numbers.
     mechanisms : tuple of Mechanism
-        Losses; each must be a `RotorLaw`. Those that do not act in this configuration are left out.
+        Losses, and faults of the transducers, which distort what is recorded and nothing else. Each loss must have a
+        law for an instant; those that do not act in this configuration are left out.
     assumptions : Assumptions
         What the source leaves open.
     gear : int
@@ -50,6 +54,8 @@ class Drivetrain:
         What each motor follows.
     torque_map : TorqueMap or None
         Magnetic torques before `map_scale`; the sine that the published pull-out torques imply when not given.
+    warmth : Warmth
+        Bearings and magnets above ambient, held over the run; it counts where a mechanism asks for it.
 
     Notes
     -----
@@ -67,17 +73,10 @@ class Drivetrain:
     control_sun: Control = Control.TORQUE
     control_ring: Control = Control.TORQUE
     torque_map: TorqueMap | None = None
+    warmth: Warmth = field(default_factory=Warmth)
 
     def __post_init__(self) -> None:
         self.bench.gear(self.gear)
-        for mechanism in self.mechanisms:
-            if not isinstance(mechanism, RotorLaw):
-                raise BenchError(
-                    f"drivetrain: {mechanism.title}",
-                    "a mechanism that is no law of the speeds alone",
-                    "a RotorLaw",
-                    "Leave it out of the transient or give it a law.",
-                )
         if self.configuration not in (Configuration.NEUTRAL, Configuration.ENGAGED):
             raise BenchError("drivetrain", f"'{self.configuration}'", "neutral or engaged", "Choose one of them.")
         if self.configuration is Configuration.NEUTRAL and self.held is Member.RING:
@@ -88,6 +87,7 @@ class Drivetrain:
                 "the sun held" if self.held is Member.SUN else "the ring held, and a map that does not see the carrier"
             )
             raise BenchError("drivetrain", came, "carrier or ring held", "Hold another member, or set carrier_in_map.")
+        _ = self.losses  # a mechanism without a law is refused here
 
     @classmethod
     def calibrated(
@@ -97,10 +97,20 @@ class Drivetrain:
         return cls(bench, model.mechanisms(bench), assumptions or Assumptions(), gear)
 
     @cached_property
-    def losses(self) -> tuple[RotorLaw, ...]:
-        """The mechanisms that act in this configuration."""
-        laws = (m for m in self.mechanisms if isinstance(m, RotorLaw))
-        return tuple(law for law in laws if self.configuration in law.acts_in)
+    def losses(self) -> tuple[MotionLaw, ...]:
+        """The mechanisms that act in this configuration, at the warmth that is held."""
+        laws = (mechanism.in_motion(self.configuration, self.warmth) for mechanism in self.mechanisms)
+        return tuple(law for law in laws if law is not None)
+
+    @cached_property
+    def instruments(self) -> tuple[Instrument, ...]:
+        """The faults of the transducers."""
+        return tuple(mechanism for mechanism in self.mechanisms if isinstance(mechanism, Instrument))
+
+    @cached_property
+    def field_left(self) -> float:
+        """Factor on the magnetic torques that the warmth of the magnets leaves."""
+        return math.prod(mechanism.field_left(self.warmth) for mechanism in self.mechanisms)
 
     @cached_property
     def constants(self) -> Constants:
@@ -113,7 +123,7 @@ class Drivetrain:
         """The magnetic torques at their scale; none in neutral."""
         if self.configuration is Configuration.NEUTRAL:
             return None
-        scale = self.assumptions.map_scale
+        scale = self.assumptions.map_scale * self.field_left
         given = self.torque_map
         return given.scaled(scale) if given is not None else analytic_map(self.bench.gear(self.gear), scale)
 
@@ -139,13 +149,23 @@ class Drivetrain:
         x = State(*state)
         return (0.0, 0.0, 0.0) if self.coupling is None else self.coupling.law(x.phase, self.angle_sun(x))
 
+    def _outside(self, x: State) -> tuple[Number, Number, Number]:
+        """Torques of both joints and of the block [N m]."""
+        q = self.constants
+        held, turned = (x.speed_ring, x.speed_carrier) if q.ring_held else (x.speed_carrier, x.speed_ring)
+        joint_sun = q.k * x.twist_sun + q.c * (x.speed_sun_motor - x.speed_sun)
+        joint_ring = q.k * x.twist_ring + q.c * (x.speed_ring_motor - turned)
+        return joint_sun, joint_ring, -(q.k * x.angle_block + q.c * held)
+
     def drags(self, state: Iterable[Number]) -> tuple[tuple[Number, Number, Number], ...]:
         """Torques of each mechanism on sun, ring and carrier [N m]."""
-        x, rest = State(*state), self.constants.rest
+        x, q = State(*state), self.constants
+        _, joint_ring, block = self._outside(x)
+        now = Instant(x.speed_sun, x.speed_ring, block if q.ring_held else joint_ring, q.p_r / q.p_s, q.rest)
         found = []
         for law in self.losses:
-            drag = law.law(x.speed_sun, x.speed_ring, rest)
-            found.append((drag.sun, drag.ring, law.carrier_law(x.speed_carrier, rest)))
+            drag = law.at_instant(now)
+            found.append((drag.sun, drag.ring, law.carrier_law(x.speed_carrier, q.rest)))
         return tuple(found)
 
     def _motor(self, side: Side, loop: Sequence[Number], joint: Number, asked: Number, slope: Number) -> MotorState:
@@ -172,9 +192,7 @@ class Drivetrain:
     def motion(self, state: Iterable[Number], asked: SetPoints) -> Motion:
         """Torques at an instant: plain arithmetic on floats, complex numbers or arrays with further axes."""
         x, q = State(*state), self.constants
-        held, turned = (x.speed_ring, x.speed_carrier) if q.ring_held else (x.speed_carrier, x.speed_ring)
-        joint_sun = q.k * x.twist_sun + q.c * (x.speed_sun_motor - x.speed_sun)
-        joint_ring = q.k * x.twist_ring + q.c * (x.speed_ring_motor - turned)
+        joint_sun, joint_ring, block = self._outside(x)
         magnetic_sun, magnetic_ring, _ = self.magnetic(x)
         drags = self.drags(x)
         loop_sun = (x.speed_sun_motor, x.current_sun, x.integral_sun, x.feedback_sun, x.filtered_sun, x.angle_lag_sun)
@@ -189,7 +207,7 @@ class Drivetrain:
         return Motion(
             joint_sun=joint_sun,
             joint_ring=joint_ring,
-            block=-(q.k * x.angle_block + q.c * held),
+            block=block,
             magnetic_sun=magnetic_sun,
             magnetic_ring=magnetic_ring,
             magnetic_carrier=-(magnetic_sun + magnetic_ring),

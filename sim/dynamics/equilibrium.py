@@ -1,4 +1,4 @@
-"""Steady states of the whole engaged drivetrain."""
+"""Steady states of the whole drivetrain."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from pmg.sim.roots import rising_root
 if TYPE_CHECKING:
     import numpy.typing as npt
 
+    from pmg.sim.dynamics.constants import Constants, Side
     from pmg.sim.signals import Array, Mask, Number
     from pmg.sim.torquemap import TorqueMap
 
@@ -26,6 +27,9 @@ _SCAN = 40
 """Steps of the scan for balances; they widen with speed."""
 
 _NEWTON_STEPS = 20
+_LOAD_STEPS = 3
+"""Steps from a load without drag to one with it; they start the iteration, which does the rest."""
+
 _ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 
 
@@ -52,9 +56,9 @@ def equilibrium(drivetrain: Drivetrain, sun: Number, ring: Number) -> Equilibriu
     Parameters
     ----------
     drivetrain : Drivetrain
-        Engaged. Cogging, which averages out over a turn, is left out.
+        Cogging, which averages out over a turn, is left out. In neutral both motors must follow speed.
     sun, ring : number or (n,) array
-        Set torques [N m], or speeds [rad/s] where a motor follows speed; at most one may.
+        Set torques [N m], or speeds [rad/s] where a motor follows speed; engaged, at most one may.
 
     Raises
     ------
@@ -67,18 +71,18 @@ def equilibrium(drivetrain: Drivetrain, sun: Number, ring: Number) -> Equilibriu
     (the ring, or :math:`-Q` for a free carrier), :math:`\omega_o = -\omega_s p_s/p_o` and
     :math:`(T_s + \tau_s)/p_s = (T_o + \tau_o)/p_o`.
     """
-    coupling = drivetrain.coupling
-    if coupling is None:
-        came, do = "a bench in neutral", "Use pmg.sim.solve.steady for neutral points."
-        raise BenchError("steady state of the drivetrain", came, "an engaged one", do)
-    if not coupling.follows_phase:
-        mean = replace(drivetrain.assumptions, map_scale=1.0)
-        drivetrain = replace(drivetrain, torque_map=coupling.without_cogging(), assumptions=mean)
-        coupling = drivetrain.coupling
-        assert coupling is not None
     asked = SetPoints(
         *(value.astype(np.float64) for value in np.broadcast_arrays(np.atleast_1d(sun), np.atleast_1d(ring)))
     )
+    coupling = drivetrain.coupling
+    if coupling is None:
+        return _apart(drivetrain, asked)
+    if not coupling.follows_phase:
+        mean = replace(drivetrain.assumptions, map_scale=1.0)
+        smooth = coupling.without_cogging().scaled(1.0 / drivetrain.field_left)
+        drivetrain = replace(drivetrain, torque_map=smooth, assumptions=mean)
+        coupling = drivetrain.coupling
+        assert coupling is not None
     q = drivetrain.constants
     if q.sun.by_speed and q.ring.by_speed:
         came, do = "both motors follow speed", "Let one of them follow torque."
@@ -90,11 +94,38 @@ def equilibrium(drivetrain: Drivetrain, sun: Number, ring: Number) -> Equilibriu
         speed, balances = -asked.ring / leverage, np.ones(asked.sun.size, dtype=np.int64)
     else:
         speed, balances = _locked_speed(drivetrain, asked, leverage)
-    drag_sun, drag_out = _drags(drivetrain, speed, leverage)
-    torque_sun = leverage * (asked.ring + drag_out) - drag_sun if q.sun.by_speed else asked.sun
-    torque_out = (asked.sun + drag_sun) / leverage - drag_out if q.ring.by_speed else asked.ring
+    load = _load(drivetrain, asked, leverage)
+    for _ in range(_LOAD_STEPS):
+        drag_sun, drag_out = _drags(drivetrain, speed, leverage, load)
+        torque_sun = leverage * (asked.ring + drag_out) - drag_sun if q.sun.by_speed else asked.sun
+        torque_out = (asked.sun + drag_sun) / leverage - drag_out if q.ring.by_speed else asked.ring
+        load = torque_out if not q.ring_held else q.p_r / q.p_s * (torque_sun + drag_sun)
     state = _locked(drivetrain, coupling, speed, leverage, torque_sun, torque_out, torque_sun + drag_sun)
     return Equilibrium(_polish(drivetrain, asked, state), balances)
+
+
+def _apart(drivetrain: Drivetrain, asked: SetPoints) -> Equilibrium:
+    """States in neutral, where each motor holds a speed against the drag of its side."""
+    q = drivetrain.constants
+    if not (q.sun.by_speed and q.ring.by_speed):
+        came, do = "a bench in neutral with a motor that follows torque", "Let both follow speed."
+        raise BenchError("steady state of the drivetrain", came, "speeds of both", do)
+    zero = np.zeros_like(asked.sun)
+    x = State(*[zero] * len(STATES))._replace(speed_sun=asked.sun, speed_ring=asked.ring)
+    drags = drivetrain.drags(x)
+    torques = {name: -sum((drag[i] for drag in drags), zero) for i, name in enumerate(("sun", "ring"))}
+    x = x._replace(speed_sun_motor=asked.sun, speed_ring_motor=asked.ring)
+    for side, constants in (("sun", q.sun), ("ring", q.ring)):
+        x = x._replace(**_motor_states(q, constants, side, torques[side], getattr(asked, side)))
+    return Equilibrium(_polish(drivetrain, asked, np.array(x)), np.ones(asked.sun.size, dtype=np.int64))
+
+
+def _load(drivetrain: Drivetrain, asked: SetPoints, leverage: float) -> Array:
+    """First guess of the torque put on the ring from outside [N m]: that of a gear without drag."""
+    q = drivetrain.constants
+    if q.ring_held:
+        return np.asarray(-q.p_r / q.Q * asked.ring if q.sun.by_speed else q.p_r / q.p_s * asked.sun)
+    return np.asarray(asked.sun / leverage if q.ring.by_speed else asked.ring)
 
 
 def _polish(drivetrain: Drivetrain, asked: SetPoints, state: Array) -> Array:
@@ -124,12 +155,14 @@ def _at(asked: SetPoints, wrong: Mask) -> str:
     return f"steady state at {asked.sun[first]:g} N m on the sun, {asked.ring[first]:g} N m on the ring"
 
 
-def _drags(drivetrain: Drivetrain, speed: Array, leverage: float) -> tuple[Array, Array]:
-    """Drag on the sun and on the turned member of the locked gear [N m]."""
-    turned, held = -leverage * speed, drivetrain.constants.ring_held
+def _drags(drivetrain: Drivetrain, speed: Array, leverage: float, load: Array) -> tuple[Array, Array]:
+    """Drag on the sun and on the turned member of the locked gear with that torque on the ring [N m]."""
+    q = drivetrain.constants
+    turned, held = -leverage * speed, q.ring_held
     zero = np.zeros_like(speed)
+    loaded = {"angle_block": -load / q.k} if held else {"twist_ring": load / q.k, "speed_ring_motor": turned}
     x = State(*[zero] * len(STATES))
-    x = x._replace(speed_sun=speed, **{"speed_carrier" if held else "speed_ring": turned})
+    x = x._replace(speed_sun=speed, **{"speed_carrier" if held else "speed_ring": turned}, **loaded)
     drags = drivetrain.drags(x)
     on_sun = sum((sun for sun, _, _ in drags), zero)
     return on_sun, sum((carrier if held else ring for _, ring, carrier in drags), zero)
@@ -137,13 +170,13 @@ def _drags(drivetrain: Drivetrain, speed: Array, leverage: float) -> tuple[Array
 
 def _locked_speed(drivetrain: Drivetrain, asked: SetPoints, leverage: float) -> tuple[Array, npt.NDArray[np.int64]]:
     """Sun speed at which the rigid, locked gear balances [rad/s], and how many there are."""
-    net = asked.sun - leverage * asked.ring
+    net, load = asked.sun - leverage * asked.ring, _load(drivetrain, asked, leverage)
     way = np.where(net < 0.0, -1.0, 1.0)
     rest = drivetrain.constants.rest
     speeds = np.concatenate(([0.0], np.geomspace(1e-3 * rest, SPEED_CEILING, _SCAN)))
 
     def missing(magnitude: Array | npt.NDArray[np.complex128]) -> npt.NDArray[Any]:
-        on_sun, out = _drags(drivetrain, np.asarray(way * magnitude), leverage)
+        on_sun, out = _drags(drivetrain, np.asarray(way * magnitude), leverage, load)
         return np.asarray(way * (leverage * out - on_sun - net))
 
     scan = np.stack([missing(np.full(net.shape, speed)) for speed in speeds])
@@ -179,25 +212,26 @@ def _locked(
     """States (20, n) of the rigid, locked gear at that sun speed, in closed form."""
     q, zero = drivetrain.constants, np.zeros_like(speed)
     turned = -leverage * speed
-    current_sun = (torque_sun + q.sun.friction * speed) / q.K_c
-    current_ring = (torque_out + q.ring.friction * turned) / q.K_c
-    gain = q.K_set / q.K_fb
     on_block = -q.p_r / q.p_s if q.ring_held else q.Q / q.p_s
     x = State(*[zero] * len(STATES))._replace(
-        twist_sun=torque_sun / q.k,
-        twist_ring=torque_out / q.k,
         phase=coupling.load_angle(transmitted),
         angle_block=on_block * transmitted / q.k,
         speed_sun_motor=speed,
         speed_sun=speed,
         speed_ring_motor=turned,
-        current_sun=current_sun,
-        current_ring=current_ring,
-        integral_sun=(q.R * current_sun + q.sun.back_emf * speed) / (q.K_A * q.K_i),
-        integral_ring=(q.R * current_ring + q.ring.back_emf * turned) / (q.K_A * q.K_i),
-        feedback_sun=gain * torque_sun,
-        feedback_ring=gain * torque_out,
-        angle_lag_sun=torque_sun * q.T_v / q.K_v if q.sun.by_speed else zero,
-        angle_lag_ring=torque_out * q.T_v / q.K_v if q.ring.by_speed else zero,
+        **_motor_states(q, q.sun, "sun", torque_sun, speed),
+        **_motor_states(q, q.ring, "ring", torque_out, turned),
     )
     return np.array(x._replace(**{"speed_carrier" if q.ring_held else "speed_ring": turned}))
+
+
+def _motor_states(q: Constants, side: Side, name: str, torque: Array, speed: Array) -> dict[str, Array]:
+    """States of a motor, its loops and its joint at a steady torque and speed."""
+    current = (torque + side.friction * speed) / q.K_c
+    return {
+        f"twist_{name}": torque / q.k,
+        f"current_{name}": current,
+        f"integral_{name}": (q.R * current + side.back_emf * speed) / (q.K_A * q.K_i),
+        f"feedback_{name}": q.K_set / q.K_fb * torque,
+        f"angle_lag_{name}": torque * q.T_v / q.K_v if side.by_speed else np.zeros_like(speed),
+    }

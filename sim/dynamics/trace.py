@@ -10,6 +10,9 @@ import numpy as np
 from pmg.sim.dynamics.power import Powers, powers
 from pmg.sim.dynamics.state import STATES, SetPoints
 from pmg.sim.errors import BenchError
+from pmg.sim.grid import OperatingPoints
+from pmg.sim.mechanisms.base import Torques
+from pmg.sim.mechanisms.instruments import distorted
 
 if TYPE_CHECKING:
     from pmg.sim.dynamics.account import Account
@@ -69,6 +72,33 @@ class Trace:
     def torque_ring(self) -> Array:
         """Torque that the ring motor gives to its shaft [N m]."""
         return np.asarray(self.drivetrain.motion(self.state, self.asked).ring.torque_out)
+
+    @property
+    def readings(self) -> Torques:
+        """What the two torque transducers show [N m]: the torques that the motors give, and what faults add to them."""
+        true = Torques(self.torque_sun, self.torque_ring)
+        faults = self.drivetrain.instruments
+        if not faults:
+            return true
+        error_sun, error_ring = distorted(faults, self._points(), true)
+        return Torques(true.sun + error_sun, true.ring + error_ring)
+
+    def _points(self) -> OperatingPoints:
+        """The instants as operating points, for what distorts a reading by its time."""
+        n, gear = len(self.time), self.drivetrain.gear
+        return OperatingPoints(
+            name=np.arange(n).astype(np.str_),
+            configuration=np.full(n, str(self.drivetrain.configuration)),
+            gear=np.full(n, gear, dtype=np.int64),
+            drive=np.full(n, "sun"),
+            speed_sun=self["speed_sun"],
+            speed_ring=self["speed_ring"],
+            torque_ring=self.torque_ring,
+            load_set=self.torque_ring,
+            started_at=self.time,
+            rest_sun=np.zeros(n, dtype=bool),
+            rest_ring=np.zeros(n, dtype=bool),
+        )
 
     @property
     def energy(self) -> Account:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
+from pmg.sim.errors import BenchError
 from pmg.sim.grid import Configuration
 
 if TYPE_CHECKING:
@@ -103,6 +104,28 @@ class Torques:
         return self.sun * at.speed_sun + self.ring * at.speed_ring
 
 
+class Warmth(NamedTuple):
+    """Bearings and magnets above ambient [K], held over a run: it lasts seconds, they warm in minutes to hours."""
+
+    sun: float = 0.0
+    ring: float = 0.0
+    magnets: float = 0.0
+
+
+class Instant(NamedTuple):
+    """What a mechanism feels at an instant of a run: floats, complex numbers, arrays or symbols.
+
+    Speeds of the rotors [rad/s]; the torque put on the ring from outside [N m]; the magnitude of the gear's speed
+    ratio; the width of the smooth passage through rest [rad/s], see `against`.
+    """
+
+    speed_sun: Number
+    speed_ring: Number
+    load_ring: Number
+    ratio: Number
+    rest: float
+
+
 @dataclass(frozen=True)
 class Mechanism(ABC):
     """A piece of physics: the class is its card in the catalogue, an instance is the card with numbers.
@@ -129,6 +152,7 @@ class Mechanism(ABC):
     both_at_once: ClassVar[bool] = False
     linear: ClassVar[bool] = True
     refined: ClassVar[type[Mechanism] | None] = None
+    instead: ClassVar[str] = "Leave it out of the run; its steady points can be simulated."
 
     @classmethod
     def of(cls, bench: BenchParameters, model: LossModel) -> Self:
@@ -149,6 +173,22 @@ class Mechanism(ABC):
         """The declared physical constants."""
         return tuple(Parameter(f.name, **f.metadata) for f in fields(cls) if "unit" in f.metadata)
 
+    def in_motion(self, configuration: Configuration, warmth: Warmth) -> MotionLaw | None:
+        """What it does in a run, in that configuration and at that warmth; None where it does not act.
+
+        Raises
+        ------
+        BenchError
+            When it has no law for an instant.
+        """
+        del configuration, warmth
+        came = "no law of what the rotors feel at an instant"
+        raise BenchError(f"drivetrain: {self.title}", came, "a MotionLaw", self.instead)
+
+    def field_left(self, warmth: Warmth) -> float:
+        """Factor on the magnetic torque of the coupling at that warmth; 1 unless the mechanism says otherwise."""
+        return 1.0 + 0.0 * warmth.magnets
+
 
 @dataclass(frozen=True)
 class Instrument(Mechanism):
@@ -160,16 +200,38 @@ class Instrument(Mechanism):
         """None: nothing acts on the rotors."""
         return Torques(nothing(at), nothing(at))
 
+    def in_motion(self, configuration: Configuration, warmth: Warmth) -> None:
+        """Nothing: a fault of a transducer distorts what is recorded of a run, see `pmg.sim.dynamics.trace`."""
+        del configuration, warmth
+
     @abstractmethod
     def distortion(self, at: OperatingPoints, true: Torques) -> Torques:
         """What each transducer shows too much [N m], given the torques that the motors apply."""
 
 
 @dataclass(frozen=True)
-class RotorLaw(Mechanism):
-    """A mechanism whose torques depend on the speeds alone: the same law holds at a steady point and in motion."""
+class MotionLaw(Mechanism):
+    """A mechanism whose torques follow from an instant: the same law holds at a steady point and in motion."""
 
     acts_in: ClassVar[tuple[Configuration, ...]] = (Configuration.NEUTRAL, Configuration.ENGAGED)
+
+    def in_motion(self, configuration: Configuration, warmth: Warmth) -> MotionLaw | None:
+        """Itself where it acts."""
+        del warmth
+        return self if configuration in self.acts_in else None
+
+    @abstractmethod
+    def at_instant(self, now: Instant) -> Torques:
+        """Torques on the rotors [N m] at an instant."""
+
+    def carrier_law(self, speed_carrier: Number, rest: float = 0.0) -> Number:
+        """Torque on the carrier [N m] at its speed; none unless the mechanism says otherwise."""
+        return 0.0 * (speed_carrier + rest)
+
+
+@dataclass(frozen=True)
+class RotorLaw(MotionLaw):
+    """A mechanism whose torques depend on the speeds alone."""
 
     @abstractmethod
     def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
@@ -179,9 +241,9 @@ class RotorLaw(Mechanism):
         width of the smooth passage through rest [rad/s], see `against`.
         """
 
-    def carrier_law(self, speed_carrier: Number, rest: float = 0.0) -> Number:
-        """Torque on the carrier [N m] at its speed; none unless the mechanism says otherwise."""
-        return 0.0 * (speed_carrier + rest)
+    def at_instant(self, now: Instant) -> Torques:
+        """The law at those speeds."""
+        return self.law(now.speed_sun, now.speed_ring, now.rest)
 
     def torque(self, at: OperatingPoints) -> Torques:
         """Torques on the rotors at steady points: the law where the mechanism acts, none elsewhere."""

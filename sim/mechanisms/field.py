@@ -5,25 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
-import numpy as np
-
 from pmg.sim import signals, sources
 from pmg.sim.grid import Configuration
 from pmg.sim.mechanisms.base import (
     Component,
     Experiment,
-    Mechanism,
     Reveals,
     RotorLaw,
     Torques,
     parameter,
 )
-from pmg.sim.mechanisms.friction import pole_pairs, ratio_of
+from pmg.sim.mechanisms.friction import LoadLaw, pole_pairs
 from pmg.sim.mechanisms.magnetic import RotorDamping
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
-    from pmg.sim.grid import OperatingPoints
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.signals import Number
 
@@ -106,7 +102,7 @@ class SkinEffect(RotorDamping):
 
 
 @dataclass(frozen=True)
-class LoadIronLoss(Mechanism):
+class LoadIronLoss(LoadLaw):
     """Iron loss that grows with the transmitted torque: the load angle bends more flux through the poles."""
 
     identifier = "load_dependent_iron_loss"
@@ -118,15 +114,9 @@ class LoadIronLoss(Mechanism):
     revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "magnetic loss grows with load and speed together"),)
     by_shaft = {"both": ("k",)}
 
-    pole_pairs: tuple[tuple[int, int], ...]
     k: float = parameter("s/rad", bounds=(0.0, 1e-2), typical=5e-5, meaning="eddy damping per transmitted torque")
 
-    @classmethod
-    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
-        """Absent."""
-        return cls(pole_pairs(bench))
-
-    def torque(self, at: OperatingPoints) -> Torques:
-        """Drag on both rotors."""
-        load = np.where(at.engaged, np.abs(at.torque_ring), 0.0) / ratio_of(self.pole_pairs, at)
-        return Torques(-self.k * load * at.speed_sun, -self.k * load * at.speed_ring)
+    def law(self, speed_sun: Number, speed_ring: Number, load: Number, ratio: Number, rest: float = 0.0) -> Torques:
+        """Drag on both rotors; smooth at rest as it is."""
+        drag = self.k * (load / ratio)
+        return Torques(-drag * speed_sun, -drag * speed_ring)

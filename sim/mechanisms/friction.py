@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
@@ -12,7 +13,9 @@ from pmg.sim.grid import Configuration
 from pmg.sim.mechanisms.base import (
     Component,
     Experiment,
+    Instant,
     Mechanism,
+    MotionLaw,
     Reveals,
     RotorLaw,
     Torques,
@@ -32,8 +35,43 @@ _SHAFTS = {"sun": Component.SUN_BEARINGS, "ring": Component.RING_BEARINGS}
 _BOTH = (signals.TORQUE_SUN, signals.TORQUE_RING)
 
 
+LOAD_PASSAGE = 1e-3
+"""Width of the smooth passage of a load through zero in a run [N m]: a hundredth of the lightest load tested."""
+
+
 @dataclass(frozen=True)
-class LoadFriction(Mechanism):
+class LoadLaw(MotionLaw):
+    """A mechanism of the engaged gear whose torques depend on the speeds and on the magnitude of the load."""
+
+    acts_in = (Configuration.ENGAGED,)
+
+    pole_pairs: tuple[tuple[int, int], ...]
+
+    @classmethod
+    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
+        """Absent."""
+        return cls(pole_pairs(bench))
+
+    @abstractmethod
+    def law(self, speed_sun: Number, speed_ring: Number, load: Number, ratio: Number, rest: float = 0.0) -> Torques:
+        """Torques on the rotors [N m] at speeds [rad/s] and at the magnitude of the torque on the ring [N m].
+
+        `ratio` is the magnitude of the gear's speed ratio, `rest` as in `RotorLaw.law`.
+        """
+
+    def at_instant(self, now: Instant) -> Torques:
+        """The law at the load of that instant, whose passage through zero is smooth where that of speeds is."""
+        load = modulus(now.load_ring, LOAD_PASSAGE if now.rest else 0.0)
+        return self.law(now.speed_sun, now.speed_ring, load, now.ratio, now.rest)
+
+    def torque(self, at: OperatingPoints) -> Torques:
+        """Torques on the rotors at steady points: the ring's load is what its motor applies when engaged."""
+        load = np.where(np.isin(at.configuration, self.acts_in), np.abs(at.torque_ring), 0.0)
+        return self.law(at.speed_sun, at.speed_ring, load, ratio_of(self.pole_pairs, at))
+
+
+@dataclass(frozen=True)
+class LoadFriction(LoadLaw):
     """Bearing friction that grows with the torque the shaft carries.
 
     The air-gap pull and the reaction of an eccentric rotor load the bearings in proportion to the transmitted torque.
@@ -49,20 +87,13 @@ class LoadFriction(Mechanism):
     revealed_by = (Reveals(Experiment.REVERSED_FLOW, "the loss keeps its sign when the power flow turns"),)
     by_shaft = {"sun": ("mu_sun",), "ring": ("mu_ring",)}
 
-    pole_pairs: tuple[tuple[int, int], ...]
     mu_sun: float = parameter("1", bounds=(0.0, 0.2), typical=0.01, meaning="friction torque on the sun per torque")
     mu_ring: float = parameter("1", bounds=(0.0, 0.2), typical=0.01, meaning="friction torque on the ring per torque")
 
-    @classmethod
-    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
-        """Absent."""
-        return cls(pole_pairs(bench))
-
-    def torque(self, at: OperatingPoints) -> Torques:
+    def law(self, speed_sun: Number, speed_ring: Number, load: Number, ratio: Number, rest: float = 0.0) -> Torques:
         """Friction of both shafts."""
-        load = np.where(at.engaged, np.abs(at.torque_ring), 0.0)
-        on_sun = load / ratio_of(self.pole_pairs, at)
-        return Torques(-np.sign(at.speed_sun) * self.mu_sun * on_sun, -np.sign(at.speed_ring) * self.mu_ring * load)
+        sun, ring = self.mu_sun * (load / ratio), self.mu_ring * load
+        return Torques(against(speed_sun, sun, rest), against(speed_ring, ring, rest))
 
 
 def pole_pairs(bench: BenchParameters) -> tuple[tuple[int, int], ...]:
@@ -219,6 +250,7 @@ class PoleSlip(Mechanism):
     affects = (signals.SPEED_SUN, signals.SPEED_RING)
     revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "speeds out of the ratio of the pole pairs"),)
     memory = False
+    instead = "Leave it out: a run slips poles by itself when the load passes the pull-out torque."
 
     slip: float = parameter("rad/s", bounds=(0.0, 1e4), typical=100.0, meaning="rate of the electrical phase")
 

@@ -9,27 +9,26 @@ import numpy as np
 from scipy.linalg import solve_banded
 
 from pmg.sim import signals, sources
-from pmg.sim.mechanisms.base import Component, Experiment, Mechanism, Reveals, Torques, parameter
+from pmg.sim.grid import Configuration
+from pmg.sim.mechanisms.base import (
+    Component,
+    Experiment,
+    Mechanism,
+    Reveals,
+    Torques,
+    Warmth,
+    parameter,
+)
+from pmg.sim.mechanisms.warmed import WarmingBearings, WarmMagnets, field_left
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import OperatingPoints
-    from pmg.sim.losscurve import LossCurve
     from pmg.sim.lossmodel import LossModel
-    from pmg.sim.signals import Array
-
-LUBRICANT_COEFFICIENT = 0.033
-"""Relative fall of a greased bearing's viscous drag per kelvin near room temperature [1/K].
-
-Viscous drag grows with viscosity to the power 2/3 (Palmgren); a mineral base oil of 100 mm2/s loses about 5 %
-of its viscosity per kelvin there (Vogel's law). Only its product with the thermal resistance shows in torque.
-"""
+    from pmg.sim.signals import Array, Number
 
 STOPPED = 120.0
 """Time between two recordings beyond which it is a pause, in which the motors may stand still [s]."""
-
-MAGNET_COEFFICIENT = 1.2e-3
-"""Relative fall of the remanence of sintered NdFeB per kelvin [1/K]; losses follow its square."""
 
 
 def temperature_rise(
@@ -76,7 +75,7 @@ def temperature_rise(
 
 
 @dataclass(frozen=True)
-class WarmingInTwoSteps(Mechanism):
+class WarmingInTwoSteps(WarmingBearings):
     """`LubricantViscosity` in more detail: races that warm fast in a housing that warms slowly, in a room that drifts.
 
     A Foster network of two nodes a shaft; the room's temperature changes evenly with time.
@@ -103,9 +102,6 @@ class WarmingInTwoSteps(Mechanism):
     both_at_once = True
     shape = ("time_constant", "race_time", "dwell", "idle")
 
-    curve_sun: LossCurve
-    curve_ring: LossCurve
-    correction: float
     resistance_sun: float = parameter(
         "K/W", bounds=(0.0, 20.0), typical=1.0, meaning="thermal resistance of the sun bearings' housing to the room"
     )
@@ -142,37 +138,28 @@ class WarmingInTwoSteps(Mechanism):
         "1", bounds=(0.0, 1.0), typical=0.3, meaning="part of long pauses in which the motors stand still", null=0.3
     )
 
-    @classmethod
-    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
-        """Absent, on the curves of a calibration."""
-        return cls(model.curve_sun, model.curve_ring, model.correction)
-
-    def torque(self, at: OperatingPoints) -> Torques:
-        """What warming takes off the drag."""
-        part = np.where(at.neutral, 1.0, np.where(at.engaged, self.correction, 0.0))
+    def rises(self, at: OperatingPoints) -> tuple[Array, Array]:
+        """Races, housing and room together [K]; a shaft that does not warm feels no room either."""
         elapsed = at.started_at - at.started_at.min() if at.ordered and len(at) else np.zeros(len(at))
         found = []
-        for curve, speed, resistance, race, start in (
-            (self.curve_sun, at.speed_sun, self.resistance_sun, self.race_sun, self.start_sun),
-            (self.curve_ring, at.speed_ring, self.resistance_ring, self.race_ring, self.start_ring),
+        for power, resistance, race, start in zip(
+            self.heating(at),
+            (self.resistance_sun, self.resistance_ring),
+            (self.race_sun, self.race_ring),
+            (self.start_sun, self.start_ring),
+            strict=True,
         ):
-            if resistance == race == start == 0.0:  # this shaft does not warm: the room alone changes nothing here
+            if resistance == race == start == 0.0:
                 found.append(np.zeros(len(at)))
                 continue
-            drag = part * curve.torque(speed) * (speed != 0.0)
-            power = drag * np.abs(speed)
             rise = temperature_rise(at, resistance * power, self.time_constant, start, self.dwell, self.idle)
-            rise = (
-                rise
-                + temperature_rise(at, race * power, self.race_time, 0.0, self.dwell, self.idle)
-                + self.room * elapsed
-            )
-            found.append(-np.sign(speed) * drag * np.expm1(-LUBRICANT_COEFFICIENT * rise))
-        return Torques(*found)
+            fast = temperature_rise(at, race * power, self.race_time, 0.0, self.dwell, self.idle)
+            found.append(rise + fast + self.room * elapsed)
+        return found[0], found[1]
 
 
 @dataclass(frozen=True)
-class LubricantViscosity(Mechanism):
+class LubricantViscosity(WarmingBearings):
     """Viscous bearing drag that falls as the bearing warms by its own loss.
 
     No temperature is recorded on this bench: it follows from the run history by one thermal node a shaft. The whole
@@ -202,9 +189,6 @@ class LubricantViscosity(Mechanism):
     refined = WarmingInTwoSteps
     shape = ("time_constant", "dwell", "idle")
 
-    curve_sun: LossCurve
-    curve_ring: LossCurve
-    correction: float
     resistance_sun: float = parameter(
         "K/W", bounds=(0.0, 20.0), typical=1.0, meaning="thermal resistance of the sun bearings to ambient"
     )
@@ -231,25 +215,18 @@ class LubricantViscosity(Mechanism):
         "1", bounds=(0.0, 1.0), typical=0.3, meaning="part of long pauses in which the motors stand still", null=0.3
     )
 
-    @classmethod
-    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
-        """Absent, on the curves of a calibration."""
-        return cls(model.curve_sun, model.curve_ring, model.correction)
-
-    def torque(self, at: OperatingPoints) -> Torques:
-        """What warming takes off the drag."""
-        part = np.where(at.neutral, 1.0, np.where(at.engaged, self.correction, 0.0))
-        found = []
-        for curve, speed, resistance, start in (
-            (self.curve_sun, at.speed_sun, self.resistance_sun, self.start_sun),
-            (self.curve_ring, at.speed_ring, self.resistance_ring, self.start_ring),
-        ):
-            drag = part * curve.torque(speed) * (speed != 0.0)
-            rise = temperature_rise(
-                at, resistance * drag * np.abs(speed), self.time_constant, start, self.dwell, self.idle
+    def rises(self, at: OperatingPoints) -> tuple[Array, Array]:
+        """The node of each shaft [K]."""
+        sun, ring = (
+            temperature_rise(at, resistance * power, self.time_constant, start, self.dwell, self.idle)
+            for power, resistance, start in zip(
+                self.heating(at),
+                (self.resistance_sun, self.resistance_ring),
+                (self.start_sun, self.start_ring),
+                strict=True,
             )
-            found.append(-np.sign(speed) * drag * np.expm1(-LUBRICANT_COEFFICIENT * rise))
-        return Torques(*found)
+        )
+        return sun, ring
 
 
 @dataclass(frozen=True)
@@ -288,12 +265,26 @@ class MagnetTemperature(Mechanism):
         """Absent, on the damping of a calibration."""
         return cls(model.b, model.c)
 
+    def rise(self, at: OperatingPoints) -> Array:
+        """The magnets above ambient at each point [K], from the run history."""
+        loss = [
+            np.where(at.engaged, self.b * np.abs(speed) + self.c * speed**2, 0.0)
+            for speed in (at.speed_sun, at.speed_ring)
+        ]
+        return temperature_rise(at, self.resistance * (loss[0] + loss[1]), self.time_constant)
+
     def torque(self, at: OperatingPoints) -> Torques:
         """What warming takes off the magnetic drag."""
-        loss = {}
-        for shaft, speed in (("sun", at.speed_sun), ("ring", at.speed_ring)):
-            loss[shaft] = np.where(at.engaged, self.b * np.sign(speed) + self.c * speed, 0.0)
-        power = loss["sun"] * at.speed_sun + loss["ring"] * at.speed_ring
-        rise = temperature_rise(at, self.resistance * power, self.time_constant)
-        less = 1.0 - np.maximum(1.0 - MAGNET_COEFFICIENT * rise, 0.0) ** 2
-        return Torques(loss["sun"] * less, loss["ring"] * less)
+        part = np.where(at.engaged, 1.0 - field_left(self.rise(at)), 0.0)
+        return self._held(part).law(at.speed_sun, at.speed_ring)
+
+    def in_motion(self, configuration: Configuration, warmth: Warmth) -> WarmMagnets | None:
+        """The law at a warmth that stays over the run; none in neutral."""
+        return self._held(1.0 - self.field_left(warmth)) if configuration is Configuration.ENGAGED else None
+
+    def field_left(self, warmth: Warmth) -> float:
+        """The magnetic torque falls as the losses do."""
+        return float(field_left(warmth.magnets))
+
+    def _held(self, part: Number) -> WarmMagnets:
+        return WarmMagnets(self.b, self.c, part)

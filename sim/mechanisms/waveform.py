@@ -19,6 +19,7 @@ class Waveform(Mechanism):
     """What shows within a turn and not in a mean: its mean torque is none."""
 
     dissipates = False
+    instead = "Leave it out: no run carries it yet."
 
     @classmethod
     def of(cls, bench: BenchParameters, model: LossModel) -> Self:
@@ -41,6 +42,8 @@ class CoggingLines(Waveform):
     component = Component.MAGNETIC_GEAR
     affects = (signals.TORQUE_SUN, signals.TORQUE_RING)
     revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "a line at that order of the shaft"),)
+
+    instead = "Set cogging_sun_Nm or cogging_ring_Nm under [map]: cogging belongs to the torque map."
 
     amplitude: float = parameter("N m", bounds=(0.0, 5.0), typical=0.02, meaning="amplitude of the line")
 

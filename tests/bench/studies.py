@@ -1,6 +1,6 @@
 """`./pmgw bench studies`: do stated intervals cover, and does the published grids' p-value keep its rate.
 
-Both are studies on synthetic campaigns, hundreds of them; they take minutes and print a table.
+All are studies on synthetic campaigns, hundreds of them; they take minutes and print a table.
 """
 
 from __future__ import annotations
@@ -18,16 +18,22 @@ from pmg.pipeline.gridtable import read_published
 from pmg.pipeline.options import THESIS_OPTIONS, AnalysisOptions
 from pmg.pipeline.prove.nature import draw_case, measure_case
 from pmg.pipeline.prove.strata import find_stratum
+from pmg.pipeline.residuals.fitted import LEVEL
+from pmg.pipeline.residuals.search import study_residuals
 from pmg.sim.bench import load_bench
 from pmg.sim.gearbox import Gearbox
 from pmg.sim.lossmodel import LossModel
 from pmg.sim.signals import EFFICIENCY_TOTAL
 from pmg.sim.solve import steady
 from tests.bench.case import PUBLISHED
+from tests.bench.coverage import uncertainty_coverage
 from tests.bench.speed import report
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
+
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
 
 CAMPAIGNS = 500
 ROUNDING = 0.01
@@ -78,23 +84,46 @@ def coverage(campaigns: int) -> None:
         told(f"  {name}", hits)
 
 
-def published_nulls(campaigns: int) -> None:
-    """False alarms of the mismatch test on grids that the baseline made, rounded like the published ones."""
-    bench = load_bench()
+def null_grids(
+    campaigns: int, bench: BenchParameters, seed: int, *, drawn: bool = False
+) -> Iterator[tuple[Grid, np.random.Generator]]:
+    """Grids that the baseline made, rounded like the published ones, each with the generator that drew it.
+
+    The curves are the thesis's, or drawn anew for each grid within their covariance, so that their torques fall
+    elsewhere between the steps of the rounding. Readings of a shaft held at rest come from its curve at speed zero, as
+    the thesis's fits take them.
+    """
     grid = read_published(PUBLISHED, bench)
     analysis = analyse(grid, THESIS_OPTIONS, bench)
     assert analysis.fits is not None
-    sun, ring = analysis.fits.sun.curve, analysis.fits.ring.curve
-    clean = steady(Gearbox.calibrated(bench, LossModel(sun, ring, 0.8, 0.0, 2.22e-4, 0.0)), grid.points)
-    alarms = []
-    for seed in range(campaigns):
-        rng = np.random.default_rng([20260104, seed])
+    fits = (analysis.fits.sun, analysis.fits.ring)
+    still = np.zeros(len(grid))
+    for number in range(campaigns):
+        rng = np.random.default_rng([seed, number])
+        sun, ring = (
+            replace(f.curve, coefficients=rng.multivariate_normal(f.curve.coefficients, f.covariance))
+            if drawn
+            else f.curve
+            for f in fits
+        )
+        clean = steady(Gearbox.calibrated(bench, LossModel(sun, ring, 0.8, 0.0, 2.22e-4, 0.0)), grid.points)
+        torques = (
+            np.where(grid.points.neutral & grid.points.rest_sun, sun.torque(still), clean.torque_sun),
+            np.where(grid.points.neutral & grid.points.rest_ring, ring.torque(still), clean.torque_ring),
+        )
         made = [
-            np.round((torque + WANDER * rng.standard_normal(len(grid))) / ROUNDING) * ROUNDING
-            for torque in (clean.torque_sun, clean.torque_ring)
+            np.round((torque + WANDER * rng.standard_normal(len(grid))) / ROUNDING) * ROUNDING for torque in torques
         ]
         points = replace(grid.points, torque_ring=made[1])
-        null = analyse(replace(grid, points=points, torque_sun=made[0], torque_ring=made[1]), THESIS_OPTIONS, bench)
+        yield replace(grid, points=points, torque_sun=made[0], torque_ring=made[1]), rng
+
+
+def published_nulls(campaigns: int) -> None:
+    """False alarms of the mismatch test on grids that the baseline made, rounded like the published ones."""
+    bench = load_bench()
+    alarms = []
+    for grid, rng in null_grids(campaigns, bench, 20260104):
+        null = analyse(grid, THESIS_OPTIONS, bench)
         assert null.fits is not None
         assert null.floor is not None
         p = find_mismatch(null.grid, null.fits, null.floor, bench, rng, draws=199).p_value
@@ -103,11 +132,31 @@ def published_nulls(campaigns: int) -> None:
     told("  rounded to 0.01 N m", alarms)
 
 
+def residual_nulls(campaigns: int) -> None:
+    """False alarms of `pmg residuals` on such grids, the thesis's curves and drawn ones: covariates and outliers."""
+    bench = load_bench()
+    for drawn, curves in ((False, "the thesis's curves"), (True, "curves drawn within their errors")):
+        alarms: dict[str, list[bool]] = {}
+        for grid, rng in null_grids(campaigns, bench, 20260107, drawn=drawn):
+            null = analyse(grid, THESIS_OPTIONS, bench)
+            seed = int(rng.integers(2**31))
+            for name in ("curves", "baseline"):
+                study = study_residuals(null, bench, (name,), 199, seed)
+                alarms.setdefault(f"{name}: a covariate", []).append(study.p_value <= LEVEL)
+                stray = any(part.outliers for part in study.parts)
+                alarms.setdefault(f"{name}: an outlier", []).append(stray)
+        report(f"residuals of rounded grids, {curves}", "cases", "alarms at 5 %")
+        for name, hits in alarms.items():
+            told(f"  {name}", hits)
+
+
 def main() -> None:
     """Print the tables."""
     campaigns = int(sys.argv[1]) if len(sys.argv) > 1 else CAMPAIGNS
     coverage(campaigns)
+    uncertainty_coverage(campaigns)
     published_nulls(campaigns)
+    residual_nulls(campaigns)
 
 
 if __name__ == "__main__":

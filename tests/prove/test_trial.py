@@ -183,7 +183,9 @@ def test_rates_are_counted_over_the_right_campaigns() -> None:
         (truth((GAIN, "sun"), reached=0.2), document("named", (WIND, "sun"))),
         (OUTSIDE, document("not_in_library")),
     ]
-    found = {figure.id: figure for figure in figures([judge(*pair) for pair in said], ["resolved", "not tested"])}
+    lifts = ["resolved", "still a set", "lost", "not tested"]
+    made = figures([judge(*pair) for pair in said], ["resolved", "not tested"], lifts)
+    found = {figure.id: figure for figure in made}
     counted = {name: (figure.hits, figure.of) for name, figure in found.items() if figure.hits is not None}
     assert counted["false_alarm"] == (1, 4)
     assert counted["named_right_at_1"] == (1, 2)
@@ -191,6 +193,7 @@ def test_rates_are_counted_over_the_right_campaigns() -> None:
     assert counted["confident_outside"] == (0, 1)
     assert counted["outside_told"] == (1, 1)
     assert counted["resolved"] == (1, 1)
+    assert counted["lifted"] == (2, 3)
     assert found["held_out"].value == pytest.approx(1.1)
     assert found["confounded_told"].value is None
 

@@ -7,7 +7,8 @@ import pytest
 
 from pmg.pipeline.analyse import analyse
 from pmg.pipeline.diagnose.candidates import CandidateFit, candidates, fit_candidate, set_stage
-from pmg.pipeline.diagnose.decide import Diagnosis, Verdict, diagnose
+from pmg.pipeline.diagnose.decide import diagnose
+from pmg.pipeline.diagnose.diagnosis import Diagnosis, Verdict
 from pmg.pipeline.diagnose.document import diagnosis_document
 from pmg.pipeline.diagnose.naming import take_out
 from pmg.pipeline.diagnose.statement import statement

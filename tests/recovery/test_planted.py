@@ -12,7 +12,9 @@ from tests.conftest import ROOT
 from tests.nature import Nature, campaign_points, measure
 
 from pmg.pipeline.analyse import Analysis, analyse
-from pmg.pipeline.diagnose.decide import Verdict, confounded_shafts, diagnose
+from pmg.pipeline.diagnose.blind import confounded_shafts
+from pmg.pipeline.diagnose.decide import diagnose
+from pmg.pipeline.diagnose.diagnosis import Verdict
 from pmg.pipeline.diagnose.document import diagnosis_document
 from pmg.pipeline.diagnose.locate import find_mismatch
 from pmg.pipeline.options import AnalysisOptions
@@ -155,7 +157,7 @@ def test_an_order_that_is_the_speed_without_repeats_is_called_confounded(
     assert found.verdict is Verdict.CONFOUNDED
     document = diagnosis_document(found)
     jsonschema.validate(document, json.loads(SCHEMA.read_text()))
-    assert len(document["next_tests"][0]["points"]) == 10
+    assert len(document["next_tests"][0]["points"]) == 20  # ten set-points, hot and cold
     grid, _, _ = measure(NATURE, campaign_points("random", rng), rng)
     assert confounded_shafts(take_readings(grid, bench)) == ()
     assert confounded_shafts(take_readings(measure(NATURE, once, rng)[0], bench)) == ("sun",)

@@ -145,8 +145,8 @@ def detection(scores: Sequence[Score]) -> tuple[tuple[tuple[float, float, float,
     return tuple(bins), fit_curve(size, seen)
 
 
-def figures(scores: Sequence[Score], resolutions: Sequence[str]) -> tuple[Figured, ...]:
-    """Every figure."""
+def figures(scores: Sequence[Score], resolutions: Sequence[str], lifts: Sequence[str]) -> tuple[Figured, ...]:
+    """Every figure, from the scores and from what further tests made of sets and of confounded designs."""
     made = [score for score in scores if score.outcome is not Outcome.NOT_MADE]
     clean = [score for score in made if score.kind == "clean"]
     library = [score for score in made if score.kind in IN_LIBRARY]
@@ -189,6 +189,11 @@ def figures(scores: Sequence[Score], resolutions: Sequence[str]) -> tuple[Figure
             Aim(low=1.0),
         ),
         _share("resolved", "sets that the proposed test resolves", [word == "resolved" for word in tested]),
+        _share(
+            "lifted",
+            "hidden changes that the repeats of a confounded design bring to light",
+            [word in ("resolved", "still a set") for word in lifts if word != "not tested"],
+        ),
     )
 
 

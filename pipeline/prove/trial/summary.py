@@ -114,8 +114,16 @@ def summarise(truths: Mapping[int, Mapping[str, Any]], results: Mapping[int, Map
     )
     bins, curve = detection(scores)
     seconds = tuple(float(results[number]["seconds"]) for number in sorted(truths))
-    resolutions = [row["separating_test"] for row in rows if row["separating_test"]]
-    return Trial(scores, rows, figures(scores, resolutions), bins, curve, seconds)
+    told = {
+        verdict: [row["separating_test"] for row in rows if row["separating_test"] and row["verdict"] == verdict]
+        for verdict in ("ambiguous", "confounded")
+    }
+    return Trial(scores, rows, figures(scores, told["ambiguous"], told["confounded"]), bins, curve, seconds)
+
+
+def _unclear(score: Score) -> bool:
+    """Whether a further test was asked for, and there is something for it to show."""
+    return score.verdict == "ambiguous" or (score.verdict == "confounded" and bool(score.ids))
 
 
 def case_row(number: int, score: Score, truth: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, Any]:
@@ -144,7 +152,7 @@ def case_row(number: int, score: Score, truth: Mapping[str, Any], result: Mappin
             "relative_error": parameter.relative,
             "covers": parameter.covers,
         },
-        "separating_test": resolution(truth, result["extended"]) if score.verdict == "ambiguous" else None,
+        "separating_test": resolution(truth, result["extended"]) if _unclear(score) else None,
     }
 
 

@@ -97,9 +97,9 @@ def extended(
 ) -> dict[str, Any] | None:
     """What the campaign says with the points of the most powerful proposed test added, run anew by the same bench.
 
-    None where the diagnosis is not ambiguous, or proposes nothing.
+    None where the diagnosis is neither ambiguous nor confounded, or proposes nothing.
     """
-    if document is None or document["verdict"] != "ambiguous":
+    if document is None or document["verdict"] not in ("ambiguous", "confounded"):
         return None
     tests = [test for test in document["next_tests"] if test["power"] is not None]
     if not tests:

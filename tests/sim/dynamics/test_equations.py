@@ -18,6 +18,7 @@ from pmg.sim.dynamics.power import energies, powers
 from pmg.sim.dynamics.state import STATES, SetPoints
 from pmg.sim.errors import BenchError
 from pmg.sim.mechanisms import Mechanism, Torques
+from pmg.sim.mechanisms.base import Instant
 from pmg.sim.powerchain import MotorConvention
 from pmg.sim.signals import Array
 
@@ -110,7 +111,7 @@ def test_a_mechanism_that_is_no_law_is_refused(bench: BenchParameters) -> None:
         def torque(self, at: object) -> Torques:
             raise NotImplementedError(at)
 
-    with pytest.raises(BenchError, match=r"Wander.*RotorLaw"):
+    with pytest.raises(BenchError, match=r"Wander.*MotionLaw"):
         Drivetrain(bench, (Wander(),))
 
 
@@ -141,7 +142,7 @@ def test_neutral_losses_are_not_in_the_engaged_gear() -> None:
 @given(st.floats(-300.0, 300.0), st.floats(-120.0, 120.0), st.floats(0.1, 2.0))
 def test_friction_smoothed_at_rest_still_only_takes_power(sun: float, ring: float, rest: float) -> None:
     for law in drivetrain().losses:
-        drag = law.law(sun, ring, rest)
+        drag = law.at_instant(Instant(sun, ring, 0.0, 2.6, rest))
         assert drag.sun * sun <= 0.0
         assert drag.ring * ring <= 0.0
         assert law.carrier_law(sun, rest) * sun <= 0.0
@@ -150,6 +151,6 @@ def test_friction_smoothed_at_rest_still_only_takes_power(sun: float, ring: floa
 @given(st.floats(11.0, 300.0), st.sampled_from((1.0, -1.0)))
 def test_friction_smoothed_at_rest_is_the_measured_one_at_speed(speed: float, sense: float) -> None:
     for law in drivetrain().losses:
-        smooth, sharp = law.law(sense * speed, -sense * speed, 0.5), law.law(sense * speed, -sense * speed)
+        smooth, sharp = (law.at_instant(Instant(sense * speed, -sense * speed, 0.0, 2.6, rest)) for rest in (0.5, 0.0))
         assert smooth.sun == pytest.approx(sharp.sun, rel=1e-14)
         assert smooth.ring == pytest.approx(sharp.ring, rel=1e-14)

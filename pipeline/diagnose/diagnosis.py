@@ -1,0 +1,131 @@
+"""What a diagnosis says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from pmg.sim.mechanisms import Component
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.audit import Audit
+    from pmg.pipeline.diagnose.decoys import Decoys
+    from pmg.pipeline.diagnose.holdout import HeldOut
+    from pmg.pipeline.diagnose.locate import Location, Mismatch
+    from pmg.pipeline.diagnose.naming import Explanation, Naming
+    from pmg.pipeline.diagnose.nexttest import NextTest
+    from pmg.pipeline.diagnose.noise import NoiseFloor
+    from pmg.pipeline.diagnose.refit import Refit
+    from pmg.pipeline.diagnose.shape import Shape
+
+
+class Verdict(StrEnum):
+    """What may be said."""
+
+    CONSISTENT = "consistent"
+    NAMED = "named"
+    AMBIGUOUS = "ambiguous"
+    NOT_IN_LIBRARY = "not_in_library"
+    CONFOUNDED = "confounded"
+
+
+@dataclass(frozen=True)
+class Absorbed:
+    """A baseline parameter before and after what was left out joined the fit."""
+
+    parameter: str
+    before: float
+    after: float
+    standard_error: float | None
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An explanation that these data cannot tell from the leading one, and the test that would.
+
+    Parameters
+    ----------
+    explanation : Explanation
+        The rival set of mechanisms.
+    test : NextTest or None
+        The test.
+    """
+
+    explanation: Explanation
+    test: NextTest | None
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Mismatch, place, cause and verdict.
+
+    Parameters
+    ----------
+    campaign : str
+        Name of the campaign.
+    verdict : Verdict
+        One of the five words.
+    mismatch : Mismatch
+        Test and locations.
+    floor : NoiseFloor
+        Noise it was judged against.
+    blind : tuple of str
+        Shafts whose points were run in the order of their speed, without repeats.
+    naming : Naming or None
+        What the catalogue says; None without a mismatch.
+    refit : Refit or None
+        Baseline and mechanisms fitted together.
+    rivals : tuple of Rival
+        Explanations that cannot be told from it.
+    absorbed : tuple of Absorbed
+        What the baseline had swallowed.
+    held_out : HeldOut or None
+        Error on withheld readings without and with what was left out.
+    outliers : tuple of str
+        Points that stand out by themselves and were set aside before the rest was judged.
+    lifting : NextTest or None
+        The test that a blind design lacks.
+    weak : bool
+        Whether the mismatch is too weak to name its cause, so that the set is what may make it.
+    decoys : Decoys or None
+        What smooth structures of nobody's making would have achieved.
+    audit : Audit or None
+        What the points of the campaign can tell at all.
+    shape : Shape or None
+        A short form of what no mechanism explains, where one holds up on withheld readings.
+    """
+
+    campaign: str
+    verdict: Verdict
+    mismatch: Mismatch
+    floor: NoiseFloor
+    blind: tuple[str, ...] = ()
+    naming: Naming | None = None
+    refit: Refit | None = None
+    rivals: tuple[Rival, ...] = ()
+    absorbed: tuple[Absorbed, ...] = ()
+    held_out: HeldOut | None = None
+    outliers: tuple[str, ...] = ()
+    lifting: NextTest | None = None
+    weak: bool = False
+    decoys: Decoys | None = None
+    audit: Audit | None = None
+    shape: Shape | None = None
+
+
+def component_of(place: Location) -> Component | None:
+    """Component that the evidence points to; None where it cannot tell (load: gear, bearing or transducer)."""
+    shaft = "sun" if place.signal == "torque_sun" else "ring"
+    first = place.depends_on[0] if place.depends_on else ""
+    if set(place.depends_on) - set(place.covariates):
+        return None
+    if place.configuration == "zero" or first == "direction":
+        return Component(f"{shaft}_torque_transducer")
+    if first == "pole_slip_speed":
+        return Component.MAGNETIC_GEAR
+    if first == "speed_difference":
+        return Component.RELATIVE_BEARING
+    if place.configuration == "neutral" and first in ("run_history", f"speed_{shaft}"):
+        return Component(f"{shaft}_bearings")
+    return None

@@ -1,0 +1,117 @@
+"""An analysed campaign set beside the simulator: residuals, diagnosis, and the model that comes of it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.aside import write_aside
+from pmg.pipeline.carry import carry, found_together
+from pmg.pipeline.compare import compare
+from pmg.pipeline.diagnose.audit import audit_design
+from pmg.pipeline.diagnose.decide import diagnose
+from pmg.pipeline.modelfile import model_of, model_text
+from pmg.pipeline.steady_ends import steady_ends
+from pmg.sim.gearbox import Gearbox
+from pmg.sim.solve import steady
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+
+    from pmg.pipeline.analyse import Analysis
+    from pmg.pipeline.carry import Carried
+    from pmg.pipeline.compare import Residuals
+    from pmg.pipeline.diagnose.diagnosis import Diagnosis
+    from pmg.pipeline.modelfile import Model
+    from pmg.pipeline.options import AnalysisOptions
+    from pmg.pipeline.steady_ends import SteadyEnd
+    from pmg.sim.bench import BenchParameters
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What a campaign says about the simulator.
+
+    Parameters
+    ----------
+    residuals : Residuals
+        Measured less simulated, with the calibrated baseline or with the given model as it came.
+    diagnosis : Diagnosis
+        Of what the baseline leaves, or what the given model with its constants free leaves.
+    model : Model
+        Baseline and mechanisms after this campaign.
+    carried : Carried or None
+        The given model.
+    ends : tuple of SteadyEnd
+        Where the moving bench comes to rest; empty without a mechanism.
+    """
+
+    residuals: Residuals
+    diagnosis: Diagnosis
+    model: Model
+    carried: Carried | None
+    ends: tuple[SteadyEnd, ...]
+
+
+def judge(
+    analysis: Analysis,
+    options: AnalysisOptions,
+    bench: BenchParameters,
+    rng: np.random.Generator,
+    given: Model | None = None,
+) -> Judged | None:
+    """Simulate, compare and diagnose an analysed campaign.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        Of the campaign by itself.
+    options : AnalysisOptions
+        Choices of that analysis.
+    bench : BenchParameters
+        The bench.
+    rng : numpy.random.Generator
+        Draws the synthetic campaigns behind a p-value.
+    given : Model, optional
+        A model to simulate instead of the calibrated baseline. Its mechanisms are then known to be there: the
+        diagnosis looks at what remains, and their parameters are as free in it as those of the baseline.
+
+    Returns
+    -------
+    Judged or None
+        None where the analysis reached no calibration.
+    """
+    if analysis.calibration is None or analysis.fits is None or analysis.floor is None:
+        return None
+    grid, plain = analysis.grid, Gearbox.calibrated(bench, analysis.calibration.model)
+    carried = None if given is None else carry(given, analysis, options, bench)
+    gearbox = plain if carried is None else carried.gearbox
+    residuals = compare(grid, steady(gearbox, grid.points, grid.campaign), bench, analysis.calibration)
+    left = analysis if carried is None else carried.analysis
+    assert left.calibration is not None
+    assert left.fits is not None
+    assert left.floor is not None
+    known = carried.slopes if carried is not None and carried.here.parts else None
+    diagnosis = diagnose(left.grid, left.fits, left.floor, left.calibration, bench, rng, known)
+    audit = audit_design(left.grid, bench, left.calibration.model, left.floor)
+    diagnosis = replace(diagnosis, audit=audit)
+    if carried is None:
+        model = shown = model_of(grid, analysis.calibration, diagnosis)
+    else:
+        model, shown = found_together(carried, analysis, diagnosis), carried.model
+    after = (*shown.baseline.mechanisms(bench), *shown.beside(bench))
+    ends = steady_ends(grid, bench, plain.mechanisms, after) if shown.parts else ()
+    return Judged(residuals, diagnosis, model, carried, ends)
+
+
+def leave_model(judged: Judged, path: Path, given: Path | None) -> dict[str, Any]:
+    """Write the model after this campaign, and say where, and what was predicted; a given one is not written over."""
+    found: dict[str, Any] = {"model": None, "prediction": None}
+    if given is None or path.resolve() != given.resolve():
+        write_aside(path, model_text(judged.model).encode())
+        found["model"] = str(path)
+    if judged.carried is not None:
+        found["prediction"] = [asdict(prediction) for prediction in judged.carried.predictions]
+    return found

@@ -1,0 +1,134 @@
+"""Noise that is correlated from sample to sample: an autoregression fitted, taken out, drawn anew."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
+
+from pmg.sim.sources import Source
+
+if TYPE_CHECKING:
+    from pmg.sim.signals import Array
+
+MOST_LAGS = 24
+"""Longest memory of the noise that is considered, in samples of the regression."""
+
+SAMPLES_PER_LAG = 100
+"""Samples that each lag calls for: structure that is projected out leaves a hole at low frequency, which a long memory
+fitted to a short record would take for the noise."""
+
+ANDREWS_MONAHAN = Source(
+    "andrews-monahan",
+    "D. W. K. Andrews, J. C. Monahan, 'An improved heteroskedasticity and autocorrelation consistent covariance matrix "
+    "estimator', Econometrica 60(4), 1992, doi:10.2307/2951574",
+)
+
+
+@dataclass(frozen=True)
+class SerialNoise:
+    r"""Noise :math:`e_t = \sum_j a_j e_{t-j} + \sigma \epsilon_t`.
+
+    Parameters
+    ----------
+    coefficients : (p,) array
+        The :math:`a_j`.
+    sigma : float
+        Standard deviation of what is new in each sample [N].
+    news : (n,) array
+        What was new in the samples it was fitted to, in units of `sigma`; resampled by `draw`.
+    """
+
+    coefficients: Array
+    sigma: float
+    news: Array
+
+    @property
+    def lags(self) -> int:
+        """Order of the autoregression."""
+        return len(self.coefficients)
+
+    def whiten(self, columns: Array) -> Array:
+        """Columns freed from what the past tells (n - p, c), noise of unit variance; the first p rows are lost."""
+        return np.asarray(lfilter(np.r_[1.0, -self.coefficients], [1.0], columns, axis=0)[self.lags :] / self.sigma)
+
+    def draw(self, length: int, draws: int, rng: np.random.Generator) -> Array:
+        """Noise anew (length, draws): what was new is resampled, so that its tails are kept."""
+        burn = 20 * (self.lags + 1)
+        news = self.sigma * rng.choice(self.news, size=(length + burn, draws))
+        return np.asarray(lfilter([1.0], np.r_[1.0, -self.coefficients], news, axis=0)[burn:])
+
+    @property
+    def standard_deviation(self) -> float:
+        """Standard deviation of the noise itself [N]."""
+        response = lfilter([1.0], np.r_[1.0, -self.coefficients], np.r_[1.0, np.zeros(2000)])
+        return float(self.sigma * math.sqrt(float(response @ response)))
+
+
+def fit_noise(residual: Array, lags: int | None = None, spent: int = 0) -> SerialNoise:
+    """Autoregression of a residual by Yule and Walker; always stable.
+
+    Parameters
+    ----------
+    residual : (n,) array
+        What a regression left [N].
+    lags : int, optional
+        Order; by Schwarz's criterion up to `MOST_LAGS` when not given.
+    spent : int
+        Parameters that the regression has used up; they are missing from the variance.
+    """
+    n = len(residual)
+    most = min(MOST_LAGS, max(2, n // SAMPLES_PER_LAG)) if lags is None else lags
+    covariance = np.array([float(residual[: n - k] @ residual[k:]) / n for k in range(most + 1)])
+    if covariance[0] <= 0.0:
+        return SerialNoise(np.zeros(0), 1e-12, np.zeros(n))
+    covariance[0] *= 1.0 + 1e-9
+    best: tuple[float, Array] | None = None
+    for order in range(most + 1) if lags is None else (most,):
+        a = np.zeros(0)
+        if order:
+            a = np.linalg.solve(toeplitz(covariance[:order]), covariance[1 : order + 1])
+        variance = max(float(covariance[0] - a @ covariance[1 : order + 1]), 1e-300)
+        score = n * math.log(variance) + order * math.log(n)
+        if best is None or score < best[0]:
+            best = score, a
+    assert best is not None
+    coefficients = best[1]
+    news = lfilter(np.r_[1.0, -coefficients], [1.0], residual)[len(coefficients) :]
+    sigma = math.sqrt(float(news @ news) / max(len(news) - spent - len(coefficients), 1))
+    spread = float(np.std(news))
+    return SerialNoise(coefficients, sigma, (news - news.mean()) / spread if spread > 0.0 else news)
+
+
+def covariance_of(design: Array, left: Array, lags: int) -> Array:
+    r"""Covariance of least-squares parameters that honours correlation and unequal scatter of what is left.
+
+    Parameters
+    ----------
+    design : (n, k) array
+        Columns.
+    left : (n,) array
+        What they leave.
+    lags : int
+        Longest distance of samples whose scores are taken to be correlated.
+
+    Notes
+    -----
+    :math:`(X'X)^{-1} \left(\sum_{|k| \le L} w_k \sum_t x_t e_t e_{t+k} x_{t+k}'\right) (X'X)^{-1}` with Bartlett's
+    weights, scaled by :math:`n/(n-k)`; on whitened rows this is the prewhitened estimator of Andrews and Monahan.
+    """
+    n, k = design.shape
+    length = np.linalg.norm(design, axis=0)
+    length[length == 0.0] = 1.0
+    unit = design / length
+    inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-12)
+    scores = unit * left[:, None]
+    middle = scores.T @ scores
+    for lag in range(1, lags + 1):
+        cross = scores[:-lag].T @ scores[lag:]
+        middle += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
+    return np.asarray(n / max(n - k, 1) * inverse @ middle @ inverse / np.outer(length, length))

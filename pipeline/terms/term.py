@@ -1,0 +1,119 @@
+"""What a term of a regression is, declared once: equation, columns, unit, bounds, source."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pmg.sim.signals import Array
+    from pmg.sim.sources import Source
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A recording from which terms take their columns, at its full sample rate; all arrays of length n.
+
+    Parameters
+    ----------
+    time, position, speed, acceleration : (n,) array
+        [s], [m], [m/s], [m/s2].
+    force : (n,) array
+        What the actuator is told to apply [N].
+    modelled : (n,) array
+        Force that the baseline gives [N]; zero until it has been fitted.
+    rest_speed : float
+        Speed below which the machine counts as at rest [m/s].
+    """
+
+    time: Array
+    position: Array
+    speed: Array
+    acceleration: Array
+    force: Array
+    modelled: Array
+    rest_speed: float = 0.0
+
+    @property
+    def direction(self) -> Array:
+        """Sign of the speed; zero at rest."""
+        return np.where(np.abs(self.speed) > self.rest_speed, np.sign(self.speed), 0.0)
+
+    @property
+    def sample_time(self) -> float:
+        """Time from sample to sample [s]."""
+        return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
+
+    @property
+    def travel(self) -> Array:
+        """Way since the direction last changed [m]; before the first change, as if that lay one metre back."""
+        path = np.r_[0.0, np.cumsum(np.abs(np.diff(self.position)))]
+        sign = np.where(self.speed >= 0.0, 1, -1)
+        turned = np.r_[False, sign[1:] != sign[:-1]]
+        last = np.maximum.accumulate(np.where(turned, np.arange(len(path)), -1))
+        return np.asarray(np.where(last < 0, path + 1.0, path - path[np.maximum(last, 0)]))
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A parameter of a term.
+
+    Parameters
+    ----------
+    name, unit : str
+        SI unit.
+    bounds : tuple of float
+        Physical range.
+    cost : float
+        Parameters it counts for in the evidence; a period searched over many cycles counts for three.
+    """
+
+    name: str
+    unit: str
+    bounds: tuple[float, float]
+    cost: float = 1.0
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term of the regression, linear in its amplitudes, with at most one shape parameter.
+
+    Parameters
+    ----------
+    identifier, title, equation : str
+        Id for files; name for people; what it adds to the force.
+    amplitudes : tuple of Quantity
+        Linear parameters.
+    columns : callable
+        From a `Motion` and the value of the shape (NaN without one) to an (n, amplitudes) array.
+    source : Source
+        Where the equation is taken from.
+    shape : Quantity, optional
+        Nonlinear parameter, positive.
+    separating_test : str
+        Test that tells this term from those that look like it.
+    of_model : bool
+        Whether the columns distort what the rest of the model gives (gain, delay).
+    even_grid : bool
+        Whether the shape is searched evenly in its inverse (a period) instead of in its logarithm.
+    """
+
+    identifier: str
+    title: str
+    equation: str
+    amplitudes: tuple[Quantity, ...]
+    columns: Callable[[Motion, float], Array]
+    source: Source
+    shape: Quantity | None = None
+    separating_test: str = ""
+    of_model: bool = False
+    even_grid: bool = False
+
+    @property
+    def parameters(self) -> tuple[Quantity, ...]:
+        """Amplitudes, then the shape."""
+        return self.amplitudes if self.shape is None else (*self.amplitudes, self.shape)

@@ -1,0 +1,129 @@
+"""Coverage of stated intervals: losses, efficiencies, every branch of the power flow, K_corr and c."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import stats
+
+from pmg.pipeline.analyse import analyse
+from pmg.pipeline.losses import power_balance
+from pmg.pipeline.options import AnalysisOptions
+from pmg.pipeline.powerflow import BRANCHES, power_flows
+from pmg.sim import signals
+from pmg.sim.bench import load_bench
+from pmg.sim.gearbox import Gearbox
+from pmg.sim.losscurve import SPEED_REFERENCE_RING, SPEED_REFERENCE_SUN, LossCurve
+from pmg.sim.lossmodel import LossModel
+from pmg.sim.powerchain import power_chain
+from pmg.sim.solve import steady
+from tests.bench.speed import report
+from tests.points import joined, measured, points
+
+if TYPE_CHECKING:
+    from pmg.pipeline.analyse import Analysis
+    from pmg.pipeline.fit import LossFits
+    from pmg.sim.grid import Grid, OperatingPoints
+
+POWERS = (0.0, 0.5, 1.0, 2.0)
+NATURE = LossModel(
+    LossCurve(POWERS, np.array([0.015, 0.092, 0.030, -0.004]), SPEED_REFERENCE_SUN, SPEED_REFERENCE_SUN),
+    LossCurve(POWERS, np.array([0.050, 0.283, -0.051, 0.005]), SPEED_REFERENCE_RING, SPEED_REFERENCE_RING),
+    0.85,
+    2e-3,
+    2.2e-4,
+    0.0,
+)
+"""The bench of the study: its curves have the form that is fitted, so that only noise and transducers are uncertain."""
+
+NOISE = 1e-3
+"""Scatter from point to point [N m]."""
+
+SENSITIVITY = 2e-3
+"""Half-width of the tolerance of either transducer's sensitivity."""
+
+QUANTITIES = (
+    signals.EFFICIENCY_TOTAL,
+    signals.LOSS_TOTAL,
+    signals.LOSS_BEARINGS,
+    signals.LOSS_MAGNETIC,
+    signals.EFFICIENCY_MAGNETIC,
+)
+
+
+def small_campaign() -> OperatingPoints:
+    """56 neutral points, 32 engaged ones and 6 with the flow reversed."""
+    sun, ring = (a.ravel() for a in np.meshgrid([90, 156, 312, 624, 936, 1248, 1560, 1872], np.linspace(60, 720, 7)))
+    speed, load = (a.ravel() for a in np.meshgrid(np.linspace(156, 1872, 8), [0.78, 1.17, 1.56, 1.95]))
+    back, back_load = (a.ravel() for a in np.meshgrid([312.0, 1092.0, 1872.0], [0.78, 1.95]))
+    return joined(
+        points("neutral", sun, ring),
+        points("engaged", speed, -speed / 2.6, load, load_set=load),
+        points("engaged", back, -back / 2.6, -back_load, load_set=-back_load, drive="ring"),
+    )
+
+
+def read(truth: Grid, gains: tuple[float, float], rng: np.random.Generator) -> Grid:
+    """The campaign as transducers with these gain errors show it."""
+    n = len(truth)
+    sun = (1.0 + gains[0]) * truth.torque_sun + NOISE * rng.standard_normal(n)
+    ring = (1.0 + gains[1]) * truth.torque_ring + NOISE * rng.standard_normal(n)
+    started = np.asarray(1.7e9 + 40.0 * rng.permutation(n), dtype=np.float64)
+    grid = measured(replace(truth.points, started_at=started), sun, ring, NOISE)
+    common = [SENSITIVITY * np.abs(torque) / np.sqrt(3.0) for torque in (sun, ring)]
+    return replace(grid, common_sun=common[0], common_ring=common[1])
+
+
+def tally(analysis: Analysis, truth: Grid, fits: LossFits) -> dict[str, float]:
+    """Part of the points at which the truth lies in the 95 % interval, by name."""
+    bench, factor = load_bench(), float(stats.norm.isf(0.025))
+    assert analysis.balance is not None
+    assert analysis.calibration is not None
+    assert analysis.causes is not None
+    found: dict[str, float] = {}
+    true = power_balance(truth, fits, NATURE.correction).values
+    for name in (signal.name for signal in QUANTITIES):
+        off = np.abs(analysis.balance.values[name] - true[name])
+        found[name] = float(np.mean(off <= factor * analysis.balance.u(name)))
+    gearbox = Gearbox.calibrated(bench, analysis.calibration.model)
+    simulated = steady(gearbox, analysis.grid.points)
+    flows = power_flows(gearbox, analysis.grid, simulated, bench, analysis.calibration, analysis.causes)
+    chain = power_chain(Gearbox.calibrated(bench, NATURE), truth[truth.points.engaged], bench)
+    for flow in (flows[0], flows[2]):
+        for branch in BRANCHES:
+            if branch == "unexplained" and flow.origin == "simulated":
+                continue
+            off = np.abs(flow.watts(branch) - getattr(chain, branch))
+            found[f"{branch}, {flow.origin}"] = float(np.mean(off <= 0.5 * factor * flow.expanded(branch)))
+    errors = analysis.causes.standard_errors()
+    for name, value in (("K_corr", NATURE.correction), ("c", NATURE.c)):
+        if name not in analysis.calibration.on_bound:
+            found[name] = float(abs(analysis.calibration.value(name) - value) <= factor * np.hypot(*errors[name]))
+    return found
+
+
+def uncertainty_coverage(campaigns: int) -> None:
+    """Print coverage with the transducers' gains uniform in their tolerance, and normal with the same deviation."""
+    bench = load_bench()
+    truth = steady(Gearbox.calibrated(bench, NATURE), small_campaign())
+    truth = replace(truth, points=replace(truth.points, torque_ring=truth.torque_ring))
+    exact = analyse(read(truth, (0.0, 0.0), np.random.default_rng(1)), AnalysisOptions(), bench).fits
+    assert exact is not None
+    fits = replace(
+        exact, sun=replace(exact.sun, curve=NATURE.curve_sun), ring=replace(exact.ring, curve=NATURE.curve_ring)
+    )
+    for form in ("uniform", "normal"):
+        inside: dict[str, list[float]] = {}
+        for seed in range(campaigns):
+            rng = np.random.default_rng([20260105, seed])
+            gains = rng.uniform(-1.0, 1.0, 2) if form == "uniform" else rng.standard_normal(2) / np.sqrt(3.0)
+            grid = read(truth, (SENSITIVITY * gains[0], SENSITIVITY * gains[1]), rng)
+            for name, part in tally(analyse(grid, AnalysisOptions(), bench), truth, fits).items():
+                inside.setdefault(name, []).append(part)
+        report(f"coverage of 95 % intervals, gains {form}", "campaigns", "inside")
+        for name, parts in inside.items():
+            middle, half = float(np.mean(parts)), 1.96 * float(np.std(parts, ddof=1)) / np.sqrt(len(parts))
+            told = f"  {100.0 * middle:.1f} % ({100.0 * (middle - half):.1f} to {100.0 * (middle + half):.1f})"
+            report(f"  {name}", str(len(parts)), told)
