@@ -42,6 +42,9 @@ if TYPE_CHECKING:
 WITHHELD_SHARE = 0.8
 """Part of the withheld mismatch, in squares beyond the noise, that a mechanism must predict to be named."""
 
+NOT_WORSE = 1.03
+"""Withheld error with a weak mechanism in, over that without, up to which it stays in the set of what may be."""
+
 BEYOND_SLOW = 0.005
 """p-value from which on a blind design claims something that no slow change made: the slow changes it allows for are
 smooth, real ones only nearly so."""
@@ -105,7 +108,9 @@ def diagnose(
                 decoys=offer_decoys(stage, naming, rng),
             )
     if naming.weak:
-        return _too_weak(grid.campaign, calibration, mismatch, floor, blind, naming, stage, outliers, rng)
+        held = withhold(stage, naming.weak[0].fits, rng)
+        if held.rmse_after <= NOT_WORSE * held.rmse_before:
+            return _too_weak(grid.campaign, calibration, mismatch, floor, blind, naming, stage, outliers, held)
     held_structure = hold_out(grid, fits, floor, bench, mismatch.locations, rng)
     absorbed = _absorbed(mismatch, calibration, bench)
     return Diagnosis(
@@ -133,7 +138,7 @@ def _too_weak(
     naming: Naming,
     stage: Stage,
     outliers: tuple[str, ...],
-    rng: np.random.Generator,
+    held: HeldOut,
 ) -> Diagnosis:
     """A mismatch too weak to name its cause: the mechanisms that may make it, with the tests that would tell."""
     best, *others = naming.weak
@@ -149,7 +154,7 @@ def _too_weak(
         found,
         tuple(Rival(rival, next_test(stage, best, rival, floor)) for rival in others),
         _swallowed(calibration, found),
-        withhold(stage, best.fits, rng),
+        held,
         outliers,
         weak=True,
     )

@@ -10,6 +10,7 @@ from pmg.pipeline.diagnose.naming import Remainder
 from pmg.pipeline.diagnose.noise import repeat_contrasts
 from pmg.pipeline.diagnose.scan import make_scan
 from pmg.pipeline.diagnose.structure import families
+from pmg.pipeline.diagnose.swings import swings
 from pmg.pipeline.diagnose.whiten import synthetic_noise, undo
 
 if TYPE_CHECKING:
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnose.candidates import Stage
     from pmg.pipeline.diagnose.noise import NoiseFloor
+
+
+ORDINARY_SWING = 18.0
+"""Sum of squares, in noise variances, that the largest of a hundred swings rarely exceeds in noise alone."""
 
 
 def make_judge(stage: Stage, floor: NoiseFloor, rng: np.random.Generator, draws: int) -> Callable[[Stage], Remainder]:
@@ -39,13 +44,14 @@ def make_judge(stage: Stage, floor: NoiseFloor, rng: np.random.Generator, draws:
     once, less its expectation, in units of the variance of what follows none of them.
     """
     readings = stage.readings
-    columns = [stage.white(family.columns) for family in families(readings, stage.bench, stage.model)]
+    narrow = swings(readings)
+    columns = [stage.white(f.columns) for f in (*families(readings, stage.bench, stage.model), *narrow)]
     repeats = repeat_contrasts(readings)
     fitted = readings.torque - undo(stage.white, stage.left)
     noise = synthetic_noise(readings, floor, stage.white, draws, rng, fitted=fitted)
 
     def judge(given: Stage) -> Remainder:
-        scan = make_scan(readings, given.baseline, columns, repeats)
+        scan = make_scan(readings, given.baseline, columns, repeats, len(narrow))
         observed = float(scan(given.left[:, None])[:, 0].min())
         smallest = scan(noise).min(axis=0)
         p_value = (1.0 + float(np.sum(smallest <= observed))) / (draws + 1.0)
@@ -56,6 +62,8 @@ def make_judge(stage: Stage, floor: NoiseFloor, rng: np.random.Generator, draws:
         variance = max(float(rest @ rest) / dof, 1e-12)
         of_noise = np.sum((scan.everything.T @ noise) ** 2, axis=0) - np.sum((given.baseline.T @ noise) ** 2, axis=0)
         usual = float(np.quantile(of_noise, 0.95)) - dimensions
-        return Remainder(p_value, max(0.0, float(along @ along) / variance - dimensions), usual)
+        swung = max((float(np.sum((b.T @ rest) ** 2)) for b in scan.bases[len(columns) - len(narrow) :]), default=0.0)
+        beyond = max(0.0, swung / variance - ORDINARY_SWING)
+        return Remainder(p_value, max(0.0, float(along @ along) / variance - dimensions) + beyond, usual)
 
     return judge

@@ -12,6 +12,7 @@ from pmg.pipeline.calibrate import jacobian, start_model
 from pmg.pipeline.diagnose.noise import BASELINE_FREE, orthonormal, repeat_contrasts
 from pmg.pipeline.diagnose.scan import Scan, search
 from pmg.pipeline.diagnose.structure import families
+from pmg.pipeline.diagnose.swings import swings
 from pmg.pipeline.diagnose.traces import traces
 from pmg.pipeline.diagnose.whiten import synthetic_noise, undo, whitener
 from pmg.pipeline.readings import predict, take_readings
@@ -161,13 +162,24 @@ def find_mismatch(
         baseline = np.hstack([baseline, white(allowed)])
     y = white((readings.torque - predict(readings, bench, model))[:, None])
     candidates = families(readings, bench, model)
-    columns = [white(family.columns) for family in candidates] + traces(readings, bench, model, white)
+    narrow = swings(readings)
+    smooth, own = [white(family.columns) for family in candidates], traces(readings, bench, model, white)
+    columns = [*smooth, *own, *(white(family.columns) for family in narrow)]
     repeats = repeat_contrasts(readings)
     base = orthonormal(baseline)
     fitted = readings.torque - undo(white, (y - base @ (base.T @ y))[:, 0])
     noise = synthetic_noise(readings, floor, white, draws, rng, fitted=fitted)
     p_value, locations = 1.0, []
-    steps = search(readings, baseline, columns, repeats, (y, noise), steps=MAXIMUM_LOCATIONS, level=false_alarm_rate)
+    steps = search(
+        readings,
+        baseline,
+        columns,
+        repeats,
+        (y, noise),
+        steps=MAXIMUM_LOCATIONS,
+        level=false_alarm_rate,
+        narrow=len(narrow),
+    )
     for number, step in enumerate(steps):
         scan, best = step.scan, step.best
         if number == 0:
@@ -180,7 +192,11 @@ def find_mismatch(
         effect_white = scan.bases[best] @ (scan.bases[best].T @ y[:, 0])
         effect = undo(white, effect_white)
         follows = best if best < len(candidates) else _carrying(candidates, scan, effect_white)
-        locations.append(_locate(readings, candidates, scan, follows, effect_white, effect, step.p_value))
+        family, also = candidates[follows], same_trace(candidates, scan, follows, effect_white)
+        if best >= len(columns) - len(narrow):
+            family, also = narrow[best - len(columns)], []
+        others = tuple(candidates[i] for i in also)
+        locations.append(_locate(readings, family, others, effect, step.p_value))
     return Mismatch(p_value, false_alarm_rate, tuple(locations), readings, len(columns), draws)
 
 
@@ -196,7 +212,7 @@ def located_families(
     """Columns (m, k) of the families that the locations follow; none where they follow no family."""
     chosen = [
         family.columns
-        for family in families(readings, bench, model)
+        for family in (*families(readings, bench, model), *swings(readings))
         if any(
             (family.signal, family.configuration) == (place.signal, place.configuration)
             and family.covariates == place.covariates
@@ -219,20 +235,12 @@ def same_trace(candidates: tuple[Family, ...], scan: Scan, best: int, effect_whi
     return found
 
 
-def _locate(
-    readings: Readings,
-    candidates: tuple[Family, ...],
-    scan: Scan,
-    best: int,
-    effect_white: Array,
-    effect: Array,
-    p_value: float,
-) -> Location:
-    family = candidates[best]
+def _locate(readings: Readings, family: Family, others: tuple[Family, ...], effect: Array, p_value: float) -> Location:
+    """The place of an effect that a family shows, and that others carry as well."""
     touched = (family.columns != 0.0).any(axis=1)
     covariates = list(family.covariates)
-    for other in same_trace(candidates, scan, best, effect_white):
-        covariates += [name for name in candidates[other].covariates if name not in covariates]
+    for other in others:
+        covariates += [name for name in other.covariates if name not in covariates]
     strong = touched & (np.abs(effect) >= 0.5 * np.abs(effect[touched]).max())
     return Location(
         signal=family.signal,

@@ -66,8 +66,11 @@ class Scan:
         return np.clip(np.stack(rows), 1e-300, 1.0)
 
 
-def make_scan(readings: Readings, baseline: Array, columns: list[Array], repeats: Array) -> Scan:
-    """Projections for a baseline, whitened family columns and repeat contrasts."""
+def make_scan(readings: Readings, baseline: Array, columns: list[Array], repeats: Array, narrow: int = 0) -> Scan:
+    """Projections for a baseline, whitened family columns and repeat contrasts.
+
+    The last `narrow` families are looked at one by one; the scatter is judged with them in it.
+    """
     base = orthonormal(baseline)
     bases = []
     for block in columns:
@@ -76,7 +79,7 @@ def make_scan(readings: Readings, baseline: Array, columns: list[Array], repeats
         left = unit - base @ (base.T @ unit)
         kept = left[:, np.linalg.norm(left, axis=0) > ABSORBED]
         bases.append(orthonormal(kept, 1e-3))
-    everything = orthonormal(np.hstack([base, *bases]))
+    everything = orthonormal(np.hstack([base, *bases[: len(bases) - narrow]]))
     ordinary = readings.configuration != "engaged"
     sides = []
     for mine in (readings.sun, ~readings.sun):
@@ -128,6 +131,7 @@ def search(
     steps: int,
     level: float,
     elsewhere: Array | None = None,
+    narrow: int = 0,
 ) -> Iterator[Step]:
     r"""Step by step the clearest structure, each time with the earlier ones added to the baseline.
 
@@ -150,6 +154,8 @@ def search(
     elsewhere : (draws,) array, optional
         Smallest p-value of each synthetic campaign in other searches that are paid for together with this one; only
         the families then count, not repeats and single points, and each on its own scale.
+    narrow : int
+        How many of the last families are narrow.
 
     Notes
     -----
@@ -160,7 +166,7 @@ def search(
     y, noise = white
     counted = slice(None) if elsewhere is None else slice(len(columns))
     for _ in range(steps):
-        scan = make_scan(readings, baseline, columns, repeats)
+        scan = make_scan(readings, baseline, columns, repeats, narrow)
         observed = nominal = scan(y)[counted, 0]
         drawn = scan(noise)[counted]
         if elsewhere is not None:

@@ -158,7 +158,7 @@ def _place(diagnosis: Diagnosis) -> str:
 def _by_chance(diagnosis: Diagnosis) -> str:
     """A word on decoys, where one would have passed."""
     decoys = diagnosis.decoys
-    if decoys is None or not decoys.passed:
+    if decoys is None or decoys.passed <= 0.05 * decoys.count:
         return ""
     return (
         f"{decoys.passed} of {decoys.count} random smooth structures would have passed as well: the mismatch has "

@@ -58,7 +58,7 @@ class Bout:
         return np.asarray((self.stage.readings.torque - self.stage.predicted) / self.scale)
 
     def beside(self, values: Array, train: Mask) -> Array:
-        """Values (m,) or (m, k) in units of the noise, less what the baseline takes up, the training rows alone asked."""
+        """Values (m,) or (m, k) [noise] less what the baseline takes up of them on the training rows."""
         columns = self.stage.columns / self.scale[:, None]
         length = np.linalg.norm(columns[train], axis=0)
         length[length == 0.0] = 1.0

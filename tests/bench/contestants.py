@@ -1,6 +1,6 @@
 """Other ways to ask what a residual holds: PySINDy, a Gaussian process, the best BIC of pmg's own catalogue.
 
-PySINDy (MIT) and scikit-learn (BSD-3-Clause) are imported where they are used, and only there.
+scikit-learn (BSD-3-Clause) is imported where it is used, and only there.
 """
 
 from __future__ import annotations
@@ -9,28 +9,20 @@ import math
 import time
 import warnings
 from dataclasses import dataclass
-from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.diagnose.candidates import candidates, fit_candidate, signature
-from pmg.pipeline.diagnose.withheld import FOLDS, withhold
-from tests.bench.bout import TOUCHED, Answer, Reply
+from pmg.pipeline.diagnose.candidates import candidates, fit_candidate
+from pmg.pipeline.diagnose.withheld import withhold
+from tests.bench.bout import Answer, Reply
 from tests.bench.peers import installed
+from tests.bench.sparse import BESIDE, GENERIC, PHYSICAL, SparseRegression
 
 if TYPE_CHECKING:
-    from tests.bench.bout import Bout, Contestant
     from pmg.sim.signals import Array, Mask
+    from tests.bench.bout import Bout, Contestant
 
-LEVELS = np.geomspace(0.02, 2.0, 25)
-"""Thresholds of the sparse regressions: root mean square of a term's contribution [noise]."""
-DEGREE, FREQUENCIES = 2, 2
-"""Of PySINDy's polynomial and Fourier libraries."""
-RELAX = 1.0
-"""SR3's coupling of its sparse to its full coefficients (PySINDy's default)."""
-MOST_STEPS = 300
-"""Iterations of SR3."""
 USUAL_MARGIN = 10.0
 """Difference of BIC that counts as very strong evidence (Kass and Raftery 1995)."""
 SHORTEST, LONGEST = 0.05, 1e3
@@ -38,180 +30,6 @@ SHORTEST, LONGEST = 0.05, 1e3
 RESTARTS = 1
 """Further starts of the likelihood's maximisation, on all readings."""
 COVARIATES = ("speed_sun", "speed_ring", "load", "time")
-GENERIC, PHYSICAL, BESIDE = "polynomials and Fourier", "physical terms", "physical terms, baseline projected out"
-ABSORBED = 1e-2
-"""Part of a column that the baseline must leave where it is projected out."""
-
-
-@dataclass(frozen=True)
-class Library:
-    """Columns to choose from, of unit root mean square, the mechanism of each, and whether they stand beside a baseline
-    that stays free; else it is frozen."""
-
-    theta: Array
-    owners: tuple[tuple[str, str] | None, ...]
-    beside: bool = False
-
-    def columns(self, bout: Bout, train: Mask) -> Array:
-        """The columns; where the baseline is projected out, as the training rows determine that."""
-        return bout.beside(self.theta, train) if self.beside else self.theta
-
-
-def generic_library(bout: Bout) -> Library:
-    """PySINDy's polynomials and Fourier terms of the four covariates, for each transducer."""
-    import pysindy  # type: ignore[import-not-found, unused-ignore]
-
-    low, high = bout.covariates.min(axis=0), bout.covariates.max(axis=0)
-    span = np.where(high > low, high - low, 1.0)
-    scaled = math.pi * (2.0 * (bout.covariates - low) / span - 1.0)
-    library = pysindy.PolynomialLibrary(degree=DEGREE) + pysindy.FourierLibrary(n_frequencies=FREQUENCIES)
-    whole = np.asarray(library.fit_transform(scaled))
-    theta = np.hstack([whole * rows[:, None] for _, rows in bout.shafts])
-    return Library(*_unit(theta, [None] * theta.shape[1]))
-
-
-def physical_library(bout: Bout, *, beside: bool = False) -> Library:
-    """What each mechanism of the catalogue does to each reading, at the typical value of its shape.
-
-    `beside` gives the regression what pmg's diagnosis works with: columns, and residual, less all that the baseline
-    can take up.
-    """
-    columns, owners = [], []
-    for candidate in candidates():
-        if candidate.shaft == "both" and candidate.kind.both_at_once:
-            continue
-        shape = np.array([parameter.typical for parameter in candidate.parameters[len(candidate.sizes) :]])
-        found = signature(bout.stage, candidate, shape)
-        columns.append(found / bout.scale[:, None])
-        owners += [(candidate.identifier, candidate.shaft)] * found.shape[1]
-    theta, names = _unit(np.hstack(columns), owners)
-    if beside:
-        left = np.sqrt(np.mean(bout.beside(theta, np.ones(len(theta), dtype=bool)) ** 2, axis=0))
-        kept = left > ABSORBED
-        theta, names = theta[:, kept] / left[kept], tuple(name for name, keep in zip(names, kept, strict=True) if keep)
-    return Library(theta, names, beside)
-
-
-def _unit(theta: Array, owners: list[Any]) -> tuple[Array, tuple[Any, ...]]:
-    size = np.sqrt(np.mean(theta**2, axis=0))
-    kept = size > 0.0
-    return theta[:, kept] / size[kept], tuple(owner for owner, keep in zip(owners, kept, strict=True) if keep)
-
-
-def sparse_coefficients(optimizer: str, theta: Array, y: Array, level: float) -> Array:
-    """Coefficients by PySINDy's STLSQ or SR3 with that threshold."""
-    import pysindy
-
-    root = math.sqrt(len(y))
-    import os
-    rows = 1.0 / root
-    if optimizer == "STLSQ":
-        chosen = pysindy.STLSQ(threshold=level)
-        if os.environ.get('F_RAW'): rows=1.0
-    elif optimizer == "SR3L1":
-        chosen = pysindy.SR3(reg_weight_lam=level, regularizer="L1", relax_coeff_nu=RELAX, max_iter=MOST_STEPS)
-    else:
-        lam = level**2 / (2.0 * RELAX)  # SR3's hard threshold is sqrt(2 lam nu)
-        chosen = pysindy.SR3(reg_weight_lam=lam, regularizer="L0", relax_coeff_nu=RELAX, max_iter=MOST_STEPS)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        found = chosen.fit(theta * rows, (y * rows)[:, None])
-    return np.asarray(found.coef_, dtype=np.float64).ravel()
-
-
-@dataclass(frozen=True)
-class SparseRegression:
-    """PySINDy on the residual: any term that survives is an alarm, the largest contribution is the cause."""
-
-    library: str
-    optimizer: str
-
-    @property
-    def name(self) -> str:
-        """As in the table."""
-        return f"PySINDy {self.optimizer}, {self.library}"
-
-    def __call__(self, bout: Bout, *, withheld: bool) -> Answer:
-        """Terms at every threshold; the threshold by the least error of four folds, or by one standard error."""
-        began = time.perf_counter()
-        library = generic_library(bout) if self.library == GENERIC else physical_library(bout, beside=self.library == BESIDE)
-        every = np.ones(len(bout.fold), dtype=bool)
-        theta, y = library.columns(bout, every), bout.residual_without(every) if library.beside else bout.residual
-        all_of_it = np.stack([sparse_coefficients(self.optimizer, theta, y, float(level)) for level in LEVELS])
-        errors = {(k,): self._errors(bout, library, (k,)) for k in range(FOLDS)}
-        best, frugal = _choose([np.mean(errors[(k,)][:, bout.fold == k] ** 2, axis=1) for k in range(FOLDS)])
-        seconds = time.perf_counter() - began
-        effects = all_of_it @ theta.T
-        alarms = np.any(all_of_it != 0.0, axis=1)
-        said = [_largest(library.owners, theta, row) for row in all_of_it]
-
-        def reply(place: int, error: Array | None) -> Reply:
-            if not alarms[place]:
-                return Reply(alarm=False)
-            effect = effects[place]
-            touched = np.abs(effect) > TOUCHED * math.sqrt(float(np.mean(effect**2)))
-            held = None if error is None else bout.ratio(error, touched & (bout.fold < FOLDS))
-            return Reply(True, said[place], held)
-
-        whole: Array | None = None
-        chosen: tuple[Array | None, Array | None] = (None, None)
-        if withheld:
-            whole = np.select([bout.fold == k for k in range(FOLDS)], [errors[(k,)] for k in range(FOLDS)])
-            chosen = self._nested(bout, library, errors) if alarms[best] else (None, None)
-        return Answer(
-            level=float(LEVELS[np.flatnonzero(alarms)[-1]]) if alarms.any() else 0.0,
-            settings={"least error": reply(best, chosen[0]), "one standard error": reply(frugal, chosen[1])},
-            graded=tuple(
-                (float(level), reply(i, None if whole is None else whole[i])) for i, level in enumerate(LEVELS)
-            ),
-            seconds=seconds,
-            remarks={"columns": library.theta.shape[1], "threshold": float(LEVELS[best])},
-        )
-
-    def _errors(self, bout: Bout, library: Library, without: tuple[int, ...]) -> Array:
-        """Residual less correction at every reading (levels, m), folds left out of baseline and regression."""
-        train = ~np.isin(bout.fold, without)
-        theta, y = library.columns(bout, train), bout.residual_without(train)
-        found = [sparse_coefficients(self.optimizer, theta[train], y[train], float(level)) for level in LEVELS]
-        return np.asarray(y - np.stack(found) @ theta.T)
-
-    def _nested(self, bout: Bout, library: Library, errors: dict[tuple[int, ...], Array]) -> tuple[Array, Array]:
-        """Errors on withheld folds, the threshold of each chosen among the others, by either rule."""
-        pairs = {pair: self._errors(bout, library, pair) for pair in combinations(range(FOLDS), 2)}
-        found = np.zeros((2, len(bout.fold)))
-        for k in range(FOLDS):
-            others = [j for j in range(FOLDS) if j != k]
-            inner = [
-                np.mean(pairs[(min(j, k), max(j, k))][:, bout.fold == j] ** 2, axis=1) for j in others
-            ]
-            for rule, place in enumerate(_choose(inner)):
-                found[rule, bout.fold == k] = errors[(k,)][place, bout.fold == k]
-        return found[0], found[1]
-
-
-def _choose(errors: list[Array]) -> tuple[int, int]:
-    """Place of the level of least error over the folds, and of the highest within one standard error of it."""
-    table = np.stack(errors)
-    mean = table.mean(axis=0)
-    best = len(mean) - 1 - int(np.argmin(mean[::-1]))
-    # The error that counts is that of the difference: folds differ from each other far more than levels do.
-    spread = (table - table[:, [best]]).std(axis=0, ddof=1) / math.sqrt(len(table))
-    return best, int(np.flatnonzero(mean - mean[best] <= spread + 1e-12)[-1])
-
-
-def _largest(
-    names: tuple[tuple[str, str] | None, ...], theta: Array, coefficients: Array
-) -> tuple[str, str] | None:
-    """Owner of the largest contribution; None where columns have no owner."""
-    owners = {owner for owner, c in zip(names, coefficients, strict=True) if c != 0.0 and owner is not None}
-    if not owners:
-        return None
-
-    def contribution(owner: tuple[str, str]) -> float:
-        mine = np.array([other == owner for other in names])
-        return float(np.linalg.norm(theta[:, mine] @ coefficients[mine]))
-
-    return max(sorted(owners), key=contribution)
 
 
 @dataclass(frozen=True)
@@ -300,8 +118,9 @@ def contestants() -> tuple[Contestant, ...]:
     """All whose packages are there."""
     found: list[Contestant] = []
     if installed("pysindy"):
-        found += [SparseRegression(library, "STLSQ") for library in (PHYSICAL, GENERIC)]
-        found.append(SparseRegression(PHYSICAL, "SR3"))
+        found += [
+            SparseRegression(lib, optimizer) for lib in (GENERIC, PHYSICAL, BESIDE) for optimizer in ("STLSQ", "SR3")
+        ]
     if installed("sklearn"):
         found.append(GaussianProcess())
     return (*found, BestOfCatalogue())
