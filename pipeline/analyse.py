@@ -105,14 +105,14 @@ def analyse(grid: Grid, options: AnalysisOptions, bench: BenchParameters) -> Ana
     fixed = options.fixed_correction
     nothing = Analysis(grid, options, None, None, None, None, None, (), holes(grid), ())
     try:
-        options, choices = _chosen_terms(grid, options)
-        fits = _curves(grid, options)
+        options, choices = chosen_terms(grid, options)
+        fits = fit_curves(grid, options)
     except FitError as error:
         return replace(nothing, missing=(error,))
     floor = noise_floor(grid, fits, bench)
     grid = with_floor(grid, floor)
     if point_weights(grid) is not None:
-        fits = _curves(grid, options, weighted=True)
+        fits = fit_curves(grid, options, weighted=True)
     curves = replace(
         nothing,
         grid=grid,
@@ -144,8 +144,14 @@ def analyse(grid: Grid, options: AnalysisOptions, bench: BenchParameters) -> Ana
     )
 
 
-def _chosen_terms(grid: Grid, options: AnalysisOptions) -> tuple[AnalysisOptions, tuple[TermChoice, ...]]:
-    """The options with the terms that the data choose, where they are to, and the rankings behind them."""
+def chosen_terms(grid: Grid, options: AnalysisOptions) -> tuple[AnalysisOptions, tuple[TermChoice, ...]]:
+    """The options with the terms that the data choose, where they are to, and the rankings behind them.
+
+    Raises
+    ------
+    FitError
+        A shaft whose terms are left to the data has fewer than four speeds.
+    """
     choices = []
     readings = shaft_drags(grid, include_rest=options.include_rest)
     for reading, auto in zip(readings, (options.auto_sun, options.auto_ring), strict=True):
@@ -159,8 +165,14 @@ def _chosen_terms(grid: Grid, options: AnalysisOptions) -> tuple[AnalysisOptions
     return options, tuple(choices)
 
 
-def _curves(grid: Grid, options: AnalysisOptions, *, weighted: bool = False) -> LossFits:
-    """The loss curves, weighted by the uncertainty of the points once it is known and where it differs."""
+def fit_curves(grid: Grid, options: AnalysisOptions, *, weighted: bool = False) -> LossFits:
+    """The loss curves [N m], weighted by the uncertainty of the points once it is known and where it differs.
+
+    Raises
+    ------
+    FitError
+        Too few points or speeds for the terms, or terms that these speeds cannot tell apart.
+    """
     return fit_losses(
         grid,
         options.powers_sun,

@@ -187,7 +187,7 @@ def _causes(
 ) -> Causes:
     moved = (
         np.stack([influence[0] @ cause.sun + influence[1] @ cause.ring for cause in transducers], axis=-1)
-        if (transducers)
+        if transducers
         else np.zeros((len(names), 0))
     )
     groups = []

@@ -45,8 +45,8 @@ def run_design(
         Its mechanisms are not counted as known: the audit asks whether these points would show them.
     """
     if (plan is None) == (store is None):
-        came = "neither PLAN nor --store" if plan is None else "both PLAN and --store"
-        raise BenchError("pmg design", came, "one of them", "Name a plan, or a store with an analysed campaign.")
+        came = "neither" if plan is None else "both"
+        raise BenchError("PLAN and --store", came, "one of them", "Name a plan, or a store with an analysed campaign.")
     bench = load_bench()
     whole = None if model_file is None else read_model(model_file)
     if plan is not None:
@@ -56,7 +56,8 @@ def run_design(
         model = loss_model(file, bench) if whole is None else whole.baseline
         if model is None:
             raise BenchError(f"{plan}: losses", "none", "losses to take effects about", "Name grids or an analysis.")
-        grid, floor, name = planned_grid(file.scenario.plan, bench), planned_floor(file.scenario.plan), str(plan)
+        grid, floor = planned_grid(file.scenario.plan, bench), planned_floor(file.scenario.plan)
+        name = f"plan {plan.stem}"
     else:
         assert store is not None  # one of the two is given
         measured, options = read_analysis(store)
@@ -73,6 +74,7 @@ def run_design(
         "noise_Nm": {"sun": floor.sun.u, "ring": floor.ring.u},
         "mechanisms": [_visible(row) for row in audit.visible],
         "look_alikes": [_alike(pair) for pair in audit.alike],
+        "told_apart": [_pair(pair) for pair in audit.apart],
         "report": None,
     }
     lines = [*_lines(audit)]
@@ -93,7 +95,8 @@ def run_design(
 def _told(audit: Audit) -> str:
     unseen = [f"{row.candidate.identifier} ({row.candidate.shaft})" for row in audit.visible if row.unseen]
     hidden = f"cannot be seen at any size: {', '.join(unseen)}" if unseen else "every mechanism can be seen"
-    pairs = f"{len(audit.alike)} pairs look alike" if audit.alike else "no two of them look alike"
+    n = len(audit.alike)
+    pairs = f"{n} pair{'s look' if n > 1 else ' looks'} alike" if n else "no two of them look alike"
     return f"Of the catalogue, {hidden}; {pairs}."
 
 
@@ -115,6 +118,11 @@ def _lines(audit: Audit) -> list[str]:
             f"look alike ({pair.correlation:.3f}): {pair.one.identifier} ({pair.one.shaft}) and "
             f"{pair.other.identifier} ({pair.other.shaft}); {test}"
         )
+    rows += [
+        f"told apart ({pair.correlation:.3f}): {pair.one.identifier} ({pair.one.shaft}) and "
+        f"{pair.other.identifier} ({pair.other.shaft})"
+        for pair in audit.apart
+    ]
     return [*rows, _told(audit)]
 
 
@@ -133,10 +141,16 @@ def _visible(row: Visibility) -> dict[str, Any]:
 
 def _alike(pair: LookAlike) -> dict[str, Any]:
     return {
-        "ids": [pair.one.identifier, pair.other.identifier],
-        "shafts": [pair.one.shaft, pair.other.shaft],
-        "correlation": pair.correlation,
+        **_pair(pair),
         "test": None if pair.plan is None else pair.plan.description,
         "minutes": None if pair.plan is None else pair.plan.seconds / MINUTE,
         "power": pair.power,
+    }
+
+
+def _pair(pair: LookAlike) -> dict[str, Any]:
+    return {
+        "ids": [pair.one.identifier, pair.other.identifier],
+        "shafts": [pair.one.shaft, pair.other.shaft],
+        "correlation": pair.correlation,
     }

@@ -33,7 +33,8 @@ def planned_grid(plan: Plan, bench: BenchParameters) -> Grid:
     Raises
     ------
     BenchError
-        Engaged speeds without loads, loads without speeds, or an extension that needs engaged points without them.
+        Engaged speeds without loads, loads without speeds, no neutral point that turns, or an extension without the
+        points that it needs.
     """
     sun, ring = (np.array(levels) * RPM for levels in (plan.neutral_sun_rpm, plan.neutral_ring_rpm))
     speed, load = np.array(plan.engaged_sun_rpm) * RPM, np.array(plan.engaged_load_nm)
@@ -45,6 +46,11 @@ def planned_grid(plan: Plan, bench: BenchParameters) -> Grid:
     rng = np.random.default_rng(SEED)
     s, r = (axis.ravel() for axis in np.meshgrid(sun, ring, indexing="ij"))
     moving = (s != 0.0) | (r != 0.0)
+    if not moving.any():
+        raise BenchError("plan", "no neutral speed but 0", "neutral points that turn", "Add speeds above 0 rpm.")
+    if plan.reversed_rotation and not ((s != 0.0) & (r != 0.0)).any():
+        came = "true, without neutral points at which both shafts turn"
+        raise BenchError("plan.reversed_rotation", came, "such points", "Add speeds above 0 rpm for both shafts.")
     neutral = _neutral(s[moving], r[moving])
     if plan.order != "random":
         sense = 1 if plan.order == "rising" else -1

@@ -61,6 +61,7 @@ class Losses(Strict):
     d: Annotated[float, within(*CONSTANTS["d"].bounds, CONSTANTS["d"].unit)] | None = None
     terms_sun: str | None = None
     terms_ring: str | None = None
+    robust: bool | None = None
 
     @model_validator(mode="after")
     def _one_source(self) -> Losses:

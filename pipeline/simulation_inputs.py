@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from pmg.pipeline.analyse import analyse
+from pmg.pipeline.analyse import analyse, chosen_terms, fit_curves
 from pmg.pipeline.calibrate import calibrate
 from pmg.pipeline.femcsv import read_fem_csv
-from pmg.pipeline.fit import check_powers, fit_losses, point_weights
+from pmg.pipeline.fit import check_powers
 from pmg.pipeline.gridtable import read_published
 from pmg.pipeline.modelfile_read import read_model
-from pmg.pipeline.options import chosen_options, parse_powers
+from pmg.pipeline.options import AUTO, chosen_options, parse_powers
 from pmg.pipeline.outputs import read_analysis
 from pmg.sim.analyticmap import Cogging, analytic_map
 from pmg.sim.dynamics.constants import Control
@@ -160,22 +160,21 @@ def loss_model(file: ScenarioFile, bench: BenchParameters) -> LossModel | None:
         grid, options = read_published(file.beside(given.grids), bench), chosen_options(published=True)
     else:
         grid, options = read_analysis(file.beside(str(given.analysis)))
-    if given.terms_sun is not None:
+    if given.terms_sun == AUTO:
+        options = replace(options, auto_sun=True)
+    elif given.terms_sun is not None:
         powers = _powers(given.terms_sun, f"{file.path}: losses.terms_sun")
         options = replace(options, auto_sun=False, powers_sun=powers)
-    if given.terms_ring is not None:
+    if given.terms_ring == AUTO:
+        options = replace(options, auto_ring=True)
+    elif given.terms_ring is not None:
         powers = _powers(given.terms_ring, f"{file.path}: losses.terms_ring")
         options = replace(options, auto_ring=False, powers_ring=powers)
+    if given.robust is not None:
+        options = replace(options, robust=given.robust)
     by_hand = {name: getattr(given, name) for name in ("b", "c", "d") if getattr(given, name) is not None}
     if given.K_corr is not None and len(by_hand) == 3:
-        fits = fit_losses(
-            grid,
-            options.powers_sun,
-            options.powers_ring,
-            include_rest=options.include_rest,
-            weights=point_weights(grid),
-            robust=options.robust,
-        )
+        fits = fit_curves(grid, chosen_terms(grid, options)[0], weighted=True)
         return LossModel(fits.sun.curve, fits.ring.curve, given.K_corr, **by_hand)
     if given.K_corr is not None:
         options = replace(options, correction=repr(given.K_corr))
@@ -212,7 +211,18 @@ def _about_losses(file: ScenarioFile, model: LossModel | None) -> tuple[tuple[st
         f"{name} = {value:.4g} ({'calibrated' if getattr(given, name) is None else 'set in the scenario'})"
         for name, value in constants.items()
     )
-    return (("Losses", f"curves of {given.grids or given.analysis}"), ("Loss constants", told))
+    terms = "; ".join(
+        f"{shaft} {', '.join(f'{power:g}' for power in curve.powers)}{' (chosen by the data)' if chosen == AUTO else ''}"
+        for shaft, curve, chosen in (
+            ("sun", model.curve_sun, given.terms_sun),
+            ("ring", model.curve_ring, given.terms_ring),
+        )
+    )
+    return (
+        ("Losses", f"curves of {given.grids or given.analysis}" + (", fitted robustly" if given.robust else "")),
+        ("Powers of speed in the curves", terms),
+        ("Loss constants", told),
+    )
 
 
 def _torque_map(file: ScenarioFile, bench: BenchParameters) -> tuple[TorqueMap | None, str]:

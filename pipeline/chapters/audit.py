@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.diagnose.audit import ALIKE, RESEMBLING
 from pmg.pipeline.report.document import Column, Section, Table, Text
 from pmg.sim.signals import MINUTE
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.audit import Audit
+    from pmg.pipeline.diagnose.audit import Audit, LookAlike
     from pmg.pipeline.report.table import Cell
 
 
@@ -24,6 +25,8 @@ def audit_section(audit: Audit) -> Section:
     ]
     if audit.alike:
         items.append(_alike(audit))
+    if audit.apart:
+        items.append(_apart(audit))
     return Section("design", "What the points can tell apart", tuple(items))
 
 
@@ -59,8 +62,7 @@ def _visible(audit: Audit) -> Table:
 def _alike(audit: Audit) -> Table:
     rows: list[tuple[Cell, ...]] = [
         (
-            f"{pair.one.kind.title} ({pair.one.shaft})",
-            f"{pair.other.kind.title} ({pair.other.shaft})",
+            *_named(pair),
             pair.correlation,
             "none of those known" if pair.plan is None else pair.plan.description,
             None if pair.plan is None else pair.plan.seconds / MINUTE,
@@ -71,15 +73,35 @@ def _alike(audit: Audit) -> Table:
     return Table(
         "look-alikes",
         "What looks alike",
-        f"{len(rows)} pairs whose traces, freed from the baseline, correlate by 0.95 or more; the test that would tell "
-        "them apart when the effect is three times what half the campaigns detect.",
+        f"{len(rows)} pair{'s' if len(rows) > 1 else ''} with traces, freed from the baseline, that correlate by "
+        f"{ALIKE:g} or more: of two mechanisms, or of one on either shaft. Beside them the test that would tell them "
+        "apart when the effect is three times what half the campaigns detect.",
         (
             Column("one", "This"),
             Column("other", "looks like"),
             Column("correlation", "Correlation", "", digits=3),
             Column("test", "Separating test"),
-            Column("minutes", "Bench time", "min", digits=0),
+            Column("minutes", "Time", "min", digits=0),
             Column("power", "Power", "%", digits=0),
         ),
         tuple(rows),
     )
+
+
+def _apart(audit: Audit) -> Table:
+    return Table(
+        "told-apart",
+        "What resembles, and is told apart",
+        f"{len(audit.apart)} pair{'s' if len(audit.apart) > 1 else ''} between {RESEMBLING:g} and {ALIKE:g}: these "
+        "points tell them apart once the effect is large enough. What is in neither table correlates less.",
+        (
+            Column("one", "This"),
+            Column("other", "resembles"),
+            Column("correlation", "Correlation", "", digits=3),
+        ),
+        tuple((*_named(pair), pair.correlation) for pair in audit.apart),
+    )
+
+
+def _named(pair: LookAlike) -> tuple[str, str]:
+    return f"{pair.one.kind.title} ({pair.one.shaft})", f"{pair.other.kind.title} ({pair.other.shaft})"

@@ -30,6 +30,9 @@ LEVEL = 0.05
 ALIKE = 0.95
 """Correlation of two signatures, each freed from the baseline, from which on they are look-alikes."""
 
+RESEMBLING = 0.5
+"""Correlation from which on a pair that can be told apart is listed beside the look-alikes."""
+
 UNSEEN = 0.999
 """Part of an effect's power that the baseline takes up from which on it cannot be seen at all."""
 
@@ -67,16 +70,16 @@ class Visibility:
 
 @dataclass(frozen=True)
 class LookAlike:
-    """Two mechanisms that leave the same trace.
+    """Two mechanisms, or one on either shaft, that leave the same trace or nearly so.
 
     Parameters
     ----------
     one, other : Candidate
-        The pair; of different mechanisms.
+        The pair.
     correlation : float
         Of the first one's trace with the best imitation by the other.
     plan : Plan or None
-        The test that would tell them apart; None where none of those known would.
+        The test that would tell them apart; None where none of those known would, or none is needed.
     power : float
         Its power, for effects of three times the size that is detected in half the cases.
     """
@@ -99,12 +102,15 @@ class Audit:
     visible : tuple of Visibility
         Every mechanism on every shaft.
     alike : tuple of LookAlike
-        Pairs that these points cannot tell apart.
+        Pairs that these points cannot tell apart, closest first.
+    apart : tuple of LookAlike
+        Pairs that resemble each other and can be told apart by these points, closest first.
     """
 
     stage: Stage
     visible: tuple[Visibility, ...]
     alike: tuple[LookAlike, ...]
+    apart: tuple[LookAlike, ...] = ()
 
 
 def audit_design(grid: Grid, bench: BenchParameters, model: LossModel, floor: NoiseFloor) -> Audit:
@@ -133,7 +139,14 @@ def audit_design(grid: Grid, bench: BenchParameters, model: LossModel, floor: No
     looked_for = len(families(readings, bench, model)) + len(candidates())
     threshold = float(stats.norm.isf(0.5 * LEVEL / looked_for))
     found = tuple(_visibility(stage, candidate, threshold) for candidate in candidates())
-    return Audit(stage, found, _look_alikes(stage, found, floor))
+    fits = {seen.candidate: _as_fit(stage, seen.candidate, seen.values_50) for seen in found if not seen.unseen}
+    pairs = _resembling(stage, fits)
+    alike = [pair for pair in pairs if pair.correlation >= ALIKE]
+    longer = tuple(
+        (plan, longer_stage(stage, plan, floor)) for plan in (possible_plans(grid.points, bench) if alike else ())
+    )
+    apart = tuple(pair for pair in pairs if RESEMBLING <= pair.correlation < ALIKE)
+    return Audit(stage, found, tuple(_with_test(pair, fits, longer) for pair in alike), apart)
 
 
 def _visibility(stage: Stage, candidate: Candidate, threshold: float) -> Visibility:
@@ -158,31 +171,24 @@ def _as_fit(stage: Stage, candidate: Candidate, values: Array) -> CandidateFit:
     return CandidateFit(candidate, values, 0.0, effect, stage.project(effect), ())
 
 
-def _look_alikes(stage: Stage, found: tuple[Visibility, ...], floor: NoiseFloor) -> tuple[LookAlike, ...]:
-    """Pairs of different mechanisms of which one can imitate the other's trace."""
+def _resembling(stage: Stage, fits: dict[Candidate, CandidateFit]) -> list[LookAlike]:
+    """How well one of a pair can imitate the other's trace, closest first; of two mechanisms, on the worst shafts."""
     blank = replace(stage, left=np.zeros(len(stage.readings)))
-    fits, free = {}, {}
-    for visible in found:
-        if not visible.unseen:
-            fit = _as_fit(stage, visible.candidate, visible.values_50)
-            fits[visible.candidate] = fit
-            free[visible.candidate] = take_out(blank, replace(fit, seen=np.zeros(len(stage.readings))))
-    longer = tuple(
-        (plan, longer_stage(stage, plan, floor)) for plan in possible_plans(stage.readings.grid.points, stage.bench)
-    )
+    free = {c: take_out(blank, replace(fit, seen=np.zeros(len(stage.readings)))) for c, fit in fits.items()}
     pairs: dict[frozenset[str], LookAlike] = {}
     for one, fit in fits.items():
         length = float(fit.seen @ fit.seen)
         for other in fits:
-            ids = frozenset((one.identifier, other.identifier))
-            if len(ids) == 1:
+            if one is other or (one.kind is other.kind and "both" in (one.shaft, other.shaft)):
                 continue
+            same = one.kind is other.kind
+            key = frozenset((one.shaft, other.shaft, one.identifier) if same else (one.identifier, other.identifier))
             rest = free[other].project(fit.effect)
             correlation = math.sqrt(max(0.0, 1.0 - float(rest @ rest) / length))
-            known = pairs.get(ids)
-            if correlation >= ALIKE and (known is None or correlation > known.correlation):
-                pairs[ids] = LookAlike(one, other, correlation, None, 0.0)
-    return tuple(_with_test(pair, fits, longer) for pair in sorted(pairs.values(), key=lambda pair: -pair.correlation))
+            known = pairs.get(key)
+            if known is None or correlation > known.correlation:
+                pairs[key] = LookAlike(one, other, correlation, None, 0.0)
+    return sorted(pairs.values(), key=lambda pair: -pair.correlation)
 
 
 SURE_SIZE = 3.0

@@ -18,10 +18,16 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnose.candidates import Stage
     from pmg.pipeline.diagnose.noise import NoiseFloor
+    from pmg.pipeline.diagnose.scan import Scan
+    from pmg.sim.signals import Array
 
 
 ORDINARY_SWING = 18.0
 """Sum of squares, in noise variances, that the largest of a hundred swings rarely exceeds in noise alone."""
+
+
+USUAL = 0.99
+"""Quantile of the excess in noise alone that counts as usual."""
 
 
 def make_judge(stage: Stage, floor: NoiseFloor, rng: np.random.Generator, draws: int) -> Callable[[Stage], Remainder]:
@@ -55,15 +61,26 @@ def make_judge(stage: Stage, floor: NoiseFloor, rng: np.random.Generator, draws:
         observed = float(scan(given.left[:, None])[:, 0].min())
         smallest = scan(noise).min(axis=0)
         p_value = (1.0 + float(np.sum(smallest <= observed))) / (draws + 1.0)
-        along = scan.everything.T @ given.left
-        rest = given.left - scan.everything @ along
-        dof = max(len(rest) - scan.everything.shape[1], 1)
-        dimensions = scan.everything.shape[1] - given.baseline.shape[1]
-        variance = max(float(rest @ rest) / dof, 1e-12)
-        of_noise = np.sum((scan.everything.T @ noise) ** 2, axis=0) - np.sum((given.baseline.T @ noise) ** 2, axis=0)
-        usual = float(np.quantile(of_noise, 0.95)) - dimensions
-        swung = max((float(np.sum((b.T @ rest) ** 2)) for b in scan.bases[len(columns) - len(narrow) :]), default=0.0)
-        beyond = max(0.0, swung / variance - ORDINARY_SWING)
-        return Remainder(p_value, max(0.0, float(along @ along) / variance - dimensions) + beyond, usual)
+        excess = _excess(scan, given.left[:, None], len(narrow))
+        usual = float(np.quantile(_excess(scan, noise, len(narrow)), USUAL))
+        return Remainder(p_value, max(0.0, float(excess[0])), usual)
 
     return judge
+
+
+def _excess(scan: Scan, white: Array, narrow: int) -> Array:
+    """Sum of squares of whitened columns (m, draws) along the families, less its expectation, in noise variances.
+
+    The variance is that of what follows no family; the largest of the narrow families adds what it has beyond the
+    ordinary.
+    """
+    left = white - scan.baseline @ (scan.baseline.T @ white)
+    along = scan.everything.T @ left
+    rest = left - scan.everything @ along
+    dof = max(len(white) - scan.everything.shape[1], 1)
+    dimensions = scan.everything.shape[1] - scan.baseline.shape[1]
+    variance = np.maximum(np.sum(rest**2, axis=0) / dof, 1e-12)
+    swung = np.zeros(white.shape[1])
+    for basis in scan.bases[len(scan.bases) - narrow :]:
+        swung = np.maximum(swung, np.sum((basis.T @ rest) ** 2, axis=0) / variance)
+    return np.asarray(np.sum(along**2, axis=0) / variance - dimensions + np.maximum(swung - ORDINARY_SWING, 0.0))

@@ -95,7 +95,7 @@ class Remainder:
     excess : float
         Sum of squares along the families of structure, beyond what noise gives, in noise variances.
     usual : float
-        What noise alone exceeds one time in twenty.
+        What noise alone exceeds one time in a hundred.
     """
 
     p_value: float
@@ -109,7 +109,7 @@ class Remainder:
 
     @property
     def within_noise(self) -> bool:
-        """Whether nothing in it is more than noise gives one time in twenty."""
+        """Whether nothing in it is more than noise gives one time in a hundred, and no family is seen in it."""
         return self.p_value >= ORDINARY and self.excess <= self.usual
 
 

@@ -116,7 +116,7 @@ def refit(stage: Stage, fits: tuple[CandidateFit, ...]) -> Refit:
     slopes = np.zeros((len(stage.readings), len(values)))
     slopes[:, loose] = np.asarray(found.jac)
     _, singular, right = np.linalg.svd(slopes[:, free], full_matrices=False)
-    weak = singular < WEAK * singular[0]
+    weak = singular < WEAK * singular.max(initial=0.0)
     spread = np.where(weak[:, None], 0.0, right / np.where(weak, 1.0, singular)[:, None])
     lost = (np.abs(right[weak]) > 0.3).any(axis=0) if weak.any() else np.zeros(int(free.sum()), dtype=bool)
     errors[free] = np.where(lost, np.nan, np.sqrt(np.sum(spread**2, axis=0)) * size[free])

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 
     from pmg.sim.signals import Array, Mask
 
+FARTHEST = 2.0
+"""Standard deviation of a withheld prediction, in noise of the reading, beyond which the reading is not looked at: a
+fit is not asked to reach beyond its data."""
+
 PLACEBOS = 20
 """Placebos tried, each another shuffle."""
 
@@ -55,10 +59,12 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
     y = readings.torque - stage.predicted
     columns = stage.columns
     before, after = y.copy(), y.copy()
+    within = np.ones(len(y), dtype=bool)
     chosen: Counter[str] = Counter()
     for k in range(FOLDS):
         train, test = fold != k, fold == k
         scale = stage.white.scale
+        within[test] = _reach(columns, scale, train, test) <= FARTHEST
         before[test] = _left(y, columns, scale, train)[test]
         effects = np.zeros_like(y)
         part = _part(stage, train)
@@ -71,6 +77,7 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
         chosen.update(taken)
         after[test] = _left(y - effects, columns, scale, train)[test]
     squares = before**2, after**2
+    touched &= within
     blocks = touched_blocks(block, touched)
     if len(blocks) < 2:
         where, came = "held-out proof", f"{len(blocks)} blocks of readings"
@@ -109,6 +116,14 @@ def _placebo_gain(
             after[test] = _left(y, columns, scale, train)[test]
         gains.append(math.sqrt((before[touched] ** 2).mean()) - math.sqrt((after[touched] ** 2).mean()))
     return float(np.mean(gains))
+
+
+def _reach(columns: Array, scale: Array, train: Mask, test: Mask) -> Array:
+    """Standard deviation with which the training rows predict the baseline of the test rows, over their noise."""
+    length = np.linalg.norm(columns, axis=0)
+    unit = columns / np.where(length > 0.0, length, 1.0)
+    inverse = np.linalg.pinv(unit[train] / scale[train, None], rcond=1e-8)
+    return np.asarray(np.linalg.norm(unit[test] @ inverse, axis=1) / scale[test])
 
 
 def _left(y: Array, columns: Array, scale: Array, train: Mask) -> Array:

@@ -71,8 +71,8 @@ def run_residuals(
         An unknown fit, too few draws, or a fit that these points do not allow.
     """
     if (store is None) == (grids is None):
-        came = "neither --store nor --grids" if store is None else "both --store and --grids"
-        raise GridError("pmg residuals", came, "one of them", "Name a store with an analysis, or published grids.")
+        came = "neither" if store is None else "both"
+        raise GridError("--store and --grids", came, "one of them", "Name a store with an analysis, or published grids.")
     draws, seed = DRAWS if draws is None else draws, SEED if seed is None else seed
     if fit is not None and fit not in FITS:
         raise FitError("--fit", repr(fit), ", ".join(FITS), near_miss(fit, FITS) or "Choose one, or leave it out.")

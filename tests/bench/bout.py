@@ -164,7 +164,9 @@ class Answer:
 class Contestant(Protocol):
     """One that answers."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """As in the table, and in the files that keep its answers."""
 
     def __call__(self, bout: Bout, *, withheld: bool) -> Answer:
         """What it says of a campaign; errors on withheld readings only when asked for."""

@@ -67,6 +67,8 @@ class Row:
                 {"mean_sigma": mean, "hits": rate.hits, "of": rate.of, "interval": list(rate.interval or ())}
                 for _, _, mean, rate in self.bins
             ],
+            "outcomes": [str(score.outcome) for score in self.scores],
+            "said": [list(score.named) for score in self.scores],
             "median_seconds": self.seconds if math.isfinite(self.seconds) else None,
         }
 
@@ -128,12 +130,12 @@ def rows_of(
     made = [answer for answer in answers if answer is not None]
     seconds = [answer.seconds for answer in made]
     rows = [
-        row_of(name, rule, _scores(truths, [a and a.settings[rule] for a in answers]), seconds)
+        row_of(name, rule, _scores(truths, [None if a is None else a.settings[rule] for a in answers]), seconds)
         for rule in (made[0].settings if made else ())
     ]
     threshold = calibrated_threshold([answer.level for answer in clean if answer is not None])
     if math.isfinite(threshold):
-        replies = [a and a.above(threshold) for a in answers]
+        replies = [None if a is None else a.above(threshold) for a in answers]
         rows.append(row_of(name, CALIBRATED, _scores(truths, replies), seconds))
     return tuple(rows)
 

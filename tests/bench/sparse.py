@@ -34,8 +34,17 @@ ABSORBED = 1e-2
 
 @dataclass(frozen=True)
 class Library:
-    """Columns to choose from, of unit root mean square, the mechanism of each, and whether they stand beside a baseline
-    that stays free; else it is frozen."""
+    """Columns to choose from.
+
+    Parameters
+    ----------
+    theta : (m, k) array
+        The columns in units of the noise, each of unit root mean square.
+    owners : tuple of (id, shaft) or None
+        The mechanism of each; None where it stands for none.
+    beside : bool
+        Whether the baseline stays free beside them; else it is frozen.
+    """
 
     theta: Array
     owners: tuple[tuple[str, str] | None, ...]
@@ -96,9 +105,8 @@ def sparse_coefficients(optimizer: str, theta: Array, y: Array, level: float) ->
         chosen = pysindy.STLSQ(threshold=level)
     else:
         lam = level**2 / (2.0 * RELAX)  # the hard threshold of L0 is sqrt(2 lam nu)
-        start = np.zeros(
-            (1, theta.shape[1])
-        )  # from its default start, least squares, nearly equal columns keep huge weights
+        # From its default start, least squares, nearly equal columns keep huge weights of opposite sign.
+        start = np.zeros((1, theta.shape[1]))
         chosen = pysindy.SR3(lam, "L0", RELAX, max_iter=MOST_STEPS, initial_guess=start)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -127,7 +135,7 @@ class SparseRegression:
         every = np.ones(len(bout.fold), dtype=bool)
         theta, y = library.columns(bout, every), bout.residual_without(every) if library.beside else bout.residual
         all_of_it = np.stack([sparse_coefficients(self.optimizer, theta, y, float(level)) for level in LEVELS])
-        errors = {(k,): self._errors(bout, library, (k,)) for k in range(FOLDS)}
+        errors: dict[tuple[int, ...], Array] = {(k,): self._errors(bout, library, (k,)) for k in range(FOLDS)}
         best, frugal = _choose([np.mean(errors[(k,)][:, bout.fold == k] ** 2, axis=1) for k in range(FOLDS)])
         seconds = time.perf_counter() - began
         effects = all_of_it @ theta.T

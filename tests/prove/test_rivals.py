@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from pmg.pipeline.prove.strata import find_stratum
-from pmg.pipeline.prove.trial.lot import SEED, Lot, draw_lots
-from pmg.pipeline.prove.trial.score import Outcome
-from pmg.sim.errors import BenchError
+from tests.bench import contestants
 from tests.bench.bout import Answer, Bout, Reply, enter
 from tests.bench.contestants import BestOfCatalogue
 from tests.bench.rivals import chosen, read_proof, run
 from tests.bench.rivalscore import CALIBRATED, Row, calibrated_threshold, proof_row, rows_of, score, table
+
+from pmg.pipeline.prove.strata import find_stratum
+from pmg.pipeline.prove.trial.lot import SEED, Lot, draw_lots
+from pmg.pipeline.prove.trial.score import Outcome
+from pmg.sim.errors import BenchError, FitError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -185,6 +186,15 @@ def test_the_best_of_the_catalogue_finds_a_large_offset(bout: Bout) -> None:
     assert answer.settings["BIC"] == Reply(True, ("torque_zero_offset", "sun"), None)
     assert answer.above(0.0).alarm
     assert not answer.above(answer.level).alarm
+
+
+def test_an_effect_that_cannot_be_withheld_is_still_an_answer(bout: Bout, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuses(*_: object) -> None:
+        raise FitError("held-out proof", "1 blocks of readings", "two or more", "Measure more speeds.")
+
+    monkeypatch.setattr(contestants, "withhold", refuses)
+    answer = BestOfCatalogue()(bout, withheld=True)
+    assert answer.settings["BIC"] == Reply(True, ("torque_zero_offset", "sun"), None)
 
 
 def test_an_interrupted_run_goes_on_where_it_was(tmp_path: Path) -> None:
