@@ -23,6 +23,7 @@ from pmg.pipeline.diagnose.symbolic import find_shape
 from pmg.pipeline.diagnose.whiten import whitener
 from pmg.pipeline.diagnose.withheld import withhold
 from pmg.pipeline.readings import predict
+from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.calibrate import Calibration
     from pmg.pipeline.diagnose.holdout import HeldOut
     from pmg.pipeline.diagnose.locate import Mismatch
-    from pmg.pipeline.diagnose.naming import Naming
+    from pmg.pipeline.diagnose.naming import Explanation, Naming
     from pmg.pipeline.diagnose.noise import NoiseFloor
     from pmg.pipeline.diagnose.refit import Refit
     from pmg.pipeline.fit import LossFits
@@ -87,8 +88,8 @@ def diagnose(
     stage = set_stage(readings, bench, calibration.model, whitener(readings, bench, floor), allowed)
     naming = name_mechanisms(stage, make_judge(stage, floor, rng, JUDGE_DRAWS))
     if naming.explained:
-        held = withhold(stage, naming.best.fits, rng)
-        if _predicts(held):
+        held = _withheld(stage, naming.best, rng)
+        if held is not None and _predicts(held):
             found = refit(stage, naming.best.fits)
             rivals = tuple(Rival(rival, next_test(stage, naming.best, rival, floor)) for rival in naming.rivals)
             verdict = Verdict.AMBIGUOUS if rivals else Verdict.NAMED
@@ -108,8 +109,8 @@ def diagnose(
                 decoys=offer_decoys(stage, naming, rng),
             )
     if naming.weak:
-        held = withhold(stage, naming.weak[0].fits, rng)
-        if held.rmse_after <= NOT_WORSE * held.rmse_before:
+        held = _withheld(stage, naming.weak[0], rng)
+        if held is not None and held.rmse_after <= NOT_WORSE * held.rmse_before:
             return _too_weak(grid.campaign, calibration, mismatch, floor, blind, naming, stage, outliers, held)
     held_structure = hold_out(grid, fits, floor, bench, mismatch.locations, rng)
     absorbed = _absorbed(mismatch, calibration, bench)
@@ -158,6 +159,14 @@ def _too_weak(
         outliers,
         weak=True,
     )
+
+
+def _withheld(stage: Stage, explanation: Explanation, rng: np.random.Generator) -> HeldOut | None:
+    """The proof on withheld readings; None where the effect touches too few blocks for one: it is not named then."""
+    try:
+        return withhold(stage, explanation.fits, rng)
+    except FitError:
+        return None
 
 
 def _predicts(held: HeldOut) -> bool:
