@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.calibrate import jacobian, parameter_names
+from pmg.pipeline.diagnose.noise import orthonormal
 from pmg.pipeline.readings import take_readings
 
 if TYPE_CHECKING:
@@ -154,7 +155,9 @@ def causes_of_calibration(grid: Grid, calibration: Calibration, bench: BenchPara
     Near the solution the parameters are linear in the readings, :math:`\delta\theta = (J^TWJ)^{-1}J^TW\,\delta r`.
     This carries a transducer's error into curves and constants, and correlates a point with the fit it took part in.
     Where the readings scatter by more than their uncertainty, the covariance is inflated as in
-    `pmg.pipeline.correction`. A parameter on its bound contributes what it may still be.
+    `pmg.pipeline.correction`, but not for what the transducers' tolerances :math:`s_t` alone let expect, which is
+    counted by itself: :math:`\mathrm{E}[\chi^2] = \nu + \sum_t \|(I-P)Ws_t\|^2`. A parameter on its bound
+    contributes what it may still be.
     """
     readings = take_readings(grid, bench)
     model, free = calibration.model, calibration.free
@@ -171,9 +174,16 @@ def causes_of_calibration(grid: Grid, calibration: Calibration, bench: BenchPara
     influence[1][:, row[~sun]] = response[:, ~sun]
     loaded = sun & at.engaged[row]
     influence[1][:, row[loaded]] -= response[:, loaded] / ratio[row[loaded]]
-    scale = math.sqrt(max(1.0, calibration.chi_square / calibration.dof)) if calibration.dof > 0 else 1.0
+    transducers = transducer_causes(grid, bench)
+    basis = orthonormal(weighted)
+    expected = float(calibration.dof)
+    for cause in transducers:
+        of_ring = cause.ring[row] / ratio[row]
+        shift = np.where(sun, cause.sun[row] - np.where(loaded, of_ring, 0.0), cause.ring[row]) / readings.u
+        expected += float(np.sum((shift - basis @ (basis.T @ shift)) ** 2))
+    scale = math.sqrt(max(1.0, calibration.chi_square / expected)) if calibration.dof > 0 else 1.0
     root = scale * _root(calibration.moments)
-    return _causes(names, root, influence, grid, transducer_causes(grid, bench), fitted=CORRECTION in free)
+    return _causes(names, root, influence, grid, transducers, fitted=CORRECTION in free)
 
 
 def _causes(

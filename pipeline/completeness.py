@@ -9,11 +9,29 @@ import numpy as np
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
-    from pmg.sim.grid import Grid
+    from pmg.sim.grid import Grid, OperatingPoints
     from pmg.sim.signals import Array, Mask
 
 MAIN_LEVEL = 0.5
 """A level belongs to the main grid when it holds at least this part of the cells of the fullest level."""
+
+APART_RPM = 2.0
+"""Gap between speeds beyond which they are two levels: a bench meets a speed it is asked for only nearly."""
+
+
+def speed_levels(at: OperatingPoints) -> tuple[Array, Array]:
+    """Levels of the sun's and the ring's speed that the points were run at [rpm], whole numbers."""
+    return _joined(SPEED_SUN.display(at.speed_sun)), _joined(SPEED_RING.display(at.speed_ring))
+
+
+def _joined(speed_rpm: Array) -> Array:
+    """The rounded mean of those that lie together, in place of each; each for itself where a heap is no narrower."""
+    order = np.argsort(speed_rpm, kind="stable")
+    heap = np.zeros(len(speed_rpm), dtype=np.int64)
+    heap[order[1:]] = np.cumsum(np.diff(speed_rpm[order]) > APART_RPM)
+    mean = np.bincount(heap, speed_rpm) / np.bincount(heap)
+    near = np.abs(speed_rpm - mean[heap]) <= 0.5 * APART_RPM
+    return np.asarray(np.round(np.where(near, mean[heap], speed_rpm)) + 0.0)
 
 
 def holes(grid: Grid) -> tuple[str, ...]:
@@ -23,7 +41,7 @@ def holes(grid: Grid) -> tuple[str, ...]:
     repeats do not span it, and the neutral cell with both shafts at rest is not expected.
     """
     at = grid.points
-    sun, ring = np.round(SPEED_SUN.display(at.speed_sun)), np.round(SPEED_RING.display(at.speed_ring))
+    sun, ring = speed_levels(at)
     neutral = at.neutral & (sun >= 0) & (ring >= 0)
     engaged = at.engaged & (at.drive == "sun") & (sun > 0)
     lacking = [

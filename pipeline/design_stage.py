@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pmg.pipeline.analyse import analyse
 from pmg.pipeline.chapters.audit import audit_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
-from pmg.pipeline.diagnose.audit import audit_design
+from pmg.pipeline.diagnose.audit import RESEMBLING, audit_design
 from pmg.pipeline.modelfile_read import read_model
 from pmg.pipeline.outputs import read_analysis
 from pmg.pipeline.planned import planned_floor, planned_grid
@@ -118,11 +118,13 @@ def _lines(audit: Audit) -> list[str]:
             f"look alike ({pair.correlation:.3f}): {pair.one.identifier} ({pair.one.shaft}) and "
             f"{pair.other.identifier} ({pair.other.shaft}); {test}"
         )
-    rows += [
-        f"told apart ({pair.correlation:.3f}): {pair.one.identifier} ({pair.one.shaft}) and "
-        f"{pair.other.identifier} ({pair.other.shaft})"
-        for pair in audit.apart
-    ]
+    if audit.resembling:
+        near = audit.resembling[0]
+        rows.append(
+            f"told apart, though they resemble each other by {RESEMBLING:g} or more: {len(audit.resembling)} pairs, "
+            f"closest ({near.correlation:.3f}) {near.one.identifier} ({near.one.shaft}) and "
+            f"{near.other.identifier} ({near.other.shaft})"
+        )
     return [*rows, _told(audit)]
 
 

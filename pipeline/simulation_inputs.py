@@ -212,14 +212,16 @@ def _about_losses(file: ScenarioFile, model: LossModel | None) -> tuple[tuple[st
         for name, value in constants.items()
     )
     terms = "; ".join(
-        f"{shaft} {', '.join(f'{power:g}' for power in curve.powers)}{' (chosen by the data)' if chosen == AUTO else ''}"
+        f"{shaft} {', '.join(f'{power:g}' for power in curve.powers)}" + (" (by the data)" if chosen == AUTO else "")
         for shaft, curve, chosen in (
             ("sun", model.curve_sun, given.terms_sun),
             ("ring", model.curve_ring, given.terms_ring),
         )
     )
+    by_hand = all(getattr(given, name) is not None for name in constants)
+    fitted = "fitted robustly" if by_hand else "calibrated together with the constants, not robustly"
     return (
-        ("Losses", f"curves of {given.grids or given.analysis}" + (", fitted robustly" if given.robust else "")),
+        ("Losses", f"curves of {given.grids or given.analysis}" + (f", {fitted}" if given.robust else "")),
         ("Powers of speed in the curves", terms),
         ("Loss constants", told),
     )

@@ -25,7 +25,7 @@ def audit_section(audit: Audit) -> Section:
     ]
     if audit.alike:
         items.append(_alike(audit))
-    if audit.apart:
+    if audit.resembling:
         items.append(_apart(audit))
     return Section("design", "What the points can tell apart", tuple(items))
 
@@ -92,14 +92,14 @@ def _apart(audit: Audit) -> Table:
     return Table(
         "told-apart",
         "What resembles, and is told apart",
-        f"{len(audit.apart)} pair{'s' if len(audit.apart) > 1 else ''} between {RESEMBLING:g} and {ALIKE:g}: these "
-        "points tell them apart once the effect is large enough. What is in neither table correlates less.",
+        f"{len(audit.resembling)} pair{'s' if len(audit.resembling) > 1 else ''} between {RESEMBLING:g} and {ALIKE:g}: "
+        "these points tell them apart once the effect is large enough. What is in neither table correlates less.",
         (
             Column("one", "This"),
             Column("other", "resembles"),
             Column("correlation", "Correlation", "", digits=3),
         ),
-        tuple((*_named(pair), pair.correlation) for pair in audit.apart),
+        tuple((*_named(pair), pair.correlation) for pair in audit.resembling),
     )
 
 

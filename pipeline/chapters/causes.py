@@ -1,4 +1,4 @@
-"""What was left out: the mechanisms, their rivals, the residual before and after, and the next test."""
+"""What was left out: the mechanisms, what else would show them, the residual before and after, the ranking."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.chapters.grounds import on_bound
 from pmg.pipeline.diagnose.document import probabilities
-from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Series, Table, Text
+from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Series, Table
 from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_SUN, Array
 
 if TYPE_CHECKING:
@@ -18,17 +19,31 @@ RANKED = 8
 """Mechanisms of the catalogue shown in the ranking."""
 
 
-def cause_items(diagnosis: Diagnosis, residual: Array) -> list[Text | Table | Figure]:
-    """Tables and figure on the cause; none where nothing was searched for."""
-    if diagnosis.naming is None:
+def cause_items(diagnosis: Diagnosis, residual: Array) -> list[Facts | Table | Figure]:
+    """The cause, what else would show it, the residual before and after; none where nothing is told."""
+    if diagnosis.refit is None:
         return []
-    items: list[Text | Table | Figure] = []
-    if diagnosis.refit is not None:
-        items += [_mechanisms(diagnosis), _before_and_after(diagnosis, residual)]
-    if diagnosis.rivals:
-        items.append(_rivals(diagnosis))
-    items.append(_ranking(diagnosis))
-    return items
+    return [_mechanisms(diagnosis), _revealed_by(diagnosis), _before_and_after(diagnosis, residual)]
+
+
+def ranking_items(diagnosis: Diagnosis) -> list[Table]:
+    """The catalogue as it ranks; none where nothing was searched for."""
+    return [] if diagnosis.naming is None else [_ranking(diagnosis)]
+
+
+def _revealed_by(diagnosis: Diagnosis) -> Facts:
+    """What else would show each mechanism, from its card in the catalogue."""
+    assert diagnosis.naming is not None
+    kinds = {fit.candidate.kind for fit in diagnosis.naming.best.fits}
+    return Facts(
+        tuple(
+            (
+                f"Shown by, {kind.title[0].lower()}{kind.title[1:]}",
+                "; ".join(f"{r.experiment.replace('_', ' ')}: {r.trace}" for r in kind.revealed_by),
+            )
+            for kind in sorted(kinds, key=lambda kind: kind.title)
+        )
+    )
 
 
 def _mechanisms(diagnosis: Diagnosis) -> Table:
@@ -38,27 +53,35 @@ def _mechanisms(diagnosis: Diagnosis) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for fit, values, errors in zip(naming.best.fits, found.values, found.standard_errors, strict=True):
         for parameter, value, error in zip(fit.candidate.parameters, values, errors, strict=True):
+            bound = on_bound(float(value), parameter)
+            remark = "on its bound" if bound is not None else "" if np.isfinite(error) else "not determined"
             rows.append(
                 (
                     fit.candidate.kind.title,
                     naming.shafts[fit.candidate.identifier],
                     parameter.meaning,
-                    Measured(float(value), float(error)),
-                    parameter.unit,
+                    Measured(float(value) if bound is None else bound, float(error)),
+                    "" if parameter.unit == "1" else parameter.unit,
+                    remark,
                 )
             )
-    weight = probabilities(diagnosis)[0]
+    title, told = "What was left out", "Baseline and mechanism fitted together, every constant free"
+    if diagnosis.weak:
+        title, told = "What may have been left out", f"The first of a set too weak to tell apart. {told}"
+    elif diagnosis.rivals:
+        weight = probabilities(diagnosis)[0]
+        title, told = "What may have been left out", f"{told}; weight among what cannot be told apart {weight:.0%}"
     return Table(
         "mechanisms",
-        "What was left out",
-        f"Baseline and mechanism fitted together, every constant free; weight among what cannot be told apart "
-        f"{weight:.0%}. A parameter without uncertainty sits on its bound or is not determined.",
+        title,
+        f"{told}.",
         (
             Column("mechanism", "Mechanism"),
             Column("shaft", "Shaft"),
             Column("parameter", "Parameter"),
             Column("value", "Value", "", uncertain=True),
             Column("unit", "Unit"),
+            Column("remark", "Remark"),
         ),
         tuple(rows),
     )
@@ -75,19 +98,22 @@ def _before_and_after(diagnosis: Diagnosis, residual: Array) -> Figure:
     remembers = any(fit.candidate.kind.memory for fit in naming.best.fits)
     if remembers and at.ordered:
         x, label = (at.started_at - readings.grid.points.started_at.min()) / MINUTE, "time since the first point [min]"
-    elif bool(at.engaged.any()):
+    elif 2.0 * float(np.sum(effect[rows][at.engaged] ** 2)) > float(np.sum(effect[rows] ** 2)):
         x, label = at.torque_ring, "ring torque [N m]"
     else:
         x, label = SPEED_SUN.display(np.abs(at.speed_sun)), SPEED_SUN.label
     after = readings.torque - found.prediction
     before_rms, after_rms = (float(np.sqrt(np.mean(part[rows] ** 2))) for part in (residual, after))
+    u = readings.u[rows]
+    reach = 1.05 * max(float(np.max(np.abs(part[rows]) + 2.0 * u)) for part in (residual, after)) / RESIDUAL.scale
     panels = tuple(
         Chart(
             label,
             RESIDUAL.label,
-            (Series("U = 2u", x, RESIDUAL.display(part[rows]), readings.u[rows] / RESIDUAL.scale, "markers", colour),),
+            (Series("U = 2u", x, RESIDUAL.display(part[rows]), u / RESIDUAL.scale, "markers", colour),),
             references=(("", 0.0),),
             title=title,
+            y_limits=(-reach, reach),
         )
         for title, part, colour in (("baseline alone", residual, 0), ("with what was left out", after, 1))
     )
@@ -99,36 +125,6 @@ def _before_and_after(diagnosis: Diagnosis, residual: Array) -> Figure:
         f"alone, {after_rms * 1e3:.2f} mN m with it in.",
         panels,
         columns=2,
-    )
-
-
-def _rivals(diagnosis: Diagnosis) -> Table:
-    assert diagnosis.naming is not None
-    rows: list[tuple[Cell, ...]] = []
-    for rival in diagnosis.rivals:
-        names = " + ".join(f"{fit.candidate.kind.title} ({fit.candidate.shaft})" for fit in rival.explanation.fits)
-        test = rival.test
-        rows.append(
-            (
-                names,
-                diagnosis.naming.best.score - rival.explanation.score,
-                "none known" if test is None else test.plan.description,
-                None if test is None else test.plan.seconds / MINUTE,
-                None if test is None else 100.0 * test.power,
-            )
-        )
-    return Table(
-        "rivals",
-        "What these recordings cannot tell from it",
-        "Evidence in noise variances; the test that would tell, its bench time, and the probability that it does.",
-        (
-            Column("rival", "Rival"),
-            Column("behind", "Behind by", "", digits=1),
-            Column("test", "Separating test"),
-            Column("minutes", "Bench time", "min", digits=0),
-            Column("power", "Power", "%", digits=0),
-        ),
-        tuple(rows),
     )
 
 

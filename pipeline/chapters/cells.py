@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.completeness import speed_levels
 from pmg.pipeline.report.document import Measured
-from pmg.sim.signals import SPEED_RING, SPEED_SUN, Array, Mask, Signal
+from pmg.sim.signals import Array, Mask, Signal
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -16,11 +17,6 @@ if TYPE_CHECKING:
 
 REVERSED = "reversed flow"
 """Name of the engaged series in which the ring drives."""
-
-
-def speed_levels(at: OperatingPoints) -> tuple[Array, Array]:
-    """Speeds rounded to whole rpm, sun and ring."""
-    return np.round(SPEED_SUN.display(at.speed_sun)) + 0.0, np.round(SPEED_RING.display(at.speed_ring)) + 0.0
 
 
 def lay_out(x: Array, y: Array, values: Array) -> tuple[Array, Array, Array]:

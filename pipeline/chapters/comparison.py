@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.cells import by_load, by_speed, forward_neutral, lay_out, measured, speed_levels
+from pmg.pipeline.chapters.cells import by_load, by_speed, forward_neutral, lay_out, measured
 from pmg.pipeline.compare import COVERAGE
+from pmg.pipeline.completeness import speed_levels
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, SpeedMap, Table, Text
 from pmg.sim import signals, sources
 from pmg.sim.signals import RESIDUAL, SPEED_RING, SPEED_SUN

@@ -1,4 +1,4 @@
-"""Chapter on the diagnosis: verdict, places, what the baseline had absorbed, the held-out proof."""
+"""Chapter on the diagnosis: the verdict, what the points cannot tell, the places, and the grounds in their order."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.causes import cause_items
+from pmg.pipeline.chapters.causes import cause_items, ranking_items
+from pmg.pipeline.chapters.grounds import cannot_tell, decoy_items, noise_words, withheld_items
+from pmg.pipeline.chapters.nexttests import next_test_items
 from pmg.pipeline.chapters.shape import shape_items
 from pmg.pipeline.diagnose.diagnosis import component_of
-from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Section, Series, Table, Text
+from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, Table, Text
+from pmg.pipeline.report.numerals import number
 from pmg.sim import sources
 from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_RING, SPEED_SUN
 
@@ -29,15 +32,20 @@ def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.
         Measured minus simulated at the readings of the test [N m].
     """
     mismatch = diagnosis.mismatch
+    weak = ": a mismatch too weak to name its cause" if diagnosis.weak else ""
     items: list[Text | Facts | Table | Figure] = [
         Facts(
             (
-                ("Verdict", str(diagnosis.verdict).replace("_", " ")),
+                ("Verdict", str(diagnosis.verdict).replace("_", " ") + weak),
                 ("p-value of the whole procedure", _p_value(mismatch)),
-                ("False-alarm rate of the test", f"{mismatch.false_alarm_rate:.0%}"),
-                ("Kinds of structure looked for", str(mismatch.tested)),
-                ("Noise, sun", f"{diagnosis.floor.sun.u * 1e3:.2f} mN m: {diagnosis.floor.sun.source}"),
-                ("Noise, ring", f"{diagnosis.floor.ring.u * 1e3:.2f} mN m: {diagnosis.floor.ring.source}"),
+                (
+                    "Test",
+                    f"{mismatch.tested} kinds of structure looked for; {mismatch.false_alarm_rate:.0%} of clean "
+                    "campaigns would raise an alarm",
+                ),
+                *cannot_tell(diagnosis),
+                ("Noise, sun", noise_words(diagnosis.floor.sun, sun=True)),
+                ("Noise, ring", noise_words(diagnosis.floor.ring, sun=False)),
             )
         ),
     ]
@@ -53,22 +61,10 @@ def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.
         items += [_locations(diagnosis), _figure(diagnosis, residual)]
     items += shape_items(diagnosis)
     items += cause_items(diagnosis, residual)
-    if diagnosis.absorbed:
-        items.append(_absorbed(diagnosis))
-    if diagnosis.held_out is not None:
-        held = diagnosis.held_out
-        low, high = held.gain_interval
-        items.append(
-            Facts(
-                (
-                    ("Withheld", held.split),
-                    ("Error before", f"{held.rmse_before * 1e3:.2f} mN m"),
-                    ("Error with it in", f"{held.rmse_after * 1e3:.2f} mN m"),
-                    ("Noise of the same readings", f"{held.noise_floor * 1e3:.2f} mN m"),
-                    ("Gain, 95 % interval", f"{low * 1e3:.2f} to {high * 1e3:.2f} mN m"),
-                )
-            )
-        )
+    items += withheld_items(diagnosis)
+    items += next_test_items(diagnosis)
+    items += decoy_items(diagnosis)
+    items += ranking_items(diagnosis)
     return Section("diagnosis", "Diagnosis", tuple(items), (sources.WESTFALL_YOUNG,))
 
 
@@ -77,6 +73,24 @@ def _p_value(mismatch: Mismatch) -> str:
     if mismatch.p_value * (mismatch.draws + 1) < 1.5:
         return f"below {1.0 / mismatch.draws:.2g}: none of {drawn} showed one as clear"
     return f"{mismatch.p_value:.3g}, from {drawn}"
+
+
+def _signal(place: Location) -> str:
+    return f"{place.signal.replace('torque_', '')} torque"
+
+
+def _region(place: Location) -> str:
+    """Set-points over which it is strong, in words."""
+    told = {
+        "sun_speed_rpm": ("sun", 0, "rpm"),
+        "ring_speed_rpm": ("ring", 0, "rpm"),
+        "ring_torque_Nm": ("ring torque", 2, "N m"),
+    }
+    return ", ".join(
+        f"{name} {number(place.region[key][0], digits)} to {number(place.region[key][1], digits)} {unit}"
+        for key, (name, digits, unit) in told.items()
+        if key in place.region
+    )
 
 
 def _words(names: tuple[str, ...]) -> str:
@@ -88,23 +102,25 @@ def _locations(diagnosis: Diagnosis) -> Table:
     return Table(
         "locations",
         "Where it sits",
-        f"{len(places)} places, clearest first; each with the earlier ones added to the baseline. Sizes are what the "
-        "baseline does not absorb: the effect itself may be larger.",
+        f"{len(places)} place{'s' if len(places) > 1 else ''}, clearest first; each with the earlier ones added to the "
+        "baseline. Sizes are what the baseline does not absorb: the effect itself may be larger.",
         (
             Column("signal", "Signal"),
             Column("configuration", "Configuration"),
             Column("component", "Component"),
             Column("depends_on", "Follows"),
+            Column("region", "Over"),
             Column("size", "rms size", "mN m", digits=2),
             Column("peak", "peak", "mN m", digits=2),
             Column("p_value", "p-value", "", format=".2g"),
         ),
         tuple(
             (
-                place.signal.replace("_", " "),
+                _signal(place),
                 place.configuration,
                 str(component_of(place) or "cannot tell").replace("_", " "),
                 _words(place.depends_on),
+                _region(place),
                 place.size * 1e3,
                 place.peak * 1e3,
                 place.p_value,
@@ -142,7 +158,7 @@ def _figure(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.dtype[np.f
     return Figure(
         "located-structure",
         "The clearest place",
-        f"{place.signal.replace('_', ' ').capitalize()} in {place.configuration} points: the residual and the "
+        f"{_signal(place).capitalize()} in {place.configuration} points: the residual and the "
         f"structure found in it, which follows {_words(place.depends_on)}.",
         (chart,),
     )
@@ -162,29 +178,3 @@ def _covariate(
     if first == "speed_sun" or not at.ordered:
         return SPEED_SUN.display(np.abs(at.speed_sun[row])), SPEED_SUN.label
     return (at.started_at[row] - at.started_at.min()) / MINUTE, "time since the first point [min]"
-
-
-def _absorbed(diagnosis: Diagnosis) -> Table:
-    scale = {"K_corr": 1.0, "b": 1e3, "c": 1e4, "d": 1e3}
-    unit = {"K_corr": "", "b": " [mN m]", "c": " [1e-4 N m s/rad]", "d": " [1e-3 N m (s/rad)^1/2]"}
-    return Table(
-        "absorbed",
-        "What the baseline had absorbed",
-        "Constants of the baseline fitted alone, and together with what was left out.",
-        (
-            Column("parameter", "Constant"),
-            Column("before", "alone", "", digits=4),
-            Column("after", "together", "", uncertain=True),
-        ),
-        tuple(
-            (
-                a.parameter + unit[a.parameter],
-                a.before * scale[a.parameter],
-                Measured(
-                    a.after * scale[a.parameter],
-                    float("nan") if a.standard_error is None else a.standard_error * scale[a.parameter],
-                ),
-            )
-            for a in diagnosis.absorbed
-        ),
-    )

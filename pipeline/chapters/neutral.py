@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.cells import forward_neutral, lay_out, speed_levels
+from pmg.pipeline.chapters.cells import forward_neutral, lay_out
+from pmg.pipeline.completeness import speed_levels
 from pmg.pipeline.drift import HOUR
 from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Section, Series, SpeedMap, Table, Text
 from pmg.sim import signals, sources

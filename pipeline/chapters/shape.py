@@ -8,12 +8,13 @@ import numpy as np
 
 from pmg.pipeline.diagnose.diagnosis import Verdict
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Series, Table, Text
+from pmg.pipeline.report.numerals import number
 from pmg.sim.signals import MINUTE, RESIDUAL, RPM
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.atoms import Covariate
     from pmg.pipeline.diagnose.diagnosis import Diagnosis
-    from pmg.pipeline.diagnose.shape import Shape
+    from pmg.pipeline.diagnose.form.atoms import Covariate
+    from pmg.pipeline.diagnose.form.shape import Shape
     from pmg.sim.signals import Array
 
 NOT_FOUND = (
@@ -53,7 +54,10 @@ def _facts(shape: Shape) -> Facts:
         ("Withheld error with smooth columns", smooth),
         ("Noise of the same readings", f"{shape.noise_floor * 1e3:.2f} mN m"),
         ("Gain, 95 % interval", f"{low * 1e3:.2f} to {high * 1e3:.2f} mN m"),
-        ("Gain of the placebo", f"{shape.placebo_gain * 1e3:.2f} mN m, covariates of whole blocks exchanged"),
+        (
+            "Gain of the placebo",
+            f"{number(shape.placebo_gain * 1e3, 2)} mN m, covariates of whole blocks exchanged",
+        ),
         ("The same form chosen", f"in {shape.alike} of {shape.folds} parts"),
     ]
     return Facts(tuple(rows))

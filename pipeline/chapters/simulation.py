@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.cells import by_load, lay_out, speed_levels
+from pmg.pipeline.chapters.cells import by_load, lay_out
 from pmg.pipeline.chapters.motion import response_section, run_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
+from pmg.pipeline.completeness import speed_levels
 from pmg.pipeline.losses import QUANTITIES
 from pmg.pipeline.report.document import (
     Chart,

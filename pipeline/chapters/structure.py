@@ -9,6 +9,7 @@ import numpy as np
 from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Section, Series, Table, Text
 from pmg.pipeline.residuals.covariates import BY_ID
 from pmg.pipeline.residuals.fitted import FITS
+from pmg.pipeline.residuals.probability import told_nominal, told_search
 from pmg.sim import sources
 from pmg.sim.signals import RESIDUAL
 
@@ -30,11 +31,11 @@ def structure_section(study: ResidualStudy) -> Section:
             Text(
                 "Each fit is taken as a linear model of its readings. A covariate stands for a few smooth columns; "
                 "what the fit leaves of them is held against the residual. What follows no covariate is the noise. "
-                "The nominal p-value is that of one covariate alone. With look-elsewhere it is the probability that "
-                f"any of the {study.tested} tests, on any shaft in any of these fits, is as clear in a grid made of "
-                f"noise and rounding alone, from {study.draws} such grids. The clearest covariate then joins the fit "
-                "and the rest is looked at again; the place counts over both shafts. Sizes are after what the fit "
-                "absorbs; noise alone gives a size too, which stands beside it."
+                "The nominal p-value, p, is that of one covariate alone. The search's, with look-elsewhere, is the "
+                f"probability that any of the {study.tested} tests, on any shaft in any of these fits, is as clear in "
+                f"a grid made of noise and rounding alone, from {study.draws} such grids. The clearest covariate then "
+                "joins the fit and the rest is looked at again, which gives p of the rest; the place counts over both "
+                "shafts. Sizes are after what the fit absorbs; noise alone gives a size too, which stands beside it."
             ),
             Text(_manner(study)),
             _lack(study),
@@ -67,7 +68,7 @@ def _lack(study: ResidualStudy) -> Table:
                 lack.chi_square,
                 lack.dof,
                 lack.chi_square / lack.dof,
-                lack.p_value,
+                told_nominal(lack.p_value).removeprefix("= "),
                 float(RESIDUAL.display(lack.scatter)),
                 float(RESIDUAL.display(lack.noise)),
                 lack.source,
@@ -82,9 +83,9 @@ def _lack(study: ResidualStudy) -> Table:
             Column("fit", "Fit"),
             Column("shaft", "Shaft"),
             Column("chi_square", "χ²", digits=1),
-            Column("dof", "degrees of freedom", digits=1),
+            Column("dof", "dof", digits=1),
             Column("ratio", "χ²/dof", digits=2),
-            Column("p_value", "p", format=".2g"),
+            Column("p_value", "p"),
             Column("scatter", "scatter", "mN m", digits=2),
             Column("noise", "noise", "mN m", digits=2),
             Column("source", "Noise from"),
@@ -100,16 +101,15 @@ def _covariates(study: ResidualStudy) -> Table:
             size, u = float(RESIDUAL.display(one.size)), float(RESIDUAL.display(one.size_u))
             rows.append(
                 (
-                    part.fit.name,
-                    part.shaft,
+                    f"{part.fit.name}, {part.shaft}",
                     one.rank,
-                    f"{one.words} ({one.look.family.configuration})",
+                    f"{one.words}\n{one.look.family.configuration}",
                     Measured(size, u),
                     float(RESIDUAL.display(one.noise_size)),
-                    *_thirds(one),
-                    one.p_value,
-                    one.p_search,
-                    one.p_beyond,
+                    _shape(one),
+                    told_nominal(one.p_value).removeprefix("= "),
+                    told_search(one.p_search, study.draws).removeprefix("= "),
+                    told_search(one.p_beyond, study.draws).removeprefix("= "),
                 )
             )
     clear = sum(one.rank is not None for part in study.parts for one in part.followed)
@@ -119,28 +119,23 @@ def _covariates(study: ResidualStudy) -> Table:
         f"{clear} of {study.tested} tests stand out one after the other. Those that carry more than nine tenths "
         "of the same trace are named together: these points cannot tell them apart.",
         (
-            Column("fit", "Fit"),
-            Column("shaft", "Shaft"),
+            Column("fit", "Fit, shaft"),
             Column("place", "Place"),
             Column("covariate", "Covariate"),
             Column("size", "Size (rms)", "mN m", uncertain=True),
             Column("noise_size", "noise alone", "mN m", digits=2),
-            Column("low", "Drag where low"),
-            Column("middle", "middle"),
-            Column("high", "high"),
-            Column("p_value", "p", format=".2g"),
-            Column("p_look_elsewhere", "with look-elsewhere", format=".2g"),
-            Column("p_beside", "beside clearer ones", format=".2g"),
+            Column("shape", "Drag, where", "mN m"),
+            Column("p_value", "p"),
+            Column("p_look_elsewhere", "p, search"),
+            Column("p_beside", "p, rest"),
         ),
         tuple(rows),
     )
 
 
-def _thirds(one: Followed) -> tuple[str, str, str]:
-    """Drag at low, middle and high values; signs that do not occur are left empty."""
-    told = {where: f"{float(RESIDUAL.display(drag)):+.2f} mN m at {where}" for where, drag in one.shape}
-    low, middle, high = one.look.covariate.signs or tuple(told)
-    return told.get(low, ""), told.get(middle, ""), told.get(high, "")
+def _shape(one: Followed) -> str:
+    """Drag at low, middle and high values, or at each sign, one a line."""
+    return "\n".join(f"{float(RESIDUAL.display(drag)):+.2f} at {where}" for where, drag in one.shape)
 
 
 def _figure(part: ShaftResidual) -> Figure:
@@ -194,7 +189,7 @@ def _points(study: ResidualStudy) -> Table:
                     float(readings.torque[outlier.row]),
                     float(part.fit.torque[outlier.row]),
                     outlier.surprise,
-                    outlier.p_value,
+                    told_nominal(outlier.p_value).removeprefix("= "),
                     outlier.looked_at,
                     still,
                 )
@@ -210,8 +205,8 @@ def _points(study: ResidualStudy) -> Table:
             Column("point", "Point"),
             Column("observed", "Observed", "N m", digits=4),
             Column("fitted", "Fitted", "N m", digits=4),
-            Column("surprise", "Surprise", "standard deviations", digits=2),
-            Column("p_value", "p", format=".2g"),
+            Column("surprise", "Surprise", "s.d.", digits=2),
+            Column("p_value", "p"),
             Column("looked_at", "Points looked at"),
             Column("beside_covariates", "Still out beside the covariates"),
         ),

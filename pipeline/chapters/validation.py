@@ -61,6 +61,7 @@ def validation_section(judged: tuple[Judged, ...], draws: int, seed: int) -> Sec
             ),
             _drawing(judged),
             _table(judged),
+            _places(judged),
         ),
         tuple(dict.fromkeys((sources.THESIS, *(j.figure.source for j in judged)))),
     )
@@ -100,44 +101,51 @@ def _chart(numbered: list[tuple[int, Judged]], title: str) -> Chart:
 
 
 def _table(judged: tuple[Judged, ...]) -> Table:
+    rows: list[tuple[Cell, ...]] = [
+        (n, f"{j.figure.what}{_in(j)}", j.figure.text, j.ours, j.low, j.high, str(j.verdict))
+        for n, j in enumerate(judged, 1)
+    ]
+    return Table(
+        "published-figures-table",
+        "Published figures and ours",
+        f"{summary(judged)}. In the unit as printed.",
+        (
+            Column("number", "No."),
+            Column("figure", "Figure"),
+            Column("published", "Published"),
+            Column("ours", "Ours", format=".5g"),
+            Column("low", "from", format=".5g"),
+            Column("high", "to", format=".5g"),
+            Column("verdict", "Verdict"),
+        ),
+        tuple(rows),
+    )
+
+
+def _in(j: Judged) -> str:
+    """The unit of a figure, in brackets."""
+    return f" [{j.figure.unit.name}]" if j.figure.unit.name else ""
+
+
+def _places(judged: tuple[Judged, ...]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for n, j in enumerate(judged, 1):
         figure = j.figure
         also = "" if figure.other is None else f"{figure.other.value:g} ({figure.other.place})"
-        rows.append(
-            (
-                n,
-                figure.id,
-                figure.what,
-                figure.place,
-                figure.text,
-                also,
-                j.ours,
-                j.low,
-                j.high,
-                figure.unit.name,
-                j.distance,
-                str(j.verdict),
-                " ".join(j.remarks),
-            )
-        )
+        rows.append((n, figure.id, figure.unit.name, figure.place, also, j.distance, " ".join(j.remarks)))
+    remarked = sum(bool(j.remarks) for j in judged)
     return Table(
-        "published-figures-table",
-        "Published figures and ours",
-        f"{summary(judged)}. In the unit as printed; the distance is ours minus published, in half-widths.",
+        "published-figures-places",
+        "Where they are printed, and remarks",
+        f"{remarked} of {len(judged)} figures have a known reason for what comes out. The distance is ours minus "
+        "published, in half-widths.",
         (
             Column("number", "No."),
             Column("id", "Id"),
-            Column("figure", "Figure"),
-            Column("place", "Place"),
-            Column("published", "Published"),
-            Column("also", "Also stated as"),
-            Column("ours", "Ours", format=".5g"),
-            Column("low", "from", format=".5g"),
-            Column("high", "to", format=".5g"),
             Column("unit", "Unit"),
+            Column("place", "Place"),
+            Column("also", "Also stated as"),
             Column("distance", "Distance", digits=2),
-            Column("verdict", "Verdict"),
             Column("remark", "Remark"),
         ),
         tuple(rows),

@@ -31,7 +31,7 @@ ALIKE = 0.95
 """Correlation of two signatures, each freed from the baseline, from which on they are look-alikes."""
 
 RESEMBLING = 0.5
-"""Correlation from which on a pair that can be told apart is listed beside the look-alikes."""
+"""Correlation from which on a pair that can be told apart is shown to people beside the look-alikes."""
 
 UNSEEN = 0.999
 """Part of an effect's power that the baseline takes up from which on it cannot be seen at all."""
@@ -104,13 +104,18 @@ class Audit:
     alike : tuple of LookAlike
         Pairs that these points cannot tell apart, closest first.
     apart : tuple of LookAlike
-        Pairs that resemble each other and can be told apart by these points, closest first.
+        All other pairs of what can be seen, closest first: these points tell them apart.
     """
 
     stage: Stage
     visible: tuple[Visibility, ...]
     alike: tuple[LookAlike, ...]
     apart: tuple[LookAlike, ...] = ()
+
+    @property
+    def resembling(self) -> tuple[LookAlike, ...]:
+        """Those of `apart` that come closest."""
+        return tuple(pair for pair in self.apart if pair.correlation >= RESEMBLING)
 
 
 def audit_design(grid: Grid, bench: BenchParameters, model: LossModel, floor: NoiseFloor) -> Audit:
@@ -145,7 +150,7 @@ def audit_design(grid: Grid, bench: BenchParameters, model: LossModel, floor: No
     longer = tuple(
         (plan, longer_stage(stage, plan, floor)) for plan in (possible_plans(grid.points, bench) if alike else ())
     )
-    apart = tuple(pair for pair in pairs if RESEMBLING <= pair.correlation < ALIKE)
+    apart = tuple(pair for pair in pairs if pair.correlation < ALIKE)
     return Audit(stage, found, tuple(_with_test(pair, fits, longer) for pair in alike), apart)
 
 

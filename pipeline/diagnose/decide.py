@@ -12,6 +12,7 @@ from pmg.pipeline.diagnose.blind import confounded_shafts, slow_changes
 from pmg.pipeline.diagnose.candidates import Stage, set_stage
 from pmg.pipeline.diagnose.decoys import offer_decoys
 from pmg.pipeline.diagnose.diagnosis import Absorbed, Diagnosis, Rival, Verdict
+from pmg.pipeline.diagnose.form.symbolic import find_shape
 from pmg.pipeline.diagnose.holdout import hold_out
 from pmg.pipeline.diagnose.leftover import make_judge
 from pmg.pipeline.diagnose.locate import find_mismatch, located_families
@@ -19,7 +20,6 @@ from pmg.pipeline.diagnose.naming import name_mechanisms
 from pmg.pipeline.diagnose.nexttest import lifting_test, next_test
 from pmg.pipeline.diagnose.outliers import without_outliers
 from pmg.pipeline.diagnose.refit import refit
-from pmg.pipeline.diagnose.symbolic import find_shape
 from pmg.pipeline.diagnose.whiten import whitener
 from pmg.pipeline.diagnose.withheld import withhold
 from pmg.pipeline.readings import predict

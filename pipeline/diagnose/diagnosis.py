@@ -11,13 +11,13 @@ from pmg.sim.mechanisms import Component
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.audit import Audit
     from pmg.pipeline.diagnose.decoys import Decoys
+    from pmg.pipeline.diagnose.form.shape import Shape
     from pmg.pipeline.diagnose.holdout import HeldOut
     from pmg.pipeline.diagnose.locate import Location, Mismatch
     from pmg.pipeline.diagnose.naming import Explanation, Naming
     from pmg.pipeline.diagnose.nexttest import NextTest
     from pmg.pipeline.diagnose.noise import NoiseFloor
     from pmg.pipeline.diagnose.refit import Refit
-    from pmg.pipeline.diagnose.shape import Shape
 
 
 class Verdict(StrEnum):
@@ -112,6 +112,12 @@ class Diagnosis:
     decoys: Decoys | None = None
     audit: Audit | None = None
     shape: Shape | None = None
+
+    @property
+    def next_tests(self) -> tuple[NextTest, ...]:
+        """Tests that would settle what is open, those of the rivals first."""
+        wanted = (*(rival.test for rival in self.rivals), self.lifting)
+        return tuple(test for test in wanted if test is not None)
 
 
 def component_of(place: Location) -> Component | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.diagnose.diagnosis import component_of
-from pmg.pipeline.diagnose.shape import shape_document
+from pmg.pipeline.diagnose.form.shape import shape_document
 from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
@@ -168,7 +168,6 @@ def _rival(diagnosis: Diagnosis, rival: Rival) -> dict[str, Any]:
 
 
 def _next_tests(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    wanted = [rival.test for rival in diagnosis.rivals] + [diagnosis.lifting]
     return [
         {
             "description": test.plan.description,
@@ -177,8 +176,7 @@ def _next_tests(diagnosis: Diagnosis) -> list[dict[str, Any]]:
             "separates": list(test.separates),
             "power": test.power,
         }
-        for test in wanted
-        if test is not None
+        for test in diagnosis.next_tests
     ]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from pmg.pipeline.diagnose.diagnosis import Verdict
 from pmg.pipeline.diagnose.nexttest import HIDDEN
+from pmg.pipeline.report.numerals import measured
 from pmg.sim.signals import MINUTE
 
 if TYPE_CHECKING:
@@ -90,9 +91,9 @@ def causes(diagnosis: Diagnosis, explanation: Explanation) -> str:
         told = f"{title[0].lower()}{title[1:]}{SHAFT_WORDS[shaft]}, {size * 1e3:.1f} mN m rms"
         if own and found is not None:
             first, value, error = fit.candidate.parameters[0], found.values[i][0], found.standard_errors[i][0]
-            spread = f" ± {error:.1g}" if np.isfinite(error) else ""
+            number = measured(float(value), float(error)) if np.isfinite(error) else f"{value:.3g}"
             unit = "" if first.unit == "1" else f" {first.unit}"
-            told += f" ({first.meaning} {value:.3g}{spread}{unit})"
+            told += f" ({first.meaning} {number}{unit})"
         words.append(told)
     return " together with ".join(words)
 
@@ -168,7 +169,7 @@ def _by_chance(diagnosis: Diagnosis) -> str:
 
 def _held_out(diagnosis: Diagnosis) -> str:
     held = diagnosis.held_out
-    if held is None:
+    if held is None or diagnosis.shape is not None:  # the short form has told its own error
         return ""
     low, high = held.gain_interval
     change = "falls" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly fall:")

@@ -15,6 +15,7 @@ from pmg.pipeline.report.document import Facts, Report, Verdict
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.residuals.covariates import BY_ID
 from pmg.pipeline.residuals.fitted import FITS, LEVEL
+from pmg.pipeline.residuals.probability import told_nominal, told_search
 from pmg.pipeline.residuals.search import study_residuals
 from pmg.pipeline.stages import SEED, Outcome
 from pmg.sim.bench import load_bench
@@ -31,9 +32,6 @@ SCHEMA = "pmg.residuals/1"
 
 DRAWS = 1000
 """Synthetic grids where no number is chosen."""
-
-SMALLEST = 1e-12
-"""Nominal p-values below this are told as below this: no tail is known further out."""
 
 FEWEST_DRAWS = 19
 """Below this no p-value of the search can be as small as `LEVEL`."""
@@ -72,7 +70,9 @@ def run_residuals(
     """
     if (store is None) == (grids is None):
         came = "neither" if store is None else "both"
-        raise GridError("--store and --grids", came, "one of them", "Name a store with an analysis, or published grids.")
+        raise GridError(
+            "--store and --grids", came, "one of them", "Name a store with an analysis, or published grids."
+        )
     draws, seed = DRAWS if draws is None else draws, SEED if seed is None else seed
     if fit is not None and fit not in FITS:
         raise FitError("--fit", repr(fit), ", ".join(FITS), near_miss(fit, FITS) or "Choose one, or leave it out.")
@@ -139,19 +139,8 @@ def _summary(study: ResidualStudy, campaign: str) -> str:
     none = f"none of {study.tested} tests of a covariate stands out"
     return (
         f"Campaign {campaign}: {found if clear else none}, the search paid for "
-        f"(p {_at_least(study.p_value, study.draws)}); {stray} residuals lie out beside what they follow."
+        f"(p {told_search(study.p_value, study.draws)}); {stray} residuals lie out beside what they follow."
     )
-
-
-def _at_least(p_value: float, draws: int) -> str:
-    """A p-value of the search: no smaller than one in draws + 1."""
-    floor = 1.0 / (draws + 1.0)
-    return f"≤ {floor:.1g}" if p_value <= floor * (1.0 + 1e-9) else f"= {p_value:.2g}"
-
-
-def _small(p_value: float) -> str:
-    """A p-value of a formula."""
-    return f"= {p_value:.2g}" if p_value >= SMALLEST else f"< {SMALLEST:.0g}"
 
 
 def _lines(part: ShaftResidual, draws: int) -> list[str]:
@@ -160,7 +149,7 @@ def _lines(part: ShaftResidual, draws: int) -> list[str]:
     scatter, noise = RESIDUAL.display(lack.scatter), RESIDUAL.display(lack.noise)
     rows = [
         f"{FITS[part.fit.name]}, {part.shaft}: chi2/dof = {lack.chi_square:.1f}/{lack.dof:.1f} = "
-        f"{lack.chi_square / lack.dof:.2f}, p {_small(lack.p_value)}, {lack.told}; scatter {scatter:.2f}, "
+        f"{lack.chi_square / lack.dof:.2f}, p {told_nominal(lack.p_value)}, {lack.told}; scatter {scatter:.2f}, "
         f"noise {noise:.2f} mN m"
     ]
     rows += [f"  {one.rank}. {one.words} ({one.look.family.configuration}): {_told(one, draws)}" for one in ranked]
@@ -190,8 +179,8 @@ def _short(one: Followed) -> str:
 def _told(one: Followed, draws: int) -> str:
     size, u = RESIDUAL.display(one.size), RESIDUAL.display(one.size_u)
     return (
-        f"{size:.2f} mN m rms (u {u:.2f}); {one.told_shape}; p {_small(one.p_value)}, with look-elsewhere "
-        f"{_at_least(one.p_search, draws)}, beside the clearer ones {_at_least(one.p_beyond, draws)}"
+        f"{size:.2f} mN m rms (u {u:.2f}); {one.told_shape}; p {told_nominal(one.p_value)}, with look-elsewhere "
+        f"{told_search(one.p_search, draws)}, beside the clearer ones {told_search(one.p_beyond, draws)}"
     )
 
 
@@ -200,8 +189,8 @@ def _point(part: ShaftResidual, outlier: Outlier, still: bool) -> str:
     name = readings.grid.points.name[readings.row[outlier.row]]
     return (
         f"{name}: observed {readings.torque[outlier.row]:.4f}, fitted {part.fit.torque[outlier.row]:.4f} N m, "
-        f"{outlier.surprise:+.1f} standard deviations, p {_small(outlier.p_value)} over {outlier.looked_at} points"
-        + ("" if still else "; beside the numbered covariates no longer")
+        f"{outlier.surprise:+.1f} standard deviations, p {told_nominal(outlier.p_value)} over {outlier.looked_at} "
+        "points" + ("" if still else "; beside the numbered covariates no longer")
     )
 
 

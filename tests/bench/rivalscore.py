@@ -29,6 +29,8 @@ SHOWN = (
     "held_out",
 )
 """Figures of `pmg prove` that a contestant without rivals and tests can be asked for."""
+NAMING = ("named_right_above", "right_id", "confident_library", "confident_outside")
+"""Figures that mean nothing for one that alarms and never names."""
 
 
 @dataclass(frozen=True)
@@ -167,9 +169,11 @@ def proof_row(document: Mapping[str, Any], cases: Sequence[int]) -> Row:
 
 
 def cell(figure: Figured) -> str:
-    """Value and interval, short."""
+    """Value and interval, short; a size without an interval lies beyond what the campaigns determine."""
     if figure.value is None:
         return "none told"
+    if figure.unit == "sigma" and figure.interval is None:
+        return "not determined"
     scale, digits = (100.0, ".0f") if figure.hits is not None else (1.0, ".2f")
     ends = figure.interval
     rest = "" if ends is None else f" ({ends[0] * scale:{digits}} to {ends[1] * scale:{digits}})"
@@ -191,7 +195,8 @@ def table(rows: Sequence[Row]) -> str:
     )
     lines = ["| who | setting | " + " | ".join(titles) + " | time [s] |", "|---" * (len(titles) + 3) + "|"]
     for row in rows:
-        cells = [row.name, row.setting, *map(cell, row.figures)]
+        mute = any(s.detected for s in row.scores) and not any(s.named for s in row.scores)
+        cells = [row.name, row.setting, *("–" if mute and f.id in NAMING else cell(f) for f in row.figures)]
         cells.append(f"{row.seconds:.1f}" if math.isfinite(row.seconds) else "")
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"

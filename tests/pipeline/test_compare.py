@@ -8,7 +8,7 @@ from tests.nature import Nature, campaign_points, measure
 
 from pmg.pipeline.analyse import analyse
 from pmg.pipeline.compare import Residuals, compare
-from pmg.pipeline.completeness import holes
+from pmg.pipeline.completeness import holes, speed_levels
 from pmg.pipeline.options import AnalysisOptions
 from pmg.sim.bench import BenchParameters
 from pmg.sim.gearbox import Gearbox
@@ -66,6 +66,16 @@ def test_a_missing_cell_of_either_grid_is_named(bench: BenchParameters, rng: np.
         "neutral, sun 936 rpm, ring 240 rpm",
         "engaged, sun 1248 rpm, load 1.56 N m",
     )
+
+
+def test_speeds_met_only_nearly_are_one_level(rng: np.random.Generator) -> None:
+    grid, _, _ = measure(Nature(), campaign_points("random", rng), rng)
+    at = grid.points
+    sun, ring = (speed * (1.0 + rng.uniform(-4e-4, 4e-4, len(at))) for speed in (at.speed_sun, at.speed_ring))
+    assert len(np.unique(np.round(sun * 30 / np.pi))) > len(np.unique(np.round(at.speed_sun * 30 / np.pi)))
+    assert holes(replace(grid, points=replace(at, speed_sun=sun, speed_ring=ring))) == ()
+    steps = replace(at, speed_sun=np.arange(len(at)) * np.pi / 30)
+    np.testing.assert_array_equal(speed_levels(steps)[0], np.arange(len(at)))
 
 
 @pytest.mark.parametrize("kept", ["neutral", "engaged", "zero"])

@@ -44,12 +44,35 @@ def test_gain_error_and_load_friction_look_alike_under_one_way_flow_only(audits:
     twins = frozenset(("torque_gain_error", "load_dependent_bearing_friction"))
     assert twins in pairs(audits["thesis"])
     assert twins not in pairs(audits["extended"])
+    apart = audits["extended"]["told_apart"]
+    assert isinstance(apart, list)
+    assert max(pair["correlation"] for pair in apart if frozenset(pair["ids"]) == twins) < 0.8
     alike = audits["thesis"]["look_alikes"]
     assert isinstance(alike, list)
     test = next(pair for pair in alike if frozenset(pair["ids"]) == twins)
     assert test["correlation"] == pytest.approx(1.0, abs=1e-3)
     assert "ring motor driving" in test["test"]
     assert test["power"] > 0.95
+
+
+def test_which_shaft_a_gain_error_sits_on_cannot_be_told(audits: dict[str, dict[str, object]]) -> None:
+    for audit in audits.values():
+        assert frozenset(("torque_gain_error",)) in pairs(audit)
+        alike = audit["look_alikes"]
+        assert isinstance(alike, list)
+        assert not any("both" in pair["shafts"] for pair in alike if len(set(pair["ids"])) == 1)
+
+
+def test_every_pair_that_can_be_seen_is_called_alike_or_apart_once(audits: dict[str, dict[str, object]]) -> None:
+    for audit in audits.values():
+        rows, apart = audit["mechanisms"], audit["told_apart"]
+        assert isinstance(rows, list)
+        assert isinstance(apart, list)
+        seen = {row["id"] for row in rows if row["seen"]}
+        named = [pair for pair in pairs(audit) if len(pair) == 2]
+        named += [pair for pair in (frozenset(p["ids"]) for p in apart) if len(pair) == 2]
+        assert len(named) == len(set(named)) == len(seen) * (len(seen) - 1) // 2
+        assert all(0.0 <= pair["correlation"] < 0.95 for pair in apart)
 
 
 def test_what_a_free_baseline_swallows_is_said_by_name(audits: dict[str, dict[str, object]]) -> None:
@@ -138,4 +161,17 @@ def test_the_command_prints_json_and_refuses_without_input(tmp_path: Path) -> No
     assert (tmp_path / "report" / "report.html").is_file()
     refused = CliRunner().invoke(app, ["design", "--json"])
     assert refused.exit_code == 2
-    assert json.loads(refused.stdout)["error"]["came"] == "neither PLAN nor --store"
+    assert json.loads(refused.stdout)["error"]["came"] == "neither"
+
+
+@pytest.mark.parametrize(
+    ("ring", "more", "told"),
+    [("0", "", "no neutral speed but 0"), ("60", "reversed_rotation = true", "both shafts turn")],
+)
+def test_a_plan_without_points_that_turn_is_refused(ring: str, more: str, told: str, tmp_path: Path) -> None:
+    plan = f"[plan]\nneutral_sun_rpm = [0]\nneutral_ring_rpm = [{ring}]\n{more}\n"
+    grids = (ROOT / "raw" / "published").as_posix()
+    text = f'[losses]\ngrids = "{grids}"\nK_corr = 0.8\nb = 0.0\nc = 2e-4\nd = 0.0\n{plan}'
+    (tmp_path / "plan.toml").write_text(text)
+    with pytest.raises(BenchError, match=told):
+        run_design(tmp_path / "plan.toml", None)

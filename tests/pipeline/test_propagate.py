@@ -137,6 +137,24 @@ def test_the_transducers_move_the_curves_where_k_corr_is_held(rng: np.random.Gen
         np.testing.assert_allclose(stated.u(signal.name), seen, rtol=0.16, err_msg=signal.name)
 
 
+def test_what_the_transducers_tolerances_let_expect_is_not_counted_as_scatter_again() -> None:
+    grid = campaign()
+    quiet = NOISE / 10.0
+    grid = replace(grid, u_sun=np.full(len(grid), quiet), u_ring=np.full(len(grid), quiet))
+    of_tolerance = sum(cause.sun for cause in fitted()[3].transducers)
+    for strange, inflated in ((0.0, False), (60.0, True)):
+        shift = of_tolerance + strange * quiet * np.where(np.arange(len(grid)) % 2, 1.0, -1.0)
+        off = replace(grid, torque_sun=grid.torque_sun + shift)
+        calibration = calibrate(off, fit_losses(off, POWERS, POWERS), BENCH)
+        assert calibration.chi_square > 3.0 * calibration.dof
+        scatter, _ = causes_of_calibration(off, calibration, BENCH).standard_errors()[CORRECTION]
+        alone = calibration.standard_error(CORRECTION)
+        assert alone is not None
+        assert (scatter > 1.5 * alone) == inflated
+        if not inflated:
+            assert scatter == pytest.approx(alone)
+
+
 def test_bearing_and_magnetic_loss_err_in_opposite_directions() -> None:
     grid, fits, calibration, causes, _ = fitted()
     balance = power_balance(grid, fits, calibration.model.correction, causes)

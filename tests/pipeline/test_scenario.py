@@ -9,7 +9,7 @@ from tests.conftest import ROOT
 
 from pmg.pipeline.analyse import analyse
 from pmg.pipeline.gridtable import read_published
-from pmg.pipeline.options import THESIS_OPTIONS
+from pmg.pipeline.options import THESIS_OPTIONS, chosen_options
 from pmg.pipeline.outputs import write_analysis
 from pmg.pipeline.scenario_file import known_keys, read_scenario
 from pmg.pipeline.simulation_inputs import gather_inputs
@@ -248,6 +248,36 @@ def test_losses_set_by_hand_are_taken_and_the_rest_is_calibrated(
     assert (models[0].correction, models[0].b, models[0].c, models[0].d) == (0.7, 1e-4, 2e-4, 0.0)
     assert models[0].curve_sun.powers == (0.0, 0.5, 1.0)
     assert (models[1].correction, models[1].c) == (0.8, 2e-4)
+
+
+def test_a_scenario_may_leave_the_terms_to_the_data_and_fit_robustly(
+    tmp_path: Path, bench: BenchParameters, published_folder: Path
+) -> None:
+    grids = f'grids = "{published_folder.as_posix()}"\n'
+    terms = 'terms_sun = "auto"\nterms_ring = "auto"\n'
+    chosen = terms + "robust = true\n"
+    hand = "K_corr = 0.8\nb = 0.0\nc = 2e-4\nd = 0.0\n"
+    options = chosen_options(published=True, terms_sun="auto", terms_ring="auto", robust=True)
+    analysis = analyse(read_published(published_folder, bench), options, bench)
+    assert analysis.calibration is not None
+    assert analysis.fits is not None
+    joint, robust = analysis.calibration.model.curve_sun, analysis.fits.sun.curve
+    for losses, expected, told in ((chosen, joint, "not robustly"), (chosen + hand, robust, "fitted robustly")):
+        text = GOOD.replace("none = true", grids + losses)
+        inputs = gather_inputs(read_scenario(written(tmp_path, text)), bench)
+        assert inputs.losses is not None
+        assert inputs.losses.curve_sun.powers == expected.powers
+        assert inputs.losses.curve_sun.coefficients == pytest.approx(expected.coefficients, rel=1e-6)
+        assert told in dict(inputs.facts)["Losses"]
+        assert "by the data" in dict(inputs.facts)["Powers of speed in the curves"]
+    least = gather_inputs(read_scenario(written(tmp_path, GOOD.replace("none = true", grids + terms + hand))), bench)
+    assert least.losses is not None
+    assert least.losses.curve_sun.coefficients != pytest.approx(robust.coefficients, rel=1e-3)
+
+
+def test_robust_beside_a_model_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BenchError, match=r"losses\.robust"):
+        read_scenario(written(tmp_path, GOOD.replace("none = true", "none = true\nrobust = true")))
 
 
 def test_losses_may_come_from_a_stored_analysis(tmp_path: Path, bench: BenchParameters, published_folder: Path) -> None:

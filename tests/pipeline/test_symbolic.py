@@ -12,13 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sympy.parsing.sympy_parser import parse_expr
 
-from pmg.pipeline.diagnose.atoms import ATOMS, Covariate, levels
-from pmg.pipeline.diagnose.formproblem import Problem, placebo_errors, withheld_errors
-from pmg.pipeline.diagnose.formsearch import View, make_library
-from pmg.pipeline.diagnose.grammar import Form, forms, text_of
+from pmg.pipeline.diagnose.form.atoms import ATOMS, Covariate, levels
+from pmg.pipeline.diagnose.form.grammar import Form, forms, text_of
+from pmg.pipeline.diagnose.form.problem import Problem, placebo_errors, withheld_errors
+from pmg.pipeline.diagnose.form.search import View, make_library
+from pmg.pipeline.diagnose.form.shape import LABEL, Shape
+from pmg.pipeline.diagnose.form.symbolic import hold_up
 from pmg.pipeline.diagnose.holdout import FOLDS
-from pmg.pipeline.diagnose.shape import LABEL, Shape
-from pmg.pipeline.diagnose.symbolic import hold_up
 from pmg.pipeline.diagnose.whiten import Whitener
 from pmg.sim.signals import Array
 

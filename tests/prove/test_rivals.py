@@ -15,9 +15,10 @@ from tests.bench import contestants
 from tests.bench.bout import Answer, Bout, Reply, enter
 from tests.bench.contestants import BestOfCatalogue
 from tests.bench.rivals import chosen, read_proof, run
-from tests.bench.rivalscore import CALIBRATED, Row, calibrated_threshold, proof_row, rows_of, score, table
+from tests.bench.rivalscore import CALIBRATED, Row, calibrated_threshold, cell, proof_row, rows_of, score, table
 
 from pmg.pipeline.prove.strata import find_stratum
+from pmg.pipeline.prove.trial.figures import Figured
 from pmg.pipeline.prove.trial.lot import SEED, Lot, draw_lots
 from pmg.pipeline.prove.trial.score import Outcome
 from pmg.sim.errors import BenchError, FitError
@@ -156,7 +157,14 @@ def test_the_table_shows_every_row_and_says_where_none_tells(truths: list[dict[s
     assert len(lines) == 4
     assert len({line.count("|") for line in lines}) == 1
     assert "100 % (16 to 100)" in lines[2]
+    assert lines[2].count("| –") == 4
     assert "none told" in lines[3]
+    assert "–" not in lines[3]
+
+
+def test_a_size_that_the_campaigns_do_not_determine_is_not_told_as_a_number() -> None:
+    assert cell(Figured("size_95", "", "sigma", 3e7, None, 40)) == "not determined"
+    assert cell(Figured("size_95", "", "sigma", 0.5, (0.25, 1.0), 40)) == "0.50 (0.25 to 1.00)"
 
 
 def test_what_the_baseline_takes_up_is_not_seen(bout: Bout) -> None:

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnose.atoms import Covariate
+    from pmg.pipeline.diagnose.form.atoms import Covariate
     from pmg.sim.signals import Array
 
 LABEL = "shape, not physics"

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.formsearch import FormFit, Library, View, make_library, search
+from pmg.pipeline.diagnose.form.search import FormFit, Library, View, make_library, search
 from pmg.pipeline.diagnose.holdout import FOLDS, solve
 from pmg.pipeline.diagnose.noise import orthonormal
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnose.atoms import Covariate
+    from pmg.pipeline.diagnose.form.atoms import Covariate
     from pmg.pipeline.diagnose.whiten import Whitener
     from pmg.sim.signals import Array
 

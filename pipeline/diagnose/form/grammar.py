@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.atoms import ATOMS, DECAY, ONE, PLAIN, SIGN, SWING, Atom, Covariate, levels
+from pmg.pipeline.diagnose.form.atoms import ATOMS, DECAY, ONE, PLAIN, SIGN, SWING, Atom, Covariate, levels
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

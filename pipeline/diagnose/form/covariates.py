@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.atoms import Covariate, levels
+from pmg.pipeline.diagnose.form.atoms import Covariate, levels
 from pmg.pipeline.diagnose.structure import THERMAL_TIMES, run_history
 
 if TYPE_CHECKING:

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.atoms import levels
-from pmg.pipeline.diagnose.covariates import covariates_of, rows_of
-from pmg.pipeline.diagnose.formproblem import Problem, choose, placebo_errors, whole_view, withheld_errors
-from pmg.pipeline.diagnose.formsearch import FormFit, View, make_library, search
-from pmg.pipeline.diagnose.grammar import text_of
+from pmg.pipeline.diagnose.form.atoms import levels
+from pmg.pipeline.diagnose.form.covariates import covariates_of, rows_of
+from pmg.pipeline.diagnose.form.grammar import text_of
+from pmg.pipeline.diagnose.form.problem import Problem, choose, placebo_errors, whole_view, withheld_errors
+from pmg.pipeline.diagnose.form.search import FormFit, View, make_library, search
+from pmg.pipeline.diagnose.form.shape import Constant, Shape
 from pmg.pipeline.diagnose.holdout import FOLDS, deal, gain_interval, solve, touched_blocks
 from pmg.pipeline.diagnose.locate import located_families
-from pmg.pipeline.diagnose.shape import Constant, Shape
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.candidates import Stage

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from scipy.optimize import minimize
 
-from pmg.pipeline.diagnose.grammar import Form, forms
+from pmg.pipeline.diagnose.form.grammar import Form, forms
 from pmg.pipeline.diagnose.scan import ABSORBED
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnose.atoms import Covariate
+    from pmg.pipeline.diagnose.form.atoms import Covariate
     from pmg.sim.signals import Array, Mask
 
     Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]

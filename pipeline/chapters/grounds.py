@@ -1,0 +1,134 @@
+"""What a verdict stands on: what the points cannot tell, withheld readings, what the baseline had absorbed, decoys."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.calibrate import CONSTANTS
+from pmg.pipeline.report.document import Column, Facts, Measured, Table
+from pmg.pipeline.report.numerals import number
+from pmg.sim.signals import SPEED_RING, SPEED_SUN
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.audit import Audit
+    from pmg.pipeline.diagnose.diagnosis import Diagnosis
+    from pmg.pipeline.diagnose.noise import ShaftNoise
+    from pmg.sim.mechanisms import Parameter
+
+NEAR = 1e-4
+"""Distance to a bound, over the usual size of a parameter, within which it sits on it."""
+
+
+def on_bound(value: float, parameter: Parameter) -> float | None:
+    """The bound that a value sits on, in its unit; None for a value between them."""
+    return next((bound for bound in parameter.bounds if abs(value - bound) <= NEAR * abs(parameter.typical)), None)
+
+
+def noise_words(noise: ShaftNoise, *, sun: bool) -> str:
+    """Noise of a shaft's points [mN m], how it grows with speed, and where it comes from."""
+    signal, low, high = SPEED_SUN if sun else SPEED_RING, noise.at(0.0), noise.at(noise.growth.fastest)
+    fastest = signal.display(noise.growth.fastest)
+    grows = f", from {low * 1e3:.2f} at rest to {high * 1e3:.2f} at {fastest:.0f} rpm" if high > 1.02 * low else ""
+    return f"{noise.u * 1e3:.2f} mN m{grows}: {noise.source}"
+
+
+def cannot_tell(diagnosis: Diagnosis) -> tuple[tuple[str, str], ...]:
+    """What no reading at these points could show, as facts; none where nothing is out of reach."""
+    rows: list[tuple[str, str]] = []
+    if diagnosis.blind:
+        shafts = " and ".join(diagnosis.blind)
+        rows.append(
+            ("Slow changes", f"not to be told from losses of the {shafts}: run in the order of its speed, no repeats")
+        )
+    if diagnosis.audit is not None:
+        rows += _out_of_reach(diagnosis.audit)
+    return tuple(rows)
+
+
+def _out_of_reach(audit: Audit) -> list[tuple[str, str]]:
+    unseen: dict[str, list[str]] = {}
+    for row in audit.visible:
+        if row.unseen:
+            unseen.setdefault(row.candidate.kind.title, []).append(row.candidate.shaft)
+    pairs = [
+        f"{one.kind.title} ({one.shaft}) from {other.kind.title} ({other.shaft})"
+        for one, other in ((pair.one, pair.other) for pair in audit.alike)
+    ]
+    rows = []
+    if unseen:
+        told = "; ".join(f"{title} ({', '.join(shafts)})" for title, shafts in unseen.items())
+        rows.append(("Not to be seen at any size", told))
+    if pairs:
+        rows.append(("Not to be told apart", "; ".join(pairs)))
+    return rows
+
+
+def withheld_items(diagnosis: Diagnosis) -> list[Facts | Table]:
+    """Error on withheld readings, the placebo, and what the baseline had absorbed."""
+    items: list[Facts | Table] = []
+    held = diagnosis.held_out
+    if held is not None:
+        low, high = held.gain_interval
+        rows = [
+            ("Withheld", held.split),
+            (
+                "Error on withheld readings",
+                f"{held.rmse_before * 1e3:.2f} mN m with the baseline alone, {held.rmse_after * 1e3:.2f} mN m with "
+                f"{'the cause' if diagnosis.refit is not None else 'that structure'} in; their noise is "
+                f"{held.noise_floor * 1e3:.2f} mN m",
+            ),
+            ("Gain, 95 % interval", f"{low * 1e3:.2f} to {high * 1e3:.2f} mN m"),
+        ]
+        if held.placebo_gain is not None:
+            rows.append(
+                (
+                    "Gain of a placebo",
+                    f"{number(held.placebo_gain * 1e3, 2)} mN m, from the same effect shuffled over the readings; "
+                    "none is due",
+                )
+            )
+        items.append(Facts(tuple(rows)))
+    if diagnosis.absorbed:
+        items.append(_absorbed(diagnosis))
+    return items
+
+
+def decoy_items(diagnosis: Diagnosis) -> list[Facts]:
+    """How random smooth structures fare in place of what leads; none where they were not offered."""
+    decoys = diagnosis.decoys
+    if decoys is None:
+        return []
+    told = (
+        f"{decoys.passed} of {decoys.count} random smooth structures would have been named in its place; the best "
+        f"takes up {decoys.best_part:.0%} of what it takes up"
+    )
+    return [Facts((("Decoys", told),))]
+
+
+def _absorbed(diagnosis: Diagnosis) -> Table:
+    scale = {"K_corr": 1.0, "b": 1e3, "c": 1e4, "d": 1e3}
+    unit = {"K_corr": "", "b": " [mN m]", "c": " [1e-4 N m s/rad]", "d": " [1e-3 N m (s/rad)^1/2]"}
+    bounds = {a.parameter: on_bound(a.after, CONSTANTS[a.parameter]) for a in diagnosis.absorbed}
+    return Table(
+        "absorbed",
+        "What the baseline had absorbed",
+        "Constants of the baseline fitted alone, and together with what was left out.",
+        (
+            Column("parameter", "Constant"),
+            Column("before", "alone", "", digits=4),
+            Column("after", "together", "", uncertain=True),
+            Column("remark", "Remark"),
+        ),
+        tuple(
+            (
+                a.parameter + unit[a.parameter],
+                a.before * scale[a.parameter],
+                Measured(
+                    (a.after if (bound := bounds[a.parameter]) is None else bound) * scale[a.parameter],
+                    float("nan") if a.standard_error is None else a.standard_error * scale[a.parameter],
+                ),
+                "" if bound is None else "on its bound",
+            )
+            for a in diagnosis.absorbed
+        ),
+    )

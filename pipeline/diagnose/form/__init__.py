@@ -1,0 +1,1 @@
+"""Short forms of what no mechanism explains: shape, not physics."""
