@@ -18,6 +18,9 @@ MAIN_LEVEL = 0.5
 APART_RPM = 2.0
 """Gap between speeds beyond which they are two levels: a bench meets a speed it is asked for only nearly."""
 
+WIDEST_RPM = 5.0
+"""Spread of the speeds of one level; a row of neighbours that reaches further is a row of levels."""
+
 
 def speed_levels(at: OperatingPoints) -> tuple[Array, Array]:
     """Levels of the sun's and the ring's speed that the points were run at [rpm], whole numbers."""
@@ -25,13 +28,13 @@ def speed_levels(at: OperatingPoints) -> tuple[Array, Array]:
 
 
 def _joined(speed_rpm: Array) -> Array:
-    """The rounded mean of those that lie together, in place of each; each for itself where a heap is no narrower."""
+    """The rounded mean of those that lie together, in place of each; each by itself where they make a long row."""
     order = np.argsort(speed_rpm, kind="stable")
-    heap = np.zeros(len(speed_rpm), dtype=np.int64)
-    heap[order[1:]] = np.cumsum(np.diff(speed_rpm[order]) > APART_RPM)
-    mean = np.bincount(heap, speed_rpm) / np.bincount(heap)
-    near = np.abs(speed_rpm - mean[heap]) <= 0.5 * APART_RPM
-    return np.asarray(np.round(np.where(near, mean[heap], speed_rpm)) + 0.0)
+    levels = np.round(speed_rpm)
+    for heap in np.split(order, np.flatnonzero(np.diff(speed_rpm[order]) > APART_RPM) + 1):
+        if len(heap) and np.ptp(speed_rpm[heap]) <= WIDEST_RPM:
+            levels[heap] = np.round(speed_rpm[heap].mean())
+    return np.asarray(levels + 0.0)
 
 
 def holes(grid: Grid) -> tuple[str, ...]:

@@ -10,7 +10,6 @@ import numpy as np
 from pmg.pipeline.chapters.cells import by_load, lay_out
 from pmg.pipeline.chapters.motion import response_section, run_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
-from pmg.pipeline.completeness import speed_levels
 from pmg.pipeline.losses import QUANTITIES
 from pmg.pipeline.report.document import (
     Chart,
@@ -178,7 +177,8 @@ def _engaged_figure(points: SteadyPoints) -> Figure:
 
 def _neutral_figure(points: SteadyPoints) -> Figure:
     grid = points.grid
-    sun, ring = speed_levels(grid.points)
+    at = grid.points
+    sun, ring = np.round(SPEED_SUN.display(at.speed_sun)), np.round(SPEED_RING.display(at.speed_ring))
     maps = []
     for signal, torque in ((signals.TORQUE_SUN, grid.torque_sun), (signals.TORQUE_RING, grid.torque_ring)):
         x, y, z = lay_out(ring, sun, torque)

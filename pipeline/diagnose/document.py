@@ -28,6 +28,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "schema": SCHEMA,
         "campaign": diagnosis.campaign,
         "verdict": str(diagnosis.verdict),
+        "weak": diagnosis.weak,
         "p_value": mismatch.p_value,
         "false_alarm_rate": mismatch.false_alarm_rate,
         "noise_Nm": {
