@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.calibrate import Calibration
     from pmg.pipeline.diagnose.holdout import HeldOut
     from pmg.pipeline.diagnose.locate import Mismatch
-    from pmg.pipeline.diagnose.naming import Explanation, Naming
+    from pmg.pipeline.diagnose.naming import Explanation
     from pmg.pipeline.diagnose.noise import NoiseFloor
     from pmg.pipeline.diagnose.refit import Refit
     from pmg.pipeline.fit import LossFits
@@ -84,80 +84,43 @@ def diagnose(
         verdict = Verdict.CONFOUNDED if blind else Verdict.CONSISTENT
         lifting = lifting_test(readings, bench, calibration.model, floor, blind) if blind else None
         return Diagnosis(grid.campaign, verdict, mismatch, floor, blind, outliers=outliers, lifting=lifting)
-    mismatch = beyond
     stage = set_stage(readings, bench, calibration.model, whitener(readings, bench, floor), allowed)
     naming = name_mechanisms(stage, make_judge(stage, floor, rng, JUDGE_DRAWS))
+    said = Diagnosis(grid.campaign, Verdict.NOT_IN_LIBRARY, beyond, floor, blind, naming, outliers=outliers)
     if naming.explained:
         held = _withheld(stage, naming.best, rng)
         if held is not None and _predicts(held):
-            found = refit(stage, naming.best.fits)
-            rivals = tuple(Rival(rival, next_test(stage, naming.best, rival, floor)) for rival in naming.rivals)
-            verdict = Verdict.AMBIGUOUS if rivals else Verdict.NAMED
-            swallowed = _swallowed(calibration, found)
-            return Diagnosis(
-                grid.campaign,
-                verdict,
-                mismatch,
-                floor,
-                blind,
-                naming,
-                found,
-                rivals,
-                swallowed,
-                held,
-                outliers,
-                decoys=offer_decoys(stage, naming, rng),
-            )
+            said = _with_causes(said, stage, calibration, naming.rivals, held)
+            verdict = Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
+            return replace(said, verdict=verdict, decoys=offer_decoys(stage, naming, rng))
     if naming.weak:
-        held = _withheld(stage, naming.weak[0], rng)
+        best, *others = naming.weak
+        held = _withheld(stage, best, rng)
         if held is not None and held.rmse_after <= NOT_WORSE * held.rmse_before:
-            return _too_weak(grid.campaign, calibration, mismatch, floor, blind, naming, stage, outliers, held)
-    held_structure = hold_out(grid, fits, floor, bench, mismatch.locations, rng)
-    absorbed = _absorbed(mismatch, calibration, bench)
-    return Diagnosis(
-        grid.campaign,
-        Verdict.NOT_IN_LIBRARY,
-        mismatch,
-        floor,
-        blind,
-        naming,
-        None,
-        (),
-        absorbed,
-        held_structure,
-        outliers,
-        shape=find_shape(stage, mismatch.locations, rng),
+            shafts = {fit.candidate.identifier: fit.candidate.shaft for fit in best.fits}
+            said = replace(said, naming=replace(naming, best=best, shafts=shafts), weak=True)
+            return replace(_with_causes(said, stage, calibration, tuple(others), held), verdict=Verdict.AMBIGUOUS)
+    return replace(
+        said,
+        held_out=hold_out(grid, fits, floor, bench, beyond.locations, rng),
+        absorbed=_absorbed(beyond, calibration, bench),
+        shape=find_shape(stage, beyond.locations, rng),
     )
 
 
-def _too_weak(
-    campaign: str,
-    calibration: Calibration,
-    mismatch: Mismatch,
-    floor: NoiseFloor,
-    blind: tuple[str, ...],
-    naming: Naming,
-    stage: Stage,
-    outliers: tuple[str, ...],
-    held: HeldOut,
+def _with_causes(
+    said: Diagnosis, stage: Stage, calibration: Calibration, rivals: tuple[Explanation, ...], held: HeldOut
 ) -> Diagnosis:
-    """A mismatch too weak to name its cause: the mechanisms that may make it, with the tests that would tell."""
-    best, *others = naming.weak
-    naming = replace(naming, best=best, shafts={fit.candidate.identifier: fit.candidate.shaft for fit in best.fits})
+    """What is said with the leading mechanisms fitted, and a separating test for each rival."""
+    assert said.naming is not None
+    best = said.naming.best
     found = refit(stage, best.fits)
-    return Diagnosis(
-        campaign,
-        Verdict.AMBIGUOUS,
-        mismatch,
-        floor,
-        blind,
-        naming,
-        found,
-        tuple(Rival(rival, next_test(stage, best, rival, floor)) for rival in others),
-        _swallowed(calibration, found),
-        held,
-        outliers,
-        weak=True,
+    return replace(
+        said,
+        refit=found,
+        rivals=tuple(Rival(rival, next_test(stage, best, rival, said.floor)) for rival in rivals),
+        absorbed=_swallowed(calibration, found),
+        held_out=held,
     )
 
 

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.calibrate import jacobian, start_model
-from pmg.pipeline.diagnose.noise import BASELINE_FREE, orthonormal, repeat_contrasts
+from pmg.pipeline.calibrate import start_model
+from pmg.pipeline.diagnose.candidates import set_stage
+from pmg.pipeline.diagnose.noise import repeat_contrasts
 from pmg.pipeline.diagnose.scan import Scan, search
 from pmg.pipeline.diagnose.structure import families
 from pmg.pipeline.diagnose.swings import swings
 from pmg.pipeline.diagnose.traces import traces
 from pmg.pipeline.diagnose.whiten import synthetic_noise, undo, whitener
-from pmg.pipeline.readings import predict, take_readings
+from pmg.pipeline.readings import take_readings
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
@@ -157,22 +158,19 @@ def find_mismatch(
     readings = take_readings(grid, bench)
     model = start_model(fits)
     white = whitener(readings, bench, floor)
-    baseline = white(jacobian(readings, bench, model, BASELINE_FREE))
-    if allowed is not None:
-        baseline = np.hstack([baseline, white(allowed)])
-    y = white((readings.torque - predict(readings, bench, model))[:, None])
+    stage = set_stage(readings, bench, model, white, allowed)
+    y = white((readings.torque - stage.predicted)[:, None])
     candidates = families(readings, bench, model)
     narrow = swings(readings)
-    smooth, own = [white(family.columns) for family in candidates], traces(readings, bench, model, white)
+    smooth, own = [white(family.columns) for family in candidates], traces(stage)
     columns = [*smooth, *own, *(white(family.columns) for family in narrow)]
     repeats = repeat_contrasts(readings)
-    base = orthonormal(baseline)
-    fitted = readings.torque - undo(white, (y - base @ (base.T @ y))[:, 0])
+    fitted = readings.torque - undo(white, stage.left)
     noise = synthetic_noise(readings, floor, white, draws, rng, fitted=fitted)
     p_value, locations = 1.0, []
     steps = search(
         readings,
-        baseline,
+        white(stage.columns),
         columns,
         repeats,
         (y, noise),

@@ -210,7 +210,8 @@ def name_mechanisms(stage: Stage, left_over: Callable[[Stage], Remainder]) -> Na
     near = [e for e in sorted(pool, key=lambda e: -e.score) if e.score > max(0.0, best.score - margin)]
     rivals, shafts = _rivals(best, near)
     explained = _explains(best, remainder)
-    return Naming(best, rivals, shafts, remainder, explained, _weak(singles, left_over), tuple(ranking))
+    weak = _weak(singles, lambda leader: remainder if leader is best else left_over(leader.stage))
+    return Naming(best, rivals, shafts, remainder, explained, weak, tuple(ranking))
 
 
 def _explains(best: Explanation, remainder: Remainder) -> bool:
@@ -221,11 +222,11 @@ def _explains(best: Explanation, remainder: Remainder) -> bool:
     return small or remainder.excess <= FORM_ERROR * best.gain
 
 
-def _weak(singles: list[Explanation], left_over: Callable[[Stage], Remainder]) -> tuple[Explanation, ...]:
+def _weak(singles: list[Explanation], left_over: Callable[[Explanation], Remainder]) -> tuple[Explanation, ...]:
     """Single mechanisms that explain a weak mismatch, best first; none where it is strong or something is left."""
     listed = sorted(singles, key=lambda e: -e.score)
     leader = listed[0]
-    if leader.gain >= WEAK or leader.score <= 0.0 or not left_over(leader.stage).within_noise:
+    if leader.gain >= WEAK or leader.score <= 0.0 or not left_over(leader).within_noise:
         return ()
     others = [e for e in listed if _ids(e) != _ids(leader)]
     near = [e for e in others if e.score > leader.score - MARGIN]

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.readings import Readings
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
+    from pmg.sim.lossmodel import LossModel
     from pmg.sim.signals import Array, Mask
 
 BASELINE_FREE = ("K_corr", "b", "c", "d")
@@ -186,6 +187,12 @@ def _growth(readings: Readings, residual: Array, basis: Array, sun: bool) -> Gro
     return replace(flat, weights=_weights(deviance))
 
 
+def structured_columns(readings: Readings, bench: BenchParameters, model: LossModel) -> Array:
+    """What is no noise (m, k) [N m per unit]: slopes of the baseline's constants, and every family of structure."""
+    columns = [family.columns for family in families(readings, bench, model)]
+    return np.hstack([jacobian(readings, bench, model, BASELINE_FREE), *columns])
+
+
 def noise_floor(grid: Grid, fits: LossFits, bench: BenchParameters) -> NoiseFloor:
     r"""Noise floor of a campaign, from its repeats and from the scatter that follows nothing.
 
@@ -213,10 +220,7 @@ def noise_floor(grid: Grid, fits: LossFits, bench: BenchParameters) -> NoiseFloo
     readings = take_readings(grid, bench)
     model = start_model(fits)
     residual = readings.torque - predict(readings, bench, model)
-    structured = np.hstack(
-        [jacobian(readings, bench, model, BASELINE_FREE)]
-        + [family.columns for family in families(readings, bench, model)]
-    )
+    structured = structured_columns(readings, bench, model)
     sigma, rho = {True: 1.0, False: 1.0}, {True: NO_CORRELATION, False: NO_CORRELATION}
     dof, growth = {True: 0.0, False: 0.0}, {True: NO_GROWTH, False: NO_GROWTH}
     for step in range(4):

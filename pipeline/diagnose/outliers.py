@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.calibrate import jacobian, start_model
+from pmg.pipeline.calibrate import start_model
 from pmg.pipeline.diagnose.locate import find_mismatch
-from pmg.pipeline.diagnose.noise import BASELINE_FREE, noise_floor, orthonormal
+from pmg.pipeline.diagnose.noise import noise_floor, orthonormal, structured_columns
 from pmg.pipeline.diagnose.scan import MINIMUM_ROOM
-from pmg.pipeline.diagnose.structure import families
 from pmg.pipeline.diagnose.whiten import floor_scale
 from pmg.pipeline.readings import predict, take_readings
 
@@ -87,11 +86,7 @@ def _surprises(readings: Readings, bench: BenchParameters, model: LossModel, flo
     :math:`t_i = r_i / (s_{(i)}\sqrt{1 - h_i})` with the scatter without the reading (Belsley, Kuh and Welsch 1980).
     """
     scale = floor_scale(readings, bench, floor)
-    structured = np.hstack(
-        [jacobian(readings, bench, model, BASELINE_FREE)]
-        + [family.columns for family in families(readings, bench, model)]
-    )
-    basis = orthonormal(structured / scale[:, None])
+    basis = orthonormal(structured_columns(readings, bench, model) / scale[:, None])
     y = (readings.torque - predict(readings, bench, model)) / scale
     left = y - basis @ (basis.T @ y)
     room = 1.0 - np.einsum("ij,ij->i", basis, basis)

@@ -92,29 +92,37 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
         rmse_after=math.sqrt(squares[1][touched].mean()),
         noise_floor=math.sqrt(float(np.mean(stage.white.scale[touched] ** 2))),
         gain_interval=gain_interval(*squares, blocks, rng),
-        placebo_gain=_placebo_gain(stage, effect, fold, touched, rng),
+        placebo_gain=_placebo_gain(stage, effect, before, fold, touched, rng),
     )
 
 
 def _placebo_gain(
-    stage: Stage, effect: Array, fold: npt.NDArray[np.int64], touched: Mask, rng: np.random.Generator
+    stage: Stage,
+    effect: Array,
+    before: Array,
+    fold: npt.NDArray[np.int64],
+    touched: Mask,
+    rng: np.random.Generator,
 ) -> float:
-    """Mean fall of the withheld error by the effect shuffled over the readings of a shaft and configuration [N m]."""
+    """Mean fall of the withheld error by the effect shuffled over the readings of a shaft and configuration [N m].
+
+    `before` is the withheld error of each reading without it [N m].
+    """
     y, scale = stage.readings.torque - stage.predicted, stage.white.scale
     places = np.char.add(np.where(stage.readings.sun, "sun ", "ring "), stage.readings.configuration)
     groups = [np.flatnonzero(places == place) for place in np.unique(places)]
+    without = math.sqrt((before[touched] ** 2).mean())
     gains = []
     for _ in range(PLACEBOS):
         shuffled = effect.copy()
         for rows in groups:
             shuffled[rows] = effect[rng.permutation(rows)]
-        before, after = y.copy(), y.copy()
+        after = y.copy()
         columns = np.column_stack([stage.columns, shuffled])
         for k in range(FOLDS):
             train, test = fold != k, fold == k
-            before[test] = _left(y, stage.columns, scale, train)[test]
             after[test] = _left(y, columns, scale, train)[test]
-        gains.append(math.sqrt((before[touched] ** 2).mean()) - math.sqrt((after[touched] ** 2).mean()))
+        gains.append(without - math.sqrt((after[touched] ** 2).mean()))
     return float(np.mean(gains))
 
 
