@@ -79,6 +79,13 @@ def withheld_items(diagnosis: Diagnosis) -> list[Facts | Table]:
             ),
             ("Gain, 95 % interval", f"{low * 1e3:.2f} to {high * 1e3:.2f} mN m"),
         ]
+        if held.expected_after is not None:
+            rows.append(
+                (
+                    "Error that noise alone gives",
+                    f"{held.expected_after * 1e3:.2f} mN m, that of the readings and of the fit that predicts them",
+                )
+            )
         if held.placebo_gain is not None:
             rows.append(
                 (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -67,7 +68,8 @@ def diagnose(
 
     A mechanism is named when it brings more evidence than its parameters cost, beats every rival by a margin, leaves
     no more than an error of form, and predicts most of the mismatch of withheld readings. Rivals within the
-    margin are reported as one set with the test that would tell. Where the order of the test hides slow changes,
+    margin are reported as one set with the test that would tell; so are the causes of a mismatch that is too weak to tell
+    an effect of another kind by what it leaves. Where the order of the test hides slow changes,
     only what no slow change could have made is claimed. `known` gives columns (m, k) that the baseline may follow
     besides its constants: slopes of what is already known to be there.
     """
@@ -87,7 +89,7 @@ def diagnose(
     stage = set_stage(readings, bench, calibration.model, whitener(readings, bench, floor), allowed)
     naming = name_mechanisms(stage, make_judge(stage, floor, rng, JUDGE_DRAWS))
     said = Diagnosis(grid.campaign, Verdict.NOT_IN_LIBRARY, beyond, floor, blind, naming, outliers=outliers)
-    if naming.explained:
+    if naming.explained and not naming.weak:
         held = _withheld(stage, naming.best, rng)
         if held is not None and _predicts(held):
             said = _with_causes(said, stage, calibration, naming.rivals, held)
@@ -133,10 +135,19 @@ def _withheld(stage: Stage, explanation: Explanation, rng: np.random.Generator) 
 
 
 def _predicts(held: HeldOut) -> bool:
-    """Whether a mechanism predicts most of the mismatch of withheld readings."""
-    before = held.rmse_before**2 - held.noise_floor**2
-    after = held.rmse_after**2 - held.noise_floor**2
-    return held.rmse_after < held.rmse_before and after <= (1.0 - WITHHELD_SHARE) * before
+    r"""Whether a mechanism predicts most of the mismatch of withheld readings.
+
+    Notes
+    -----
+    Mean squares beyond what noise alone gives, that of the predicting fits included, are compared. What is left after
+    may exceed its share by one standard error of a mean square of noise, :math:`s^2\sqrt{2/n}`.
+    """
+    assert held.expected_before is not None
+    assert held.expected_after is not None
+    before = held.rmse_before**2 - held.expected_before**2
+    after = held.rmse_after**2 - held.expected_after**2
+    chance = held.expected_after**2 * math.sqrt(2.0 / held.count)
+    return held.rmse_after < held.rmse_before and after <= (1.0 - WITHHELD_SHARE) * before + chance
 
 
 def _swallowed(calibration: Calibration, found: Refit) -> tuple[Absorbed, ...]:

@@ -63,6 +63,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
             "noise_floor_Nm": held.noise_floor,
             "gain_interval_Nm": list(held.gain_interval),
             "placebo_gain_Nm": held.placebo_gain,
+            "expected_Nm": held.expected_after,
         },
         "next_tests": _next_tests(diagnosis),
         "decoys": None if diagnosis.decoys is None else asdict(diagnosis.decoys),

@@ -51,6 +51,10 @@ class HeldOut:
         95 % interval of `rmse_before` - `rmse_after`, from resampled blocks [N m].
     placebo_gain : float or None
         The same difference for a placebo: what was found, shuffled over the readings; it should gain nothing [N m].
+    expected_before, expected_after : float or None
+        Error that noise alone would give [N m]: noise of the readings and, with it, of the fits that predict them.
+    count : int
+        Readings that were looked at.
     """
 
     split: str
@@ -59,6 +63,9 @@ class HeldOut:
     noise_floor: float
     gain_interval: tuple[float, float]
     placebo_gain: float | None = None
+    expected_before: float | None = None
+    expected_after: float | None = None
+    count: int = 0
 
 
 def hold_out(

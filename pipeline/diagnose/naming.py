@@ -10,6 +10,7 @@ import numpy as np
 
 from pmg.pipeline.diagnose.candidates import CandidateFit, Stage, candidates, fit_candidate, refinement
 from pmg.pipeline.diagnose.noise import orthonormal
+from pmg.pipeline.diagnose.traces import tangents
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -36,7 +37,7 @@ the catalogue mostly leave more of their nearest look-alike."""
 SHARE_OF_REST = 0.5
 """Part of what is left that a further mechanism must explain to enter."""
 
-SHARE_OF_FIRST = 0.03
+SHARE_OF_FIRST = 0.05
 """Part of the gain so far that a further mechanism must bring: below, an error of form explains it as well."""
 
 ADEQUATE = 0.01
@@ -44,8 +45,11 @@ ADEQUATE = 0.01
 
 Below the level of the mismatch test, as it is looked at after a choice was made."""
 
-ORDINARY = 0.05
+ORDINARY = 0.02
 """p-value of the structure left over from which on nothing is seen in it."""
+
+CHANCE = 0.5
+"""Part of what noise exceeds one time in a hundred that may be left over beside an error of form."""
 
 SMALL_PART = 0.3
 """Part of a mechanism's gain that may be left over where it is within the noise."""
@@ -147,14 +151,7 @@ class Naming:
 
 def take_out(stage: Stage, fit: CandidateFit) -> Stage:
     """The stage with a fitted candidate taken out and its parameters free to move with the baseline's."""
-    slopes = []
-    for i, parameter in enumerate(fit.candidate.parameters):
-        step = 1e-3 * max(abs(float(fit.values[i])), 1e-3 * parameter.typical)
-        low, high = parameter.bounds
-        up, down = fit.values.copy(), fit.values.copy()
-        up[i], down[i] = min(fit.values[i] + step, high), max(fit.values[i] - step, low)
-        slopes.append((stage.effect(fit.candidate, up) - stage.effect(fit.candidate, down)) / (up[i] - down[i]))
-    columns = np.stack([stage.project(slope) for slope in slopes], axis=1)
+    columns = np.stack([stage.project(slope) for slope in tangents(stage, fit).T], axis=1)
     added = orthonormal(columns, 1e-4)
     left = stage.left - fit.seen
     return replace(stage, baseline=np.hstack([stage.baseline, added]), left=left - added @ (added.T @ left))
@@ -218,8 +215,10 @@ def _explains(best: Explanation, remainder: Remainder) -> bool:
     """Whether what a set leaves is an error of form, or noise."""
     if not best.fits or _without_scale(best):
         return False
-    small = remainder.within_noise and remainder.excess <= SMALL_PART * best.gain
-    return small or remainder.excess <= FORM_ERROR * best.gain
+    if remainder.within_noise and remainder.excess <= SMALL_PART * best.gain:
+        return True
+    chance = CHANCE * remainder.usual if remainder.p_value >= ORDINARY else 0.0
+    return remainder.excess <= FORM_ERROR * best.gain + chance
 
 
 def _weak(singles: list[Explanation], left_over: Callable[[Explanation], Remainder]) -> tuple[Explanation, ...]:

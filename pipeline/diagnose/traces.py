@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from pmg.pipeline.diagnose.candidates import candidates, shapes, signature
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.candidates import Stage
+    from pmg.pipeline.diagnose.candidates import CandidateFit, Stage
     from pmg.sim.signals import Array
 
 
@@ -23,3 +25,15 @@ def traces(stage: Stage) -> list[Array]:
         if candidate.shaft != "both" or not candidate.kind.both_at_once
         for shape in shapes(candidate)
     ]
+
+
+def tangents(stage: Stage, fit: CandidateFit) -> Array:
+    """Change of each reading per change of each parameter of a fitted candidate (m, k) [N m per unit]."""
+    slopes = []
+    for i, parameter in enumerate(fit.candidate.parameters):
+        step = 1e-3 * max(abs(float(fit.values[i])), 1e-3 * parameter.typical)
+        low, high = parameter.bounds
+        up, down = fit.values.copy(), fit.values.copy()
+        up[i], down[i] = min(fit.values[i] + step, high), max(fit.values[i] - step, low)
+        slopes.append((stage.effect(fit.candidate, up) - stage.effect(fit.candidate, down)) / (up[i] - down[i]))
+    return np.stack(slopes, axis=1)

@@ -9,10 +9,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.candidates import Candidate, CandidateFit, Stage, candidates, fit_candidate, refinement
+from pmg.pipeline.diagnose.candidates import (
+    Candidate,
+    CandidateFit,
+    Stage,
+    candidates,
+    fit_candidate,
+    refinement,
+)
 from pmg.pipeline.diagnose.holdout import HeldOut, deal, gain_interval, solve, touched_blocks
 from pmg.pipeline.diagnose.naming import ENTRY, take_out
 from pmg.pipeline.diagnose.noise import orthonormal
+from pmg.pipeline.diagnose.traces import tangents
 from pmg.pipeline.diagnose.whiten import Whitener
 from pmg.sim.errors import FitError
 
@@ -60,22 +68,27 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
     columns = stage.columns
     before, after = y.copy(), y.copy()
     within = np.ones(len(y), dtype=bool)
+    reach_before, reach_after = np.zeros_like(y), np.zeros_like(y)
     chosen: Counter[str] = Counter()
     for k in range(FOLDS):
         train, test = fold != k, fold == k
         scale = stage.white.scale
-        within[test] = _reach(columns, scale, train, test) <= FARTHEST
+        reach_before[test] = _reach(columns, scale, train, test)
+        within[test] = reach_before[test] <= FARTHEST
         before[test] = _left(y, columns, scale, train)[test]
         effects = np.zeros_like(y)
         part = _part(stage, train)
         taken: list[str] = []
+        free = [columns]
         for _ in fits:
             fit = _choose(part, taken)
             part = take_out(part, fit)
             effects = effects + stage.effect(fit.candidate, fit.values)
+            free.append(tangents(stage, fit))
             taken.append(fit.candidate.identifier)
         chosen.update(taken)
         after[test] = _left(y - effects, columns, scale, train)[test]
+        reach_after[test] = _reach(np.hstack(free), scale, train, test)
     squares = before**2, after**2
     touched &= within
     blocks = touched_blocks(block, touched)
@@ -93,6 +106,9 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
         noise_floor=math.sqrt(float(np.mean(stage.white.scale[touched] ** 2))),
         gain_interval=gain_interval(*squares, blocks, rng),
         placebo_gain=_placebo_gain(stage, effect, before, fold, touched, rng),
+        expected_before=_expected(stage.white.scale, reach_before, touched),
+        expected_after=_expected(stage.white.scale, reach_after, touched),
+        count=int(touched.sum()),
     )
 
 
@@ -132,6 +148,11 @@ def _reach(columns: Array, scale: Array, train: Mask, test: Mask) -> Array:
     unit = columns / np.where(length > 0.0, length, 1.0)
     inverse = np.linalg.pinv(unit[train] / scale[train, None], rcond=1e-8)
     return np.asarray(np.linalg.norm(unit[test] @ inverse, axis=1) / scale[test])
+
+
+def _expected(scale: Array, reach: Array, touched: Mask) -> float:
+    """Withheld error that noise alone gives [N m]: that of the reading and that of the fit which predicts it."""
+    return math.sqrt(float(np.mean((scale[touched] ** 2) * (1.0 + np.minimum(reach[touched], FARTHEST) ** 2))))
 
 
 def _left(y: Array, columns: Array, scale: Array, train: Mask) -> Array:

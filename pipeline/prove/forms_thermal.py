@@ -164,6 +164,6 @@ THERMALS: tuple[Form, ...] = (
         1.5,
         lubricant_viscosity,
     ),
-    Form("magnet_temperature", GEAR, "1", 1.0, magnet_knobs, 6.0, magnet_temperature),
+    Form("magnet_temperature", GEAR, "1", 1.0, magnet_knobs, 2.0, magnet_temperature),
 )
 """Forms that have a memory of heat."""

@@ -27,6 +27,54 @@ _BOTH = (signals.TORQUE_SUN, signals.TORQUE_RING)
 
 
 @dataclass(frozen=True)
+class ResidualCouplingOfStages(RotorLaw):
+    """`ResidualCoupling` in more detail: the carrier drags on the poles of both stages, each slipping at its speed."""
+
+    identifier = "residual_magnetic_coupling"
+    title = "Magnetic coupling left in neutral"
+    equation = (
+        r"\tau_k = -\sum_g p_{k,g}\,M_g\,\frac{2\,S_g/S_c}{1+(S_g/S_c)^2}\ \mathrm{in\ neutral},"
+        r"\ S_g = p_{s,g}\omega_s+p_{r,g}\omega_r"
+    )
+    source = sources.WOUTERSE
+    component = Component.MAGNETIC_GEAR
+    affects = _BOTH
+    revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "torque follows the pole-slip speeds of both stages"),)
+    acts_in = (Configuration.NEUTRAL,)
+    by_shaft = {"both": ("strength", "strength_second")}
+    shape = ("critical",)
+
+    pole_pairs: tuple[tuple[int, int], ...]
+    strength: float = parameter(
+        "N m", bounds=(0.0, 0.05), typical=1e-3, meaning="largest torque of stage 1 on each rotor per pole pair"
+    )
+    strength_second: float = parameter(
+        "N m", bounds=(0.0, 0.05), typical=5e-4, meaning="largest torque of stage 2 on each rotor per pole pair"
+    )
+    critical: float = parameter(
+        "rad/s", bounds=(50.0, 20000.0), typical=1000.0, meaning="critical slip speed of the poles", null=1000.0
+    )
+
+    @classmethod
+    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
+        """Absent."""
+        return cls(pole_pairs(bench))
+
+    def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
+        """Drag on both rotors in neutral."""
+        sun, ring = 0.0 * speed_sun, 0.0 * speed_ring
+        for (p_s, p_r), strength in zip(self.pole_pairs, (self.strength, self.strength_second), strict=True):
+            pull = breakdown(strength, (p_s * speed_sun + p_r * speed_ring) / self.critical)
+            sun, ring = sun - p_s * pull, ring - p_r * pull
+        return Torques(sun, ring)
+
+
+def breakdown(strength: Number, slip: Number) -> Number:
+    """Torque of an eddy-current coupling at a slip in units of the critical one (Kloss's equation)."""
+    return strength * 2.0 * slip / (1.0 + slip * slip)
+
+
+@dataclass(frozen=True)
 class ResidualCoupling(RotorLaw):
     """In neutral the carrier is not quite centred: the slipping poles drag on each other.
 
@@ -44,6 +92,7 @@ class ResidualCoupling(RotorLaw):
     revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "torque follows the pole-slip speed"),)
     acts_in = (Configuration.NEUTRAL,)
     by_shaft = {"both": ("strength",)}
+    refined = ResidualCouplingOfStages
     shape = ("critical",)
 
     pole_pairs: tuple[tuple[int, int], ...]
@@ -63,7 +112,7 @@ class ResidualCoupling(RotorLaw):
         """Drag on both rotors in neutral."""
         p_s, p_r = self.pole_pairs[0]
         slip = (p_s * speed_sun + p_r * speed_ring) / self.critical
-        pull = self.strength * 2.0 * slip / (1.0 + slip * slip)
+        pull = breakdown(self.strength, slip)
         return Torques(-p_s * pull, -p_r * pull)
 
 
@@ -102,6 +151,29 @@ class SkinEffect(RotorDamping):
 
 
 @dataclass(frozen=True)
+class LoadIronLossPower(LoadLaw):
+    """`LoadIronLoss` in more detail: a power of the transmitted torque, as the iron is or is not saturated."""
+
+    identifier = "load_dependent_iron_loss"
+    title = "Iron loss growing with load"
+    equation = r"\tau_k = -k\,(|T_s|/1\,\mathrm{N\,m})^{n}\,\omega_k\ \mathrm{engaged}"
+    source = sources.STOLL.at("eddy loss proportional to the square of the field")
+    component = Component.MAGNETIC_GEAR
+    affects = _BOTH
+    revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "magnetic loss grows with load and speed together"),)
+    by_shaft = {"both": ("k",)}
+    shape = ("power",)
+
+    k: float = parameter("N m s/rad", bounds=(0.0, 1e-2), typical=5e-5, meaning="eddy damping at 1 N m on the sun")
+    power: float = parameter("1", bounds=(0.5, 3.0), typical=2.0, meaning="power of the transmitted torque", null=2.0)
+
+    def law(self, speed_sun: Number, speed_ring: Number, load: Number, ratio: Number, rest: float = 0.0) -> Torques:
+        """Drag on both rotors; smooth at rest as it is."""
+        drag = self.k * (load / ratio) ** self.power
+        return Torques(-drag * speed_sun, -drag * speed_ring)
+
+
+@dataclass(frozen=True)
 class LoadIronLoss(LoadLaw):
     """Iron loss that grows with the transmitted torque: the load angle bends more flux through the poles."""
 
@@ -113,6 +185,7 @@ class LoadIronLoss(LoadLaw):
     affects = _BOTH
     revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "magnetic loss grows with load and speed together"),)
     by_shaft = {"both": ("k",)}
+    refined = LoadIronLossPower
 
     k: float = parameter("s/rad", bounds=(0.0, 1e-2), typical=5e-5, meaning="eddy damping per transmitted torque")
 

@@ -248,13 +248,16 @@ class MagnetTemperature(Mechanism):
     dissipates = False
     memory = True
     linear = False
-    by_shaft = {"both": ("resistance",)}
+    by_shaft = {"both": ("resistance", "start")}
     shape = ("time_constant",)
 
     b: float
     c: float
     resistance: float = parameter(
-        "K/W", bounds=(0.0, 50.0), typical=5.0, meaning="thermal resistance of the magnets to ambient"
+        "K/W", bounds=(0.0, 100.0), typical=5.0, meaning="thermal resistance of the magnets to ambient"
+    )
+    start: float = parameter(
+        "K", bounds=(-60.0, 120.0), typical=10.0, meaning="magnets above ambient at the first point"
     )
     time_constant: float = parameter(
         "s", bounds=(30.0, 20000.0), typical=1800.0, meaning="thermal time constant", null=1800.0
@@ -271,7 +274,7 @@ class MagnetTemperature(Mechanism):
             np.where(at.engaged, self.b * np.abs(speed) + self.c * speed**2, 0.0)
             for speed in (at.speed_sun, at.speed_ring)
         ]
-        return temperature_rise(at, self.resistance * (loss[0] + loss[1]), self.time_constant)
+        return temperature_rise(at, self.resistance * (loss[0] + loss[1]), self.time_constant, self.start)
 
     def torque(self, at: OperatingPoints) -> Torques:
         """What warming takes off the magnetic drag."""

@@ -48,6 +48,8 @@ def test_the_placebo_is_told_beside_the_gain_without_a_negative_zero() -> None:
 
 
 def test_a_structure_without_placebo_claims_none() -> None:
+    told = facts(withheld_items(diagnosis(held_out=replace(HELD, expected_after=0.95e-3))))
+    assert told["Error that noise alone gives"].startswith("0.95 mN m")
     assert "Gain of a placebo" not in facts(withheld_items(diagnosis(held_out=replace(HELD, placebo_gain=None))))
 
 
