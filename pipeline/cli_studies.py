@@ -133,6 +133,13 @@ def prove(
         str | None, typer.Option("--strata", help="Kinds out of clean,one,outside,two,confounded; all if not given.")
     ] = None,
     route: Annotated[str, typer.Option("--route", help="grid (fast), or recordings: through files.")] = "grid",
+    recordings: Annotated[
+        int | None,
+        typer.Option("--recordings", help="So many concealed campaigns, and a third as many clean, go both ways."),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="12 campaigns, one of them both ways, unless told otherwise.")
+    ] = False,
     workers: Annotated[
         int | None, typer.Option("--workers", min=1, help="Processes; all processors if absent.")
     ] = None,
@@ -152,6 +159,8 @@ def prove(
                 seed=seed,
                 strata=strata,
                 route=route,
+                recordings=recordings,
+                quick=quick,
                 workers=workers,
                 case=case,
                 progress=progress,

@@ -14,6 +14,7 @@ from pmg.pipeline.report.figure import COVERAGE
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pmg.pipeline.prove.trial.agreement import Agreement
     from pmg.pipeline.prove.trial.summary import Trial
     from pmg.pipeline.report.table import Cell
 
@@ -55,7 +56,8 @@ def proof_section(trial: Trial) -> Section:
             "not those of the library. The SHA-256 of every truth was written down before the first diagnosis, and "
             "checked when the truths were opened. Sizes are counted after absorption: the root mean square over all "
             "readings of what a free baseline cannot take up, in standard uncertainties of one point's mean. "
-            "Intervals are Clopper and Pearson's at 95 %, for sizes from the fit, for medians from order statistics."
+            "Intervals are Clopper and Pearson's at 95 %, for sizes from the profile of the likelihood, for medians "
+            "from order statistics."
         ),
         _figures(trial),
         Facts(
@@ -67,6 +69,8 @@ def proof_section(trial: Trial) -> Section:
     ]
     if trial.bins:
         items.append(_detection(trial))
+    if trial.agreement is not None:
+        items.append(_agreement(trial.agreement))
     items += [_outcomes(trial), _confusion(trial)]
     return Section("proof", "What the diagnosis is worth", tuple(items))
 
@@ -98,11 +102,12 @@ def _detection(trial: Trial) -> Figure:
     ]
     caption = "Part of the campaigns with one effect in which a mismatch was claimed, against its size. "
     if trial.curve is None:
-        caption += "A curve cannot be fitted: all, or none, were detected."
+        caption += "A curve cannot be fitted: all, or none, were detected, or detection does not grow with size."
     else:
         x = np.geomspace(*SIZES_DRAWN, 200)
-        series.append(Series("logistic curve", x, trial.curve.probability(x), None, "line", 1))
-        caption += f"Half are detected at {trial.curve.size(0.5):.2f} sigma, 95 % at {trial.curve.size(0.95):.2f}."
+        series.append(Series("logistic curve above chance alarms", x, trial.curve.probability(x), None, "line", 1))
+        caption += f"Half are detected at {trial.curve.size(0.5):.2f} sigma, 95 % at {trial.curve.size(0.95):.2f}. "
+        caption += f"Where nothing can be seen, {trial.curve.seen.guess:.0%} alarm by chance: the curve begins there."
     chart = Chart(
         "size after absorption [sigma]",
         "part detected",
@@ -113,6 +118,22 @@ def _detection(trial: Trial) -> Figure:
         x_log=True,
     )
     return Figure("detection", "Detection against size", caption, (chart,))
+
+
+def _agreement(agreement: Agreement) -> Table:
+    apart = [str(pair.number) for pair in agreement.pairs if not pair.same_verdict]
+    caption = (
+        f"Campaigns that went by recordings, through files and every stage, as well: {len(agreement.pairs)}. Both "
+        "ways share the campaign and its wander from point to point; the noise within the windows is drawn anew. "
+    )
+    caption += f"The verdicts differ in: {', '.join(apart)}." if apart else "No verdict differs."
+    return Table(
+        "agreement",
+        "By grid and by recordings",
+        caption,
+        (Column("figure", "Figure"), Column("value", "Value, interval")),
+        tuple((figure.what, figure.shown) for figure in agreement.figures),
+    )
 
 
 def _outcomes(trial: Trial) -> Table:

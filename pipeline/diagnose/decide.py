@@ -68,9 +68,9 @@ def diagnose(
 
     A mechanism is named when it brings more evidence than its parameters cost, beats every rival by a margin, leaves
     no more than an error of form, and predicts most of the mismatch of withheld readings. Rivals within the
-    margin are reported as one set with the test that would tell; so are the causes of a mismatch that is too weak to tell
-    an effect of another kind by what it leaves. Where the order of the test hides slow changes,
-    only what no slow change could have made is claimed. `known` gives columns (m, k) that the baseline may follow
+    margin are reported as one set with the test that would tell; so are the causes of a mismatch that is too weak to
+    tell an effect of another kind by what it leaves. Where the order of the test hides slow changes, only what no
+    slow change could have made is claimed. `known` gives columns (m, k) that the baseline may follow
     besides its constants: slopes of what is already known to be there.
     """
     mismatch, outliers, floor = without_outliers(grid, fits, floor, bench, rng, known)

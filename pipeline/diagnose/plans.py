@@ -27,6 +27,9 @@ ZERO_CHECKS_OVER = 1800.0
 PAUSE = 7200.0
 """Pause after which the bench is cold again [s]."""
 
+AGAIN = 6
+"""Rounds of the longer test in stage 2, which is to tell small errors."""
+
 LOW_SPEEDS = (20.0, 40.0, 80.0, 120.0, 200.0)
 """Low sun speeds of a Stribeck test [rpm]; the ring's are those divided by 2.6."""
 
@@ -54,14 +57,22 @@ class Plan:
 
 
 def make_points(
-    name: str, configuration: str, sun: Array, ring: Array, load: Array, *, drive: str = "sun", begin: float
+    name: str,
+    configuration: str,
+    sun: Array,
+    ring: Array,
+    load: Array,
+    *,
+    drive: str = "sun",
+    gear: int = 1,
+    begin: float,
 ) -> OperatingPoints:
-    """Points of stage 1 in a row from a time on: speeds [rad/s], ring torque to ask for [N m], start [s]."""
+    """Points of one stage in a row from a time on: speeds [rad/s], ring torque to ask for [N m], start [s]."""
     n = len(sun)
     return OperatingPoints(
         name=np.array([f"{name}_{i + 1:02d}" for i in range(n)]),
         configuration=np.full(n, configuration),
-        gear=np.ones(n, dtype=np.int64),
+        gear=np.full(n, gear, dtype=np.int64),
         drive=np.full(n, drive),
         speed_sun=np.asarray(sun, dtype=np.float64),
         speed_ring=np.asarray(ring, dtype=np.float64),
@@ -113,6 +124,7 @@ def possible_plans(at: OperatingPoints, bench: BenchParameters) -> tuple[Plan, .
                 len(speed) * A_POINT,
             ),
         ]
+        plans += _other_stage(at, bench, sun, loads, begin)
     if len(ring):
         pair = min(len(sun), len(ring))
         sun_n, ring_n = sun[:pair], ring[::-1][:pair]
@@ -168,6 +180,28 @@ def possible_plans(at: OperatingPoints, bench: BenchParameters) -> tuple[Plan, .
         )
     )
     return tuple(plans)
+
+
+def _other_stage(at: OperatingPoints, bench: BenchParameters, sun: Array, loads: Array, begin: float) -> list[Plan]:
+    """Engaged in stage 2, at speeds within the loss curves of both shafts; none where the campaign knows stage 2.
+
+    Its torques stand in another ratio, so what follows one of them parts from what follows the other. Hysteresis and
+    eddy damping are taken as those of stage 1; they do not grow with load.
+    """
+    fastest = float(np.abs(at.speed_ring).max()) * bench.gear2.ratio
+    speeds = sun[sun <= fastest * (1.0 + 1e-9)]
+    if not len(speeds) or (at.gear[at.engaged] == 2).any():
+        return []
+    found = []
+    for asked, words in (
+        ([loads.min(), loads.max()], "the lowest and highest load"),
+        ([loads.min(), loads.max()] * AGAIN, f"the lowest and highest load, {AGAIN} times over"),
+    ):
+        speed, load = np.tile(speeds, len(asked)), np.repeat(asked, len(speeds))
+        points = make_points("G", "engaged", speed, -speed / bench.gear2.ratio, load, gear=2, begin=begin)
+        what = f"Engaged in stage 2: {len(speed)} points at {len(speeds)} speeds and {words}"
+        found.append(Plan(Experiment.OTHER_STAGE, what, points, len(speed) * A_POINT))
+    return found
 
 
 def _spread(values: Array, count: int) -> Array:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.prove.design import RATIO, acting
+from pmg.pipeline.prove.design import acting, ratio_of
 from pmg.pipeline.prove.effect import Effect, Scene, torques
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class Yardstick:
         """Readings of sun and ring in neutral, of the sun less the load engaged, of both at rest [N m]."""
         at = self.scene.design.at
         sun, ring = shown
-        loss = np.where(at.engaged, sun - ring / RATIO, sun)
+        loss = np.where(at.engaged, sun - ring / ratio_of(at), sun)
         rows_sun, rows_ring = acting(at)
         return np.asarray(np.r_[loss[rows_sun | at.zero], ring[rows_ring | at.zero]])
 
@@ -72,8 +72,9 @@ class Yardstick:
             (engaged * scene.speeds[0], engaged * scene.speeds[1]),
             (engaged * own[0], engaged * own[1]),
         ]
+        ratio = ratio_of(at)
         stacked = np.column_stack(
-            [self.stack((np.where(at.engaged, sun - ring / RATIO, sun), ring * ~at.engaged)) for sun, ring in columns]
+            [self.stack((np.where(at.engaged, sun - ring / ratio, sun), ring * ~at.engaged)) for sun, ring in columns]
         )
         found, triangle = np.linalg.qr(stacked / np.linalg.norm(stacked, axis=0))
         return np.asarray(found[:, np.abs(np.diag(triangle)) > 1e-9])

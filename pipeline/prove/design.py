@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array, Mask
 
 POLE_PAIRS = ((5, 13), (7, 11))
-"""Pole pairs of sun and ring of both stages; stage 1 is the one that is engaged."""
+"""Pole pairs of sun and ring of both stages; campaigns engage stage 1, a further test may ask for stage 2."""
 RATIO = POLE_PAIRS[0][1] / POLE_PAIRS[0][0]
-"""Speed of the sun per speed of the ring when engaged, without its sign."""
+"""Speed of the sun per speed of the ring with stage 1 engaged, without its sign."""
 SUN_RPM = (0, 60, 90, 120, 156, 312, 468, 624, 780, 936, 1092, 1248, 1404, 1560, 1716, 1872)
 RING_RPM = (0, 60, 120, 180, 240, 300, 360, 420, 480, 540, 600, 660, 720)
 ENGAGED_RPM = SUN_RPM[4:]
@@ -176,6 +176,12 @@ def _with_zero_checks(at: OperatingPoints) -> OperatingPoints:
     pieces = np.array_split(np.arange(len(at)), ZERO_CHECKS - 1)
     parts = [part for i, piece in enumerate(pieces) for part in (checks[np.array([i])], at[piece])]
     return _joined([*parts, checks[np.array([ZERO_CHECKS - 1])]])
+
+
+def ratio_of(at: OperatingPoints) -> Array:
+    """Speed of the sun per speed of the ring in the stage of each point, without its sign."""
+    (sun_1, ring_1), (sun_2, ring_2) = POLE_PAIRS
+    return np.where(at.gear == 1, ring_1 / sun_1, ring_2 / sun_2)
 
 
 def acting(at: OperatingPoints) -> tuple[Mask, Mask]:

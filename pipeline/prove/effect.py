@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from pmg.pipeline.prove.design import RATIO
+from pmg.pipeline.prove.design import ratio_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -41,7 +41,7 @@ class Scene:
     @cached_property
     def carried(self) -> Pair:
         """Magnitude of the torque that each shaft carries when engaged, without any effect [N m]."""
-        return np.abs(self.load) / RATIO, np.abs(self.load)
+        return np.abs(self.load) / ratio_of(self.design.at), np.abs(self.load)
 
     @property
     def speeds(self) -> Pair:
@@ -122,7 +122,8 @@ def torques(scene: Scene, effects: Iterable[Effect]) -> tuple[Pair, Pair]:
             more_sun, more_ring = effect.form.drag(scene, effect)
             sun, ring = sun + more_sun, ring + more_ring
     at = scene.design.at
-    applied = np.where(at.engaged, sun + (scene.load - ring) / RATIO, sun), np.where(at.engaged, scene.load, ring)
+    balance = sun + (scene.load - ring) / ratio_of(at)
+    applied = np.where(at.engaged, balance, sun), np.where(at.engaged, scene.load, ring)
     shown = applied
     for effect in listed:
         if effect.form.reading is not None:

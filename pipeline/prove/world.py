@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.signal import lfilter
 
-from pmg.pipeline.prove.design import RATIO, acting
+from pmg.pipeline.prove.design import acting, ratio_of
 
 if TYPE_CHECKING:
     from pmg.pipeline.prove.design import Design
@@ -158,7 +158,7 @@ class World:
         at, noise = design.at, self.noise
         sun = np.hypot(noise.wander_scale(at.speed_sun, FASTEST_SUN), noise.mean_sun)
         ring = np.hypot(noise.wander_scale(at.speed_ring, FASTEST_RING), noise.mean_ring)
-        return np.where(at.engaged, np.hypot(sun, ring / RATIO), sun), ring
+        return np.where(at.engaged, np.hypot(sun, ring / ratio_of(at)), sun), ring
 
     def sigma(self, design: Design) -> float:
         """Standard uncertainty of one point's mean [N m]: root mean square over the readings that tell a loss."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.recording.findings import Code
-from pmg.pipeline.recording.walk import Walk, walk_records
+from pmg.pipeline.recording.gathered import Gathered
+from pmg.pipeline.recording.walk import walk_records
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -88,8 +89,8 @@ def open_container(path: Path, wanted: Callable[[str], bool], findings: Findings
             stream.seek(0)
             sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
             stream.seek(0)
-            walk = Walk(wanted, findings)
-            walk_records(stream, size, walk)
+            gathered = Gathered(wanted, findings)
+            walk_records(stream, size, gathered)
     except OSError as fault:
         reason = fault.strerror or str(fault)
         findings.error(
@@ -99,28 +100,30 @@ def open_container(path: Path, wanted: Callable[[str], bool], findings: Findings
             "Check the path, the permissions and the disk.",
         )
         raise findings.give_up() from fault
-    return Container(sha256, size, _topics(walk), tuple(walk.metadata), tuple(walk.attachments))
+    attachments = tuple((attachment.name, attachment.data) for attachment in gathered.attachments)
+    return Container(sha256, size, _topics(gathered), tuple(gathered.metadata), attachments)
 
 
-def _topics(walk: Walk) -> dict[str, Topic]:
+def _topics(gathered: Gathered) -> dict[str, Topic]:
     """Channels by topic; one topic on channels that contradict each other is a finding."""
-    for identity, count in sorted(walk.strangers.items()):
-        walk.findings.error(
+    for identity, strangers in sorted(gathered.strangers.items()):
+        gathered.findings.error(
             Code.RECORD_LOST,
             f"channel {identity}",
-            f"{count} messages name a channel that the file does not describe; expected its record first",
+            f"{len(strangers)} messages name a channel that the file does not describe; expected its record first",
             "They cannot be read. The record may have been in a damaged chunk: copy the file again.",
+            lost=f"{len(strangers)} messages",
         )
     topics: dict[str, Topic] = {}
-    for identity, channel in sorted(walk.channels.items()):
-        schema = walk.schemas.get(channel.schema_id, "")
+    for identity, channel in sorted(gathered.channels.items()):
+        schema = gathered.schemas.get(channel.schema_id)
         found = Topic(
             channel.topic,
             channel.message_encoding,
-            schema,
+            "" if schema is None else schema.name,
             dict(channel.metadata),
-            walk.counts[identity],
-            walk.payloads.get(identity, []),
+            gathered.counts[identity],
+            gathered.payloads.get(identity, []),
         )
         known = topics.get(found.name)
         if known is None:
@@ -129,7 +132,7 @@ def _topics(walk: Walk) -> dict[str, Topic]:
             both = known.payloads + found.payloads
             topics[found.name] = Topic(*_identity(known), known.count + found.count, both)
         else:
-            walk.findings.error(
+            gathered.findings.error(
                 Code.CHANNEL_CONFLICT,
                 found.name,
                 f"a second channel {identity} describes it otherwise ({dict(found.metadata)}); "

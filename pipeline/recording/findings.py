@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
 
 class Severity(StrEnum):
@@ -28,7 +28,15 @@ class Code(StrEnum):
     TRUNCATED = "container.truncated"
     CHUNK_LOST = "container.chunk_lost"
     CRC = "container.crc"
+    CHUNK_DUPLICATE = "container.chunk_duplicate"
+    TOO_LARGE = "container.too_large"
+    LENGTH = "container.length"
+    SKIPPED = "container.skipped"
+    TRAILING = "container.trailing"
+    COUNT = "container.count"
+    UNPROVEN = "container.unproven"
     RECORD_LOST = "container.record_lost"
+    RECORD_UNKNOWN = "container.record_unknown"
     DUPLICATE_FILE = "container.duplicate"
     RUN_MISSING = "run.missing"
     RUN_KEY = "run.key"
@@ -79,6 +87,10 @@ class Finding:
         What came and what was expected.
     do : str
         What the user can do about it.
+    byte_range, sample_range : (int, int), optional
+        The stretch of the file [bytes], or of the samples, that it is about; its end left out.
+    kept, lost : str
+        What is used all the same, and what is not; empty where the message says all.
     """
 
     code: Code
@@ -87,14 +99,18 @@ class Finding:
     where: str
     message: str
     do: str
+    byte_range: tuple[int, int] | None = None
+    sample_range: tuple[int, int] | None = None
+    kept: str = ""
+    lost: str = ""
 
     def __str__(self) -> str:
         """One line for a log."""
         return f"{self.file}: {self.where}: {self.message}. {self.do}"
 
-    def to_dict(self) -> dict[str, str]:
-        """Plain form for JSON."""
-        return {
+    def to_dict(self) -> dict[str, Any]:
+        """Plain form for JSON; what is not told is left out."""
+        plain: dict[str, Any] = {
             "code": self.code.value,
             "severity": self.severity.value,
             "file": self.file,
@@ -102,9 +118,12 @@ class Finding:
             "message": self.message,
             "do": self.do,
         }
+        ranges = {"byte_range": self.byte_range, "sample_range": self.sample_range}
+        plain |= {name: list(stretch) for name, stretch in ranges.items() if stretch is not None}
+        return plain | {name: text for name, text in (("kept", self.kept), ("lost", self.lost)) if text}
 
     @classmethod
-    def from_dict(cls, plain: Mapping[str, str]) -> Finding:
+    def from_dict(cls, plain: Mapping[str, Any]) -> Finding:
         """The finding that `to_dict` wrote."""
         return cls(
             code=Code(plain["code"]),
@@ -113,7 +132,24 @@ class Finding:
             where=plain["where"],
             message=plain["message"],
             do=plain["do"],
+            byte_range=_stretch(plain.get("byte_range")),
+            sample_range=_stretch(plain.get("sample_range")),
+            kept=plain.get("kept", ""),
+            lost=plain.get("lost", ""),
         )
+
+
+def _stretch(ends: Sequence[int] | None) -> tuple[int, int] | None:
+    return None if ends is None else (ends[0], ends[1])
+
+
+class Extent(TypedDict, total=False):
+    """What a finding may say beside its words; see `Finding`."""
+
+    byte_range: tuple[int, int]
+    sample_range: tuple[int, int]
+    kept: str
+    lost: str
 
 
 @dataclass
@@ -131,17 +167,17 @@ class Findings:
     file: str
     gathered: list[Finding] = field(default_factory=list)
 
-    def error(self, code: Code, where: str, message: str, do: str) -> None:
+    def error(self, code: Code, where: str, message: str, do: str, **extent: Unpack[Extent]) -> None:
         """Data are lost or cannot be trusted."""
-        self.gathered.append(Finding(code, Severity.ERROR, self.file, where, message, do))
+        self.gathered.append(Finding(code, Severity.ERROR, self.file, where, message, do, **extent))
 
-    def warning(self, code: Code, where: str, message: str, do: str) -> None:
+    def warning(self, code: Code, where: str, message: str, do: str, **extent: Unpack[Extent]) -> None:
         """Usable, but someone should look."""
-        self.gathered.append(Finding(code, Severity.WARNING, self.file, where, message, do))
+        self.gathered.append(Finding(code, Severity.WARNING, self.file, where, message, do, **extent))
 
-    def info(self, code: Code, where: str, message: str, do: str) -> None:
+    def info(self, code: Code, where: str, message: str, do: str, **extent: Unpack[Extent]) -> None:
         """Worth knowing."""
-        self.gathered.append(Finding(code, Severity.INFO, self.file, where, message, do))
+        self.gathered.append(Finding(code, Severity.INFO, self.file, where, message, do, **extent))
 
     def give_up(self) -> UnusableRecordingError:
         """The error that carries all findings so far, to be raised; the last error heads it."""

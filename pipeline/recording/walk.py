@@ -1,67 +1,45 @@
 """One pass over the records of an MCAP file, which keeps everything that can be proven whole.
 
-The index at the end of the file is not used, so a file whose writer was killed gives what had been written.
-Each chunk is checked against its CRC and lost alone when it is damaged; what is lost becomes a finding.
+Neither the index nor the end of the file is relied on, so a file whose writer was killed gives what had been
+written. A chunk is opened within limits and used when its CRC holds. Past a damaged place the pass goes on at the
+next record that can be proven. What is lost becomes a finding with the bytes it lay in.
 """
 
 from __future__ import annotations
 
-import struct
-import zlib
-from dataclasses import dataclass, field
-from io import BytesIO
 from typing import TYPE_CHECKING, BinaryIO
 
-import zstandard
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import EndOfFile
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
-from mcap.stream_reader import get_chunk_data_stream
-
 from pmg.pipeline.recording.findings import Code
+from pmg.pipeline.recording.opening import Opening
+from pmg.pipeline.recording.records import HEAD, LAYOUT, MAGIC, PRIVATE, Frame, Op, RecordError
+from pmg.pipeline.recording.salvage import LONGEST_PLAIN, Search
+from pmg.pipeline.recording.source import BLOCK, Source
+from pmg.pipeline.recording.summary import Summary
+from pmg.pipeline.recording.taking import take
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from pmg.pipeline.recording.gathered import Gathered
 
-    from pmg.pipeline.recording.findings import Findings
+SMALLEST_CHUNK = 40
+"""Length of the body of a chunk without records [bytes]."""
 
-MAGIC = b"\x89MCAP0\r\n"
-HEAD = struct.Struct("<BQ")
-MESSAGE = struct.Struct("<HIQQ")
-CHUNK_LIMIT = 1 << 31
-"""Largest uncompressed chunk taken in [bytes]; recorders write a few megabytes, so more is damage."""
+INDEX_ENTRY = 16
+"""Length of an entry in an index of messages [bytes]."""
 
-
-@dataclass
-class Walk:
-    """What the pass has gathered so far."""
-
-    wanted: Callable[[str], bool]
-    findings: Findings
-    schemas: dict[int, str] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
-    counts: dict[int, int] = field(default_factory=dict)
-    payloads: dict[int, list[bytes]] = field(default_factory=dict)
-    strangers: dict[int, int] = field(default_factory=dict)
-    metadata: list[tuple[str, Mapping[str, str]]] = field(default_factory=list)
-    attachments: list[tuple[str, bytes]] = field(default_factory=list)
+SEARCHED_START = 16 * BLOCK
+"""How far a recording is searched for in a file that does not begin as one [bytes]."""
 
 
-class _CutError(Exception):
-    """The file ends inside a record."""
-
-
-def walk_records(stream: BinaryIO, size: int, walk: Walk) -> None:
+def walk_records(stream: BinaryIO, size: int, gathered: Gathered) -> None:
     """Gather what the records of a file say; damage is reported and passed over.
 
     Parameters
     ----------
     stream : binary file
-        At its beginning.
+        Seekable.
     size : int
         Its length [bytes].
-    walk : Walk
+    gathered : Gathered
         Receives what is whole.
 
     Raises
@@ -69,164 +47,199 @@ def walk_records(stream: BinaryIO, size: int, walk: Walk) -> None:
     UnusableRecordingError
         When it is no MCAP file.
     """
-    start = stream.read(len(MAGIC))
-    if start != MAGIC:
+    source = Source(stream, size)
+    _Walk(source, gathered).run()
+
+
+class _Walk:
+    """The pass: where it is, and whether the file keeps its messages in chunks."""
+
+    def __init__(self, source: Source, gathered: Gathered) -> None:
+        self.source = source
+        self.gathered = gathered
+        self.findings = gathered.findings
+        self.search = Search.of(source)
+        self.opening = Opening(source, gathered)
+        self.summary = Summary(source, gathered)
+        self.plain_messages = False
+
+    def run(self) -> None:
+        """Go through the file from its beginning."""
+        at: int | None = self._begin()
+        while at is not None and at < self.source.size:
+            frame = self.source.frame(at) or self._hidden_chunk(at, self.source.size)
+            if frame is not None and frame.opcode == Op.FOOTER and self._closes(frame):
+                self.summary.close(frame)
+                self._trailing(frame.end + len(MAGIC))
+                break
+            at = self._broken(at, at) if frame is None or not self._possible(frame) else self._step(frame)
+        else:
+            if at is not None:
+                self._truncated(at)
+        self.summary.compare(self.plain_messages, self.opening.unproven)
+
+    def _begin(self) -> int:
+        """Place of the first record; behind the signature, or where one is found in a file that lost its beginning."""
+        start = self.source.read(0, len(MAGIC))
+        if start == MAGIC:
+            return len(MAGIC)
         came = "the file is empty" if not start else f"it begins with {start!r}"
-        walk.findings.error(
-            Code.NOT_MCAP,
-            "byte 0",
-            f"{came}; expected the MCAP signature {MAGIC!r}",
-            "Take the file from the recorder again, or remove it from the folder.",
-        )
-        raise walk.findings.give_up()
-    crc = zlib.crc32(start)
-    try:
-        for at, head, opcode, body in _records(stream, size):
-            if opcode == Opcode.DATA_END:
-                _check_data_end(at, body, crc, walk.findings)
-                return
-            crc = zlib.crc32(body, zlib.crc32(head, crc))
-            if opcode == Opcode.CHUNK:
-                _take_chunk(at, body, walk)
-            elif opcode == Opcode.FOOTER:
-                return
+        at = self.search.next_record(0, min(self.source.size, SEARCHED_START), chunked=False)
+        if at is None:
+            self.findings.error(
+                Code.NOT_MCAP,
+                "byte 0",
+                f"{came}; expected the MCAP signature {MAGIC!r}",
+                "Take the file from the recorder again, or remove it from the folder.",
+            )
+            raise self.findings.give_up()
+        self._skipped(0, at, came)
+        return at
+
+    def _hidden_chunk(self, at: int, end: int) -> Frame | None:
+        """A chunk whose CRC holds, whatever code and length its head gives; only its own lengths are looked at."""
+        frame = Frame(at, self.source.read(at, at + 1)[0] if at < self.source.size else 0, end)
+        return frame if self.search.proven(frame) else None
+
+    def _closes(self, footer: Frame) -> bool:
+        return self.source.read(footer.end, footer.end + len(MAGIC)) == MAGIC
+
+    def _possible(self, frame: Frame) -> bool:
+        """Whether something can be made of a record: a footer is one only before the end mark."""
+        if frame.opcode == Op.FOOTER or frame.opcode == 0:
+            return self._disguised(frame)
+        return frame.opcode in LAYOUT or frame.opcode >= PRIVATE or self._follows(frame) or self._disguised(frame)
+
+    def _disguised(self, frame: Frame) -> bool:
+        """Whether a record is a chunk under another code. One changed bit makes no chunk a message."""
+        large = frame.end - frame.body > SMALLEST_CHUNK and frame.opcode != Op.MESSAGE
+        return large and self._hidden_chunk(frame.at, frame.end) is not None
+
+    def _follows(self, frame: Frame) -> bool:
+        """Whether a record can begin where this one ends."""
+        following = self.source.frame(frame.end)
+        return following is not None and (following.opcode in LAYOUT or following.opcode >= PRIVATE)
+
+    def _step(self, frame: Frame) -> int | None:
+        """Take a record and give the place of the next; None when there is none."""
+        if frame.opcode == Op.CHUNK or frame.opcode not in LAYOUT or self._disguised(frame):
+            end = self.opening.take(frame)
+            if end is not None:
+                self.summary.reopen()
+                return self._after_chunk(frame, end)
+            if frame.opcode == Op.CHUNK:
+                return frame.end if self._follows(frame) else self._broken(frame.body, frame.end)
+            return frame.end
+        if not self._follows(frame) and self._hidden_chunk(frame.end, self.source.size) is None:
+            # Its own length may be what is damaged: then a record is found inside it, and it is not taken.
+            at = self.search.next_record(frame.body, self.source.size, self._chunked)
+            if at is not None and at < frame.end:
+                self._skipped(frame.at, at, f"a record with code {frame.opcode} of {frame.end - frame.body} bytes")
+                return at
+            self._take(frame)
+            return self._resume(frame.end, at)
+        self._take(frame)
+        return frame.end
+
+    @property
+    def _chunked(self) -> bool:
+        return not self.plain_messages and self.opening.met
+
+    def _after_chunk(self, frame: Frame, end: int) -> int:
+        """Where the chunk's records end if another record begins there, else where its length says."""
+        if end == frame.end:
+            return end
+        following = self.source.frame(end)
+        if end > frame.end or (following is not None and self.search.sound(following, chunked=False, depth=1)):
+            self.findings.warning(
+                Code.LENGTH,
+                f"chunk at byte {frame.at}",
+                f"its head says {frame.end - frame.body} bytes; expected {end - frame.body}, where its records end",
+                "Its CRC holds and it is used. The file is damaged: copy it again.",
+                byte_range=(frame.at, end),
+                kept="the chunk",
+            )
+            return end
+        return frame.end
+
+    def _take(self, frame: Frame) -> None:
+        """Keep what a record outside chunks says."""
+        if frame.end - frame.body > LONGEST_PLAIN and frame.opcode != Op.ATTACHMENT:
+            fault = f"it is longer than the {LONGEST_PLAIN} bytes that are read"
+            return self.opening.lost(frame, fault)
+        body = self.source.read(frame.body, frame.end)
+        try:
+            if frame.opcode == Op.DATA_END:
+                self.summary.data_end(frame, body)
+            elif self.summary.begun and frame.opcode in (Op.CHANNEL, Op.SCHEMA, Op.STATISTICS):
+                self.summary.take(frame, body)
             else:
-                _take(at, opcode, body, walk)
-    except _CutError as cut:
-        messages = sum(walk.counts.values())
-        walk.findings.error(
+                if frame.opcode == Op.MESSAGE and self.opening.met and _is_index(body):
+                    raise RecordError("it has the shape of an index of messages, with one bit changed")
+                if frame.opcode == Op.MESSAGE:
+                    self.plain_messages = True
+                    self.summary.reopen()
+                take(self.gathered, frame.at, frame.opcode, body)
+        except RecordError as fault:
+            self.opening.lost(frame, str(fault))
+        return None
+
+    def _broken(self, start: int, lost_from: int) -> int | None:
+        """Go on past bytes that are no record."""
+        chunked = self._chunked or self.source.read(lost_from, lost_from + 1) == bytes([Op.CHUNK])
+        at = self.search.next_record(start + (start == lost_from), self.source.size, chunked)
+        return self._resume(lost_from, at)
+
+    def _resume(self, lost_from: int, at: int | None) -> int | None:
+        if at is None:
+            self._truncated(lost_from)
+        elif at > lost_from:
+            self._skipped(lost_from, at, f"the bytes {self.source.read(lost_from, lost_from + HEAD.size).hex(' ')}")
+        return at
+
+    def _skipped(self, start: int, stop: int, came: str) -> None:
+        self.findings.error(
+            Code.SKIPPED,
+            f"bytes {start} to {stop}",
+            f"{came}; expected a record of MCAP. Reading goes on {stop - start} bytes later",
+            "What lay there is missing. Copy the file again from the recorder.",
+            byte_range=(start, stop),
+            kept="what lies before and behind",
+            lost=f"{stop - start} bytes",
+        )
+
+    def _truncated(self, start: int) -> None:
+        size, messages = self.source.size, self.gathered.messages
+        told = self.findings.warning if self.summary.begun else self.findings.error
+        ended = "" if self.search.left > 0 else "; the search past damage was given up, as too long"
+        told(
             Code.TRUNCATED,
-            f"byte {cut}",
-            f"the file ends after {size} bytes without its end mark; expected a closed recording. "
+            f"byte {start}",
+            f"the file ends after {size} bytes without its end mark{ended}; expected a closed recording. "
             f"Kept: {messages} messages before that place",
             "The recorder was stopped hard or the copy was cut short: copy the file again; if it is the "
             "original, what is kept is all there is.",
+            byte_range=(start, size),
+            kept=f"{messages} messages",
+            lost="nothing but the summary" if self.summary.begun else f"what lay in the last {size - start} bytes",
         )
 
-
-def _records(stream: BinaryIO, size: int) -> Iterator[tuple[int, bytes, int, bytes]]:
-    """Place, head, operation code and body of each record."""
-    at = len(MAGIC)
-    while True:
-        head = stream.read(HEAD.size)
-        if len(head) < HEAD.size:
-            raise _CutError(at)
-        opcode, length = HEAD.unpack(head)
-        if length > size - at - HEAD.size:
-            raise _CutError(at)
-        body = stream.read(length)
-        if len(body) < length:
-            raise _CutError(at)
-        yield at, head, opcode, body
-        at += HEAD.size + length
+    def _trailing(self, at: int) -> None:
+        if at < self.source.size:
+            second = self.source.read(at, at + len(MAGIC)) == MAGIC
+            self.findings.error(
+                Code.TRAILING,
+                f"byte {at}",
+                f"{self.source.size - at} bytes follow the end mark{', as a second recording' if second else ''}; "
+                "expected the end of the file",
+                "They are not read. Take the files apart, or copy the file again.",
+                byte_range=(at, self.source.size),
+                kept="the recording before them",
+                lost=f"{self.source.size - at} bytes",
+            )
 
 
-def _check_data_end(at: int, body: bytes, crc: int, findings: Findings) -> None:
-    declared = int.from_bytes(body[:4], "little")
-    if declared not in (0, crc):
-        findings.warning(
-            Code.CRC,
-            f"byte {at}",
-            f"the data have CRC {crc:08x}; expected {declared:08x}, as the recorder wrote",
-            "Some byte changed after recording; damaged chunks are named apart. Copy the file again.",
-        )
-
-
-def _take_chunk(at: int, body: bytes, walk: Walk) -> None:
-    try:
-        data = _unpack(Chunk.read(_stream(body)))
-    except (ValueError, struct.error, EndOfFile, zstandard.ZstdError, RuntimeError) as fault:
-        walk.findings.error(
-            Code.CHUNK_LOST,
-            f"chunk at byte {at}",
-            f"{len(body)} bytes cannot be used ({fault}); expected a whole chunk with the CRC it declares",
-            "Its samples are missing and shown as a gap. Copy the file again from the recorder.",
-        )
-        return
-    place, end = 0, len(data)
-    while place + HEAD.size <= end:
-        opcode, length = HEAD.unpack_from(data, place)
-        start = place + HEAD.size
-        if start + length > end:
-            break
-        _take(at, opcode, data[start : start + length], walk)
-        place = start + length
-    if place != end:
-        walk.findings.error(
-            Code.CHUNK_LOST,
-            f"chunk at byte {at}",
-            f"its records end {end - place} bytes early; expected records up to its end",
-            "The last messages of this chunk are missing. Report it to the maker of the recorder.",
-        )
-
-
-def _unpack(chunk: Chunk) -> bytes:
-    """Uncompressed records of a chunk, proven by length and CRC."""
-    if chunk.uncompressed_size > CHUNK_LIMIT:
-        raise ValueError(f"it claims {chunk.uncompressed_size} bytes uncompressed")
-    if chunk.compression not in ("", "zstd", "lz4"):
-        raise ValueError(f"compression '{chunk.compression}' is none of zstd, lz4, none")
-    stream, length = get_chunk_data_stream(chunk, validate_crc=True)
-    if length != chunk.uncompressed_size:
-        raise ValueError(f"{length} bytes came out, {chunk.uncompressed_size} are declared")
-    return bytes(stream.read(length))
-
-
-def _take(at: int, opcode: int, body: bytes, walk: Walk) -> None:
-    """Keep what one record says."""
-    try:
-        if opcode == Opcode.MESSAGE:
-            _take_message(body, walk)
-        elif opcode == Opcode.SCHEMA:
-            schema = Schema.read(_stream(body))
-            walk.schemas[schema.id] = schema.name
-        elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(_stream(body))
-            walk.channels.setdefault(channel.id, channel)
-            walk.counts.setdefault(channel.id, 0)
-        elif opcode == Opcode.METADATA:
-            record = Metadata.read(_stream(body))
-            walk.metadata.append((record.name, dict(record.metadata)))
-        elif opcode == Opcode.ATTACHMENT:
-            _take_attachment(body, walk)
-    except (ValueError, struct.error, EndOfFile) as fault:
-        walk.findings.error(
-            Code.RECORD_LOST,
-            f"record at byte {at}",
-            f"{len(body)} bytes with code {opcode} cannot be used ({fault}); expected a whole record",
-            "What it said is missing. Copy the file again from the recorder.",
-        )
-
-
-def _take_message(body: bytes, walk: Walk) -> None:
-    identity = MESSAGE.unpack_from(body)[0]
-    channel = walk.channels.get(identity)
-    if channel is None:
-        walk.strangers[identity] = walk.strangers.get(identity, 0) + 1
-        return
-    walk.counts[identity] += 1
-    if walk.wanted(channel.topic):
-        walk.payloads.setdefault(identity, []).append(body[MESSAGE.size :])
-
-
-def _take_attachment(body: bytes, walk: Walk) -> None:
-    attachment = Attachment.read(_stream(body))
-    declared = int.from_bytes(body[-4:], "little")
-    if declared not in (0, zlib.crc32(body[:-4])):
-        raise ValueError(f"attachment '{attachment.name}' does not match its CRC {declared:08x}")
-    walk.attachments.append((attachment.name, attachment.data))
-
-
-class _Exact(BytesIO):
-    """Bytes that say when fewer are left than a field needs."""
-
-    def read(self, size: int | None = -1, /) -> bytes:
-        """That many bytes, never fewer."""
-        data = super().read(size)
-        if size is not None and len(data) < size:
-            raise EndOfFile("the record ends inside a field")
-        return data
-
-
-def _stream(body: bytes) -> ReadDataStream:
-    return ReadDataStream(_Exact(body))
+def _is_index(body: bytes) -> bool:
+    """Whether a body is that of an index: a channel, a length, and as many bytes of pairs of time and place."""
+    length = int.from_bytes(body[2:6], "little")
+    return length > 0 and length % INDEX_ENTRY == 0 and len(body) == 6 + length

@@ -46,6 +46,7 @@ class Experiment(StrEnum):
     REVERSED_ROTATION = "reversed_rotation"
     REPEATS = "repeats"
     ZERO_CHECKS = "zero_checks"
+    OTHER_STAGE = "other_stage"
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,10 @@ class GainError(Instrument):
     component = Component.SUN_TORQUE_TRANSDUCER
     components = _SHAFTS
     affects = _BOTH
-    revealed_by = (Reveals(Experiment.REVERSED_FLOW, "the apparent loss changes its sign with the power flow"),)
+    revealed_by = (
+        Reveals(Experiment.REVERSED_FLOW, "the apparent loss changes its sign with the power flow"),
+        Reveals(Experiment.OTHER_STAGE, "the error per torque stays the same at another ratio of the two torques"),
+    )
     by_shaft = {"sun": ("gain_sun",), "ring": ("gain_ring",)}
 
     gain_sun: float = parameter("1", bounds=(-0.2, 0.2), typical=0.01, meaning="gain error of the sun's transducer")
@@ -132,7 +135,10 @@ class Crosstalk(Instrument):
     component = Component.SUN_TORQUE_TRANSDUCER
     components = _SHAFTS
     affects = _BOTH
-    revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "a reading that follows the other shaft's torque"),)
+    revealed_by = (
+        Reveals(Experiment.NEUTRAL_SWEEP, "a reading that follows the other shaft's torque"),
+        Reveals(Experiment.OTHER_STAGE, "the error per torque changes with the ratio of the two torques"),
+    )
     by_shaft = {"sun": ("part_sun",), "ring": ("part_ring",)}
 
     part_sun: float = parameter(

@@ -63,6 +63,15 @@ def test_which_shaft_a_gain_error_sits_on_cannot_be_told(audits: dict[str, dict[
         assert not any("both" in pair["shafts"] for pair in alike if len(set(pair["ids"])) == 1)
 
 
+def test_the_other_stage_tells_a_gain_error_from_crosstalk(audits: dict[str, dict[str, object]]) -> None:
+    alike = audits["extended"]["look_alikes"]
+    assert isinstance(alike, list)
+    twins = {"torque_gain_error", "torque_crosstalk"}
+    test = next(pair for pair in alike if set(pair["ids"]) == twins)
+    assert "stage 2" in test["test"]
+    assert test["power"] > 0.15
+
+
 def test_every_pair_that_can_be_seen_is_called_alike_or_apart_once(audits: dict[str, dict[str, object]]) -> None:
     for audit in audits.values():
         rows, apart = audit["mechanisms"], audit["told_apart"]

@@ -281,6 +281,22 @@ def test_readings_scatter_about_the_truth_by_the_stated_uncertainty(rng: np.rand
     assert np.std(score) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.parametrize("gear", [1, 2])
+def test_power_is_balanced_in_either_stage(rng: np.random.Generator, gear: int) -> None:
+    """What both motors put in is what the drags take out, whatever the ratio of the stage."""
+    case = draw_case(find_stratum("clean"), rng)
+    rows = case.design.at.engaged
+    sun = np.abs(case.design.at.speed_sun[rows])
+    at = case.design.at[rows]
+    ratio = (13 / 5, 11 / 7)[gear - 1]
+    at = replace(at, gear=np.full(len(at), gear), speed_sun=sun, speed_ring=-sun / ratio)
+    scene = Scene(replace(case.design, at=at), case.world)
+    (t_s, t_r), _ = torques(scene, ())
+    d_s, d_r = scene.drags
+    w_s, w_r = scene.speeds
+    np.testing.assert_allclose(t_s * w_s + t_r * w_r, d_s * w_s + d_r * w_r, rtol=1e-9)
+
+
 # --- cases, seals, recordings --------------------------------------------------------------------------
 
 

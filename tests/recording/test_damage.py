@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
 from mcap.writer import CompressionType
 
-from pmg.pipeline.recording import Code, Finding, Recording, UnusableRecordingError, read_recording
+from pmg.pipeline.recording import Code, Finding, Recording, UnusableRecordingError, opening, read_recording
+from pmg.pipeline.recording.chunk import CHUNK_LIMIT
 
+from .damages import DAMAGES, Damage, base
+from .readers import kept_by_official, kept_by_pmg, told
 from .writer import Bench, write
 
 CHUNK = 6
@@ -142,3 +147,60 @@ def test_messages_of_an_undescribed_channel_are_counted(tmp_path: Path) -> None:
     assert recording is None
     lost = [f for f in findings if f.code is Code.RECORD_LOST]
     assert any("10 messages" in f.message for f in lost)
+
+
+def test_the_table_of_damage_names_each_case_once_and_covers_every_kind() -> None:
+    assert len({damage.name for damage in DAMAGES}) == len(DAMAGES) >= 40
+    assert {damage.kind for damage in DAMAGES} == {"container", "encoding", "time", "signal"}
+
+
+@pytest.mark.parametrize("damage", DAMAGES, ids=lambda damage: damage.name)
+def test_damage_never_costs_more_than_with_a_reader_that_stops_at_it_and_is_never_silent(damage: Damage) -> None:
+    spoilt, whole = damage.files()
+    truth = kept_by_official(whole, seeking=True)
+    kept, findings = kept_by_pmg(spoilt), told(spoilt)
+    assert truth.total() > 0
+    # Where the recorder wrote no CRC nothing proves a message, and that is told.
+    unproven = Code.UNPROVEN in {finding.code for finding in findings}
+    assert unproven == ("without chunks" in damage.name or "without CRC" in damage.name)
+    assert kept <= truth or unproven
+    assert (kept & truth).total() >= (kept_by_official(spoilt, seeking=True) & truth).total()
+    assert (kept & truth).total() >= (kept_by_official(spoilt, seeking=False) & truth).total()
+    # A file of which no byte is lost may be read without a word: two chunks in the wrong order are all there.
+    assert findings or (kept == truth and "wrong order" in damage.name)
+    for finding in findings:
+        assert finding.message
+        assert finding.do
+        if finding.byte_range is not None:
+            assert 0 <= finding.byte_range[0] <= finding.byte_range[1] <= len(spoilt)
+    assert tuple(Finding.from_dict(finding.to_dict()) for finding in findings) == findings
+
+
+def test_a_finding_says_where_the_loss_lies_and_what_is_left(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mcap", Bench(seconds=20.0, compression=CompressionType.NONE))
+    data = bytearray(path.read_bytes())
+    at, length = chunks(bytes(data))[4]
+    data[at + 9 + length // 2] ^= 0x10
+    path.write_bytes(data)
+    (lost,) = [f for f in read_recording(path).findings if f.code is Code.CHUNK_LOST]
+    assert lost.byte_range == (at, at + 9 + length)
+    assert lost.kept
+    assert lost.lost
+
+
+def test_what_a_chunk_may_expand_to_is_capped_whatever_it_claims() -> None:
+    zeros = bytes(CHUNK_LIMIT + 1)
+    packed = zstandard.ZstdCompressor(write_content_size=False).compress(zeros)
+    for declared in (len(zeros), 10):
+        head = struct.pack("<QQQII", 0, 1, declared, zlib.crc32(zeros), 4) + b"zstd" + struct.pack("<Q", len(packed))
+        body = head + packed
+        data = b"\x89MCAP0\r\n" + struct.pack("<BQ", CHUNK, len(body)) + body
+        assert Code.TOO_LARGE in {finding.code for finding in told(data)}
+
+
+def test_a_file_of_many_small_chunks_does_not_expand_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(opening, "FREE_EXPANSION", 20_000)
+    monkeypatch.setattr(opening, "LARGEST_EXPANSION", 0)
+    data = base()
+    assert 0 < kept_by_pmg(data).total() < 120
+    assert Code.TOO_LARGE in {finding.code for finding in told(data)}

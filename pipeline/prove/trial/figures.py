@@ -177,19 +177,17 @@ def figures(scores: Sequence[Score], resolutions: Sequence[str], lifts: Sequence
         _rate("confident_library", "wrong and confident, effects of the library", library, wrong, Aim(high=0.02)),
         _rate("confident_outside", "wrong and confident, effects outside it", outside, wrong, Aim(high=0.10)),
         _rate("outside_told", "said not in library, effects outside it that were seen", seen_outside, out),
-        _middle("held_out", "error on withheld readings over the noise, median", held, Aim(high=1.05)),
-        _middle(
-            "parameter_error", "relative error of a parameter, median", [p.relative for p in fitted], Aim(high=0.1)
-        ),
-        _share("parameter_cover", "95 % intervals of a parameter that hold the true value", covers, Aim(0.90, 0.98)),
-        _share(
+        middle("held_out", "error on withheld readings over the noise, median", held, Aim(high=1.05)),
+        middle("parameter_error", "relative error of a parameter, median", [p.relative for p in fitted], Aim(high=0.1)),
+        share("parameter_cover", "95 % intervals of a parameter that hold the true value", covers, Aim(0.90, 0.98)),
+        share(
             "confounded_told",
             "confounded design recognised, not guessed at",
             [bool(s.recognised) for s in unclear],
             Aim(low=1.0),
         ),
-        _share("resolved", "sets that the proposed test resolves", [word == "resolved" for word in tested]),
-        _share(
+        share("resolved", "sets that the proposed test resolves", [word == "resolved" for word in tested]),
+        share(
             "lifted",
             "hidden changes that the repeats of a confounded design bring to light",
             [word in ("resolved", "still a set") for word in lifts if word != "not tested"],
@@ -200,10 +198,11 @@ def figures(scores: Sequence[Score], resolutions: Sequence[str], lifts: Sequence
 def _rate(
     identifier: str, what: str, scores: list[Score], outcomes: tuple[Outcome, ...], aim: Aim | None = None
 ) -> Figured:
-    return _share(identifier, what, [score.outcome in outcomes for score in scores], aim)
+    return share(identifier, what, [score.outcome in outcomes for score in scores], aim)
 
 
-def _share(identifier: str, what: str, hits: Sequence[bool], aim: Aim | None = None) -> Figured:
+def share(identifier: str, what: str, hits: Sequence[bool], aim: Aim | None = None) -> Figured:
+    """A rate with its interval."""
     found = count(list(hits))
     return Figured(identifier, what, "", found.value, found.interval, found.of, found.hits, aim)
 
@@ -216,7 +215,7 @@ def _size(identifier: str, curve: Curve | None, probability: float, aim: Aim, of
     )
 
 
-def _middle(identifier: str, what: str, values: Sequence[float], aim: Aim) -> Figured:
+def middle(identifier: str, what: str, values: Sequence[float], aim: Aim | None = None) -> Figured:
     """A median with its interval from order statistics."""
     if not values:
         return Figured(identifier, what, "", None, None, 0, None, aim)

@@ -12,6 +12,7 @@ from pmg.pipeline.aside import write_aside
 from pmg.pipeline.chapters.proof import proof_page
 from pmg.pipeline.executors import map_over
 from pmg.pipeline.prove.nature import seal_truth
+from pmg.pipeline.prove.trial.agreement import both_ways
 from pmg.pipeline.prove.trial.lot import CAMPAIGNS, SEED, chosen_kinds, draw_lots
 from pmg.pipeline.prove.trial.score import Outcome as Verdict
 from pmg.pipeline.prove.trial.score import judge
@@ -33,6 +34,8 @@ NO_PART = ("chapters", "report", "trial", "validate")
 """Rooms of the pipeline on which no diagnosis depends; a change of how a trial runs a campaign changes `SCHEMA`."""
 
 SCORES = "scores.json"
+QUICK = (12, 1)
+"""Campaigns of a quick trial, and how many concealed ones of them go both ways."""
 
 
 def run_prove(
@@ -42,6 +45,8 @@ def run_prove(
     seed: int | None = None,
     strata: str | None = None,
     route: str = ROUTES[0],
+    recordings: int | None = None,
+    quick: bool = False,
     workers: int | None = None,
     case: int | None = None,
     progress: Callable[[int, int, str], None] | None = None,
@@ -58,6 +63,11 @@ def run_prove(
         Kinds of campaign, separated by commas.
     route : str
         ``grid``, or ``recordings``: through files and every stage of the pipeline.
+    recordings : int, optional
+        By grid only: so many of the campaigns that are not clean, and a third as many clean ones, go by recordings as
+        well, and both diagnoses are compared; none if not given.
+    quick : bool
+        A small trial, `QUICK`, where `campaigns` and `recordings` do not say otherwise.
     workers : int, optional
         Processes; one for each processor when not given.
     case : int, optional
@@ -65,7 +75,9 @@ def run_prove(
     progress : callable, optional
         Is told how many are done, of how many, and which.
     """
-    campaigns, seed = CAMPAIGNS if campaigns is None else campaigns, SEED if seed is None else seed
+    recordings = _asked_both(recordings, quick, route, case)
+    campaigns = (QUICK[0] if quick else CAMPAIGNS) if campaigns is None else campaigns
+    seed = SEED if seed is None else seed
     kinds = chosen_kinds(strata)
     if route not in ROUTES:
         raise BenchError("--route", repr(route), " or ".join(ROUTES), near_miss(route, ROUTES))
@@ -78,25 +90,42 @@ def run_prove(
     code = code_digest()
     asked = lots if case is None else (lots[case],)
     tasks = [Task(lot, route, code, hashes[lot.number]) for lot in asked]
+    tasks += [Task(lot, ROUTES[1], code, hashes[lot.number], False) for lot in both_ways(lots, recordings)]
     missing = [task for task in tasks if read_case(out, task) is None]
     for done, (task, result) in enumerate(map_over(undergo, missing, workers or os.cpu_count() or 1), 1):
-        write_aside(case_file(out, task.lot), (json.dumps(result, indent=1, allow_nan=False) + "\n").encode())
+        write_aside(case_file(out, task), (json.dumps(result, indent=1, allow_nan=False) + "\n").encode())
         if progress is not None:
             progress(len(tasks) - len(missing) + done, len(tasks), f"case {task.lot.number}")
-    results = {task.lot.number: found for task in tasks if (found := read_case(out, task)) is not None}
+    results = {task: found for task in tasks if (found := read_case(out, task)) is not None}
     if case is not None:
-        return _one(asked[0], hashes[case], results[case], out)
-    return _all(lots, results, out, {"seed": seed, "strata": list(kinds), "route": route, "code": code}, len(missing))
+        return _one(tasks[0], results[tasks[0]], out)
+    told = {"seed": seed, "strata": list(kinds), "route": route, "code": code}
+    return _all(lots, results, out, told, (len(missing), len(tasks) - len(missing)))
 
 
-def case_file(out: Path, lot: Lot) -> Path:
-    """Where the result of a campaign is kept."""
-    return out / "cases" / f"{lot.number:04d}.json"
+def _asked_both(recordings: int | None, quick: bool, route: str, case: int | None) -> int:
+    """How many concealed campaigns go both ways."""
+    if recordings is not None and recordings < 0:
+        raise BenchError("--recordings", str(recordings), "0 or more", "Give a number of campaigns.")
+    if recordings and route != ROUTES[0]:
+        hint = "Leave --route out: these campaigns go both ways."
+        raise BenchError("--recordings", f"{recordings} with --route {route}", f"--route {ROUTES[0]}", hint)
+    if recordings and case is not None:
+        hint = "Leave one of them out; --route recordings takes one campaign through files, in another folder."
+        raise BenchError("--recordings", f"{recordings} with --case {case}", "one of the two", hint)
+    if recordings is None:
+        return QUICK[1] if quick and route == ROUTES[0] and case is None else 0
+    return recordings
+
+
+def case_file(out: Path, task: Task) -> Path:
+    """Where the result of a campaign is kept; that of the second way beside that of the first."""
+    return out / "cases" / f"{task.lot.number:04d}{'' if task.further else '-' + task.route}.json"
 
 
 def read_case(out: Path, task: Task) -> dict[str, Any] | None:
     """A result that is there, if it is of this truth, by this route and by this state of the program."""
-    path = case_file(out, task.lot)
+    path = case_file(out, task)
     if not path.exists():
         return None
     try:
@@ -127,28 +156,36 @@ def _sources(folder: Traversable, name: str) -> list[tuple[str, bytes]]:
     return found
 
 
-def _one(lot: Lot, sha256: str, result: dict[str, Any], out: Path) -> Outcome:
+def _one(task: Task, result: dict[str, Any], out: Path) -> Outcome:
     """What came of one campaign."""
-    truth = open_truth(seal_truth(lot.draw())[0], sha256, f"campaign {lot.number}")
+    lot = task.lot
+    truth = open_truth(seal_truth(lot.draw())[0], task.sha256, f"campaign {lot.number}")
     row = case_row(lot.number, judge(truth, result["diagnosis"]), truth, result)
     lines = [
         f"case {lot.number} ({row['stratum']}; {row['reached_sigma']:.2f} sigma after absorption): {row['outcome']}",
         f"verdict {row['verdict'] or 'none'}" + (f": {', '.join(row['said'])}" if row["said"] else ""),
-        f"diagnosis: {case_file(out, lot)}",
+        f"diagnosis: {case_file(out, task)}",
     ]
     return Outcome({"case": row, "truth": truth, "result": result}, tuple(lines))
 
 
 def _all(
-    lots: tuple[Lot, ...], results: dict[int, dict[str, Any]], out: Path, told: dict[str, Any], made: int
+    lots: tuple[Lot, ...],
+    results: dict[Task, dict[str, Any]],
+    out: Path,
+    told: dict[str, Any],
+    counted: tuple[int, int],
 ) -> Outcome:
-    """Truths opened, scores, report."""
-    truths = open_truths(lots, out)
-    trial = summarise(truths, results)
+    """Truths opened, scores, report; `counted` says how many results were made and how many were there."""
+    truths, (made, there) = open_truths(lots, out), counted
+    first, second = (
+        {task.lot.number: found for task, found in results.items() if task.further is way} for way in (True, False)
+    )
+    trial = summarise(truths, first, second)
     document = scores_document(trial, told)
     write_aside(out / SCORES, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
     files = write_report(proof_page(trial, told), out)
-    lines = [*score_lines(trial), f"{made} campaigns made, {len(lots) - made} were there", f"report: {files[0]}"]
+    lines = [*score_lines(trial), f"{made} results made, {there} were there", f"report: {files[0]}"]
     data = {
         "scores": document,
         "report": str(files[0]),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.prove.trial.agreement import agree
 from pmg.pipeline.prove.trial.figures import detection, figures
 from pmg.pipeline.prove.trial.lot import SHARES
 from pmg.pipeline.prove.trial.rates import EDGES
@@ -18,6 +19,7 @@ from pmg.pipeline.prove.trial.score import Outcome, Score, judge, resolution
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pmg.pipeline.prove.trial.agreement import Agreement
     from pmg.pipeline.prove.trial.figures import Figured
     from pmg.pipeline.prove.trial.rates import Curve, Rate
 
@@ -44,6 +46,8 @@ class Trial:
         Detection against size.
     seconds : tuple of float
         Time of each diagnosis [s].
+    agreement : Agreement or None
+        Of both ways, grid and recordings; None where no campaign went both.
     """
 
     scores: tuple[Score, ...]
@@ -52,6 +56,7 @@ class Trial:
     bins: tuple[tuple[float, float, float, Rate], ...]
     curve: Curve | None
     seconds: tuple[float, ...]
+    agreement: Agreement | None = None
 
     @property
     def outcomes(self) -> dict[str, dict[str, int]]:
@@ -105,20 +110,25 @@ def said(score: Score) -> str:
     return NOT_IN if score.verdict == "not_in_library" else NOTHING
 
 
-def summarise(truths: Mapping[int, Mapping[str, Any]], results: Mapping[int, Mapping[str, Any]]) -> Trial:
-    """Scores of all campaigns, by their numbers."""
+def summarise(
+    truths: Mapping[int, Mapping[str, Any]],
+    results: Mapping[int, Mapping[str, Any]],
+    seconds: Mapping[int, Mapping[str, Any]] | None = None,
+) -> Trial:
+    """Scores of all campaigns, by their numbers; `seconds` holds results of those that went by recordings too."""
     scores = tuple(judge(truths[number], results[number]["diagnosis"]) for number in sorted(truths))
     rows = tuple(
         case_row(number, score, truths[number], results[number])
         for number, score in zip(sorted(truths), scores, strict=True)
     )
     bins, curve = detection(scores)
-    seconds = tuple(float(results[number]["seconds"]) for number in sorted(truths))
+    times = tuple(float(results[number]["seconds"]) for number in sorted(truths))
     told = {
         verdict: [row["separating_test"] for row in rows if row["separating_test"] and row["verdict"] == verdict]
         for verdict in ("ambiguous", "confounded")
     }
-    return Trial(scores, rows, figures(scores, told["ambiguous"], told["confounded"]), bins, curve, seconds)
+    shown = figures(scores, told["ambiguous"], told["confounded"])
+    return Trial(scores, rows, shown, bins, curve, times, agree(truths, results, seconds or {}))
 
 
 def _unclear(score: Score) -> bool:
@@ -177,7 +187,7 @@ def scores_document(trial: Trial, told: Mapping[str, Any]) -> dict[str, Any]:
                 }
                 for low, high, mean, rate in trial.bins
             ],
-            "curve": None if curve is None else {"start": curve.start, "slope": curve.slope},
+            "curve": None if curve is None else {"start": curve.start, "slope": curve.slope, "guess": curve.seen.guess},
         },
         "outcomes": trial.outcomes,
         "clean_by_design": trial.by_design,
@@ -186,6 +196,7 @@ def scores_document(trial: Trial, told: Mapping[str, Any]) -> dict[str, Any]:
             for kind, low, high, counted in trial.by_size
         ],
         "confusion": {"said": list(columns), "concealed": confusion},
+        "agreement": None if trial.agreement is None else trial.agreement.document,
         "cases": list(trial.rows),
         "time_s": time_document(trial),
     }
@@ -209,6 +220,9 @@ def score_lines(trial: Trial) -> tuple[str, ...]:
     for figure in trial.figures:
         aim = f"; aim {figure.aim_shown}: {figure.state}" if figure.aim else ""
         lines.append(f"{figure.what}: {figure.shown}{aim}")
+    if trial.agreement is not None:
+        lines.append(f"campaigns that went both ways, by grid and by recordings: {len(trial.agreement.pairs)}")
+        lines += [f"{figure.what}: {figure.shown}" for figure in trial.agreement.figures]
     time = time_document(trial)
     lines.append(f"time of a diagnosis: median {time['median']:.1f} s, most {time['most']:.1f} s; aim {time['aim']} s")
     return tuple(lines)

@@ -33,12 +33,16 @@ SCHEMA = "pmg.proof-case/1"
 
 @dataclass(frozen=True)
 class Task:
-    """What a worker is given: a campaign, the way to go, and which state of the program goes it."""
+    """What a worker is given: a campaign, the way to go, which state of the program goes it, the sealed hash.
+
+    `further`: the test that its diagnosis asks for is run too.
+    """
 
     lot: Lot
     route: str
     code: str
     sha256: str
+    further: bool = True
 
 
 def undergo(task: Task) -> dict[str, Any]:
@@ -48,7 +52,7 @@ def undergo(task: Task) -> dict[str, Any]:
     try:
         document, points = diagnosed(case, lot.rng("measure"), task.route)
         seconds = time.perf_counter() - began
-        further = extended(case, document, points, lot.rng("extend"), task.route)
+        further = extended(case, document, points, lot.rng("extend"), task.route) if task.further else None
     except Exception as defect:
         defect.add_note(
             f"campaign {lot.number} of the trial with seed {lot.seed}: run it alone with --case {lot.number}"

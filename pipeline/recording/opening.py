@@ -1,0 +1,177 @@
+"""Chunks of a file taken one after another: opened within limits, proven, and none of them twice."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.recording.chunk import (
+    CHUNK_LIMIT,
+    FREE_EXPANSION,
+    LARGEST_EXPANSION,
+    ChunkError,
+    ChunkHead,
+    TooLargeError,
+    chunk_head,
+    expand,
+)
+from pmg.pipeline.recording.findings import Code
+from pmg.pipeline.recording.records import PRIVATE, Op, RecordError
+from pmg.pipeline.recording.taking import take_inside
+
+if TYPE_CHECKING:
+    from pmg.pipeline.recording.gathered import Gathered
+    from pmg.pipeline.recording.records import Frame
+    from pmg.pipeline.recording.source import Source
+
+
+class Opening:
+    """The chunks of a file so far.
+
+    Parameters
+    ----------
+    source : Source
+        The file.
+    gathered : Gathered
+        Receives their records.
+    """
+
+    def __init__(self, source: Source, gathered: Gathered) -> None:
+        self.source = source
+        self.gathered = gathered
+        self.left = max(FREE_EXPANSION, LARGEST_EXPANSION * source.size)
+        """What may still be expanded [bytes]."""
+        self.met = False
+        """Whether the file has chunks."""
+        self.unproven = 0
+        """Chunks without a CRC."""
+        self._seen: dict[tuple[int, int, int, int, int], list[ChunkHead]] = {}
+
+    def take(self, frame: Frame) -> int | None:
+        """Keep the records of a chunk and give the place where it really ends; None when it cannot be used.
+
+        A record of a reserved kind is tried too: it may be a chunk whose code is damaged.
+        """
+        chunk = frame.opcode == Op.CHUNK
+        self.met |= chunk
+        try:
+            head, data = self._opened(frame)
+        except (RecordError, ChunkError, MemoryError) as fault:
+            if chunk:
+                self._refused(frame, fault)
+            elif frame.opcode < PRIVATE:
+                self._unknown(frame)
+            return None
+        if not chunk:
+            self._renamed(frame)
+        if len(data) != head.size:
+            self._missized(frame, head, len(data))
+        self.left -= len(data)
+        self.unproven += head.crc == 0
+        if self._twice(head):
+            self._repeated(frame, head)
+        else:
+            take_inside(self.gathered, frame.at, data)
+        return head.end
+
+    def lost(self, frame: Frame, fault: str) -> None:
+        """Report a record that is not used."""
+        self.gathered.findings.error(
+            Code.RECORD_LOST,
+            f"record at byte {frame.at}",
+            f"{frame.end - frame.body} bytes with code {frame.opcode} cannot be used ({fault}); "
+            "expected a whole record",
+            "What it said is missing. Copy the file again from the recorder.",
+            byte_range=(frame.at, frame.end),
+            kept="the records around it",
+            lost="the record",
+        )
+
+    def _opened(self, frame: Frame) -> tuple[ChunkHead, bytes]:
+        """The chunk by its own length of the records, else by the length of the record around them."""
+        head = chunk_head(self.source, frame)
+        if frame.opcode != Op.CHUNK and (head.crc == 0 or head.end > frame.end):
+            raise RecordError("it cannot be proven to be a chunk")
+        try:
+            return head, expand(self.source, head, head.end, self.left)
+        except ChunkError:
+            if head.end == frame.end or head.at > frame.end:
+                raise
+        data = expand(self.source, head, frame.end, self.left)
+        self._mislength(frame, head)
+        told = ChunkHead(head.start_time, head.end_time, head.size, head.crc, head.compression, head.at, frame.end)
+        return told, data
+
+    def _twice(self, head: ChunkHead) -> bool:
+        """Whether the same bytes were taken before."""
+        key = (head.start_time, head.end_time, head.size, head.crc, head.end - head.at)
+        alike = self._seen.setdefault(key, [])
+        packed = self.source.read(head.at, head.end) if alike else b""
+        same = any(self.source.read(other.at, other.end) == packed for other in alike)
+        if not same:
+            alike.append(head)
+        return same and head.end > head.at
+
+    def _refused(self, frame: Frame, fault: Exception) -> None:
+        large = isinstance(fault, (TooLargeError, MemoryError))
+        told = str(fault) or "the memory does not suffice"
+        self.gathered.findings.error(
+            Code.TOO_LARGE if large else Code.CHUNK_LOST,
+            f"chunk at byte {frame.at}",
+            f"{frame.end - frame.body} bytes cannot be used ({told}); expected a whole chunk of at most "
+            f"{CHUNK_LIMIT} bytes with the CRC it declares",
+            "Its samples are missing and shown as a gap. Copy the file again from the recorder.",
+            byte_range=(frame.at, frame.end),
+            kept="the chunks around it",
+            lost="the messages of the chunk",
+        )
+
+    def _repeated(self, frame: Frame, head: ChunkHead) -> None:
+        self.gathered.findings.warning(
+            Code.CHUNK_DUPLICATE,
+            f"chunk at byte {frame.at}",
+            "the same chunk stands earlier in the file; expected it once. Its messages are taken once",
+            "Nothing is lost. Copy the file again from the recorder.",
+            byte_range=(frame.at, head.end),
+            kept="the first of the two",
+        )
+
+    def _mislength(self, frame: Frame, head: ChunkHead) -> None:
+        self.gathered.findings.warning(
+            Code.LENGTH,
+            f"chunk at byte {frame.at}",
+            f"it declares {head.end - head.at} bytes of records; expected {frame.end - head.at}, as its CRC says",
+            "It is used. The file is damaged: copy it again.",
+            byte_range=(frame.at, frame.end),
+            kept="the chunk",
+        )
+
+    def _missized(self, frame: Frame, head: ChunkHead, size: int) -> None:
+        self.gathered.findings.warning(
+            Code.LENGTH,
+            f"chunk at byte {frame.at}",
+            f"it declares {head.size} bytes expanded; expected {size}, over which its CRC holds",
+            "It is used. The file is damaged: copy it again.",
+            byte_range=(frame.at, head.end),
+            kept="the chunk",
+        )
+
+    def _renamed(self, frame: Frame) -> None:
+        self.gathered.findings.warning(
+            Code.RECORD_UNKNOWN,
+            f"record at byte {frame.at}",
+            f"its code is {frame.opcode}; expected {int(Op.CHUNK)}, for it is a chunk whose CRC holds",
+            "It is used. The file is damaged: copy it again.",
+            byte_range=(frame.at, frame.end),
+            kept="the chunk",
+        )
+
+    def _unknown(self, frame: Frame) -> None:
+        self.gathered.findings.warning(
+            Code.RECORD_UNKNOWN,
+            f"record at byte {frame.at}",
+            f"its code is {frame.opcode}; expected one that the format names",
+            "It is passed over: damaged, or of a later version of the format. Copy the file again.",
+            byte_range=(frame.at, frame.end),
+            kept="the records around it",
+            lost="the record",
+        )

@@ -1,0 +1,91 @@
+"""What one record says, added to what is gathered."""
+
+from __future__ import annotations
+
+import zlib
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.recording.findings import Code
+from pmg.pipeline.recording.records import HEAD, LAYOUT, PRIVATE, Attachment, Channel, Op, RecordError, Schema, parse
+
+if TYPE_CHECKING:
+    from pmg.pipeline.recording.gathered import Gathered
+
+
+def take(gathered: Gathered, at: int, opcode: int, body: bytes) -> None:
+    """Keep what a record other than a chunk says.
+
+    Parameters
+    ----------
+    gathered : Gathered
+        Receives it.
+    at : int
+        Where its head, or that of its chunk, stands in the file.
+    opcode : int
+        Its kind.
+    body : bytes
+        Its body.
+
+    Raises
+    ------
+    RecordError
+        When it is not whole.
+    """
+    if opcode == Op.MESSAGE:
+        gathered.message(body, 0, len(body))
+        return
+    if opcode not in LAYOUT:
+        return
+    values, known = parse(opcode, body)
+    if opcode == Op.SCHEMA:
+        schema = Schema(*values)
+        gathered.schemas.setdefault(schema.id, schema)
+    elif opcode == Op.CHANNEL:
+        gathered.describe(Channel(*values), at)
+    elif opcode == Op.METADATA:
+        gathered.metadata.append((values[0], values[1]))
+    elif opcode == Op.ATTACHMENT:
+        attachment = Attachment(*values)
+        if attachment.crc not in (0, zlib.crc32(body[: known - 4])):
+            raise RecordError(f"attachment '{attachment.name}' does not match its CRC {attachment.crc:08x}")
+        gathered.attachments.append(attachment)
+
+
+def take_inside(gathered: Gathered, at: int, data: bytes) -> None:
+    """Keep what the records of an opened chunk say; those that are not whole become findings."""
+    place, end = 0, len(data)
+    lost, fault = 0, ""
+    while place + HEAD.size <= end:
+        opcode, length = HEAD.unpack_from(data, place)
+        start = place + HEAD.size
+        stop = start + length
+        if stop > end:
+            break
+        try:
+            if opcode == Op.MESSAGE:
+                gathered.message(data, start, stop)
+            elif opcode in (Op.SCHEMA, Op.CHANNEL):
+                take(gathered, at, opcode, data[start:stop])
+            elif opcode < PRIVATE:
+                raise RecordError(f"a record with code {opcode} does not belong into a chunk")
+        except RecordError as error:
+            lost, fault = lost + 1, str(error)
+        place = stop
+    if lost:
+        gathered.findings.error(
+            Code.RECORD_LOST,
+            f"chunk at byte {at}",
+            f"{lost} records in it cannot be used ({fault}); expected whole records",
+            "What they said is missing. Report it to the maker of the recorder.",
+            kept="the other records of the chunk",
+            lost=f"{lost} records",
+        )
+    if place != end:
+        gathered.findings.error(
+            Code.CHUNK_LOST,
+            f"chunk at byte {at}",
+            f"its records end {end - place} bytes early; expected records up to its end",
+            "The last messages of this chunk are missing. Report it to the maker of the recorder.",
+            kept="the records before them",
+            lost=f"{end - place} bytes of records",
+        )
