@@ -76,18 +76,13 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
         reach_before[test] = _reach(columns, scale, train, test)
         within[test] = reach_before[test] <= FARTHEST
         before[test] = _left(y, columns, scale, train)[test]
-        effects = np.zeros_like(y)
-        part = _part(stage, train)
-        taken: list[str] = []
-        free = [columns]
-        for _ in fits:
-            fit = _choose(part, taken)
-            part = take_out(part, fit)
-            effects = effects + stage.effect(fit.candidate, fit.values)
-            free.append(tangents(stage, fit))
-            taken.append(fit.candidate.identifier)
+        found = _choose_all(_part(stage, train), len(fits))
+        taken = [fit.candidate.identifier for fit in found]
+        effects = np.sum([stage.effect(fit.candidate, fit.values) for fit in found], axis=0)
+        free = [columns, *(_free_tangents(stage, fit) for fit in found)]
         chosen.update(taken)
-        after[test] = _left(y - effects, columns, scale, train)[test]
+        moving = np.hstack(free if len(found) > 1 else [columns])
+        after[test] = _left(y - effects, moving, scale, train)[test]
         reach_after[test] = _reach(np.hstack(free), scale, train, test)
     squares = before**2, after**2
     touched &= within
@@ -180,6 +175,29 @@ def _part(stage: Stage, rows: Mask) -> Stage:
         ideal=ideal,
         columns=columns,
     )
+
+
+def _choose_all(stage: Stage, count: int) -> list[CandidateFit]:
+    """That many mechanisms: one after the other, then each once more beside the others."""
+    found: list[CandidateFit] = []
+    for _ in range(count):
+        found.append(_beside(stage, found))
+    for _ in range(count if count > 1 else 0):
+        found = [*found[1:], _beside(stage, found[1:])]
+    return found
+
+
+def _beside(stage: Stage, others: list[CandidateFit]) -> CandidateFit:
+    """The best mechanism beside others."""
+    for fit in others:
+        stage = take_out(stage, fit)
+    return _choose(stage, [fit.candidate.identifier for fit in others])
+
+
+def _free_tangents(stage: Stage, fit: CandidateFit) -> Array:
+    """Slopes of a candidate's parameters that are not on a bound (m, k) [N m per unit]."""
+    inside = [parameter.name not in fit.on_bound for parameter in fit.candidate.parameters]
+    return tangents(stage, fit)[:, inside]
 
 
 def _choose(stage: Stage, without: list[str]) -> CandidateFit:
