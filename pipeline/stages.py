@@ -200,7 +200,7 @@ def run_compare(store: Path, report: Path, note: str = "", model: Path | None = 
         diagnosis,
         bench,
         note=note,
-        findings=tuple((f["severity"], f"{f['file']}: {f['where']}", f"{f['message']}. {f['do']}") for f in remarks),
+        findings=remarks,
         provenance=(*inputs, ("Seed of the synthetic campaigns", str(SEED))),
         carried=None if judged is None else judged.carried,
         ends=() if judged is None else judged.ends,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from importlib.metadata import version
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.carry import lead
 from pmg.pipeline.chapters.audit import audit_section
@@ -22,6 +22,8 @@ from pmg.pipeline.report.document import Facts, Report, Section, Verdict
 from pmg.sim.gearbox import Gearbox
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pmg.pipeline.analyse import Analysis
     from pmg.pipeline.carry import Carried
     from pmg.pipeline.compare import Residuals
@@ -45,7 +47,7 @@ def build_report(
     bench: BenchParameters,
     *,
     note: str,
-    findings: tuple[tuple[str, str, str], ...],
+    findings: tuple[Mapping[str, Any], ...],
     provenance: tuple[tuple[str, str], ...],
     carried: Carried | None = None,
     ends: tuple[SteadyEnd, ...] = (),
@@ -64,7 +66,7 @@ def build_report(
         Motor constants for the power flow.
     note : str
         What the reader must know about the data, such as that they are synthetic; may be empty.
-    findings : tuple of (severity, where, message)
+    findings : tuple of mapping
         Remarks of the ingest.
     provenance : tuple of (label, value)
         Inputs, hashes, seed, command.

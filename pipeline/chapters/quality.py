@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,11 +10,13 @@ from pmg.pipeline.report.document import Column, Facts, Section, Table, Text
 from pmg.sim import sources
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pmg.pipeline.analyse import Analysis
     from pmg.pipeline.diagnose.noise import ShaftNoise
 
 
-def data_section(analysis: Analysis, note: str, findings: tuple[tuple[str, str, str], ...]) -> Section:
+def data_section(analysis: Analysis, note: str, findings: tuple[Mapping[str, Any], ...]) -> Section:
     """What was recorded and what of it could be used.
 
     Parameters
@@ -23,8 +25,8 @@ def data_section(analysis: Analysis, note: str, findings: tuple[tuple[str, str, 
         The campaign.
     note : str
         What the user says of the data.
-    findings : tuple of (severity, where, message)
-        What reading the recordings brought up.
+    findings : tuple of mapping
+        What reading the recordings brought up, in the plain form of `Finding.to_dict`.
     """
     grid = analysis.grid
     at = grid.points
@@ -73,17 +75,34 @@ def data_section(analysis: Analysis, note: str, findings: tuple[tuple[str, str, 
             )
         )
     if findings:
-        items.append(
-            Table(
-                id="findings",
-                title="Findings of the ingest",
-                caption=f"{len(findings)} remarks about files, channels and samples.",
-                columns=(Column("severity", "Severity"), Column("where", "Where"), Column("message", "What")),
-                rows=findings,
-            )
-        )
+        items.append(findings_table(findings))
     items += [Text(f"Not done: {error}", kind="warning") for error in analysis.missing]
     return Section("data", "Data quality", tuple(items), (sources.GUM,))
+
+
+def findings_table(findings: tuple[Mapping[str, Any], ...]) -> Table:
+    """What reading the recordings brought up: `findings` in the plain form of `Finding.to_dict`."""
+    return Table(
+        id="findings",
+        title="Findings of the ingest",
+        caption=f"{len(findings)} remarks about files, channels and samples. Stretches end before the second number.",
+        columns=(
+            Column("severity", "Severity"),
+            Column("where", "Where"),
+            Column("message", "What"),
+            Column("bytes", "Bytes"),
+            Column("samples", "Samples"),
+            Column("kept", "Kept"),
+            Column("lost", "Lost"),
+        ),
+        rows=tuple(_finding_row(plain) for plain in findings),
+    )
+
+
+def _finding_row(plain: Mapping[str, Any]) -> tuple[str, ...]:
+    stretches = [" to ".join(map(str, plain.get(name, ()))) for name in ("byte_range", "sample_range")]
+    where, message = f"{plain['file']}: {plain['where']}", f"{plain['message']}. {plain['do']}"
+    return plain["severity"], where, message, *stretches, plain.get("kept", ""), plain.get("lost", "")
 
 
 def _noise_table(sun: ShaftNoise, ring: ShaftNoise) -> Table:

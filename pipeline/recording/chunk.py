@@ -22,6 +22,9 @@ CHUNK_LIMIT = 256 << 20
 FREE_EXPANSION = 1 << 30
 """What the chunks of a file may hold together, however small the file is [bytes]."""
 
+FREE_WASTE = 16 << 30
+"""What may be expanded of chunks that turn out damaged, however small the file is [bytes]."""
+
 LARGEST_EXPANSION = 100
 """What they may hold together beyond that, in sizes of the file."""
 
@@ -33,6 +36,37 @@ LONGEST_NAME = 32
 
 FIXED_HEAD = 8 + 8 + 8 + 4 + 4
 """Bytes of a chunk before the name of its compression."""
+
+
+MOST_FRAMES = 64
+"""Compressed frames of lz4 in one chunk; writers make one."""
+
+
+@dataclass
+class Allowance:
+    """What may still be expanded in a file.
+
+    Parameters
+    ----------
+    left : int
+        By chunks that hold [bytes].
+    wasted : int
+        By chunks that do not; a damaged head may claim much, so these have their own [bytes].
+    """
+
+    left: int
+    wasted: int
+
+    @classmethod
+    def of(cls, size: int) -> Allowance:
+        """What a file of a size is allowed."""
+        allowed = LARGEST_EXPANSION * size
+        return cls(max(FREE_EXPANSION, allowed), max(FREE_WASTE, allowed))
+
+    @property
+    def spent(self) -> bool:
+        """Whether nothing more is expanded."""
+        return self.left <= 0 or self.wasted <= 0
 
 
 class ChunkError(ValueError):
@@ -90,7 +124,7 @@ def chunk_head(source: Source, frame: Frame) -> ChunkHead:
     return ChunkHead(start, end, size, crc, compression, at, at + int.from_bytes(body[known - 8 : known], "little"))
 
 
-def expand(source: Source, head: ChunkHead, end: int, limit: int = CHUNK_LIMIT) -> bytes:
+def expand(source: Source, head: ChunkHead, end: int, allowance: Allowance) -> bytes:
     """Records of a chunk, proven by length and CRC.
 
     Parameters
@@ -101,8 +135,8 @@ def expand(source: Source, head: ChunkHead, end: int, limit: int = CHUNK_LIMIT) 
         What the chunk declares.
     end : int
         Place after its compressed records.
-    limit : int
-        Most bytes to expand to.
+    allowance : Allowance
+        Most bytes to expand to, and lowered by what is; so a file of many bombs ends too.
 
     Raises
     ------
@@ -111,7 +145,7 @@ def expand(source: Source, head: ChunkHead, end: int, limit: int = CHUNK_LIMIT) 
     """
     if head.compression not in COMPRESSIONS:
         raise ChunkError(f"compression '{head.compression}' is none of zstd, lz4, none")
-    limit = min(limit, CHUNK_LIMIT)
+    limit = 0 if allowance.spent else min(allowance.left, CHUNK_LIMIT)
     length = end - head.at
     if length > CHUNK_LIMIT + (CHUNK_LIMIT >> 4):
         raise TooLargeError(f"it claims {length} compressed bytes, and {CHUNK_LIMIT} are allowed")
@@ -123,6 +157,19 @@ def expand(source: Source, head: ChunkHead, end: int, limit: int = CHUNK_LIMIT) 
         size = max(head.size, _claimed(head, packed)) if head.size <= limit else _claimed(head, packed)
         if size > limit or (head.size > limit and head.crc == 0):
             raise TooLargeError(f"it claims {max(size, head.size)} bytes expanded from {length}; {limit} are allowed")
+    except (zstandard.ZstdError, RuntimeError) as fault:
+        raise ChunkError(str(fault)) from fault
+    try:
+        data = _proven(head, packed, size)
+    except ChunkError:
+        allowance.wasted -= size
+        raise
+    allowance.left -= len(data)
+    return data
+
+
+def _proven(head: ChunkHead, packed: bytes, size: int) -> bytes:
+    try:
         data = _expanded(head.compression, packed, size)
     except (zstandard.ZstdError, RuntimeError, EOFError) as fault:
         raise ChunkError(str(fault)) from fault
@@ -157,7 +204,9 @@ def _expanded(compression: str, packed: bytes, size: int) -> bytes:
         return reader.read(size + 1)
     if compression == "lz4":
         data = b""
-        while packed and len(data) <= size:
+        for _ in range(MOST_FRAMES):
+            if not packed or len(data) > size:
+                break
             unpacker = lz4.frame.LZ4FrameDecompressor()
             data += unpacker.decompress(packed, max_length=size + 1 - len(data))
             packed = (unpacker.unused_data or b"") if unpacker.eof else b""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
@@ -152,6 +153,43 @@ class Extent(TypedDict, total=False):
     lost: str
 
 
+LISTED = 50
+"""Findings of one code and severity that are listed one by one; the others of the file are counted."""
+
+LONGEST_TEXT = 2000
+"""Longest text of a finding [characters]; names and metadata in a damaged file can be as long as the file."""
+
+
+@dataclass
+class Rest:
+    """Findings of one code and severity beyond those listed.
+
+    Parameters
+    ----------
+    place : int
+        Where among the gathered ones they belong.
+    count : int
+        How many.
+    covered : int
+        Bytes of the file in their ranges, each once for ranges in the order of the file [bytes].
+    byte_range : (int, int), optional
+        From the first of these bytes to the last; its end left out.
+    """
+
+    place: int
+    count: int = 0
+    covered: int = 0
+    byte_range: tuple[int, int] | None = None
+
+    def add(self, stretch: tuple[int, int] | None) -> None:
+        """Count one more, with the bytes it is about."""
+        self.count += 1
+        if stretch is not None:
+            first, last = self.byte_range or (stretch[0], stretch[0])
+            self.covered += max(0, stretch[1] - max(stretch[0], last))
+            self.byte_range = min(first, stretch[0]), max(last, stretch[1])
+
+
 @dataclass
 class Findings:
     """The findings of one file, gathered while it is read.
@@ -161,27 +199,73 @@ class Findings:
     file : str
         Name of the file, written into each finding.
     gathered : list of Finding
-        In the order in which they were met.
+        In the order in which they were met, at most `LISTED` of one code and severity.
+    more : dict
+        Those beyond, by code and severity.
     """
 
     file: str
     gathered: list[Finding] = field(default_factory=list)
+    more: dict[tuple[Code, Severity], Rest] = field(default_factory=dict)
+    _count: Counter[tuple[Code, Severity]] = field(default_factory=Counter)
 
     def error(self, code: Code, where: str, message: str, do: str, **extent: Unpack[Extent]) -> None:
         """Data are lost or cannot be trusted."""
-        self.gathered.append(Finding(code, Severity.ERROR, self.file, where, message, do, **extent))
+        self._add(Finding(code, Severity.ERROR, self.file, _short(where), _short(message), do, **extent))
 
     def warning(self, code: Code, where: str, message: str, do: str, **extent: Unpack[Extent]) -> None:
         """Usable, but someone should look."""
-        self.gathered.append(Finding(code, Severity.WARNING, self.file, where, message, do, **extent))
+        self._add(Finding(code, Severity.WARNING, self.file, _short(where), _short(message), do, **extent))
 
     def info(self, code: Code, where: str, message: str, do: str, **extent: Unpack[Extent]) -> None:
         """Worth knowing."""
-        self.gathered.append(Finding(code, Severity.INFO, self.file, where, message, do, **extent))
+        self._add(Finding(code, Severity.INFO, self.file, _short(where), _short(message), do, **extent))
 
     def give_up(self) -> UnusableRecordingError:
         """The error that carries all findings so far, to be raised; the last error heads it."""
-        return UnusableRecordingError(tuple(self.gathered))
+        return UnusableRecordingError(self.told())
+
+    def told(self) -> tuple[Finding, ...]:
+        """All findings in order; where there were too many of a kind, one that says how many more."""
+        told: list[Finding] = []
+        rest = {more.place: _counted(self.file, *kind, more) for kind, more in self.more.items() if more.count}
+        for place, finding in enumerate(self.gathered):
+            told.append(finding)
+            if place in rest:
+                told.append(rest[place])
+        return tuple(told)
+
+    def _add(self, finding: Finding) -> None:
+        kind = finding.code, finding.severity
+        self._count[kind] += 1
+        if self._count[kind] > LISTED:
+            self.more[kind].add(finding.byte_range)
+            return
+        self.gathered.append(finding)
+        if self._count[kind] == LISTED:
+            self.more[kind] = Rest(len(self.gathered) - 1)
+
+
+def _counted(file: str, code: Code, severity: Severity, more: Rest) -> Finding:
+    """The finding that stands for those of its kind that are not listed."""
+    count, stretch = f"{more.count} more findings {code}", more.byte_range
+    over = "" if stretch is None else f" over {more.covered} bytes between {stretch[0]} and {stretch[1]}"
+    return Finding(
+        code,
+        severity,
+        file,
+        "whole file",
+        f"{count}{over}; expected at most {LISTED}, which are listed one by one",
+        "Treat them as those listed. A file with so much damage is best copied again.",
+        byte_range=stretch,
+        lost=f"what {more.count} more findings name" if severity is Severity.ERROR else "",
+    )
+
+
+def _short(text: str) -> str:
+    """A text with its middle left out where it is too long."""
+    half = LONGEST_TEXT // 2
+    return text if len(text) <= LONGEST_TEXT else f"{text[:half]} ... {text[-half:]}"
 
 
 class UnusableRecordingError(RecordingError):

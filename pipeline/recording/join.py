@@ -228,6 +228,9 @@ def _report(topic: str, first: int, present: Mask, torn: Mask, repeated: int, fi
             f"{conflicts} samples from {first + int(np.argmax(torn))} on are given twice and differ; "
             "expected one value each. They are treated as missing",
             "Check the recorder: two writers, or an index that was reset.",
+            sample_range=_from_to(torn, first),
+            kept="the other samples",
+            lost=f"{conflicts} samples",
         )
     if repeated > conflicts:
         findings.warning(
@@ -246,7 +249,16 @@ def _report(topic: str, first: int, present: Mask, torn: Mask, repeated: int, fi
             f"{missing} of {len(present)} samples are missing in {len(starts)} gaps, the first at sample "
             f"{first + int(starts[0])}; expected a record without gaps",
             "Windows over a gap are rejected. Find out why the recorder lost them.",
+            sample_range=_from_to(~present & ~torn, first),
+            kept=f"{int(np.count_nonzero(present))} samples",
+            lost=f"{missing} samples",
         )
+
+
+def _from_to(mask: Mask, first: int) -> tuple[int, int]:
+    """Samples from the first of a mask to its last, the end left out."""
+    at = np.flatnonzero(mask)
+    return first + int(at[0]), first + int(at[-1]) + 1
 
 
 def _blemishes(blocks: list[SampleBlock], topic: str, findings: Findings) -> tuple[Blemish, ...]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.recording.chunk import (
     CHUNK_LIMIT,
-    FREE_EXPANSION,
-    LARGEST_EXPANSION,
+    Allowance,
     ChunkError,
     ChunkHead,
     TooLargeError,
@@ -38,13 +38,14 @@ class Opening:
     def __init__(self, source: Source, gathered: Gathered) -> None:
         self.source = source
         self.gathered = gathered
-        self.left = max(FREE_EXPANSION, LARGEST_EXPANSION * source.size)
-        """What may still be expanded [bytes]."""
+        self.allowance = Allowance.of(source.size)
+        """What may still be expanded."""
         self.met = False
         """Whether the file has chunks."""
         self.unproven = 0
         """Chunks without a CRC."""
-        self._seen: dict[tuple[int, int, int, int, int], list[ChunkHead]] = {}
+        self._seen: dict[tuple[int, int, int, int, int], ChunkHead] = {}
+        self._hashes: set[bytes] = set()
 
     def take(self, frame: Frame) -> int | None:
         """Keep the records of a chunk and give the place where it really ends; None when it cannot be used.
@@ -65,7 +66,6 @@ class Opening:
             self._renamed(frame)
         if len(data) != head.size:
             self._missized(frame, head, len(data))
-        self.left -= len(data)
         self.unproven += head.crc == 0
         if self._twice(head):
             self._repeated(frame, head)
@@ -92,11 +92,11 @@ class Opening:
         if frame.opcode != Op.CHUNK and (head.crc == 0 or head.end > frame.end):
             raise RecordError("it cannot be proven to be a chunk")
         try:
-            return head, expand(self.source, head, head.end, self.left)
+            return head, expand(self.source, head, head.end, self.allowance)
         except ChunkError:
             if head.end == frame.end or head.at > frame.end:
                 raise
-        data = expand(self.source, head, frame.end, self.left)
+        data = expand(self.source, head, frame.end, self.allowance)
         self._mislength(frame, head)
         told = ChunkHead(head.start_time, head.end_time, head.size, head.crc, head.compression, head.at, frame.end)
         return told, data
@@ -104,12 +104,18 @@ class Opening:
     def _twice(self, head: ChunkHead) -> bool:
         """Whether the same bytes were taken before."""
         key = (head.start_time, head.end_time, head.size, head.crc, head.end - head.at)
-        alike = self._seen.setdefault(key, [])
-        packed = self.source.read(head.at, head.end) if alike else b""
-        same = any(self.source.read(other.at, other.end) == packed for other in alike)
-        if not same:
-            alike.append(head)
-        return same and head.end > head.at
+        first = self._seen.setdefault(key, head)
+        if first is head or head.end == head.at:
+            return False
+        # Only chunks that look alike are hashed, each once: comparing each with all before it takes too long.
+        self._hashes.add(self._hash(first))
+        found = self._hash(head)
+        same = found in self._hashes
+        self._hashes.add(found)
+        return same
+
+    def _hash(self, head: ChunkHead) -> bytes:
+        return hashlib.sha256(self.source.read(head.at, head.end)).digest()
 
     def _refused(self, frame: Frame, fault: Exception) -> None:
         large = isinstance(fault, (TooLargeError, MemoryError))

@@ -148,7 +148,7 @@ def read_recording(path: Path, name: str | None = None) -> Recording:
         line_events=tuple(sorted(events, key=lambda event: event.sample)),
         clock_marks=marks,
         blemishes=tuple(b for track in decoded for b in track.blemishes),
-        findings=tuple(findings.gathered),
+        findings=findings.told(),
     )
 
 

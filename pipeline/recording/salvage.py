@@ -6,9 +6,9 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.recording.chunk import COMPRESSIONS, ChunkError, chunk_head, expand
+from pmg.pipeline.recording.chunk import COMPRESSIONS, Allowance, ChunkError, chunk_head, expand
 from pmg.pipeline.recording.records import HEAD, LAYOUT, MAGIC, Op, RecordError, parse
-from pmg.pipeline.recording.source import BLOCK
+from pmg.pipeline.recording.source import BLOCK, SMALL
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,6 +29,9 @@ LONGEST_PLAIN = 64 << 20
 WORK = 16
 """Bytes looked at during all searches in a file, in sizes of the file; a file made to be slow ends there."""
 
+SEARCH = 1 << 8
+"""Bytes that a search counts for however near the next record is."""
+
 INSIDE = (Op.SCHEMA, Op.CHANNEL, Op.MESSAGE)
 """Kinds of records that stand inside chunks. In a chunked file no search ends at one: it may lie in a chunk whose
 CRC does not hold."""
@@ -40,11 +43,17 @@ class Search:
 
     source: Source
     left: int
+    allowance: Allowance
 
     @classmethod
     def of(cls, source: Source) -> Search:
         """A search with the work that the size of the file allows."""
-        return cls(source, WORK * source.size + BLOCK)
+        return cls(source, WORK * source.size + BLOCK, Allowance.of(source.size))
+
+    @property
+    def given_up(self) -> bool:
+        """Whether the file took more work than is done."""
+        return self.left <= 0 or self.allowance.spent
 
     def next_record(self, start: int, stop: int, chunked: bool) -> int | None:
         """The first place in a stretch at which reading can go on; None without one.
@@ -57,7 +66,7 @@ class Search:
             Whether messages stand in chunks.
         """
         for at in self._candidates(start, stop):
-            if self.left <= 0:
+            if self.given_up:
                 return None
             frame = self.source.frame(at)
             if frame is not None and self.sound(frame, chunked, CHAIN):
@@ -96,22 +105,30 @@ class Search:
             head = chunk_head(self.source, frame)
             if head.crc == 0 or head.end > self.source.size or head.compression not in COMPRESSIONS:
                 return frame.opcode == Op.CHUNK and head.crc == 0 and self._fills(frame, head)
-            self.left -= head.end - head.at + min(head.size, 1 << 22)
-            return bool(expand(self.source, head, head.end))
+            self.left -= head.end - head.at
+            return bool(expand(self.source, head, head.end, self.allowance))
         except (RecordError, ChunkError, MemoryError):
             return False
 
     def _fills(self, frame: Frame, head: ChunkHead) -> bool:
         """Whether a chunk without a CRC fills its record, and its records fill it."""
-        return head.end == frame.end and bool(expand(self.source, head, head.end))
+        return head.end == frame.end and bool(expand(self.source, head, head.end, self.allowance))
 
     def _candidates(self, start: int, stop: int) -> Iterator[int]:
         """Places where a known operation code stands before a length that the file could hold."""
         width = min(8, (self.source.size.bit_length() + 7) // 8)
         pattern = re.compile(rb"(?=[\x01-\x0f][\s\S]{%d}\x00{%d})" % (width, 8 - width))
-        for at in range(start, stop, BLOCK):
-            block = self.source.read(at, min(at + BLOCK, stop) + HEAD.size - 1)
-            self.left -= len(block)
-            for match in pattern.finditer(block):
-                if at + match.start() < min(at + BLOCK, stop):
-                    yield at + match.start()
+        self.left -= SEARCH
+        at, step = start, SMALL - HEAD.size
+        while at < stop:
+            end = min(at + step, stop)
+            seen = at
+            for match in pattern.finditer(self.source.read(at, end + HEAD.size - 1)):
+                place = at + match.start()
+                if place < end:
+                    # What is looked at counts, not what was read ahead: many small damages cost little each.
+                    self.left -= place - seen
+                    seen = place
+                    yield place
+            self.left -= end - seen
+            at, step = end, BLOCK

@@ -211,7 +211,7 @@ class _Walk:
     def _truncated(self, start: int) -> None:
         size, messages = self.source.size, self.gathered.messages
         told = self.findings.warning if self.summary.begun else self.findings.error
-        ended = "" if self.search.left > 0 else "; the search past damage was given up, as too long"
+        ended = "" if not self.search.given_up else "; the search past damage was given up, as too long"
         told(
             Code.TRUNCATED,
             f"byte {start}",

@@ -11,7 +11,7 @@ import pytest
 import zstandard
 from mcap.writer import CompressionType
 
-from pmg.pipeline.recording import Code, Finding, Recording, UnusableRecordingError, opening, read_recording
+from pmg.pipeline.recording import Code, Finding, Recording, UnusableRecordingError, chunk, read_recording
 from pmg.pipeline.recording.chunk import CHUNK_LIMIT
 
 from .damages import DAMAGES, Damage, base
@@ -199,8 +199,8 @@ def test_what_a_chunk_may_expand_to_is_capped_whatever_it_claims() -> None:
 
 
 def test_a_file_of_many_small_chunks_does_not_expand_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(opening, "FREE_EXPANSION", 20_000)
-    monkeypatch.setattr(opening, "LARGEST_EXPANSION", 0)
+    monkeypatch.setattr(chunk, "FREE_EXPANSION", 20_000)
+    monkeypatch.setattr(chunk, "LARGEST_EXPANSION", 0)
     data = base()
     assert 0 < kept_by_pmg(data).total() < 120
     assert Code.TOO_LARGE in {finding.code for finding in told(data)}
