@@ -98,33 +98,33 @@ def possible_plans(at: OperatingPoints, bench: BenchParameters) -> tuple[Plan, .
     sun = _spread(np.abs(at.speed_sun[at.speed_sun != 0.0]), 6)
     ring = _spread(np.abs(at.speed_ring[at.neutral & (at.speed_ring != 0.0)]), 6)
     loads = np.abs(at.load_set[at.engaged])
-    plans = []
+    plans: list[Plan] = []
     ratio = bench.gear1.ratio
     if len(loads):
-        speed, load = np.tile(sun, 2), np.repeat([loads.min(), loads.max()], len(sun))
+        lowest, highest = loads.min(), loads.max()
         plans += [
-            Plan(
+            _engaged(
                 Experiment.REVERSED_FLOW,
-                f"Engaged with the ring motor driving: {len(speed)} points at {len(sun)} speeds and the lowest and "
-                "highest load",
-                make_points("F", "engaged", speed, -speed / ratio, -load, drive="ring", begin=begin),
-                len(speed) * A_POINT,
+                "Engaged with the ring motor driving: {points} points at {speeds} speeds and the lowest and highest "
+                "load",
+                sun,
+                -np.array([lowest, highest]),
+                bench.gear1.ratio,
+                name="F",
+                drive="ring",
+                begin=begin,
             ),
-            Plan(
+            _engaged(
                 Experiment.ENGAGED_LOADS,
-                f"Engaged at a third of the lowest load and at the highest: {len(speed)} points at {len(sun)} speeds",
-                make_points(
-                    "L",
-                    "engaged",
-                    speed,
-                    -speed / ratio,
-                    np.repeat([loads.min() / 3.0, loads.max()], len(sun)),
-                    begin=begin,
-                ),
-                len(speed) * A_POINT,
+                "Engaged at a third of the lowest load and at the highest: {points} points at {speeds} speeds",
+                sun,
+                np.array([lowest / 3.0, highest]),
+                bench.gear1.ratio,
+                name="L",
+                begin=begin,
             ),
+            *_other_stage(at, bench, sun, np.array([lowest, highest]), begin),
         ]
-        plans += _other_stage(at, bench, sun, loads, begin)
     if len(ring):
         pair = min(len(sun), len(ring))
         sun_n, ring_n = sun[:pair], ring[::-1][:pair]
@@ -182,6 +182,28 @@ def possible_plans(at: OperatingPoints, bench: BenchParameters) -> tuple[Plan, .
     return tuple(plans)
 
 
+def _engaged(
+    experiment: Experiment,
+    words: str,
+    sun: Array,
+    loads: Array,
+    ratio: float,
+    *,
+    name: str,
+    begin: float,
+    drive: str = "sun",
+    gear: int = 1,
+) -> Plan:
+    """Every sun speed [rad/s] engaged at every load [N m on the ring], one load after the other."""
+    speed, load = np.tile(sun, len(loads)), np.repeat(loads, len(sun))
+    return Plan(
+        experiment,
+        words.format(points=len(speed), speeds=len(sun)),
+        make_points(name, "engaged", speed, -speed / ratio, load, drive=drive, gear=gear, begin=begin),
+        len(speed) * A_POINT,
+    )
+
+
 def _other_stage(at: OperatingPoints, bench: BenchParameters, sun: Array, loads: Array, begin: float) -> list[Plan]:
     """Engaged in stage 2, at speeds within the loss curves of both shafts; none where the campaign knows stage 2.
 
@@ -192,16 +214,20 @@ def _other_stage(at: OperatingPoints, bench: BenchParameters, sun: Array, loads:
     speeds = sun[sun <= fastest * (1.0 + 1e-9)]
     if not len(speeds) or (at.gear[at.engaged] == 2).any():
         return []
-    found = []
-    for asked, words in (
-        ([loads.min(), loads.max()], "the lowest and highest load"),
-        ([loads.min(), loads.max()] * AGAIN, f"the lowest and highest load, {AGAIN} times over"),
-    ):
-        speed, load = np.tile(speeds, len(asked)), np.repeat(asked, len(speeds))
-        points = make_points("G", "engaged", speed, -speed / bench.gear2.ratio, load, gear=2, begin=begin)
-        what = f"Engaged in stage 2: {len(speed)} points at {len(speeds)} speeds and {words}"
-        found.append(Plan(Experiment.OTHER_STAGE, what, points, len(speed) * A_POINT))
-    return found
+    words = "Engaged in stage 2: {points} points at {speeds} speeds and the lowest and highest load"
+    return [
+        _engaged(
+            Experiment.OTHER_STAGE,
+            words + more,
+            speeds,
+            np.tile(loads, times),
+            bench.gear2.ratio,
+            name="G",
+            gear=2,
+            begin=begin,
+        )
+        for times, more in ((1, ""), (AGAIN, f", {AGAIN} times over"))
+    ]
 
 
 def _spread(values: Array, count: int) -> Array:

@@ -77,10 +77,9 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
         within[test] = reach_before[test] <= FARTHEST
         before[test] = _left(y, columns, scale, train)[test]
         found = _choose_all(_part(stage, train), len(fits))
-        taken = [fit.candidate.identifier for fit in found]
         effects = np.sum([stage.effect(fit.candidate, fit.values) for fit in found], axis=0)
         free = [columns, *(_free_tangents(stage, fit) for fit in found)]
-        chosen.update(taken)
+        chosen.update(fit.candidate.identifier for fit in found)
         moving = np.hstack(free if len(found) > 1 else [columns])
         after[test] = _left(y - effects, moving, scale, train)[test]
         reach_after[test] = _reach(np.hstack(free), scale, train, test)

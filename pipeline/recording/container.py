@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.recording.gathered import Gathered
+from pmg.pipeline.recording.source import ShrunkError
 from pmg.pipeline.recording.walk import walk_records
 
 if TYPE_CHECKING:
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.recording.findings import Findings
+    from pmg.pipeline.recording.records import Channel
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,7 @@ def open_container(path: Path, wanted: Callable[[str], bool], findings: Findings
     Raises
     ------
     UnusableRecordingError
-        When the file cannot be read at all, or is no MCAP file.
+        When the file cannot be read at all, shrinks while it is read, or is no MCAP file.
     """
     try:
         with path.open("rb") as stream:
@@ -91,6 +94,17 @@ def open_container(path: Path, wanted: Callable[[str], bool], findings: Findings
             stream.seek(0)
             gathered = Gathered(wanted, findings)
             walk_records(stream, size, gathered)
+            if (left := stream.seek(0, 2)) < size:
+                raise ShrunkError(left, size)
+    except ShrunkError as fault:
+        findings.error(
+            Code.UNREADABLE,
+            f"byte {fault.end}",
+            f"the file came to end here while it was read; expected {fault.size} bytes, as when it was opened",
+            "Something writes or shortens it. Wait until that is done, then read the file again.",
+            lost="the file",
+        )
+        raise findings.give_up() from fault
     except OSError as fault:
         reason = fault.strerror or str(fault)
         findings.error(
@@ -114,33 +128,34 @@ def _topics(gathered: Gathered) -> dict[str, Topic]:
             "They cannot be read. The record may have been in a damaged chunk: copy the file again.",
             lost=f"{len(strangers)} messages",
         )
-    topics: dict[str, Topic] = {}
+    first: dict[str, Channel] = {}
+    joined: dict[str, list[int]] = {}
     for identity, channel in sorted(gathered.channels.items()):
-        schema = gathered.schemas.get(channel.schema_id)
-        found = Topic(
+        known = first.setdefault(channel.topic, channel)
+        if _description(gathered, known) == _description(gathered, channel):
+            joined.setdefault(channel.topic, []).append(identity)
+            continue
+        gathered.findings.error(
+            Code.CHANNEL_CONFLICT,
             channel.topic,
-            channel.message_encoding,
-            "" if schema is None else schema.name,
-            dict(channel.metadata),
-            gathered.counts[identity],
-            gathered.payloads.get(identity, []),
+            f"a second channel {identity} describes it otherwise ({dict(channel.metadata)}); "
+            f"expected {dict(known.metadata)}. Its {gathered.counts[identity]} messages are left out",
+            "Give each channel of the recorder its own topic.",
         )
-        known = topics.get(found.name)
-        if known is None:
-            topics[found.name] = found
-        elif (known.metadata, known.schema, known.encoding) == (found.metadata, found.schema, found.encoding):
-            both = known.payloads + found.payloads
-            topics[found.name] = Topic(*_identity(known), known.count + found.count, both)
-        else:
-            gathered.findings.error(
-                Code.CHANNEL_CONFLICT,
-                found.name,
-                f"a second channel {identity} describes it otherwise ({dict(found.metadata)}); "
-                f"expected {dict(known.metadata)}. Its {found.count} messages are left out",
-                "Give each channel of the recorder its own topic.",
-            )
-    return topics
+    return {topic: _topic(gathered, first[topic], identities) for topic, identities in joined.items()}
 
 
-def _identity(topic: Topic) -> tuple[str, str, str, Mapping[str, str]]:
-    return topic.name, topic.encoding, topic.schema, topic.metadata
+def _description(gathered: Gathered, channel: Channel) -> tuple[str, str, dict[str, str]]:
+    """Encoding, name of the schema and metadata."""
+    schema = gathered.schemas.get(channel.schema_id)
+    return channel.message_encoding, "" if schema is None else schema.name, dict(channel.metadata)
+
+
+def _topic(gathered: Gathered, channel: Channel, identities: list[int]) -> Topic:
+    """What the channels of one topic hold together, one after another."""
+    return Topic(
+        channel.topic,
+        *_description(gathered, channel),
+        sum(gathered.counts[identity] for identity in identities),
+        list(chain.from_iterable(gathered.payloads.get(identity, ()) for identity in identities)),
+    )

@@ -211,15 +211,15 @@ class Findings:
 
     def error(self, code: Code, where: str, message: str, do: str, **extent: Unpack[Extent]) -> None:
         """Data are lost or cannot be trusted."""
-        self._add(Finding(code, Severity.ERROR, self.file, _short(where), _short(message), do, **extent))
+        self._add(Severity.ERROR, code, where, message, do, **extent)
 
     def warning(self, code: Code, where: str, message: str, do: str, **extent: Unpack[Extent]) -> None:
         """Usable, but someone should look."""
-        self._add(Finding(code, Severity.WARNING, self.file, _short(where), _short(message), do, **extent))
+        self._add(Severity.WARNING, code, where, message, do, **extent)
 
     def info(self, code: Code, where: str, message: str, do: str, **extent: Unpack[Extent]) -> None:
         """Worth knowing."""
-        self._add(Finding(code, Severity.INFO, self.file, _short(where), _short(message), do, **extent))
+        self._add(Severity.INFO, code, where, message, do, **extent)
 
     def give_up(self) -> UnusableRecordingError:
         """The error that carries all findings so far, to be raised; the last error heads it."""
@@ -235,13 +235,13 @@ class Findings:
                 told.append(rest[place])
         return tuple(told)
 
-    def _add(self, finding: Finding) -> None:
-        kind = finding.code, finding.severity
+    def _add(self, severity: Severity, code: Code, where: str, message: str, do: str, **extent: Unpack[Extent]) -> None:
+        kind = code, severity
         self._count[kind] += 1
         if self._count[kind] > LISTED:
-            self.more[kind].add(finding.byte_range)
+            self.more[kind].add(extent.get("byte_range"))
             return
-        self.gathered.append(finding)
+        self.gathered.append(Finding(code, severity, self.file, _short(where), _short(message), do, **extent))
         if self._count[kind] == LISTED:
             self.more[kind] = Rest(len(self.gathered) - 1)
 

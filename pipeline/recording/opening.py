@@ -63,15 +63,42 @@ class Opening:
                 self._unknown(frame)
             return None
         if not chunk:
-            self._renamed(frame)
+            came = f"its code is {frame.opcode}; expected {int(Op.CHUNK)}, for it is a chunk whose CRC holds"
+            self.used(frame, frame.end, came, Code.RECORD_UNKNOWN)
         if len(data) != head.size:
-            self._missized(frame, head, len(data))
+            came = f"it declares {head.size} bytes expanded; expected {len(data)}, over which its CRC holds"
+            self.used(frame, head.end, came)
         self.unproven += head.crc == 0
         if self._twice(head):
             self._repeated(frame, head)
         else:
             take_inside(self.gathered, frame.at, data)
         return head.end
+
+    def used(self, frame: Frame, end: int, came: str, code: Code = Code.LENGTH, why: str = "It is used.") -> None:
+        """Report a chunk that is used although its head is damaged.
+
+        Parameters
+        ----------
+        frame : Frame
+            The record as its head declares it.
+        end : int
+            Place after the bytes that the finding names.
+        came : str
+            What the head says and what was expected.
+        code : Code
+            ``LENGTH``, or ``RECORD_UNKNOWN`` where the record does not say that it is a chunk.
+        why : str
+            That it is used, and the reason where `came` does not give it.
+        """
+        self.gathered.findings.warning(
+            code,
+            f"{'chunk' if code is Code.LENGTH else 'record'} at byte {frame.at}",
+            came,
+            f"{why} The file is damaged: copy it again.",
+            byte_range=(frame.at, end),
+            kept="the chunk",
+        )
 
     def lost(self, frame: Frame, fault: str) -> None:
         """Report a record that is not used."""
@@ -97,7 +124,8 @@ class Opening:
             if head.end == frame.end or head.at > frame.end:
                 raise
         data = expand(self.source, head, frame.end, self.allowance)
-        self._mislength(frame, head)
+        came = f"it declares {head.end - head.at} bytes of records; expected {frame.end - head.at}, as its CRC says"
+        self.used(frame, frame.end, came)
         told = ChunkHead(head.start_time, head.end_time, head.size, head.crc, head.compression, head.at, frame.end)
         return told, data
 
@@ -139,36 +167,6 @@ class Opening:
             "Nothing is lost. Copy the file again from the recorder.",
             byte_range=(frame.at, head.end),
             kept="the first of the two",
-        )
-
-    def _mislength(self, frame: Frame, head: ChunkHead) -> None:
-        self.gathered.findings.warning(
-            Code.LENGTH,
-            f"chunk at byte {frame.at}",
-            f"it declares {head.end - head.at} bytes of records; expected {frame.end - head.at}, as its CRC says",
-            "It is used. The file is damaged: copy it again.",
-            byte_range=(frame.at, frame.end),
-            kept="the chunk",
-        )
-
-    def _missized(self, frame: Frame, head: ChunkHead, size: int) -> None:
-        self.gathered.findings.warning(
-            Code.LENGTH,
-            f"chunk at byte {frame.at}",
-            f"it declares {head.size} bytes expanded; expected {size}, over which its CRC holds",
-            "It is used. The file is damaged: copy it again.",
-            byte_range=(frame.at, head.end),
-            kept="the chunk",
-        )
-
-    def _renamed(self, frame: Frame) -> None:
-        self.gathered.findings.warning(
-            Code.RECORD_UNKNOWN,
-            f"record at byte {frame.at}",
-            f"its code is {frame.opcode}; expected {int(Op.CHUNK)}, for it is a chunk whose CRC holds",
-            "It is used. The file is damaged: copy it again.",
-            byte_range=(frame.at, frame.end),
-            kept="the chunk",
         )
 
     def _unknown(self, frame: Frame) -> None:

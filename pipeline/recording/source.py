@@ -17,6 +17,23 @@ SMALL = 1 << 16
 """Reads up to this length are served from bytes held [bytes]."""
 
 
+class ShrunkError(OSError):
+    """A file that ends before the length it had when it was opened.
+
+    Parameters
+    ----------
+    end : int
+        Place after the last byte that can be read [bytes].
+    size : int
+        Length when it was opened [bytes].
+    """
+
+    def __init__(self, end: int, size: int) -> None:
+        super().__init__(f"it ends at byte {end}, and had {size} bytes when it was opened")
+        self.end = end
+        self.size = size
+
+
 class Source:
     """A file that is read by place.
 
@@ -35,16 +52,28 @@ class Source:
         self._summed = (0, 0, 0)
 
     def read(self, start: int, stop: int) -> bytes:
-        """The bytes from a place to another; fewer where the file ends."""
+        """The bytes from a place to another; fewer where the file ends.
+
+        Raises
+        ------
+        ShrunkError
+            When the file has fewer bytes than when it was opened.
+        """
         stop = max(start, min(stop, self.size))
         if stop - start > SMALL:
-            self.stream.seek(start)
-            return self.stream.read(stop - start)
+            return self._whole(start, stop, stop - start)
         first, held = self._held
         if start < first or stop > first + len(held):
-            self.stream.seek(start)
-            first, held = self._held = start, self.stream.read(SMALL)
+            first, held = self._held = start, self._whole(start, stop, SMALL)
         return held[start - first : stop - first]
+
+    def _whole(self, start: int, stop: int, count: int) -> bytes:
+        """So many bytes from a place, and not fewer than to another."""
+        self.stream.seek(start)
+        data = self.stream.read(count)
+        if len(data) < stop - start:
+            raise ShrunkError(min(start + len(data), self.stream.seek(0, 2)), self.size)
+        return data
 
     def frame(self, at: int) -> Frame | None:
         """The record that begins at a place; None where no head can stand or its body would not fit."""

@@ -46,6 +46,8 @@ def walk_records(stream: BinaryIO, size: int, gathered: Gathered) -> None:
     ------
     UnusableRecordingError
         When it is no MCAP file.
+    ShrunkError
+        When it ends before its length while it is read.
     """
     source = Source(stream, size)
     _Walk(source, gathered).run()
@@ -151,14 +153,8 @@ class _Walk:
             return end
         following = self.source.frame(end)
         if end > frame.end or (following is not None and self.search.sound(following, chunked=False, depth=1)):
-            self.findings.warning(
-                Code.LENGTH,
-                f"chunk at byte {frame.at}",
-                f"its head says {frame.end - frame.body} bytes; expected {end - frame.body}, where its records end",
-                "Its CRC holds and it is used. The file is damaged: copy it again.",
-                byte_range=(frame.at, end),
-                kept="the chunk",
-            )
+            came = f"its head says {frame.end - frame.body} bytes; expected {end - frame.body}, where its records end"
+            self.opening.used(frame, end, came, why="Its CRC holds and it is used.")
             return end
         return frame.end
 

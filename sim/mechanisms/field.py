@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
@@ -26,23 +27,59 @@ if TYPE_CHECKING:
 _BOTH = (signals.TORQUE_SUN, signals.TORQUE_RING)
 
 
+def breakdown(strength: Number, slip: Number) -> Number:
+    """Torque of an eddy-current coupling at a slip in units of the critical one (Kloss's equation)."""
+    return strength * 2.0 * slip / (1.0 + slip * slip)
+
+
 @dataclass(frozen=True)
-class ResidualCouplingOfStages(RotorLaw):
-    """`ResidualCoupling` in more detail: the carrier drags on the poles of both stages, each slipping at its speed."""
+class CouplingLeftInNeutral(RotorLaw):
+    """In neutral the carrier is not quite centred: the slipping poles drag on each other.
+
+    An eddy-current coupling between the rotors. Its torque grows with the slip speed of the poles, has a maximum at a
+    critical slip and falls again; it acts on both rotors in the ratio of their pole pairs. Each form says how strong
+    the poles of each stage are.
+    """
 
     identifier = "residual_magnetic_coupling"
     title = "Magnetic coupling left in neutral"
+    source = sources.WOUTERSE
+    component = Component.MAGNETIC_GEAR
+    affects = _BOTH
+    acts_in = (Configuration.NEUTRAL,)
+    shape = ("critical",)
+
+    pole_pairs: tuple[tuple[int, int], ...]
+
+    @classmethod
+    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
+        """Absent."""
+        return cls(pole_pairs(bench))
+
+    @abstractmethod
+    def coupling(self) -> tuple[tuple[float, ...], float]:
+        """Largest torque per pole pair of each stage that drags, stage 1 first [N m]; critical slip speed [rad/s]."""
+
+    def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
+        """Drag on both rotors in neutral."""
+        strengths, critical = self.coupling()
+        sun, ring = 0.0 * speed_sun, 0.0 * speed_ring
+        for (p_s, p_r), strength in zip(self.pole_pairs, strengths, strict=False):
+            pull = breakdown(strength, (p_s * speed_sun + p_r * speed_ring) / critical)
+            sun, ring = sun - p_s * pull, ring - p_r * pull
+        return Torques(sun, ring)
+
+
+@dataclass(frozen=True)
+class ResidualCouplingOfStages(CouplingLeftInNeutral):
+    """`ResidualCoupling` in more detail: the carrier drags on the poles of both stages, each slipping at its speed."""
+
     equation = (
         r"\tau_k = -\sum_g p_{k,g}\,M_g\,\frac{2\,S_g/S_c}{1+(S_g/S_c)^2}\ \mathrm{in\ neutral},"
         r"\ S_g = p_{s,g}\omega_s+p_{r,g}\omega_r"
     )
-    source = sources.WOUTERSE
-    component = Component.MAGNETIC_GEAR
-    affects = _BOTH
     revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "torque follows the pole-slip speeds of both stages"),)
-    acts_in = (Configuration.NEUTRAL,)
     by_shaft = {"both": ("strength", "strength_second")}
-    shape = ("critical",)
 
     pole_pairs: tuple[tuple[int, int], ...]
     strength: float = parameter(
@@ -55,45 +92,19 @@ class ResidualCouplingOfStages(RotorLaw):
         "rad/s", bounds=(50.0, 20000.0), typical=1000.0, meaning="critical slip speed of the poles", null=1000.0
     )
 
-    @classmethod
-    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
-        """Absent."""
-        return cls(pole_pairs(bench))
-
-    def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
-        """Drag on both rotors in neutral."""
-        sun, ring = 0.0 * speed_sun, 0.0 * speed_ring
-        for (p_s, p_r), strength in zip(self.pole_pairs, (self.strength, self.strength_second), strict=True):
-            pull = breakdown(strength, (p_s * speed_sun + p_r * speed_ring) / self.critical)
-            sun, ring = sun - p_s * pull, ring - p_r * pull
-        return Torques(sun, ring)
-
-
-def breakdown(strength: Number, slip: Number) -> Number:
-    """Torque of an eddy-current coupling at a slip in units of the critical one (Kloss's equation)."""
-    return strength * 2.0 * slip / (1.0 + slip * slip)
+    def coupling(self) -> tuple[tuple[float, ...], float]:
+        """Of both stages."""
+        return (self.strength, self.strength_second), self.critical
 
 
 @dataclass(frozen=True)
-class ResidualCoupling(RotorLaw):
-    """In neutral the carrier is not quite centred: the slipping poles drag on each other.
+class ResidualCoupling(CouplingLeftInNeutral):
+    """One pair of poles drags, that of stage 1, nearer to which the carrier stands."""
 
-    An eddy-current coupling between the rotors. Its torque grows with the slip speed of the poles, has a maximum at a
-    critical slip and falls again; it acts on both rotors in the ratio of their pole pairs. One pair of poles is
-    taken, that of stage 1, nearer to which the carrier stands.
-    """
-
-    identifier = "residual_magnetic_coupling"
-    title = "Magnetic coupling left in neutral"
     equation = r"\tau_k = -p_k\,M\,\frac{2\,S/S_c}{1+(S/S_c)^2}\ \mathrm{in\ neutral},\ S = p_s\omega_s+p_r\omega_r"
-    source = sources.WOUTERSE
-    component = Component.MAGNETIC_GEAR
-    affects = _BOTH
     revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "torque follows the pole-slip speed"),)
-    acts_in = (Configuration.NEUTRAL,)
     by_shaft = {"both": ("strength",)}
     refined = ResidualCouplingOfStages
-    shape = ("critical",)
 
     pole_pairs: tuple[tuple[int, int], ...]
     strength: float = parameter(
@@ -103,17 +114,9 @@ class ResidualCoupling(RotorLaw):
         "rad/s", bounds=(50.0, 20000.0), typical=1000.0, meaning="critical slip speed of the poles", null=1000.0
     )
 
-    @classmethod
-    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
-        """Absent."""
-        return cls(pole_pairs(bench))
-
-    def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
-        """Drag on both rotors in neutral."""
-        p_s, p_r = self.pole_pairs[0]
-        slip = (p_s * speed_sun + p_r * speed_ring) / self.critical
-        pull = breakdown(self.strength, slip)
-        return Torques(-p_s * pull, -p_r * pull)
+    def coupling(self) -> tuple[tuple[float, ...], float]:
+        """Of stage 1 alone."""
+        return (self.strength,), self.critical
 
 
 @dataclass(frozen=True)
@@ -151,45 +154,54 @@ class SkinEffect(RotorDamping):
 
 
 @dataclass(frozen=True)
-class LoadIronLossPower(LoadLaw):
-    """`LoadIronLoss` in more detail: a power of the transmitted torque, as the iron is or is not saturated."""
+class IronLossUnderLoad(LoadLaw):
+    """Iron loss that grows with the transmitted torque: the load angle bends more flux through the poles.
+
+    Each form says what damping a transmitted torque brings.
+    """
 
     identifier = "load_dependent_iron_loss"
     title = "Iron loss growing with load"
-    equation = r"\tau_k = -k\,(|T_s|/1\,\mathrm{N\,m})^{n}\,\omega_k\ \mathrm{engaged}"
     source = sources.STOLL.at("eddy loss proportional to the square of the field")
     component = Component.MAGNETIC_GEAR
     affects = _BOTH
     revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "magnetic loss grows with load and speed together"),)
     by_shaft = {"both": ("k",)}
+
+    @abstractmethod
+    def damping(self, torque: Number) -> Number:
+        """Damping of each rotor [N m s/rad] at a transmitted torque [N m on the sun]."""
+
+    def law(self, speed_sun: Number, speed_ring: Number, load: Number, ratio: Number, rest: float = 0.0) -> Torques:
+        """Drag on both rotors; smooth at rest as it is."""
+        damping = self.damping(load / ratio)
+        return Torques(-damping * speed_sun, -damping * speed_ring)
+
+
+@dataclass(frozen=True)
+class LoadIronLossPower(IronLossUnderLoad):
+    """`LoadIronLoss` in more detail: a power of the transmitted torque, as the iron is or is not saturated."""
+
+    equation = r"\tau_k = -k\,(|T_s|/1\,\mathrm{N\,m})^{n}\,\omega_k\ \mathrm{engaged}"
     shape = ("power",)
 
     k: float = parameter("N m s/rad", bounds=(0.0, 1e-2), typical=5e-5, meaning="eddy damping at 1 N m on the sun")
     power: float = parameter("1", bounds=(0.5, 3.0), typical=2.0, meaning="power of the transmitted torque", null=2.0)
 
-    def law(self, speed_sun: Number, speed_ring: Number, load: Number, ratio: Number, rest: float = 0.0) -> Torques:
-        """Drag on both rotors; smooth at rest as it is."""
-        drag = self.k * (load / ratio) ** self.power
-        return Torques(-drag * speed_sun, -drag * speed_ring)
+    def damping(self, torque: Number) -> Number:
+        """A power of the torque."""
+        return self.k * torque**self.power
 
 
 @dataclass(frozen=True)
-class LoadIronLoss(LoadLaw):
-    """Iron loss that grows with the transmitted torque: the load angle bends more flux through the poles."""
+class LoadIronLoss(IronLossUnderLoad):
+    """Damping in proportion to the transmitted torque."""
 
-    identifier = "load_dependent_iron_loss"
-    title = "Iron loss growing with load"
     equation = r"\tau_k = -k\,|T_s|\,\omega_k\ \mathrm{engaged}"
-    source = sources.STOLL.at("eddy loss proportional to the square of the field")
-    component = Component.MAGNETIC_GEAR
-    affects = _BOTH
-    revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "magnetic loss grows with load and speed together"),)
-    by_shaft = {"both": ("k",)}
     refined = LoadIronLossPower
 
     k: float = parameter("s/rad", bounds=(0.0, 1e-2), typical=5e-5, meaning="eddy damping per transmitted torque")
 
-    def law(self, speed_sun: Number, speed_ring: Number, load: Number, ratio: Number, rest: float = 0.0) -> Torques:
-        """Drag on both rotors; smooth at rest as it is."""
-        drag = self.k * (load / ratio)
-        return Torques(-drag * speed_sun, -drag * speed_ring)
+    def damping(self, torque: Number) -> Number:
+        """In proportion to the torque."""
+        return self.k * torque

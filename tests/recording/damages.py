@@ -107,7 +107,6 @@ def base(
     compression: CompressionType = CompressionType.ZSTD,
     *,
     crc: bool = True,
-    data_crc: bool = False,
     chunked: bool = True,
 ) -> bytes:
     """The recording that is spoilt: six seconds in some thirteen chunks, or without chunks.

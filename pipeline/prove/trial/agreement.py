@@ -137,7 +137,7 @@ class Agreement:
 def agree(
     truths: Mapping[int, Mapping[str, Any]],
     results: Mapping[int, Mapping[str, Any]],
-    seconds: Mapping[int, Mapping[str, Any]],
+    second: Mapping[int, Mapping[str, Any]],
 ) -> Agreement | None:
     """Both results of each campaign beside each other, by its number; None where none went both ways.
 
@@ -145,13 +145,13 @@ def agree(
     ----------
     truths, results : mappings
         Opened truths, and results by grid, of all campaigns.
-    seconds : mapping
+    second : mapping
         Results by recordings, of those that went that way too.
     """
     pairs = []
-    for number in sorted(seconds):
+    for number in sorted(second):
         truth = truths[number]
-        ways = [results[number]["diagnosis"], seconds[number]["diagnosis"]]
+        ways = [results[number]["diagnosis"], second[number]["diagnosis"]]
         grid, recordings = (judge(truth, document) for document in ways)
         pairs.append(Pair(number, grid, recordings, (_leading(ways[0]), _leading(ways[1]))))
     return Agreement(tuple(pairs)) if pairs else None

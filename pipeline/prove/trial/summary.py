@@ -113,9 +113,9 @@ def said(score: Score) -> str:
 def summarise(
     truths: Mapping[int, Mapping[str, Any]],
     results: Mapping[int, Mapping[str, Any]],
-    seconds: Mapping[int, Mapping[str, Any]] | None = None,
+    second: Mapping[int, Mapping[str, Any]] | None = None,
 ) -> Trial:
-    """Scores of all campaigns, by their numbers; `seconds` holds results of those that went by recordings too."""
+    """Scores of all campaigns, by their numbers; `second` holds results of those that went by recordings too."""
     scores = tuple(judge(truths[number], results[number]["diagnosis"]) for number in sorted(truths))
     rows = tuple(
         case_row(number, score, truths[number], results[number])
@@ -128,7 +128,7 @@ def summarise(
         for verdict in ("ambiguous", "confounded")
     }
     shown = figures(scores, told["ambiguous"], told["confounded"])
-    return Trial(scores, rows, shown, bins, curve, times, agree(truths, results, seconds or {}))
+    return Trial(scores, rows, shown, bins, curve, times, agree(truths, results, second or {}))
 
 
 def _unclear(score: Score) -> bool:
