@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.analyse import Analysis, analyse
-from pmg.pipeline.diagnose.candidates import Candidate, CandidateFit, predict_with, set_stage
+from pmg.pipeline.diagnose.candidates import Candidate, predict_with, set_stage
+from pmg.pipeline.diagnose.fitting import CandidateFit
 from pmg.pipeline.diagnose.refit import refit
 from pmg.pipeline.diagnose.whiten import whitener
 from pmg.pipeline.modelfile import Model, Part, fitted_model, grid_digest, model_of

@@ -71,6 +71,11 @@ WOUTERSE = Source(
     "IEE Proceedings B 138(4), 1991, doi:10.1049/ip-b.1991.0019",
 )
 STOLL = Source("stoll", "R. L. Stoll, 'The Analysis of Eddy Currents', Clarendon Press, Oxford, 1974")
+ARMSTRONG = Source(
+    "armstrong",
+    "B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, 'A survey of models, analysis tools and compensation methods "
+    "for the control of machines with friction', Automatica 30(7), 1994, doi:10.1016/0005-1098(94)90209-7",
+)
 BREIMAN = Source(
     "breiman",
     "L. Breiman, J. H. Friedman, R. A. Olshen, C. J. Stone, 'Classification and Regression Trees', Wadsworth, 1984",

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.diagnose.candidates import Candidate, CandidateFit, Stage, candidates, set_stage
-from pmg.pipeline.diagnose.naming import Explanation, take_out
+from pmg.pipeline.diagnose.candidates import Candidate, Stage, candidates, set_stage
+from pmg.pipeline.diagnose.explanation import Explanation, take_out
+from pmg.pipeline.diagnose.fitting import CandidateFit
 from pmg.pipeline.diagnose.nexttest import ENOUGH, distance, longer_stage, power_to_separate
 from pmg.pipeline.diagnose.plans import Plan, possible_plans
 from pmg.pipeline.diagnose.structure import families

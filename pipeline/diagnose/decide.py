@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pmg.pipeline.calibrate import Calibration
+    from pmg.pipeline.diagnose.explanation import Explanation
     from pmg.pipeline.diagnose.holdout import HeldOut
     from pmg.pipeline.diagnose.locate import Mismatch
-    from pmg.pipeline.diagnose.naming import Explanation
     from pmg.pipeline.diagnose.noise import NoiseFloor
     from pmg.pipeline.diagnose.refit import Refit
     from pmg.pipeline.fit import LossFits
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
 
-WITHHELD_SHARE = 0.8
+WITHHELD_SHARE = 0.85
 """Part of the withheld mismatch, in squares beyond the noise, that a mechanism must predict to be named."""
 
 NOT_WORSE = 1.03

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.naming import ENTRY, FORM_ERROR
+from pmg.pipeline.diagnose.naming import FORM_ERROR
+from pmg.pipeline.diagnose.ranking import ENTRY
 from pmg.pipeline.diagnose.structure import families
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from pmg.pipeline.diagnose.form.shape import shape_document
 from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.candidates import CandidateFit
     from pmg.pipeline.diagnose.diagnosis import Diagnosis, Rival
+    from pmg.pipeline.diagnose.fitting import CandidateFit
     from pmg.sim.grid import OperatingPoints
     from pmg.sim.signals import Array
 

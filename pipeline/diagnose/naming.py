@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from pmg.pipeline.diagnose.candidates import CandidateFit, Stage, candidates, fit_candidate, refinement
-from pmg.pipeline.diagnose.noise import orthonormal
-from pmg.pipeline.diagnose.traces import tangents
+from pmg.pipeline.diagnose.explanation import (
+    Explanation,
+    all_in_detail,
+    ids,
+    leaders_in_detail,
+    needed,
+    swapped,
+    take_out,
+    without_scale,
+)
+from pmg.pipeline.diagnose.ranking import ENTRY, rank
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from pmg.pipeline.diagnose.candidates import Stage
+    from pmg.pipeline.diagnose.fitting import CandidateFit
 
 MOST = 3
 """Mechanisms named at once at most."""
-
-ENTRY = 10.0
-"""Evidence that a mechanism must bring to enter: fall of the sum of squares in noise variances, beyond its cost."""
 
 MARGIN = 10.0
 """Evidence by which a mechanism must beat a rival to be named alone: odds of about 150 to 1."""
@@ -59,33 +63,6 @@ WEAK = 80.0
 
 FEWEST, MOST_RIVALS = 1, 4
 """Rivals of a weak explanation that are told, at least and at most."""
-
-
-@dataclass(frozen=True)
-class Explanation:
-    """A set of mechanisms and what it leaves.
-
-    Parameters
-    ----------
-    fits : tuple of CandidateFit
-        The mechanisms, strongest first.
-    stage : Stage
-        The readings with them taken out and their parameters free.
-    """
-
-    fits: tuple[CandidateFit, ...]
-    stage: Stage
-
-    @property
-    def gain(self) -> float:
-        """Fall of the whitened sum of squares by all of them."""
-        return float(sum(fit.gain for fit in self.fits))
-
-    @property
-    def score(self) -> float:
-        """Gain less the cost of the parameters (Schwarz's criterion, up to a constant)."""
-        cost = sum(fit.cost for fit in self.fits)
-        return float(self.gain - cost * math.log(len(self.stage.left)))
 
 
 @dataclass(frozen=True)
@@ -149,24 +126,10 @@ class Naming:
     ranking: tuple[CandidateFit, ...]
 
 
-def take_out(stage: Stage, fit: CandidateFit) -> Stage:
-    """The stage with a fitted candidate taken out and its parameters free to move with the baseline's."""
-    columns = np.stack([stage.project(slope) for slope in tangents(stage, fit).T], axis=1)
-    added = orthonormal(columns, 1e-4)
-    left = stage.left - fit.seen
-    return replace(stage, baseline=np.hstack([stage.baseline, added]), left=left - added @ (added.T @ left))
-
-
-def _ranked(stage: Stage, without: tuple[str, ...]) -> list[CandidateFit]:
-    """All candidates fitted, best score first."""
-    fits = [fit_candidate(stage, c) for c in candidates() if c.identifier not in without]
-    return sorted(fits, key=lambda fit: fit.cost * math.log(len(stage.left)) - fit.gain)
-
-
 def _extended(first: Explanation, wanted: int) -> list[Explanation]:
     """The best ways to add one mechanism to a set."""
     taken = tuple(fit.candidate.identifier for fit in first.fits)
-    best = _ranked(first.stage, taken)[:wanted]
+    best = rank(first.stage, taken)[:wanted]
     return [Explanation((*first.fits, fit), take_out(first.stage, fit)) for fit in best]
 
 
@@ -187,14 +150,15 @@ def name_mechanisms(stage: Stage, left_over: Callable[[Stage], Remainder]) -> Na
     mechanisms closer than that are not told apart.
     """
     empty = Explanation((), stage)
-    ranking = _ranked(stage, ())
+    ranking = rank(stage)
     singles = [Explanation((fit,), take_out(stage, fit)) for fit in ranking[: FIRST_OF_PAIRS + 3]]
     best = singles[0] if singles[0].score > ENTRY else empty
     remainder = left_over(best.stage)
     pool = list(singles)
     if best.fits and not remainder.adequate:
-        best, remainder, singles = _in_detail(stage, best, remainder, singles, left_over)
+        singles = leaders_in_detail(stage, singles)
         pool += singles
+        best, remainder = _better(best, singles[0], remainder, left_over)
     while best.fits and not remainder.adequate and len(best.fits) < MOST:
         starts = [best] if len(best.fits) > 1 else singles[:FIRST_OF_PAIRS]
         larger = sorted((e for start in starts for e in _extended(start, 3)), key=lambda e: -e.score)
@@ -203,6 +167,14 @@ def name_mechanisms(stage: Stage, left_over: Callable[[Stage], Remainder]) -> Na
         pool += larger
         best = larger[0]
         remainder = left_over(best.stage)
+        if not remainder.adequate:
+            detailed = all_in_detail(stage, best)
+            pool.append(detailed)
+            best, remainder = _better(best, detailed, remainder, left_over)
+    if len(best.fits) > 1:
+        others = swapped(stage, best)
+        pool += others
+        best, remainder = _better(best, max(others, key=lambda e: e.score), remainder, left_over)
     margin = MARGIN + (0.0 if remainder.adequate else remainder.excess)
     near = [e for e in sorted(pool, key=lambda e: -e.score) if e.score > max(0.0, best.score - margin)]
     rivals, shafts = _rivals(best, near)
@@ -213,7 +185,7 @@ def name_mechanisms(stage: Stage, left_over: Callable[[Stage], Remainder]) -> Na
 
 def _explains(best: Explanation, remainder: Remainder) -> bool:
     """Whether what a set leaves is an error of form, or noise."""
-    if not best.fits or _without_scale(best):
+    if not best.fits or without_scale(best):
         return False
     if remainder.within_noise and remainder.excess <= SMALL_PART * best.gain:
         return True
@@ -227,52 +199,23 @@ def _weak(singles: list[Explanation], left_over: Callable[[Explanation], Remaind
     leader = listed[0]
     if leader.gain >= WEAK or leader.score <= 0.0 or not left_over(leader).within_noise:
         return ()
-    others = [e for e in listed if _ids(e) != _ids(leader)]
+    others = [e for e in listed if ids(e) != ids(leader)]
     near = [e for e in others if e.score > leader.score - MARGIN]
     return (leader, *(near or others[:FEWEST])[:MOST_RIVALS])
 
 
-def _in_detail(
-    stage: Stage,
-    best: Explanation,
-    remainder: Remainder,
-    singles: list[Explanation],
-    left_over: Callable[[Stage], Remainder],
-) -> tuple[Explanation, Remainder, list[Explanation]]:
-    """The leading mechanism in more detail, where it has one and the data call for it; it then leads the singles."""
-    finer = refinement(best.fits[0].candidate)
-    if finer is None:
-        return best, remainder, singles
-    fit = fit_candidate(stage, finer)
-    detailed = Explanation((fit,), take_out(stage, fit))
-    runaway = set(finer.kind.shape[:1]) & set(fit.on_bound)  # a time constant that has no scale in the data
-    if detailed.score <= best.score + ENTRY or runaway:
-        return best, remainder, singles
-    return detailed, left_over(detailed.stage), [detailed, *singles[1:]]
+def _better(
+    best: Explanation, other: Explanation, remainder: Remainder, left_over: Callable[[Stage], Remainder]
+) -> tuple[Explanation, Remainder]:
+    """The better of two sets, and what it leaves."""
+    return (other, left_over(other.stage)) if other.score > best.score else (best, remainder)
 
 
 def _enters(before: Explanation, after: Explanation, excess: float) -> bool:
     """Whether one more mechanism is more than an error of form of those before."""
     gained = after.gain - before.gain
     enough = max(SHARE_OF_REST * excess, SHARE_OF_FIRST * before.gain)
-    return after.score > before.score + ENTRY and gained > enough and _needed(after)
-
-
-def _without_scale(explanation: Explanation) -> bool:
-    """Whether the leading shape of a nonlinear mechanism ran to its bound: it then bends to anything slow."""
-    return any(
-        not fit.candidate.kind.linear and bool(set(fit.candidate.kind.shape[:1]) & set(fit.on_bound))
-        for fit in explanation.fits
-    )
-
-
-def _needed(explanation: Explanation) -> bool:
-    """No mechanism has all its sizes on a bound: it would be absent, or as large as can be."""
-    return not any(set(fit.candidate.sizes) <= set(fit.on_bound) for fit in explanation.fits)
-
-
-def _ids(explanation: Explanation) -> frozenset[str]:
-    return frozenset(fit.candidate.identifier for fit in explanation.fits)
+    return after.score > before.score + ENTRY and gained > enough and needed(after)
 
 
 def _rivals(best: Explanation, near: list[Explanation]) -> tuple[tuple[Explanation, ...], dict[str, str]]:
@@ -280,11 +223,11 @@ def _rivals(best: Explanation, near: list[Explanation]) -> tuple[tuple[Explanati
     shafts = {fit.candidate.identifier: fit.candidate.shaft for fit in best.fits}
     rivals: dict[frozenset[str], Explanation] = {}
     for other in near:
-        ids = _ids(other)
-        if ids == _ids(best):
+        others = ids(other)
+        if others == ids(best):
             for fit in other.fits:
                 if {shafts[fit.candidate.identifier], fit.candidate.shaft} == {"sun", "ring"}:
                     shafts[fit.candidate.identifier] = "either"
-        elif len(other.fits) <= len(best.fits) and not ids < _ids(best):
-            rivals.setdefault(ids, other)
+        elif len(other.fits) <= len(best.fits) and not others < ids(best):
+            rivals.setdefault(others, other)
     return tuple(rivals.values()), shafts

@@ -10,15 +10,17 @@ import numpy as np
 from scipy import stats
 
 from pmg.pipeline.diagnose.candidates import Stage, candidates, set_stage
-from pmg.pipeline.diagnose.naming import ENTRY, MARGIN, take_out
+from pmg.pipeline.diagnose.explanation import take_out
+from pmg.pipeline.diagnose.naming import MARGIN
 from pmg.pipeline.diagnose.plans import Plan, join_points, possible_plans
+from pmg.pipeline.diagnose.ranking import ENTRY
 from pmg.pipeline.diagnose.whiten import whitener
 from pmg.pipeline.readings import take_readings
 from pmg.sim.grid import Grid
 from pmg.sim.mechanisms import Experiment
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.naming import Explanation
+    from pmg.pipeline.diagnose.explanation import Explanation
     from pmg.pipeline.diagnose.noise import NoiseFloor
     from pmg.pipeline.readings import Readings
     from pmg.sim.bench import BenchParameters

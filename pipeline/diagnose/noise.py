@@ -34,8 +34,11 @@ if TYPE_CHECKING:
 BASELINE_FREE = ("K_corr", "b", "c", "d")
 """Constants that the baseline may use to absorb a mismatch."""
 
-AGREEMENT = 0.01
-"""Level of the test whether repeats and unstructured scatter show the same noise."""
+MORE = 0.01
+"""Level of the test whether repeats scatter more than what follows nothing."""
+
+LESS = 0.001
+"""Level of the test whether repeats scatter less: a mismatch that no family follows is rarer than lucky repeats."""
 
 
 MINIMUM_FOR_CORRELATION = 30
@@ -213,9 +216,9 @@ def noise_floor(grid: Grid, fits: LossFits, bench: BenchParameters) -> NoiseFloo
 
     .. math:: s^2 = \sum_{i \in \mathrm{shaft}} r_i^2 / \mathrm{tr}_\mathrm{shaft}(I - P).
 
-    Where they agree (F test at 1 %) they are pooled by degrees of freedom. Repeats that scatter more betray a slow
-    change between them, repeats that scatter less a mismatch that no family follows; in both cases the smaller
-    figure is the noise, and the mismatch test is told.
+    Where they agree (F test at 1 %, at 0.1 % where the repeats scatter less) they are pooled by degrees of freedom.
+    Repeats that scatter more betray a slow change between them, repeats that scatter less a mismatch that no family
+    follows; in both cases the smaller figure is the noise, and the mismatch test is told.
     """
     readings = take_readings(grid, bench)
     model = start_model(fits)
@@ -274,10 +277,10 @@ def _pool(within: Array, repeats: tuple[float, int], unstructured: float, dof: f
     if dof <= 1.0:
         return replace(noise, u=spread, dof=float(n), source="repeated points")
     ratio = (spread / unstructured) ** 2 if unstructured > 0.0 else math.inf
-    if stats.f.sf(ratio, n, dof) < AGREEMENT:
+    if stats.f.sf(ratio, n, dof) < MORE:
         source = "scatter that follows no covariate; repeats scatter more, so something changed slowly between them"
         return replace(noise, u=unstructured, dof=dof, source=source)
-    if stats.f.cdf(ratio, n, dof) < AGREEMENT:
+    if stats.f.cdf(ratio, n, dof) < LESS:
         source = "repeated points; the rest scatters more, so something is left that no covariate follows"
         return replace(noise, u=spread, dof=float(n), source=source)
     pooled = math.sqrt((n * spread**2 + dof * unstructured**2) / (n + dof))

@@ -13,7 +13,8 @@ from pmg.pipeline.diagnose.candidates import predict_with
 from pmg.pipeline.diagnose.noise import BASELINE_FREE, orthonormal
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.candidates import Candidate, CandidateFit, Stage
+    from pmg.pipeline.diagnose.candidates import Candidate, Stage
+    from pmg.pipeline.diagnose.fitting import CandidateFit
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.mechanisms import Mechanism
     from pmg.sim.signals import Array

@@ -13,8 +13,8 @@ from pmg.sim.signals import MINUTE
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.diagnosis import Diagnosis
+    from pmg.pipeline.diagnose.explanation import Explanation
     from pmg.pipeline.diagnose.locate import Mismatch
-    from pmg.pipeline.diagnose.naming import Explanation
 
 SHAFT_WORDS = {
     "sun": " on the sun shaft",

@@ -9,17 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.candidates import (
-    Candidate,
-    CandidateFit,
-    Stage,
-    candidates,
-    fit_candidate,
-    refinement,
-)
+from pmg.pipeline.diagnose.explanation import take_out
 from pmg.pipeline.diagnose.holdout import HeldOut, deal, gain_interval, solve, touched_blocks
-from pmg.pipeline.diagnose.naming import ENTRY, take_out
 from pmg.pipeline.diagnose.noise import orthonormal
+from pmg.pipeline.diagnose.ranking import in_detail, rank
 from pmg.pipeline.diagnose.traces import tangents
 from pmg.pipeline.diagnose.whiten import Whitener
 from pmg.sim.errors import FitError
@@ -27,6 +20,8 @@ from pmg.sim.errors import FitError
 if TYPE_CHECKING:
     import numpy.typing as npt
 
+    from pmg.pipeline.diagnose.candidates import Stage
+    from pmg.pipeline.diagnose.fitting import CandidateFit
     from pmg.sim.signals import Array, Mask
 
 FARTHEST = 2.0
@@ -190,25 +185,10 @@ def _beside(stage: Stage, others: list[CandidateFit]) -> CandidateFit:
     """The best mechanism beside others."""
     for fit in others:
         stage = take_out(stage, fit)
-    return _choose(stage, [fit.candidate.identifier for fit in others])
+    return in_detail(stage, rank(stage, [fit.candidate.identifier for fit in others])[0])
 
 
 def _free_tangents(stage: Stage, fit: CandidateFit) -> Array:
     """Slopes of a candidate's parameters that are not on a bound (m, k) [N m per unit]."""
     inside = [parameter.name not in fit.on_bound for parameter in fit.candidate.parameters]
     return tangents(stage, fit)[:, inside]
-
-
-def _choose(stage: Stage, without: list[str]) -> CandidateFit:
-    free: list[Candidate] = [c for c in candidates() if c.identifier not in without]
-    fits = [fit_candidate(stage, candidate) for candidate in free]
-    best = max(fits, key=lambda fit: _score(stage, fit))
-    finer = refinement(best.candidate)
-    if finer is None:
-        return best
-    detailed = fit_candidate(stage, finer)
-    return detailed if _score(stage, detailed) > _score(stage, best) + ENTRY else best
-
-
-def _score(stage: Stage, fit: CandidateFit) -> float:
-    return fit.gain - fit.cost * math.log(len(stage.left))

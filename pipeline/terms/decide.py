@@ -9,7 +9,7 @@ import numpy as np
 
 from pmg.pipeline.diagnose.decide import WITHHELD_SHARE
 from pmg.pipeline.diagnose.diagnosis import Absorbed, Verdict
-from pmg.pipeline.diagnose.naming import ENTRY
+from pmg.pipeline.diagnose.ranking import ENTRY
 from pmg.pipeline.terms.contest import Contest, Scene, Stand, contest, refine, settled, stand_of
 from pmg.pipeline.terms.estimate import design_of
 from pmg.pipeline.terms.fitting import set_ground, tabulate

@@ -8,7 +8,7 @@ import numpy as np
 
 from pmg.pipeline.terms.term import Motion, Quantity, Term
 from pmg.sim.signals import REVOLUTION
-from pmg.sim.sources import Source
+from pmg.sim.sources import ARMSTRONG, Source
 
 if TYPE_CHECKING:
     from pmg.sim.signals import Array
@@ -17,11 +17,6 @@ EMPS = Source(
     "emps",
     "A. Janot, M. Gautier, M. Brunot, 'Data Set and Reference Models of EMPS', Workshop on Nonlinear System "
     "Identification Benchmarks, 2019",
-)
-ARMSTRONG = Source(
-    "armstrong",
-    "B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, 'A survey of models, analysis tools and compensation methods "
-    "for the control of machines with friction', Automatica 30(7), 1994, doi:10.1016/0005-1098(94)90209-7",
 )
 DAHL = Source("dahl", "P. R. Dahl, 'A solid friction model', Aerospace Corporation, TOR-0158(3107-18)-1, 1968")
 BALANCE = Source("force-balance", "Force balance of a carriage; a term written down for this library")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnose.holdout import BLOCKS, HeldOut, gain_interval, solve
-from pmg.pipeline.diagnose.naming import ENTRY
+from pmg.pipeline.diagnose.ranking import ENTRY
 from pmg.pipeline.diagnose.withheld import FOLDS
 from pmg.pipeline.terms.estimate import design_of
 from pmg.pipeline.terms.fitting import Tabled, fit_term, take_out

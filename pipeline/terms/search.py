@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnose.naming import (
-    ENTRY,
     FIRST_OF_PAIRS,
     FORM_ERROR,
     MARGIN,
@@ -18,6 +17,7 @@ from pmg.pipeline.diagnose.naming import (
     SHARE_OF_REST,
     Remainder,
 )
+from pmg.pipeline.diagnose.ranking import ENTRY
 from pmg.pipeline.terms.fitting import Ground, TermFit, fit_term, take_out
 
 if TYPE_CHECKING:

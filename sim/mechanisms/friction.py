@@ -109,19 +109,19 @@ def ratio_of(pairs: tuple[tuple[int, int], ...], at: OperatingPoints) -> Number:
 
 
 @dataclass(frozen=True)
-class MixedLubrication(RotorLaw):
-    """Extra drag at low speed, where the lubricant film is thin: the falling part of the Stribeck curve."""
+class ThinFilm(RotorLaw):
+    """Extra drag at low speed, where the lubricant film is thin: the falling part of the Stribeck curve.
+
+    Each form says what is left of it at a speed.
+    """
 
     identifier = "stribeck_mixed_lubrication"
     title = "Mixed lubrication at low speed"
-    equation = r"\tau_k = -\mathrm{sgn}(\omega_k)\,A_k\,e^{-(|\omega_k|/\omega_0)^{1.4}}"
-    source = sources.SKF.at("weighting factor of the sliding friction coefficient")
     component = Component.SUN_BEARINGS
     components = _SHAFTS
     affects = _BOTH
     revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "drag rises towards low speed"),)
     by_shaft = {"sun": ("extra_sun",), "ring": ("extra_ring",)}
-    shape = ("speed",)
 
     extra_sun: float = parameter("N m", bounds=(0.0, 1.0), typical=0.02, meaning="extra drag of the sun near rest")
     extra_ring: float = parameter("N m", bounds=(0.0, 1.0), typical=0.02, meaning="extra drag of the ring near rest")
@@ -134,11 +134,46 @@ class MixedLubrication(RotorLaw):
         """Absent."""
         return cls()
 
+    @abstractmethod
+    def left(self, x: Number) -> Number:
+        """What is left of the extra drag at a speed in units of `speed`."""
+
     def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
         """Extra drag on both rotors."""
-        sun = self.extra_sun * np.exp(-((modulus(speed_sun, rest) / self.speed) ** 1.4))
-        ring = self.extra_ring * np.exp(-((modulus(speed_ring, rest) / self.speed) ** 1.4))
+        sun = self.extra_sun * self.left(modulus(speed_sun, rest) / self.speed)
+        ring = self.extra_ring * self.left(modulus(speed_ring, rest) / self.speed)
         return Torques(against(speed_sun, sun, rest), against(speed_ring, ring, rest))
+
+
+@dataclass(frozen=True)
+class MixedLubricationExponent(ThinFilm):
+    """`MixedLubrication` in more detail: the exponent is what the data say, as in Stribeck laws of friction models."""
+
+    equation = r"\tau_k = -\mathrm{sgn}(\omega_k)\,A_k\,e^{-(|\omega_k|/\omega_0)^{\delta}}"
+    source = sources.ARMSTRONG
+    shape = ("speed", "exponent")
+
+    exponent: float = parameter(
+        "1", bounds=(0.3, 3.0), typical=1.0, meaning="exponent of the fall with speed", null=1.0
+    )
+
+    def left(self, x: Number) -> Number:
+        """An exponential of a power of the speed."""
+        return np.exp(-(x**self.exponent))
+
+
+@dataclass(frozen=True)
+class MixedLubrication(ThinFilm):
+    """The fall that a bearing maker's catalogue gives."""
+
+    equation = r"\tau_k = -\mathrm{sgn}(\omega_k)\,A_k\,e^{-(|\omega_k|/\omega_0)^{1.4}}"
+    source = sources.SKF.at("weighting factor of the sliding friction coefficient")
+    refined = MixedLubricationExponent
+    shape = ("speed",)
+
+    def left(self, x: Number) -> Number:
+        """An exponential of the speed to the power 1.4."""
+        return np.exp(-(x**1.4))
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
@@ -55,15 +56,11 @@ HOUR = 3600.0
 
 
 @dataclass(frozen=True)
-class ZeroDrift(Instrument):
-    """A zero that moves with time from the tare at the first point: fast at first, then more slowly, or evenly.
-
-    Warming electronics settle like an exponential; with a settling time far beyond the campaign the drift is even.
-    """
+class DriftingZero(Instrument):
+    """A zero that moves with time from the tare at the first point. Each form says how far it has moved by when."""
 
     identifier = "torque_zero_drift"
     title = "Zero drift of a torque transducer"
-    equation = r"\Delta T_k = z_k\,\frac{1-e^{-t/\tau}}{1-e^{-t_1/\tau}},\ t_1 = 1\,\mathrm{h}"
     source = sources.GUM.at("section 4.3")
     component = Component.SUN_TORQUE_TRANSDUCER
     components = _SHAFTS
@@ -73,7 +70,78 @@ class ZeroDrift(Instrument):
         Reveals(Experiment.REPEATS, "the same point reads differently later"),
     )
     memory = True
+
+    @classmethod
+    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
+        """Absent."""
+        return cls()
+
+    @abstractmethod
+    def moved(self, time: Array) -> Torques:
+        """How far the zeros have moved at times since the first point [s]."""
+
+    def distortion(self, at: OperatingPoints, true: Torques) -> Torques:
+        """The zero at each point's time; none where the order is not known."""
+        return self.moved(at.started_at - at.started_at.min() if at.ordered and len(at) else np.zeros(len(at)))
+
+
+KNOTS = 6
+"""Times at which a wandering zero is given, evenly spaced after the first point."""
+
+
+def _zero(shaft: str, knot: int) -> float:
+    meaning = f"zero of the {shaft}'s transducer {knot} spacings after the first point"
+    zero: float = parameter("N m", bounds=(-1.0, 1.0), typical=3e-3, meaning=meaning)
+    return zero
+
+
+@dataclass(frozen=True)
+class WanderingZero(DriftingZero):
+    """`ZeroDrift` in more detail: a zero that wanders, straight from one time to the next and still after the last."""
+
+    equation = (
+        r"\Delta T_k = z_{k,j} + (z_{k,j+1}-z_{k,j})\,\frac{t-j\delta}{\delta},"
+        r"\ j\delta \le t < (j+1)\delta,\ z_{k,0} = 0"
+    )
+    by_shaft = {shaft: tuple(f"{shaft}_{knot}" for knot in range(1, KNOTS + 1)) for shaft in ("sun", "ring")}
+    shape = ("spacing",)
+
+    sun_1: float = _zero("sun", 1)
+    sun_2: float = _zero("sun", 2)
+    sun_3: float = _zero("sun", 3)
+    sun_4: float = _zero("sun", 4)
+    sun_5: float = _zero("sun", 5)
+    sun_6: float = _zero("sun", 6)
+    ring_1: float = _zero("ring", 1)
+    ring_2: float = _zero("ring", 2)
+    ring_3: float = _zero("ring", 3)
+    ring_4: float = _zero("ring", 4)
+    ring_5: float = _zero("ring", 5)
+    ring_6: float = _zero("ring", 6)
+    spacing: float = parameter(
+        "s", bounds=(300.0, 14400.0), typical=1800.0, meaning="time from one given zero to the next", null=1800.0
+    )
+
+    def moved(self, time: Array) -> Torques:
+        """Straight between the given zeros."""
+        knots = self.spacing * np.arange(KNOTS + 1)
+        sun, ring = (
+            np.interp(time, knots, [0.0, *(getattr(self, name) for name in self.by_shaft[shaft])])
+            for shaft in ("sun", "ring")
+        )
+        return Torques(sun, ring)
+
+
+@dataclass(frozen=True)
+class ZeroDrift(DriftingZero):
+    """Fast at first, then more slowly, or evenly.
+
+    Warming electronics settle like an exponential; with a settling time far beyond the campaign the drift is even.
+    """
+
+    equation = r"\Delta T_k = z_k\,\frac{1-e^{-t/\tau}}{1-e^{-t_1/\tau}},\ t_1 = 1\,\mathrm{h}"
     by_shaft = {"sun": ("drift_sun",), "ring": ("drift_ring",)}
+    refined = WanderingZero
     shape = ("settling",)
 
     drift_sun: float = parameter("N m", bounds=(-1.0, 1.0), typical=3e-3, meaning="drift of the sun's zero in an hour")
@@ -82,16 +150,10 @@ class ZeroDrift(Instrument):
     )
     settling: float = parameter("s", bounds=(300.0, 1e6), typical=1e5, meaning="settling time of the zero", null=1e5)
 
-    @classmethod
-    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
-        """Absent."""
-        return cls()
-
-    def distortion(self, at: OperatingPoints, true: Torques) -> Torques:
-        """The zero at each point's time; none where the order is not known."""
-        time = at.started_at - at.started_at.min() if at.ordered and len(at) else np.zeros(len(at))
-        moved = np.expm1(-time / self.settling) / np.expm1(-HOUR / self.settling)
-        return Torques(self.drift_sun * moved, self.drift_ring * moved)
+    def moved(self, time: Array) -> Torques:
+        """An exponential that is the drift in an hour after an hour."""
+        part = np.expm1(-time / self.settling) / np.expm1(-HOUR / self.settling)
+        return Torques(self.drift_sun * part, self.drift_ring * part)
 
 
 @dataclass(frozen=True)
@@ -125,12 +187,11 @@ class GainError(Instrument):
 
 
 @dataclass(frozen=True)
-class Crosstalk(Instrument):
-    """A transducer that also shows a part of the other one's torque."""
+class ShownTorque(Instrument):
+    """A transducer that also shows something of the other one's torque. Each form says what of it."""
 
     identifier = "torque_crosstalk"
     title = "Crosstalk between the torque transducers"
-    equation = r"\Delta T_s = x_s\,T_r,\ \Delta T_r = x_r\,T_s"
     source = sources.GUM.at("section 4.3")
     component = Component.SUN_TORQUE_TRANSDUCER
     components = _SHAFTS
@@ -139,7 +200,6 @@ class Crosstalk(Instrument):
         Reveals(Experiment.NEUTRAL_SWEEP, "a reading that follows the other shaft's torque"),
         Reveals(Experiment.OTHER_STAGE, "the error per torque changes with the ratio of the two torques"),
     )
-    by_shaft = {"sun": ("part_sun",), "ring": ("part_ring",)}
 
     part_sun: float = parameter(
         "1", bounds=(-0.2, 0.2), typical=0.01, meaning="part of the ring torque shown by the sun"
@@ -156,6 +216,38 @@ class Crosstalk(Instrument):
     def distortion(self, at: OperatingPoints, true: Torques) -> Torques:
         """A part of the other torque."""
         return Torques(self.part_sun * true.ring, self.part_ring * true.sun)
+
+
+@dataclass(frozen=True)
+class CrosstalkBySense(ShownTorque):
+    """`Crosstalk` in more detail: not the same for both senses of the other torque.
+
+    A couple that bends the shaft or pulls along it does not turn its sign with the torque that makes it.
+    """
+
+    equation = r"\Delta T_s = x_s\,T_r + y_s\,|T_r|,\ \Delta T_r = x_r\,T_s + y_r\,|T_s|"
+    by_shaft = {"sun": ("part_sun", "even_sun"), "ring": ("part_ring", "even_ring")}
+
+    even_sun: float = parameter(
+        "1", bounds=(-0.2, 0.2), typical=0.01, meaning="part of the magnitude of the ring torque shown by the sun"
+    )
+    even_ring: float = parameter(
+        "1", bounds=(-0.2, 0.2), typical=0.01, meaning="part of the magnitude of the sun torque shown by the ring"
+    )
+
+    def distortion(self, at: OperatingPoints, true: Torques) -> Torques:
+        """Parts of the other torque and of its magnitude."""
+        odd = super().distortion(at, true)
+        return Torques(odd.sun + self.even_sun * np.abs(true.ring), odd.ring + self.even_ring * np.abs(true.sun))
+
+
+@dataclass(frozen=True)
+class Crosstalk(ShownTorque):
+    """The same part of the other torque in both of its senses."""
+
+    equation = r"\Delta T_s = x_s\,T_r,\ \Delta T_r = x_r\,T_s"
+    by_shaft = {"sun": ("part_sun",), "ring": ("part_ring",)}
+    refined = CrosstalkBySense
 
 
 def distorted(instruments: tuple[Instrument, ...], at: OperatingPoints, true: Torques) -> tuple[Array, Array]:

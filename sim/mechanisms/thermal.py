@@ -78,14 +78,15 @@ def temperature_rise(
 class WarmingInTwoSteps(WarmingBearings):
     """`LubricantViscosity` in more detail: races that warm fast in a housing that warms slowly, in a room that drifts.
 
-    A Foster network of two nodes a shaft; the room's temperature changes evenly with time.
+    A Foster network of two nodes a shaft, into which some of the other shaft's heat finds its way: the bearings sit in
+    one another. The room's temperature changes evenly with time.
     """
 
     identifier = "lubricant_viscosity"
     title = "Lubricant viscosity falling with temperature"
     equation = (
         r"\tau_k = -\mathrm{sgn}(\omega_k)\,K\,B_k(|\omega_k|)\,(e^{-\beta(\Theta_k+\Theta'_k+\dot{T}t)}-1),"
-        r"\ \tau\,\dot{\Theta}_k = R_kP_k-\Theta_k,\ \tau'\dot{\Theta}'_k = R'_kP_k-\Theta'_k"
+        r"\ \tau\,\dot{\Theta}_k = R_kQ_k-\Theta_k,\ \tau'\dot{\Theta}'_k = R'_kQ_k-\Theta'_k,\ Q_k = P_k+\chi P_{k'}"
     )
     source = sources.PALMGREN.at("viscous moment; viscosity after Vogel 1921")
     component = Component.RING_BEARINGS
@@ -100,7 +101,7 @@ class WarmingInTwoSteps(WarmingBearings):
         "ring": ("resistance_ring", "race_ring", "start_ring", "room"),
     }
     both_at_once = True
-    shape = ("time_constant", "race_time", "dwell", "idle")
+    shape = ("race_time", "time_constant", "cross", "dwell", "idle")
 
     resistance_sun: float = parameter(
         "K/W", bounds=(0.0, 20.0), typical=1.0, meaning="thermal resistance of the sun bearings' housing to the room"
@@ -121,6 +122,9 @@ class WarmingInTwoSteps(WarmingBearings):
         "K", bounds=(-40.0, 120.0), typical=10.0, meaning="ring bearings above the room at the first point"
     )
     room: float = parameter("K/s", bounds=(-5e-3, 5e-3), typical=2e-4, meaning="drift of the room's temperature")
+    cross: float = parameter(
+        "1", bounds=(0.0, 1.0), typical=0.1, meaning="part of the other shaft's heat that warms the bearings too"
+    )
     time_constant: float = parameter(
         "s", bounds=(300.0, 20000.0), typical=2000.0, meaning="time constant of the housing", null=2000.0
     )
@@ -141,9 +145,10 @@ class WarmingInTwoSteps(WarmingBearings):
     def rises(self, at: OperatingPoints) -> tuple[Array, Array]:
         """Races, housing and room together [K]; a shaft that does not warm feels no room either."""
         elapsed = at.started_at - at.started_at.min() if at.ordered and len(at) else np.zeros(len(at))
+        sun, ring = self.heating(at)
         found = []
         for power, resistance, race, start in zip(
-            self.heating(at),
+            (sun + self.cross * ring, ring + self.cross * sun),
             (self.resistance_sun, self.resistance_ring),
             (self.race_sun, self.race_ring),
             (self.start_sun, self.start_ring),

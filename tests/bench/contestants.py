@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.diagnose.candidates import candidates, fit_candidate
+from pmg.pipeline.diagnose.candidates import candidates
+from pmg.pipeline.diagnose.fitting import fit_candidate
 from pmg.pipeline.diagnose.withheld import withhold
 from pmg.sim.errors import FitError
 from tests.bench.bout import Answer, Reply

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.diagnose.candidates import candidates, signature
+from pmg.pipeline.diagnose.candidates import candidates
+from pmg.pipeline.diagnose.fitting import signature
 from pmg.pipeline.diagnose.withheld import FOLDS
 from tests.bench.bout import TOUCHED, Answer, Reply
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from pmg.pipeline.analyse import analyse
-from pmg.pipeline.diagnose.candidates import CandidateFit, candidates, fit_candidate, set_stage
+from pmg.pipeline.diagnose.candidates import candidates, set_stage
 from pmg.pipeline.diagnose.decide import diagnose
 from pmg.pipeline.diagnose.diagnosis import Diagnosis, Verdict
 from pmg.pipeline.diagnose.document import diagnosis_document
-from pmg.pipeline.diagnose.naming import take_out
+from pmg.pipeline.diagnose.explanation import take_out
+from pmg.pipeline.diagnose.fitting import CandidateFit, fit_candidate
 from pmg.pipeline.diagnose.statement import statement
 from pmg.pipeline.diagnose.whiten import whitener
 from pmg.pipeline.options import AnalysisOptions

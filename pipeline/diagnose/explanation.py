@@ -1,0 +1,122 @@
+"""A set of mechanisms that may explain a mismatch, and its more detailed forms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnose.noise import orthonormal
+from pmg.pipeline.diagnose.ranking import in_detail, rank
+from pmg.pipeline.diagnose.traces import tangents
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.candidates import Stage
+    from pmg.pipeline.diagnose.fitting import CandidateFit
+
+SWAPS = 4
+"""Mechanisms tried in the place of each one of a set."""
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A set of mechanisms and what it leaves.
+
+    Parameters
+    ----------
+    fits : tuple of CandidateFit
+        The mechanisms, strongest first.
+    stage : Stage
+        The readings with them taken out and their parameters free.
+    """
+
+    fits: tuple[CandidateFit, ...]
+    stage: Stage
+
+    @property
+    def gain(self) -> float:
+        """Fall of the whitened sum of squares by all of them."""
+        return float(sum(fit.gain for fit in self.fits))
+
+    @property
+    def score(self) -> float:
+        """Gain less the cost of the parameters (Schwarz's criterion, up to a constant)."""
+        cost = sum(fit.cost for fit in self.fits)
+        return float(self.gain - cost * math.log(len(self.stage.left)))
+
+
+def take_out(stage: Stage, fit: CandidateFit) -> Stage:
+    """The stage with a fitted candidate taken out and its parameters free to move with the baseline's."""
+    columns = np.stack([stage.project(slope) for slope in tangents(stage, fit).T], axis=1)
+    added = orthonormal(columns, 1e-4)
+    left = stage.left - fit.seen
+    return replace(stage, baseline=np.hstack([stage.baseline, added]), left=left - added @ (added.T @ left))
+
+
+def leaders_in_detail(stage: Stage, singles: list[Explanation]) -> list[Explanation]:
+    """Single mechanisms with the leading one, on whichever shaft, in more detail; best first."""
+    leader = ids(singles[0])
+    found = []
+    for single in singles:
+        (fit,) = single.fits
+        finer = in_detail(stage, fit, narrower=True) if ids(single) == leader else fit
+        found.append(single if finer is fit else Explanation((finer,), take_out(stage, finer)))
+    return sorted(found, key=lambda e: -e.score)
+
+
+def _without(stage: Stage, explanation: Explanation, place: int) -> Stage:
+    """The stage with all mechanisms of a set taken out but one."""
+    for other in (*explanation.fits[:place], *explanation.fits[place + 1 :]):
+        stage = take_out(stage, other)
+    return stage
+
+
+def _replaced(explanation: Explanation, place: int, fit: CandidateFit, beside: Stage, gain: float) -> Explanation:
+    """The set with another fit in one place; `gain` is what the one before it gained beside the others."""
+    told = replace(fit, gain=explanation.fits[place].gain + fit.gain - gain)
+    fits = (*explanation.fits[:place], told, *explanation.fits[place + 1 :])
+    return Explanation(fits, take_out(beside, fit))
+
+
+def all_in_detail(stage: Stage, explanation: Explanation) -> Explanation:
+    """Each mechanism of a set in more detail beside the others, where the data call for it."""
+    for place, fit in enumerate(explanation.fits):
+        beside, rest = _without(stage, explanation, place), explanation.stage.left
+        gain = float(beside.left @ beside.left - rest @ rest)
+        here = replace(fit, gain=gain)
+        finer = in_detail(beside, here, narrower=True)
+        if finer is not here:
+            explanation = _replaced(explanation, place, finer, beside, gain)
+    return explanation
+
+
+def swapped(stage: Stage, explanation: Explanation) -> list[Explanation]:
+    """Sets in which one mechanism of a set gave way to another, or to itself on another shaft."""
+    found = []
+    for place, fit in enumerate(explanation.fits):
+        beside, rest = _without(stage, explanation, place), explanation.stage.left
+        gain = float(beside.left @ beside.left - rest @ rest)
+        others = ids(explanation) - {fit.candidate.identifier}
+        leading = [one for one in rank(beside, others) if one.candidate != fit.candidate][:SWAPS]
+        found += [_replaced(explanation, place, one, beside, gain) for one in leading]
+    return found
+
+
+def without_scale(explanation: Explanation) -> bool:
+    """Whether the leading shape of a nonlinear mechanism ran to its bound: it then bends to anything slow."""
+    return any(
+        not fit.candidate.kind.linear and bool(set(fit.candidate.kind.shape[:1]) & set(fit.on_bound))
+        for fit in explanation.fits
+    )
+
+
+def needed(explanation: Explanation) -> bool:
+    """No mechanism has all its sizes on a bound: it would be absent, or as large as can be."""
+    return not any(set(fit.candidate.sizes) <= set(fit.on_bound) for fit in explanation.fits)
+
+
+def ids(explanation: Explanation) -> frozenset[str]:
+    """Of the mechanisms of a set."""
+    return frozenset(fit.candidate.identifier for fit in explanation.fits)

@@ -1,0 +1,179 @@
+"""A candidate fitted beside the baseline: what it gains, and at which values."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import Bounds, least_squares, lsq_linear, minimize, minimize_scalar
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pmg.pipeline.diagnose.candidates import Candidate, Stage
+    from pmg.sim.signals import Array
+
+SHAPE_STARTS = 4
+"""Values of the first shape parameter, evenly spaced on a logarithm inside its bounds, from which a fit starts."""
+
+FIRST_STEP = 0.3
+"""First step of such a search, on a logarithm."""
+
+SHAPE_PRECISION, COST_PRECISION, MOST_TRIALS = 1e-2, 0.05, 120
+"""How far a search over several shapes goes: to a hundredth of each, or a twentieth of a noise variance."""
+
+
+@dataclass(frozen=True)
+class CandidateFit:
+    """A candidate fitted beside the baseline.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        What was fitted.
+    values : (k,) array
+        Its parameters: sizes, then shapes.
+    gain : float
+        Fall of the whitened sum of squares; in units of the noise variance.
+    effect : (m,) array
+        Change of each reading [N m], before anything is absorbed.
+    seen : (m,) array
+        The same whitened, with what the baseline absorbs taken out.
+    on_bound : tuple of str
+        Parameters on a bound.
+    """
+
+    candidate: Candidate
+    values: Array
+    gain: float
+    effect: Array
+    seen: Array
+    on_bound: tuple[str, ...]
+
+    @property
+    def cost(self) -> int:
+        """Free parameters."""
+        return len(self.values)
+
+
+def fit_candidate(stage: Stage, candidate: Candidate) -> CandidateFit:
+    """Best values of one candidate with the baseline free to move.
+
+    Notes
+    -----
+    The baseline enters linearised, as a projection, so that only the candidate's own parameters are searched, inside
+    their physical bounds: sizes in closed form where the effect is proportional to them, shapes from several values.
+    """
+    parameters = candidate.parameters
+    low, high = (np.array([p.bounds[side] for p in parameters]) for side in (0, 1))
+    fit = _by_proportion if candidate.kind.linear else _by_search
+    cost, values = fit(stage, candidate)
+    margin = 1e-6 * (high - low)
+    at_bound = (values - low < margin) | (high - values < margin)
+    effect = stage.effect(candidate, values)
+    return CandidateFit(
+        candidate,
+        values,
+        float(stage.left @ stage.left) - cost,
+        effect,
+        stage.project(effect),
+        tuple(p.name for p, at in zip(parameters, at_bound, strict=True) if at),
+    )
+
+
+def shapes(candidate: Candidate) -> Iterator[Array]:
+    """Values of the shape parameters from which a fit starts."""
+    parameters = candidate.parameters[len(candidate.sizes) :]
+    axes = [[p.typical] for p in parameters]
+    if parameters:
+        axes[0] = np.geomspace(*parameters[0].bounds, SHAPE_STARTS + 2)[1:-1].tolist()
+    return (np.array(shape) for shape in product(*axes))
+
+
+def _sizes(stage: Stage, candidate: Candidate, shape: Array) -> tuple[float, Array]:
+    """Sum of squares and sizes inside their bounds, for an effect proportional to them."""
+    columns = signature(stage, candidate, shape)
+    seen = np.stack([stage.project(column) for column in columns.T], axis=1)
+    length = np.linalg.norm(seen, axis=0)
+    length[length == 0.0] = 1.0
+    bounds = np.array([p.bounds for p in candidate.parameters[: len(candidate.sizes)]]).T * length
+    found = lsq_linear(seen / length, stage.left, bounds=(bounds[0], bounds[1]), method="bvls")
+    return 2.0 * float(found.cost), np.clip(found.x / length, *(bounds / length))
+
+
+def _by_proportion(stage: Stage, candidate: Candidate) -> tuple[float, Array]:
+    """Sum of squares and values; the only search is over the shapes, on logarithms."""
+    starts = [(*_sizes(stage, candidate, shape), shape) for shape in shapes(candidate)]
+    cost, sizes, shape = min(starts, key=lambda start: start[0])
+    if not len(shape):
+        return cost, sizes
+    bounds = np.log([parameter.bounds for parameter in candidate.parameters[len(candidate.sizes) :]])
+    around = (bounds[0, 1] - bounds[0, 0]) / (SHAPE_STARTS + 1)
+    first = (math.log(shape[0]) - around, math.log(shape[0]) + around)
+
+    def costs(logarithms: Array) -> float:
+        return _sizes(stage, candidate, np.exp(logarithms))[0]
+
+    if len(shape) == 1:
+        line = minimize_scalar(lambda x: costs(np.array([x])), bounds=first, method="bounded", options={"xatol": 1e-3})
+        best, lowest = np.array([line.x]), float(line.fun)
+    else:
+        start = np.log(shape)
+        inside = Bounds(*np.array([first, *bounds[1:]]).T)
+        inwards = np.where(start + FIRST_STEP < inside.ub, FIRST_STEP, -FIRST_STEP)
+        found = minimize(
+            costs,
+            start,
+            method="Nelder-Mead",
+            bounds=inside,
+            options={
+                "initial_simplex": start + np.vstack([np.zeros(len(start)), np.diag(inwards)]),
+                "xatol": SHAPE_PRECISION,
+                "fatol": COST_PRECISION,
+                "maxfev": MOST_TRIALS,
+            },
+        )
+        best, lowest = found.x, float(found.fun)
+    if lowest < cost:
+        shape = np.clip(np.exp(best), *np.exp(bounds.T))
+        cost, sizes = _sizes(stage, candidate, shape)
+    return cost, np.r_[sizes, shape]
+
+
+def _by_search(stage: Stage, candidate: Candidate) -> tuple[float, Array]:
+    """Sum of squares and values by nonlinear least squares."""
+    parameters = candidate.parameters
+    typical = np.array([p.typical for p in parameters])
+    low, high = (np.array([p.bounds[side] for p in parameters]) for side in (0, 1))
+    best: tuple[float, Array] | None = None
+
+    def residuals(scaled: Array) -> Array:
+        return stage.left - stage.project(stage.effect(candidate, scaled * typical))
+
+    for shape in shapes(candidate):
+        start = np.r_[_sizes(stage, candidate, shape)[1], shape]
+        inside = np.clip(start, low + 1e-9 * typical, high - 1e-9 * typical)
+        found = least_squares(
+            residuals, inside / typical, bounds=(low / typical, high / typical), x_scale="jac", xtol=1e-5, ftol=1e-7
+        )
+        if best is None or 2.0 * found.cost < best[0]:
+            best = 2.0 * float(found.cost), found.x * typical
+    assert best is not None
+    return best
+
+
+SMALL = 0.05
+"""Part of a parameter's typical value at which its signature is taken."""
+
+
+def signature(stage: Stage, candidate: Candidate, shape: Array) -> Array:
+    """Effect on each reading per unit of each size (m, sizes), at small size and a given shape [N m per unit]."""
+    columns = []
+    for i, parameter in enumerate(candidate.parameters[: len(candidate.sizes)]):
+        sizes = np.zeros(len(candidate.sizes))
+        sizes[i] = SMALL * parameter.typical
+        columns.append(stage.effect(candidate, np.r_[sizes, shape]) / sizes[i])
+    return np.stack(columns, axis=1)

@@ -1,0 +1,61 @@
+"""The catalogue ranked: every mechanism fitted, in the detail that the data call for."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.diagnose.candidates import candidates, refinement
+from pmg.pipeline.diagnose.fitting import fit_candidate
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from pmg.pipeline.diagnose.candidates import Stage
+    from pmg.pipeline.diagnose.fitting import CandidateFit
+
+ENTRY = 10.0
+"""Evidence that a mechanism must bring to enter: fall of the sum of squares in noise variances, beyond its cost."""
+
+
+FINER = 4.0
+"""Evidence by which the more detailed form of a mechanism must beat the simple one: odds of 7 to 1."""
+
+
+def score(stage: Stage, fit: CandidateFit) -> float:
+    """Gain of a fit less the cost of its parameters (Schwarz's criterion, up to a constant)."""
+    return fit.gain - fit.cost * math.log(len(stage.left))
+
+
+def rank(stage: Stage, without: Collection[str] = ()) -> list[CandidateFit]:
+    """All mechanisms but some fitted, best score first.
+
+    Where the more detailed form of a mechanism is proportional to its sizes, and so found at once, it is tried here;
+    one that must be searched for is tried by `in_detail` where it matters.
+    """
+    fits = []
+    for candidate in candidates():
+        if candidate.identifier in without:
+            continue
+        fit = fit_candidate(stage, candidate)
+        finer = refinement(candidate)
+        at_once = finer is not None and finer.kind.linear and score(stage, fit) > ENTRY
+        fits.append(in_detail(stage, fit) if at_once else fit)
+    return sorted(fits, key=lambda fit: -score(stage, fit))
+
+
+def in_detail(stage: Stage, fit: CandidateFit, *, narrower: bool = False) -> CandidateFit:
+    """A fitted mechanism in more detail where it has such a form and the data call for it; as it is otherwise.
+
+    With `narrower`, one that acts on both shafts is tried on each of them alone, too.
+    """
+    wider = narrower and fit.candidate.kind.both_at_once and fit.candidate.shaft == "both"
+    tried = [fit]
+    for candidate in candidates():
+        if candidate.kind is fit.candidate.kind and (wider or candidate.shaft == fit.candidate.shaft):
+            finer = refinement(candidate)
+            tried += [fit_candidate(stage, finer)] if finer is not None else []
+    best = max(tried, key=lambda one: score(stage, one))
+    runaway = set(best.candidate.kind.shape[:1]) & set(best.on_bound)  # a time constant that has no scale in the data
+    worth = score(stage, best) > score(stage, fit) + FINER
+    return best if worth and not runaway else fit
