@@ -57,8 +57,15 @@ class Gearbox:
             total = total + part
         return total
 
-    def transmitted(self, at: OperatingPoints) -> Array:
+    def transmitted(self, at: OperatingPoints, drag: Torques | None = None) -> Array:
         r"""Magnetic torque that the sun rotor passes on when engaged [N m]; 0 otherwise.
+
+        Parameters
+        ----------
+        at : OperatingPoints
+            The n points.
+        drag : Torques, optional
+            Sum of all contributions there, where it is known already.
 
         Notes
         -----
@@ -66,4 +73,5 @@ class Gearbox:
         :math:`-M` on the sun rotor and :math:`-iM` on the ring rotor. The ring's balance
         :math:`T_r + \tau_r - iM = 0` then gives M.
         """
-        return np.where(at.engaged, (at.torque_ring + self.torque(at).ring) / self.ratio(at), 0.0)
+        drag = self.torque(at) if drag is None else drag
+        return np.where(at.engaged, (at.torque_ring + drag.ring) / self.ratio(at), 0.0)

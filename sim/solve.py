@@ -49,7 +49,7 @@ def steady(gearbox: Gearbox, at: OperatingPoints, campaign: str = "") -> Grid:
     if faults:
         at = replace(given, torque_ring=true_load(gearbox, given))
     drag = gearbox.torque(at)
-    torque_sun = gearbox.transmitted(at) - drag.sun
+    torque_sun = gearbox.transmitted(at, drag) - drag.sun
     torque_ring = np.where(at.engaged, at.torque_ring, -drag.ring)
     if faults:
         error_sun, error_ring = distorted(faults, at, Torques(torque_sun, torque_ring))
@@ -72,7 +72,8 @@ def steady(gearbox: Gearbox, at: OperatingPoints, campaign: str = "") -> Grid:
 
 
 _FAULT_STEPS = 8
-"""Fixed-point steps from a distorted load to the true one; each gains two digits or more, as faults are small."""
+"""Fixed-point steps from a distorted load to the true one at most; each gains two digits or more, as faults are
+small."""
 
 
 def true_load(gearbox: Gearbox, at: OperatingPoints) -> Array:
@@ -80,6 +81,10 @@ def true_load(gearbox: Gearbox, at: OperatingPoints) -> Array:
     load = at.torque_ring
     for _ in range(_FAULT_STEPS):
         guess = replace(at, torque_ring=load)
-        true = Torques(gearbox.transmitted(guess) - gearbox.torque(guess).sun, load)
-        load = np.where(at.engaged, at.torque_ring - distorted(gearbox.instruments, guess, true)[1], at.torque_ring)
+        drag = gearbox.torque(guess)
+        true = Torques(gearbox.transmitted(guess, drag) - drag.sun, load)
+        before, hidden = load, distorted(gearbox.instruments, guess, true)[1]
+        load = np.where(at.engaged, at.torque_ring - hidden, at.torque_ring)
+        if np.array_equal(load, before):
+            break
     return np.asarray(load)

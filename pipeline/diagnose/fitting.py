@@ -22,6 +22,9 @@ SHAPE_STARTS = 4
 FIRST_STEP = 0.3
 """First step of such a search, on a logarithm."""
 
+FIRST_STEPS, FOLLOWED = 8, 2
+"""Steps of a nonlinear search from each start, and how many of them are then followed to the end."""
+
 SHAPE_PRECISION, COST_PRECISION, MOST_TRIALS = 1e-2, 0.05, 120
 """How far a search over several shapes goes: to a hundredth of each, or a twentieth of a noise variance."""
 
@@ -148,21 +151,22 @@ def _by_search(stage: Stage, candidate: Candidate) -> tuple[float, Array]:
     parameters = candidate.parameters
     typical = np.array([p.typical for p in parameters])
     low, high = (np.array([p.bounds[side] for p in parameters]) for side in (0, 1))
-    best: tuple[float, Array] | None = None
+    bounds = low / typical, high / typical
 
     def residuals(scaled: Array) -> Array:
         return stage.left - stage.project(stage.effect(candidate, scaled * typical))
 
+    def search(start: Array, most: int | None) -> tuple[float, Array]:
+        found = least_squares(residuals, start, bounds=bounds, x_scale="jac", xtol=1e-5, ftol=1e-7, max_nfev=most)
+        return 2.0 * float(found.cost), found.x
+
+    ends = []
     for shape in shapes(candidate):
         start = np.r_[_sizes(stage, candidate, shape)[1], shape]
-        inside = np.clip(start, low + 1e-9 * typical, high - 1e-9 * typical)
-        found = least_squares(
-            residuals, inside / typical, bounds=(low / typical, high / typical), x_scale="jac", xtol=1e-5, ftol=1e-7
-        )
-        if best is None or 2.0 * found.cost < best[0]:
-            best = 2.0 * float(found.cost), found.x * typical
-    assert best is not None
-    return best
+        ends.append(search(np.clip(start, low + 1e-9 * typical, high - 1e-9 * typical) / typical, FIRST_STEPS))
+    best = sorted(ends, key=lambda end: end[0])[:FOLLOWED]
+    cost, scaled = min((search(end, None) for _, end in best), key=lambda end: end[0])
+    return cost, scaled * typical
 
 
 SMALL = 0.05

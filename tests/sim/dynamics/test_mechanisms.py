@@ -26,11 +26,11 @@ from pmg.sim.gearbox import Gearbox
 from pmg.sim.grid import Configuration, OperatingPoints
 from pmg.sim.mechanisms import CANDIDATES, OTHERS, GainError, Instrument, LubricantViscosity, Mechanism
 from pmg.sim.mechanisms.base import Torques, Warmth
-from pmg.sim.mechanisms.thermal import MagnetTemperature, WarmingInTwoSteps
+from pmg.sim.mechanisms.thermal import MagnetTemperature
 from pmg.sim.solve import steady
 from pmg.sim.warmth import warmth_at
 
-KINDS: tuple[type[Mechanism], ...] = (*CANDIDATES, WarmingInTwoSteps)
+KINDS: tuple[type[Mechanism], ...] = (*CANDIDATES, *(kind.refined for kind in CANDIDATES if kind.refined is not None))
 BESIDE = tuple(kind for kind in KINDS if not issubclass(kind, Instrument))
 FAULTS = tuple(kind for kind in CANDIDATES if issubclass(kind, Instrument))
 CLOSE = 1e-6
@@ -103,7 +103,7 @@ def test_each_mechanism_moves_the_steady_end(kind: type[Mechanism]) -> None:
 
 
 def test_all_together_hold_what_the_steady_solver_holds() -> None:
-    every = tuple(typical(kind) for kind in BESIDE if kind is not WarmingInTwoSteps)
+    every = tuple(typical(kind) for kind in BESIDE if kind in CANDIDATES)
     at = some(Configuration.ENGAGED)
     wanted = steady(Gearbox(BENCH, (*MODEL.mechanisms(BENCH), *every)), at)
     np.testing.assert_allclose(held(*every, at=at).sun, wanted.torque_sun, atol=CLOSE, rtol=0.0)
@@ -114,7 +114,7 @@ def test_all_together_hold_what_the_steady_solver_holds() -> None:
 def test_every_joule_is_told_with_mechanisms_in(
     configuration: Configuration, state: np.ndarray, voltage: float
 ) -> None:
-    every = tuple(typical(kind) for kind in BESIDE if kind is not WarmingInTwoSteps)
+    every = tuple(typical(kind) for kind in BESIDE if kind in CANDIDATES)
     one = train(*every, configuration=configuration, warmth=Warmth(20.0, 10.0, 30.0))
     found = powers(one, state, SetPoints(voltage, 10.0 * voltage, 0.5, 0.2))
     assert abs(found.residual) <= 1e-9 * max(float(found.turnover), 1.0)
@@ -135,7 +135,7 @@ def test_a_loss_takes_power_in_motion_too(kind: type[Mechanism], state: np.ndarr
 @pytest.fixture(scope="module")
 def loaded() -> Drivetrain:
     """The structure with the most in it, compiled."""
-    every = tuple(typical(kind) for kind in BESIDE if kind is not WarmingInTwoSteps)
+    every = tuple(typical(kind) for kind in BESIDE if kind in CANDIDATES)
     made = train(*every, warmth=Warmth(20.0, 10.0, 30.0))
     kernel_of(made).rates(made.at_rest(), np.zeros(4))
     kernel_of(made).jacobian(made.at_rest())
