@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -69,7 +70,8 @@ def refit(stage: Stage, fits: tuple[CandidateFit, ...]) -> Refit:
     -----
     Residuals are whitened, so that the covariance :math:`(J^T J)^{-1}` holds for noise that is correlated from point
     to point, and freed from what the baseline is allowed to follow besides its constants. Bounds are the physical
-    ones; a parameter that sat on one stays there.
+    ones; a parameter that sat on one stays there. Where more is left than noise, as an error of form leaves it, the
+    standard errors are widened by the square root of the mean square that is left (Birge 1932).
     """
     names = parameter_names(stage.model, FREE)
     n_curves = len(names) - len(FREE)
@@ -120,7 +122,9 @@ def refit(stage: Stage, fits: tuple[CandidateFit, ...]) -> Refit:
     weak = singular < WEAK * singular.max(initial=0.0)
     spread = np.where(weak[:, None], 0.0, right / np.where(weak, 1.0, singular)[:, None])
     lost = (np.abs(right[weak]) > 0.3).any(axis=0) if weak.any() else np.zeros(int(free.sum()), dtype=bool)
-    errors[free] = np.where(lost, np.nan, np.sqrt(np.sum(spread**2, axis=0)) * size[free])
+    spare = len(stage.left) - int(free.sum()) - allowed.shape[1]
+    wider = math.sqrt(max(2.0 * float(found.cost) / max(spare, 1), 1.0))
+    errors[free] = wider * np.where(lost, np.nan, np.sqrt(np.sum(spread**2, axis=0)) * size[free])
     own, *added = np.split(values, cuts)
     own_errors, *added_errors = np.split(errors, cuts)
     return Refit(
