@@ -13,6 +13,7 @@ from pmg.pipeline.diagnose.blind import confounded_shafts, slow_changes
 from pmg.pipeline.diagnose.candidates import Stage, set_stage
 from pmg.pipeline.diagnose.decoys import offer_decoys
 from pmg.pipeline.diagnose.diagnosis import Absorbed, Diagnosis, Rival, Verdict
+from pmg.pipeline.diagnose.explanation import explain_with, ids
 from pmg.pipeline.diagnose.form.symbolic import find_shape
 from pmg.pipeline.diagnose.holdout import hold_out
 from pmg.pipeline.diagnose.leftover import make_judge
@@ -67,11 +68,12 @@ def diagnose(
     """Test for a mismatch, locate it, search the catalogue for what makes it, and prove it on withheld readings.
 
     A mechanism is named when it brings more evidence than its parameters cost, beats every rival by a margin, leaves
-    no more than an error of form, and predicts most of the mismatch of withheld readings. Rivals within the
-    margin are reported as one set with the test that would tell; so are the causes of a mismatch that is too weak to
-    tell an effect of another kind by what it leaves. Where the order of the test hides slow changes, only what no
-    slow change could have made is claimed. `known` gives columns (m, k) that the baseline may follow
-    besides its constants: slopes of what is already known to be there.
+    no more than an error of form, predicts most of the mismatch of withheld readings, and is what most parts of the
+    readings name by themselves. Rivals within the margin are reported as one set with the test that would tell; so
+    are sets that the parts name instead, and the causes of a mismatch that is too weak to tell an effect of another
+    kind by what it leaves. Where the order of the test hides slow changes, only what no slow change could have made is
+    claimed. `known` gives columns (m, k) that the baseline may follow besides its constants: slopes of what is already
+    known to be there.
     """
     mismatch, outliers, floor = without_outliers(grid, fits, floor, bench, rng, known)
     readings = mismatch.readings
@@ -93,7 +95,7 @@ def diagnose(
         held = _withheld(stage, naming.best, rng)
         if held is not None and _predicts(held):
             said = _with_causes(said, stage, calibration, naming.rivals, held)
-            verdict = Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
+            verdict = Verdict.AMBIGUOUS if said.rivals else Verdict.NAMED
             return replace(said, verdict=verdict, decoys=offer_decoys(stage, naming, rng))
     if naming.weak:
         best, *others = naming.weak
@@ -117,10 +119,14 @@ def _with_causes(
     assert said.naming is not None
     best = said.naming.best
     found = refit(stage, best.fits)
+    close = tuple(Rival(rival, next_test(stage, best, rival, said.floor)) for rival in rivals)
+    known = {ids(rival) for rival in rivals}
+    others = [explain_with(stage, candidates) for candidates in held.elsewhere]
     return replace(
         said,
         refit=found,
-        rivals=tuple(Rival(rival, next_test(stage, best, rival, said.floor)) for rival in rivals),
+        rivals=close
+        + tuple(Rival(e, next_test(stage, best, e, said.floor), by_parts=True) for e in others if ids(e) not in known),
         absorbed=_swallowed(calibration, found),
         held_out=held,
     )

@@ -51,10 +51,13 @@ class Rival:
         The rival set of mechanisms.
     test : NextTest or None
         The test.
+    by_parts : bool
+        Whether it is a rival because parts of the readings name it instead, not because its evidence is close.
     """
 
     explanation: Explanation
     test: NextTest | None
+    by_parts: bool = False
 
 
 @dataclass(frozen=True)

@@ -160,11 +160,15 @@ def _rival(diagnosis: Diagnosis, rival: Rival) -> dict[str, Any]:
     assert diagnosis.naming is not None  # a rival is one to something
     fits = (*diagnosis.naming.best.fits, *rival.explanation.fits)
     closer = diagnosis.naming.best.score - rival.explanation.score
+    reason = ", less than the margin"
+    if rival.by_parts:
+        reason = ", but parts of the readings name it instead"
+    elif diagnosis.weak:
+        reason = ", and the mismatch is too weak to name its cause"
     return {
         "ids": list(dict.fromkeys(fit.candidate.identifier for fit in fits)),
         "shafts": list(dict.fromkeys(fit.candidate.shaft for fit in fits)),
-        "why": f"evidence differs by {closer:.1f} noise variances"
-        + (", and the mismatch is too weak to name its cause" if diagnosis.weak else ", less than the margin"),
+        "why": f"evidence differs by {closer:.1f} noise variances{reason}",
         "separating_test": "" if rival.test is None else rival.test.plan.description,
     }
 

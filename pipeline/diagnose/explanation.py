@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnose.fitting import fit_candidate
 from pmg.pipeline.diagnose.noise import orthonormal
 from pmg.pipeline.diagnose.ranking import in_detail, rank
 from pmg.pipeline.diagnose.traces import tangents
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.candidates import Stage
+    from pmg.pipeline.diagnose.candidates import Candidate, Stage
     from pmg.pipeline.diagnose.fitting import CandidateFit
 
 SWAPS = 4
@@ -53,6 +54,15 @@ def take_out(stage: Stage, fit: CandidateFit) -> Stage:
     added = orthonormal(columns, 1e-4)
     left = stage.left - fit.seen
     return replace(stage, baseline=np.hstack([stage.baseline, added]), left=left - added @ (added.T @ left))
+
+
+def explain_with(stage: Stage, candidates: tuple[Candidate, ...]) -> Explanation:
+    """A set of candidates fitted, each beside those before it."""
+    found = Explanation((), stage)
+    for candidate in candidates:
+        fit = fit_candidate(found.stage, candidate)
+        found = Explanation((*found.fits, fit), take_out(found.stage, fit))
+    return found
 
 
 def leaders_in_detail(stage: Stage, singles: list[Explanation]) -> list[Explanation]:
@@ -102,14 +112,6 @@ def swapped(stage: Stage, explanation: Explanation) -> list[Explanation]:
         leading = [one for one in rank(beside, others) if one.candidate != fit.candidate][:SWAPS]
         found += [_replaced(explanation, place, one, beside, gain) for one in leading]
     return found
-
-
-def without_scale(explanation: Explanation) -> bool:
-    """Whether the leading shape of a nonlinear mechanism ran to its bound: it then bends to anything slow."""
-    return any(
-        not fit.candidate.kind.linear and bool(set(fit.candidate.kind.shape[:1]) & set(fit.on_bound))
-        for fit in explanation.fits
-    )
 
 
 def needed(explanation: Explanation) -> bool:

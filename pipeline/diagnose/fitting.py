@@ -61,6 +61,13 @@ class CandidateFit:
         """Free parameters."""
         return len(self.values)
 
+    @property
+    def without_scale(self) -> bool:
+        """Whether every time or speed that gives it a scale ran to a bound: it then bends to anything slow."""
+        shape = self.candidate.parameters[len(self.candidate.sizes) :]
+        scales = [p.name for p in shape if p.unit != "1"] or [p.name for p in shape[:1]]
+        return bool(scales) and set(scales) <= set(self.on_bound)
+
 
 def fit_candidate(stage: Stage, candidate: Candidate) -> CandidateFit:
     """Best values of one candidate with the baseline free to move.

@@ -17,6 +17,7 @@ from pmg.pipeline.readings import predict, take_readings
 if TYPE_CHECKING:
     import numpy.typing as npt
 
+    from pmg.pipeline.diagnose.candidates import Candidate
     from pmg.pipeline.diagnose.locate import Location
     from pmg.pipeline.diagnose.noise import NoiseFloor
     from pmg.pipeline.fit import LossFits
@@ -55,6 +56,8 @@ class HeldOut:
         Error that noise alone would give [N m]: noise of the readings and, with it, of the fits that predict them.
     count : int
         Readings that were looked at.
+    elsewhere : tuple of tuple of Candidate
+        Where most parts did not choose what all readings did: the sets that they chose instead, most frequent first.
     """
 
     split: str
@@ -66,6 +69,7 @@ class HeldOut:
     expected_before: float | None = None
     expected_after: float | None = None
     count: int = 0
+    elsewhere: tuple[tuple[Candidate, ...], ...] = ()
 
 
 def hold_out(

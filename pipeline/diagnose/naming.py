@@ -13,7 +13,6 @@ from pmg.pipeline.diagnose.explanation import (
     needed,
     swapped,
     take_out,
-    without_scale,
 )
 from pmg.pipeline.diagnose.ranking import ENTRY, rank
 
@@ -185,7 +184,7 @@ def name_mechanisms(stage: Stage, left_over: Callable[[Stage], Remainder]) -> Na
 
 def _explains(best: Explanation, remainder: Remainder) -> bool:
     """Whether what a set leaves is an error of form, or noise."""
-    if not best.fits or without_scale(best):
+    if not best.fits or any(fit.without_scale and not fit.candidate.kind.linear for fit in best.fits):
         return False
     if remainder.within_noise and remainder.excess <= SMALL_PART * best.gain:
         return True

@@ -30,8 +30,9 @@ def score(stage: Stage, fit: CandidateFit) -> float:
 def rank(stage: Stage, without: Collection[str] = ()) -> list[CandidateFit]:
     """All mechanisms but some fitted, best score first.
 
-    Where the more detailed form of a mechanism is proportional to its sizes, and so found at once, it is tried here;
-    one that must be searched for is tried by `in_detail` where it matters.
+    Where the more detailed form of a mechanism is proportional to its sizes, and so found at once, it is tried here
+    (with a shape of its own only if the simple form brings something); one that must be searched for is tried by
+    `in_detail` where it matters.
     """
     fits = []
     for candidate in candidates():
@@ -39,7 +40,7 @@ def rank(stage: Stage, without: Collection[str] = ()) -> list[CandidateFit]:
             continue
         fit = fit_candidate(stage, candidate)
         finer = refinement(candidate)
-        at_once = finer is not None and finer.kind.linear and score(stage, fit) > ENTRY
+        at_once = finer is not None and finer.kind.linear and (not finer.kind.shape or score(stage, fit) > ENTRY)
         fits.append(in_detail(stage, fit) if at_once else fit)
     return sorted(fits, key=lambda fit: -score(stage, fit))
 
@@ -56,6 +57,5 @@ def in_detail(stage: Stage, fit: CandidateFit, *, narrower: bool = False) -> Can
             finer = refinement(candidate)
             tried += [fit_candidate(stage, finer)] if finer is not None else []
     best = max(tried, key=lambda one: score(stage, one))
-    runaway = set(best.candidate.kind.shape[:1]) & set(best.on_bound)  # a time constant that has no scale in the data
     worth = score(stage, best) > score(stage, fit) + FINER
-    return best if worth and not runaway else fit
+    return best if worth and not best.without_scale else fit

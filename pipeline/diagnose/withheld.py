@@ -20,13 +20,19 @@ from pmg.sim.errors import FitError
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnose.candidates import Stage
+    from pmg.pipeline.diagnose.candidates import Candidate, Stage
     from pmg.pipeline.diagnose.fitting import CandidateFit
     from pmg.sim.signals import Array, Mask
 
 FARTHEST = 2.0
 """Standard deviation of a withheld prediction, in noise of the reading, beyond which the reading is not looked at: a
 fit is not asked to reach beyond its data."""
+
+LOST = 0.1
+"""Part of the readings that may be beyond the reach of what the other folds name; where more are, all count."""
+
+STEADY = 0.6
+"""Part of the choices in the folds that must agree with the choice on all readings, for it to be called the cause."""
 
 PLACEBOS = 20
 """Placebos tried, each another shuffle."""
@@ -63,8 +69,9 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
     columns = stage.columns
     before, after = y.copy(), y.copy()
     within = np.ones(len(y), dtype=bool)
-    reach_before, reach_after = np.zeros_like(y), np.zeros_like(y)
+    reach_before, reach_after, furthest = np.zeros_like(y), np.zeros_like(y), np.zeros_like(y)
     chosen: Counter[str] = Counter()
+    sets: Counter[tuple[Candidate, ...]] = Counter()
     for k in range(FOLDS):
         train, test = fold != k, fold == k
         scale = stage.white.scale
@@ -74,12 +81,17 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
         found = _choose_all(_part(stage, train), len(fits))
         effects = np.sum([stage.effect(fit.candidate, fit.values) for fit in found], axis=0)
         free = [columns, *(_free_tangents(stage, fit) for fit in found)]
+        sets.update([tuple(fit.candidate for fit in found)])
         chosen.update(fit.candidate.identifier for fit in found)
         moving = np.hstack(free if len(found) > 1 else [columns])
         after[test] = _left(y - effects, moving, scale, train)[test]
         reach_after[test] = _reach(np.hstack(free), scale, train, test)
+        every = [columns, *(tangents(stage, fit) for fit in found)]
+        furthest[test] = _reach(np.hstack(every), scale, train, test)
     squares = before**2, after**2
     touched &= within
+    reached = touched & (furthest <= FARTHEST)
+    touched = reached if reached.sum() >= (1.0 - LOST) * touched.sum() else touched
     blocks = touched_blocks(block, touched)
     if len(blocks) < 2:
         where, came = "held-out proof", f"{len(blocks)} blocks of readings"
@@ -98,7 +110,17 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
         expected_before=_expected(stage.white.scale, reach_before, touched),
         expected_after=_expected(stage.white.scale, reach_after, touched),
         count=int(touched.sum()),
+        elsewhere=() if kept >= STEADY * FOLDS * len(fits) else _elsewhere(sets, named),
     )
+
+
+def _elsewhere(sets: Counter[tuple[Candidate, ...]], named: set[str]) -> tuple[tuple[Candidate, ...], ...]:
+    """Sets of other mechanisms than those named, each once, most frequent first."""
+    found: dict[frozenset[str], tuple[Candidate, ...]] = {}
+    for candidates, _ in sets.most_common():
+        found.setdefault(frozenset(candidate.identifier for candidate in candidates), candidates)
+    found.pop(frozenset(named), None)
+    return tuple(found.values())
 
 
 def _placebo_gain(

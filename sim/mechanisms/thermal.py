@@ -129,7 +129,7 @@ class WarmingInTwoSteps(WarmingBearings):
         "s", bounds=(300.0, 20000.0), typical=2000.0, meaning="time constant of the housing", null=2000.0
     )
     race_time: float = parameter(
-        "s", bounds=(20.0, 600.0), typical=150.0, meaning="time constant of the races", null=150.0
+        "s", bounds=(20.0, 1500.0), typical=150.0, meaning="time constant of the races", null=150.0
     )
     dwell: float = parameter(
         "1",
