@@ -1,0 +1,130 @@
+"""More detailed forms of mechanisms: what they have in common with the simple ones, and when the data call for them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.points import points
+
+from pmg.pipeline.analyse import analyse
+from pmg.pipeline.diagnose.candidates import Candidate, Stage, candidates, refinement, set_stage
+from pmg.pipeline.diagnose.explanation import Explanation, all_in_detail, explain_with, ids, swapped
+from pmg.pipeline.diagnose.fitting import fit_candidate
+from pmg.pipeline.diagnose.ranking import FINER, in_detail, rank, score
+from pmg.pipeline.diagnose.whiten import whitener
+from pmg.pipeline.options import AnalysisOptions
+from pmg.pipeline.prove.nature import Case, draw_case, measure_case
+from pmg.pipeline.prove.strata import find_stratum
+from pmg.pipeline.readings import take_readings
+from pmg.sim.bench import BenchParameters
+from pmg.sim.mechanisms.base import Torques
+from pmg.sim.mechanisms.friction import MixedLubrication, MixedLubricationExponent
+from pmg.sim.mechanisms.instruments import KNOTS, Crosstalk, CrosstalkBySense, WanderingZero
+from pmg.sim.mechanisms.thermal import WarmingInTwoSteps
+
+
+def drawn_as(stratum: str, law: str) -> tuple[Case, np.random.Generator]:
+    """A campaign of a stratum whose effect follows that law."""
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        case = draw_case(find_stratum(stratum), rng)
+        if case.effects[0].effect.knobs["law"] == law:
+            return case, rng
+    raise AssertionError(f"no {law} in 200 draws of {stratum}")
+
+
+def staged(stratum: str, law: str, bench: BenchParameters) -> Stage:
+    case, rng = drawn_as(stratum, law)
+    analysis = analyse(measure_case(case, rng), AnalysisOptions(), bench)
+    assert analysis.floor is not None
+    assert analysis.calibration is not None
+    readings = take_readings(analysis.grid, bench)
+    return set_stage(readings, bench, analysis.calibration.model, whitener(readings, bench, analysis.floor))
+
+
+def candidate(identifier: str, shaft: str) -> Candidate:
+    (found,) = (c for c in candidates() if (c.identifier, c.shaft) == (identifier, shaft))
+    return found
+
+
+@given(
+    zeros=st.lists(st.floats(-0.1, 0.1), min_size=KNOTS, max_size=KNOTS),
+    spacing=st.floats(300.0, 14400.0),
+)
+def test_a_wandering_zero_starts_at_the_tare_and_passes_the_given_zeros(zeros: list[float], spacing: float) -> None:
+    wandering = replace(
+        WanderingZero(), spacing=spacing, **dict(zip(WanderingZero.by_shaft["sun"], zeros, strict=True))
+    )
+    moved = wandering.moved(spacing * np.r_[np.arange(KNOTS + 1.0), 1e3])
+    assert moved.sun[0] == 0.0
+    np.testing.assert_allclose(moved.sun[1:-1], zeros, atol=1e-12)
+    assert moved.sun[-1] == zeros[-1]
+    assert not np.any(moved.ring)
+
+
+@given(part=st.floats(-0.2, 0.2), even=st.floats(-0.2, 0.2), torque=st.floats(0.1, 20.0))
+def test_crosstalk_by_sense_is_another_part_for_each_sense(part: float, even: float, torque: float) -> None:
+    at = points("engaged", [100.0, 100.0], [-30.0, -30.0])
+    true = Torques(np.zeros(2), np.array([torque, -torque]))
+    shown = CrosstalkBySense(part_sun=part, even_sun=even).distortion(at, true).sun
+    np.testing.assert_allclose(shown, [(part + even) * torque, (even - part) * torque], atol=1e-12)
+    plain = Crosstalk(part_sun=part).distortion(at, true).sun
+    np.testing.assert_array_equal(CrosstalkBySense(part_sun=part).distortion(at, true).sun, plain)
+
+
+@given(x=st.floats(0.0, 50.0))
+def test_the_exponent_of_the_catalogue_is_one_of_the_exponents(x: float) -> None:
+    assert MixedLubricationExponent(exponent=1.4).left(x) == MixedLubrication().left(x)
+
+
+def test_heat_that_crosses_warms_the_other_shaft(bench: BenchParameters) -> None:
+    stage = staged("lubricant_viscosity sun 4", "exponential", bench)
+    at = stage.readings.grid.points
+    warm = replace(WarmingInTwoSteps.of(bench, stage.model), resistance_sun=1.0, resistance_ring=1.0)
+    apart, crossed = warm.rises(at), replace(warm, cross=0.5).rises(at)
+    sun, ring = (replace(warm, resistance_ring=0.0).rises(at)[0], replace(warm, resistance_sun=0.0).rises(at)[1])
+    np.testing.assert_allclose(crossed[0] - apart[0], 0.5 * ring, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(crossed[1] - apart[1], 0.5 * sun, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("stratum", "law", "kind"),
+    [
+        ("torque_crosstalk ring 4", "magnitude", CrosstalkBySense),
+        ("torque_zero_drift sun 4", "walk", WanderingZero),
+        ("lubricant_viscosity ring 4", "walther", WarmingInTwoSteps),
+    ],
+)
+def test_data_that_call_for_detail_get_it(
+    stratum: str, law: str, kind: type[Crosstalk | WanderingZero | WarmingInTwoSteps], bench: BenchParameters
+) -> None:
+    stage = staged(stratum, law, bench)
+    found = in_detail(stage, rank(stage)[0])
+    assert found.candidate.kind is kind
+    (simple,) = (c for c in candidates() if refinement(c) == found.candidate)
+    assert score(stage, found) > score(stage, fit_candidate(stage, simple)) + FINER
+
+
+def test_data_that_do_not_call_for_detail_stay_simple(bench: BenchParameters) -> None:
+    stage = staged("torque_crosstalk ring 1", "lag", bench)
+    assert rank(stage)[0].candidate.kind is Crosstalk
+
+
+def test_members_of_a_set_are_swapped_one_at_a_time_and_gains_add_up(bench: BenchParameters) -> None:
+    stage = staged("lubricant_viscosity ring + torque_gain_error sun 2", "exponential", bench)
+    pair = explain_with(stage, (candidate("torque_gain_error", "sun"), candidate("lubricant_viscosity", "ring")))
+    finer = all_in_detail(stage, pair)
+    assert finer.score > pair.score
+    others = swapped(stage, finer)
+    twin = [e for e in others if ids(e) == ids(finer) and e.fits[0].candidate.shaft == "ring"]
+    assert len(twin) == 1
+    assert twin[0].score == pytest.approx(finer.score, abs=2.0)
+    for explanation in (finer, *others):
+        left = explanation.stage.left
+        assert explanation.gain == pytest.approx(float(stage.left @ stage.left - left @ left), rel=0.02)
+        assert isinstance(explanation, Explanation)
+        assert len(ids(explanation)) == 2
