@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.diagnosis import Diagnosis
     from pmg.pipeline.diagnose.explanation import Explanation
     from pmg.pipeline.diagnose.locate import Mismatch
+    from pmg.sim.signals import Array
 
 SHAFT_WORDS = {
     "sun": " on the sun shaft",
@@ -90,12 +91,20 @@ def causes(diagnosis: Diagnosis, explanation: Explanation) -> str:
         title = fit.candidate.kind.title
         told = f"{title[0].lower()}{title[1:]}{SHAFT_WORDS[shaft]}, {size * 1e3:.1f} mN m rms"
         if own and found is not None:
-            first, value, error = fit.candidate.parameters[0], found.values[i][0], found.standard_errors[i][0]
+            best = _surest(found.values[i], found.standard_errors[i], len(fit.candidate.sizes))
+            first, value, error = fit.candidate.parameters[best], found.values[i][best], found.standard_errors[i][best]
             number = measured(float(value), float(error)) if np.isfinite(error) else f"{value:.3g}"
             unit = "" if first.unit == "1" else f" {first.unit}"
             told += f" ({first.meaning} {number}{unit})"
         words.append(told)
     return " together with ".join(words)
+
+
+def _surest(values: Array, errors: Array, sizes: int) -> int:
+    """The size that is known best, by its standard error over its value; the first where none has one."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = np.abs(errors[:sizes] / values[:sizes])
+    return int(np.argmin(np.where(np.isfinite(relative), relative, np.inf)))
 
 
 def _beyond(mismatch: Mismatch) -> str:
