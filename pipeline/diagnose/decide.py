@@ -18,10 +18,11 @@ from pmg.pipeline.diagnose.form.symbolic import find_shape
 from pmg.pipeline.diagnose.holdout import hold_out
 from pmg.pipeline.diagnose.leftover import make_judge
 from pmg.pipeline.diagnose.locate import find_mismatch, located_families
-from pmg.pipeline.diagnose.naming import name_mechanisms
+from pmg.pipeline.diagnose.naming import MOST_RIVALS, name_mechanisms
 from pmg.pipeline.diagnose.nexttest import lifting_test, next_test
 from pmg.pipeline.diagnose.outliers import without_outliers
-from pmg.pipeline.diagnose.refit import refit
+from pmg.pipeline.diagnose.ranking import ENTRY
+from pmg.pipeline.diagnose.refit import about, refit
 from pmg.pipeline.diagnose.whiten import whitener
 from pmg.pipeline.diagnose.withheld import withhold
 from pmg.pipeline.readings import predict
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
 
-WITHHELD_SHARE = 0.85
+WITHHELD_SHARE = 0.9
 """Part of the withheld mismatch, in squares beyond the noise, that a mechanism must predict to be named."""
 
 NOT_WORSE = 1.03
@@ -51,6 +52,9 @@ NOT_WORSE = 1.03
 BEYOND_SLOW = 0.005
 """p-value from which on a blind design claims something that no slow change made: the slow changes it allows for are
 smooth, real ones only nearly so."""
+
+ROUNDS = 3
+"""Times the search is made anew at most, about the baseline that was fitted together with what it found."""
 
 JUDGE_DRAWS = 300
 """Synthetic campaigns behind the adequacy of an explanation."""
@@ -88,8 +92,16 @@ def diagnose(
         verdict = Verdict.CONFOUNDED if blind else Verdict.CONSISTENT
         lifting = lifting_test(readings, bench, calibration.model, floor, blind) if blind else None
         return Diagnosis(grid.campaign, verdict, mismatch, floor, blind, outliers=outliers, lifting=lifting)
-    stage = set_stage(readings, bench, calibration.model, whitener(readings, bench, floor), allowed)
+    first = stage = set_stage(readings, bench, calibration.model, whitener(readings, bench, floor), allowed)
     naming = name_mechanisms(stage, make_judge(stage, floor, rng, JUDGE_DRAWS))
+    for _ in range(ROUNDS):
+        again = None if naming.explained and naming.remainder.adequate else about(stage, naming.best)
+        if again is None:
+            break
+        better = name_mechanisms(again, make_judge(again, floor, rng, JUDGE_DRAWS))
+        if better.best.unexplained >= naming.best.unexplained - ENTRY:
+            break
+        stage, naming = again, better
     said = Diagnosis(grid.campaign, Verdict.NOT_IN_LIBRARY, beyond, floor, blind, naming, outliers=outliers)
     if naming.explained and not naming.weak:
         held = _withheld(stage, naming.best, rng)
@@ -108,7 +120,7 @@ def diagnose(
         said,
         held_out=hold_out(grid, fits, floor, bench, beyond.locations, rng),
         absorbed=_absorbed(beyond, calibration, bench),
-        shape=find_shape(stage, beyond.locations, rng),
+        shape=find_shape(first, beyond.locations, rng),
     )
 
 
@@ -121,7 +133,7 @@ def _with_causes(
     found = refit(stage, best.fits)
     close = tuple(Rival(rival, next_test(stage, best, rival, said.floor)) for rival in rivals)
     known = {ids(rival) for rival in rivals}
-    others = [explain_with(stage, candidates) for candidates in held.elsewhere]
+    others = [explain_with(stage, candidates) for candidates in held.elsewhere][: max(MOST_RIVALS - len(close), 1)]
     return replace(
         said,
         refit=found,

@@ -95,12 +95,21 @@ def _design(diagnosis: Diagnosis) -> dict[str, Any] | None:
 
 
 def probabilities(diagnosis: Diagnosis) -> list[float]:
-    """Weight of the leading explanation and of each rival, for equal prior odds."""
+    """Weight of the leading explanation and of each rival, for equal prior odds.
+
+    What parts of the readings name instead shares evenly the part of the choices that did not agree.
+    """
     if diagnosis.naming is None:
         return []
+    by_parts = [False, *(rival.by_parts for rival in diagnosis.rivals)]
     scores = [diagnosis.naming.best.score, *(rival.explanation.score for rival in diagnosis.rivals)]
-    weights = [math.exp(0.5 * (score - max(scores))) for score in scores]
-    return [weight / sum(weights) for weight in weights]
+    most = max(score for score, apart in zip(scores, by_parts, strict=True) if not apart)
+    weights = [0.0 if apart else math.exp(0.5 * (s - most)) for s, apart in zip(scores, by_parts, strict=True)]
+    elsewhere = 1.0 - diagnosis.held_out.kept if diagnosis.held_out is not None and any(by_parts) else 0.0
+    return [
+        elsewhere / sum(by_parts) if apart else (1.0 - elsewhere) * weight / sum(weights)
+        for weight, apart in zip(weights, by_parts, strict=True)
+    ]
 
 
 def _mechanisms(diagnosis: Diagnosis) -> list[dict[str, Any]]:

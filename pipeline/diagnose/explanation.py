@@ -10,7 +10,7 @@ import numpy as np
 
 from pmg.pipeline.diagnose.fitting import fit_candidate
 from pmg.pipeline.diagnose.noise import orthonormal
-from pmg.pipeline.diagnose.ranking import in_detail, rank
+from pmg.pipeline.diagnose.ranking import in_detail, leaders, rank, score
 from pmg.pipeline.diagnose.traces import tangents
 
 if TYPE_CHECKING:
@@ -47,6 +47,12 @@ class Explanation:
         cost = sum(fit.cost for fit in self.fits)
         return float(self.gain - cost * math.log(len(self.stage.left)))
 
+    @property
+    def unexplained(self) -> float:
+        """Sum of squares that is left, with the cost of the parameters; lower is better, about whichever baseline."""
+        left = self.stage.left
+        return float(left @ left + sum(fit.cost for fit in self.fits) * math.log(len(left)))
+
 
 def take_out(stage: Stage, fit: CandidateFit) -> Stage:
     """The stage with a fitted candidate taken out and its parameters free to move with the baseline's."""
@@ -57,30 +63,34 @@ def take_out(stage: Stage, fit: CandidateFit) -> Stage:
 
 
 def explain_with(stage: Stage, candidates: tuple[Candidate, ...]) -> Explanation:
-    """A set of candidates fitted, each beside those before it."""
+    """A set of candidates fitted, each beside those before it, then each once more beside all others."""
     found = Explanation((), stage)
     for candidate in candidates:
         fit = fit_candidate(found.stage, candidate)
         found = Explanation((*found.fits, fit), take_out(found.stage, fit))
+    for place, candidate in enumerate(candidates if len(candidates) > 1 else ()):
+        beside, gain = _without(stage, found, place)
+        found = _replaced(found, place, fit_candidate(beside, candidate), beside, gain)
     return found
 
 
 def leaders_in_detail(stage: Stage, singles: list[Explanation]) -> list[Explanation]:
-    """Single mechanisms with the leading one, on whichever shaft, in more detail; best first."""
-    leader = ids(singles[0])
+    """Single mechanisms with the leading ones, on whichever shaft, in more detail; best first."""
+    leading = {fit.candidate.identifier for fit in leaders([single.fits[0] for single in singles])}
     found = []
     for single in singles:
         (fit,) = single.fits
-        finer = in_detail(stage, fit, narrower=True) if ids(single) == leader else fit
+        finer = in_detail(stage, fit, narrower=True) if ids(single) <= leading else fit
         found.append(single if finer is fit else Explanation((finer,), take_out(stage, finer)))
     return sorted(found, key=lambda e: -e.score)
 
 
-def _without(stage: Stage, explanation: Explanation, place: int) -> Stage:
-    """The stage with all mechanisms of a set taken out but one."""
+def _without(stage: Stage, explanation: Explanation, place: int) -> tuple[Stage, float]:
+    """The stage with all mechanisms of a set taken out but one, and what that one gains there."""
     for other in (*explanation.fits[:place], *explanation.fits[place + 1 :]):
         stage = take_out(stage, other)
-    return stage
+    rest = explanation.stage.left
+    return stage, float(stage.left @ stage.left - rest @ rest)
 
 
 def _replaced(explanation: Explanation, place: int, fit: CandidateFit, beside: Stage, gain: float) -> Explanation:
@@ -93,8 +103,7 @@ def _replaced(explanation: Explanation, place: int, fit: CandidateFit, beside: S
 def all_in_detail(stage: Stage, explanation: Explanation) -> Explanation:
     """Each mechanism of a set in more detail beside the others, where the data call for it."""
     for place, fit in enumerate(explanation.fits):
-        beside, rest = _without(stage, explanation, place), explanation.stage.left
-        gain = float(beside.left @ beside.left - rest @ rest)
+        beside, gain = _without(stage, explanation, place)
         here = replace(fit, gain=gain)
         finer = in_detail(beside, here, narrower=True)
         if finer is not here:
@@ -106,12 +115,14 @@ def swapped(stage: Stage, explanation: Explanation) -> list[Explanation]:
     """Sets in which one mechanism of a set gave way to another, or to itself on another shaft."""
     found = []
     for place, fit in enumerate(explanation.fits):
-        beside, rest = _without(stage, explanation, place), explanation.stage.left
-        gain = float(beside.left @ beside.left - rest @ rest)
+        beside, gain = _without(stage, explanation, place)
         others = ids(explanation) - {fit.candidate.identifier}
-        leading = [one for one in rank(beside, others) if one.candidate != fit.candidate][:SWAPS]
-        found += [_replaced(explanation, place, one, beside, gain) for one in leading]
-    return found
+        ranked = rank(beside, others)
+        detailed = [in_detail(beside, one) for one in leaders(ranked)]
+        tried = sorted([*ranked, *detailed], key=lambda one: -score(beside, one))
+        seen = {fit.candidate: fit, **{one.candidate: one for one in tried}}
+        found += [_replaced(explanation, place, one, beside, gain) for one in list(seen.values())[1 : SWAPS + 1]]
+    return [one for one in found if needed(one)]
 
 
 def needed(explanation: Explanation) -> bool:

@@ -26,7 +26,7 @@ FIRST_STEPS, FOLLOWED = 8, 2
 """Steps of a nonlinear search from each start, and how many of them are then followed to the end."""
 
 SHAPE_PRECISION, COST_PRECISION, MOST_TRIALS = 1e-2, 0.05, 120
-"""How far a search over several shapes goes: to a hundredth of each, or a twentieth of a noise variance."""
+"""How far a search over several shapes goes: to a hundredth of each and a twentieth of a noise variance."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,9 @@ def fit_candidate(stage: Stage, candidate: Candidate) -> CandidateFit:
     cost, values = fit(stage, candidate)
     margin = 1e-6 * (high - low)
     at_bound = (values - low < margin) | (high - values < margin)
+    shape = np.arange(len(values)) >= len(candidate.sizes)
+    near = np.maximum(SHAPE_PRECISION * values, margin)  # a search stops so far from a bound
+    at_bound |= shape & ((values - low < near) | (high - values < near))
     effect = stage.effect(candidate, values)
     return CandidateFit(
         candidate,

@@ -56,8 +56,10 @@ class HeldOut:
         Error that noise alone would give [N m]: noise of the readings and, with it, of the fits that predict them.
     count : int
         Readings that were looked at.
+    kept : float
+        Part of the choices made without a part of the readings that agree with the choice on all of them.
     elsewhere : tuple of tuple of Candidate
-        Where most parts did not choose what all readings did: the sets that they chose instead, most frequent first.
+        Where too few agree: the sets that were chosen instead, most frequent first.
     """
 
     split: str
@@ -69,6 +71,7 @@ class HeldOut:
     expected_before: float | None = None
     expected_after: float | None = None
     count: int = 0
+    kept: float = 1.0
     elsewhere: tuple[tuple[Candidate, ...], ...] = ()
 
 

@@ -60,6 +60,9 @@ SMALL_PART = 0.3
 WEAK = 80.0
 """Gain below which what a mechanism leaves is hardly told from noise, and an effect of another kind may pass for it."""
 
+PASSES = 3
+"""Times the members of a set are swapped at most, as long as that makes it better."""
+
 FEWEST, MOST_RIVALS = 1, 4
 """Rivals of a weak explanation that are told, at least and at most."""
 
@@ -154,7 +157,7 @@ def name_mechanisms(stage: Stage, left_over: Callable[[Stage], Remainder]) -> Na
     best = singles[0] if singles[0].score > ENTRY else empty
     remainder = left_over(best.stage)
     pool = list(singles)
-    if best.fits and not remainder.adequate:
+    if best.fits and not (remainder.adequate and _explains(best, remainder)):
         singles = leaders_in_detail(stage, singles)
         pool += singles
         best, remainder = _better(best, singles[0], remainder, left_over)
@@ -170,10 +173,12 @@ def name_mechanisms(stage: Stage, left_over: Callable[[Stage], Remainder]) -> Na
             detailed = all_in_detail(stage, best)
             pool.append(detailed)
             best, remainder = _better(best, detailed, remainder, left_over)
-    if len(best.fits) > 1:
-        others = swapped(stage, best)
+    for _ in range(PASSES if len(best.fits) > 1 else 0):
+        others, before = swapped(stage, best), best
         pool += others
-        best, remainder = _better(best, max(others, key=lambda e: e.score), remainder, left_over)
+        best, remainder = _better(best, max([best, *others], key=lambda e: e.score), remainder, left_over)
+        if best is before:
+            break
     margin = MARGIN + (0.0 if remainder.adequate else remainder.excess)
     near = [e for e in sorted(pool, key=lambda e: -e.score) if e.score > max(0.0, best.score - margin)]
     rivals, shafts = _rivals(best, near)
@@ -213,7 +218,8 @@ def _better(
 def _enters(before: Explanation, after: Explanation, excess: float) -> bool:
     """Whether one more mechanism is more than an error of form of those before."""
     gained = after.gain - before.gain
-    enough = max(SHARE_OF_REST * excess, SHARE_OF_FIRST * before.gain)
+    left = before.stage.left
+    enough = max(SHARE_OF_REST * min(excess, float(left @ left)), SHARE_OF_FIRST * before.gain)
     return after.score > before.score + ENTRY and gained > enough and needed(after)
 
 

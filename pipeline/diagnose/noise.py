@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import stats
+from scipy import linalg, stats
 
 from pmg.pipeline.calibrate import jacobian, start_model
 from pmg.pipeline.diagnose.structure import families
@@ -135,7 +135,10 @@ def orthonormal(columns: Array, tolerance: float = 1e-6) -> Array:
     kept = columns[:, length > 0.0] / length[length > 0.0]
     if kept.shape[1] == 0:
         return np.zeros((len(columns), 0))
-    left, singular, _ = np.linalg.svd(kept, full_matrices=False)
+    try:
+        left, singular, _ = np.linalg.svd(kept, full_matrices=False)
+    except np.linalg.LinAlgError:  # divide and conquer fails on some columns of low rank; this way does not
+        left, singular, _ = linalg.svd(kept, full_matrices=False, lapack_driver="gesvd")
     return left[:, singular > tolerance * singular[0]]
 
 

@@ -22,6 +22,10 @@ FINER = 4.0
 """Evidence by which the more detailed form of a mechanism must beat the simple one: odds of 7 to 1."""
 
 
+LEADERS = 2
+"""Leading mechanisms that are compared in detail, so that a simple form does not lose to another's detailed one."""
+
+
 def score(stage: Stage, fit: CandidateFit) -> float:
     """Gain of a fit less the cost of its parameters (Schwarz's criterion, up to a constant)."""
     return fit.gain - fit.cost * math.log(len(stage.left))
@@ -59,3 +63,16 @@ def in_detail(stage: Stage, fit: CandidateFit, *, narrower: bool = False) -> Can
     best = max(tried, key=lambda one: score(stage, one))
     worth = score(stage, best) > score(stage, fit) + FINER
     return best if worth and not best.without_scale else fit
+
+
+def choose(stage: Stage, without: Collection[str] = ()) -> CandidateFit:
+    """The best mechanism but some; the leading ones are compared in detail."""
+    return max((in_detail(stage, fit) for fit in leaders(rank(stage, without))), key=lambda fit: score(stage, fit))
+
+
+def leaders(ranked: list[CandidateFit]) -> list[CandidateFit]:
+    """The best fit of each of the leading mechanisms."""
+    best: dict[str, CandidateFit] = {}
+    for fit in ranked:
+        best.setdefault(fit.candidate.identifier, fit)
+    return list(best.values())[:LEADERS]

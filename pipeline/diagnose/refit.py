@@ -10,11 +10,13 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from pmg.pipeline.calibrate import CONSTANTS, parameter_names, parameter_values, with_parameters
-from pmg.pipeline.diagnose.candidates import predict_with
+from pmg.pipeline.diagnose.candidates import predict_with, set_stage
 from pmg.pipeline.diagnose.noise import BASELINE_FREE, orthonormal
+from pmg.pipeline.diagnose.ranking import ENTRY
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.candidates import Candidate, Stage
+    from pmg.pipeline.diagnose.explanation import Explanation
     from pmg.pipeline.diagnose.fitting import CandidateFit
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.mechanisms import Mechanism
@@ -135,3 +137,19 @@ def refit(stage: Stage, fits: tuple[CandidateFit, ...]) -> Refit:
         dict(zip(names, own_errors.tolist(), strict=True)),
         predicted(values),
     )
+
+
+def about(stage: Stage, explanation: Explanation) -> Stage | None:
+    """The stage about the baseline that is fitted together with a set of mechanisms; None where it gains nothing.
+
+    Beside a large effect the baseline's curves are far from where they are without it, and what they can absorb, and
+    the effect on them, are no longer those of the first linearisation.
+    """
+    if not explanation.fits:
+        return None
+    found = refit(stage, explanation.fits)
+    n_constants = len(parameter_names(stage.model, BASELINE_FREE))
+    here = set_stage(stage.readings, stage.bench, found.model, stage.white, stage.columns[:, n_constants:])
+    effects = [here.effect(candidate, v) for candidate, v in zip(found.candidates, found.values, strict=True)]
+    left, before = here.left - here.project(np.sum(effects, axis=0)), explanation.stage.left
+    return here if float(left @ left) < float(before @ before) - ENTRY else None

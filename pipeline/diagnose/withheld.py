@@ -12,7 +12,7 @@ import numpy as np
 from pmg.pipeline.diagnose.explanation import take_out
 from pmg.pipeline.diagnose.holdout import HeldOut, deal, gain_interval, solve, touched_blocks
 from pmg.pipeline.diagnose.noise import orthonormal
-from pmg.pipeline.diagnose.ranking import in_detail, rank
+from pmg.pipeline.diagnose.ranking import choose
 from pmg.pipeline.diagnose.traces import tangents
 from pmg.pipeline.diagnose.whiten import Whitener
 from pmg.sim.errors import FitError
@@ -69,9 +69,9 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
     columns = stage.columns
     before, after = y.copy(), y.copy()
     within = np.ones(len(y), dtype=bool)
-    reach_before, reach_after, furthest = np.zeros_like(y), np.zeros_like(y), np.zeros_like(y)
+    reach_before, reach_after = np.zeros_like(y), np.zeros_like(y)
     chosen: Counter[str] = Counter()
-    sets: Counter[tuple[Candidate, ...]] = Counter()
+    sets: list[tuple[Candidate, ...]] = []
     for k in range(FOLDS):
         train, test = fold != k, fold == k
         scale = stage.white.scale
@@ -81,17 +81,16 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
         found = _choose_all(_part(stage, train), len(fits))
         effects = np.sum([stage.effect(fit.candidate, fit.values) for fit in found], axis=0)
         free = [columns, *(_free_tangents(stage, fit) for fit in found)]
-        sets.update([tuple(fit.candidate for fit in found)])
+        sets.append(tuple(fit.candidate for fit in found))
         chosen.update(fit.candidate.identifier for fit in found)
         moving = np.hstack(free if len(found) > 1 else [columns])
         after[test] = _left(y - effects, moving, scale, train)[test]
         reach_after[test] = _reach(np.hstack(free), scale, train, test)
-        every = [columns, *(tangents(stage, fit) for fit in found)]
-        furthest[test] = _reach(np.hstack(every), scale, train, test)
     squares = before**2, after**2
     touched &= within
-    reached = touched & (furthest <= FARTHEST)
-    touched = reached if reached.sum() >= (1.0 - LOST) * touched.sum() else touched
+    reached, of = touched & (reach_after <= FARTHEST), int(touched.sum())
+    touched = reached if reached.sum() >= (1.0 - LOST) * of else touched
+    aside = of - int(touched.sum())
     blocks = touched_blocks(block, touched)
     if len(blocks) < 2:
         where, came = "held-out proof", f"{len(blocks)} blocks of readings"
@@ -101,7 +100,8 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
     what = "blocks of neighbouring points in the order of the test" if at.ordered else "inner rows of sun speed"
     return HeldOut(
         split=f"{what}, a quarter at a time, withheld before the choice: the same mechanism was chosen in {kept} of "
-        f"{FOLDS * len(fits)}",
+        f"{FOLDS * len(fits)}"
+        + (f"; {aside} of {of} readings, which the rest does not determine, left out of the count" if aside else ""),
         rmse_before=math.sqrt(squares[0][touched].mean()),
         rmse_after=math.sqrt(squares[1][touched].mean()),
         noise_floor=math.sqrt(float(np.mean(stage.white.scale[touched] ** 2))),
@@ -110,17 +110,16 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
         expected_before=_expected(stage.white.scale, reach_before, touched),
         expected_after=_expected(stage.white.scale, reach_after, touched),
         count=int(touched.sum()),
+        kept=kept / (FOLDS * len(fits)),
         elsewhere=() if kept >= STEADY * FOLDS * len(fits) else _elsewhere(sets, named),
     )
 
 
-def _elsewhere(sets: Counter[tuple[Candidate, ...]], named: set[str]) -> tuple[tuple[Candidate, ...], ...]:
+def _elsewhere(sets: list[tuple[Candidate, ...]], named: set[str]) -> tuple[tuple[Candidate, ...], ...]:
     """Sets of other mechanisms than those named, each once, most frequent first."""
-    found: dict[frozenset[str], tuple[Candidate, ...]] = {}
-    for candidates, _ in sets.most_common():
-        found.setdefault(frozenset(candidate.identifier for candidate in candidates), candidates)
-    found.pop(frozenset(named), None)
-    return tuple(found.values())
+    told = [frozenset(candidate.identifier for candidate in candidates) for candidates in sets]
+    first = dict(zip(told[::-1], sets[::-1], strict=True))
+    return tuple(first[identifiers] for identifiers, _ in Counter(told).most_common() if identifiers != named)
 
 
 def _placebo_gain(
@@ -207,7 +206,7 @@ def _beside(stage: Stage, others: list[CandidateFit]) -> CandidateFit:
     """The best mechanism beside others."""
     for fit in others:
         stage = take_out(stage, fit)
-    return in_detail(stage, rank(stage, [fit.candidate.identifier for fit in others])[0])
+    return choose(stage, [fit.candidate.identifier for fit in others])
 
 
 def _free_tangents(stage: Stage, fit: CandidateFit) -> Array:

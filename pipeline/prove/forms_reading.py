@@ -67,17 +67,17 @@ def gain_error(scene: Scene, effect: Effect, true: Pair) -> Pair:
 
 
 def crosstalk_knobs(scene: Scene, rng: np.random.Generator) -> dict[str, float | str]:
-    """Whether the reading follows the other torque with its sign and a small lag, or its magnitude."""
+    """Whether the reading follows the other torque with its sign and a small lag, or a power of its magnitude."""
     law = str(rng.choice(["lag", "lag", "magnitude"]))
-    return sign_knobs(scene, rng) | {"law": law, "lag": rng.uniform(0.02, 0.1)}
+    return sign_knobs(scene, rng) | {"law": law, "lag": rng.uniform(0.02, 0.1), "power": rng.uniform(0.8, 1.2)}
 
 
 def crosstalk(scene: Scene, effect: Effect, true: Pair) -> Pair:
-    """Size times the other shaft's torque, a little of it still that of the point before; or times its magnitude."""
+    """Size times the other shaft's torque, a little of it still that of the point before; or N |T/N|^p, unsigned."""
     found = []
-    for other in (true[1], true[0]):
+    for other, nominal in ((true[1], NOMINAL_RING), (true[0], NOMINAL_SUN)):
         if effect.knobs["law"] == "magnitude":
-            seen = np.abs(other)
+            seen = nominal * np.abs(other / nominal) ** effect.number("power")
         else:
             before = np.r_[other[:1], other[:-1]]
             seen = other + effect.number("lag") * (before - other)

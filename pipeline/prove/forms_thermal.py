@@ -38,7 +38,13 @@ LEAST_FLUX = 0.5
 """What is left of the remanence at the very least; beyond, magnets are spoilt for good."""
 
 
-def two_nodes(scene: Scene, power: Array, nodes: tuple[float, float, float, float], start: float) -> Array:
+def two_nodes(
+    scene: Scene,
+    power: Array,
+    nodes: tuple[float, float, float, float],
+    start: float,
+    housing: Array | float = 0.0,
+) -> Array:
     """Rise of the inner of two nodes in series above the room at the start [K].
 
     Parameters
@@ -51,6 +57,8 @@ def two_nodes(scene: Scene, power: Array, nodes: tuple[float, float, float, floa
         Resistance from the inner to the outer node and from there to the room [K/W]; time constants of both [s].
     start : float
         Rise of both at the first point [K].
+    housing : (n,) array, optional
+        Heat put into the outer node while each point is held [W].
     """
     inner, outer, fast, slow = nodes
     capacity_in, capacity_out = fast / inner, slow / outer
@@ -63,20 +71,23 @@ def two_nodes(scene: Scene, power: Array, nodes: tuple[float, float, float, floa
     values, vectors = np.linalg.eig(rates)
     back = np.linalg.inv(vectors)
     heated, room_in = back[:, 0] / capacity_in, back[:, 1] / (outer * capacity_out)
+    around, warmed = np.broadcast_to(housing, power.shape), back[:, 1] / capacity_out
     time, room = scene.design.elapsed, room_drift(scene)
     steps = np.diff(time)
     long = steps > LONG_PAUSE
     idle, split = np.where(long, 0.0, power[:-1]), np.where(long, steps - AFTER_PAUSE, steps * SPEED_UP)
+    still = np.where(long, 0.0, around[:-1])
     early, late = np.exp(np.outer(split, values)), np.exp(np.outer(steps - split, values))
-    fed_early = (np.outer(idle, heated) + np.outer(room[:-1], room_in)) * (early - 1.0) / values
-    fed_late = (np.outer(power[1:], heated) + np.outer(room[1:], room_in)) * (late - 1.0) / values
+    before = np.outer(idle, heated) + np.outer(still, warmed) + np.outer(room[:-1], room_in)
+    after = np.outer(power, heated) + np.outer(around, warmed) + np.outer(room, room_in)
+    fed_early, fed_late = before * (early - 1.0) / values, after[1:] * (late - 1.0) / values
     keep, fed = (early * late).tolist(), (fed_early * late + fed_late).tolist()
     state = [tuple((back @ np.array([start, start])).tolist())]
     for (k_1, k_2), (f_1, f_2) in zip(keep, fed, strict=True):
         first, second = state[-1]
         state.append((k_1 * first + f_1, k_2 * second + f_2))
     modes = np.array(state) * np.exp(values * (0.5 * WINDOW))
-    within = (np.outer(power, heated) + np.outer(room, room_in)) * (np.exp(values * (0.5 * WINDOW)) - 1.0) / values
+    within = after * (np.exp(values * (0.5 * WINDOW)) - 1.0) / values
     return np.asarray((modes + within) @ vectors[0])
 
 
@@ -99,7 +110,7 @@ def viscosity(temperature: Array, law: str) -> Array:
 
 
 def viscosity_knobs(scene: Scene, rng: np.random.Generator) -> dict[str, float | str]:
-    """The law, two resistances and two time constants, and the heat that crosses from the other shaft."""
+    """The law, two resistances and two time constants, and the heat that crosses from the other shaft's housing."""
     return {
         "law": str(rng.choice(["walther", "exponential"])),
         "resistance_inner": rng.uniform(0.3, 0.9),
@@ -122,8 +133,8 @@ def lubricant_viscosity(scene: Scene, effect: Effect) -> Pair:
         if effect.shaft not in (shaft, "both"):
             found.append(0.0 * part)
             continue
-        heat = power[own] + effect.number("cross") * power[other]
-        rise = two_nodes(scene, heat, (nodes[0], nodes[1], nodes[2], nodes[3]), world.start_rise)
+        crossed = effect.number("cross") * power[other]
+        rise = two_nodes(scene, power[own], (nodes[0], nodes[1], nodes[2], nodes[3]), world.start_rise, crossed)
         relative = viscosity(world.ambient + rise, str(effect.knobs["law"]))
         found.append(bearing[own] * np.expm1(effect.size * np.log(relative)))
     return on_shaft(effect.shaft, *found)

@@ -122,7 +122,7 @@ def test_members_of_a_set_are_swapped_one_at_a_time_and_gains_add_up(bench: Benc
     others = swapped(stage, finer)
     twin = [e for e in others if ids(e) == ids(finer) and e.fits[0].candidate.shaft == "ring"]
     assert len(twin) == 1
-    assert twin[0].score == pytest.approx(finer.score, abs=2.0)
+    assert twin[0].score > finer.score - 2.0
     for explanation in (finer, *others):
         left = explanation.stage.left
         assert explanation.gain == pytest.approx(float(stage.left @ stage.left - left @ left), rel=0.02)
