@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import platform
 import tempfile
+import time
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 PREFIX = ".pmg-"
 """Start of the names of files that are still being written."""
+ABANDONED = 3600.0
+"""Age after which such a file belongs to no running process [s], where its process cannot be asked after."""
 
 
 def write_aside(path: Path, data: bytes) -> None:
     """Write a file so that it is either the old one or the new one, never half of it.
 
     The data go to a file of another name in the same folder, which is then renamed. The folder is made if absent.
+    The other name tells which process writes it.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=PREFIX, suffix=path.suffix, dir=path.parent)
+    owner = f"{PREFIX}{_realm()}-{os.getpid()}-"
+    handle, name = tempfile.mkstemp(prefix=owner, suffix=path.suffix, dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as aside:
             aside.write(data)
@@ -29,3 +37,41 @@ def write_aside(path: Path, data: bytes) -> None:
         with suppress(OSError):
             Path(name).unlink()
         raise
+
+
+def abandoned(path: Path) -> bool:
+    """Whether the process that was writing such a file is gone.
+
+    On the machine that wrote it, because no such process runs; from elsewhere, because it is an hour old or more.
+    """
+    realm, _, rest = path.name.removeprefix(PREFIX).partition("-")
+    pid = rest.partition("-")[0]
+    if realm == _realm() and pid.isdecimal() and not _runs(int(pid)):
+        return True
+    try:
+        return time.time() - path.stat().st_mtime > ABANDONED
+    except OSError:
+        return False
+
+
+def _runs(pid: int) -> bool:
+    """Whether a process of this number lives; taken to where the system cannot be asked without harm."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+@cache
+def _realm() -> str:
+    """Within it a process number means one process: this machine since its start, and its space of numbers."""
+    known = [platform.node()]
+    with suppress(OSError):
+        known.append(Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii"))
+        known.append(str(Path("/proc/self/ns/pid").readlink()))
+    return hashlib.sha256("\n".join(known).encode()).hexdigest()[:8]

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.gridtable import common_uncertainty
+from pmg.pipeline.budget.point import undithered
+from pmg.pipeline.budget.shared import common_uncertainty, tare_uncertainty
+from pmg.pipeline.budget.windowfacts import sorted_windows, window_facts
 from pmg.sim.errors import StoreError, near_miss
 from pmg.sim.grid import Configuration, Grid, OperatingPoints
 
@@ -48,12 +50,12 @@ def choose_campaign(store: Store, name: str | None) -> tuple[str, list[Manifest]
 
 
 def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) -> Grid:
-    """The windows of a campaign as a grid, in the order in which they were run."""
-    windows = sorted(
-        (window for manifest in manifests for window in manifest.document["windows"]),
-        key=lambda window: (window["started_at_s"], window["point"]),
-    )
+    """The windows of a campaign as a grid, in the order in which they were run.
 
+    The uncertainty from within a window holds the step of its readings where their scatter does not average it out;
+    what all points share holds the tare, as far as zero checks tell.
+    """
+    windows, facts = sorted_windows(manifests), window_facts(manifests)
     if not windows:
         raise StoreError(
             f"campaign {name}",
@@ -78,13 +80,16 @@ def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) 
 
     torque_sun, torque_ring = column("sun", "torque"), column("ring", "torque")
     speed_sun, speed_ring = column("sun", "speed"), column("ring", "speed")
-    within_sun, within_ring = column("sun", "within"), column("ring", "within")
-    common_sun, common_ring = common_uncertainty(torque_sun, torque_ring, bench)
+    within_sun = np.hypot(column("sun", "within"), undithered(facts.sun.resolution, facts.sun.std))
+    within_ring = np.hypot(column("ring", "within"), undithered(facts.ring.resolution, facts.ring.std))
     configuration = words("configuration")
     load = asked("torque_ring")
     engaged = configuration == Configuration.ENGAGED
     complete = np.isfinite(torque_sun + torque_ring + speed_sun + speed_ring + within_sun + within_ring)
     accepted = flags("accepted") & complete
+    zeros = accepted & (configuration == Configuration.ZERO)
+    tares = tare_uncertainty(torque_sun[zeros])[0], tare_uncertainty(torque_ring[zeros])[0]
+    common_sun, common_ring = common_uncertainty(torque_sun, torque_ring, bench, tares)
     reasons = [_reason(window, bool(whole)) for window, whole in zip(windows, complete, strict=True)]
     points = OperatingPoints(
         name=words("point"),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.budget.shared import CommonParts, common_parts
 from pmg.pipeline.calibrate import jacobian, parameter_names
 from pmg.pipeline.diagnose.noise import orthonormal
 from pmg.pipeline.readings import take_readings
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.calibrate import Calibration
     from pmg.pipeline.fit import LossFit, LossFits
-    from pmg.sim.bench import BenchParameters, TransducerParameters
+    from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array, Mask
 
@@ -98,7 +99,7 @@ def transducer_causes(grid: Grid, bench: BenchParameters | None = None) -> tuple
     -----
     What goes beyond the sensitivity is non-linearity. It is taken as one error for all engaged readings and another
     for all neutral ones, with the sign of the torque: the data sheet does not tell its course, and readings at a few
-    hundredths of the range need not share it with those under load.
+    hundredths of the range need not share it with those under load. The tare is one error for all, of either sign.
     """
     nothing, causes = np.zeros(len(grid)), []
     for shaft, torque, common in (
@@ -106,14 +107,13 @@ def transducer_causes(grid: Grid, bench: BenchParameters | None = None) -> tuple
         ("ring", grid.torque_ring, grid.common_ring),
     ):
         signed = np.sign(torque)
-        gain = common
-        if bench is not None:
-            of: TransducerParameters = bench.transducer_sun if shaft == "sun" else bench.transducer_ring
-            gain = np.minimum(of.sensitivity_tolerance * np.abs(torque) / math.sqrt(3.0), common)
-        rest = np.sqrt(common**2 - gain**2)
-        found = [(f"sensitivity of the {shaft} transducer", signed * gain)]
+        nought = np.zeros(len(grid))
+        parts = CommonParts(common, nought, nought) if bench is None else common_parts(grid, bench, shaft)
+        found = [(f"sensitivity of the {shaft} transducer", signed * parts.sensitivity)]
         for where, rows in (("under load", grid.points.engaged), ("in neutral", ~grid.points.engaged)):
-            found.append((f"linearity of the {shaft} transducer {where}", np.where(rows, signed * rest, 0.0)))
+            course = np.where(rows, signed * parts.linearity, 0.0)
+            found.append((f"linearity of the {shaft} transducer {where}", course))
+        found.append((f"tare of the {shaft} transducer", parts.tare))
         for name, shift in found:
             if shift.any():
                 both = (shift, nothing) if shaft == "sun" else (nothing, shift)

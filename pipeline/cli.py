@@ -8,18 +8,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pmg.pipeline import cli_studies
+from pmg.pipeline import cli_exchange, cli_studies
 from pmg.pipeline.cli_frame import FailOn, FailOnOption, JsonOption, carry_out, progress_line
 from pmg.pipeline.cli_options import (
     CampaignOption,
     CorrectionOption,
     GridsOption,
+    LimitsOption,
     ModelOption,
     NoteOption,
     Recordings,
     ReportOption,
     RestOption,
     RobustOption,
+    SchedulerOption,
+    ShardOption,
     StoreOption,
     TermsRing,
     TermsSun,
@@ -28,7 +31,7 @@ from pmg.pipeline.cli_options import (
 
 if TYPE_CHECKING:
     from pmg.pipeline.options import AnalysisOptions
-    from pmg.pipeline.stages import Outcome
+    from pmg.pipeline.outcome import Outcome
 
 app = typer.Typer(
     help="From recordings of a planetary magnetic gearbox to losses, a simulation beside them, and what explains "
@@ -47,16 +50,27 @@ def ingest(
     recordings: Recordings,
     store: StoreOption,
     workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    shard: ShardOption = None,
+    limits: LimitsOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
 ) -> None:
     """Decode recordings into the store: torque [N m] and angle [rad] per run, windows judged, findings kept."""
 
     def stage() -> Outcome:
-        from pmg.pipeline.stages import run_ingest
+        from pmg.pipeline.ingest_stage import run_ingest
 
         with progress_line(as_json) as progress:
-            return run_ingest(recordings, store, workers=workers, progress=progress)
+            return run_ingest(
+                recordings,
+                store,
+                workers=workers,
+                scheduler=scheduler,
+                shard=shard,
+                limits=limits,
+                progress=progress,
+            )
 
     carry_out("ingest", stage, as_json, fail_on)
 
@@ -125,6 +139,8 @@ def run(
     note: NoteOption = "",
     model: ModelOption = None,
     workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    limits: LimitsOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
 ) -> None:
@@ -144,6 +160,8 @@ def run(
                 campaign=campaign,
                 note=note,
                 workers=workers,
+                scheduler=scheduler,
+                limits=limits,
                 progress=progress,
                 model=model,
             )
@@ -174,9 +192,12 @@ def _options(
 simulate = app.command()(cli_studies.simulate)
 validate = app.command()(cli_studies.validate)
 residuals = app.command()(cli_studies.residuals)
+orders = app.command()(cli_studies.orders)
 design = app.command()(cli_studies.design)
 terms = app.command()(cli_studies.terms)
 prove = app.command()(cli_studies.prove)
+bring = app.command("import")(cli_exchange.bring)
+export = app.command()(cli_exchange.export)
 
 
 def main() -> None:

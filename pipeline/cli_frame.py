@@ -16,7 +16,7 @@ from pmg.sim.errors import PmgError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from pmg.pipeline.stages import Outcome
+    from pmg.pipeline.outcome import Outcome
 
 SCHEMA = "pmg.result/1"
 

@@ -31,6 +31,16 @@ RobustOption = Annotated[
 ]
 NoteOption = Annotated[str, typer.Option("--note", help="Told at the head of the report, such as where data are from.")]
 WorkersOption = Annotated[int | None, typer.Option("--workers", min=1, help="Parallel workers of the ingest.")]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option("--scheduler", help="Let the workers of a dask cluster do it; its address, such as tcp://host:8786."),
+]
+ShardOption = Annotated[
+    str | None, typer.Option("--shard", help="Only part i of n, as i/n with i from 1; for jobs that share a store.")
+]
+LimitsOption = Annotated[
+    Path | None, typer.Option("--limits", help="TOML file with limits, [windows], by which windows are judged.")
+]
 ModelOption = Annotated[
     Path | None, typer.Option("--model", help="Model file that 'pmg compare' wrote: losses and mechanisms are its.")
 ]

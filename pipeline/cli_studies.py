@@ -1,4 +1,4 @@
-"""Commands beside the way from recordings to a report: simulate, validate, residuals, design, prove."""
+"""Commands beside the way from recordings to a report: simulate, validate, residuals, orders, design, prove."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pmg.pipeline.cli_frame import FailOn, FailOnOption, JsonOption, carry_out, progress_line
-from pmg.pipeline.cli_options import ModelOption, WithOption
+from pmg.pipeline.cli_options import CampaignOption, ModelOption, WithOption
 
 if TYPE_CHECKING:
-    from pmg.pipeline.stages import Outcome
+    from pmg.pipeline.outcome import Outcome
 
 
 def simulate(
@@ -81,6 +81,27 @@ def residuals(
         return run_residuals(store, grids, fit=fit, draws=draws, seed=seed, report=report)
 
     carry_out("residuals", stage, as_json, fail_on)
+
+
+def orders(
+    store: Annotated[Path, typer.Option("--store", help="Store with ingested recordings.")],
+    campaign: CampaignOption = None,
+    point: Annotated[str | None, typer.Option("--point", help="One test point: every line of it.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder of orders.csv, load_angles.csv, orders.json.")
+    ] = None,
+    report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
+    as_json: JsonOption = False,
+    fail_on: FailOnOption = FailOn.NEVER,
+) -> None:
+    """Say what repeats with the turn of a shaft: lines of torque, speed and flux density, and the load angle."""
+
+    def stage() -> Outcome:
+        from pmg.pipeline.orders.stage import run_orders
+
+        return run_orders(store, campaign=campaign, point=point, out=out, report=report)
+
+    carry_out("orders", stage, as_json, fail_on)
 
 
 def design(

@@ -10,13 +10,13 @@ from pmg.pipeline.chapters.audit import audit_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.diagnose.audit import RESEMBLING, audit_design
 from pmg.pipeline.modelfile_read import read_model
+from pmg.pipeline.outcome import Outcome
 from pmg.pipeline.outputs import read_analysis
 from pmg.pipeline.planned import planned_floor, planned_grid
 from pmg.pipeline.report.document import Facts, Report, Verdict
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.scenario_file import read_scenario
 from pmg.pipeline.simulation_inputs import loss_model
-from pmg.pipeline.stages import Outcome
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import BenchError
 from pmg.sim.signals import MINUTE

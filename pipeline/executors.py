@@ -1,23 +1,33 @@
-"""One map over many items, in this process or in others."""
+"""One map over many items: in this process, in others of this machine, or on a cluster."""
 
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import CancelledError, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing.connection import wait
+from threading import Thread
 from typing import TYPE_CHECKING, TypeVar
 
 from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
+    from concurrent.futures import Executor
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
+PATIENCE = 30.0
+"""Time within which a cluster has to answer and to show a worker [s]."""
 
-def map_over(work: Callable[[Item], Result], items: Sequence[Item], workers: int) -> Iterator[tuple[Item, Result]]:
+
+def map_over(
+    work: Callable[[Item], Result], items: Sequence[Item], workers: int, scheduler: str | None = None
+) -> Iterator[tuple[Item, Result]]:
     """Results as they are ready, each with its item.
 
     Parameters
@@ -27,24 +37,66 @@ def map_over(work: Callable[[Item], Result], items: Sequence[Item], workers: int
     items : sequence
         What to work on.
     workers : int
-        Processes; 1 works in this one. New processes are spawned, not forked: polars holds threads that do not
-        survive a fork.
+        Processes; 1 works in this one.
+    scheduler : str, optional
+        Address of a dask scheduler whose workers do the work instead, such as ``tcp://host:8786``.
 
     Raises
     ------
     StoreError
-        A worker process was killed.
+        A worker process was killed, or the cluster cannot be had.
     """
-    if workers <= 1 or len(items) <= 1:
+    if not items:
+        return
+    if scheduler is not None:
+        with cluster(scheduler) as executor:
+            yield from spread(executor, work, items)
+    elif workers <= 1 or len(items) <= 1:
         for item in items:
             yield item, work(item)
-        return
+    else:
+        with processes(min(workers, len(items))) as executor:
+            yield from spread(executor, work, items)
+
+
+def spread(executor: Executor, work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[Item, Result]]:
+    """Results of an executor as they are ready, each with its item; what is left is called off when one fails.
+
+    Parameters
+    ----------
+    executor : Executor
+        Any executor of `concurrent.futures`.
+    work, items
+        As for `map_over`.
+    """
+    futures: dict[Future[Result], Item] = {executor.submit(work, item): item for item in items}
+    try:
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    except BaseException:
+        for future in futures:
+            future.cancel()
+        raise
+
+
+@contextmanager
+def processes(workers: int) -> Iterator[Executor]:
+    """Processes of this machine, which end with the one that started them, even when that is killed.
+
+    Parameters
+    ----------
+    workers : int
+        How many. They are spawned, not forked: polars holds threads that do not survive a fork.
+
+    Raises
+    ------
+    StoreError
+        One of them was killed.
+    """
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(workers, len(items)), mp_context=context, initializer=_leave_interrupts) as pool:
-        futures: dict[Future[Result], Item] = {pool.submit(work, item): item for item in items}
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_follow_parent) as pool:
         try:
-            for future in as_completed(futures):
-                yield futures[future], future.result()
+            yield pool
         except BrokenProcessPool as error:
             raise StoreError(
                 "worker process",
@@ -57,6 +109,61 @@ def map_over(work: Callable[[Item], Result], items: Sequence[Item], workers: int
             raise
 
 
-def _leave_interrupts() -> None:
-    """An interrupt from the keyboard is the parent's to answer."""
+@contextmanager
+def cluster(address: str) -> Iterator[Executor]:
+    """Workers of a dask cluster. Work of a worker that is lost is done by another one.
+
+    Parameters
+    ----------
+    address : str
+        Where the scheduler listens, such as ``tcp://host:8786``. The workers need pmg, and the same folders under the
+        same paths.
+
+    Raises
+    ------
+    StoreError
+        dask is not installed, nothing answers, there is no worker, or the connection or too many workers were lost.
+    """
+    where = f"--scheduler {address}"
+    try:
+        from distributed import Client, KilledWorker
+    except ImportError as error:
+        came, expected = f"{error.name or 'distributed'} is not installed", "the package distributed of dask"
+        raise StoreError(where, came, expected, "Install it: pip install 'pmg-bench[dask]'.") from error
+    try:
+        client = Client(address, timeout=PATIENCE)
+    except (OSError, ValueError, ImportError) as error:
+        came, expected = f"no scheduler answers ({error})", "a dask scheduler, such as tcp://host:8786"
+        raise StoreError(where, came, expected, "Check the address; start one with 'dask scheduler'.") from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE)
+        except TimeoutError as error:
+            came, expected = f"no worker within {PATIENCE:g} s", "at least one worker"
+            raise StoreError(where, came, expected, "Start one with 'dask worker ADDRESS'.") from error
+        try:
+            yield client.get_executor(pure=False)
+        except KilledWorker as error:
+            came = f"several workers were lost over one file ({error})"
+            do = "Give the workers more memory; run it again, it resumes."
+            raise StoreError(where, came, "workers that live", do) from error
+        except CancelledError as error:
+            came, do = "the connection was lost before the work was done", "Run it again, it resumes."
+            raise StoreError(where, came, "a scheduler that stays", do) from error
+        except ModuleNotFoundError as error:
+            came, expected = f"a worker says: {error}", "workers with pmg installed"
+            raise StoreError(where, came, expected, "Start them from an environment that holds pmg.") from error
+
+
+def _follow_parent() -> None:
+    """Leave an interrupt from the keyboard to the parent, and end when the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        Thread(target=_end_after, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_after(sentinel: int) -> None:
+    """End this process when another one has; what it was writing is left aside, as by any kill."""
+    wait([sentinel])
+    os._exit(1)

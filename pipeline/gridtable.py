@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from pmg.pipeline.budget.shared import common_uncertainty
 from pmg.sim.errors import GridError
 from pmg.sim.grid import ROW_FIELDS, Configuration, Grid, OperatingPoints
 from pmg.sim.signals import RPM, SPEED_RING, SPEED_SUN
@@ -87,23 +88,6 @@ def frame_grid(frame: pd.DataFrame, origin: str, campaign: str) -> Grid:
         reason=words("reason"),
         **values,
         rounding=ROUNDING_PUBLISHED if origin == "published" else 0.0,
-    )
-
-
-def common_uncertainty(torque_sun: Array, torque_ring: Array, bench: BenchParameters) -> tuple[Array, Array]:
-    """Standard uncertainty that all points of a transducer share [N m].
-
-    Sensitivity tolerance (of the reading) and non-linearity (of the nominal torque) as half-widths of rectangular
-    distributions, GUM 4.3.7, summed in quadrature.
-    """
-
-    def common(torque: Array, sensitivity: float, nonlinearity: float, nominal: float) -> Array:
-        return np.hypot(sensitivity * torque, nonlinearity * nominal) / math.sqrt(3.0)
-
-    s, r = bench.transducer_sun, bench.transducer_ring
-    return (
-        common(torque_sun, s.sensitivity_tolerance, s.nonlinearity, s.nominal_torque),
-        common(torque_ring, r.sensitivity_tolerance, r.nonlinearity, r.nominal_torque),
     )
 
 

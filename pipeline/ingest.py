@@ -3,27 +3,44 @@
 from __future__ import annotations
 
 import os
-from dataclasses import asdict, dataclass
+from collections import Counter
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.executors import map_over
 from pmg.pipeline.inventory import take_inventory
-from pmg.pipeline.recording import Finding, UnusableRecordingError, read_recording
+from pmg.pipeline.limits import LIMITS
+from pmg.pipeline.orders.kept import keep_orders
+from pmg.pipeline.recording import Code, Finding, Severity, UnusableRecordingError, read_recording
 from pmg.pipeline.reduce import reduce_window
 from pmg.pipeline.store import Store
 from pmg.pipeline.windows import find_windows
+from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from pmg.pipeline.inventory import Source
+    from pmg.pipeline.inventory import Shard, Source
+    from pmg.pipeline.limits import Steadiness
     from pmg.pipeline.recording import Recording
     from pmg.pipeline.store import Manifest
     from pmg.pipeline.windows import Window
 
 WORTH_A_PROCESS = 64 * 2**20
 """Bytes of recordings from which a second process pays for its start."""
+
+DONE, FAILED, THERE = "done", "failed", "there"
+"""What became of a file: ingested, not usable, or ingested meanwhile by another process."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One file, the folder of the store, by their full paths, as a worker may stand elsewhere, and the limits."""
+
+    source: Source
+    store: Path
+    limits: Steadiness = LIMITS
 
 
 @dataclass(frozen=True)
@@ -59,9 +76,12 @@ def ingest(
     store: Store,
     *,
     workers: int | None = None,
+    scheduler: str | None = None,
+    shard: Shard | None = None,
+    limits: Steadiness = LIMITS,
     progress: Callable[[int, int, str], None] | None = None,
 ) -> IngestReport:
-    """Decode recordings into the store; what is there already, with the same bytes, is not done again.
+    """Decode recordings into the store; what is there already, with the same bytes and limits, is not done again.
 
     Parameters
     ----------
@@ -71,6 +91,12 @@ def ingest(
         Receives samples and manifests.
     workers : int, optional
         Processes; by default as many as there are cores once the recordings are large.
+    scheduler : str, optional
+        Address of a dask scheduler whose workers do the work instead.
+    shard : Shard, optional
+        The part of the recordings that this call takes; several calls may fill one store at the same time.
+    limits : Steadiness
+        By which windows are found and judged.
     progress : callable, optional
         Told (done, total, name) after each file.
 
@@ -78,31 +104,37 @@ def ingest(
     ------
     RecordingError
         There are no recordings.
+    StoreError
+        A worker ended, or wrote where this process cannot see it.
     """
-    inventory = take_inventory(place)
+    inventory = take_inventory(place, shard)
     store.prepare()
     store.sweep()
-    there = {manifest.document["sha256"]: manifest for manifest in store.manifests() if manifest.ingested}
+    there = {m.document["sha256"] for m in store.manifests(whole=False) if _done(m, limits)}
     todo = [source for source in inventory.sources if source.sha256 not in there]
     if workers is None:
         large = sum(source.path.stat().st_size for source in todo) >= WORTH_A_PROCESS
         workers = (os.cpu_count() or 1) if large else 1
     done = len(inventory.sources) - len(todo)
-    failed = inventory.unreadable
-    for (source, _), usable in map_over(_ingest_one, [(source, store.path) for source in todo], workers):
+    counts = Counter[str]()
+    jobs = [Job(replace(source, path=source.path.absolute()), store.path.absolute(), limits) for source in todo]
+    for job, did in map_over(_ingest_one, jobs, workers, scheduler):
         done += 1
-        failed += not usable
+        counts[did] += 1
         if progress is not None:
-            progress(done, len(inventory.sources), source.name)
+            progress(done, len(inventory.sources), job.source.name)
+    store.sweep()
     supersede(store, inventory.sources)
     known = {manifest.document["sha256"]: manifest.document for manifest in store.manifests()}
+    if scheduler is not None and any(source.sha256 not in known for source in todo):
+        raise _unseen(store.path)
     documents = [known[source.sha256] for source in inventory.sources if source.sha256 in known]
     windows = [window for document in documents for window in document["windows"]]
     told = (Finding.from_dict(plain) for document in documents for plain in document["findings"])
     return IngestReport(
-        ingested=len(todo) - (failed - inventory.unreadable),
-        skipped=len(inventory.sources) - len(todo),
-        failed=failed,
+        ingested=counts[DONE],
+        skipped=len(inventory.sources) - len(todo) + counts[THERE],
+        failed=counts[FAILED] + inventory.unreadable,
         windows=len(windows),
         rejected=sum(not window["accepted"] for window in windows),
         findings=(*inventory.findings, *told),
@@ -115,15 +147,19 @@ def supersede(store: Store, sources: tuple[Source, ...]) -> None:
     """Remove what the store holds of earlier contents of these very files.
 
     Other bytes at the same place that tell of the same run (campaign and start) are a corrected version; a failed
-    file at the same place was mended. Were both kept, points would count twice. Another run that was written over
-    an earlier one leaves that one in the store.
+    file at the same place was mended; the same bytes under two names came from two processes at once. Were both
+    kept, points would count twice. Another run that was written over an earlier one leaves that one in the store.
     """
     current = {source.sha256 for source in sources}
-    manifests = store.manifests()
+    manifests = sorted(store.manifests(), key=lambda m: (not m.ingested, m.identifier))
     runs = {m.document["place"]: _run_of(m) for m in manifests if m.document["sha256"] in current and m.ingested}
+    kept: set[str] = set()
     for manifest in manifests:
-        place = manifest.document["place"]
-        if manifest.document["sha256"] not in current and place in runs and _run_of(manifest) in (None, runs[place]):
+        place, sha256 = manifest.document["place"], manifest.document["sha256"]
+        twice = sha256 in current and sha256 in kept
+        corrected = sha256 not in current and place in runs and _run_of(manifest) in (None, runs[place])
+        kept.add(sha256)
+        if twice or corrected:
             store.remove(manifest.identifier)
 
 
@@ -132,21 +168,47 @@ def _run_of(manifest: Manifest) -> tuple[str, str] | None:
     return (manifest.document["run"]["campaign"], manifest.document["run"]["started_at"]) if manifest.ingested else None
 
 
-def _ingest_one(job: tuple[Source, Path]) -> bool:
-    """Read, judge, condense and store one file; whether it could be used."""
-    source, folder = job
-    store = Store(folder)
+def _ingest_one(job: Job) -> str:
+    """Read, judge, condense and store one file; what became of it."""
+    source, store = job.source, Store(job.store)
+    if not store.made:
+        raise _unseen(job.store)
     common: dict[str, Any] = {"file": source.name, "place": source.place, "sha256": source.sha256}
+    earlier = store.manifest(source.identifier)
+    if earlier is not None and _done(earlier, job.limits):
+        return THERE
     try:
         recording = read_recording(source.path, source.name)
+        if recording.sha256 != source.sha256:
+            raise UnusableRecordingError((_changed(source),))
     except UnusableRecordingError as error:
         findings = [finding.to_dict() for finding in error.findings]
         store.write(source.identifier, common | {"status": "failed", "findings": findings, "windows": []}, None)
-        return False
+        return FAILED
     common["size"] = recording.size
-    windows = [_window_document(recording, window) for window in find_windows(recording)]
-    store.write(source.identifier, common | _recording_document(recording) | {"windows": windows}, recording.samples)
-    return True
+    windows = [_window_document(recording, window) for window in find_windows(recording, job.limits)]
+    keep_orders(store.path, source.identifier, recording, source.path, job.limits)
+    common |= _recording_document(recording) | {"limits": job.limits.document(), "windows": windows}
+    store.write(source.identifier, common, recording.samples)
+    return DONE
+
+
+def _done(manifest: Manifest, limits: Steadiness) -> bool:
+    """Whether a source is in the store, judged by these limits; one that names none was judged by the defaults."""
+    return manifest.ingested and manifest.document.get("limits", LIMITS.document()) == limits.document()
+
+
+def _unseen(folder: Path) -> StoreError:
+    came, expected = "workers and this process do not see the same store there", "one folder that all of them share"
+    return StoreError(
+        str(folder), came, expected, "Put store and recordings where every worker finds them by this path."
+    )
+
+
+def _changed(source: Source) -> Finding:
+    message = "its bytes changed between listing and reading; expected a file that is at rest"
+    advice = "Wait until the recorder has closed it, then ingest again."
+    return Finding(Code.UNREADABLE, Severity.ERROR, source.name, "whole file", message, advice)
 
 
 def _recording_document(recording: Recording) -> dict[str, Any]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import os
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,6 +15,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 SUFFIX = ".mcap"
+SAMPLED = 1 << 16
+"""Bytes at either end of a file that tell, with its size, which shard it belongs to."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,62 @@ class Inventory:
     findings: tuple[Finding, ...]
 
 
+@dataclass(frozen=True)
+class Shard:
+    """One of several parts of a campaign, each ingested by a process of its own.
+
+    Parameters
+    ----------
+    number : int
+        Which part, from 1.
+    count : int
+        How many there are.
+    """
+
+    number: int
+    count: int
+
+    @classmethod
+    def of(cls, text: str) -> Shard:
+        """The shard that a text such as ``3/16`` names.
+
+        Raises
+        ------
+        RecordingError
+            It is not of that form, or there is no such part.
+        """
+        form = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text.strip())
+        shard = cls(int(form[1]), int(form[2])) if form else cls(0, 0)
+        if not 1 <= shard.number <= shard.count:
+            do = "Count from 1; of a job array that counts from 0, give the number plus 1."
+            raise RecordingError("--shard", repr(text), "i/n with i from 1 to n, such as 3/16", do)
+        return shard
+
+    def part(self, paths: list[Path]) -> list[Path]:
+        """The files of this part, by name.
+
+        Parts take the files in turn, the largest first, so that each gets as many and as much. Files of the same
+        bytes come into the same part, where the copy is seen. Nothing but their ends is read.
+        """
+        groups: dict[tuple[int, str], list[Path]] = {}
+        for path in paths:
+            groups.setdefault(_likeness(path), []).append(path)
+        mine = sorted(groups, reverse=True)[self.number - 1 :: self.count]
+        return sorted(path for likeness in mine for path in groups[likeness])
+
+
+def _likeness(path: Path) -> tuple[int, str]:
+    """Size and a hash of both ends, which are the same for files of the same bytes; the name where none can be had."""
+    try:
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            ends = file.read(SAMPLED)
+            file.seek(max(size - SAMPLED, 0))
+            return size, hashlib.sha256(ends + file.read(SAMPLED)).hexdigest()
+    except OSError:
+        return -1, str(path)
+
+
 def find_recordings(place: Path) -> list[Path]:
     """The recordings of a folder (and below it), by name; or the one file that was named.
 
@@ -75,8 +135,15 @@ def find_recordings(place: Path) -> list[Path]:
     return found
 
 
-def take_inventory(place: Path) -> Inventory:
+def take_inventory(place: Path, shard: Shard | None = None) -> Inventory:
     """Files of a place by content: the same bytes twice are one source, and said so.
+
+    Parameters
+    ----------
+    place : Path
+        A folder, or one file.
+    shard : Shard, optional
+        The part of the files that is looked at.
 
     Raises
     ------
@@ -86,7 +153,8 @@ def take_inventory(place: Path) -> Inventory:
     base = place if place.is_dir() else place.parent
     sources: dict[str, Source] = {}
     findings, unreadable = [], 0
-    for path in find_recordings(place):
+    paths = find_recordings(place)
+    for path in paths if shard is None else shard.part(paths):
         name = path.relative_to(base).as_posix()
         try:
             with path.open("rb") as file:

@@ -12,6 +12,7 @@ import pandas as pd
 import polars as pl
 
 from pmg.pipeline.aside import write_aside
+from pmg.pipeline.budget.document import budget_document, budget_frame
 from pmg.pipeline.causes import CORRECTION, CURVES, TRANSDUCERS
 from pmg.pipeline.chapters.cells import by_load
 from pmg.pipeline.fitdocument import damping_document, fit_document, further_document, number
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.analyse import Analysis
+    from pmg.pipeline.budget.point import Budget
     from pmg.pipeline.calibrate import Calibration
     from pmg.pipeline.causes import Causes
     from pmg.pipeline.diagnose.noise import ShaftNoise
@@ -131,8 +133,8 @@ def _calibration_document(calibration: Calibration, causes: Causes | None) -> di
     }
 
 
-def analysis_document(analysis: Analysis) -> dict[str, Any]:
-    """The analysis as JSON."""
+def analysis_document(analysis: Analysis, budget: Budget | None = None) -> dict[str, Any]:
+    """The analysis as JSON, with the budget of the mean torques where it is given."""
     grid = analysis.grid
     at = grid.points
     document = {
@@ -162,13 +164,15 @@ def analysis_document(analysis: Analysis) -> dict[str, Any]:
         "damping": [damping_document(fit) for fit in analysis.damping],
         "means_by_load": None if analysis.balance is None else means_frame(analysis.balance).to_dict("records"),
         **further_document(analysis),
+        "budget": None if budget is None else budget_document(budget),
     }
     return document | {"without_uncertainty": unstated_in(document)}
 
 
-def write_analysis(analysis: Analysis, store: Path) -> Path:
+def write_analysis(analysis: Analysis, store: Path, budget: Budget | None = None) -> Path:
     """Write grids, losses and fits into the store; returns the folder.
 
+    ``budget`` holds what each mean torque is uncertain by, where it is given.
     ``losses``, ``means_by_load`` and ``power_flow`` hold what is derived, each with both parts of its uncertainty.
     ``grid`` holds every point, ``neutral_grid``, ``engaged_grid`` and ``zero_checks`` those of one configuration.
     The summary is written last: where it is there, the rest is.
@@ -180,8 +184,11 @@ def write_analysis(analysis: Analysis, store: Path) -> Path:
     for configuration, name in (("neutral", "neutral_grid"), ("engaged", "engaged_grid"), ("zero", "zero_checks")):
         _write_frame(frame[frame.configuration == configuration], folder / name)
     tables = {"grid": frame} | _loss_tables(analysis, folder)
+    if budget is not None:
+        tables["budget"] = budget_frame(budget)
+        _write_frame(tables["budget"], folder / "budget")
     columns = {f"{name}.csv": unstated_columns(table) for name, table in tables.items()}
-    document = analysis_document(analysis) | {"columns_without_uncertainty": columns, "grid_sha256": stamp}
+    document = analysis_document(analysis, budget) | {"columns_without_uncertainty": columns, "grid_sha256": stamp}
     text = json.dumps(document, indent=1, allow_nan=False) + "\n"
     write_aside(folder / SUMMARY, text.encode())
     return folder

@@ -9,23 +9,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import fft
 
+from pmg.pipeline.serialmean import serial_mean
+from pmg.pipeline.turned import Turned, turns_of
 from pmg.sim import sources
-from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
     import polars as pl
 
+    from pmg.pipeline.turned import Batches
     from pmg.pipeline.windows import Window
     from pmg.sim.signals import Array
 
 CUTOFF_HZ = 0.5
 """Cut-off of the brick-wall filter that the bench's evaluation applies to the torques [Hz]."""
-BATCHES = 10
-"""Batches of a window: enough for a dependable scatter, long enough to outlive correlated noise."""
-FEWEST_BATCHES = 5
-"""Fewest batches of whole revolutions; below, the window is cut by time."""
-COVERAGE = 0.9
-"""Part of the window that batches of whole revolutions should use before their number is lowered."""
+LONG_MEMORY = 0.05
+"""Correlation time, as part of the window, beyond which the window is flagged: it holds too few independent parts."""
+MEMORY_OF_BATCHES = 0.01
+"""The same beyond which batches, each a tenth of the window, are not independent enough to give the uncertainty."""
+
+RESOLVED = 0.5
+"""Correlation time that the finer pieces can tell from none, as part of one of them."""
+BATCH_METHOD, MEMORY_METHOD = "batches", "memory"
+"""Where the uncertainty of a mean comes from."""
 
 FILTER_SOURCE = sources.THESIS.at("evaluation of the tests: FFT low-pass filter at 0.5 Hz")
 UNCERTAINTY_SOURCE = sources.FLEGAL_JONES.at("batch means estimator")
@@ -38,10 +43,10 @@ class ShaftMeans:
     Parameters
     ----------
     torque : float
-        Mean torque after the filter [N m].
+        Mean torque, over whole revolutions where the shaft turns five times or more [N m].
     within : float
         Standard uncertainty of that mean from what varies within the window [N m].
-    dof : int
+    dof : float
         Degrees of freedom of `within`.
     revolutions_per_batch : int
         Whole revolutions of each batch; 0 where batches are cut by time.
@@ -51,16 +56,25 @@ class ShaftMeans:
         Correlation time of the torque noise [s].
     speed : float
         Mean speed, from the angle at both ends [rad/s].
+    method : str
+        Where `within` comes from: ``batches``, or ``memory`` where the noise outlives them (`serial_mean`).
+    correlated : bool
+        Correlation time beyond `LONG_MEMORY` of the window.
+    resolution : float
+        Step between neighbouring values of the torque [N m].
     """
 
     torque: float
     within: float
-    dof: int
+    dof: float
     revolutions_per_batch: int
     std: float
     std_filtered: float
     correlation_time: float
     speed: float
+    method: str = BATCH_METHOD
+    correlated: bool = False
+    resolution: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -81,25 +95,6 @@ class PointMeans:
     duration: float
     sun: ShaftMeans
     ring: ShaftMeans
-
-
-@dataclass(frozen=True)
-class Batches:
-    """Means of consecutive pieces of a window.
-
-    Parameters
-    ----------
-    means : (b,) array
-        Mean of each piece; empty where the window is too short to be cut.
-    length : float
-        Samples of each piece.
-    revolutions : int
-        Whole revolutions of each piece; 0 where cut by time.
-    """
-
-    means: Array
-    length: float
-    revolutions: int
 
 
 def reduce_window(samples: pl.DataFrame, window: Window, rate_hz: float) -> PointMeans:
@@ -139,45 +134,70 @@ def reduce_shaft(torque: Array, angle: Array, rate_hz: float) -> ShaftMeans:
 
     Notes
     -----
-    The filter is applied to the window alone: applied to the whole record it lets a step next to the window leak
-    into it. Its mean over the window is the plain mean; the scatter after it says nothing about the uncertainty
-    of that mean, since neighbouring values are no longer independent. With the means :math:`y_i` of b batches of L
-    samples,
+    The mean is taken over as many whole revolutions as fit: over a part of one, ripple leaves up to its amplitude
+    over the number of radians turned, which may be many times the noise of the mean. The filter is applied to the
+    window alone: applied to the whole record it lets a step next to the window leak into it. It would leave the mean
+    as it is; the scatter after it says nothing about the uncertainty of that mean, since neighbouring values are no
+    longer independent. With the means :math:`y_i` of b batches of L samples, and n samples in the mean,
 
-    .. math:: u^2 = \frac{L}{n} \frac{1}{b-1} \sum_i (y_i - \bar y)^2 ,
+    .. math:: u^2 = \frac{L}{n} \frac{1}{b-1} \sum_i (y_i - \bar y)^2 .
 
-    and the correlation time follows from :math:`u^2 = 2 s^2 \tau / t` for a window of length t. It comes out
-    small where ripple makes up most of s. A gap in the torque leaves mean and standard deviation; the rest is NaN.
+    The correlation time is learned from finer pieces of whole revolutions (`serial_mean`), and where it is shorter
+    than half of one from :math:`u^2 = 2 s^2 \tau / t`, t the length of the mean and s the scatter that does not
+    repeat from turn to turn. Beyond `MEMORY_OF_BATCHES` of the window, the finer pieces give u and its degrees of
+    freedom. A gap in the torque leaves mean and standard deviation; the rest is NaN.
 
     References
     ----------
-    `FILTER_SOURCE`, `UNCERTAINTY_SOURCE`.
+    `FILTER_SOURCE`, `UNCERTAINTY_SOURCE`, `BERGER_YANG` in `pmg.pipeline.serialmean`.
     """
     known = torque[np.isfinite(torque)]
     speed = end_to_end_speed(angle, rate_hz)
+    step = resolution(known)
     if len(known) < 2 or len(known) < len(torque):
         mean = float(known.mean()) if len(known) else math.nan
         std = float(known.std(ddof=1)) if len(known) > 1 else math.nan
-        return ShaftMeans(mean, math.nan, 0, 0, std, math.nan, math.nan, speed)
-    filtered = low_pass(torque, rate_hz, CUTOFF_HZ)
-    std = float(torque.std(ddof=1))
-    batches = batch_means(torque, angle)
-    within, correlation_time = math.nan, math.nan
-    if len(batches.means) > 1:
-        variance = float(batches.means.var(ddof=1))
-        within = math.sqrt(variance * batches.length / len(torque))
-        if std > 0.0:
-            correlation_time = within**2 * (len(torque) / rate_hz) / (2.0 * std**2)
+        return ShaftMeans(mean, math.nan, 0, 0, std, math.nan, math.nan, speed, resolution=step)
+    turned = Turned(torque, turns_of(angle))
+    batches, length = turned.batches(), len(torque) / rate_hz
+    within, dof, method, correlation_time = _uncertainty(turned, batches, rate_hz)
     return ShaftMeans(
-        torque=float(filtered.mean()),
+        torque=turned.mean(),
         within=within,
-        dof=max(0, len(batches.means) - 1),
+        dof=dof,
         revolutions_per_batch=batches.revolutions,
-        std=std,
-        std_filtered=float(filtered.std(ddof=1)),
+        std=float(torque.std(ddof=1)),
+        std_filtered=float(low_pass(torque, rate_hz, CUTOFF_HZ).std(ddof=1)),
         correlation_time=correlation_time,
         speed=speed,
+        method=method,
+        correlated=bool(correlation_time > LONG_MEMORY * length),
+        resolution=step,
     )
+
+
+def _uncertainty(turned: Turned, batches: Batches, rate_hz: float) -> tuple[float, float, str, float]:
+    """Standard uncertainty of the mean, its degrees of freedom, where both come from, and the correlation time."""
+    if len(batches.means) < 2:
+        return math.nan, 0.0, BATCH_METHOD, math.nan
+    within = math.sqrt(float(batches.means.var(ddof=1)) * batches.length / turned.used)
+    dof, scatter = float(len(batches.means) - 1), turned.scatter()
+    short = within**2 * turned.used / rate_hz / (2.0 * scatter**2) if scatter > 0.0 else math.nan
+    pieces = turned.pieces()
+    count, found = len(pieces.means), serial_mean(pieces.means)
+    if found is None or found.memory * count < RESOLVED:
+        return within, dof, BATCH_METHOD, short
+    samples = count * pieces.length
+    long = found.memory * samples / rate_hz
+    if found.memory * samples <= MEMORY_OF_BATCHES * len(turned.torque):
+        return within, dof, BATCH_METHOD, long
+    return found.u * math.sqrt(samples / turned.used), found.dof, MEMORY_METHOD, long
+
+
+def resolution(torque: Array) -> float:
+    """Step between neighbouring values [N m]: the middle one among those that occur; NaN where all are equal."""
+    steps = np.diff(np.unique(torque))
+    return float(np.median(steps)) if len(steps) else math.nan
 
 
 def low_pass(x: Array, rate_hz: float, cutoff_hz: float) -> Array:
@@ -216,46 +236,3 @@ def end_to_end_speed(angle: Array, rate_hz: float) -> float:
         return math.nan
     first, last = known[0], known[-1]
     return float((angle[last] - angle[first]) * rate_hz / (last - first))
-
-
-def batch_means(torque: Array, angle: Array) -> Batches:
-    """Means of consecutive pieces of a window without gaps in the torque.
-
-    Parameters
-    ----------
-    torque, angle : (n,) array
-        Torque [N m] and angle [rad] of the same shaft.
-
-    Notes
-    -----
-    What repeats with each turn of the shaft is no noise of the mean, so where at least `FEWEST_BATCHES` batches of
-    whole revolutions fit, each batch holds the same number of them: as many batches up to `BATCHES` as use
-    `COVERAGE` of the window, else the number that uses most of it. Their borders fall between samples; the sum of
-    the torque is interpolated there. Otherwise `BATCHES` pieces of equal time are taken, and ripple counts as
-    noise, which errs on the safe side.
-    """
-    n = len(torque)
-    turned = np.abs(angle - angle[0]) if np.isfinite(angle).all() else np.zeros(n)
-    phase = np.maximum.accumulate(turned) / REVOLUTION
-    count, revolutions = _whole_revolutions(float(phase[-1]))
-    if count:
-        borders = np.interp(np.arange(count + 1) * float(revolutions), phase, np.arange(n, dtype=np.float64))
-    elif n >= 2 * BATCHES:
-        borders = np.linspace(0.0, float(n), BATCHES + 1)
-    else:
-        return Batches(np.empty(0), 0.0, 0)
-    total = np.concatenate(([0.0], np.cumsum(torque)))
-    lengths = np.diff(borders)
-    sums = np.diff(np.interp(borders, np.arange(n + 1, dtype=np.float64), total))
-    return Batches(sums / lengths, float(lengths.mean()), revolutions)
-
-
-def _whole_revolutions(turns: float) -> tuple[int, int]:
-    """Number of batches and revolutions of each; (0, 0) where too few fit."""
-    if turns < FEWEST_BATCHES:
-        return 0, 0
-    choices = [(b, int(turns // b)) for b in range(BATCHES, FEWEST_BATCHES - 1, -1) if turns >= b]
-    for b, each in choices:
-        if b * each >= COVERAGE * turns:
-            return b, each
-    return max(choices, key=lambda choice: choice[0] * choice[1])

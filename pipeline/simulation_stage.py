@@ -6,6 +6,7 @@ import hashlib
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.chapters.simulation import simulation_report
+from pmg.pipeline.outcome import Outcome
 from pmg.pipeline.report.write import PAGE
 from pmg.pipeline.scenario_file import read_scenario
 from pmg.pipeline.scenario_mechanisms import switch_on_by_words
@@ -13,7 +14,6 @@ from pmg.pipeline.simulate import findings_of, simulate
 from pmg.pipeline.simulation_files import simulation_files, write_simulation
 from pmg.pipeline.simulation_inputs import gather_inputs
 from pmg.pipeline.simulation_tables import summary_document
-from pmg.pipeline.stages import Outcome
 from pmg.sim.bench import load_bench
 from pmg.sim.signals import REVOLUTION, SPEED_SUN
 

@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pmg.pipeline.analyse import Analysis, analyse
 from pmg.pipeline.aside import write_aside
+from pmg.pipeline.budget.point import budget_of
+from pmg.pipeline.budget.remarks import budget_remarks
+from pmg.pipeline.budget.windowfacts import window_facts
 from pmg.pipeline.campaign import choose_campaign, measured_grid
 from pmg.pipeline.carry import lead, remark
 from pmg.pipeline.chapters.page import build_report
 from pmg.pipeline.diagnose.document import diagnosis_document
 from pmg.pipeline.diagnose.statement import statement
 from pmg.pipeline.gridtable import read_published
-from pmg.pipeline.ingest import ingest
+from pmg.pipeline.ingest_stage import run_ingest
 from pmg.pipeline.judged import judge, leave_model
 from pmg.pipeline.modelfile import FILE as MODEL
 from pmg.pipeline.modelfile_read import read_model
 from pmg.pipeline.options import AnalysisOptions
+from pmg.pipeline.orders.stage import orders_chapter
+from pmg.pipeline.outcome import Outcome, told
 from pmg.pipeline.outputs import analysis_document, read_analysis, write_analysis
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store import Store
@@ -32,74 +36,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from pmg.pipeline.budget.windowfacts import WindowFacts
     from pmg.sim.grid import Grid
 
 SEED = 20260101
 """Seed of the synthetic campaigns behind a p-value; named in the report."""
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a stage did.
-
-    Parameters
-    ----------
-    data : dict
-        Results, as JSON.
-    lines : tuple of str
-        The same for people, a few lines.
-    findings : tuple of dict
-        Remarks: severity, where, message.
-    partial : bool
-        Something was left out that a new call, with better input, could add.
-    mismatch : bool
-        Simulation and recordings differ.
-    """
-
-    data: dict[str, Any]
-    lines: tuple[str, ...]
-    findings: tuple[dict[str, Any], ...] = ()
-    partial: bool = False
-    mismatch: bool = False
-
-
-def run_ingest(
-    recordings: Path, store: Path, *, workers: int | None, progress: Callable[[int, int, str], None] | None
-) -> Outcome:
-    """Decode recordings into a store."""
-    report = ingest(recordings, Store(store), workers=workers, progress=progress)
-    lines = [
-        f"ingested {report.ingested}, already there {report.skipped}, not usable {report.failed}; "
-        f"{report.windows} windows, {report.rejected} rejected"
-    ]
-    data = {
-        "store": str(store),
-        "ingested": report.ingested,
-        "skipped": report.skipped,
-        "failed": report.failed,
-        "windows": report.windows,
-        "rejected": report.rejected,
-        "campaigns": list(report.campaigns),
-    }
-    findings = tuple(finding.to_dict() for finding in report.findings)
-    rejected = _rejected_windows(Store(store), report.sha256)
-    return Outcome(data, tuple(lines), findings + rejected, partial=bool(report.failed or report.rejected))
-
-
-def _rejected_windows(store: Store, sources: frozenset[str]) -> tuple[dict[str, Any], ...]:
-    """Windows of these sources that failed a check, as findings."""
-    return tuple(
-        _finding(
-            "warning", f"{manifest.document['file']}: {window['point']}", f"rejected: {'; '.join(window['reasons'])}"
-        )
-        for manifest in store.manifests()
-        for window in manifest.document["windows"]
-        if manifest.document["sha256"] in sources and not window["accepted"]
-    )
-
-
-def _finding(severity: str, where: str, message: str) -> dict[str, Any]:
-    return {"severity": severity, "where": where, "message": message}
 
 
 def run_analyse(store: Path, options: AnalysisOptions, *, grids: Path | None, campaign: str | None) -> Outcome:
@@ -116,19 +57,20 @@ def run_analyse(store: Path, options: AnalysisOptions, *, grids: Path | None, ca
     campaign : str, optional
         Which campaign, where the store holds several.
     """
-    bench = load_bench()
+    bench, facts = load_bench(), None
     if grids is not None:
         grid = read_published(grids, bench)
         Store(store).prepare()
     else:
         name, manifests = choose_campaign(Store(store), campaign)
-        grid = measured_grid(name, manifests, bench)
+        grid, facts = measured_grid(name, manifests, bench), window_facts(manifests)
     analysis = analyse(grid, options, bench)
-    folder = write_analysis(analysis, store)
+    budget = budget_of(analysis.grid, analysis.floor, bench, facts)
+    folder = write_analysis(analysis, store, budget)
     return Outcome(
-        data={"analysis": analysis_document(analysis), "folder": str(folder)},
+        data={"analysis": analysis_document(analysis, budget), "folder": str(folder)},
         lines=_analysis_lines(analysis, folder),
-        findings=_analysis_findings(analysis),
+        findings=_analysis_findings(analysis) + tuple(budget_remarks(budget)),
         partial=not analysis.complete,
     )
 
@@ -154,9 +96,9 @@ def _analysis_lines(analysis: Analysis, folder: Path) -> tuple[str, ...]:
 
 def _analysis_findings(analysis: Analysis) -> tuple[dict[str, Any], ...]:
     """Holes, steps that could not be made, magnetic efficiencies above 1."""
-    found = [_finding("warning", "grid", f"no accepted point at {cell}") for cell in analysis.lacking]
+    found = [told("warning", "grid", f"no accepted point at {cell}") for cell in analysis.lacking]
     found += [
-        _finding("warning", error.where, f"{error.came}; expected {error.expected}. {error.do}")
+        told("warning", error.where, f"{error.came}; expected {error.expected}. {error.do}")
         for error in analysis.missing
     ]
     if analysis.balance is not None:
@@ -167,7 +109,7 @@ def _analysis_findings(analysis: Analysis) -> tuple[dict[str, Any], ...]:
                 f"magnetic efficiency above 1 at {len(names)} points, at {int(analysis.balance.implausible().sum())} "
                 f"by more than U: {', '.join(map(str, names[:5]))}{' ...' if len(names) > 5 else ''}"
             )
-            found.append(_finding("warning", "efficiency", message))
+            found.append(told("warning", "efficiency", message))
     return tuple(found)
 
 
@@ -191,7 +133,7 @@ def run_compare(store: Path, report: Path, note: str = "", model: Path | None = 
     analysis = analyse(grid, options, bench)
     judged = judge(analysis, options, bench, np.random.default_rng(SEED), given)
     diagnosis = None if judged is None else judged.diagnosis
-    remarks, inputs = _sources(store, grid)
+    remarks, inputs, facts = _sources(store, grid)
     if model is not None:
         inputs += ((f"SHA-256 of {model.name}", hashlib.sha256(model.read_bytes()).hexdigest()),)
     page = build_report(
@@ -204,6 +146,8 @@ def run_compare(store: Path, report: Path, note: str = "", model: Path | None = 
         provenance=(*inputs, ("Seed of the synthetic campaigns", str(SEED))),
         carried=None if judged is None else judged.carried,
         ends=() if judged is None else judged.ends,
+        orders=None if grid.origin == "published" else orders_chapter(Store(store), grid.campaign, bench),
+        budget=budget_of(analysis.grid, analysis.floor, bench, facts),
     )
     text = ""
     if diagnosis is not None:
@@ -227,10 +171,12 @@ def run_compare(store: Path, report: Path, note: str = "", model: Path | None = 
     return Outcome(data, tuple(lines), remarks + _analysis_findings(analysis), not analysis.complete, mismatch)
 
 
-def _sources(store: Path, grid: Grid) -> tuple[tuple[dict[str, Any], ...], tuple[tuple[str, str], ...]]:
-    """Findings of the sources of a campaign, and what the report says of its inputs."""
+def _sources(
+    store: Path, grid: Grid
+) -> tuple[tuple[dict[str, Any], ...], tuple[tuple[str, str], ...], WindowFacts | None]:
+    """Findings of the sources of a campaign, what the report says of its inputs, and what is known of its windows."""
     if grid.origin == "published":
-        return (), (("Input", "published grids, torques rounded to 0.01 N m"),)
+        return (), (("Input", "published grids, torques rounded to 0.01 N m"),), None
     _, manifests = choose_campaign(Store(store), grid.campaign)
     failed = [manifest for manifest in Store(store).manifests() if not manifest.ingested]
     remarks = tuple(plain for manifest in (*manifests, *failed) for plain in manifest.document["findings"])
@@ -243,7 +189,8 @@ def _sources(store: Path, grid: Grid) -> tuple[tuple[dict[str, Any], ...], tuple
         ("First recording started", first),
         ("SHA-256 over the sorted SHA-256 of the recordings", digest),
     ]
-    return remarks, tuple(inputs)
+    facts = window_facts(manifests)
+    return remarks, tuple(inputs), facts if len(facts.sun.dof) == len(grid) else None
 
 
 def run_all(
@@ -258,6 +205,8 @@ def run_all(
     workers: int | None,
     progress: Callable[[int, int, str], None] | None,
     model: Path | None = None,
+    scheduler: str | None = None,
+    limits: Path | None = None,
 ) -> Outcome:
     """Ingest, analyse and compare; with published grids, analyse and compare."""
     if (recordings is None) == (grids is None):
@@ -265,7 +214,9 @@ def run_all(
         raise RecordingError("pmg run", came, "one of them", "Name a folder of recordings, or one of published grids.")
     parts: dict[str, Outcome] = {}
     if recordings is not None:
-        parts["ingest"] = run_ingest(recordings, store, workers=workers, progress=progress)
+        parts["ingest"] = run_ingest(
+            recordings, store, workers=workers, scheduler=scheduler, limits=limits, progress=progress
+        )
         ingested = parts["ingest"].data["campaigns"]
         campaign = campaign or (ingested[0] if len(ingested) == 1 else None)
     parts["analyse"] = run_analyse(store, options, grids=grids, campaign=campaign)

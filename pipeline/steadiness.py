@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.reduce import batch_means, end_to_end_speed
+from pmg.pipeline.reduce import end_to_end_speed
+from pmg.pipeline.turned import batch_means
 from pmg.sim.signals import REVOLUTION, RPM
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
+    from pmg.pipeline.limits import Steadiness
     from pmg.pipeline.recording.calibration import Calibration
     from pmg.pipeline.recording.join import Blemish
     from pmg.pipeline.recording.run import Setpoints
@@ -27,55 +29,10 @@ REST_SPEED = 0.5 * RPM
 EMERGENCY_STOP = 1
 """Bit of the digital inputs that is set while the emergency stop is pressed."""
 SIDES = ("sun", "ring")
-
-
-@dataclass(frozen=True)
-class Steadiness:
-    """What counts as a steady window.
-
-    Parameters
-    ----------
-    shortest : float
-        Shortest window [s]: two periods of the 0.5 Hz filter's cut-off would be 4 s; below 1 s the batches that
-        give the uncertainty are shorter than the control loop's settling.
-    completeness : float
-        Least part of the length that the test step announces; a shorter one was cut off.
-    speed_change : float
-        Largest difference between the mean speeds of both halves, and largest standard deviation among the ten
-        parts [rad/s]. Half a rpm over a window accelerates the rotors by less than the transducers resolve.
-    speed_change_relative : float
-        The same, as part of the speed; the larger of both limits holds.
-    parts : int
-        Parts of the window whose speeds are compared.
-    counts : float
-        Encoder counts per part that are added to the limit, so that the resolution alone never trips it.
-    speed_offset, speed_offset_relative : float
-        Largest distance from the set-point [rad/s] and as part of it; the sum of both holds. Beyond, the controller
-        has not reached its target or the set-point in the file is another run's.
-    torque_drift : float
-        Largest change of the torque over the window, as part of the nominal torque.
-    torque_drift_sigmas : float
-        The change must also be this many of its own standard errors: noise alone never trips the check. Warming up
-        during a window stays far below both.
-    frequency_low, frequency_high : float
-        Rated range of the transducers' frequency output [Hz].
-    """
-
-    shortest: float = 1.0
-    completeness: float = 0.9
-    speed_change: float = 0.5 * RPM
-    speed_change_relative: float = 0.002
-    parts: int = 10
-    counts: float = 2.0
-    speed_offset: float = 2.0 * RPM
-    speed_offset_relative: float = 0.005
-    torque_drift: float = 0.01
-    torque_drift_sigmas: float = 8.0
-    frequency_low: float = 5_000.0
-    frequency_high: float = 15_000.0
-
-
-LIMITS = Steadiness()
+FEWEST_MEANS = 5
+"""Batches below which a drift cannot be told from noise."""
+TRIMMED = 1.6
+"""Standard deviation of normal numbers over the root mean square of those that are left without the largest quarter."""
 
 
 @dataclass(frozen=True)
@@ -211,19 +168,19 @@ def speed_off(window: Evidence, limits: Steadiness) -> Reason | None:
 
 
 def torque_unsettled(window: Evidence, limits: Steadiness) -> Reason | None:
-    """Torque that still drifts, beyond noise and beyond what matters."""
+    """Torque that still drifts, steps or strays, beyond noise and beyond what matters."""
     for side in SIDES:
         torque = window.torque[side]
         if len(torque) < 2 or not np.isfinite(torque).all():
             continue
         means = batch_means(torque, window.angle[side]).means
-        if len(means) < 4:
+        if len(means) < FEWEST_MEANS:
             continue
-        change, error = _trend(means)
         limit = limits.torque_drift * window.calibration.transducer(side).nominal_torque
-        if abs(change) > limit and abs(change) > limits.torque_drift_sigmas * error:
-            detail = f"{side} changes by {change * 1e3:+.1f} mN m over the window, limit {limit * 1e3:.1f} mN m"
-            return Reason("torque not settled", detail)
+        for what, change, error in torque_changes(means):
+            if abs(change) > limit and abs(change) > limits.torque_drift_sigmas * error:
+                detail = f"{side} {what} {change * 1e3:+.1f} mN m, limit {limit * 1e3:.1f} mN m"
+                return Reason("torque not settled", detail)
     return None
 
 
@@ -270,13 +227,39 @@ def _speeds(angle: Array, size: int, rate_hz: float) -> Array:
     return np.asarray((angle[starts + size - 1] - angle[starts]) * rate_hz / (size - 1))
 
 
-def _trend(means: Array) -> tuple[float, float]:
-    """Change over the window by a straight line through the batch means, and its standard error."""
-    place = (np.arange(len(means)) + 0.5) / len(means) - 0.5
+def torque_changes(means: Array) -> tuple[tuple[str, float, float], ...]:
+    r"""What speaks against one level, in words, with its size and standard error [N m].
+
+    Parameters
+    ----------
+    means : (b,) array
+        Means of consecutive batches [N m]: a tenth of the window each, so that noise is decorrelated and ripple gone.
+
+    Notes
+    -----
+    A change along a straight line, a difference between the halves, the largest excursion of one batch from the
+    median. The noise of a batch is estimated from differences of neighbours without the largest quarter of them,
+    which neither a drift, nor a step, nor a batch that strays can hide behind: against the scatter about its own
+    straight line, a step in the middle of ten batches is never more than 4.9 standard errors.
+    """
+    b = len(means)
+    differences = np.diff(means)
+    sizes = np.sort(np.abs(differences - np.median(differences)))
+    kept = sizes[: len(sizes) - max(1, len(sizes) // 4)]
+    noise = TRIMMED * math.sqrt(0.5 * float(np.mean(kept**2)))
+    place = (np.arange(b) + 0.5) / b - 0.5
     weight = float(np.sum(place**2))
-    slope = float(np.sum(place * means)) / weight
-    rest = means - means.mean() - slope * place
-    return slope, math.sqrt(float(np.sum(rest**2)) / (len(means) - 2) / weight)
+    half = b // 2
+    off = means - np.median(means)
+    return (
+        ("changes over the window by", float(np.sum(place * means)) / weight, noise / math.sqrt(weight)),
+        (
+            "differs between the halves by",
+            float(means[-half:].mean() - means[:half].mean()),
+            noise * math.sqrt(2 / half),
+        ),
+        ("strays in one batch by", float(off[np.argmax(np.abs(off))]), noise),
+    )
 
 
 def _rpm(what: str, value: float, limit: float) -> str:

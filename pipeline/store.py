@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import io
 import json
-import time
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
-from pmg.pipeline.aside import PREFIX, write_aside
+from pmg.pipeline.aside import PREFIX, abandoned, write_aside
 from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
@@ -22,8 +21,10 @@ SCHEMA = "pmg.store/1"
 MARK = "store.json"
 SOURCES = "sources"
 RUNS = "runs"
-ABANDONED = 3600.0
-"""Age after which such a file belongs to no running process [s]."""
+ORDERS = "orders"
+STATUSES = ("ingested", "failed")
+REMOVED = f"{PREFIX}removed-"
+"""Start of the names of manifests that are being removed."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class Store:
             schema = _schema_of(mark)
             if schema != SCHEMA:
                 raise StoreError(str(mark), f"schema {schema!r}", SCHEMA, "Choose another folder, or ingest anew.")
-        elif path.is_dir() and any(not entry.name.startswith(PREFIX) for entry in path.iterdir()):
+        elif path.is_dir() and _held_otherwise(path):
             raise StoreError(
                 str(path),
                 f"a folder with other things in it and no {MARK}",
@@ -80,15 +81,19 @@ class Store:
                 "Choose another folder; nothing was changed.",
             )
 
+    @property
+    def made(self) -> bool:
+        """Whether the folder is a store by now."""
+        return (self.path / MARK).is_file()
+
     def prepare(self) -> None:
         """Make the folder a store."""
-        mark = self.path / MARK
-        if not mark.is_file():
-            write_aside(mark, _json({"schema": SCHEMA}))
+        if not self.made:
+            write_aside(self.path / MARK, _json({"schema": SCHEMA}))
 
     def require(self) -> None:
         """Raise a `StoreError` where nothing was ever ingested."""
-        if not (self.path / MARK).is_file():
+        if not self.made:
             raise StoreError(str(self.path), "no store there", "ingested recordings", "Run 'pmg ingest' first.")
 
     def manifest(self, identifier: str) -> Manifest | None:
@@ -100,17 +105,24 @@ class Store:
             return None
         if not isinstance(document, dict) or document.get("schema") != SCHEMA:
             return None
+        if document.get("status") not in STATUSES:
+            return None
         if document["status"] == "ingested" and not (self.path / RUNS / f"{identifier}.parquet").is_file():
             return None
         return Manifest(identifier, document)
 
-    def manifests(self) -> list[Manifest]:
+    def manifests(self, *, whole: bool = True) -> list[Manifest]:
         """Manifests of all sources, by name of the file.
+
+        Parameters
+        ----------
+        whole : bool
+            Whether one that cannot be read is an error; it is left out otherwise, as an ingest writes it anew.
 
         Raises
         ------
         StoreError
-            One of them cannot be read.
+            One of them cannot be read. One that another process removes meanwhile is no longer there.
         """
         self.require()
         found = []
@@ -118,11 +130,12 @@ class Store:
             if path.name.startswith(PREFIX):
                 continue
             manifest = self.manifest(path.stem)
-            if manifest is None:
+            if manifest is not None:
+                found.append(manifest)
+            elif whole and path.exists():
                 raise StoreError(
                     str(path), "unreadable, or its samples are missing", SCHEMA, "Ingest its source again."
                 )
-            found.append(manifest)
         return found
 
     def write(self, identifier: str, document: Mapping[str, Any], samples: pl.DataFrame | None) -> None:
@@ -134,9 +147,19 @@ class Store:
         write_aside(self.path / SOURCES / f"{identifier}.json", _json({"schema": SCHEMA} | dict(document)))
 
     def remove(self, identifier: str) -> None:
-        """Forget a source: the manifest first, so that samples without one are all that a kill can leave."""
-        (self.path / SOURCES / f"{identifier}.json").unlink(missing_ok=True)
+        """Forget a source, so that a kill leaves it whole or leaves what `sweep` clears away."""
+        manifest = self.path / SOURCES / f"{identifier}.json"
+        leaving = manifest.with_name(f"{REMOVED}{identifier}.json")
+        with suppress(FileNotFoundError):
+            manifest.replace(leaving)
+        self._forget(identifier)
+        leaving.unlink(missing_ok=True)
+
+    def _forget(self, identifier: str) -> None:
+        """Remove what is kept of a source beside its manifest: samples, and lines of the shafts' orders."""
         (self.path / RUNS / f"{identifier}.parquet").unlink(missing_ok=True)
+        for suffix in (".json", ".parquet"):
+            (self.path / ORDERS / f"{identifier}{suffix}").unlink(missing_ok=True)
 
     def samples(self, identifier: str) -> pl.DataFrame:
         """Decoded samples of a source: `sample`, `torque_sun`, `torque_ring` [N m], `angle_sun`, `angle_ring` [rad]."""
@@ -149,12 +172,27 @@ class Store:
             ) from error
 
     def sweep(self) -> None:
-        """Remove what interrupted writes left behind an hour ago or more; younger ones may be another process's."""
-        for folder in (self.path, self.path / SOURCES, self.path / RUNS):
+        """Clear away what killed processes left: half-written files, and sources half removed."""
+        for leaving in (self.path / SOURCES).glob(f"{REMOVED}*.json"):
+            self._finish_removal(leaving)
+        for folder in (self.path, *(self.path / name for name in (SOURCES, RUNS, ORDERS))):
             for left in folder.glob(f"{PREFIX}*"):
-                with suppress(OSError):
-                    if time.time() - left.stat().st_mtime > ABANDONED:
+                if not left.name.startswith(REMOVED) and abandoned(left):
+                    with suppress(OSError):
                         left.unlink()
+
+    def _finish_removal(self, leaving: Path) -> None:
+        """Remove the samples of a source whose manifest is gone; those of one that was ingested again stay."""
+        identifier = leaving.stem.removeprefix(REMOVED)
+        with suppress(OSError):
+            if not (self.path / SOURCES / f"{identifier}.json").exists():
+                self._forget(identifier)
+            leaving.unlink(missing_ok=True)
+
+
+def _held_otherwise(path: Path) -> bool:
+    """Whether a folder holds things and no mark; one that another process has just made has its mark by now."""
+    return any(not entry.name.startswith(PREFIX) for entry in path.iterdir()) and not (path / MARK).is_file()
 
 
 def _schema_of(mark: Path) -> object:

@@ -18,7 +18,18 @@ _CARRIED = frozenset({"coefficients_Nm", "b_Nm", "c_Nm_s_rad", "size_Nm", "mean_
 
 _REASONS: dict[str, frozenset[str]] = {
     "a choice": frozenset(
-        {"powers_sun", "powers_ring", "powers", "chosen", "speed_reference_rad_s", "coverage", "K_corr"}
+        {
+            "powers_sun",
+            "powers_ring",
+            "powers",
+            "chosen",
+            "speed_reference_rad_s",
+            "coverage",
+            "coverage_factor",
+            "K_corr",
+            "divisor",
+            "limits",
+        }
     ),
     "a count": frozenset(
         {
@@ -35,6 +46,8 @@ _REASONS: dict[str, frozenset[str]] = {
             "added_terms",
             "candidates",
             "withheld_speeds",
+            "from_memory",
+            "effective_degrees_of_freedom",
         }
     ),
     "an elapsed time": frozenset({"hours", "hours_between"}),
@@ -131,7 +144,7 @@ def _reason(names: list[str], within: dict[str, Any]) -> str:
         return _BOUND if within["standard_errors"][2] is None else ""
     if name in _CARRIED or f"u_{name}" in within:
         return ""
-    return next((reason for reason, members in _REASONS.items() if name in members), NOT_STATED)
+    return next((reason for reason, members in _REASONS.items() if not members.isdisjoint(names[-2:])), NOT_STATED)
 
 
 def unstated_columns(frame: pd.DataFrame) -> list[dict[str, str]]:

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.limits import LIMITS
+from pmg.pipeline.plateaus import plateaus
 from pmg.pipeline.recording.run import Setpoints
 from pmg.pipeline.reduce import end_to_end_speed
-from pmg.pipeline.steadiness import CHECKS, LIMITS, REST_SPEED, Evidence
+from pmg.pipeline.steadiness import CHECKS, REST_SPEED, SIDES, Evidence
 
 if TYPE_CHECKING:
     from datetime import datetime
 
+    from pmg.pipeline.limits import Steadiness
     from pmg.pipeline.recording import Recording
     from pmg.pipeline.recording.events import Step
-    from pmg.pipeline.steadiness import Steadiness
     from pmg.sim.grid import Configuration
 
 
@@ -86,11 +88,32 @@ def find_windows(recording: Recording, limits: Steadiness = LIMITS) -> tuple[Win
     -----
     In a sequence, a window lasts from MEASURE to END of the same point; one that is never closed lasts to the next
     START or the end of the file and is rejected. Its set-points are those of the step; what the step leaves
-    open stays open. Without steps the whole file is one window, over the samples that all channels share.
+    open stays open. Without steps, a file that names its point is one window, over the samples that all channels
+    share; one that names none is cut into plateaus (`pmg.pipeline.plateaus`), each a window with the file's
+    set-points, numbered in the order of time, whether it is accepted or not.
     """
     if recording.steps:
         return tuple(_judge(recording, stretch, limits) for stretch in _from_steps(recording.steps))
-    return (_judge(recording, _whole(recording), limits),)
+    whole = _whole(recording)
+    stretches = (whole,) if recording.run.point else _from_plateaus(recording, whole, limits)
+    return tuple(_judge(recording, stretch, limits) for stretch in stretches)
+
+
+def _from_plateaus(recording: Recording, whole: _Stretch, limits: Steadiness) -> tuple[_Stretch, ...]:
+    first, stop = whole.first, whole.stop or whole.first
+    part = recording.samples.slice(first - recording.first_sample, stop - first)
+    torques = [
+        (part[f"torque_{side}"].to_numpy(), recording.calibration.transducer(side).nominal_torque) for side in SIDES
+    ]
+    angles = [part[f"angle_{side}"].to_numpy() for side in SIDES]
+    found = plateaus(torques, angles, recording.rate_hz, limits)
+    if len(found) < 2:
+        return (whole,) if not found else (replace(whole, first=first + found[0][0], stop=first + found[0][1]),)
+    width = max(2, len(str(len(found))))
+    return tuple(
+        replace(whole, point=f"{whole.point}-{number:0{width}d}", first=first + start, stop=first + end)
+        for number, (start, end) in enumerate(found, 1)
+    )
 
 
 def _whole(recording: Recording) -> _Stretch:

@@ -141,6 +141,15 @@ class TransducerParameters:
 
 
 @dataclass(frozen=True)
+class CoilParameters:
+    """The search coils on the iron poles: turns, and the area of a turn of either kind."""
+
+    turns: Quantity
+    area_radial: Quantity
+    area_tangential: Quantity
+
+
+@dataclass(frozen=True)
 class BenchParameters:
     """The whole bench."""
 
@@ -154,6 +163,7 @@ class BenchParameters:
     bearings: BearingParameters
     transducer_sun: TransducerParameters
     transducer_ring: TransducerParameters
+    coils: CoilParameters
 
     def gear(self, number: int) -> GearParameters:
         """The magnetic stage of that number, 1 or 2."""
@@ -193,5 +203,6 @@ def load_bench() -> BenchParameters:
         "bearings": BearingParameters,
         "transducer_sun": TransducerParameters,
         "transducer_ring": TransducerParameters,
+        "coils": CoilParameters,
     }
     return BenchParameters(**{name: _quantities(data[name], kind, name) for name, kind in kinds.items()})

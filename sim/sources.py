@@ -48,6 +48,15 @@ FLEGAL_JONES = Source(
     "J. M. Flegal, G. L. Jones, 'Batch means and spectral variance estimators in Markov chain Monte Carlo', "
     "Annals of Statistics 38(2), 2010, doi:10.1214/09-AOS735",
 )
+PERCIVAL_WALDEN = Source(
+    "percival-walden",
+    "D. B. Percival, A. T. Walden, 'Spectral Analysis for Physical Applications', Cambridge University Press, 1993",
+)
+FYFE_MUNCK = Source(
+    "fyfe-munck",
+    "K. R. Fyfe, E. D. S. Munck, 'Analysis of computed order tracking', Mechanical Systems and Signal Processing "
+    "11(2), 1997, doi:10.1006/mssp.1996.0056",
+)
 WESTFALL_YOUNG = Source(
     "westfall-young", "P. H. Westfall, S. S. Young, 'Resampling-Based Multiple Testing', Wiley, 1993"
 )

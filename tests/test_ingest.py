@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pmg.pipeline.ingest import IngestReport, ingest
+from pmg.pipeline.limits import LIMITS
 from pmg.pipeline.recording import Code, Severity
 from pmg.pipeline.store import Store
+from pmg.pipeline.turned import Turned, turns_of
 from pmg.sim.errors import RecordingError
 from pmg.sim.signals import RPM
 
@@ -64,11 +67,24 @@ def test_the_manifest_holds_the_window_and_its_means(mixed: Path, tmp_path: Path
     assert window["means"]["ring"]["speed"] / RPM == pytest.approx(300.0, abs=0.01)
     samples = store.samples(by_file["neutral.mcap"].identifier)
     assert samples.height == 2500
-    assert samples["torque_sun"].mean() == pytest.approx(window["means"]["sun"]["torque"], abs=1e-12)
+    whole = Turned(samples["torque_sun"].to_numpy(), turns_of(samples["angle_sun"].to_numpy())).mean()
+    assert whole == pytest.approx(window["means"]["sun"]["torque"], abs=1e-12)
+    assert samples["torque_sun"].mean() == pytest.approx(whole, abs=1e-3)
     (ramp,) = by_file["ramp.mcap"].document["windows"]
     assert not ramp["accepted"]
     assert ramp["reasons"][0].startswith("speed not settled")
     assert np.isfinite(ramp["means"]["sun"]["torque"])
+
+
+def test_other_limits_judge_the_same_recordings_anew(mixed: Path, tmp_path: Path) -> None:
+    store, strict = Store(tmp_path / "s"), replace(LIMITS, shortest=60.0)
+    ingest(mixed, store, workers=1)
+    assert ingest(mixed, store, workers=1).ingested == 0
+    again = ingest(mixed, store, workers=1, limits=strict)
+    assert (again.ingested, again.rejected) == (4, 4)
+    assert all(m.document["limits"] == strict.document() for m in store.manifests() if m.ingested)
+    back = ingest(mixed, store, workers=1)
+    assert (back.ingested, back.rejected) == (4, 1)
 
 
 def test_processes_and_order_do_not_change_a_byte(mixed: Path, tmp_path: Path) -> None:

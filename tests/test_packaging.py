@@ -25,7 +25,10 @@ PACKAGE_DIR: dict[str, str] = PROJECT["tool"]["setuptools"]["package-dir"]
 PACKAGES: list[str] = PROJECT["tool"]["setuptools"]["packages"]
 PACKAGE_DATA: dict[str, list[str]] = PROJECT["tool"]["setuptools"]["package-data"]
 DEPENDENCIES: list[str] = PROJECT["project"]["dependencies"]
-DESK: list[str] = PROJECT["project"]["optional-dependencies"]["dev"]
+EXTRAS: dict[str, list[str]] = PROJECT["project"]["optional-dependencies"]
+DESK: list[str] = EXTRAS["dev"]
+OPTIONAL: list[str] = [text for extra, needed in EXTRAS.items() if extra != "dev" for text in needed]
+"""What a user may add; imported inside of functions, with a hint where it is missing."""
 SCRIPTS: dict[str, str] = PROJECT["project"]["scripts"]
 
 
@@ -133,7 +136,7 @@ def test_every_dependency_is_pinned_to_one_version() -> None:
     assert not odd, f"not of the form name==version: {odd}"
     pinned = [line.split("==")[0] for line in pins()]
     assert sorted(set(pinned)) == sorted(pinned)
-    missing = names(DEPENDENCIES + DESK + PROJECT["build-system"]["requires"]) - set(pinned)
+    missing = names(DEPENDENCIES + DESK + OPTIONAL + PROJECT["build-system"]["requires"]) - set(pinned)
     assert not missing, f"in pyproject without a pin: {sorted(missing)}"
 
 
@@ -152,7 +155,7 @@ def test_every_library_that_is_imported_is_a_dependency() -> None:
             if path.suffix == ".py":
                 code = re.sub(r'"""(?:.|\n)*?"""', "", path.read_text(encoding="utf-8"))
                 imported |= {top: path.relative_to(ROOT).as_posix() for top in form.findall(code)}
-    ours = set(sys.stdlib_module_names) | {"pmg"} | names(DEPENDENCIES)
+    ours = set(sys.stdlib_module_names) | {"pmg"} | names(DEPENDENCIES + OPTIONAL)
     missing = [f"{path} imports {top}" for top, path in imported.items() if top not in ours]
     assert "numpy" in imported
     assert not missing, f"not among the dependencies of pyproject: {missing}"

@@ -35,11 +35,13 @@ def words(text: str) -> frozenset[str]:
 COMMAND_LINE = ("pmg.pipeline.cli*", "pmg.pipeline.__main__")
 
 OWNERS: dict[str, tuple[str, ...]] = {
-    "mcap": ("pmg.pipeline.recording",),
+    "mcap": ("pmg.pipeline.recording", "pmg.pipeline.exchange.blockfile"),
     "zstandard": ("pmg.pipeline.recording",),
     "lz4": ("pmg.pipeline.recording",),
-    "nptdms": ("pmg.pipeline.recording",),
-    "asammdf": ("pmg.pipeline.recording",),
+    "nptdms": ("pmg.pipeline.exchange",),
+    "asammdf": ("pmg.pipeline.exchange",),
+    "distributed": ("pmg.pipeline.executors",),
+    "dask": ("pmg.pipeline.executors",),
     "matplotlib": ("pmg.pipeline.report",),
     "plotly": ("pmg.pipeline.report",),
     "jinja2": ("pmg.pipeline.report",),

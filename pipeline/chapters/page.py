@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pmg.pipeline.analyse import Analysis
+    from pmg.pipeline.budget.point import Budget
     from pmg.pipeline.carry import Carried
     from pmg.pipeline.compare import Residuals
     from pmg.pipeline.diagnose.diagnosis import Diagnosis
@@ -51,6 +52,8 @@ def build_report(
     provenance: tuple[tuple[str, str], ...],
     carried: Carried | None = None,
     ends: tuple[SteadyEnd, ...] = (),
+    orders: Section | None = None,
+    budget: Budget | None = None,
 ) -> Report:
     """The report of one campaign, as far as its analysis reached.
 
@@ -74,6 +77,10 @@ def build_report(
         The model that was simulated instead of the calibrated baseline; the diagnosis is that of what it leaves.
     ends : tuple of SteadyEnd
         Where the moving bench comes to rest, without and with mechanisms.
+    orders : Section, optional
+        What repeats with the turn of a shaft, where the ingest kept it.
+    budget : Budget, optional
+        What the mean torques are uncertain by.
     """
     sections: list[Section] = []
     judged = analysis if carried is None else carried.analysis
@@ -95,8 +102,10 @@ def build_report(
         if analysis.causes is not None:
             behind = analysis.calibration, analysis.causes
             sections.append(flow_section(power_flows(gearbox, residuals.grid, residuals.simulated, bench, *behind)))
+    if orders is not None:
+        sections.append(orders)
     sections.extend(published_sections(analysis.grid, bench))
-    sections.append(data_section(analysis, note, findings))
+    sections.append(data_section(analysis, note, findings, budget))
     grid = analysis.grid
     return Report(
         title=f"Campaign {grid.campaign}",

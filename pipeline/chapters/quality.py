@@ -6,17 +6,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.chapters.budget import budget_items
+from pmg.pipeline.reduce import UNCERTAINTY_SOURCE
 from pmg.pipeline.report.document import Column, Facts, Section, Table, Text
+from pmg.pipeline.serialmean import BERGER_YANG
 from pmg.sim import sources
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pmg.pipeline.analyse import Analysis
+    from pmg.pipeline.budget.point import Budget
     from pmg.pipeline.diagnose.noise import ShaftNoise
 
 
-def data_section(analysis: Analysis, note: str, findings: tuple[Mapping[str, Any], ...]) -> Section:
+def data_section(
+    analysis: Analysis, note: str, findings: tuple[Mapping[str, Any], ...], budget: Budget | None = None
+) -> Section:
     """What was recorded and what of it could be used.
 
     Parameters
@@ -27,6 +33,8 @@ def data_section(analysis: Analysis, note: str, findings: tuple[Mapping[str, Any
         What the user says of the data.
     findings : tuple of mapping
         What reading the recordings brought up, in the plain form of `Finding.to_dict`.
+    budget : Budget, optional
+        What the mean torques are uncertain by.
     """
     grid = analysis.grid
     at = grid.points
@@ -53,6 +61,8 @@ def data_section(analysis: Analysis, note: str, findings: tuple[Mapping[str, Any
             ),
             _noise_table(analysis.floor.sun, analysis.floor.ring),
         ]
+    if budget is not None:
+        items += budget_items(budget)
     rejected = np.flatnonzero(~grid.accepted)
     if len(rejected):
         items.append(
@@ -77,7 +87,8 @@ def data_section(analysis: Analysis, note: str, findings: tuple[Mapping[str, Any
     if findings:
         items.append(findings_table(findings))
     items += [Text(f"Not done: {error}", kind="warning") for error in analysis.missing]
-    return Section("data", "Data quality", tuple(items), (sources.GUM,))
+    used = (sources.GUM,) if budget is None or budget.facts is None else (sources.GUM, UNCERTAINTY_SOURCE, BERGER_YANG)
+    return Section("data", "Data quality", tuple(items), used)
 
 
 def findings_table(findings: tuple[Mapping[str, Any], ...]) -> Table:

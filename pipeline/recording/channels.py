@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 SAMPLE_SCHEMA = "pmg.v1.SampleBlock"
 ENCODING = "protobuf"
 SHARED_CLOCK = 0
+COUNTERS = ("u32", "u64")
+"""Sample types of counters."""
 LARGEST_RATE = 1e8
 """Largest sample rate taken in [Hz]; beyond it the number is a slip of the unit."""
 
@@ -53,18 +55,19 @@ def frequency(side: str) -> ChannelSpec:
 
 def edges(side: str) -> ChannelSpec:
     """Cumulative count of the edges of a frequency output."""
-    return ChannelSpec(f"/daq/torque_{side}/edges", "count", "1", ("u32",))
+    return ChannelSpec(f"/daq/torque_{side}/edges", "count", "1", COUNTERS, ("bits",))
 
 
 def edge_ticks(side: str) -> ChannelSpec:
     """Time-base tick of the last edge."""
-    keys = ("timebase_hz",)
-    return ChannelSpec(f"/daq/torque_{side}/edge_ticks", "tick", "1", ("u32",), keys, keys)
+    return ChannelSpec(
+        f"/daq/torque_{side}/edge_ticks", "tick", "1", COUNTERS, ("timebase_hz", "bits"), ("timebase_hz",)
+    )
 
 
 def encoder(side: str) -> ChannelSpec:
     """Free-running quadrature count."""
-    return ChannelSpec(f"/daq/encoder_{side}/count", "count", "1", ("u32",), ("counts_per_rev", "bits"))
+    return ChannelSpec(f"/daq/encoder_{side}/count", "count", "1", COUNTERS, ("counts_per_rev", "bits"))
 
 
 LINES = ChannelSpec("/daq/lines", "mask", "1", ("u32",))
@@ -91,9 +94,13 @@ KNOWN_PREFIXES = ("/daq/emf/", "/daq/temperature/", "/drive/")
 """Topics of the layout that the decoder leaves unread."""
 
 
+SCAN = "/daq/scan"
+"""Topic, or beginning of topics, whose messages hold several channels."""
+
+
 def wanted(topic: str) -> bool:
     """Whether the decoder reads this topic."""
-    return topic in SPECS or topic in EVENT_SCHEMAS
+    return topic in SPECS or topic in EVENT_SCHEMAS or topic.startswith(SCAN)
 
 
 @dataclass(frozen=True)
@@ -178,11 +185,6 @@ def check_channel(topic: Topic, spec: ChannelSpec, findings: Findings) -> Channe
         return None
     rate = numbers.pop("rate_hz")
     return ChannelTerms(spec, given.get("dtype", ""), rate, numbers)
-
-
-def check_events(topic: Topic, findings: Findings) -> bool:
-    """Whether the messages of an event topic are of the kind that the layout says."""
-    return _check_kind(topic, EVENT_SCHEMAS[topic.name], findings)
 
 
 def report_unread(topics: Iterable[Topic], findings: Findings) -> None:

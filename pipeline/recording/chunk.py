@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass
-from io import BytesIO
 from typing import TYPE_CHECKING
 
 import lz4.frame
@@ -37,6 +36,9 @@ LONGEST_NAME = 32
 FIXED_HEAD = 8 + 8 + 8 + 4 + 4
 """Bytes of a chunk before the name of its compression."""
 
+
+BLOCK_HEAD = 3
+"""Bytes before each block of zstd: one bit whether it is the last, two bits of its kind, its length above them."""
 
 MOST_FRAMES = 64
 """Compressed frames of lz4 in one chunk; writers make one."""
@@ -124,8 +126,8 @@ def chunk_head(source: Source, frame: Frame) -> ChunkHead:
     return ChunkHead(start, end, size, crc, compression, at, at + int.from_bytes(body[known - 8 : known], "little"))
 
 
-def expand(source: Source, head: ChunkHead, end: int, allowance: Allowance) -> bytes:
-    """Records of a chunk, proven by length and CRC.
+def expand(source: Source, head: ChunkHead, end: int, allowance: Allowance) -> memoryview:
+    """Records of a chunk, proven by length and CRC, in memory that the next chunk takes again.
 
     Parameters
     ----------
@@ -149,7 +151,7 @@ def expand(source: Source, head: ChunkHead, end: int, allowance: Allowance) -> b
     length = end - head.at
     if length > CHUNK_LIMIT + (CHUNK_LIMIT >> 4):
         raise TooLargeError(f"it claims {length} compressed bytes, and {CHUNK_LIMIT} are allowed")
-    packed = source.read(head.at, end)
+    packed = source.lend(head.at, end)
     if len(packed) < length:
         raise ChunkError("the file ends inside it")
     try:
@@ -160,7 +162,7 @@ def expand(source: Source, head: ChunkHead, end: int, allowance: Allowance) -> b
     except (zstandard.ZstdError, RuntimeError) as fault:
         raise ChunkError(str(fault)) from fault
     try:
-        data = _proven(head, packed, size)
+        data = _proven(source, head, packed, size)
     except ChunkError:
         allowance.wasted -= size
         raise
@@ -168,9 +170,9 @@ def expand(source: Source, head: ChunkHead, end: int, allowance: Allowance) -> b
     return data
 
 
-def _proven(head: ChunkHead, packed: bytes, size: int) -> bytes:
+def _proven(source: Source, head: ChunkHead, packed: memoryview, size: int) -> memoryview:
     try:
-        data = _expanded(head.compression, packed, size)
+        data = _expanded(source, head.compression, packed, size)
     except (zstandard.ZstdError, RuntimeError, EOFError) as fault:
         raise ChunkError(str(fault)) from fault
     if len(data) > size:
@@ -185,7 +187,7 @@ def _proven(head: ChunkHead, packed: bytes, size: int) -> bytes:
     return data
 
 
-def _claimed(head: ChunkHead, packed: bytes) -> int:
+def _claimed(head: ChunkHead, packed: memoryview) -> int:
     """Length of the records by the compressed bytes themselves; that of the head where they do not say."""
     if head.compression == "zstd":
         content = zstandard.get_frame_parameters(packed).content_size
@@ -195,26 +197,42 @@ def _claimed(head: ChunkHead, packed: bytes) -> int:
     return len(packed)
 
 
-def _expanded(compression: str, packed: bytes, size: int) -> bytes:
+def _expanded(source: Source, compression: str, packed: memoryview, size: int) -> memoryview:
     """At most one byte more than a size, whatever the compressed bytes hold."""
     if compression == "zstd":
-        if zstandard.get_frame_parameters(packed).content_size == size:
-            return zstandard.ZstdDecompressor().decompress(packed)
-        reader = zstandard.ZstdDecompressor().stream_reader(BytesIO(packed), read_across_frames=True)
-        return reader.read(size + 1)
+        alone = zstandard.get_frame_parameters(packed).content_size == size
+        if alone and _frame_end(packed) > len(packed):
+            raise ChunkError("its compressed blocks run past its end")
+        into = source.room(size + 1)
+        reader = zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=not alone)
+        return into[: reader.readinto(into)]
     if compression == "lz4":
         data = b""
+        rest: memoryview | bytes = packed
         for _ in range(MOST_FRAMES):
-            if not packed or len(data) > size:
+            if not rest or len(data) > size:
                 break
             unpacker = lz4.frame.LZ4FrameDecompressor()
-            data += unpacker.decompress(packed, max_length=size + 1 - len(data))
-            packed = (unpacker.unused_data or b"") if unpacker.eof else b""
-        return data
+            data += unpacker.decompress(rest, max_length=size + 1 - len(data))
+            rest = (unpacker.unused_data or b"") if unpacker.eof else b""
+        return memoryview(data)
     return packed[: size + 1]
 
 
-def _whole(data: bytes) -> bool:
+def _frame_end(packed: memoryview) -> int:
+    """Place after the first frame of zstd, by the heads of its blocks; beyond the end where one is not whole."""
+    at, last = zstandard.frame_header_size(packed), False
+    while not last:
+        head = int.from_bytes(packed[at : at + BLOCK_HEAD], "little")
+        if at + BLOCK_HEAD > len(packed):
+            return at + BLOCK_HEAD
+        last = bool(head & 1)
+        repeated = head >> 1 & 3 == 1
+        at += BLOCK_HEAD + (1 if repeated else head >> BLOCK_HEAD)
+    return at + 4 * zstandard.get_frame_parameters(packed).has_checksum
+
+
+def _whole(data: memoryview) -> bool:
     """Whether records of the kinds that a chunk holds fill the bytes to the end."""
     at = 0
     while at + HEAD.size <= len(data):

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
-from itertools import chain
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.recording.gathered import Gathered
+from pmg.pipeline.recording.messages import Messages
 from pmg.pipeline.recording.source import ShrunkError
 from pmg.pipeline.recording.walk import walk_records
 
@@ -32,8 +31,10 @@ class Topic:
         Metadata of the channel.
     count : int
         Messages seen.
-    payloads : list of bytes
+    payloads : Messages
         The messages in file order; empty for a topic that was not wanted.
+    definition : (str, bytes)
+        Encoding and text of the schema.
     """
 
     name: str
@@ -41,7 +42,8 @@ class Topic:
     schema: str
     metadata: Mapping[str, str]
     count: int
-    payloads: list[bytes]
+    payloads: Messages
+    definition: tuple[str, bytes] = ("", b"")
 
 
 @dataclass(frozen=True)
@@ -89,11 +91,8 @@ def open_container(path: Path, wanted: Callable[[str], bool], findings: Findings
     try:
         with path.open("rb") as stream:
             size = stream.seek(0, 2)
-            stream.seek(0)
-            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-            stream.seek(0)
             gathered = Gathered(wanted, findings)
-            walk_records(stream, size, gathered)
+            sha256 = walk_records(stream, size, gathered).digest()
             if (left := stream.seek(0, 2)) < size:
                 raise ShrunkError(left, size)
     except ShrunkError as fault:
@@ -153,9 +152,14 @@ def _description(gathered: Gathered, channel: Channel) -> tuple[str, str, dict[s
 
 def _topic(gathered: Gathered, channel: Channel, identities: list[int]) -> Topic:
     """What the channels of one topic hold together, one after another."""
+    schema = gathered.schemas.get(channel.schema_id)
+    payloads = gathered.payloads.pop(identities[0], Messages())
+    for identity in identities[1:]:
+        payloads.join(gathered.payloads.pop(identity, Messages()))
     return Topic(
         channel.topic,
         *_description(gathered, channel),
         sum(gathered.counts[identity] for identity in identities),
-        list(chain.from_iterable(gathered.payloads.get(identity, ()) for identity in identities)),
+        payloads,
+        ("", b"") if schema is None else (schema.encoding, schema.data),
     )

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pmg.pipeline.recording import channels
 from pmg.pipeline.recording.channels import check_channel
-from pmg.pipeline.recording.counters import edge_frequency, unwrap
+from pmg.pipeline.recording.counters import WIDEST, unwrap
+from pmg.pipeline.recording.edges import edge_frequency
 from pmg.pipeline.recording.findings import Code
-from pmg.pipeline.recording.join import join_blocks
+from pmg.pipeline.recording.join import Blemish, join_blocks
+from pmg.pipeline.recording.messages import Messages
+from pmg.pipeline.recording.pulses import check_pulses
+from pmg.pipeline.recording.stretches import pieces, stretches, tell_stretches
 from pmg.sim.errors import near_miss
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     import numpy.typing as npt
 
@@ -24,12 +28,12 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.channels import ChannelSpec, ChannelTerms
     from pmg.pipeline.recording.container import Topic
     from pmg.pipeline.recording.findings import Findings
-    from pmg.pipeline.recording.join import Blemish, Track
+    from pmg.pipeline.recording.join import Track
     from pmg.pipeline.recording.wire import IndexPulse
 
 DEFAULT_BITS = 32
-INDEX_TOLERANCE = 2
-"""Counts by which two index pulses may disagree, besides those of one sample in which the latch may fall."""
+NEAR_HALF = 0.25
+"""Part of a counter's range in one sample beyond which its direction is no longer certain."""
 
 
 @dataclass(frozen=True)
@@ -66,14 +70,14 @@ class Decoded:
 
 
 def decode_torque(
-    topics: Mapping[str, Topic], side: str, calibration: Calibration, findings: Findings
+    topics: dict[str, Topic], side: str, calibration: Calibration, findings: Findings
 ) -> Decoded | None:
     """Torque of a shaft [N m], from whichever encoding the recording uses; None, with findings, without one.
 
     Parameters
     ----------
-    topics : mapping of str to Topic
-        Topics of the container.
+    topics : dict of str to Topic
+        Topics of the container. The messages of those that are read are let go.
     side : str
         ``sun`` or ``ring``.
     calibration : Calibration
@@ -101,7 +105,7 @@ def decode_torque(
 
 
 def decode_angle(
-    topics: Mapping[str, Topic],
+    topics: dict[str, Topic],
     side: str,
     calibration: Calibration,
     pulses: Sequence[IndexPulse],
@@ -122,7 +126,6 @@ def decode_angle(
     terms, track = joined
     counts_per_rev = calibration.counts_per_rev(side)
     declared = terms.numbers.get("counts_per_rev", counts_per_rev)
-    bits = int(terms.numbers.get("bits", DEFAULT_BITS))
     if declared != counts_per_rev:
         findings.error(
             Code.CHANNEL_VALUE,
@@ -131,17 +134,11 @@ def decode_angle(
             "One of the two is wrong: count one turn by hand and correct it.",
         )
         return None
-    at = np.flatnonzero(track.present)
-    if not 1 <= bits <= DEFAULT_BITS or int(track.values[at].max(initial=0)) >> bits:
-        findings.error(
-            Code.CHANNEL_VALUE,
-            terms.spec.topic,
-            f"bits '{bits}' with counts up to {int(track.values[at].max(initial=0))}; expected counts that fit "
-            f"into the declared width of at most {DEFAULT_BITS} bits",
-            "Correct the width of the counter in the recorder.",
-        )
+    if (bits := _bits(terms, track, findings)) is None:
         return None
-    count, guesses = unwrap(track.values[at], at, bits)
+    whole = bool(track.present.all())
+    at = None if whole else np.flatnonzero(track.present)
+    count, guesses = unwrap(track.values if at is None else track.values[at], at, bits)
     if guesses:
         findings.warning(
             Code.ENCODER_AMBIGUOUS,
@@ -149,14 +146,42 @@ def decode_angle(
             f"over {guesses} gaps the {bits}-bit counter may have wrapped another time; expected gaps shorter "
             "than half a wrap",
             "Angles before and after the gap are not comparable; use a wider counter.",
+            sample_range=(track.first, track.stop),
+            kept="the angle within each side of a gap",
         )
-    _check_pulses(terms.spec.topic, side, count, at + track.first, bits, counts_per_rev, pulses, findings)
-    angle = np.full(len(track.values), np.nan)
-    angle[at] = count * (REVOLUTION / counts_per_rev)
-    return Decoded(terms.spec.topic, track.first, terms.rate_hz, angle, track.present, track.blemishes)
+    words = (
+        f"turn by more than a quarter of the {bits}-bit counter's range in one sample",
+        "less, so that the direction is certain",
+        "Use a wider counter or a higher rate. A faulty reading looks like this too.",
+    )
+    quick = stretches(_quick(count, at, bits))
+    found = (quick if at is None else at[quick]) + (1 + track.first)
+    tell_stretches(findings.warning, Code.ENCODER_AMBIGUOUS, terms.spec.topic, found, words)
+    slips: list[tuple[int, int]] = []
+    if pulses:
+        where = (np.arange(len(count)) if at is None else at) + track.first
+        slips = check_pulses(terms.spec.topic, side, count, where, bits, counts_per_rev, pulses, findings)
+    blemishes = track.blemishes + tuple(
+        Blemish(terms.spec.topic, Code.ENCODER_SLIPPED, start, stop) for start, stop in slips
+    )
+    angle = count * (REVOLUTION / counts_per_rev)
+    if at is not None:
+        known, angle = angle, np.full(len(track.values), np.nan)
+        angle[at] = known
+    return Decoded(terms.spec.topic, track.first, terms.rate_hz, angle, track.present, blemishes)
 
 
-def decode_lines(topics: Mapping[str, Topic], findings: Findings) -> Decoded | None:
+def _quick(count: npt.NDArray[np.int64], at: npt.NDArray[np.int64] | None, bits: int) -> npt.NDArray[np.bool_]:
+    """Steps between neighbours that leave the direction open."""
+    quick = np.zeros(max(0, len(count) - 1), dtype=np.bool_)
+    for part in pieces(len(quick)):
+        quick[part] = np.abs(np.diff(count[part.start : part.stop + 1])) > NEAR_HALF * float(1 << bits)
+        if at is not None:
+            quick[part] &= np.diff(at[part.start : part.stop + 1]) == 1
+    return quick
+
+
+def decode_lines(topics: dict[str, Topic], findings: Findings) -> Decoded | None:
     """Masks of the digital inputs; None where the recording has none."""
     if channels.LINES.topic not in topics:
         return None
@@ -167,7 +192,7 @@ def decode_lines(topics: Mapping[str, Topic], findings: Findings) -> Decoded | N
     return Decoded(terms.spec.topic, track.first, terms.rate_hz, track.values, track.present, track.blemishes)
 
 
-def _joined(topics: Mapping[str, Topic], spec: ChannelSpec, findings: Findings) -> tuple[ChannelTerms, Track] | None:
+def _joined(topics: dict[str, Topic], spec: ChannelSpec, findings: Findings) -> tuple[ChannelTerms, Track] | None:
     topic = topics.get(spec.topic)
     if topic is None:
         findings.error(
@@ -179,20 +204,24 @@ def _joined(topics: Mapping[str, Topic], spec: ChannelSpec, findings: Findings) 
         return None
     terms = check_channel(topic, spec, findings)
     track = None if terms is None else join_blocks(topic, terms, findings)
+    topics[spec.topic] = replace(topic, payloads=Messages())
     return None if terms is None or track is None else (terms, track)
 
 
-def _frequency(topics: Mapping[str, Topic], spec: ChannelSpec, findings: Findings) -> Decoded | None:
+def _frequency(topics: dict[str, Topic], spec: ChannelSpec, findings: Findings) -> Decoded | None:
     joined = _joined(topics, spec, findings)
     if joined is None:
         return None
     terms, track = joined
-    values = np.where(track.present, track.values.astype(np.float64), np.nan)
+    whole = bool(track.present.all())
+    values = track.values.astype(np.float64, copy=not whole)
+    if not whole:
+        values[~track.present] = np.nan
     return Decoded(spec.topic, track.first, terms.rate_hz, values, track.present, track.blemishes)
 
 
 def _frequency_from_edges(
-    topics: Mapping[str, Topic], edge_spec: ChannelSpec, tick_spec: ChannelSpec, findings: Findings
+    topics: dict[str, Topic], edge_spec: ChannelSpec, tick_spec: ChannelSpec, findings: Findings
 ) -> Decoded | None:
     edges = _joined(topics, edge_spec, findings)
     ticks = _joined(topics, tick_spec, findings)
@@ -220,25 +249,28 @@ def _frequency_from_edges(
     in_ticks = slice(first - tick_track.first, stop - tick_track.first)
     present = edge_track.present[in_edges] & tick_track.present[in_ticks]
     timebase = tick_terms.numbers["timebase_hz"]
-    found = edge_frequency(
-        edge_track.values[in_edges], tick_track.values[in_ticks], present, edge_terms.rate_hz, timebase
+    widths = _bits(edge_terms, edge_track, findings), _bits(tick_terms, tick_track, findings)
+    if widths[0] is None or widths[1] is None:
+        return None
+    values = edge_track.values[in_edges], tick_track.values[in_ticks]
+    found = edge_frequency(*values, present, edge_terms.rate_hz, timebase, (widths[0], widths[1]))
+    words = (
+        f"of {len(present)} end a step in which the edge count or the tick runs backward, or one moves without the "
+        "other",
+        "both to grow together",
+        "Check that both are latched at once, and the time base.",
     )
-    if found.backward:
-        findings.error(
-            Code.EDGES_INCONSISTENT,
-            tick_spec.topic,
-            f"in {found.backward} of {len(present)} samples the edge count or the tick runs backward, or one moves "
-            "without the other; expected both to grow together",
-            "The torque of this run is not used. Check that both are latched at once, and the time base.",
-        )
-    elif found.stalled:
-        findings.error(
-            Code.EDGES_STALLED,
-            edge_spec.topic,
-            f"no edges in {found.stalled} of {len(present)} samples at a time base of {timebase:g} Hz; expected "
-            "edges without pause",
-            "The transducer's output stopped, or timebase_hz is wrong: check cable, supply and recorder.",
-        )
+    whole = not np.isfinite(found.frequency).any()
+    kept = "no torque of this run" if whole else "the torque before and after"
+    wrong = stretches(found.wrong) + first
+    tell_stretches(findings.error, Code.EDGES_INCONSISTENT, tick_spec.topic, wrong, words, kept=kept, lost="{n} steps")
+    words = (
+        f"of {len(present)} have no edges at a time base of {timebase:g} Hz",
+        "edges without pause",
+        "The transducer's output stopped, or timebase_hz is wrong: check cable, supply and recorder.",
+    )
+    silent = stretches(found.stalled) + first
+    tell_stretches(findings.error, Code.EDGES_STALLED, edge_spec.topic, silent, words, lost="{n} samples")
     if found.drift:
         findings.warning(
             Code.TIMEBASE_DRIFT,
@@ -251,34 +283,17 @@ def _frequency_from_edges(
     return Decoded(edge_spec.topic, first, edge_terms.rate_hz, found.frequency, present, blemishes)
 
 
-def _check_pulses(
-    topic: str,
-    side: str,
-    count: npt.NDArray[np.int64],
-    at: npt.NDArray[np.int64],
-    bits: int,
-    counts_per_rev: int,
-    pulses: Sequence[IndexPulse],
-    findings: Findings,
-) -> None:
-    """Whether every index pulse came at the same place of the revolution: no count lost, none too many."""
-    inside = [p for p in pulses if at[0] <= p.sample <= at[-1]]
-    if len(inside) < 2:
-        return
-    modulus = 1 << bits
-    places = np.clip(np.searchsorted(at, [p.sample for p in inside]), 0, len(at) - 1)
-    near = count[places]
-    latched = np.array([p.count for p in inside], dtype=np.int64)
-    latched = near + (latched - near + modulus // 2) % modulus - modulus // 2
-    half = counts_per_rev // 2
-    residue = (latched - latched[0] + half) % counts_per_rev - half
-    quickest = int(np.max(np.abs((count[1:] - count[:-1]) // (at[1:] - at[:-1])), initial=0))
-    slipped = np.flatnonzero(np.abs(residue) > INDEX_TOLERANCE + quickest)
-    if len(slipped):
-        findings.warning(
-            Code.ENCODER_SLIPPED,
-            topic,
-            f"from sample {inside[int(slipped[0])].sample} on the count at the index pulse is off by "
-            f"{int(residue[slipped[0]]):+d}; expected the same place in each revolution",
-            f"The {side} encoder lost or caught counts: check its cable, shield and coupling.",
-        )
+def _bits(terms: ChannelTerms, track: Track, findings: Findings) -> int | None:
+    """Width of a counter, as declared; None, with a finding, where its readings do not fit."""
+    bits = terms.numbers.get("bits", DEFAULT_BITS)
+    largest = int((track.values if track.present.all() else track.values[track.present]).max(initial=0))
+    if bits == int(bits) and 1 <= bits <= WIDEST and not largest >> int(bits):
+        return int(bits)
+    findings.error(
+        Code.CHANNEL_VALUE,
+        terms.spec.topic,
+        f"bits '{bits:g}' with counts up to {largest}; expected counts that fit into the declared width of at most "
+        f"{WIDEST} bits",
+        "Correct the width of the counter in the recorder.",
+    )
+    return None

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
 from pmg.pipeline.recording import wire
-from pmg.pipeline.recording.channels import check_events
+from pmg.pipeline.recording.channels import ENCODING, EVENT_SCHEMAS
 from pmg.pipeline.recording.findings import Code
+from pmg.pipeline.recording.otherevents import KINDS, read_other
 from pmg.pipeline.recording.run import step_setpoints
 from pmg.sim.errors import near_miss
 
@@ -50,21 +51,39 @@ def read_events(
 ) -> tuple[Message, ...]:
     """Messages of a topic in file order; what cannot be read is a finding."""
     topic = topics.get(name)
-    if topic is None or not check_events(topic, findings):
+    if topic is None:
         return ()
     messages: list[Message] = []
     faults: list[str] = []
-    for payload in topic.payloads:
+    if (topic.encoding, topic.schema) != (ENCODING, EVENT_SCHEMAS[name]):
         try:
-            messages.append(parse(payload))
+            read = read_other(topic, KINDS[name])
         except wire.WireError as fault:
-            faults.append(str(fault))
+            findings.error(
+                Code.MESSAGE_ENCODING,
+                name,
+                f"{topic.count} messages '{topic.schema}' in '{topic.encoding}': {fault}; expected "
+                f"'{EVENT_SCHEMAS[name]}' in '{ENCODING}', or its fields in json or cdr",
+                "They are left out. Record this topic in one of them.",
+                lost=f"{topic.count} messages",
+            )
+            return ()
+        messages.extend(read.messages)
+        faults.extend(read.faults)
+    else:
+        for payload in topic.payloads:
+            try:
+                messages.append(parse(payload))
+            except wire.WireError as fault:
+                faults.append(str(fault))
     if faults:
         findings.error(
             Code.MESSAGE_MALFORMED,
             name,
             f"{len(faults)} of {len(topic.payloads)} messages cannot be read ({faults[0]}); expected '{topic.schema}'",
             "They are left out. Check the recorder's encoder of this topic.",
+            kept=f"the other {len(messages)} messages",
+            lost=f"{len(faults)} messages",
         )
     return tuple(messages)
 

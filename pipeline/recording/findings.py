@@ -4,70 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
+from pmg.pipeline.recording.codes import Code, Severity
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-
-class Severity(StrEnum):
-    """How much a finding costs."""
-
-    ERROR = "error"
-    WARNING = "warning"
-    INFO = "info"
-
-
-class Code(StrEnum):
-    """What was found; stable words for filters and tests."""
-
-    UNREADABLE = "container.unreadable"
-    NOT_MCAP = "container.not_mcap"
-    TRUNCATED = "container.truncated"
-    CHUNK_LOST = "container.chunk_lost"
-    CRC = "container.crc"
-    CHUNK_DUPLICATE = "container.chunk_duplicate"
-    TOO_LARGE = "container.too_large"
-    LENGTH = "container.length"
-    SKIPPED = "container.skipped"
-    TRAILING = "container.trailing"
-    COUNT = "container.count"
-    UNPROVEN = "container.unproven"
-    RECORD_LOST = "container.record_lost"
-    RECORD_UNKNOWN = "container.record_unknown"
-    DUPLICATE_FILE = "container.duplicate"
-    RUN_MISSING = "run.missing"
-    RUN_KEY = "run.key"
-    RUN_VALUE = "run.value"
-    CALIBRATION_MISSING = "calibration.missing"
-    CALIBRATION_VALUE = "calibration.value"
-    CHANNEL_MISSING = "channel.missing"
-    CHANNEL_KEY = "channel.key"
-    CHANNEL_VALUE = "channel.value"
-    CHANNEL_CONFLICT = "channel.conflict"
-    TOPIC_UNKNOWN = "topic.unknown"
-    MESSAGE_MALFORMED = "message.malformed"
-    SAMPLES_GAP = "samples.gap"
-    SAMPLES_DUPLICATE = "samples.duplicate"
-    SAMPLES_CONFLICT = "samples.conflict"
-    SAMPLES_ASTRAY = "samples.astray"
-    SAMPLES_RAGGED = "samples.ragged"
-    OVERRUN = "samples.overrun"
-    RESTART = "samples.restart"
-    SATURATED = "samples.saturated"
-    SIMULATED = "samples.simulated"
-    NOT_FINITE = "samples.not_finite"
-    ENCODER_AMBIGUOUS = "encoder.ambiguous"
-    ENCODER_SLIPPED = "encoder.slipped"
-    EDGES_INCONSISTENT = "edges.inconsistent"
-    EDGES_STALLED = "edges.stalled"
-    TIMEBASE_DRIFT = "edges.timebase_drift"
-    STEP_UNKNOWN = "step.unknown"
-    STEP_MISSING = "step.missing"
-    CLOCK_DISAGREES = "clock.disagrees"
+__all__ = ["LISTED", "LONGEST_TEXT", "Code", "Extent", "Finding", "Findings", "Severity", "UnusableRecordingError"]
 
 
 @dataclass(frozen=True)
@@ -174,16 +119,22 @@ class Rest:
         Bytes of the file in their ranges, each once for ranges in the order of the file [bytes].
     byte_range : (int, int), optional
         From the first of these bytes to the last; its end left out.
+    sample_range : (int, int), optional
+        From the first of the samples in their ranges to the last; its end left out.
     """
 
     place: int
     count: int = 0
     covered: int = 0
     byte_range: tuple[int, int] | None = None
+    sample_range: tuple[int, int] | None = None
 
-    def add(self, stretch: tuple[int, int] | None) -> None:
-        """Count one more, with the bytes it is about."""
+    def add(self, stretch: tuple[int, int] | None, samples: tuple[int, int] | None = None) -> None:
+        """Count one more, with the bytes and the samples it is about."""
         self.count += 1
+        if samples is not None:
+            low, high = self.sample_range or samples
+            self.sample_range = min(low, samples[0]), max(high, samples[1])
         if stretch is not None:
             first, last = self.byte_range or (stretch[0], stretch[0])
             self.covered += max(0, stretch[1] - max(stretch[0], last))
@@ -239,7 +190,7 @@ class Findings:
         kind = code, severity
         self._count[kind] += 1
         if self._count[kind] > LISTED:
-            self.more[kind].add(extent.get("byte_range"))
+            self.more[kind].add(extent.get("byte_range"), extent.get("sample_range"))
             return
         self.gathered.append(Finding(code, severity, self.file, _short(where), _short(message), do, **extent))
         if self._count[kind] == LISTED:
@@ -258,6 +209,7 @@ def _counted(file: str, code: Code, severity: Severity, more: Rest) -> Finding:
         f"{count}{over}; expected at most {LISTED}, which are listed one by one",
         "Treat them as those listed. A file with so much damage is best copied again.",
         byte_range=stretch,
+        sample_range=more.sample_range,
         lost=f"what {more.count} more findings name" if severity is Severity.ERROR else "",
     )
 

@@ -6,12 +6,19 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.recording.findings import Code
+from pmg.pipeline.recording.messages import Messages
 from pmg.pipeline.recording.records import MESSAGE, Attachment, Channel, RecordError, Schema
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    import numpy as np
+    import numpy.typing as npt
+
     from pmg.pipeline.recording.findings import Findings
+
+FIELDS_KEY = "pmg.fields"
+"""Channel metadata that says which fields of its messages are which topics of the layout."""
 
 
 @dataclass
@@ -21,14 +28,15 @@ class Gathered:
     Parameters
     ----------
     wanted : callable
-        Whether the messages of a topic are kept; the others are only counted.
+        Whether the messages of a topic are kept, besides those whose channel names its fields; the others are only
+        counted.
     findings : Findings
         Receives what is damaged.
     schemas, channels : dict
         By their number in the file.
     counts : dict of int to int
         Messages of each channel.
-    payloads : dict of int to list of bytes
+    payloads : dict of int to Messages
         Messages of each wanted channel, in file order.
     strangers : dict of int to list of bytes
         Messages, with their head, of channels that are not described so far.
@@ -43,7 +51,7 @@ class Gathered:
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     counts: dict[int, int] = field(default_factory=dict)
-    payloads: dict[int, list[bytes]] = field(default_factory=dict)
+    payloads: dict[int, Messages] = field(default_factory=dict)
     strangers: dict[int, list[bytes]] = field(default_factory=dict)
     metadata: list[tuple[str, Mapping[str, str]]] = field(default_factory=list)
     attachments: list[Attachment] = field(default_factory=list)
@@ -53,7 +61,7 @@ class Gathered:
         """Messages met so far, of whatever channel."""
         return sum(self.counts.values()) + sum(map(len, self.strangers.values()))
 
-    def message(self, data: bytes, start: int, stop: int) -> None:
+    def message(self, data: memoryview, start: int, stop: int) -> None:
         """Take the message that lies between two places of some bytes.
 
         Raises
@@ -64,17 +72,22 @@ class Gathered:
         if stop - start < MESSAGE.size:
             raise RecordError(f"a message has a head of {MESSAGE.size} bytes")
         identity = data[start] | data[start + 1] << 8
-        channel = self.channels.get(identity)
-        if channel is None:
-            self.strangers.setdefault(identity, []).append(data[start:stop])
+        if identity in self.channels:
+            self.keep(identity, data, start, stop)
         else:
-            self.keep(channel, data, start, stop)
+            self.strangers.setdefault(identity, []).append(data[start:stop].tobytes())
 
-    def keep(self, channel: Channel, data: bytes, start: int, stop: int) -> None:
+    def keep(self, identity: int, data: memoryview, start: int, stop: int) -> None:
         """Take a message of a channel that is described."""
-        self.counts[channel.id] += 1
-        if self.wanted(channel.topic):
-            self.payloads.setdefault(channel.id, []).append(data[start + MESSAGE.size : stop])
+        self.counts[identity] += 1
+        if identity in self.payloads:
+            self.payloads[identity].append(data, start + MESSAGE.size, stop)
+
+    def keep_alike(self, identity: int, rows: npt.NDArray[np.uint8]) -> None:
+        """Take messages of one length of a channel that is described, (n, length) with their heads."""
+        self.counts[identity] += len(rows)
+        if identity in self.payloads:
+            self.payloads[identity].extend(rows[:, MESSAGE.size :])
 
     def describe(self, channel: Channel, at: int) -> None:
         """Take the description of a channel, and with it the messages that came before it.
@@ -82,7 +95,10 @@ class Gathered:
         A later description that says the same is as good as the first; one that does not is a finding.
         """
         known = self.channels.setdefault(channel.id, channel)
-        self.counts.setdefault(channel.id, 0)
+        if channel is known:
+            self.counts[channel.id] = 0
+            if FIELDS_KEY in channel.metadata or self.wanted(channel.topic):
+                self.payloads[channel.id] = Messages()
         if known != channel:
             self.findings.error(
                 Code.CHANNEL_CONFLICT,
@@ -91,7 +107,7 @@ class Gathered:
                 "The first description is used. Give each channel of the recorder its own number.",
             )
         for data in self.strangers.pop(channel.id, ()):
-            self.keep(known, data, 0, len(data))
+            self.keep(known.id, memoryview(data), 0, len(data))
 
 
 def _told(channel: Channel) -> str:

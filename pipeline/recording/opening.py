@@ -113,7 +113,7 @@ class Opening:
             lost="the record",
         )
 
-    def _opened(self, frame: Frame) -> tuple[ChunkHead, bytes]:
+    def _opened(self, frame: Frame) -> tuple[ChunkHead, memoryview]:
         """The chunk by its own length of the records, else by the length of the record around them."""
         head = chunk_head(self.source, frame)
         if frame.opcode != Op.CHUNK and (head.crc == 0 or head.end > frame.end):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
@@ -11,15 +11,20 @@ import polars as pl
 
 from pmg.pipeline.recording import wire
 from pmg.pipeline.recording.calibration import read_calibration
-from pmg.pipeline.recording.channels import SHARED_CLOCK, report_unread, wanted
+from pmg.pipeline.recording.channels import report_unread, wanted
+from pmg.pipeline.recording.clock import mark_offset_s, sound_marks
 from pmg.pipeline.recording.container import open_container
 from pmg.pipeline.recording.decode import decode_angle, decode_lines, decode_torque
 from pmg.pipeline.recording.events import read_events, read_steps
 from pmg.pipeline.recording.findings import Code, Finding, Findings
+from pmg.pipeline.recording.lines import check_lines
 from pmg.pipeline.recording.run import read_run
+from pmg.pipeline.recording.takeover import take_over
+from pmg.pipeline.recording.transducers import check_torques
+from pmg.pipeline.recording.wiring import check_wiring, stretch_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from datetime import datetime
     from pathlib import Path
 
@@ -29,11 +34,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.join import Blemish
     from pmg.pipeline.recording.run import RunInfo
     from pmg.pipeline.recording.wire import ClockMark, LineEvent
+    from pmg.pipeline.recording.wiring import Stretch
     from pmg.sim.signals import Array
 
 SIDES = ("sun", "ring")
-CLOCK_TOLERANCE_S = 1.0
-"""Disagreement of the clock marks with `started_at` that is reported [s]."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +96,7 @@ class Recording:
 
     def time_of(self, sample: int) -> datetime:
         """Time [UTC] of a sample: from the nearest earlier clock mark, else from the start of the run."""
-        offset = _mark_offset_s(self.clock_marks, sample, self.rate_hz, self.run.started_at)
+        offset = mark_offset_s(self.clock_marks, sample, self.rate_hz, self.run.started_at)
         if offset is None:
             offset = (sample - self.first_sample) / self.rate_hz
         return self.run.started_at + timedelta(seconds=offset)
@@ -115,8 +119,9 @@ def read_recording(path: Path, name: str | None = None) -> Recording:
     """
     findings = Findings(name or path.name)
     container = open_container(path, wanted, findings)
-    topics = container.topics
-    report_unread(topics.values(), findings)
+    report_unread(container.topics.values(), findings)
+    topics = take_over(container.topics, findings)
+    container = replace(container, topics={})  # what is decoded is let go
     run = read_run(container.metadata, findings)
     calibration = read_calibration(container.attachments, findings)
     if run is None or calibration is None:
@@ -125,16 +130,20 @@ def read_recording(path: Path, name: str | None = None) -> Recording:
     tracks = [decode_torque(topics, side, calibration, findings) for side in SIDES]
     tracks += [decode_angle(topics, side, calibration, pulses[side], findings) for side in SIDES]
     decoded = [track for track in tracks if track is not None]
-    if len(decoded) < len(tracks) or not _one_rate(decoded, findings):
+    if len(decoded) < len(tracks) or not _one_rate(decoded, findings) or not _together(decoded, findings):
         raise findings.give_up()
     lines = decode_lines(topics, findings)
     if lines is not None and not _one_rate([decoded[0], lines], findings):
         lines = None
     first, samples = _frame(decoded, lines, findings)
     marks = read_events(topics, "/sys/clock", wire.clock_mark, findings)
-    _check_clock(marks, run, first, decoded[0].rate_hz, findings)
-    events = read_events(topics, "/events/lines", wire.line_event, findings)
+    marks = sound_marks(marks, run, (first, first + samples.height), decoded[0].rate_hz, findings)
+    changes = read_events(topics, "/events/lines", wire.line_event, findings)
+    events = tuple(sorted(changes, key=lambda event: event.sample))
     steps = read_steps(topics, findings)
+    check_lines(lines, events, findings)
+    check_wiring(_held(samples, first, decoded[0].rate_hz, run, steps), run, calibration, findings)
+    spoilt = check_torques(decoded[0], decoded[1], calibration, findings)
     return Recording(
         file=findings.file,
         sha256=container.sha256,
@@ -145,9 +154,9 @@ def read_recording(path: Path, name: str | None = None) -> Recording:
         first_sample=first,
         samples=samples,
         steps=steps,
-        line_events=tuple(sorted(events, key=lambda event: event.sample)),
+        line_events=events,
         clock_marks=marks,
-        blemishes=tuple(b for track in decoded for b in track.blemishes),
+        blemishes=(*(b for track in decoded for b in track.blemishes), *spoilt),
         findings=findings.told(),
     )
 
@@ -164,6 +173,23 @@ def _one_rate(decoded: Sequence[Decoded], findings: Findings) -> bool:
     return not odd
 
 
+def _together(decoded: Sequence[Decoded], findings: Findings) -> bool:
+    """Whether any sample is shared by all channels; what lies far apart belongs to no common moment."""
+    late, early = max(decoded, key=lambda track: track.first), min(decoded, key=lambda track: track.stop)
+    if late.first < early.stop:
+        return True
+    findings.error(
+        Code.SAMPLES_RAGGED,
+        late.topic,
+        f"it begins at sample {late.first}, and {early.topic} ends at {early.stop}; expected channels over the same "
+        "samples",
+        "An index or a stamp is damaged, or the channels were recorded one after another.",
+        sample_range=(early.stop, late.first),
+        lost="the file",
+    )
+    return False
+
+
 def _frame(decoded: Sequence[Decoded], lines: Decoded | None, findings: Findings) -> tuple[int, pl.DataFrame]:
     """All channels on one row of samples, from the first of any to the last of any."""
     first, stop = min(t.first for t in decoded), max(t.stop for t in decoded)
@@ -176,45 +202,44 @@ def _frame(decoded: Sequence[Decoded], lines: Decoded | None, findings: Findings
                 f"it begins {late} samples after and ends {early} samples before the others; expected all channels "
                 "over the same samples",
                 "Points are taken from the part that all channels share.",
+                sample_range=(first, track.first) if late else (track.stop, stop),
+                kept=f"{track.stop - track.first} samples",
+                lost=f"{late + early} samples",
             )
     columns = {"sample": pl.Series(np.arange(first, stop, dtype=np.int64))}
     for name, track in zip(("torque_sun", "torque_ring", "angle_sun", "angle_ring"), decoded, strict=True):
         columns[name] = pl.Series(_padded(track, first, stop))
+    if lines is None:
+        nothing = pl.Series("lines", [], dtype=pl.UInt32).extend_constant(None, stop - first)
+        return first, pl.DataFrame(columns).with_columns(nothing)
     masks = np.zeros(stop - first, dtype=np.uint32)
     known = np.zeros(stop - first, dtype=np.bool_)
-    if lines is not None:
-        low, high = max(first, lines.first), min(stop, lines.stop)
-        if low < high:
-            there = slice(low - lines.first, high - lines.first)
-            masks[low - first : high - first] = lines.values[there]
-            known[low - first : high - first] = lines.present[there]
+    low, high = max(first, lines.first), min(stop, lines.stop)
+    if low < high:
+        there = slice(low - lines.first, high - lines.first)
+        masks[low - first : high - first] = lines.values[there]
+        known[low - first : high - first] = lines.present[there]
     frame = pl.DataFrame(columns).with_columns(lines=pl.Series(masks))
     return first, frame.with_columns(lines=pl.when(pl.Series(known)).then(pl.col("lines")))
 
 
 def _padded(track: Decoded, first: int, stop: int) -> Array:
+    if (track.first, track.stop) == (first, stop):
+        return np.ascontiguousarray(track.values)
     row = np.full(stop - first, np.nan)
     row[track.first - first : track.stop - first] = track.values
     return row
 
 
-def _mark_offset_s(marks: Sequence[ClockMark], sample: int, rate_hz: float, started_at: datetime) -> float | None:
-    """Time of a sample after `started_at` by the clock marks [s]; None without marks of the shared clock."""
-    shared = sorted((m for m in marks if m.clock_id == SHARED_CLOCK), key=lambda m: m.sample)
-    if not shared:
-        return None
-    mark = max((m for m in shared if m.sample <= sample), key=lambda m: m.sample, default=shared[0])
-    start_us = round(started_at.timestamp() * 1e6)
-    return (mark.utc_ns // 1000 - start_us) / 1e6 + (sample - mark.sample) / rate_hz
-
-
-def _check_clock(marks: Sequence[ClockMark], run: RunInfo, first: int, rate_hz: float, findings: Findings) -> None:
-    offset = _mark_offset_s(marks, first, rate_hz, run.started_at)
-    if offset is not None and abs(offset) > CLOCK_TOLERANCE_S:
-        findings.warning(
-            Code.CLOCK_DISAGREES,
-            "/sys/clock",
-            f"the first sample is {offset:+.3f} s off started_at; expected less than {CLOCK_TOLERANCE_S:g} s. "
-            "The clock marks are used",
-            "Check the time of the recorder's computer.",
-        )
+def _held(samples: pl.DataFrame, first: int, rate_hz: float, run: RunInfo, steps: Sequence[Step]) -> Iterator[Stretch]:
+    """Where set-points were held: from MEASURE to what follows it; without steps, the whole run."""
+    columns = {name: samples[name].to_numpy() for name in ("torque_sun", "torque_ring", "angle_sun", "angle_ring")}
+    stop = first + samples.height
+    ends = [
+        ((step.sample, after.sample if after is not None else stop), step.setpoints)
+        for step, after in zip(steps, (*steps[1:], None), strict=False)
+        if step.phase == "MEASURE"
+    ]
+    for span, setpoints in ends if steps else [((first, stop), run.setpoints)]:
+        if (stretch := stretch_of(columns, first, span, setpoints, rate_hz)) is not None:
+            yield stretch

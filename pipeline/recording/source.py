@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 import zlib
-from typing import TYPE_CHECKING, BinaryIO
+from typing import BinaryIO
 
 from pmg.pipeline.recording.records import HEAD, Frame
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 BLOCK = 1 << 20
 """Bytes read at once when a long stretch is passed over."""
+
+PIECE = 1 << 18
+"""Bytes read at once when they are only summed."""
+
+KEPT = 16 << 20
+"""Longest stretch whose memory is kept for the next one [bytes]."""
 
 SMALL = 1 << 16
 """Reads up to this length are served from bytes held [bytes]."""
@@ -50,6 +54,10 @@ class Source:
         self.size = size
         self._held = (0, b"")
         self._summed = (0, 0, 0)
+        self._hash = hashlib.sha256()
+        self._followed = self._crc = 0
+        self._lent = memoryview(b"")
+        self._room = memoryview(b"")
 
     def read(self, start: int, stop: int) -> bytes:
         """The bytes from a place to another; fewer where the file ends.
@@ -66,6 +74,52 @@ class Source:
         if start < first or stop > first + len(held):
             first, held = self._held = start, self._whole(start, stop, SMALL)
         return held[start - first : stop - first]
+
+    def lend(self, start: int, stop: int) -> memoryview:
+        """The same in memory that the next call takes again.
+
+        Raises
+        ------
+        ShrunkError
+            When the file has fewer bytes than when it was opened.
+        """
+        count = max(start, min(stop, self.size)) - start
+        if count > len(self._lent) or len(self._lent) > KEPT:
+            self._lent = memoryview(bytearray(count))
+        into = self._lent[:count]
+        self.stream.seek(start)
+        filled = self.stream.readinto(into)  # type: ignore[attr-defined]
+        if filled < count:
+            raise ShrunkError(min(start + filled, self.stream.seek(0, 2)), self.size)
+        self._follow(start, into)
+        return into
+
+    def _follow(self, start: int, data: memoryview) -> None:
+        """Hash and sum what is read, as long as it is read from the beginning on; short stretches between as well."""
+        if start - SMALL <= self._followed < start:
+            self._add(self.read(self._followed, start))
+        if start <= self._followed < start + len(data):
+            self._add(data[self._followed - start :])
+
+    def _add(self, data: bytes | memoryview) -> None:
+        self._hash.update(data)
+        self._crc = zlib.crc32(data, self._crc)
+        self._followed += len(data)
+
+    def _follow_to(self, stop: int) -> None:
+        while self._followed < stop:
+            self.lend(self._followed, min(self._followed + PIECE, stop))
+
+    def digest(self) -> str:
+        """SHA-256 of the whole file; what was read in order is not read again."""
+        self._follow_to(self.size)
+        return self._hash.hexdigest()
+
+    def room(self, count: int) -> memoryview:
+        """Memory for what is made of bytes of the file; the next call takes it again."""
+        if count > len(self._room) or len(self._room) > KEPT:
+            self._room = memoryview(bytearray(count))
+        return self._room[:count]
 
     def _whole(self, start: int, stop: int, count: int) -> bytes:
         """So many bytes from a place, and not fewer than to another."""
@@ -84,17 +138,16 @@ class Source:
         end = at + HEAD.size + length
         return None if opcode == 0 or end > self.size else Frame(at, opcode, end)
 
-    def blocks(self, start: int, stop: int) -> Iterator[bytes]:
-        """The bytes of a stretch, a block at a time."""
-        for at in range(start, min(stop, self.size), BLOCK):
-            yield self.read(at, min(at + BLOCK, stop))
-
     def crc(self, start: int, stop: int) -> int:
         """CRC-32 of a stretch; one that begins where the last did goes on from its end."""
+        if start == 0 and stop >= self._followed:
+            self._follow_to(min(stop, self.size))
+            return self._crc
         first, last, crc = self._summed
         if start != first or stop < last:
             last, crc = start, 0
-        for block in self.blocks(last, stop):
-            crc = zlib.crc32(block, crc)
-        self._summed = (start, min(stop, self.size), crc)
+        stop = min(stop, self.size)
+        for at in range(last, stop, PIECE):
+            crc = zlib.crc32(self.lend(at, min(at + PIECE, stop)), crc)
+        self._summed = (start, stop, crc)
         return crc

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.recording.records import HEAD, LAYOUT, PRIVATE, Attachment, Channel, Op, RecordError, Schema, parse
+from pmg.pipeline.recording.rounds import Round
 
 if TYPE_CHECKING:
     from pmg.pipeline.recording.gathered import Gathered
@@ -32,7 +33,7 @@ def take(gathered: Gathered, at: int, opcode: int, body: bytes) -> None:
         When it is not whole.
     """
     if opcode == Op.MESSAGE:
-        gathered.message(body, 0, len(body))
+        gathered.message(memoryview(body), 0, len(body))
         return
     if opcode not in LAYOUT:
         return
@@ -51,10 +52,11 @@ def take(gathered: Gathered, at: int, opcode: int, body: bytes) -> None:
         gathered.attachments.append(attachment)
 
 
-def take_inside(gathered: Gathered, at: int, data: bytes) -> None:
+def take_inside(gathered: Gathered, at: int, data: memoryview) -> None:
     """Keep what the records of an opened chunk say; those that are not whole become findings."""
     place, end = 0, len(data)
     lost, fault = 0, ""
+    round_of = Round(gathered, data)
     while place + HEAD.size <= end:
         opcode, length = HEAD.unpack_from(data, place)
         start = place + HEAD.size
@@ -64,12 +66,17 @@ def take_inside(gathered: Gathered, at: int, data: bytes) -> None:
         try:
             if opcode == Op.MESSAGE:
                 gathered.message(data, start, stop)
+                stop = round_of.after(place, stop)
             elif opcode in (Op.SCHEMA, Op.CHANNEL):
-                take(gathered, at, opcode, data[start:stop])
+                take(gathered, at, opcode, data[start:stop].tobytes())
+                round_of.ended()
             elif opcode < PRIVATE:
                 raise RecordError(f"a record with code {opcode} does not belong into a chunk")
+            else:
+                round_of.ended()
         except RecordError as error:
             lost, fault = lost + 1, str(error)
+            round_of.ended()
         place = stop
     if lost:
         gathered.findings.error(

@@ -30,7 +30,7 @@ SEARCHED_START = 16 * BLOCK
 """How far a recording is searched for in a file that does not begin as one [bytes]."""
 
 
-def walk_records(stream: BinaryIO, size: int, gathered: Gathered) -> None:
+def walk_records(stream: BinaryIO, size: int, gathered: Gathered) -> Source:
     """Gather what the records of a file say; damage is reported and passed over.
 
     Parameters
@@ -42,6 +42,11 @@ def walk_records(stream: BinaryIO, size: int, gathered: Gathered) -> None:
     gathered : Gathered
         Receives what is whole.
 
+    Returns
+    -------
+    Source
+        The file, which knows the hash of what was read.
+
     Raises
     ------
     UnusableRecordingError
@@ -51,6 +56,7 @@ def walk_records(stream: BinaryIO, size: int, gathered: Gathered) -> None:
     """
     source = Source(stream, size)
     _Walk(source, gathered).run()
+    return source
 
 
 class _Walk:

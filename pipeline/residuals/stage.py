@@ -10,6 +10,7 @@ from pmg.pipeline.chapters.structure import structure_section
 from pmg.pipeline.fitdocument import number
 from pmg.pipeline.gridtable import read_published
 from pmg.pipeline.options import THESIS_OPTIONS
+from pmg.pipeline.outcome import Outcome
 from pmg.pipeline.outputs import read_analysis
 from pmg.pipeline.report.document import Facts, Report, Verdict
 from pmg.pipeline.report.write import write_report
@@ -17,7 +18,7 @@ from pmg.pipeline.residuals.covariates import BY_ID
 from pmg.pipeline.residuals.fitted import FITS, LEVEL
 from pmg.pipeline.residuals.probability import told_nominal, told_search
 from pmg.pipeline.residuals.search import study_residuals
-from pmg.pipeline.stages import SEED, Outcome
+from pmg.pipeline.stages import SEED
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import FitError, GridError, near_miss
 from pmg.sim.signals import RESIDUAL

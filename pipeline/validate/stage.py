@@ -10,9 +10,9 @@ import numpy as np
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.chapters.validation import validation_section
 from pmg.pipeline.gridtable import read_published
+from pmg.pipeline.outcome import Outcome
 from pmg.pipeline.report.document import Facts, Report, Verdict
 from pmg.pipeline.report.write import write_report
-from pmg.pipeline.stages import Outcome
 from pmg.pipeline.validate import verdict
 from pmg.pipeline.validate.listing import documents, summary, table_lines, told
 from pmg.pipeline.validate.rounding import DRAWS, SEED

@@ -1,7 +1,8 @@
-"""Coverage of stated intervals: losses, efficiencies, every branch of the power flow, K_corr and c."""
+"""Coverage of stated intervals: means of windows, losses, efficiencies, every branch of the power flow, K_corr, c."""
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ from pmg.sim.lossmodel import LossModel
 from pmg.sim.powerchain import power_chain
 from pmg.sim.solve import steady
 from tests.bench.speed import report
+from tests.bench.windowed import windowed_coverage
 from tests.points import joined, measured, points
 
 if TYPE_CHECKING:
@@ -127,3 +129,18 @@ def uncertainty_coverage(campaigns: int) -> None:
             middle, half = float(np.mean(parts)), 1.96 * float(np.std(parts, ddof=1)) / np.sqrt(len(parts))
             told = f"  {100.0 * middle:.1f} % ({100.0 * (middle - half):.1f} to {100.0 * (middle + half):.1f})"
             report(f"  {name}", str(len(parts)), told)
+
+
+def main() -> None:
+    """Coverage of the mean of a window; with campaigns asked for, of what is derived as well."""
+    parser = argparse.ArgumentParser(prog="pmgw bench coverage", description=main.__doc__)
+    parser.add_argument("--runs", type=int, default=2000, help="windows for each correlation time")
+    parser.add_argument("--campaigns", type=int, default=0, help="campaigns for losses, efficiencies and constants")
+    asked = parser.parse_args()
+    windowed_coverage(asked.runs)
+    if asked.campaigns:
+        uncertainty_coverage(asked.campaigns)
+
+
+if __name__ == "__main__":
+    main()

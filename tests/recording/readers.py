@@ -15,11 +15,14 @@ from mcap.reader import NonSeekingReader, SeekingReader
 from pmg.pipeline.recording import Finding, UnusableRecordingError, read_recording
 from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.gathered import Gathered
-from pmg.pipeline.recording.records import MESSAGE, Channel
+from pmg.pipeline.recording.records import MESSAGE
 from pmg.pipeline.recording.walk import walk_records
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    import numpy as np
+    import numpy.typing as npt
 
 Messages: TypeAlias = "Counter[tuple[str, bytes]]"
 """How often a file holds each message: topic, and head after the channel's number with payload."""
@@ -31,9 +34,13 @@ class Witness(Gathered):
 
     whole: list[tuple[str, bytes]] = field(default_factory=list)
 
-    def keep(self, channel: Channel, data: bytes, start: int, stop: int) -> None:
-        self.whole.append((channel.topic, data[start:stop]))
-        super().keep(channel, data, start, stop)
+    def keep(self, identity: int, data: memoryview, start: int, stop: int) -> None:
+        self.whole.append((self.channels[identity].topic, data[start:stop].tobytes()))
+        super().keep(identity, data, start, stop)
+
+    def keep_alike(self, identity: int, rows: npt.NDArray[np.uint8]) -> None:
+        self.whole.extend((self.channels[identity].topic, row.tobytes()) for row in rows)
+        super().keep_alike(identity, rows)
 
 
 def walked(data: bytes) -> Witness:

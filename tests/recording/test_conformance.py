@@ -5,16 +5,20 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field
 from io import BytesIO
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from pmg.pipeline.recording.findings import Code, Findings
 from pmg.pipeline.recording.gathered import Gathered
-from pmg.pipeline.recording.records import MESSAGE, Channel
+from pmg.pipeline.recording.records import MESSAGE
 from pmg.pipeline.recording.walk import walk_records
 
 from .conformance import Variant, build, octets, variants
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
 
 VARIANTS = variants()
 
@@ -25,9 +29,13 @@ class Witness(Gathered):
 
     whole: list[bytes] = field(default_factory=list)
 
-    def keep(self, channel: Channel, data: bytes, start: int, stop: int) -> None:
-        self.whole.append(data[start:stop])
-        super().keep(channel, data, start, stop)
+    def keep(self, identity: int, data: memoryview, start: int, stop: int) -> None:
+        self.whole.append(data[start:stop].tobytes())
+        super().keep(identity, data, start, stop)
+
+    def keep_alike(self, identity: int, rows: npt.NDArray[np.uint8]) -> None:
+        self.whole.extend(row.tobytes() for row in rows)
+        super().keep_alike(identity, rows)
 
 
 def read(data: bytes) -> Witness:

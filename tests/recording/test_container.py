@@ -75,7 +75,7 @@ def test_channels_of_one_topic_are_joined_in_the_order_of_their_numbers(
     assert list(container.topics) == list(dict.fromkeys(topic for topic, _, _ in channels))
     for name, topic in container.topics.items():
         assert topic.metadata == {"unit": first[name]}
-        assert topic.payloads == [
+        assert list(topic.payloads) == [
             bytes([number, place])
             for number, (at, unit, count) in enumerate(channels)
             if (at, unit) == (name, first[name])

@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pmg.pipeline.recording import Code, Recording, UnusableRecordingError, read_recording
-from pmg.pipeline.recording.counters import edge_frequency, unwrap
+from pmg.pipeline.recording.counters import unwrap
+from pmg.pipeline.recording.edges import edge_frequency
 
 from .writer import (
     COUNTS_PER_REV,
@@ -39,6 +40,11 @@ def made(bench: Bench) -> Recording:
         return read_recording(write(Path(folder) / "a.mcap", bench))
 
 
+def driven(torque: float) -> dict[str, float]:
+    """Speeds at which both shafts take power in, the ring with the opposite torque [rpm]."""
+    return {"sun": math.copysign(600.0, torque), "ring": math.copysign(230.0, -torque)}
+
+
 def times(bench: Bench) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     return np.arange(round(bench.seconds * bench.rate_hz)) / bench.rate_hz
 
@@ -51,7 +57,7 @@ def times(bench: Bench) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     rate=st.sampled_from([500.0, 1000.0]),
 )
 def test_torque_from_frequency_is_the_torque(torque: float, ripple: float, encoding: str, rate: float) -> None:
-    bench = Bench(1.0, rate, torque={"sun": torque, "ring": -torque}, ripple=ripple, encoding=encoding)
+    bench = Bench(1.0, rate, driven(torque), torque={"sun": torque, "ring": -torque}, ripple=ripple, encoding=encoding)
     recording = made(bench)
     assert recording.findings == ()
     resolution = 2e-6 if encoding == "f32" else 1e-9
@@ -74,6 +80,7 @@ def test_mean_torque_from_edges_is_the_phase_gained_over_the_time(
     bench = Bench(
         1.0,
         rate,
+        driven(torque),
         torque={"sun": torque, "ring": -torque},
         ripple=ripple,
         encoding="edges",
@@ -107,7 +114,8 @@ def test_ripple_does_not_bias_torque_from_edges_as_it_does_the_mean_of_periods()
 )
 def test_angle_is_right_over_wraps_in_both_directions(speed: float, bits: int, from_wrap: int) -> None:
     start = {"sun": from_wrap % 2**bits, "ring": (2**bits - 1 + from_wrap) % 2**bits}
-    bench = Bench(1.0, speed={"sun": speed, "ring": -speed}, bits=bits, start_count=start)
+    torque = {"sun": math.copysign(0.8, speed), "ring": math.copysign(0.8, -speed)}
+    bench = Bench(1.0, speed={"sun": speed, "ring": -speed}, torque=torque, bits=bits, start_count=start)
     recording = made(bench)
     assert recording.findings == ()
     for side in SIDES:
@@ -149,7 +157,7 @@ def test_edges_with_a_gap_are_right_on_both_sides_and_unknown_within() -> None:
     bench = Bench(3.0, encoding="edges", drop=drop, start_ticks=2**32 - TIMEBASE_HZ - 4_000_000)
     torque = made(bench).samples["torque_ring"].to_numpy()
     assert np.flatnonzero(np.isnan(torque)).tolist() == list(range(600, 900))
-    np.testing.assert_allclose(torque[np.isfinite(torque)], 1.5, atol=2e-3)
+    np.testing.assert_allclose(torque[np.isfinite(torque)], -1.5, atol=2e-3)
 
 
 def test_a_transducer_that_falls_silent_gives_no_torque_from_then_on() -> None:
@@ -172,13 +180,21 @@ def test_a_time_base_off_the_sample_clock_is_measured_and_told() -> None:
     assert recording.samples["torque_sun"].mean() == pytest.approx(0.8 + shift, abs=2e-4)
 
 
-def test_edges_that_run_backward_give_no_torque() -> None:
+def test_edges_that_run_backward_cost_the_samples_beside_them_and_no_others() -> None:
     count = np.arange(1000, dtype=np.int64) * 20
     ticks = count * 10_000
     count[500] -= 100
     found = edge_frequency(count, ticks, np.ones(1000, dtype=bool), 500.0, TIMEBASE_HZ)
-    assert found.backward == 1
+    assert np.flatnonzero(found.wrong).tolist() == [500, 501]
+    assert np.isfinite(np.delete(found.frequency, [500, 501])).all()
+    np.testing.assert_allclose(found.frequency[np.isfinite(found.frequency)], 10_000.0, rtol=1e-3)
+
+
+def test_edges_that_mostly_contradict_themselves_give_no_torque() -> None:
+    count = np.arange(1000, dtype=np.int64) * 20
+    found = edge_frequency(count, np.zeros(1000, dtype=np.int64), np.ones(1000, dtype=bool), 500.0, TIMEBASE_HZ)
     assert np.isnan(found.frequency).all()
+    assert found.wrong.sum() > 900
 
 
 def test_blocks_belong_where_their_index_says_whatever_the_order_and_time_of_writing(tmp_path: Path) -> None:

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal, stats
 
-from pmg.pipeline.reduce import batch_means, end_to_end_speed, low_pass, reduce_shaft
+from pmg.pipeline.reduce import end_to_end_speed, low_pass, reduce_shaft
+from pmg.pipeline.turned import batch_means
 from pmg.sim.signals import RPM
 
 RATE = 500.0
@@ -61,7 +62,9 @@ def test_ripple_of_once_per_revolution_does_not_count_as_noise(speed: float) -> 
     assert rippled.within == pytest.approx(clean.within, rel=0.25)
 
 
-@pytest.mark.parametrize(("speed", "batches", "revolutions"), [(0.0, 10, 0), (50.0, 10, 0), (720.0, 9, 6)])
+@pytest.mark.parametrize(
+    ("speed", "batches", "revolutions"), [(0.0, 10, 0), (50.0, 10, 0), (700.0, 9, 6), (720.0, 10, 6)]
+)
 def test_batches_are_whole_revolutions_where_enough_fit(speed: float, batches: int, revolutions: int) -> None:
     found = batch_means(np.ones(N), turning(speed))
     assert (len(found.means), found.revolutions) == (batches, revolutions)

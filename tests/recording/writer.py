@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -42,19 +42,30 @@ RUN = {
 
 
 @dataclass(frozen=True)
+class Other:
+    """A topic in another layout: message encoding, schema (name, encoding, text), metadata and messages."""
+
+    encoding: str
+    schema: tuple[str, str, bytes]
+    messages: Sequence[bytes]
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Bench:
     """One run: what the shafts do and how it is recorded.
 
     Speeds in rpm, torques in N m, ripple in N m of a sine of `ripple_hz`. `drop` names sample ranges that a topic
     lacks, `raw` the messages of a topic instead of its own, `flags` the flags of a topic's blocks by number,
-    `channel` and `run` metadata to change (None removes).
+    `channel` and `run` metadata to change (None removes), `other` topics in another layout instead of their own,
+    `index` the pulses of a side, `spoil` what is done to a topic's samples before they are written.
     """
 
     seconds: float = 2.0
     rate_hz: float = 500.0
     speed: Mapping[str, float] = field(default_factory=lambda: {"sun": 600.0, "ring": -230.0})
     acceleration: float = 0.0
-    torque: Mapping[str, float] = field(default_factory=lambda: {"sun": 0.8, "ring": 1.5})
+    torque: Mapping[str, float] = field(default_factory=lambda: {"sun": 0.8, "ring": -1.5})
     torque_slope: float = 0.0
     ripple: float = 0.0
     ripple_hz: float = 7.3
@@ -80,8 +91,21 @@ class Bench:
     with_index: bool = False
     extra: Mapping[str, bytes] = field(default_factory=dict)
     raw: Mapping[str, Sequence[bytes]] = field(default_factory=dict)
+    other: Mapping[str, Other] = field(default_factory=dict)
+    index: Mapping[str, Sequence[tuple[int, int]]] = field(default_factory=dict)
+    spoil: Mapping[str, Callable[[npt.NDArray[Any]], npt.NDArray[Any]]] = field(default_factory=dict)
     compression: CompressionType = CompressionType.ZSTD
     crc: bool = True
+
+
+def same(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """The samples as they are."""
+    return values
+
+
+def wraps(bits: int) -> Callable[[npt.NDArray[Any]], npt.NDArray[Any]]:
+    """What a counter of that width shows."""
+    return lambda values: values % 2**bits
 
 
 def varint(value: int) -> bytes:
@@ -168,7 +192,8 @@ def edges_and_ticks(
     moment = live.copy()
     for _ in range(8):
         moment -= (phase(bench, side, moment) - count) / frequency(bench, side, moment)
-    tick = np.floor((moment - LEAD) * TIMEBASE_HZ * (1 + bench.timebase_error)).astype(np.int64)
+    ticks = (moment - LEAD) * TIMEBASE_HZ * (1 + bench.timebase_error)
+    tick = np.floor(ticks + 1e-4).astype(np.int64)  # one edge, one tick: whatever the last digit of its moment is
     return count.astype(np.int64) + bench.start_edges, tick + 4_000_000 + bench.start_ticks
 
 
@@ -219,7 +244,7 @@ def write(path: Path, bench: Bench) -> Path:
         queue: list[tuple[int, int, bytes]] = []
 
         def put(topic: str, schema: str, messages: Sequence[bytes], metadata: Mapping[str, str]) -> None:
-            if topic in bench.without:
+            if topic in bench.without or topic in bench.other:
                 return
             changed = dict(metadata) | dict(bench.channel.get(topic, {}))
             kept = {name: value for name, value in changed.items() if value is not None}
@@ -227,6 +252,7 @@ def write(path: Path, bench: Bench) -> Path:
             queue.extend((number, channel, message) for number, message in enumerate(messages))
 
         for topic, (metadata, values) in tracks(bench).items():
+            values = bench.spoil.get(topic, same)(values)
             messages = bench.raw.get(topic) or blocks(bench, topic, metadata["dtype"], values)
             put(topic, "SampleBlock", messages, metadata)
         put("/test/step", "TestStep", [step(*entry) for entry in bench.steps], {})
@@ -234,7 +260,12 @@ def write(path: Path, bench: Bench) -> Path:
         put("/sys/clock", "ClockMark", [mark(*entry) for entry in bench.marks], {})
         if bench.with_index:
             for side in ("sun", "ring"):
-                put(f"/daq/encoder_{side}/index", "IndexPulse", pulses(bench, side), {})
+                given = [pulse(*entry) for entry in bench.index.get(side, ())]
+                put(f"/daq/encoder_{side}/index", "IndexPulse", given or pulses(bench, side), {})
+        for topic, other in bench.other.items():
+            schema = writer.register_schema(*other.schema)
+            channel = writer.register_channel(topic, other.encoding, schema, dict(other.metadata))
+            queue.extend((number, channel, message) for number, message in enumerate(other.messages))
         for topic, message in bench.extra.items():
             put(topic, "SampleBlock", [message], {})
         for number, channel, message in sorted(queue, key=lambda entry: entry[0]):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pmg.pipeline.aside import write_aside
 from pmg.pipeline.chapters.proof import proof_page
 from pmg.pipeline.executors import map_over
+from pmg.pipeline.outcome import Outcome
 from pmg.pipeline.prove.nature import seal_truth
 from pmg.pipeline.prove.trial.agreement import both_ways
 from pmg.pipeline.prove.trial.lot import CAMPAIGNS, SEED, chosen_kinds, draw_lots
@@ -20,7 +21,6 @@ from pmg.pipeline.prove.trial.sealed import open_truth, open_truths, seal
 from pmg.pipeline.prove.trial.summary import Trial, case_row, score_lines, scores_document, summarise
 from pmg.pipeline.prove.trial.undergo import ROUTES, SCHEMA, Task, undergo
 from pmg.pipeline.report.write import write_report
-from pmg.pipeline.stages import Outcome
 from pmg.sim.errors import BenchError, near_miss
 
 if TYPE_CHECKING:

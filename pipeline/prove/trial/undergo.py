@@ -14,11 +14,12 @@ from pmg.pipeline.analyse import analyse
 from pmg.pipeline.diagnose.decide import diagnose
 from pmg.pipeline.diagnose.document import diagnosis_document
 from pmg.pipeline.diagnose.plans import join_points, possible_plans
+from pmg.pipeline.ingest_stage import run_ingest
 from pmg.pipeline.options import AnalysisOptions
 from pmg.pipeline.outputs import read_analysis
 from pmg.pipeline.prove.nature import measure_case
 from pmg.pipeline.prove.record import write_case
-from pmg.pipeline.stages import SEED, run_analyse, run_compare, run_ingest
+from pmg.pipeline.stages import SEED, run_analyse, run_compare
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:

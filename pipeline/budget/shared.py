@@ -1,0 +1,91 @@
+"""What all readings of a torque transducer share: sensitivity, non-linearity, tare."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pmg.sim.bench import BenchParameters, TransducerParameters
+    from pmg.sim.grid import Grid
+    from pmg.sim.signals import Array
+
+RECTANGULAR = math.sqrt(3.0)
+"""Half-width of a rectangular distribution over its standard deviation (GUM 4.3.7)."""
+SIDES = ("sun", "ring")
+NEGLIGIBLE = 1e-6
+"""Part of a variance below which a difference of two is rounding."""
+
+
+@dataclass(frozen=True)
+class CommonParts:
+    """Standard uncertainties that the readings of one transducer share, (n,) each [N m]."""
+
+    sensitivity: Array
+    linearity: Array
+    tare: Array
+
+
+def transducer_of(bench: BenchParameters, side: str) -> TransducerParameters:
+    """The transducer of a shaft, ``sun`` or ``ring``."""
+    return bench.transducer_sun if side == "sun" else bench.transducer_ring
+
+
+def common_uncertainty(
+    torque_sun: Array, torque_ring: Array, bench: BenchParameters, tare: tuple[float, float] = (0.0, 0.0)
+) -> tuple[Array, Array]:
+    """Standard uncertainty that all points of a transducer share [N m], sun and ring.
+
+    Sensitivity tolerance (of the reading) and non-linearity (of the nominal torque) as half-widths of rectangular
+    distributions, GUM 4.3.7, and the standard uncertainty of the tare, summed in quadrature.
+    """
+
+    def common(torque: Array, side: str, zero: float) -> Array:
+        of = transducer_of(bench, side)
+        tolerances = np.hypot(of.sensitivity_tolerance * torque, of.nonlinearity * of.nominal_torque)
+        return np.hypot(tolerances / RECTANGULAR, zero)
+
+    return common(torque_sun, "sun", tare[0]), common(torque_ring, "ring", tare[1])
+
+
+def common_parts(grid: Grid, bench: BenchParameters, side: str) -> CommonParts:
+    """The common uncertainty of a grid split into its parts; their squares add up to that of the grid.
+
+    Sensitivity is taken first, then non-linearity; what is left is the tare.
+    """
+    of = transducer_of(bench, side)
+    torque, common = (grid.torque_sun, grid.common_sun) if side == "sun" else (grid.torque_ring, grid.common_ring)
+    sensitivity = np.minimum(of.sensitivity_tolerance * np.abs(torque) / RECTANGULAR, common)
+    rest = common**2 - sensitivity**2
+    linearity = np.minimum((of.nonlinearity * of.nominal_torque / RECTANGULAR) ** 2, rest)
+    left = rest - linearity
+    tare = np.where(left > NEGLIGIBLE * common**2, left, 0.0)
+    return CommonParts(sensitivity, np.sqrt(linearity + (left - tare)), np.sqrt(tare))
+
+
+def tare_uncertainty(zeros: Array) -> tuple[float, int]:
+    r"""Standard uncertainty of a zero that is not subtracted [N m], and its degrees of freedom.
+
+    Parameters
+    ----------
+    zeros : (k,) array
+        Mean torque of each zero check [N m].
+
+    Returns
+    -------
+    float, int
+        0 and 0 with fewer than two checks: they do not tell.
+
+    Notes
+    -----
+    The calibration's null frequency is the tare; the zero checks :math:`z_i` witness how well it holds. With their
+    mean :math:`\bar z` and standard deviation s, :math:`u^2 = \bar z^2 + s^2/k` is the mean square of the offset
+    that is left in every reading (GUM F.2.4.5, a correction that is known and not applied).
+    """
+    known = zeros[np.isfinite(zeros)]
+    if len(known) < 2:
+        return 0.0, 0
+    return float(math.hypot(known.mean(), known.std(ddof=1) / math.sqrt(len(known)))), len(known) - 1

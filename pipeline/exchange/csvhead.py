@@ -1,0 +1,225 @@
+"""How a CSV file is written: encoding, separator, decimal sign, names and units of its columns."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import io
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pmg.sim.errors import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+HEAD_BYTES = 1 << 18
+"""So much of the file is looked at to find out how it is written [bytes]."""
+
+BOMS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+LOOKED_AT = 20
+"""Rows by which it is told whether the row above them holds units."""
+DELIMITERS = (";", "\t", ",", "|")
+"""Separators that are found without being told, the earlier one first where two are equally frequent."""
+
+MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "n/a", "N/A", "-", "--", "---")
+"""Words for a cell without a value."""
+
+BRACKETED = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]\s*")
+WORD_OF_FILE = re.compile(r"\s*(?P<key>[^:=;,\t]+?)\s*[:=]\s*(?P<value>.*?)[\s;,]*")
+NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+WITH_COMMA, WITH_POINT = re.compile(r"\d,\d|^,\d"), re.compile(r"\d\.\d|^\.\d")
+
+
+@dataclass(frozen=True)
+class CsvForm:
+    """What the user says about a CSV file; ``auto`` and None are found out.
+
+    Parameters
+    ----------
+    encoding, delimiter, decimal : str
+        How it is written.
+    comment : str
+        Start of lines that hold no data; empty for none.
+    header_line : int, optional
+        Line with the names of the columns, from 1 on; 0 for none, when columns are called ``1``, ``2`` and so on.
+    units_row : str
+        Whether a row of units follows the names: ``auto``, ``yes`` or ``no``.
+    bad_rows : int
+        Rows that may hold something that is no number; they become gaps.
+    """
+
+    encoding: str = "auto"
+    delimiter: str = "auto"
+    decimal: str = "auto"
+    comment: str = "#"
+    header_line: int | None = None
+    units_row: str = "auto"
+    bad_rows: int = 0
+
+
+@dataclass(frozen=True)
+class CsvHead:
+    """How a CSV file is written.
+
+    Parameters
+    ----------
+    encoding, delimiter, decimal : str
+        Told or found.
+    names, units : tuple of str
+        Of the columns.
+    data_line : int
+        First line with data, from 1 on.
+    properties : mapping of str to str
+        Lines ``# key: value`` above the data.
+    """
+
+    encoding: str
+    delimiter: str
+    decimal: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    data_line: int
+    properties: Mapping[str, str]
+
+
+def read_head(path: Path, form: CsvForm) -> CsvHead:
+    """How the file is written.
+
+    Raises
+    ------
+    RecordingError
+        When it has no line of names, or its decimal sign cannot be told.
+    """
+    with path.open("rb") as stream:
+        data = stream.read(HEAD_BYTES)
+        whole = len(data) < HEAD_BYTES
+    encoding = form.encoding if form.encoding != "auto" else _encoding(data)
+    if encoding == "utf-8" and data.startswith(codecs.BOM_UTF8):
+        encoding = "utf-8-sig"
+    text = io.StringIO(data.decode(encoding, errors="replace"), newline=None)  # lines end where the reader ends them
+    lines = [line.removesuffix("\n") for line in text]
+    lines = lines if whole else lines[:-1]
+    above = len(lines) if form.header_line is None else max(form.header_line - 1, 0)
+    at = [n for n, line in enumerate(lines) if line.strip() and not (form.comment and line.startswith(form.comment))]
+    if form.header_line:
+        at = [n for n in at if n >= form.header_line]
+        if form.header_line <= len(lines) and lines[form.header_line - 1].strip():
+            at = [form.header_line - 1, *at]
+            lines[at[0]] = lines[at[0]].removeprefix(form.comment).lstrip()
+        else:
+            came = "an empty line, or one beyond the head of the file"
+            raise RecordingError(f"{path}, line {form.header_line}", came, "names of columns", "Correct header_line.")
+    if not at:
+        raise RecordingError(str(path), "no line with data", "names of columns and samples", "Look into the file.")
+    delimiter = form.delimiter if form.delimiter != "auto" else _delimiter(lines[at[0]])
+    cells = cells_of(lines[at[0]], delimiter)
+    if form.header_line == 0:
+        names, units, begin = [str(n) for n in range(1, len(cells) + 1)], [""] * len(cells), at[0]
+    else:
+        names, units, begin = *_named(cells, path, at[0] + 1), at[0] + 1
+    data_at = [n for n in range(begin, len(lines)) if holds_row(lines[n], form.comment, delimiter, len(names))]
+    if form.header_line != 0 and data_at and form.units_row != "no":
+        row = cells_of(lines[data_at[0]], delimiter)
+        below = [cells_of(lines[n], delimiter) for n in data_at[1 : 1 + LOOKED_AT]]
+        if form.units_row == "yes" or _are_units(row, below, len(names)):
+            given = [cell.strip().strip("[]()").strip() for cell in row] + [""] * len(names)
+            units = [given[n] or units[n] for n in range(len(names))]
+            data_at = data_at[1:]
+    rows = [(n + 1, lines[n]) for n in data_at]
+    decimal = form.decimal if form.decimal != "auto" else _decimal(rows, delimiter, path)
+    first = data_at[0] + 1 if data_at else len(lines) + 1
+    properties = _properties(lines[: min(above, first - 1)], form.comment, at[0])
+    return CsvHead(encoding, delimiter, decimal, tuple(names), tuple(units), first, properties)
+
+
+def cells_of(line: str, delimiter: str) -> list[str]:
+    """The cells of one line."""
+    return next(csv.reader([line], delimiter=delimiter, skipinitialspace=delimiter == " "))
+
+
+def holds_row(line: str, comment: str, delimiter: str, columns: int) -> bool:
+    """Whether a line holds a row; one that begins like a comment and has all its cells is a row with a bad cell."""
+    if comment and line.startswith(comment):
+        return columns > 1 and line.count(delimiter) == columns - 1
+    return bool(line) and not line.isspace()
+
+
+def _encoding(data: bytes) -> str:
+    for mark, name in BOMS:
+        if data.startswith(mark):
+            return name
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(data, final=False)
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8"
+
+
+def _delimiter(header: str) -> str:
+    outside = re.sub(r'"[^"]*"', "", header)
+    return max(DELIMITERS, key=outside.count)
+
+
+def _named(cells: list[str], path: Path, line: int) -> tuple[list[str], list[str]]:
+    """Names and units from the cells of the header; a name that comes again gets a number."""
+    if all(NUMBER.fullmatch(cell.strip()) for cell in cells):
+        came = "numbers where the names of the columns should stand"
+        do = "Say in [csv] which header_line holds them; 0 where there is none."
+        raise RecordingError(f"{path}, line {line}", came, "names of columns", do)
+    names: list[str] = []
+    units: list[str] = []
+    for cell in cells:
+        match = BRACKETED.fullmatch(cell)
+        plain = (match["name"] if match else cell).strip()
+        count = sum(name.split("#")[0] == plain for name in names)
+        names.append(f"{plain}#{count + 1}" if count else plain)
+        units.append(match["unit"].strip() if match else "")
+    return names, units
+
+
+def _are_units(row: list[str], below: list[list[str]], columns: int) -> bool:
+    """Whether a row below the names holds units: no number in it, and a word above numbers."""
+    plain = [cell.strip() for cell in row]
+    if len(row) != columns or any(_is_number(cell) for cell in plain if cell != "1"):
+        return False
+    words = [n for n, cell in enumerate(plain) if cell not in MISSING and cell != "1"]
+    return any(not below or any(len(cells) > n and _is_number(cells[n].strip()) for cells in below) for n in words)
+
+
+def _is_number(cell: str) -> bool:
+    return bool(NUMBER.fullmatch(cell)) or cell.lower() in ("nan", "inf")
+
+
+def _decimal(rows: list[tuple[int, str]], delimiter: str, path: Path) -> str:
+    """The decimal sign, from the cells that are numbers; a point where none has a fraction."""
+    if delimiter == ",":
+        quoted = any(NUMBER.fullmatch(c.strip()) and "," in c for _, line in rows for c in cells_of(line, delimiter))
+        return "," if quoted else "."
+    comma = point = 0
+    for line, text in rows:
+        numbers = [cell.strip() for cell in cells_of(text, delimiter) if NUMBER.fullmatch(cell.strip())]
+        comma = comma or (line if any(map(WITH_COMMA.search, numbers)) else 0)
+        point = point or (line if any(map(WITH_POINT.search, numbers)) else 0)
+    if comma and point:
+        came = f"a decimal point here and a decimal comma in line {comma}"
+        do = "Say in [csv] which it is: decimal = ',' or '.'."
+        raise RecordingError(f"{path}, line {point}", came, "one decimal sign", do)
+    return "," if comma else "."
+
+
+def _properties(lines: list[str], comment: str, header: int) -> dict[str, str]:
+    """What lines above the data say as ``key: value``."""
+    found: dict[str, str] = {}
+    for n, line in enumerate(lines):
+        marked = bool(comment) and line.startswith(comment)
+        match = WORD_OF_FILE.fullmatch(line.removeprefix(comment) if marked else line)
+        if match and (marked or n < header):
+            found[match["key"]] = match["value"]
+    return found

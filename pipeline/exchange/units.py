@@ -1,0 +1,80 @@
+"""Units in which foreign files give what layout pmg.v1 holds, and what one of each is in SI."""
+
+from __future__ import annotations
+
+import math
+
+from pmg.sim.errors import BenchError, near_miss
+from pmg.sim.signals import REVOLUTION, RPM
+
+TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+"""Units of a time column [s]."""
+
+FREQUENCY = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6}
+TORQUE = {"N m": 1.0, "mN m": 1e-3, "kN m": 1e3}
+ELECTRIC = {"V": 1.0, "mV": 1e-3, "A": 1.0, "mA": 1e-3}
+COUNT = {"1": 1.0}
+ANGLE = {"rad": 1.0, "deg": math.pi / 180.0, "rev": REVOLUTION}
+SPEED = {"rpm": RPM, "rad/s": 1.0, "deg/s": math.pi / 180.0}
+
+KINDS = {
+    "frequency": FREQUENCY,
+    "torque": TORQUE,
+    "electric": ELECTRIC,
+    "count": COUNT,
+    "angle": ANGLE,
+    "speed": SPEED,
+}
+"""What a unit says about a channel."""
+
+TAKEN = {"frequency": ("frequency", "torque", "electric"), "count": ("count", "angle", "speed")}
+"""Kinds of source by the last word of the topic; every other topic takes counts only."""
+
+OTHER_WORDS = {
+    "Nm": "N m",
+    "N.m": "N m",
+    "N·m": "N m",
+    "N*m": "N m",
+    "mNm": "mN m",
+    "kNm": "kN m",
+    "1/min": "rpm",
+    "min-1": "rpm",
+    "min^-1": "rpm",
+    "U/min": "rpm",
+    "°": "deg",
+    "degree": "deg",
+    "degrees": "deg",
+    "turns": "rev",
+    "counts": "1",
+    "count": "1",
+    "ticks": "1",
+    "-": "1",
+    "Volt": "V",
+    "Volts": "V",
+    "sec": "s",
+    "seconds": "s",
+}
+"""Other spellings that recorders use."""
+
+
+def declared(unit: str) -> str:
+    """A unit in the spelling of the tables here."""
+    plain = unit.strip()
+    return OTHER_WORDS.get(plain, plain)
+
+
+def kind_of(topic: str, unit: str, where: str) -> str:
+    """What a channel in this unit is, for a topic that can be made from it.
+
+    Raises
+    ------
+    BenchError
+        When the topic cannot be made from such a unit; near misses are named.
+    """
+    plain = declared(unit)
+    kinds = TAKEN.get(topic.rsplit("/", 1)[-1], ("count",))
+    for kind in kinds:
+        if plain in KINDS[kind]:
+            return kind
+    known = [name for kind in kinds for name in KINDS[kind]]
+    raise BenchError(f"{where}: unit", f"'{unit}'", f"a unit of which {topic} is made", near_miss(unit, known))

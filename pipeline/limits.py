@@ -1,0 +1,131 @@
+"""What counts as a steady window, and what counts as a change between two: fixed before any window is looked at."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+from pmg.sim.errors import RecordingError, near_miss
+from pmg.sim.signals import RPM
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+SPEEDS = ("speed_change", "speed_offset", "step_speed")
+"""Limits that a file gives in rpm, with that unit in their name."""
+WHOLE = ("parts",)
+"""Limits that are counts."""
+MAY_BE_ZERO = ("settle", "counts")
+TABLE = "windows"
+"""Table of the file that holds the limits."""
+
+
+@dataclass(frozen=True)
+class Steadiness:
+    """What counts as a steady window.
+
+    Parameters
+    ----------
+    shortest : float
+        Shortest window [s]: two periods of the 0.5 Hz filter's cut-off would be 4 s; below 1 s the batches that
+        give the uncertainty are shorter than the control loop's settling.
+    completeness : float
+        Least part of the length that the test step announces; a shorter one was cut off.
+    speed_change : float
+        Largest difference between the mean speeds of both halves, and largest standard deviation among the ten
+        parts [rad/s]. Half a rpm over a window accelerates the rotors by less than the transducers resolve.
+    speed_change_relative : float
+        The same, as part of the speed; the larger of both limits holds.
+    parts : int
+        Parts of the window whose speeds are compared.
+    counts : float
+        Encoder counts per part that are added to the limit, so that the resolution alone never trips it.
+    speed_offset, speed_offset_relative : float
+        Largest distance from the set-point [rad/s] and as part of it; the sum of both holds. Beyond, the controller
+        has not reached its target or the set-point in the file is another run's.
+    torque_drift : float
+        Largest change of the torque over the window, largest difference between its halves and largest excursion of
+        one of its batches, as part of the nominal torque.
+    torque_drift_sigmas : float
+        Each must also be this many of its own standard errors: noise alone never trips the check. Warming up
+        during a window stays far below both.
+    frequency_low, frequency_high : float
+        Rated range of the transducers' frequency output [Hz].
+    step_speed, step_torque : float
+        Where nothing marks the test points: change of a speed [rad/s], or of a torque as part of the nominal one,
+        that ends a plateau. Set-points of the bench's grids lie farther apart.
+    step_beside : float
+        Stretch before and after a place whose means are compared to see such a change [s].
+    settle : float
+        Time after a change that belongs to no plateau [s].
+    """
+
+    shortest: float = 1.0
+    completeness: float = 0.9
+    speed_change: float = 0.5 * RPM
+    speed_change_relative: float = 0.002
+    parts: int = 10
+    counts: float = 2.0
+    speed_offset: float = 2.0 * RPM
+    speed_offset_relative: float = 0.005
+    torque_drift: float = 0.01
+    torque_drift_sigmas: float = 8.0
+    frequency_low: float = 5_000.0
+    frequency_high: float = 15_000.0
+    step_speed: float = 5.0 * RPM
+    step_torque: float = 0.02
+    step_beside: float = 1.0
+    settle: float = 1.0
+
+    def document(self) -> dict[str, float]:
+        """As JSON, in SI."""
+        return asdict(self)
+
+
+LIMITS = Steadiness()
+
+
+def read_limits(path: Path) -> Steadiness:
+    """The limits of a TOML file: a table ``[windows]`` with those that differ from the defaults.
+
+    Parameters
+    ----------
+    path : Path
+        The file. Keys are the fields of `Steadiness`; speeds are given in rpm, as ``speed_change_rpm``.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be read, or holds a key or a value that is none.
+    """
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise RecordingError(
+            str(path), f"unreadable ({error})", f"TOML with a table [{TABLE}]", "Correct the file."
+        ) from error
+    table = document.get(TABLE)
+    if not isinstance(table, dict) or len(document) > 1:
+        came = ", ".join(document) or "nothing"
+        raise RecordingError(str(path), came, f"one table [{TABLE}]", "Put all limits into it.")
+    return limits_of(table, str(path))
+
+
+def limits_of(table: Mapping[str, Any], where: str) -> Steadiness:
+    """The limits of a table, as `read_limits` takes them."""
+    names = {f"{f.name}_rpm" if f.name in SPEEDS else f.name: f.name for f in fields(Steadiness)}
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        if key not in names:
+            raise RecordingError(f"{where}: [{TABLE}]", f"'{key}'", "a limit", near_miss(key, names))
+        name = names[key]
+        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        least = 2 if name in WHOLE else 0
+        if not number or value < least or (value == 0 and name not in MAY_BE_ZERO) or (name in WHOLE and value % 1):
+            expected = "a whole number from 2" if name in WHOLE else "a finite number above 0"
+            raise RecordingError(f"{where}: [{TABLE}] {key}", repr(value), expected, "Correct it.")
+        found[name] = int(value) if name in WHOLE else float(value) * (RPM if name in SPEEDS else 1.0)
+    return Steadiness(**found)

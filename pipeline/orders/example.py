@@ -1,0 +1,87 @@
+"""One window shown whole: its order spectrum, and the average turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.orders.angle import AverageTurn, average_turn, by_angle, order_amplitudes
+from pmg.sim.signals import REVOLUTION
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from pmg.pipeline.store import Manifest, Store
+    from pmg.sim.signals import Array
+
+SIDES = ("sun", "ring")
+FEWEST_TURNS = 5.0
+"""Turns of the slower shaft in a window that is shown."""
+FINEST, COARSEST = 512, 16
+"""Most and fewest steps a turn."""
+
+
+@dataclass(frozen=True)
+class ShaftExample:
+    """The torque of one shaft over its own angle.
+
+    Parameters
+    ----------
+    side : str
+        ``sun`` or ``ring``.
+    orders, magnitudes : (k,) array
+        Order spectrum over all whole turns [N m].
+    angle : (b,) array
+        Middles of the steps of a turn [rad].
+    turn : AverageTurn
+        The average turn [N m].
+    """
+
+    side: str
+    orders: Array
+    magnitudes: Array
+    angle: Array
+    turn: AverageTurn
+
+
+@dataclass(frozen=True)
+class Example:
+    """One window shown whole."""
+
+    point: str
+    shafts: tuple[ShaftExample, ...]
+
+
+def choose_example(store: Store, manifests: Iterable[Manifest]) -> Example | None:
+    """The slowest accepted window, engaged if there is one, that holds `FEWEST_TURNS` turns; None without one.
+
+    The slowest, since it has the most samples a turn and so shows the highest orders.
+    """
+    found = []
+    for manifest in manifests:
+        for window in manifest.document["windows"]:
+            speeds = [window["means"][side]["speed"] for side in SIDES]
+            if not window["accepted"] or None in speeds:
+                continue
+            slowest = min(map(abs, speeds))
+            turns = slowest * window["means"]["duration"] / REVOLUTION
+            if turns >= FEWEST_TURNS:
+                found.append((window["configuration"] != "engaged", slowest, window["first_sample"], manifest, window))
+    if not found:
+        return None
+    _, _, _, manifest, window = min(found, key=lambda item: (*item[:3], item[3].identifier))
+    samples = store.samples(manifest.identifier)
+    offset = int(samples["sample"][0])
+    part = samples.slice(window["first_sample"] - offset, window["stop_sample"] - window["first_sample"])
+    shafts = [_shaft(side, part[f"torque_{side}"].to_numpy(), part[f"angle_{side}"].to_numpy()) for side in SIDES]
+    return Example(window["point"], tuple(shafts))
+
+
+def _shaft(side: str, torque: Array, angle: Array) -> ShaftExample:
+    turned = abs(float(angle[-1] - angle[0])) / REVOLUTION
+    steps = 2 ** int(np.log2(len(torque) / turned))
+    turns = by_angle(torque, angle, min(FINEST, max(COARSEST, steps)))
+    orders, magnitudes = order_amplitudes(turns)
+    return ShaftExample(side, orders, magnitudes, turns.middles, average_turn(turns))

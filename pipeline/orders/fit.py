@@ -1,0 +1,178 @@
+"""Amplitudes and phases of lines of both shafts, fitted together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import t as student
+
+from pmg.pipeline.orders.band import FALSE_ALARM, Noise, emptied, noise_beside, periodogram
+from pmg.sim.errors import FitError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pmg.pipeline.orders.lines import Group
+    from pmg.sim.signals import Array, Mask
+
+CONFIDENCE = 0.95
+"""Of the intervals of amplitudes."""
+PIECE = 1 << 16
+"""Samples whose cosines and sines are held at once."""
+WORST_CONDITION = 1e8
+"""Condition of the normal equations from which on lines are not told apart."""
+TREND = 3
+"""Terms of the parabola that a slow change of the signal takes."""
+
+
+@dataclass(frozen=True)
+class Orders:
+    r"""Lines of several signals over one window: :math:`x = \mathrm{Re}\, c\, e^{i\psi}`, :math:`c = A e^{i\varphi}`.
+
+    Parameters
+    ----------
+    groups : tuple of Group
+        What was fitted, g of them.
+    amplitude : (s, g) complex array
+        c, in the unit of the signal.
+    u : (s, g) array
+        Standard uncertainty of either part of c; NaN where nothing tells the noise.
+    dof : (s, g) array
+        Its degrees of freedom.
+    band : (s, g) array
+        Magnitude that pure noise exceeds in 5 % of lines (`band.FALSE_ALARM`).
+    residual : (s, n) array
+        What is left of the signals.
+    """
+
+    groups: tuple[Group, ...]
+    amplitude: np.ndarray[tuple[int, int], np.dtype[np.complex128]]
+    u: Array
+    dof: Array
+    band: Array
+    residual: Array
+
+    @property
+    def magnitude(self) -> Array:
+        """A."""
+        return np.abs(self.amplitude)
+
+    @property
+    def beyond(self) -> Mask:
+        """Where the magnitude exceeds its band."""
+        return np.asarray(self.magnitude > self.band, dtype=np.bool_)
+
+    @cached_property
+    def interval(self) -> tuple[Array, Array]:
+        """Both ends of a 95 % interval of the magnitude; from zero where it is within the band."""
+        size = self.magnitude
+        known = np.isfinite(self.u)
+        reach = student.isf((1.0 - CONFIDENCE) / 2.0, np.where(known, self.dof, 1.0)) * self.u
+        low = np.where(self.beyond, np.maximum(size - reach, 0.0), np.where(known, 0.0, np.nan))
+        return low, size + reach
+
+    @property
+    def phase(self) -> Array:
+        """Phase [rad]; NaN within the band, where it says nothing."""
+        return np.where(self.beyond, np.angle(self.amplitude), np.nan)
+
+    @property
+    def u_phase(self) -> Array:
+        """Standard uncertainty of the phase by noise [rad]; noise that lengthens c is taken off its length."""
+        length = np.sqrt(np.where(self.beyond, self.magnitude**2 - 2.0 * self.u**2, 1.0))
+        return np.where(self.beyond, self.u / length, np.nan)
+
+
+def fit_orders(signals: Array, sun: Array, ring: Array, groups: Sequence[Group], rate_hz: float) -> Orders:
+    r"""Lines of both shafts in signals over one window, all at once.
+
+    Parameters
+    ----------
+    signals : (s, n) array
+        Finite values on equidistant samples.
+    sun, ring : (n,) array
+        Angles of the shafts [rad].
+    groups : sequence of Group
+        Resolved lines (`lines.resolve`).
+    rate_hz : float
+        Sample rate [Hz].
+
+    Raises
+    ------
+    FitError
+        The lines cannot be told apart in these samples, such as where a shaft stands still in most of them.
+
+    Notes
+    -----
+    Least squares on a parabola in time, and cosine and sine of each phase at the samples as they are. Lines of one
+    shaft do not average out over whole turns of the other unless their ratio allows it; fitted together they need
+    not. No resampling takes part. An angle read in steps of :math:`\Delta` takes :math:`(m\Delta)^2/24` off the
+    amplitude at order m, at 5120 counts and order 90 half a thousandth. The torque of a sample is a mean over it,
+    which takes :math:`(\pi f/f_s)^2/6` off.
+
+    The noise of a line is that of the residual beside its frequency (`band.noise_beside`), multiplied by what the
+    other lines cost it. The normal equations are summed over pieces of `PIECE` samples, so memory grows with the
+    signals only.
+    """
+    n = signals.shape[1]
+    if not groups:
+        nothing = np.empty((len(signals), 0))
+        return Orders((), nothing.astype(np.complex128), nothing, nothing, nothing, signals - signals.mean(1)[:, None])
+    centred = signals - signals.mean(axis=1)[:, None]
+    pieces = [slice(start, min(start + PIECE, n)) for start in range(0, n, PIECE)]
+    columns = TREND + 2 * len(groups)
+    normal, projected = np.zeros((columns, columns)), np.zeros((columns, len(signals)))
+    for piece in pieces:
+        design = _design(sun, ring, groups, piece)
+        normal += design @ design.T
+        projected += design @ centred[:, piece].T
+    condition = float(np.linalg.cond(normal))
+    if not condition < WORST_CONDITION:
+        raise FitError(
+            "lines of both shafts",
+            f"{len(groups)} lines that are one in these samples (condition {condition:.1e})",
+            f"lines that differ over the window (condition below {WORST_CONDITION:.0e})",
+            "Choose a window in which both shafts turn steadily.",
+        )
+    inverse = np.linalg.inv(normal)
+    found = inverse @ projected
+    residual = centred
+    for piece in pieces:
+        residual[:, piece] -= found.T @ _design(sun, ring, groups, piece)
+    amplitude = found[TREND::2].T + 1j * found[TREND + 1 :: 2].T
+    # what the other lines cost a line: one where it is at right angles to them
+    cost = np.diag(inverse)[TREND:].reshape(-1, 2).mean(axis=1) * (n / 2.0)
+    power, dof, band = _noise(residual, groups, rate_hz, cost)
+    return Orders(tuple(groups), amplitude, np.sqrt(power / 2.0), dof, band, residual)
+
+
+def _design(sun: Array, ring: Array, groups: Sequence[Group], piece: slice) -> Array:
+    """Parabola, and cosine and negative sine of each line, over a piece of the window."""
+    n = len(sun)
+    time = 2.0 * np.arange(piece.start, piece.stop) / (n - 1) - 1.0
+    design = np.empty((TREND + 2 * len(groups), len(time)))
+    design[:TREND] = np.stack((np.ones_like(time), time, time**2 - 1.0 / 3.0))
+    for place, group in enumerate(groups):
+        turning = np.exp(1j * group.lines[0].phase(sun[piece], ring[piece]))
+        design[TREND + 2 * place], design[TREND + 1 + 2 * place] = turning.real, -turning.imag
+    return design
+
+
+def _noise(residual: Array, groups: Sequence[Group], rate_hz: float, cost: Array) -> tuple[Array, Array, Array]:
+    """Power of noise in each line, its degrees of freedom, and the band."""
+    bins_per_hz = residual.shape[1] / rate_hz
+    places = [group.frequency * bins_per_hz for group in groups]
+    spectrum = periodogram(residual)
+    gone = emptied(spectrum.shape[1], places)
+    beside = [noise_beside(spectrum, gone, place) for place in places]
+    power = np.stack([noise.power for noise in beside], axis=1) * cost
+    dof = np.stack([noise.dof for noise in beside], axis=1)
+    return power, dof, Noise(power, dof).band(FALSE_ALARM)
+
+
+def wrapped(angle: Array) -> Array:
+    """The angle between -pi and pi [rad]."""
+    return np.asarray(np.angle(np.exp(1j * angle)))

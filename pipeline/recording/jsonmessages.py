@@ -1,0 +1,127 @@
+"""JSON messages read into numbers by field."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pmg.pipeline.recording.layout import Columns
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from pmg.pipeline.recording.messages import Messages
+
+DEEPEST = 8
+"""Objects within objects that are followed."""
+WIDEST = 256
+"""Fields of one message that are followed."""
+NUMBER = (int, float)
+TEXT_TIME = "#utc"
+"""Follows the name of a field that holds a time as text."""
+LATEST_YEAR = "2200"
+"""Nanoseconds since 1970 fit into a signed number up to beyond this year."""
+INT64 = 1 << 63
+
+
+def read_json(payloads: Messages) -> Columns:
+    """Numbers of JSON objects by field, the names of nested objects with dots between.
+
+    Notes
+    -----
+    Texts are times where they read as RFC 3339 in UTC (``2025-04-23T08:00:00.25Z``), given as nanoseconds since 1970
+    under their name with `TEXT_TIME`; other texts, truth values and nulls are no numbers and are left out. NaN and
+    Infinity, which strict JSON does not know, are taken as numbers that are not finite.
+    """
+    columns = Columns(len(payloads))
+    found: dict[str, tuple[list[int], list[Any]]] = {}
+    decode = json.JSONDecoder().decode
+    for place, payload in enumerate(payloads):
+        try:
+            value = decode(payload.decode("utf-8"))
+        except (UnicodeDecodeError, ValueError, RecursionError):
+            columns.faults[place] = "it is no JSON"
+            continue
+        if not isinstance(value, dict):
+            columns.faults[place] = f"it is a JSON {type(value).__name__}, not an object"
+            continue
+        _take(value, "", place, found, 0)
+    for path, (places, values) in found.items():
+        columns.counts[path], columns.values[path] = _column(len(payloads), places, values)
+    return columns
+
+
+def _take(
+    value: dict[str, Any], prefix: str, place: int, found: dict[str, tuple[list[int], list[Any]]], depth: int
+) -> None:
+    """Note the fields of an object."""
+    for name, inner in value.items():
+        kind = type(inner)
+        if kind is dict:
+            if depth < DEEPEST:
+                _take(inner, f"{prefix}{name}.", place, found, depth + 1)
+            continue
+        if kind is float or kind is int or kind is str or kind is list:
+            path = f"{prefix}{name}{TEXT_TIME}" if kind is str else prefix + name
+            entry = found.get(path)
+            if entry is None:
+                if len(found) >= WIDEST:
+                    continue
+                entry = found[path] = [], []
+            entry[0].append(place)
+            entry[1].append(inner)
+
+
+def _column(size: int, places: list[int], values: list[Any]) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
+    """How many numbers each message has in a field, and the numbers."""
+    counts = np.zeros(size, dtype=np.int64)
+    kinds = set(map(type, values))
+    if kinds <= set(NUMBER):
+        counts[places] = 1
+        return counts, _numbers(values)
+    flat: list[Any] = []
+    for place, value in zip(places, values, strict=True):
+        if type(value) is list:
+            numbers = [v for v in value if type(v) in NUMBER]
+            if len(numbers) == len(value):
+                counts[place] = len(numbers)
+                flat.extend(numbers)
+        elif type(value) is str:
+            if (time := _time(value)) is not None:
+                counts[place] = 1
+                flat.append(time)
+        else:
+            counts[place] = 1
+            flat.append(value)
+    return counts, _numbers(flat)
+
+
+def _numbers(values: list[Any]) -> npt.NDArray[Any]:
+    """Whole numbers as such where all are, else numbers in double precision."""
+    if set(map(type, values)) == {int}:
+        if all(-INT64 <= value < INT64 for value in values):
+            return np.array(values, dtype=np.int64)
+        if all(0 <= value < 2 * INT64 for value in values):
+            return np.array(values, dtype=np.uint64)
+    return np.array([_float(value) for value in values], dtype=np.float64)
+
+
+def _float(value: float) -> float:
+    """A number in double precision; one that is too large is not finite."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+
+
+def _time(text: str) -> int | None:
+    """Nanoseconds since 1970 of a time in UTC."""
+    if len(text) < 20 or not text.endswith("Z") or text[10] not in "Tt " or not "1970" <= text[:4] <= LATEST_YEAR:
+        return None
+    try:
+        return int(np.datetime64(text[:-1], "ns").astype(np.int64))
+    except (ValueError, OverflowError):
+        return None

@@ -1,0 +1,117 @@
+"""Single messages of the layout in JSON, CDR or another protobuf message: the same fields under the same names."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import MISSING, dataclass, fields
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from pmg.pipeline.recording.cdr import cdr_template
+from pmg.pipeline.recording.descriptor import message_of, protobuf_template
+from pmg.pipeline.recording.layout import read_columns
+from pmg.pipeline.recording.wire import ClockMark, IndexPulse, LineEvent, TestStep, WireError
+
+if TYPE_CHECKING:
+    from pmg.pipeline.recording.container import Topic
+
+Event = TypeVar("Event")
+
+OPTIONAL: dict[str, Any] = {"clock_id": 0, "changed": 0, "u_ns": 0.0, "source": "", "setpoint": {}}
+"""What a field that is left out reads as; the other fields are required."""
+LARGEST = 1 << 64
+
+
+@dataclass(frozen=True)
+class Read:
+    """Messages in file order, and why some cannot be read."""
+
+    messages: tuple[Any, ...]
+    faults: tuple[str, ...]
+
+
+def read_other(topic: Topic, kind: type[Event]) -> Read:
+    """Messages of a kind that are not in the layout's own encoding.
+
+    Parameters
+    ----------
+    topic : Topic
+        Its messages are in JSON, CDR or protobuf.
+    kind : type
+        `IndexPulse`, `LineEvent`, `ClockMark` or `TestStep`. The last one holds texts and is read from JSON only.
+
+    Raises
+    ------
+    WireError
+        When the encoding or its schema is not read.
+    """
+    if topic.encoding == "json":
+        return _from_json(topic, kind)
+    encoding, data = topic.definition
+    if kind is TestStep:
+        raise WireError(f"texts in '{topic.encoding}' are not read; 'json' or the layout's own messages are")
+    if topic.encoding == "cdr":
+        columns = read_columns(topic.payloads, cdr_template(topic.schema, encoding, data.decode("utf-8", "replace")))
+    elif topic.encoding == "protobuf":
+        columns = read_columns(topic.payloads, protobuf_template(message_of(topic.schema, data)))
+    else:
+        raise WireError(f"encoding '{topic.encoding}' is not read")
+    found: dict[str, list[Any]] = {}
+    for each in fields(kind):  # type: ignore[arg-type]  # all of them are dataclasses
+        values = columns.one(each.name)
+        if values is not None:
+            found[each.name] = np.asarray(values).tolist()
+        elif each.name not in OPTIONAL:
+            raise WireError(f"field '{each.name}' is missing in its messages")
+    rows = [dict(zip(found, row, strict=True)) for row in zip(*found.values(), strict=True)]
+    return Read(tuple(_made(kind, row) for row in rows), tuple(columns.faults.values()))
+
+
+def _from_json(topic: Topic, kind: type[Event]) -> Read:
+    messages: list[Event] = []
+    faults: list[str] = []
+    for payload in topic.payloads:
+        try:
+            value = json.loads(payload)
+            if not isinstance(value, dict):
+                raise WireError(f"it is a JSON {type(value).__name__}, not an object")
+            messages.append(_made(kind, value))
+        except (ValueError, RecursionError) as fault:
+            faults.append(str(fault)[:80])
+    return Read(tuple(messages), tuple(faults))
+
+
+def _made(kind: type[Event], value: dict[str, Any]) -> Event:
+    """The message of those fields; numbers of samples and counts are whole."""
+    given: dict[str, Any] = {}
+    for each in fields(kind):  # type: ignore[arg-type]  # all of them are dataclasses
+        if each.name not in value:
+            if each.name not in OPTIONAL and each.default is MISSING:
+                raise WireError(f"field '{each.name}' is missing")
+            given[each.name] = OPTIONAL[each.name]
+            continue
+        came = value[each.name]
+        if each.name in ("point", "phase", "source"):
+            sound = isinstance(came, str)
+        elif each.name == "setpoint":
+            sound = isinstance(came, dict) and all(type(v) in (int, float) for v in came.values())
+        elif each.name == "u_ns":
+            sound = type(came) in (int, float)
+        else:
+            sound = type(came) in (int, float) and came == came // 1 and 0 <= came < LARGEST
+            came = int(came) if sound else came
+        if not sound:
+            raise WireError(f"field '{each.name}' holds {str(came)[:40]!r}")
+        given[each.name] = came
+    return kind(**given)
+
+
+KINDS: dict[str, type[Any]] = {
+    "/daq/encoder_sun/index": IndexPulse,
+    "/daq/encoder_ring/index": IndexPulse,
+    "/events/lines": LineEvent,
+    "/sys/clock": ClockMark,
+    "/test/step": TestStep,
+}
+"""Messages of each topic of single messages."""

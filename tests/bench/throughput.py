@@ -1,0 +1,206 @@
+"""`./pmgw bench throughput`: samples a second, read by pmg, by the official reader, and as zstd alone would allow.
+
+A layout is a function in `LAYOUTS` that says what a recorder writes; one more line there is one more row of the table.
+Every contestant reads each file in a process of its own, so that peak memory is its own too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import zstandard
+from mcap.reader import make_reader
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
+
+from pmg.pipeline.recording import read_recording
+from pmg.pipeline.recording.blocks import read_blocks
+from pmg.pipeline.recording.channels import SPECS, check_channel
+from pmg.pipeline.recording.container import open_container
+from pmg.pipeline.recording.findings import Findings
+from pmg.pipeline.recording.wire import sample_block
+from tests.bench.recorded import Column, counted, record
+from tests.recording.writer import CALIBRATION, COUNTS_PER_REV, FIELDS, NULL_HZ, RUN, TIMEBASE_HZ
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+    from pmg.pipeline.recording.container import Topic
+
+RATE_HZ = 10_000.0
+SEED = 20260502
+REPEATS = 5
+"""Readings of each file in one process; the fastest counts, and the memory is that of the first."""
+
+
+def _angles(rows: int) -> Iterator[Column]:
+    for side, speed in (("sun", 63.0), ("ring", -24.0)):
+        yield counted(side, speed, rows, RATE_HZ, COUNTS_PER_REV)
+
+
+def _frequency(rows: int, side: str, rng: np.random.Generator) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Output of a transducer with noise and ripple [Hz]."""
+    ripple = 50.0 * np.sin(2.0 * np.pi * 90.0 * np.arange(rows) / RATE_HZ)
+    return np.asarray(NULL_HZ[side] + 800.0 + ripple + 5.0 * rng.standard_normal(rows), dtype=np.float64)
+
+
+def frequencies(dtype: str, decimals: int = 2) -> Callable[[int, np.random.Generator], Iterator[Column]]:
+    """Torque as the frequency of each sample, in steps as a counter gives it; more decimals compress less."""
+
+    def columns(samples: int, rng: np.random.Generator) -> Iterator[Column]:
+        rows = samples // 4
+        for side in ("sun", "ring"):
+            metadata = {"quantity": "frequency", "unit": "Hz"}
+            values = np.round(_frequency(rows, side, rng), decimals).astype(FIELDS[dtype][1])
+            yield Column(f"/daq/torque_{side}/frequency", dtype, values, metadata)
+        yield from _angles(rows)
+
+    return columns
+
+
+def edges(samples: int, rng: np.random.Generator) -> Iterator[Column]:
+    """Torque as counted edges and the time of the last of them."""
+    rows = samples // 6
+    for side in ("sun", "ring"):
+        phase = np.cumsum(_frequency(rows, side, rng)) / RATE_HZ
+        count = np.floor(phase)
+        period = 1.0 / (np.gradient(phase) * RATE_HZ)
+        last = np.arange(rows) / RATE_HZ - (phase - count) * period
+        ticks = np.round((last + 1.0) * TIMEBASE_HZ).astype(np.int64) % (1 << 32)
+        plain = {"unit": "1", "bits": "32"}
+        counting, ticking = {"quantity": "count"}, {"quantity": "tick", "timebase_hz": str(TIMEBASE_HZ)}
+        yield Column(f"/daq/torque_{side}/edges", "u32", count.astype(np.uint32), plain | counting)
+        yield Column(f"/daq/torque_{side}/edge_ticks", "u32", ticks.astype(np.uint32), plain | ticking)
+    yield from _angles(rows)
+
+
+LAYOUTS: Mapping[str, Callable[[int, np.random.Generator], Iterator[Column]]] = {
+    "frequency f64": frequencies("f64"),
+    "f64, all bits noisy": frequencies("f64", decimals=16),
+    "frequency f32": frequencies("f32"),
+    "edges and ticks": edges,
+}
+
+
+def by_zstd(path: Path) -> Callable[[], int]:
+    """Nothing but the expansion of the chunks; gives their bytes."""
+    with path.open("rb") as stream:
+        chunks = [record for record in StreamReader(stream, emit_chunks=True).records if isinstance(record, Chunk)]
+    expand = zstandard.ZstdDecompressor().decompress
+    return lambda: sum(len(expand(chunk.data, max_output_size=chunk.uncompressed_size)) for chunk in chunks)
+
+
+def by_official(path: Path) -> Callable[[], int]:
+    """The official reader with its CRCs on, each block a numpy array by pmg's own decoder; gives the bytes of those."""
+
+    def read() -> int:
+        with path.open("rb") as stream:
+            found: dict[str, list[Any]] = {}
+            for _, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
+                found.setdefault(channel.topic, []).append(sample_block(message.data).values)
+        return sum(np.concatenate(blocks).nbytes for blocks in found.values())
+
+    return read
+
+
+def by_blocks(path: Path) -> Callable[[], int]:
+    """The same work by pmg: chunks and CRCs, the hash of the file, blocks to numpy arrays; gives their bytes."""
+
+    def read() -> int:
+        findings = Findings(path.name)
+        topics = open_container(path, lambda topic: True, findings).topics.values()
+        return sum(_values(topic, findings).nbytes for topic in topics)
+
+    return read
+
+
+def _values(topic: Topic, findings: Findings) -> np.ndarray[Any, np.dtype[Any]]:
+    """All samples of a channel."""
+    terms = check_channel(topic, SPECS[topic.name], findings)
+    assert terms is not None
+    return read_blocks(topic, terms, findings).values
+
+
+def by_pmg(path: Path) -> Callable[[], int]:
+    """The file as torque and angle with every finding; gives the bytes of the samples."""
+
+    def read() -> int:
+        recording = read_recording(path)
+        severe = [finding for finding in recording.findings if finding.severity != "info"]
+        assert not severe, severe
+        return int(recording.samples.estimated_size())
+
+    return read
+
+
+CONTESTANTS = {"zstd": by_zstd, "official": by_official, "blocks": by_blocks, "pmg": by_pmg}
+
+
+def contest(name: str, path: Path) -> dict[str, float]:
+    """Fastest time [s], peak memory beyond that before the first reading [bytes], and bytes of the result."""
+    read = CONTESTANTS[name](path)
+    # The peak of the process so far may lie above what it holds now; a reading smaller than that would not show.
+    before = _peak()
+    took, held, peak = [], 0, 0
+    for turn in range(REPEATS):
+        start = time.perf_counter()
+        held = read()
+        took.append(time.perf_counter() - start)
+        peak = peak if turn else _peak()
+    return {"seconds": min(took), "memory": peak - before, "result": held}
+
+
+def _peak() -> int:
+    """Most memory that this process has held [bytes]; the system counts in kilobytes on Linux."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def apart(name: str, path: Path) -> dict[str, float]:
+    """A contest in a process of its own."""
+    words = [sys.executable, "-m", "tests.bench.throughput", "--contest", name, str(path)]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, env=dict(os.environ))
+    found: dict[str, float] = json.loads(done.stdout)
+    return found
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(prog="pmgw bench throughput", description=__doc__)
+    parser.add_argument("--samples", type=int, default=6_000_000, help="on all channels together")
+    parser.add_argument("--block", type=int, default=1000, help="samples a message")
+    parser.add_argument("--contest", nargs=2, metavar=("NAME", "FILE"), help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    out = sys.stdout.write
+    if given.contest:
+        out(json.dumps(contest(given.contest[0], Path(given.contest[1]))))
+        return
+    out(f"{given.samples} samples in blocks of {given.block}, CRCs on; fastest of {REPEATS}, in 1e6 samples/s.\n")
+    out("Blocks are what the official reader gives too, each as an array; pmg is torque and angle, all checked.\n\n")
+    heads = ("file [MB]", *CONTESTANTS, "blocks/zstd", "blocks/off.", "pmg/zstd", "result [MB]", "peak [MB]")
+    out(f"{'layout':20}" + "".join(f"{head:>12}" for head in (*heads, "peak/result")) + "\n")
+    with tempfile.TemporaryDirectory() as folder:
+        for number, layout in enumerate(LAYOUTS):
+            path = Path(folder, f"{number}.mcap")
+            columns = LAYOUTS[layout](given.samples, np.random.default_rng(SEED))
+            record(path, columns, RUN, CALIBRATION.encode(), RATE_HZ, given.block)
+            found = {name: apart(name, path) for name in CONTESTANTS}
+            rates = {name: given.samples / one["seconds"] for name, one in found.items()}
+            row = [path.stat().st_size / 1e6, *(rate / 1e6 for rate in rates.values())]
+            row += [rates["blocks"] / rates["zstd"], rates["blocks"] / rates["official"], rates["pmg"] / rates["zstd"]]
+            result, memory = found["pmg"]["result"], found["pmg"]["memory"]
+            row += [result / 1e6, memory / 1e6, memory / result]
+            out(f"{layout:20}" + "".join(f"{value:12.2f}" for value in row) + "\n")
+
+
+if __name__ == "__main__":
+    main()
