@@ -63,6 +63,9 @@ CANDIDATES: tuple[type[Mechanism], ...] = (
 )
 """What may be left out of the baseline and shows in mean torques: what the diagnosis may name."""
 
+REFINED: tuple[type[Mechanism], ...] = tuple(kind.refined for kind in CANDIDATES if kind.refined is not None)
+"""Candidates in more detail, under the same ids."""
+
 OTHERS: tuple[type[Mechanism], ...] = (
     PoleSlip,
     CoggingLines,
@@ -82,6 +85,7 @@ __all__ = [
     "CANDIDATES",
     "LIBRARY",
     "OTHERS",
+    "REFINED",
     "Component",
     "EddyDamping",
     "ExcessDamping",

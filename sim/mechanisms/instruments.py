@@ -101,7 +101,7 @@ class WanderingZero(DriftingZero):
 
     equation = (
         r"\Delta T_k = z_{k,j} + (z_{k,j+1}-z_{k,j})\,\frac{t-j\delta}{\delta},"
-        r"\ j\delta \le t < (j+1)\delta,\ z_{k,0} = 0"
+        r"\ j\delta \leq t < (j+1)\delta,\ z_{k,0} = 0"
     )
     by_shaft = {shaft: tuple(f"{shaft}_{knot}" for knot in range(1, KNOTS + 1)) for shaft in ("sun", "ring")}
     shape = ("spacing",)

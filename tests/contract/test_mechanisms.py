@@ -17,7 +17,7 @@ from pmg.sim.gearbox import Gearbox
 from pmg.sim.grid import OperatingPoints
 from pmg.sim.losscurve import LossCurve
 from pmg.sim.lossmodel import LossModel
-from pmg.sim.mechanisms import BASELINE, CANDIDATES, LIBRARY, GainError, Instrument, Mechanism
+from pmg.sim.mechanisms import BASELINE, CANDIDATES, LIBRARY, REFINED, GainError, Instrument, Mechanism
 from pmg.sim.solve import steady
 
 CURVE = LossCurve((0.0, 0.5, 1.0), np.array([0.01, 0.05, 0.03]), 100.0, 200.0)
@@ -29,7 +29,8 @@ def typical(kind: type[Mechanism]) -> Mechanism:
     return replace(kind.of(BENCH, MODEL), **{p.name: p.typical for p in kind.parameters()})
 
 
-INSTANCES = (*MODEL.mechanisms(BENCH), *(typical(kind) for kind in LIBRARY if kind not in BASELINE))
+EVERY = (*LIBRARY, *REFINED)
+INSTANCES = (*MODEL.mechanisms(BENCH), *(typical(kind) for kind in EVERY if kind not in BASELINE))
 BY_TYPE = {type(mechanism): mechanism for mechanism in INSTANCES}
 speeds = st.floats(-3000.0, 3000.0)
 
@@ -43,11 +44,11 @@ def at_null(mechanism: Mechanism) -> Mechanism:
 
 
 def test_every_mechanism_of_the_library_has_an_instance_here() -> None:
-    assert set(BY_TYPE) == set(LIBRARY)
+    assert set(BY_TYPE) == set(EVERY)
     assert len({kind.identifier for kind in LIBRARY}) == len(LIBRARY)
 
 
-@pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.identifier)
+@pytest.mark.parametrize("kind", EVERY, ids=lambda kind: kind.__name__)
 def test_parameters_have_unit_bounds_and_a_typical_value_inside(kind: type[Mechanism]) -> None:
     assert kind.parameters()
     for parameter in kind.parameters():
@@ -58,7 +59,7 @@ def test_parameters_have_unit_bounds_and_a_typical_value_inside(kind: type[Mecha
         assert parameter.meaning
 
 
-@pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.identifier)
+@pytest.mark.parametrize("kind", EVERY, ids=lambda kind: kind.__name__)
 @given(sun=speeds, ring=speeds)
 def test_absent_at_null(kind: type[Mechanism], sun: float, ring: float) -> None:
     torques = at_null(BY_TYPE[kind]).torque(some_points(sun, ring))
@@ -66,7 +67,7 @@ def test_absent_at_null(kind: type[Mechanism], sun: float, ring: float) -> None:
     assert not torques.ring.any()
 
 
-@pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.identifier)
+@pytest.mark.parametrize("kind", EVERY, ids=lambda kind: kind.__name__)
 @given(sun=speeds, ring=speeds)
 def test_a_loss_only_takes_power(kind: type[Mechanism], sun: float, ring: float) -> None:
     at = some_points(sun, ring)
@@ -74,7 +75,7 @@ def test_a_loss_only_takes_power(kind: type[Mechanism], sun: float, ring: float)
     assert (power <= 1e-12).all() or not kind.dissipates
 
 
-@pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.identifier)
+@pytest.mark.parametrize("kind", EVERY, ids=lambda kind: kind.__name__)
 def test_points_do_not_influence_each_other(kind: type[Mechanism], rng: np.random.Generator) -> None:
     if kind.memory:
         pytest.skip("it remembers what was run before, and says so")
@@ -86,7 +87,7 @@ def test_points_do_not_influence_each_other(kind: type[Mechanism], rng: np.rando
         assert one.ring[0] == pytest.approx(whole.ring[i], rel=1e-12)
 
 
-@pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.identifier)
+@pytest.mark.parametrize("kind", EVERY, ids=lambda kind: kind.__name__)
 def test_finite_at_the_corners_of_its_bounds(kind: type[Mechanism]) -> None:
     corners = product(*(parameter.bounds for parameter in kind.parameters()))
     at = joined(some_points(0.0, 0.0), some_points(3000.0, -3000.0))
@@ -97,22 +98,22 @@ def test_finite_at_the_corners_of_its_bounds(kind: type[Mechanism]) -> None:
         assert np.isfinite(torques.ring).all()
 
 
-@pytest.mark.parametrize("kind", LIBRARY, ids=lambda kind: kind.identifier)
+@pytest.mark.parametrize("kind", EVERY, ids=lambda kind: kind.__name__)
 def test_equation_can_be_drawn(kind: type[Mechanism]) -> None:
     MathTextParser("path").parse(f"${kind.equation}$")
 
 
-@pytest.mark.parametrize("kind", CANDIDATES, ids=lambda kind: kind.identifier)
+@pytest.mark.parametrize("kind", [*CANDIDATES, *REFINED], ids=lambda kind: kind.__name__)
 def test_sizes_and_shapes_are_its_parameters(kind: type[Mechanism]) -> None:
     names = [parameter.name for parameter in kind.parameters()]
     sizes = [name for group in kind.by_shaft.values() for name in group]
-    assert sorted((*sizes, *kind.shape)) == sorted(names)
+    assert sorted((*set(sizes), *kind.shape)) == sorted(names)
     assert set(kind.by_shaft) <= {"sun", "ring", "both"}
     nulls = {parameter.name: parameter.null for parameter in kind.parameters()}
     assert all(nulls[name] == 0.0 for name in sizes)
 
 
-@pytest.mark.parametrize("kind", CANDIDATES, ids=lambda kind: kind.identifier)
+@pytest.mark.parametrize("kind", [*CANDIDATES, *REFINED], ids=lambda kind: kind.__name__)
 def test_a_candidate_changes_what_is_read(kind: type[Mechanism], rng: np.random.Generator) -> None:
     sun, ring = rng.uniform(50.0, 1800.0, 12), rng.uniform(-700.0, 700.0, 12)
     load = np.tile([0.78, 1.95], 6)

@@ -34,7 +34,7 @@ from pmg.sim.gearbox import Gearbox
 from pmg.sim.grid import Grid
 from pmg.sim.losscurve import LossCurve
 from pmg.sim.lossmodel import LossModel
-from pmg.sim.mechanisms import BASELINE, CANDIDATES, OTHERS, GainError, LoadFriction, Mechanism
+from pmg.sim.mechanisms import BASELINE, CANDIDATES, OTHERS, REFINED, GainError, LoadFriction, Mechanism
 from pmg.sim.mechanisms.friction import RubbingCarrier, Windage
 from pmg.sim.mechanisms.thermal import WarmingInTwoSteps
 from pmg.sim.solve import steady
@@ -45,7 +45,7 @@ SUN = LossCurve((0.0, 0.5, 1.0), np.array([0.0067, 0.103, 0.0368]), 196.03538158
 RING = LossCurve((0.0, 0.5), np.array([0.056, 0.257]), 75.39822368615503, 75.4)
 BASELINE_HERE = LossModel(SUN, RING, 0.8950741993435047, 3.1e-4, 2.8e-4, 0.0)
 OPTIONS = AnalysisOptions(powers_sun=(0.0, 0.5, 1.0), powers_ring=(0.0, 0.5, 1.0))
-KINDS: tuple[type[Mechanism], ...] = (*CANDIDATES, *(kind.refined for kind in CANDIDATES if kind.refined is not None))
+KINDS: tuple[type[Mechanism], ...] = (*CANDIDATES, *REFINED)
 
 
 def part(kind: type[Mechanism], shaft: str, share: float = 0.3) -> Part:

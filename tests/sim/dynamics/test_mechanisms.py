@@ -24,13 +24,13 @@ from pmg.sim.dynamics.transient import Solver, transient
 from pmg.sim.errors import BenchError
 from pmg.sim.gearbox import Gearbox
 from pmg.sim.grid import Configuration, OperatingPoints
-from pmg.sim.mechanisms import CANDIDATES, OTHERS, GainError, Instrument, LubricantViscosity, Mechanism
+from pmg.sim.mechanisms import CANDIDATES, OTHERS, REFINED, GainError, Instrument, LubricantViscosity, Mechanism
 from pmg.sim.mechanisms.base import Torques, Warmth
 from pmg.sim.mechanisms.thermal import MagnetTemperature
 from pmg.sim.solve import steady
 from pmg.sim.warmth import warmth_at
 
-KINDS: tuple[type[Mechanism], ...] = (*CANDIDATES, *(kind.refined for kind in CANDIDATES if kind.refined is not None))
+KINDS: tuple[type[Mechanism], ...] = (*CANDIDATES, *REFINED)
 BESIDE = tuple(kind for kind in KINDS if not issubclass(kind, Instrument))
 FAULTS = tuple(kind for kind in CANDIDATES if issubclass(kind, Instrument))
 CLOSE = 1e-6
