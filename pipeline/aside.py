@@ -7,9 +7,13 @@ import os
 import platform
 import tempfile
 import time
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 PREFIX = ".pmg-"
 """Start of the names of files that are still being written."""
@@ -18,7 +22,14 @@ ABANDONED = 3600.0
 
 
 def write_aside(path: Path, data: bytes) -> None:
-    """Write a file so that it is either the old one or the new one, never half of it.
+    """Write a file so that it is either the old one or the new one, never half of it; `opened_aside` says how."""
+    with opened_aside(path) as aside:
+        aside.write(data)
+
+
+@contextmanager
+def opened_aside(path: Path) -> Iterator[BinaryIO]:
+    """A file to be written piece by piece; it stands at its place once the block has been left without an error.
 
     The data go to a file of another name in the same folder, which is then renamed. The folder is made if absent.
     The other name tells which process writes it.
@@ -28,7 +39,7 @@ def write_aside(path: Path, data: bytes) -> None:
     handle, name = tempfile.mkstemp(prefix=owner, suffix=path.suffix, dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as aside:
-            aside.write(data)
+            yield aside
             aside.flush()
             os.fsync(aside.fileno())
         Path(name).chmod(0o644)

@@ -9,15 +9,20 @@ import numpy as np
 from pmg.pipeline.budget.point import undithered
 from pmg.pipeline.budget.shared import common_uncertainty, tare_uncertainty
 from pmg.pipeline.budget.windowfacts import sorted_windows, window_facts
+from pmg.pipeline.copies import without_copies
 from pmg.sim.errors import StoreError, near_miss
 from pmg.sim.grid import Configuration, Grid, OperatingPoints
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pmg.pipeline.budget.windowfacts import ShaftFacts
     from pmg.pipeline.store import Manifest, Store
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array, Mask
+
+STILL = 1e-12
+"""Scatter [N m] below which a torque shows nothing but the rounding of numbers."""
 
 
 def campaigns(manifests: list[Manifest]) -> list[str]:
@@ -26,7 +31,7 @@ def campaigns(manifests: list[Manifest]) -> list[str]:
 
 
 def choose_campaign(store: Store, name: str | None) -> tuple[str, list[Manifest]]:
-    """The campaign of that name, or the only one, with the manifests of its sources.
+    """The campaign of that name, or the only one, with the manifests of its sources, copies of a window rejected.
 
     Raises
     ------
@@ -46,14 +51,15 @@ def choose_campaign(store: Store, name: str | None) -> tuple[str, list[Manifest]
     if name is not None and name not in known:
         raise StoreError(str(store.path), f"no campaign '{name}'", "one of the store's", near_miss(name, known))
     chosen = name or known[0]
-    return chosen, [m for m in manifests if m.ingested and m.document["run"]["campaign"] == chosen]
+    return chosen, without_copies([m for m in manifests if m.ingested and m.document["run"]["campaign"] == chosen])
 
 
 def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) -> Grid:
     """The windows of a campaign as a grid, in the order in which they were run.
 
     The uncertainty from within a window holds the step of its readings where their scatter does not average it out;
-    what all points share holds the tare, as far as zero checks tell.
+    what all points share holds the tare, as far as zero checks tell, and the non-linearity of the transducers that the
+    calibrations name.
     """
     windows, facts = sorted_windows(manifests), window_facts(manifests)
     if not windows:
@@ -80,8 +86,10 @@ def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) 
 
     torque_sun, torque_ring = column("sun", "torque"), column("ring", "torque")
     speed_sun, speed_ring = column("sun", "speed"), column("ring", "speed")
-    within_sun = np.hypot(column("sun", "within"), undithered(facts.sun.resolution, facts.sun.std))
-    within_ring = np.hypot(column("ring", "within"), undithered(facts.ring.resolution, facts.ring.std))
+    within_sun, within_ring = (
+        np.hypot(_known(column(side, "within"), shaft, facts.simulated), undithered(shaft.resolution, shaft.std))
+        for side, shaft in (("sun", facts.sun), ("ring", facts.ring))
+    )
     configuration = words("configuration")
     load = asked("torque_ring")
     engaged = configuration == Configuration.ENGAGED
@@ -89,7 +97,8 @@ def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) 
     accepted = flags("accepted") & complete
     zeros = accepted & (configuration == Configuration.ZERO)
     tares = tare_uncertainty(torque_sun[zeros])[0], tare_uncertainty(torque_ring[zeros])[0]
-    common_sun, common_ring = common_uncertainty(torque_sun, torque_ring, bench, tares)
+    nominal = facts.sun.nominal, facts.ring.nominal
+    common_sun, common_ring = common_uncertainty(torque_sun, torque_ring, bench, tares, nominal)
     reasons = [_reason(window, bool(whole)) for window, whole in zip(windows, complete, strict=True)]
     points = OperatingPoints(
         name=words("point"),
@@ -119,6 +128,11 @@ def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) 
         accepted=accepted,
         reason=np.array(reasons, dtype=np.str_),
     )
+
+
+def _known(within: Array, shaft: ShaftFacts, simulated: Mask) -> Array:
+    """Uncertainty from within the windows [N m] (n,): none of a simulated torque that stands still, as it has none."""
+    return np.where(simulated & np.isnan(within) & (shaft.std < STILL), 0.0, within)
 
 
 def _reason(window: Mapping[str, Any], complete: bool) -> str:

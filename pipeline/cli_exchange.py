@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pmg.pipeline.cli_frame import FailOn, FailOnOption, JsonOption, carry_out, progress_line
+from pmg.pipeline.cli_options import LimitsOption
 
 if TYPE_CHECKING:
     from pmg.pipeline.outcome import Outcome
@@ -40,6 +41,7 @@ def export(
     rate: Annotated[
         float | None, typer.Option("--rate", help="Rate of the derived signals [Hz]; that of the samples if absent.")
     ] = None,
+    limits: LimitsOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
 ) -> None:
@@ -48,6 +50,6 @@ def export(
     def stage() -> Outcome:
         from pmg.pipeline.exchange.stage import run_export
 
-        return run_export(recording, out, rate)
+        return run_export(recording, out, rate, limits)
 
     carry_out("export", stage, as_json, fail_on)

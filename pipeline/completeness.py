@@ -1,14 +1,19 @@
-"""What a campaign lacks: holes in its grids, points out of place."""
+"""What a campaign lacks: holes in its grids, files that are not usable, windows that were rejected."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import re
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.outcome import told
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pmg.pipeline.store import Manifest
     from pmg.sim.grid import Grid, OperatingPoints
     from pmg.sim.signals import Array, Mask
 
@@ -20,6 +25,9 @@ APART_RPM = 2.0
 
 WIDEST_RPM = 5.0
 """Spread of the speeds of one level; a row of neighbours that reaches further is a row of levels."""
+
+NAMED = 5
+"""Files or points that are named one by one."""
 
 
 def speed_levels(at: OperatingPoints) -> tuple[Array, Array]:
@@ -75,3 +83,46 @@ def _levelled(values: Array) -> list[float]:
 def _main(values: list[float]) -> list[float]:
     levels, counts = np.unique(values, return_counts=True)
     return [float(level) for level, count in zip(levels, counts, strict=True) if count >= MAIN_LEVEL * counts.max()]
+
+
+def lack_findings(grid: Grid, lacking: Sequence[str], failed: Sequence[Manifest] = ()) -> tuple[dict[str, Any], ...]:
+    """What is missing, as findings of a stage: holes, with what may have filled them, files, windows.
+
+    Parameters
+    ----------
+    grid : Grid
+        All points of the campaign.
+    lacking : sequence of str
+        Its holes, as `holes` names them.
+    failed : sequence of Manifest
+        Sources of the store that are not usable; no campaign is known of them.
+    """
+    files = [str(manifest.document["file"]) for manifest in failed]
+    found = []
+    for cell in lacking:
+        named = [file for file in files if _may_be(file, cell)]
+        if named:
+            words = f"; {_listed(named)} is not usable and may be of it by its name"
+        else:
+            words = f"; it may be in what is not usable: {_listed(files)}" if files else ""
+        found.append(told("warning", "grid", f"no accepted point at {cell}{words}"))
+    for manifest, file in zip(failed, files, strict=True):
+        why = next((f for f in manifest.document["findings"] if f["severity"] == "error"), None)
+        words = "" if why is None else f": {why['where']}: {why['message']}. {why['do']}"
+        found.append(told("warning", file, f"not usable, so not in the grid{words}"))
+    found += [
+        told("warning", f"window {grid.points.name[row]}", f"rejected: {grid.reason[row]}")
+        for row in np.flatnonzero(~grid.accepted)
+    ]
+    return tuple(found)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:NAMED]) + (" ..." if len(names) > NAMED else "")
+
+
+def _may_be(file: str, cell: str) -> bool:
+    """Whether the numbers in the name of a file hold those of a cell, in the same order."""
+    in_file = [abs(float(number)) for number in re.findall(r"\d+(?:\.\d+)?", file.rpartition(".")[0] or file)]
+    wanted = [abs(float(number)) for number in re.findall(r"\d+(?:\.\d+)?", cell)]
+    return any(in_file[i : i + len(wanted)] == wanted for i in range(len(in_file)))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pmg.pipeline.executors import map_over
 from pmg.pipeline.inventory import take_inventory
 from pmg.pipeline.limits import LIMITS
+from pmg.pipeline.nulls import with_nulls
 from pmg.pipeline.orders.kept import keep_orders
 from pmg.pipeline.recording import Code, Finding, Severity, UnusableRecordingError, read_recording
 from pmg.pipeline.reduce import reduce_window
@@ -186,8 +187,9 @@ def _ingest_one(job: Job) -> str:
         store.write(source.identifier, common | {"status": "failed", "findings": findings, "windows": []}, None)
         return FAILED
     common["size"] = recording.size
-    windows = [_window_document(recording, window) for window in find_windows(recording, job.limits)]
-    keep_orders(store.path, source.identifier, recording, source.path, job.limits)
+    judged = find_windows(recording, job.limits)
+    windows = [_window_document(recording, window) for window in judged]
+    keep_orders(store.path, source.identifier, recording, source.path, judged)
     common |= _recording_document(recording) | {"limits": job.limits.document(), "windows": windows}
     store.write(source.identifier, common, recording.samples)
     return DONE
@@ -213,7 +215,8 @@ def _changed(source: Source) -> Finding:
 
 def _recording_document(recording: Recording) -> dict[str, Any]:
     run, calibration = recording.run, recording.calibration
-    return {
+    imported = {} if recording.origin is None else {"origin": recording.origin.document()}
+    return imported | {
         "status": "ingested",
         "run": {
             "campaign": run.campaign,
@@ -247,16 +250,5 @@ def _window_document(recording: Recording, window: Window) -> dict[str, Any]:
         "reasons": list(window.reasons),
         "rest_sun": window.rest_sun,
         "rest_ring": window.rest_ring,
-        "means": _finite(asdict(means)),
+        "means": with_nulls(asdict(means)),
     }
-
-
-def _finite(document: dict[str, Any]) -> dict[str, Any]:
-    """The document with null for what is not a number, as JSON knows none."""
-    plain: dict[str, Any] = {}
-    for name, value in document.items():
-        if isinstance(value, dict):
-            plain[name] = _finite(value)
-        else:
-            plain[name] = None if isinstance(value, float) and value != value else value
-    return plain

@@ -9,6 +9,7 @@ from pmg.pipeline.inventory import Shard
 from pmg.pipeline.limits import LIMITS, read_limits
 from pmg.pipeline.outcome import Outcome, told
 from pmg.pipeline.store import Store
+from pmg.pipeline.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -55,7 +56,7 @@ def run_ingest(
     )
     lines = [
         f"ingested {report.ingested}, already there {report.skipped}, not usable {report.failed}; "
-        f"{report.windows} windows, {report.rejected} rejected"
+        f"{counted(report.windows, 'window')}, {report.rejected} rejected"
     ]
     data = {
         "store": str(store),

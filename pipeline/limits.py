@@ -128,4 +128,9 @@ def limits_of(table: Mapping[str, Any], where: str) -> Steadiness:
             expected = "a whole number from 2" if name in WHOLE else "a finite number above 0"
             raise RecordingError(f"{where}: [{TABLE}] {key}", repr(value), expected, "Correct it.")
         found[name] = int(value) if name in WHOLE else float(value) * (RPM if name in SPEEDS else 1.0)
-    return Steadiness(**found)
+    limits = Steadiness(**found)
+    low, high = limits.frequency_low, limits.frequency_high
+    if low >= high:
+        came = f"frequency_low {low:g} Hz and frequency_high {high:g} Hz"
+        raise RecordingError(f"{where}: [{TABLE}]", came, "the lower one first", "Correct them.")
+    return limits

@@ -6,14 +6,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.sim.signals import REVOLUTION
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import numpy.typing as npt
+
     from pmg.pipeline.limits import Steadiness
-    from pmg.sim.signals import Array, Mask
+    from pmg.sim.signals import Array
 
 BINS_BESIDE = 10
 """Bins into which the stretch on either side of a place is cut; places are looked at bin by bin."""
+SLOWEST_TURN = 30.0
+"""Longest turn of a shaft that torques are averaged over [s]: 2 rpm. Slower ones count as held."""
 
 
 def plateaus(
@@ -36,7 +42,9 @@ def plateaus(
     -----
     At the border between two bins, the means over ``step_beside`` before and after it are compared. Where a speed
     differs by more than ``step_speed`` or a torque by more than ``step_torque``, or a signal is missing on either side
-    over all that time, the set-points are changing. A plateau lasts from ``settle`` after the last such border to the
+    over all that time, the set-points are changing. Where a shaft needs longer than that for a turn, torques are
+    compared over one turn of it, lest its ripple pass for a change; less than a turn from either end of the record no
+    change of torque is looked for then. A plateau lasts from ``settle`` after the last such border to the
     next one, whole: its borders follow from the size of the changes alone, never from how steady or how quiet it is.
     A change that is slower than the limits stands inside a plateau, and speaks against it when it is judged.
     """
@@ -46,11 +54,19 @@ def plateaus(
     if count < 2 * BINS_BESIDE:
         return ((0, n),) if n else ()
     moving = np.zeros(count - 2 * BINS_BESIDE + 1, dtype=bool)
-    for torque, nominal in torques:
-        moving |= _changes(_sums(torque, size, count), limits.step_torque * nominal)
+    turn = np.zeros(len(moving))
     for angle in angles:
         step = np.diff(angle, append=np.nan) * rate_hz
-        moving |= _changes(_sums(step, size, count), limits.step_speed)
+        before, after = _beside(_sums(step, size, count))
+        moving |= ~(np.abs(after - before) <= limits.step_speed)
+        turn = np.fmax(turn, _turn(before, after))
+    span = np.maximum(np.rint(turn * rate_hz).astype(np.int64), BINS_BESIDE * size)
+    places = (np.arange(len(moving)) + BINS_BESIDE) * size
+    for torque, nominal in torques:
+        before, after = _beside(_sums(torque, size, count))
+        slow = span > BINS_BESIDE * size
+        change = np.where(slow, _over_turns(torque, places, span), np.abs(after - before))
+        moving |= ~(change <= limits.step_torque * nominal) | np.isnan(after - before)
     borders = (np.flatnonzero(moving) + BINS_BESIDE) * size
     settle = round(limits.settle * rate_hz)
     starts, stops = np.r_[0, borders + settle], np.r_[borders, n]
@@ -64,11 +80,28 @@ def _sums(values: Array, size: int, count: int) -> tuple[Array, Array]:
     return np.where(known, bins, 0.0).sum(axis=1), known.sum(axis=1).astype(np.float64)
 
 
-def _changes(bins: tuple[Array, Array], limit: float) -> Mask:
-    """Whether the means beside each border with a full stretch on both sides differ by more than the limit."""
+def _beside(bins: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Means before and after each border with a full stretch on both sides; NaN where nothing is known."""
     total, known = (np.convolve(part, np.ones(BINS_BESIDE), "valid") for part in bins)
-    before, after = slice(None, -BINS_BESIDE), slice(BINS_BESIDE, None)
     with np.errstate(invalid="ignore", divide="ignore"):
         means = total / known
-        same = np.abs(means[after] - means[before]) <= limit
-    return np.asarray(~same)
+    return means[:-BINS_BESIDE], means[BINS_BESIDE:]
+
+
+def _turn(before: Array, after: Array) -> Array:
+    """Time of one turn [s] at the mean of two speeds [rad/s]; 0 where the shaft is held or its speed not known."""
+    with np.errstate(divide="ignore"):
+        turn = REVOLUTION / np.abs(0.5 * (before + after))
+    return np.where(turn <= SLOWEST_TURN, turn, 0.0)
+
+
+def _over_turns(torque: Array, places: npt.NDArray[np.int64], span: npt.NDArray[np.int64]) -> Array:
+    """Difference of the means over so many samples after and before each place; 0 where the record is too short."""
+    known = np.isfinite(torque)
+    total = np.concatenate(([0.0], np.cumsum(np.where(known, torque, 0.0))))
+    count = np.concatenate(([0], np.cumsum(known)))
+    low, high = np.maximum(places - span, 0), np.minimum(places + span, len(torque))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        before = (total[places] - total[low]) / (count[places] - count[low])
+        after = (total[high] - total[places]) / (count[high] - count[places])
+    return np.where(high - low == 2 * span, np.abs(after - before), 0.0)

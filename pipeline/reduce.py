@@ -27,6 +27,8 @@ LONG_MEMORY = 0.05
 MEMORY_OF_BATCHES = 0.01
 """The same beyond which batches, each a tenth of the window, are not independent enough to give the uncertainty."""
 
+STILL = 1e-12
+"""Range of a torque, as part of its size or of 1 N m, below which it shows nothing but the rounding of numbers."""
 RESOLVED = 0.5
 """Correlation time that the finer pieces can tell from none, as part of one of them."""
 BATCH_METHOD, MEMORY_METHOD = "batches", "memory"
@@ -145,7 +147,8 @@ def reduce_shaft(torque: Array, angle: Array, rate_hz: float) -> ShaftMeans:
     The correlation time is learned from finer pieces of whole revolutions (`serial_mean`), and where it is shorter
     than half of one from :math:`u^2 = 2 s^2 \tau / t`, t the length of the mean and s the scatter that does not
     repeat from turn to turn. Beyond `MEMORY_OF_BATCHES` of the window, the finer pieces give u and its degrees of
-    freedom. A gap in the torque leaves mean and standard deviation; the rest is NaN.
+    freedom. A gap in the torque leaves mean and standard deviation; the rest is NaN. A torque that does not vary
+    (`STILL`) says nothing about its uncertainty: `within` is NaN, with no degrees of freedom, and the resolution too.
 
     References
     ----------
@@ -160,7 +163,9 @@ def reduce_shaft(torque: Array, angle: Array, rate_hz: float) -> ShaftMeans:
         return ShaftMeans(mean, math.nan, 0, 0, std, math.nan, math.nan, speed, resolution=step)
     turned = Turned(torque, turns_of(angle))
     batches, length = turned.batches(), len(torque) / rate_hz
-    within, dof, method, correlation_time = _uncertainty(turned, batches, rate_hz)
+    within, dof, method, correlation_time = math.nan, 0.0, BATCH_METHOD, math.nan
+    if not _still(torque):
+        within, dof, method, correlation_time = mean_uncertainty(turned, batches, rate_hz)
     return ShaftMeans(
         torque=turned.mean(),
         within=within,
@@ -176,7 +181,7 @@ def reduce_shaft(torque: Array, angle: Array, rate_hz: float) -> ShaftMeans:
     )
 
 
-def _uncertainty(turned: Turned, batches: Batches, rate_hz: float) -> tuple[float, float, str, float]:
+def mean_uncertainty(turned: Turned, batches: Batches, rate_hz: float) -> tuple[float, float, str, float]:
     """Standard uncertainty of the mean, its degrees of freedom, where both come from, and the correlation time."""
     if len(batches.means) < 2:
         return math.nan, 0.0, BATCH_METHOD, math.nan
@@ -194,8 +199,15 @@ def _uncertainty(turned: Turned, batches: Batches, rate_hz: float) -> tuple[floa
     return found.u * math.sqrt(samples / turned.used), found.dof, MEMORY_METHOD, long
 
 
+def _still(torque: Array) -> bool:
+    """Whether a torque [N m] shows nothing but the rounding of numbers."""
+    return len(torque) > 0 and float(np.ptp(torque)) <= STILL * max(1.0, float(np.max(np.abs(torque))))
+
+
 def resolution(torque: Array) -> float:
-    """Step between neighbouring values [N m]: the middle one among those that occur; NaN where all are equal."""
+    """Step between neighbouring values [N m]: the middle one among those that occur; NaN where none differ."""
+    if _still(torque):
+        return math.nan
     steps = np.diff(np.unique(torque))
     return float(np.median(steps)) if len(steps) else math.nan
 

@@ -11,11 +11,12 @@ import numpy as np
 from pmg.pipeline.analyse import Analysis, analyse
 from pmg.pipeline.aside import write_aside
 from pmg.pipeline.budget.point import budget_of
-from pmg.pipeline.budget.remarks import budget_remarks
-from pmg.pipeline.budget.windowfacts import window_facts
+from pmg.pipeline.budget.remarks import budget_remarks, transducer_remarks
+from pmg.pipeline.budget.windowfacts import SIMULATED, rated, window_facts
 from pmg.pipeline.campaign import choose_campaign, measured_grid
 from pmg.pipeline.carry import lead, remark
 from pmg.pipeline.chapters.page import build_report
+from pmg.pipeline.completeness import lack_findings
 from pmg.pipeline.diagnose.document import diagnosis_document
 from pmg.pipeline.diagnose.statement import statement
 from pmg.pipeline.gridtable import read_published
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.budget.windowfacts import WindowFacts
+    from pmg.pipeline.store import Manifest
+    from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
 
 SEED = 20260101
@@ -58,26 +61,35 @@ def run_analyse(store: Path, options: AnalysisOptions, *, grids: Path | None, ca
         Which campaign, where the store holds several.
     """
     bench, facts = load_bench(), None
+    failed: tuple[Manifest, ...] = ()
+    remarks: tuple[dict[str, Any], ...] = ()
     if grids is not None:
         grid = read_published(grids, bench)
         Store(store).prepare()
     else:
         name, manifests = choose_campaign(Store(store), campaign)
-        grid, facts = measured_grid(name, manifests, bench), window_facts(manifests)
+        grid, facts, failed = measured_grid(name, manifests, bench), window_facts(manifests), _failed(store)
+        bench, remarks = rated(bench, facts), tuple(transducer_remarks(facts, bench))
     analysis = analyse(grid, options, bench)
     budget = budget_of(analysis.grid, analysis.floor, bench, facts)
     folder = write_analysis(analysis, store, budget)
     return Outcome(
         data={"analysis": analysis_document(analysis, budget), "folder": str(folder)},
-        lines=_analysis_lines(analysis, folder),
-        findings=_analysis_findings(analysis) + tuple(budget_remarks(budget)),
-        partial=not analysis.complete,
+        lines=_analysis_lines(analysis, folder, len(failed)),
+        findings=_analysis_findings(analysis, failed) + remarks + tuple(budget_remarks(budget)),
+        partial=bool(failed) or not analysis.complete,
     )
 
 
-def _analysis_lines(analysis: Analysis, folder: Path) -> tuple[str, ...]:
+def _failed(store: Path) -> tuple[Manifest, ...]:
+    """Sources of a store that are not usable; of which campaign they are is not known."""
+    return tuple(manifest for manifest in Store(store).manifests() if not manifest.ingested)
+
+
+def _analysis_lines(analysis: Analysis, folder: Path, failed: int) -> tuple[str, ...]:
     grid = analysis.grid
-    lines = [f"campaign {grid.campaign}: {int(grid.accepted.sum())} of {len(grid)} points accepted"]
+    left = f"; {failed} of the store's sources not usable" if failed else ""
+    lines = [f"campaign {grid.campaign}: {int(grid.accepted.sum())} of {len(grid)} points accepted{left}"]
     if analysis.fits is not None:
         sun, ring = analysis.fits.sun, analysis.fits.ring
         lines.append(f"loss curves: scatter {sun.rmse * 1e3:.2f} mN m (sun), {ring.rmse * 1e3:.2f} mN m (ring)")
@@ -94,9 +106,9 @@ def _analysis_lines(analysis: Analysis, folder: Path) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _analysis_findings(analysis: Analysis) -> tuple[dict[str, Any], ...]:
-    """Holes, steps that could not be made, magnetic efficiencies above 1."""
-    found = [told("warning", "grid", f"no accepted point at {cell}") for cell in analysis.lacking]
+def _analysis_findings(analysis: Analysis, failed: tuple[Manifest, ...]) -> tuple[dict[str, Any], ...]:
+    """Holes, files and windows that are missing, steps that could not be made, magnetic efficiencies above 1."""
+    found = list(lack_findings(analysis.grid, analysis.lacking, failed))
     found += [
         told("warning", error.where, f"{error.came}; expected {error.expected}. {error.do}")
         for error in analysis.missing
@@ -130,10 +142,11 @@ def run_compare(store: Path, report: Path, note: str = "", model: Path | None = 
     bench = load_bench()
     given = None if model is None else read_model(model)
     grid, options = read_analysis(store)
+    remarks, inputs, facts, failed = _sources(store, grid, bench)
+    bench = rated(bench, facts)
     analysis = analyse(grid, options, bench)
     judged = judge(analysis, options, bench, np.random.default_rng(SEED), given)
     diagnosis = None if judged is None else judged.diagnosis
-    remarks, inputs, facts = _sources(store, grid)
     if model is not None:
         inputs += ((f"SHA-256 of {model.name}", hashlib.sha256(model.read_bytes()).hexdigest()),)
     page = build_report(
@@ -148,6 +161,7 @@ def run_compare(store: Path, report: Path, note: str = "", model: Path | None = 
         ends=() if judged is None else judged.ends,
         orders=None if grid.origin == "published" else orders_chapter(Store(store), grid.campaign, bench),
         budget=budget_of(analysis.grid, analysis.floor, bench, facts),
+        origins=_origins(store, grid),
     )
     text = ""
     if diagnosis is not None:
@@ -168,29 +182,39 @@ def run_compare(store: Path, report: Path, note: str = "", model: Path | None = 
     if judged is not None:
         data |= leave_model(judged, report / MODEL, model)
         lines += [] if judged.carried is None else [remark(judged.carried)]
-    return Outcome(data, tuple(lines), remarks + _analysis_findings(analysis), not analysis.complete, mismatch)
+    found = remarks + _analysis_findings(analysis, failed)
+    return Outcome(data, tuple(lines), found, bool(failed) or not analysis.complete, mismatch)
 
 
 def _sources(
-    store: Path, grid: Grid
-) -> tuple[tuple[dict[str, Any], ...], tuple[tuple[str, str], ...], WindowFacts | None]:
-    """Findings of the sources of a campaign, what the report says of its inputs, and what is known of its windows."""
+    store: Path, grid: Grid, bench: BenchParameters
+) -> tuple[tuple[dict[str, Any], ...], tuple[tuple[str, str], ...], WindowFacts | None, tuple[Manifest, ...]]:
+    """Findings of the sources of a campaign, the report's words on its inputs, facts of its windows, failed sources."""
     if grid.origin == "published":
-        return (), (("Input", "published grids, torques rounded to 0.01 N m"),), None
+        return (), (("Input", "published grids, torques rounded to 0.01 N m"),), None, ()
     _, manifests = choose_campaign(Store(store), grid.campaign)
-    failed = [manifest for manifest in Store(store).manifests() if not manifest.ingested]
+    failed = _failed(store)
     remarks = tuple(plain for manifest in (*manifests, *failed) for plain in manifest.document["findings"])
     joined = "".join(sorted(manifest.document["sha256"] for manifest in manifests))
     digest = hashlib.sha256(joined.encode()).hexdigest()
     first = min(manifest.document["run"]["started_at"] for manifest in manifests)
-    simulated = any(plain["code"] == "samples.simulated" for m in manifests for plain in m.document["findings"])
+    simulated = any(plain["code"] == SIMULATED for m in manifests for plain in m.document["findings"])
     inputs = [
         ("Input", f"{len(manifests)} recordings" + (", marked as simulated by their writer" if simulated else "")),
         ("First recording started", first),
         ("SHA-256 over the sorted SHA-256 of the recordings", digest),
     ]
     facts = window_facts(manifests)
-    return remarks, tuple(inputs), facts if len(facts.sun.dof) == len(grid) else None
+    remarks += tuple(transducer_remarks(facts, bench))
+    return remarks, tuple(inputs), facts if len(facts.sun.dof) == len(grid) else None, failed
+
+
+def _origins(store: Path, grid: Grid) -> tuple[tuple[str, dict[str, Any]], ...]:
+    """Recordings of a campaign that were imported, and what from."""
+    if grid.origin == "published":
+        return ()
+    _, manifests = choose_campaign(Store(store), grid.campaign)
+    return tuple((m.document["file"], m.document["origin"]) for m in manifests if "origin" in m.document)
 
 
 def run_all(

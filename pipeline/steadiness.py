@@ -8,6 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.recording.calibration import SIDES
+from pmg.pipeline.recording.join import FLAGS
+from pmg.pipeline.recording.lines import EMERGENCY_STOP
+from pmg.pipeline.recording.stretches import stretches
 from pmg.pipeline.reduce import end_to_end_speed
 from pmg.pipeline.turned import batch_means
 from pmg.sim.signals import REVOLUTION, RPM
@@ -26,9 +30,8 @@ if TYPE_CHECKING:
 
 REST_SPEED = 0.5 * RPM
 """Below this a shaft counts as held [rad/s]: half of the finest set-point step of the drives."""
-EMERGENCY_STOP = 1
-"""Bit of the digital inputs that is set while the emergency stop is pressed."""
-SIDES = ("sun", "ring")
+BY_RECORDER = frozenset(code for code, _, _ in FLAGS.values())
+"""Marks that a recorder makes; the others are found by the reading."""
 FEWEST_MEANS = 5
 """Batches below which a drift cannot be told from noise."""
 TRIMMED = 1.6
@@ -67,8 +70,8 @@ class Evidence:
         Transducers and encoders.
     torque, angle : mapping of str to (n,) array
         By shaft [N m], [rad]; NaN where nothing was recorded.
-    lines : (m,) array of unsigned int
-        Digital inputs where they were sampled.
+    lines : (n,) array of unsigned int
+        Digital inputs; 0 where they were not sampled.
     line_events : sequence of LineEvent
         Changes of the digital inputs over the whole run.
     blemishes : sequence of Blemish
@@ -96,25 +99,47 @@ def too_short(window: Evidence, limits: Steadiness) -> Reason | None:
     if not window.closed:
         return Reason("window not closed", f"no END follows MEASURE; {seconds:.2f} s were recorded")
     if seconds < max(limits.shortest, limits.completeness * meant):
-        return Reason("window too short", f"{seconds:.2f} s of {max(meant, limits.shortest):.2f} s")
+        planned = window.first + window.meant
+        lost = f"; samples {window.stop} to {planned} are missing" if planned > window.stop else ""
+        return Reason("window too short", f"{seconds:.2f} s of {max(meant, limits.shortest):.2f} s{lost}")
     return None
 
 
 def gaps(window: Evidence, _: Steadiness) -> Reason | None:
     """Samples without a value."""
     missing = {
-        f"{kind}_{side}": int(np.count_nonzero(np.isnan(track[side])))
+        f"{kind}_{side}": stretches(np.isnan(track[side])) + window.first
         for kind, track in (("torque", window.torque), ("angle", window.angle))
         for side in SIDES
     }
-    lost = [f"{count} in {name}" for name, count in missing.items() if count]
+    lost = [f"{_places(found, window)} in {name}" for name, found in missing.items() if len(found)]
     return Reason("samples missing", ", ".join(lost)) if lost else None
+
+
+def _places(found: npt.NDArray[np.int64], window: Evidence) -> str:
+    """Where stretches of samples lie, their ends left out."""
+    first, stop, count = int(found[0, 0]), int(found[-1, 1]), int(np.sum(found[:, 1] - found[:, 0]))
+    if count == window.stop - window.first:
+        return f"all samples, {first} to {stop},"
+    return f"samples {first} to {stop}" if len(found) == 1 else f"{count} samples from {first} to {stop}"
 
 
 def flagged(window: Evidence, _: Steadiness) -> Reason | None:
     """Blocks that the recorder itself marks as overrun, restarted or saturated."""
-    names = sorted({f"{b.code.value} on {b.topic}" for b in window.blemishes if _overlaps(b.start, b.stop, window)})
-    return Reason("flagged by the recorder", ", ".join(names)) if names else None
+    named = _blemished(window, by_recorder=True)
+    return Reason("flagged by the recorder", named) if named else None
+
+
+def faulty(window: Evidence, _: Steadiness) -> Reason | None:
+    """Samples in which the reading found a fault: slips of an encoder, held values, the shunt signal."""
+    named = _blemished(window, by_recorder=False)
+    return Reason("found faulty", named) if named else None
+
+
+def _blemished(window: Evidence, *, by_recorder: bool) -> str:
+    """Names of the marks that overlap a window, either those of the recorder or those of the reading."""
+    marks = (b for b in window.blemishes if _overlaps(b.start, b.stop, window))
+    return ", ".join(sorted({f"{b.code.value} on {b.topic}" for b in marks if (b.code in BY_RECORDER) == by_recorder}))
 
 
 def emergency_stop(window: Evidence, _: Steadiness) -> Reason | None:
@@ -208,6 +233,7 @@ CHECKS: tuple[Callable[[Evidence, Steadiness], Reason | None], ...] = (
     too_short,
     gaps,
     flagged,
+    faulty,
     emergency_stop,
     speed_unsettled,
     speed_off,

@@ -37,7 +37,8 @@ class Manifest:
         Stem of the file and the first eight digits of its hash.
     document : dict
         ``file``, ``sha256``, ``size``, ``status`` (``ingested`` or ``failed``), ``run``, ``calibration``,
-        ``rate_hz``, ``first_sample``, ``samples``, ``findings`` and ``windows`` with their means.
+        ``rate_hz``, ``first_sample``, ``samples``, ``findings`` and ``windows`` with their means;
+        of an imported recording ``origin``, what it was imported from.
     """
 
     identifier: str

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.holes import holes, lost_end, stem
 from pmg.pipeline.limits import LIMITS
 from pmg.pipeline.plateaus import plateaus
+from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.recording.run import Setpoints
 from pmg.pipeline.reduce import end_to_end_speed
-from pmg.pipeline.steadiness import CHECKS, REST_SPEED, SIDES, Evidence
+from pmg.pipeline.steadiness import CHECKS, REST_SPEED, Evidence, Reason, gaps
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -45,7 +47,7 @@ class Window:
     accepted : bool
         Whether every check was met.
     reasons : tuple of str
-        Why not, each with its numbers.
+        Why not, each with its numbers; of an accepted window what the reader should know all the same.
     rest_sun, rest_ring : bool
         Shaft held at rest.
     """
@@ -66,12 +68,19 @@ class Window:
 
 @dataclass(frozen=True)
 class _Stretch:
-    """A window before it is judged; `stop` is where it was meant to end, None where nobody said."""
+    """A window before it is judged.
+
+    `stop` is where it ends, None where nobody said; `planned` where it would have ended in a file that lost its end;
+    `against` why it can be no test point, whatever its samples say; `remark` what is told of it in any case.
+    """
 
     point: str
     first: int
     stop: int | None
     setpoints: Setpoints
+    planned: int | None = None
+    against: str = ""
+    remark: str = ""
 
 
 def find_windows(recording: Recording, limits: Steadiness = LIMITS) -> tuple[Window, ...]:
@@ -88,15 +97,22 @@ def find_windows(recording: Recording, limits: Steadiness = LIMITS) -> tuple[Win
     -----
     In a sequence, a window lasts from MEASURE to END of the same point; one that is never closed lasts to the next
     START or the end of the file and is rejected. Its set-points are those of the step; what the step leaves
-    open stays open. Without steps, a file that names its point is one window, over the samples that all channels
-    share; one that names none is cut into plateaus (`pmg.pipeline.plateaus`), each a window with the file's
-    set-points, numbered in the order of time, whether it is accepted or not.
+    open stays open. A point without MEASURE, and a gap of `limits.shortest` or more outside the windows, in which steps
+    may have been lost, are rejected windows (`pmg.pipeline.holes`). Without steps, a file that names its point is one
+    window, over the samples that all channels share; one that names none is cut into plateaus
+    (`pmg.pipeline.plateaus`), each a window with the file's set-points, numbered in the order of time, whether it is
+    accepted or not. What lies between plateaus is rejected as changing. Where the file lost its end, the last window
+    is held against the length that it would have had, as far as that is known, and says so.
     """
     if recording.steps:
-        return tuple(_judge(recording, stretch, limits) for stretch in _from_steps(recording.steps))
+        measured = _from_steps(recording.steps)
+        spans = [(s.first, _meant(recording, s)) for s in measured]
+        lost = holes(recording, spans, round(limits.shortest * recording.rate_hz))
+        stretches = [*measured, *(_Stretch(h.point, h.first, h.stop, h.setpoints, against=h.why) for h in lost)]
+        return tuple(_judge(recording, stretch, limits) for stretch in sorted(stretches, key=lambda s: s.first))
     whole = _whole(recording)
-    stretches = (whole,) if recording.run.point else _from_plateaus(recording, whole, limits)
-    return tuple(_judge(recording, stretch, limits) for stretch in stretches)
+    found = (whole,) if recording.run.point else _from_plateaus(recording, whole, limits)
+    return tuple(_judge(recording, stretch, limits) for stretch in found)
 
 
 def _from_plateaus(recording: Recording, whole: _Stretch, limits: Steadiness) -> tuple[_Stretch, ...]:
@@ -106,25 +122,41 @@ def _from_plateaus(recording: Recording, whole: _Stretch, limits: Steadiness) ->
         (part[f"torque_{side}"].to_numpy(), recording.calibration.transducer(side).nominal_torque) for side in SIDES
     ]
     angles = [part[f"angle_{side}"].to_numpy() for side in SIDES]
-    found = plateaus(torques, angles, recording.rate_hz, limits)
-    if len(found) < 2:
-        return (whole,) if not found else (replace(whole, first=first + found[0][0], stop=first + found[0][1]),)
+    found = [(first + start, first + end) for start, end in plateaus(torques, angles, recording.rate_hz, limits)]
+    if found in ([], [(first, stop)]):
+        return (whole,)
     width = max(2, len(str(len(found))))
-    return tuple(
-        replace(whole, point=f"{whole.point}-{number:0{width}d}", first=first + start, stop=first + end)
+    plain = replace(whole, planned=None, remark="")
+    levels = [
+        replace(plain, point=f"{whole.point}-{number:0{width}d}", first=start, stop=end)
         for number, (start, end) in enumerate(found, 1)
-    )
+    ]
+    if len(found) == 1:
+        levels[0] = replace(levels[0], point=whole.point)
+    levels[-1] = replace(levels[-1], remark=whole.remark)
+    ends, starts = [first, *(end for _, end in found)], [*(start for start, _ in found), stop]
+    between = [(a, b) for a, b in zip(ends, starts, strict=True) if b > a]
+    changes = [
+        replace(plain, point=f"{whole.point}-change-{number:0{width}d}", first=a, stop=b, against=_changing(a, b))
+        for number, (a, b) in enumerate(between, 1)
+    ]
+    return tuple(sorted((*levels, *changes), key=lambda s: s.first))
+
+
+def _changing(first: int, stop: int) -> str:
+    return str(Reason("set-points changing", f"samples {first} to {stop} belong to no plateau"))
 
 
 def _whole(recording: Recording) -> _Stretch:
     known = np.ones(recording.samples.height, dtype=np.bool_)
     for name in ("torque_sun", "torque_ring", "angle_sun", "angle_ring"):
         known &= np.isfinite(recording.samples[name].to_numpy())
-    rows = np.flatnonzero(known)
+    rows = np.flatnonzero(known) if known.any() else np.arange(len(known))
     first = recording.first_sample + int(rows[0]) if len(rows) else recording.first_sample
     stop = recording.first_sample + int(rows[-1]) + 1 if len(rows) else first
-    point = recording.run.point or recording.file.rsplit("/", 1)[-1].removesuffix(".mcap")
-    return _Stretch(point, first, stop, recording.run.setpoints)
+    point = recording.run.point or stem(recording)
+    lost = lost_end(recording, first, stop)
+    return _Stretch(point, first, stop, recording.run.setpoints, planned=lost.planned, remark=lost.remark)
 
 
 def _from_steps(steps: tuple[Step, ...]) -> tuple[_Stretch, ...]:
@@ -140,10 +172,14 @@ def _from_steps(steps: tuple[Step, ...]) -> tuple[_Stretch, ...]:
     return tuple(stretches)
 
 
-def _judge(recording: Recording, stretch: _Stretch, limits: Steadiness) -> Window:
-    end = recording.stop_sample
+def _meant(recording: Recording, stretch: _Stretch) -> int:
+    """Where a stretch ends, whether it was recorded to there or not."""
     later = (s.sample for s in recording.steps if s.phase == "START" and s.sample > stretch.first)
-    meant = stretch.stop if stretch.stop is not None else next(later, end)
+    return stretch.stop if stretch.stop is not None else next(later, recording.stop_sample)
+
+
+def _judge(recording: Recording, stretch: _Stretch, limits: Steadiness) -> Window:
+    end, meant = recording.stop_sample, _meant(recording, stretch)
     first = min(max(stretch.first, recording.first_sample), end)
     stop = max(first, min(meant, end))
     part = recording.samples.slice(first - recording.first_sample, stop - first)
@@ -151,17 +187,19 @@ def _judge(recording: Recording, stretch: _Stretch, limits: Steadiness) -> Windo
         first=first,
         stop=stop,
         closed=stretch.stop is not None,
-        meant=meant - stretch.first,
+        meant=(stretch.planned or meant) - stretch.first,
         rate_hz=recording.rate_hz,
         setpoints=stretch.setpoints,
         calibration=recording.calibration,
         torque={side: part[f"torque_{side}"].to_numpy() for side in ("sun", "ring")},
         angle={side: part[f"angle_{side}"].to_numpy() for side in ("sun", "ring")},
-        lines=part["lines"].drop_nulls().to_numpy(),
+        lines=part["lines"].fill_null(0).to_numpy(),
         line_events=recording.line_events,
         blemishes=recording.blemishes,
     )
-    reasons = tuple(str(r) for check in CHECKS if (r := check(evidence, limits)) is not None)
+    checks = (gaps,) if stretch.against else CHECKS
+    reasons = tuple(str(r) for check in checks if (r := check(evidence, limits)) is not None)
+    against = ((stretch.against,) if stretch.against else ()) + reasons
     return Window(
         point=stretch.point,
         configuration=recording.run.configuration,
@@ -171,8 +209,8 @@ def _judge(recording: Recording, stretch: _Stretch, limits: Steadiness) -> Windo
         first_sample=first,
         stop_sample=stop,
         setpoints=stretch.setpoints,
-        accepted=not reasons,
-        reasons=reasons,
+        accepted=not against,
+        reasons=against + ((stretch.remark,) if stretch.remark else ()),
         rest_sun=_at_rest(stretch.setpoints.speed_sun, evidence, "sun"),
         rest_ring=_at_rest(stretch.setpoints.speed_ring, evidence, "ring"),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
 
 LEVEL = 0.95
 """Probability of the expanded uncertainty."""
+FEWEST = 1.0
+"""Degrees of freedom that stand where none are known: the fewest an estimate can have, so U is rather too large."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,8 @@ class Contribution:
         Degrees of freedom; infinite where the value is taken as known, NaN where they are not known.
     remark : str
         Where it is from.
+    signed : bool
+        Whether a common one follows the sign of the torque, as a gain does; a tare does not.
     """
 
     key: str
@@ -49,6 +54,7 @@ class Contribution:
     value: Array
     dof: Array
     remark: str
+    signed: bool = True
 
     @property
     def u(self) -> Array:
@@ -76,7 +82,7 @@ class ShaftBudget:
 
     @property
     def independent(self) -> Array:
-        """Standard uncertainty that differs from point to point [N m] (n,)."""
+        """Standard uncertainty that differs from point to point [N m] (n,); NaN where there is no mean torque."""
         return self._sum([c for c in self.contributions if not c.common])
 
     @property
@@ -91,9 +97,12 @@ class ShaftBudget:
 
     @property
     def dof(self) -> Array:
-        r"""Effective degrees of freedom :math:`u^4 / \sum_i u_i^4/\nu_i` (n,), GUM equation G.2b."""
+        r"""Effective degrees of freedom :math:`u^4 / \sum_i u_i^4/\nu_i` (n,), GUM equation G.2b.
+
+        A contribution whose degrees of freedom are not known counts with the fewest it can have.
+        """
         share = sum(
-            (np.nan_to_num(c.u) ** 4 / np.where(np.nan_to_num(c.dof) > 0.0, c.dof, np.inf) for c in self.contributions),
+            (np.nan_to_num(c.u) ** 4 / np.where(c.dof > 0.0, c.dof, FEWEST) for c in self.contributions),
             np.zeros(len(self.torque)),
         )
         return np.asarray(np.divide(self.u**4, share, out=np.full(len(share), np.inf), where=share > 0.0))
@@ -112,17 +121,18 @@ class ShaftBudget:
         """Standard uncertainties of the mean torque of these points: independent part, and common part [N m].
 
         The independent part falls with the root of their number. Each common contribution moves all points by its
-        own amount at once, so their amounts are averaged before they are squared.
+        own amount at once, so their amounts are averaged before they are squared. NaN of no points.
         """
         count = int(np.count_nonzero(rows))
+        if not count:
+            return math.nan, math.nan
+        sign = np.sign(self.torque[rows])
         independent = float(np.sqrt(np.sum(self.independent[rows] ** 2))) / count
         shared = [
-            np.mean((np.sign(self.torque) if c.key != "tare" else 1.0) * np.nan_to_num(c.u) * rows) * len(rows) / count
-            for c in self.contributions
-            if c.common
+            np.mean((sign if c.signed else 1.0) * np.nan_to_num(c.u[rows])) for c in self.contributions if c.common
         ]
         return independent, float(np.sqrt(np.sum(np.square(shared))))
 
     def _sum(self, contributions: list[Contribution]) -> Array:
         squares = (np.nan_to_num(c.u) ** 2 for c in contributions)
-        return np.asarray(np.sqrt(sum(squares, np.zeros(len(self.torque)))))
+        return np.asarray(np.sqrt(sum(squares, np.where(np.isnan(self.torque), np.nan, 0.0))))

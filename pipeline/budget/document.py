@@ -66,7 +66,10 @@ def budget_document(budget: Budget) -> dict[str, Any]:
             "all": len(budget.grid),
             "correlated": [str(name) for name in budget.grid.points.name[facts.correlated]],
             "from_memory": int(np.count_nonzero(facts.sun.remembered | facts.ring.remembered)),
-            "limits": dict(facts.limits),
+            "limits": [
+                {"recordings": each.recordings, "windows": each.windows, "limits": dict(each.limits)}
+                for each in facts.limits
+            ],
         }
     return document
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.budget.contribution import Contribution, ShaftBudget
-from pmg.pipeline.budget.shared import RECTANGULAR, common_parts, tare_uncertainty, transducer_of
+from pmg.pipeline.budget.shared import RECTANGULAR, common_parts, nominal_torque, tare_uncertainty, transducer_of
 from pmg.pipeline.diagnose.whiten import NOISY_WINDOW
 
 if TYPE_CHECKING:
@@ -108,7 +108,8 @@ def _shaft(
     steps = unknown if facts is None else facts.resolution
     rounding = np.zeros(len(grid)) if facts is None else undithered(steps, facts.std)
     rounding = np.minimum(rounding, within)
-    parts = common_parts(grid, bench, side)
+    stated = None if facts is None else facts.nominal
+    parts = common_parts(grid, bench, side, stated)
     zeros = tare_uncertainty(torque[grid.points.zero & grid.accepted])[1]
     of = transducer_of(bench, side)
     contributions = (
@@ -141,6 +142,7 @@ def _shaft(
             value=parts.tare if zeros else unknown,
             dof=np.full(len(grid), float(zeros) if zeros else math.inf),
             remark=f"{zeros + 1} zero checks, not subtracted" if zeros else "not known: fewer than two zero checks",
+            signed=False,
         ),
         _half_width(
             "sensitivity",
@@ -153,7 +155,7 @@ def _shaft(
             "linearity",
             "non-linearity",
             parts.linearity * RECTANGULAR,
-            f"tolerance {float(of.nonlinearity):.1%} of {float(of.nominal_torque):g} N m",
+            f"tolerance {float(of.nonlinearity):.1%} of {_each(nominal_torque(bench, side, stated))} N m",
             common=True,
         ),
         _half_width(
@@ -173,6 +175,11 @@ def _scatter(grid: Grid, within: Array, dof: Array) -> Contribution:
         return _half_width("within", "rounding of the table", within * RECTANGULAR, "half a step", common=False)
     remark = "means over whole revolutions, pooled where windows are alike"
     return Contribution("within", "scatter within the window", "A", "t", False, 1.0, within, dof, remark)
+
+
+def _each(values: Array) -> str:
+    """Every value that occurs."""
+    return " and ".join(f"{value:g}" for value in np.unique(values))
 
 
 def _half_width(key: str, name: str, value: Array, remark: str, *, common: bool) -> Contribution:

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 RECTANGULAR = math.sqrt(3.0)
 """Half-width of a rectangular distribution over its standard deviation (GUM 4.3.7)."""
-SIDES = ("sun", "ring")
 NEGLIGIBLE = 1e-6
 """Part of a variance below which a difference of two is rounding."""
 
@@ -34,33 +33,66 @@ def transducer_of(bench: BenchParameters, side: str) -> TransducerParameters:
     return bench.transducer_sun if side == "sun" else bench.transducer_ring
 
 
+def nominal_torque(bench: BenchParameters, side: str, stated: Array | None) -> Array:
+    """Nominal torque of the transducer at each point [N m]: as its calibration states it, else the bench's.
+
+    Parameters
+    ----------
+    bench : BenchParameters
+        Its nominal torque stands where none is stated.
+    side : str
+        ``sun`` or ``ring``.
+    stated : (n,) array or None
+        From the calibrations of the recordings [N m]; NaN where there is none, None for grids from tables.
+    """
+    of = float(transducer_of(bench, side).nominal_torque)
+    return np.asarray(of if stated is None else np.where(np.isfinite(stated), stated, of))
+
+
 def common_uncertainty(
-    torque_sun: Array, torque_ring: Array, bench: BenchParameters, tare: tuple[float, float] = (0.0, 0.0)
+    torque_sun: Array,
+    torque_ring: Array,
+    bench: BenchParameters,
+    tare: tuple[float, float] = (0.0, 0.0),
+    nominal: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array]:
     """Standard uncertainty that all points of a transducer share [N m], sun and ring.
 
     Sensitivity tolerance (of the reading) and non-linearity (of the nominal torque) as half-widths of rectangular
     distributions, GUM 4.3.7, and the standard uncertainty of the tare, summed in quadrature.
+
+    Parameters
+    ----------
+    torque_sun, torque_ring : (n,) array
+        Mean torques [N m].
+    bench : BenchParameters
+        Tolerances.
+    tare : tuple of float
+        Standard uncertainty of the tare, sun and ring [N m].
+    nominal : tuple of two (n,) arrays, optional
+        Nominal torques that the calibrations state, sun and ring [N m]; the bench's when not given.
     """
 
-    def common(torque: Array, side: str, zero: float) -> Array:
+    def common(torque: Array, side: str, zero: float, stated: Array | None) -> Array:
         of = transducer_of(bench, side)
-        tolerances = np.hypot(of.sensitivity_tolerance * torque, of.nonlinearity * of.nominal_torque)
-        return np.hypot(tolerances / RECTANGULAR, zero)
+        linearity = of.nonlinearity * nominal_torque(bench, side, stated)
+        return np.hypot(np.hypot(of.sensitivity_tolerance * torque, linearity) / RECTANGULAR, zero)
 
-    return common(torque_sun, "sun", tare[0]), common(torque_ring, "ring", tare[1])
+    stated = (None, None) if nominal is None else nominal
+    return common(torque_sun, "sun", tare[0], stated[0]), common(torque_ring, "ring", tare[1], stated[1])
 
 
-def common_parts(grid: Grid, bench: BenchParameters, side: str) -> CommonParts:
+def common_parts(grid: Grid, bench: BenchParameters, side: str, nominal: Array | None = None) -> CommonParts:
     """The common uncertainty of a grid split into its parts; their squares add up to that of the grid.
 
-    Sensitivity is taken first, then non-linearity; what is left is the tare.
+    Sensitivity is taken first, then non-linearity, of the nominal torques [N m] (n,) that the calibrations state or
+    of the bench's; what is left is the tare.
     """
     of = transducer_of(bench, side)
     torque, common = (grid.torque_sun, grid.common_sun) if side == "sun" else (grid.torque_ring, grid.common_ring)
     sensitivity = np.minimum(of.sensitivity_tolerance * np.abs(torque) / RECTANGULAR, common)
     rest = common**2 - sensitivity**2
-    linearity = np.minimum((of.nonlinearity * of.nominal_torque / RECTANGULAR) ** 2, rest)
+    linearity = np.minimum((of.nonlinearity * nominal_torque(bench, side, nominal) / RECTANGULAR) ** 2, rest)
     left = rest - linearity
     tare = np.where(left > NEGLIGIBLE * common**2, left, 0.0)
     return CommonParts(sensitivity, np.sqrt(linearity + (left - tare)), np.sqrt(tare))

@@ -13,10 +13,9 @@ from pmg.pipeline.report.document import Column, Table, Text
 from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from pmg.pipeline.budget.contribution import Contribution, ShaftBudget
     from pmg.pipeline.budget.point import Budget
+    from pmg.pipeline.budget.windowfacts import LimitSet
     from pmg.pipeline.report.table import Cell
 
 MILLI = 1e-3
@@ -113,22 +112,34 @@ def _windows(budget: Budget) -> tuple[Text | Table, ...]:
                 kind="warning",
             )
         )
-    if budget.facts.limits:
-        items.append(limits_table(budget.facts.limits))
+    sets = budget.facts.limits
+    if len(sets) > 1:
+        words = f"Windows were judged by {len(sets)} sets of limits: ingest all recordings by one to compare like."
+        items.append(Text(words, kind="warning"))
+    items += [limits_table(each, number, len(sets)) for number, each in enumerate(sets, 1)]
     return tuple(items)
 
 
-def limits_table(limits: Mapping[str, float]) -> Table:
-    """The limits by which windows were judged, speeds in rpm: `limits` as the store keeps them, in SI."""
+def limits_table(of: LimitSet, number: int = 1, sets: int = 1) -> Table:
+    """A set of limits by which windows were judged, speeds in rpm.
+
+    Parameters
+    ----------
+    of : LimitSet
+        As the store keeps them, in SI.
+    number, sets : int
+        Which one it is, from 1, and of how many.
+    """
     rows: list[tuple[Cell, ...]] = []
-    for name, value in sorted(limits.items()):
+    for name, value in sorted(of.limits.items()):
         speed = name in SPEEDS
         unit = "rpm" if speed else LIMIT_UNITS.get(name, "")
         rows.append((name, value / RPM if speed else value, unit))
     return Table(
-        id="window-limits",
-        title="Limits by which windows were judged",
-        caption=f"{len(rows)} limits, fixed before any window was looked at; no window was chosen for its figures.",
+        id="window-limits" + (f"-{number}" if number > 1 else ""),
+        title="Limits by which windows were judged" + (f", set {number} of {sets}" if sets > 1 else ""),
+        caption=(f"{of.windows} windows of {of.recordings} recordings: " if sets > 1 else "")
+        + f"{len(rows)} limits, fixed before any window was looked at; no window was chosen for its figures.",
         columns=(Column("limit", "Limit"), Column("value", "Value", format=".6g"), Column("unit", "Unit")),
         rows=tuple(rows),
     )

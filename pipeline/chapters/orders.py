@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.orders import band, flux, loadangle
 from pmg.pipeline.orders.angle import RESAMPLING_SOURCE
 from pmg.pipeline.orders.statement import unit_of
+from pmg.pipeline.orders.survey import NOTHING_FOLLOWED
 from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Section, Series, Table, Text
 from pmg.sim.signals import SPEED_RING, SPEED_SUN, TORQUE_RING, TORQUE_SUN
 
@@ -60,7 +61,8 @@ def orders_section(
         items.append(_present(present, len(followed)))
         items += _growth(present, table)
     else:
-        items.append(Text(f"None of {len(followed)} lines is beyond its band.", "finding"))
+        none = f"None of {len(followed)} lines is beyond its band." if followed else f"{NOTHING_FOLLOWED}.".capitalize()
+        items.append(Text(none, "finding"))
     if example is not None:
         items += [_spectrum(example), _turn(example)]
     if angles:

@@ -54,6 +54,7 @@ def build_report(
     ends: tuple[SteadyEnd, ...] = (),
     orders: Section | None = None,
     budget: Budget | None = None,
+    origins: tuple[tuple[str, Mapping[str, Any]], ...] = (),
 ) -> Report:
     """The report of one campaign, as far as its analysis reached.
 
@@ -81,6 +82,8 @@ def build_report(
         What repeats with the turn of a shaft, where the ingest kept it.
     budget : Budget, optional
         What the mean torques are uncertain by.
+    origins : tuple of (file, mapping)
+        What recordings were imported from, where they were.
     """
     sections: list[Section] = []
     judged = analysis if carried is None else carried.analysis
@@ -105,7 +108,7 @@ def build_report(
     if orders is not None:
         sections.append(orders)
     sections.extend(published_sections(analysis.grid, bench))
-    sections.append(data_section(analysis, note, findings, budget))
+    sections.append(data_section(analysis, note, findings, budget, origins))
     grid = analysis.grid
     return Report(
         title=f"Campaign {grid.campaign}",

@@ -21,7 +21,11 @@ if TYPE_CHECKING:
 
 
 def data_section(
-    analysis: Analysis, note: str, findings: tuple[Mapping[str, Any], ...], budget: Budget | None = None
+    analysis: Analysis,
+    note: str,
+    findings: tuple[Mapping[str, Any], ...],
+    budget: Budget | None = None,
+    origins: tuple[tuple[str, Mapping[str, Any]], ...] = (),
 ) -> Section:
     """What was recorded and what of it could be used.
 
@@ -35,6 +39,8 @@ def data_section(
         What reading the recordings brought up, in the plain form of `Finding.to_dict`.
     budget : Budget, optional
         What the mean torques are uncertain by.
+    origins : tuple of (file, mapping)
+        What recordings were imported from, where they were.
     """
     grid = analysis.grid
     at = grid.points
@@ -84,6 +90,8 @@ def data_section(
                 rows=tuple((cell,) for cell in analysis.lacking),
             )
         )
+    if origins:
+        items.append(origins_table(origins))
     if findings:
         items.append(findings_table(findings))
     items += [Text(f"Not done: {error}", kind="warning") for error in analysis.missing]
@@ -91,8 +99,35 @@ def data_section(
     return Section("data", "Data quality", tuple(items), used)
 
 
+def origins_table(origins: tuple[tuple[str, Mapping[str, Any]], ...]) -> Table:
+    """What recordings were imported from: names of the files, and `Origin.document` of each."""
+    told = sum(origin["findings"] for _, origin in origins)
+    return Table(
+        id="imported",
+        title="Imported recordings",
+        caption=f"{len(origins)} recordings were made of files in other formats; reading those gave {told} findings.",
+        columns=(
+            Column("file", "Recording"),
+            Column("source", "Source"),
+            Column("format", "Format"),
+            Column("reader", "Read by"),
+            Column("size", "Bytes"),
+            Column("sha256", "SHA-256"),
+            Column("findings", "Findings", "", digits=0),
+        ),
+        rows=tuple(
+            (
+                file,
+                *(str(origin[key]) for key in ("source", "format", "reader", "size", "sha256")),
+                float(origin["findings"]),
+            )
+            for file, origin in origins
+        ),
+    )
+
+
 def findings_table(findings: tuple[Mapping[str, Any], ...]) -> Table:
-    """What reading the recordings brought up: `findings` in the plain form of `Finding.to_dict`."""
+    """What reading the recordings brought up: `findings` in the plain form of `Finding.to_dict` or of a stage."""
     return Table(
         id="findings",
         title="Findings of the ingest",
@@ -112,7 +147,8 @@ def findings_table(findings: tuple[Mapping[str, Any], ...]) -> Table:
 
 def _finding_row(plain: Mapping[str, Any]) -> tuple[str, ...]:
     stretches = [" to ".join(map(str, plain.get(name, ()))) for name in ("byte_range", "sample_range")]
-    where, message = f"{plain['file']}: {plain['where']}", f"{plain['message']}. {plain['do']}"
+    where = f"{plain['file']}: {plain['where']}" if "file" in plain else plain["where"]
+    message = f"{plain['message']}. {plain['do']}" if "do" in plain else plain["message"]
     return plain["severity"], where, message, *stretches, plain.get("kept", ""), plain.get("lost", "")
 
 

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import timedelta
 from importlib.metadata import version
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from pmg.pipeline.aside import PREFIX
+from pmg.pipeline.aside import opened_aside
 from pmg.pipeline.recording.channels import ENCODING, SHARED_CLOCK
 from pmg.pipeline.recording.schema import SAMPLE_BLOCK, descriptor_set, encode
 from pmg.pipeline.recording.write import BLOCK, EPOCH, SECOND_NS
@@ -23,6 +20,7 @@ from pmg.pipeline.recording.write import BLOCK, EPOCH, SECOND_NS
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from datetime import datetime
+    from pathlib import Path
 
     import numpy.typing as npt
 
@@ -109,22 +107,11 @@ def block_file(path: Path, started_at: datetime, rate_hz: float) -> Iterator[Blo
     rate_hz : float
         Samples per second [1/s].
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=PREFIX, suffix=path.suffix, dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            writer = Writer(stream, compression=CompressionType.ZSTD, enable_crcs=True, enable_data_crcs=True)
-            writer.start(profile="pmg", library=f"pmg {version('pmg-bench')}")
-            yield BlockFile(writer, nanoseconds(started_at), rate_hz)
-            writer.finish()  # type: ignore[no-untyped-call]
-            stream.flush()
-            os.fsync(stream.fileno())
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except BaseException:
-        with suppress(OSError):
-            Path(name).unlink()
-        raise
+    with opened_aside(path) as stream:
+        writer = Writer(stream, compression=CompressionType.ZSTD, enable_crcs=True, enable_data_crcs=True)
+        writer.start(profile="pmg", library=f"pmg {version('pmg-bench')}")
+        yield BlockFile(writer, nanoseconds(started_at), rate_hz)
+        writer.finish()  # type: ignore[no-untyped-call]
 
 
 def nanoseconds(moment: datetime) -> int:

@@ -20,6 +20,7 @@ from pmg.pipeline.exchange.tdmssource import TdmsSource
 from pmg.pipeline.recording.calibration import ATTACHMENT, read_calibration
 from pmg.pipeline.recording.channels import edge_ticks, edges, encoder, frequency
 from pmg.pipeline.recording.findings import Code, Findings
+from pmg.pipeline.recording.origin import RECORD as ORIGIN
 from pmg.pipeline.recording.run import LAYOUT, RECORD, read_run
 from pmg.sim.errors import BenchError, RecordingError, near_miss
 
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.findings import Finding
     from pmg.pipeline.recording.run import RunInfo
 
-ORIGIN = "pmg.import"
-"""Metadata record of where an imported recording comes from."""
 MAP_ATTACHMENT = "import-map.toml"
 """Attachment with the map by which it was imported."""
 
@@ -51,7 +50,9 @@ class Imported:
     source, out : Path
         The foreign file, and the recording.
     format, reader, sha256 : str
-        How it was read, and its hash.
+        What it is, what read it, and its hash.
+    reading : mapping of str to str
+        How it was found to be written: of CSV its encoding, delimiter, decimal sign, row of units and first row.
     size : int
         Its length [bytes].
     rows : int
@@ -69,6 +70,7 @@ class Imported:
     format: str
     reader: str
     sha256: str
+    reading: Mapping[str, str]
     size: int
     rows: int
     rate_hz: float
@@ -138,13 +140,15 @@ def import_recording(path: Path, chart: ChannelMap, out: Path, words: Mapping[st
             "source_format": source.format,
             "source_reader": source.reader,
             "source_rows": str(count),
+            **{f"source_{name}": word for name, word in source.reading.items()},
             "map": chart.path.name,
             "findings": json.dumps([finding.to_dict() for finding in told], ensure_ascii=False),
             "written_by": f"pmg {version('pmg-bench')}",
         }
         file.writer.add_metadata(ORIGIN, origin)
         rate, written = file.rate_hz, dict(file.written)
-    return Imported(path, out, source.format, source.reader, sha256, stat.st_size, count, rate, written, told)
+    kind, reader, reading = source.format, source.reader, source.reading
+    return Imported(path, out, kind, reader, sha256, reading, stat.st_size, count, rate, written, told)
 
 
 def open_source(path: Path, chart: ChannelMap, findings: Findings) -> Source:

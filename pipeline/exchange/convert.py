@@ -11,6 +11,7 @@ from pmg.pipeline.exchange.units import KINDS, declared, kind_of
 from pmg.pipeline.recording.channels import SPECS
 from pmg.pipeline.recording.decode import DEFAULT_BITS
 from pmg.pipeline.recording.findings import Code
+from pmg.pipeline.wording import counted
 from pmg.sim.errors import BenchError, RecordingError
 from pmg.sim.signals import REVOLUTION
 
@@ -154,9 +155,9 @@ class Conversion:
             self.findings.error(
                 Code.NOT_FINITE,
                 f"{self.where}, from {self.place} {self._first_missing}",
-                f"{self.missing} values are missing; expected one in each row. They become gaps",
+                f"{counted(self.missing, 'value')} missing; expected one in each row. What is missing becomes a gap",
                 "Check the input's wiring and the recorder's conversion.",
-                lost=f"{self.missing} samples of {self.mapped.topic}",
+                lost=f"{counted(self.missing, 'sample')} of {self.mapped.topic}",
             )
 
     def _torque(self, values: npt.NDArray[Any], si: Array) -> Array:

@@ -28,12 +28,17 @@ LOOKED_AT = 20
 DELIMITERS = (";", "\t", ",", "|")
 """Separators that are found without being told, the earlier one first where two are equally frequent."""
 
+SPELLED = {"\t": "tab", " ": "space"}
+"""Separators that are named where they are told."""
+
 MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "n/a", "N/A", "-", "--", "---")
 """Words for a cell without a value."""
 
 BRACKETED = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]\s*")
 WORD_OF_FILE = re.compile(r"\s*(?P<key>[^:=;,\t]+?)\s*[:=]\s*(?P<value>.*?)[\s;,]*")
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
+"""A number that may be whole, with a comma between thousands, or have three decimals after it."""
 WITH_COMMA, WITH_POINT = re.compile(r"\d,\d|^,\d"), re.compile(r"\d\.\d|^\.\d")
 
 
@@ -74,6 +79,8 @@ class CsvHead:
         Told or found.
     names, units : tuple of str
         Of the columns.
+    units_line : int
+        Line with units below the names, from 1 on; 0 for none.
     data_line : int
         First line with data, from 1 on.
     properties : mapping of str to str
@@ -85,8 +92,19 @@ class CsvHead:
     decimal: str
     names: tuple[str, ...]
     units: tuple[str, ...]
+    units_line: int
     data_line: int
     properties: Mapping[str, str]
+
+    def reading(self) -> dict[str, str]:
+        """The same for a person, who can see by it what was taken for what."""
+        return {
+            "encoding": self.encoding,
+            "delimiter": SPELLED.get(self.delimiter, self.delimiter),
+            "decimal": self.decimal,
+            "units_row": f"line {self.units_line}" if self.units_line else "none",
+            "first_row": f"line {self.data_line}",
+        }
 
 
 def read_head(path: Path, form: CsvForm) -> CsvHead:
@@ -125,18 +143,20 @@ def read_head(path: Path, form: CsvForm) -> CsvHead:
     else:
         names, units, begin = *_named(cells, path, at[0] + 1), at[0] + 1
     data_at = [n for n in range(begin, len(lines)) if holds_row(lines[n], form.comment, delimiter, len(names))]
+    units_line = 0
     if form.header_line != 0 and data_at and form.units_row != "no":
         row = cells_of(lines[data_at[0]], delimiter)
         below = [cells_of(lines[n], delimiter) for n in data_at[1 : 1 + LOOKED_AT]]
         if form.units_row == "yes" or _are_units(row, below, len(names)):
             given = [cell.strip().strip("[]()").strip() for cell in row] + [""] * len(names)
             units = [given[n] or units[n] for n in range(len(names))]
+            units_line = data_at[0] + 1
             data_at = data_at[1:]
     rows = [(n + 1, lines[n]) for n in data_at]
     decimal = form.decimal if form.decimal != "auto" else _decimal(rows, delimiter, path)
     first = data_at[0] + 1 if data_at else len(lines) + 1
     properties = _properties(lines[: min(above, first - 1)], form.comment, at[0])
-    return CsvHead(encoding, delimiter, decimal, tuple(names), tuple(units), first, properties)
+    return CsvHead(encoding, delimiter, decimal, tuple(names), tuple(units), units_line, first, properties)
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:
@@ -194,23 +214,29 @@ def _are_units(row: list[str], below: list[list[str]], columns: int) -> bool:
 
 
 def _is_number(cell: str) -> bool:
-    return bool(NUMBER.fullmatch(cell)) or cell.lower() in ("nan", "inf")
+    return bool(NUMBER.fullmatch(cell) or THOUSANDS.fullmatch(cell)) or cell.lower() in ("nan", "inf")
 
 
 def _decimal(rows: list[tuple[int, str]], delimiter: str, path: Path) -> str:
     """The decimal sign, from the cells that are numbers; a point where none has a fraction."""
-    if delimiter == ",":
-        quoted = any(NUMBER.fullmatch(c.strip()) and "," in c for _, line in rows for c in cells_of(line, delimiter))
-        return "," if quoted else "."
-    comma = point = 0
+    comma = point = decimal = 0
+    shown = ""
     for line, text in rows:
-        numbers = [cell.strip() for cell in cells_of(text, delimiter) if NUMBER.fullmatch(cell.strip())]
-        comma = comma or (line if any(map(WITH_COMMA.search, numbers)) else 0)
+        cells = [cell.strip() for cell in cells_of(text, delimiter)]
+        numbers = [cell for cell in cells if NUMBER.fullmatch(cell) or THOUSANDS.fullmatch(cell)]
+        with_comma = [cell for cell in numbers if WITH_COMMA.search(cell)]
+        if with_comma and not comma:
+            comma, shown = line, with_comma[0]
+        decimal = decimal or any(not THOUSANDS.fullmatch(cell) for cell in with_comma)
         point = point or (line if any(map(WITH_POINT.search, numbers)) else 0)
     if comma and point:
         came = f"a decimal point here and a decimal comma in line {comma}"
         do = "Say in [csv] which it is: decimal = ',' or '.'."
         raise RecordingError(f"{path}, line {point}", came, "one decimal sign", do)
+    if comma and not decimal:
+        came = f"'{shown}', and all other numbers with a comma are such: it may stand before decimals or thousands"
+        do = "Say in [csv] decimal = ',' where it is the decimal sign; else write the file without thousands' commas."
+        raise RecordingError(f"{path}, line {comma}", came, "a decimal sign that can be told", do)
     return "," if comma else "."
 
 

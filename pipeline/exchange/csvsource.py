@@ -15,6 +15,7 @@ import polars as pl
 from pmg.pipeline.exchange.csvhead import MISSING, CsvForm, CsvHead, holds_row, read_head
 from pmg.pipeline.exchange.source import ROWS, Block, SourceChannel, Wanted, channel_of
 from pmg.pipeline.recording.findings import Code
+from pmg.pipeline.wording import counted
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ class CsvSource:
     reader: str = field(init=False)
     channels: tuple[SourceChannel, ...] = field(init=False)
     properties: Mapping[str, str] = field(init=False)
+    reading: Mapping[str, str] = field(init=False)
     started_at: datetime | None = None
     head: CsvHead = field(init=False)
     _bad: int = field(default=0, init=False)
@@ -57,7 +59,7 @@ class CsvSource:
     def __post_init__(self) -> None:
         self.reader = f"polars {version('polars')}"
         self.head = read_head(self.path, self.form)
-        self.properties = dict(self.head.properties)
+        self.properties, self.reading = dict(self.head.properties), self.head.reading()
         self.channels = tuple(SourceChannel(*pair) for pair in zip(self.head.names, self.head.units, strict=True))
 
     def blocks(self, wanted: Sequence[Wanted]) -> Iterator[Block]:
@@ -136,55 +138,48 @@ class CsvSource:
         return frame.with_columns(pl.col(str(last)).alias(f"{last}#end")) if frame.height == text.count("\n") else None
 
     def _slow(self, lines: list[str], places: npt.NDArray[np.int64], at: dict[Wanted, int]) -> Block:
-        """Row by row, so that what is wrong has a place; a row that is tolerated becomes empty."""
+        """Row by row, so that what is wrong has a place; a cell that is tolerated becomes empty, no other one."""
         columns: dict[Wanted, Array] = {want: np.full(len(lines), np.nan) for want in at}
         spaced = self.head.delimiter == " "
         for row, line in enumerate(lines):
             cells = next(csv.reader([line], delimiter=self.head.delimiter, skipinitialspace=spaced))
             if len(cells) != len(self.head.names):
-                self._bad_row(int(places[row]), "the row", f"{len(cells)} cells", f"{len(self.head.names)} cells")
+                came, expected = counted(len(cells), "cell"), counted(len(self.head.names), "cell")
+                self._bad_row(int(places[row]), [("the row", came)], expected, "The row is left out", "1 row")
                 continue
-            try:
-                values = [self._number(cells[n], int(places[row]), n) for n in at.values()]
-            except _BadCellError as fault:
+            faults = []
+            for want, n in at.items():
+                try:
+                    columns[want][row] = self._number(cells[n])
+                except ValueError:
+                    faults.append((f"column '{want.name}'", f"'{cells[n][:40]}'"))
+            if faults:
                 expected = f"a number with decimal sign '{self.head.decimal}'"
-                self._bad_row(int(places[row]), f"column '{fault.column}'", f"'{fault.cell}'", expected)
-                continue
-            for column, value in zip(columns.values(), values, strict=True):
-                column[row] = value
+                self._bad_row(int(places[row]), faults, expected, "The cell is left out", "1 value")
         return Block(places, columns)
 
-    def _number(self, cell: str, line: int, column: int) -> float:
+    def _number(self, cell: str) -> float:
+        """The number in a cell; NaN for an empty one, ValueError where it holds something else."""
         plain = cell.strip()
         if plain in MISSING:
             return np.nan
-        foreign = "." if self.head.decimal == "," else ","
-        try:
-            if foreign in plain or "_" in plain:
-                raise ValueError(plain)
-            return float(plain.replace(",", "."))
-        except ValueError:
-            raise _BadCellError(self.head.names[column], cell[:40]) from None
+        if ("." if self.head.decimal == "," else ",") in plain or "_" in plain:
+            raise ValueError(plain)
+        return float(plain.replace(",", "."))
 
-    def _bad_row(self, line: int, what: str, came: str, expected: str) -> None:
-        """Count a bad row, and stop at the first that is one too many."""
+    def _bad_row(self, line: int, faults: Sequence[tuple[str, str]], expected: str, done: str, lost: str) -> None:
+        """Count a bad row, and stop at the first that is one too many; else tell each fault and what is done."""
         self._bad += 1
         if self._bad > self.form.bad_rows:
             earlier = f" (row {self._bad} of this kind)" if self._bad > 1 else ""
-            do = f"Correct the file, or set bad_rows in [csv], now {self.form.bad_rows}: such rows become gaps."
+            do = f"Correct the file, or set bad_rows in [csv], now {self.form.bad_rows}: they become gaps."
+            what, came = faults[0]
             raise RecordingError(f"{self.path}, line {line}, {what}", f"{came}{earlier}", expected, do)
-        self.findings.error(
-            Code.MESSAGE_MALFORMED,
-            f"line {line}, {what}",
-            f"{came}; expected {expected}. The row is left out",
-            "Look up what the recorder wrote there.",
-            lost="1 row",
-        )
-
-
-class _BadCellError(Exception):
-    """A cell that is no number: its column, and what stands there."""
-
-    def __init__(self, column: str, cell: str) -> None:
-        super().__init__(column, cell)
-        self.column, self.cell = column, cell
+        for what, came in faults:
+            self.findings.error(
+                Code.MESSAGE_MALFORMED,
+                f"line {line}, {what}",
+                f"{came}; expected {expected}. {done}",
+                "Look up what the recorder wrote there.",
+                lost=lost,
+            )

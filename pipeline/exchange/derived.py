@@ -7,28 +7,36 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.limits import LIMITS
 from pmg.pipeline.recording.findings import Code
+from pmg.pipeline.recording.lines import EMERGENCY_STOP
 from pmg.pipeline.windows import find_windows
+from pmg.pipeline.wording import counted
 from pmg.sim.errors import RecordingError
-from pmg.sim.signals import LOSS_TOTAL, SPEED_RING, SPEED_SUN, TORQUE_RING, TORQUE_SUN, Signal
+from pmg.sim.signals import (
+    LOSS_TOTAL,
+    POWER_RING,
+    POWER_SUN,
+    SPEED_RING,
+    SPEED_SUN,
+    TORQUE_RING,
+    TORQUE_SUN,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     import numpy.typing as npt
 
+    from pmg.pipeline.limits import Steadiness
     from pmg.pipeline.recording.read import Recording
-    from pmg.sim.signals import Array, Mask
+    from pmg.sim.signals import Array, Mask, Signal
 
-POWER_SUN = Signal("power_sun", r"P_s", "W", "W", 1.0, "mechanical power that the sun motor puts in")
-POWER_RING = Signal("power_ring", r"P_r", "W", "W", 1.0, "mechanical power that the ring motor puts in")
 DERIVED = (TORQUE_SUN, TORQUE_RING, SPEED_SUN, SPEED_RING, POWER_SUN, POWER_RING, LOSS_TOTAL)
 """Signals that are written."""
 
 SPAN_S = 0.02
 """Shortest time over which a speed is taken [s]: over one sample at 10 kS/s, one count is 117 rpm."""
-EMERGENCY_STOP_LINE = 1
-"""Bit of the digital inputs that says that the emergency stop is pressed."""
 
 FLAGS = {
     "emergency_stop": "the emergency stop is pressed",
@@ -37,8 +45,20 @@ FLAGS = {
     "saturated": "the recorder marks an input beyond its range",
     "window_accepted": "inside a window that passed every check",
     "window_rejected": "inside a window that failed a check",
+    "slipped": "an encoder lost counts against its index pulse",
+    "stuck": "a torque stood still, as of a transducer that hangs",
+    "shunt": "the shunt of a torque transducer was switched in",
 }
 """Flags by name, the first in bit 0, and what each means."""
+KINDS = {
+    Code.OVERRUN: "overrun",
+    Code.RESTART: "overrun",
+    Code.SATURATED: "saturated",
+    Code.ENCODER_SLIPPED: "slipped",
+    Code.STUCK: "stuck",
+    Code.SHUNT: "shunt",
+}
+"""Flag of a stretch that is spoilt, by what spoilt it."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +89,7 @@ class Derived:
     points: tuple[tuple[str, int, int], ...]
 
 
-def derive(recording: Recording, rate_hz: float | None = None) -> Derived:
+def derive(recording: Recording, rate_hz: float | None = None, limits: Steadiness = LIMITS) -> Derived:
     """The signals at a rate, or at that of the samples.
 
     Parameters
@@ -78,6 +98,8 @@ def derive(recording: Recording, rate_hz: float | None = None) -> Derived:
         In SI.
     rate_hz : float, optional
         Stretches per second [Hz], at most the sample rate.
+    limits : Steadiness
+        By which windows are found and judged.
 
     Raises
     ------
@@ -108,7 +130,7 @@ def derive(recording: Recording, rate_hz: float | None = None) -> Derived:
         values[speed] = _speeds(table[f"angle_{side}"], middle, span, recording.rate_hz)
         values[power] = values[torque] * values[speed]
     values[LOSS_TOTAL] = values[POWER_SUN] + values[POWER_RING]
-    masks, points = _masks(recording, table, edges, first)
+    masks, points = _masks(recording, table, edges, first, limits)
     flags = np.zeros(len(edges) - 1, dtype=np.uint32)
     for bit, name in enumerate(FLAGS):
         flags |= (np.logical_or.reduceat(masks[name], edges[:-1]).astype(np.uint32)) << np.uint32(bit)
@@ -120,7 +142,7 @@ def _edges(recording: Recording, rate: float) -> tuple[int, npt.NDArray[np.int64
     n, start, ratio = recording.samples.height, recording.first_sample, recording.rate_hz / rate
     first, stop = int(np.ceil(start / ratio - 1e-9)), int(np.floor((start + n) / ratio + 1e-9))
     if stop <= first:
-        came, do = f"{n} samples", "Name a higher rate, or another recording."
+        came, do = counted(n, "sample"), "Name a higher rate, or another recording."
         raise RecordingError(recording.file, came, f"at least one stretch of 1/{rate:g} s", do)
     edges = np.ceil(np.arange(first, stop + 1) * ratio - 1e-6).astype(np.int64) - start
     return first, np.minimum(edges, n)
@@ -144,7 +166,7 @@ def _speeds(angle: Array, middle: Array, span: int, rate_hz: float) -> Array:
 
 
 def _masks(
-    recording: Recording, table: Mapping[str, Array], edges: npt.NDArray[np.int64], first: int
+    recording: Recording, table: Mapping[str, Array], edges: npt.NDArray[np.int64], first: int, limits: Steadiness
 ) -> tuple[dict[str, Mask], tuple[tuple[str, int, int], ...]]:
     """Flags sample by sample, and the windows in stretches."""
     n, start = recording.samples.height, recording.first_sample
@@ -153,10 +175,9 @@ def _masks(
     for name in ("torque_sun", "torque_ring", "angle_sun", "angle_ring"):
         masks["missing"] |= ~np.isfinite(table[name])
     for blemish in recording.blemishes:
-        kind = "saturated" if blemish.code == Code.SATURATED else "overrun"
-        masks[kind][max(blemish.start - start, 0) : max(blemish.stop - start, 0)] = True
+        masks[KINDS[blemish.code]][max(blemish.start - start, 0) : max(blemish.stop - start, 0)] = True
     points = []
-    for window in find_windows(recording):
+    for window in find_windows(recording, limits):
         low, high = window.first_sample - start, window.stop_sample - start
         masks["window_accepted" if window.accepted else "window_rejected"][max(low, 0) : max(high, 0)] = True
         inside = first + np.flatnonzero((edges[:-1] >= low) & (edges[1:] <= high))
@@ -168,7 +189,7 @@ def _masks(
 def _stopped(recording: Recording) -> Mask:
     """Whether the emergency stop is pressed at each sample: by the sampled lines, and by the events between them."""
     n, start = recording.samples.height, recording.first_sample
-    found = np.asarray((recording.samples["lines"].fill_null(0).to_numpy() & EMERGENCY_STOP_LINE) > 0)
+    found = np.asarray((recording.samples["lines"].fill_null(0).to_numpy() & EMERGENCY_STOP) > 0)
     events = recording.line_events
     if not events:
         return found
@@ -176,5 +197,5 @@ def _stopped(recording: Recording) -> Mask:
     states = [events[0].mask ^ events[0].changed, *(event.mask for event in events)]
     edges = [0, *begins.tolist(), n]
     for state, low, high in zip(states, edges[:-1], edges[1:], strict=True):
-        found[low:high] |= bool(state & EMERGENCY_STOP_LINE)
+        found[low:high] |= bool(state & EMERGENCY_STOP)
     return found

@@ -12,6 +12,7 @@ import numpy as np
 
 from pmg.pipeline.exchange.blockfile import BlockFile, block_file
 from pmg.pipeline.exchange.derived import DERIVED, FLAGS, Derived, derive
+from pmg.pipeline.limits import LIMITS
 from pmg.pipeline.recording import read_recording
 from pmg.pipeline.recording.channels import SHARED_CLOCK
 from pmg.sim.errors import RecordingError
@@ -19,6 +20,7 @@ from pmg.sim.errors import RecordingError
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from pmg.pipeline.limits import Steadiness
     from pmg.pipeline.recording import Finding, Recording
 
 PREVIEW_HZ = 50.0
@@ -56,7 +58,7 @@ class Exported:
     findings: tuple[Finding, ...]
 
 
-def export_recording(path: Path, out: Path, rate_hz: float | None = None) -> Exported:
+def export_recording(path: Path, out: Path, rate_hz: float | None = None, limits: Steadiness = LIMITS) -> Exported:
     """Write the derived signals of a recording, and a preview of them at 50 Hz.
 
     Parameters
@@ -67,6 +69,8 @@ def export_recording(path: Path, out: Path, rate_hz: float | None = None) -> Exp
         The file; an older one is replaced when the new one is whole.
     rate_hz : float, optional
         Rate of the derived signals [Hz]; that of the samples by default.
+    limits : Steadiness
+        By which windows are found and judged.
 
     Raises
     ------
@@ -84,11 +88,11 @@ def export_recording(path: Path, out: Path, rate_hz: float | None = None) -> Exp
     if out.exists() and out.samefile(path):
         raise RecordingError(str(out), "the recording itself", "another file for --out", "Name another file.")
     recording = read_recording(path)
-    signals = derive(recording, rate_hz)
-    preview = derive(recording, min(PREVIEW_HZ, recording.rate_hz))
+    signals = derive(recording, rate_hz, limits)
+    preview = derive(recording, min(PREVIEW_HZ, recording.rate_hz), limits)
     begin = recording.time_of(0)
     with block_file(out, begin, signals.rate_hz) as file:
-        file.writer.add_metadata(RECORD, _origin(recording, signals, preview))
+        file.writer.add_metadata(RECORD, _origin(recording, signals, preview, limits))
         _announce(file, signals)
         schema = json.dumps(preview_schema(), ensure_ascii=False).encode()
         topic = file.add_json_topic(PREVIEW_TOPIC, PREVIEW_NAME, schema, {"rate_hz": repr(preview.rate_hz)})
@@ -166,7 +170,7 @@ def _write_previews(file: BlockFile, topic: int, preview: Derived, shown: int, u
     return shown
 
 
-def _origin(recording: Recording, signals: Derived, preview: Derived) -> dict[str, str]:
+def _origin(recording: Recording, signals: Derived, preview: Derived, limits: Steadiness) -> dict[str, str]:
     """Where the signals come from."""
     return {
         "source": recording.file,
@@ -178,6 +182,7 @@ def _origin(recording: Recording, signals: Derived, preview: Derived) -> dict[st
         "rate_hz": repr(signals.rate_hz),
         "preview_hz": repr(preview.rate_hz),
         "speed_span_s": repr(signals.span_s),
+        "limits": json.dumps(limits.document()),
         "findings": json.dumps([finding.to_dict() for finding in recording.findings], ensure_ascii=False),
         "written_by": f"pmg {version('pmg-bench')}",
     }

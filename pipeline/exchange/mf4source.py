@@ -42,6 +42,7 @@ class Mf4Source:
     reader: str = field(init=False)
     channels: tuple[SourceChannel, ...] = field(init=False)
     properties: Mapping[str, str] = field(init=False)
+    reading: Mapping[str, str] = field(default_factory=dict, init=False)
     started_at: datetime | None = field(default=None, init=False)
     _library: Any = field(init=False, repr=False)
     _paths: dict[str, tuple[int, int]] = field(init=False, repr=False)

@@ -9,6 +9,7 @@ import numpy as np
 
 from pmg.pipeline.recording.channels import LARGEST_RATE
 from pmg.pipeline.recording.findings import Code
+from pmg.pipeline.wording import counted
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -193,20 +194,20 @@ class Rows:
             self.findings.warning(
                 Code.SAMPLES_GAP,
                 f"{self.place} {places[row]}",
-                f"{lost} samples are missing before it by the time column; expected one row for each sample",
+                f"{counted(lost, 'sample')} missing before it by the time column; expected one row for each sample",
                 "Windows that need them are judged as having a gap. Look up why the recorder paused.",
                 sample_range=(int(index[row]) - lost, int(index[row])),
-                lost=f"{lost} samples",
+                lost=counted(lost, "sample"),
             )
 
     def _without_time(self, places: npt.NDArray[np.int64]) -> None:
         self.findings.error(
             Code.NOT_FINITE,
             f"{self.place} {places[0]}",
-            f"{len(places)} rows from there to {self.place} {places[-1]} have no time; expected one in each row. "
-            "They are left out",
+            f"{counted(len(places), 'row')} without a time from there to {self.place} {places[-1]}; expected one in "
+            "each row. What has no time is left out",
             "Check the recorder's time column.",
-            lost=f"{len(places)} rows",
+            lost=counted(len(places), "row"),
         )
 
     def _at(self, place: int) -> str:

@@ -102,6 +102,8 @@ class Source(Protocol):
     channels: tuple[SourceChannel, ...]
     properties: Mapping[str, str]
     """What the file says of itself."""
+    reading: Mapping[str, str]
+    """How it was found to be written, where the format leaves that open; else empty."""
     started_at: datetime | None
     """Start of the recording [UTC], where the file says so."""
 

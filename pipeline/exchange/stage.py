@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 from pmg.pipeline.exchange.bring import FORMATS, import_recording
 from pmg.pipeline.exchange.channelmap import RUN_KEYS, read_map
 from pmg.pipeline.exchange.export import export_recording
+from pmg.pipeline.limits import LIMITS, read_limits
 from pmg.pipeline.outcome import Outcome
+from pmg.pipeline.wording import counted
 from pmg.sim.errors import BenchError, PmgError, RecordingError, near_miss
 
 if TYPE_CHECKING:
@@ -15,7 +17,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.exchange.bring import Imported
-    from pmg.pipeline.recording import Finding
 
 
 def run_import(
@@ -64,17 +65,19 @@ def run_import(
         for source, fault in failed
     ]
     samples = sum(sum(imported.written.values()) for imported in done)
-    lines = (f"imported {len(done)} of {len(sources)} files, {samples} samples, into {out}",)
+    head = f"imported {len(done)} of {counted(len(sources), 'file')}, {samples} samples, into {out}"
     data = {"out": str(out), "imported": [_told(imported) for imported in done], "failed": len(failed)}
-    return Outcome(data, lines, tuple(findings), partial=bool(failed))
+    return Outcome(data, (head, *_readings(done)), tuple(findings), partial=bool(failed))
 
 
-def run_export(recording: Path, out: Path, rate_hz: float | None) -> Outcome:
-    """Write the derived signals of a recording, and a preview."""
-    done = export_recording(recording, out, rate_hz)
+def run_export(recording: Path, out: Path, rate_hz: float | None, limits: Path | None = None) -> Outcome:
+    """Write the derived signals of a recording, and a preview; windows are judged by a file of limits, if given."""
+    judged_by = LIMITS if limits is None else read_limits(limits)
+    done = export_recording(recording, out, rate_hz, judged_by)
     lines = (
         f"wrote {done.samples} stretches at {done.rate_hz:g} Hz and {done.previews} previews at "
         f"{done.preview_hz:g} Hz to {out}",
+        f"windows judged by {'the default limits' if limits is None else limits}",
     )
     data: dict[str, Any] = {
         "out": str(out),
@@ -82,12 +85,22 @@ def run_export(recording: Path, out: Path, rate_hz: float | None) -> Outcome:
         "preview_hz": done.preview_hz,
         "stretches": done.samples,
         "previews": done.previews,
+        "limits": judged_by.document(),
     }
-    return Outcome(data, lines, tuple(map(_plain, done.findings)))
+    return Outcome(data, lines, tuple(finding.to_dict() for finding in done.findings))
 
 
-def _plain(finding: Finding) -> dict[str, Any]:
-    return finding.to_dict()
+def _readings(done: Iterable[Imported]) -> tuple[str, ...]:
+    """How files were read whose format leaves it open, one line for those that were read alike."""
+    alike: dict[str, list[str]] = {}
+    for imported in done:
+        words = ", ".join(f"{name.replace('_', ' ')} {word}" for name, word in imported.reading.items())
+        if words:
+            alike.setdefault(words, []).append(imported.source.name)
+    return tuple(
+        f"read with {words}: {names[0] if len(names) == 1 else counted(len(names), 'file')}"
+        for words, names in alike.items()
+    )
 
 
 def _told(imported: Imported) -> dict[str, Any]:
@@ -96,6 +109,7 @@ def _told(imported: Imported) -> dict[str, Any]:
         "recording": imported.out.name,
         "format": imported.format,
         "reader": imported.reader,
+        "reading": dict(imported.reading),
         "sha256": imported.sha256,
         "bytes": imported.size,
         "rows": imported.rows,

@@ -43,6 +43,7 @@ class TdmsSource:
     reader: str = field(init=False)
     channels: tuple[SourceChannel, ...] = field(init=False)
     properties: Mapping[str, str] = field(init=False)
+    reading: Mapping[str, str] = field(default_factory=dict, init=False)
     started_at: datetime | None = field(default=None, init=False)
     _library: Any = field(init=False, repr=False)
     _cut: bool = field(default=False, init=False, repr=False)

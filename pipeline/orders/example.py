@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.orders.angle import AverageTurn, average_turn, by_angle, order_amplitudes
+from pmg.pipeline.recording.calibration import SIDES
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.store import Manifest, Store
     from pmg.sim.signals import Array
 
-SIDES = ("sun", "ring")
 FEWEST_TURNS = 5.0
 """Turns of the slower shaft in a window that is shown."""
 FINEST, COARSEST = 512, 16

@@ -10,26 +10,26 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 
 from pmg.pipeline.aside import write_aside
-from pmg.pipeline.limits import LIMITS
+from pmg.pipeline.nulls import with_nulls
 from pmg.pipeline.orders.point import Span, orders_of_point
-from pmg.pipeline.orders.recorded import NOTHING, SIDES, read_beside
+from pmg.pipeline.orders.recorded import NOTHING, read_beside
 from pmg.pipeline.orders.row import OrderRow
 from pmg.pipeline.recording import UnusableRecordingError
+from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.store import ORDERS
-from pmg.pipeline.windows import find_windows
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import StoreError
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from pmg.pipeline.limits import Steadiness
     from pmg.pipeline.orders.angle import Index
     from pmg.pipeline.orders.point import PointOrders
     from pmg.pipeline.recording import Recording
     from pmg.pipeline.store import Manifest, Store
+    from pmg.pipeline.windows import Window
 
 SCHEMA = "pmg.orders/1"
 KEYS = {"point": pl.String, "configuration": pl.String, "gear": pl.Int64, "first_sample": pl.Int64}
@@ -54,7 +54,7 @@ class SourceOrders:
     document: dict[str, Any]
 
 
-def orders_of_source(recording: Recording, path: Path | None, limits: Steadiness = LIMITS) -> SourceOrders:
+def orders_of_source(recording: Recording, path: Path | None, windows: Iterable[Window]) -> SourceOrders:
     """The lines of every accepted window of a recording.
 
     Parameters
@@ -63,8 +63,8 @@ def orders_of_source(recording: Recording, path: Path | None, limits: Steadiness
         As it was read.
     path : Path, optional
         Its file, for coils and index pulses; without it there are neither.
-    limits : Steadiness
-        By which its windows are judged.
+    windows : iterable of Window
+        Its windows, judged.
     """
     beside = NOTHING if path is None else read_beside(path, recording.file)
     bench = load_bench()
@@ -80,7 +80,7 @@ def orders_of_source(recording: Recording, path: Path | None, limits: Steadiness
             index=index,
             coils=beside.coils,
         )
-        for w in find_windows(recording, limits)
+        for w in windows
         if w.accepted
     ]
     return _source(points, index, [finding.to_dict() for finding in beside.findings])
@@ -108,15 +108,15 @@ def orders_of_manifest(store: Store, manifest: Manifest) -> SourceOrders:
     return _source(points, index, [])
 
 
-def keep_orders(store: Path, identifier: str, recording: Recording, path: Path, limits: Steadiness = LIMITS) -> None:
+def keep_orders(store: Path, identifier: str, recording: Recording, path: Path, windows: Sequence[Window]) -> None:
     """Write the lines of a recording into the store; called before its manifest is written.
 
     A recording that cannot be read a second time, for its coils, keeps the lines of torque and speed.
     """
     try:
-        found = orders_of_source(recording, path, limits)
+        found = orders_of_source(recording, path, windows)
     except UnusableRecordingError:
-        found = orders_of_source(recording, None, limits)
+        found = orders_of_source(recording, None, windows)
     write_orders(store, identifier, found)
 
 
@@ -170,15 +170,10 @@ def _source(
     document: dict[str, Any] = {
         "index": {side: None if place is None else asdict(place) for side, place in index.items()},
         "load_angles": [
-            {"point": p.span.point, "first_sample": p.span.first} | _numbers(asdict(p.load_angle))
+            {"point": p.span.point, "first_sample": p.span.first} | with_nulls(asdict(p.load_angle))
             for p in points
             if p.load_angle is not None
         ],
         "findings": findings,
     }
     return SourceOrders(table, document)
-
-
-def _numbers(document: dict[str, Any]) -> dict[str, Any]:
-    """The document with null for what is not a number."""
-    return {name: None if value != value else value for name, value in document.items()}

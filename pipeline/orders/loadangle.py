@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.orders.fit import wrapped
-from pmg.pipeline.turned import batch_means
+from pmg.pipeline.reduce import mean_uncertainty
+from pmg.pipeline.turned import Turned, turns_of
 from pmg.sim import sources
 from pmg.sim.errors import FitError
 from pmg.sim.signals import REVOLUTION
@@ -42,6 +43,8 @@ class LoadAngle:
         Mean, between -pi and pi [rad]; its zero is that of the index pulses, or of this file's counts.
     u : float
         Standard uncertainty of the mean from what varies within the window [rad].
+    dof : float
+        Degrees of freedom of `u`, as far as it comes from the scatter of the window.
     u_index : float
         Standard uncertainty by the place of the index pulses, which all points of a file share [rad]; zero where the
         zero is that of the counts.
@@ -55,6 +58,7 @@ class LoadAngle:
 
     angle: float
     u: float
+    dof: float
     u_index: float
     swing: float
     slipped: float
@@ -83,7 +87,8 @@ def load_angle(
     poles, so the angle is known modulo a turn without knowing which turn. How the encoders stand against the poles is
     not known: a change of the angle is a measurement, its value is not, until a point without load gives the zero.
     The encoders sit on the shafts of the motors, so twist of shafts and couplings is part of it. Means are taken over
-    whole turns of the sun, which averages the eccentricity of its encoder, and the steps of the counts.
+    whole turns of the sun, which averages the eccentricity of its encoder, and the steps of the counts. What varies
+    within the window is judged as that of a torque is (`reduce_shaft`): where its memory outlives the batches, by it.
 
     References
     ----------
@@ -99,12 +104,13 @@ def load_angle(
     half = 0.5 * (p_s * steps["sun"] + p_r * steps["ring"])
     phase = p_s * sun + p_r * ring + half - offset
     middle = float(phase.mean())
-    batches = batch_means(phase - middle, sun).means
-    u = float(batches.std(ddof=1)) / math.sqrt(len(batches)) if len(batches) > 1 else math.nan
+    turned = Turned(phase - middle, turns_of(sun))
+    u, dof, _, _ = mean_uncertainty(turned, turned.batches(), 1.0)
     u = math.hypot(u, math.hypot(p_s * count_rhythm(sun, steps["sun"]), p_r * count_rhythm(ring, steps["ring"])))
     tenth = max(1, len(phase) // 10)
     slipped = float(phase[-tenth:].mean() - phase[:tenth].mean()) / REVOLUTION
-    return LoadAngle(float(wrapped(np.array(middle))), u, u_index, float(phase.std()), slipped, both)
+    mean = float(wrapped(np.array(middle + turned.mean())))
+    return LoadAngle(mean, u, dof, u_index, float(phase.std()), slipped, both)
 
 
 def count_rhythm(angle: Array, step: float) -> float:

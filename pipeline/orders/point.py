@@ -13,7 +13,9 @@ from pmg.pipeline.orders.flux import COIL_KINDS, coil_kind, flux_of_lines, linka
 from pmg.pipeline.orders.lines import lines_of, resolve
 from pmg.pipeline.orders.loadangle import load_angle
 from pmg.pipeline.orders.row import Fitted, Made, empty_row, fitted_row
+from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.reduce import end_to_end_speed
+from pmg.pipeline.wording import counted
 from pmg.sim.errors import FitError
 from pmg.sim.grid import Configuration
 from pmg.sim.signals import REVOLUTION
@@ -31,7 +33,6 @@ if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
 
-SIDES = ("sun", "ring")
 TORQUES = ("torque_sun", "torque_ring")
 SPEEDS = ("speed_sun", "speed_ring")
 FLUX = "flux_"
@@ -156,7 +157,7 @@ def orders_of_point(
 def _trouble(angle: Mapping[str, Array]) -> str:
     """Why a window gives no order at all."""
     if len(angle["sun"]) < FEWEST_SAMPLES:
-        return f"{len(angle['sun'])} samples; at least {FEWEST_SAMPLES} are needed"
+        return f"{counted(len(angle['sun']), 'sample')}; at least {FEWEST_SAMPLES} are needed"
     missing = [f"{np.count_nonzero(~np.isfinite(angle[side]))} of the {side}" for side in SIDES]
     if not all(np.isfinite(angle[side]).all() for side in SIDES):
         return f"angles missing: {', '.join(missing)}"

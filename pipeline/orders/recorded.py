@@ -9,6 +9,7 @@ import numpy as np
 
 from pmg.pipeline.orders.angle import find_index
 from pmg.pipeline.recording import wire
+from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.recording.channels import ChannelSpec, check_channel, encoder
 from pmg.pipeline.recording.container import open_container
 from pmg.pipeline.recording.decode import DEFAULT_BITS
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.wire import IndexPulse
     from pmg.sim.signals import Array
 
-SIDES = ("sun", "ring")
 COILS = "/daq/emf/"
 """Where the topics of the coils begin."""
 INDEX = "/daq/encoder_{}/index"

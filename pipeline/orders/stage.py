@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,14 +16,15 @@ from pmg.pipeline.chapters.orders import orders_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.orders.band import FALSE_ALARM
 from pmg.pipeline.orders.example import choose_example
-from pmg.pipeline.orders.kept import kept_orders, orders_of_manifest
-from pmg.pipeline.orders.loadangle import wind_up
+from pmg.pipeline.orders.kept import TYPES, kept_orders, orders_of_manifest
+from pmg.pipeline.orders.loadangle import LoadAngle, wind_up
 from pmg.pipeline.orders.statement import statement, unit_of
-from pmg.pipeline.orders.survey import follow_lines
+from pmg.pipeline.orders.survey import NOTHING_FOLLOWED, follow_lines
 from pmg.pipeline.outcome import Outcome
 from pmg.pipeline.report.document import Facts, Report, Verdict
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store import Store
+from pmg.pipeline.wording import counted
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import FitError, StoreError, near_miss
 
@@ -39,6 +40,15 @@ if TYPE_CHECKING:
 SCHEMA = "pmg.orders/1"
 SLIPPED = 0.5
 """Poles lost over a window from which on it has no load angle."""
+ANGLES: dict[str, Any] = {
+    "source": pl.String,
+    "point": pl.String,
+    "gear": pl.Int64,
+    "first_sample": pl.Int64,
+    "torque_ring_Nm": pl.Float64,
+    "speed_sun_rad_s": pl.Float64,
+} | {f.name: TYPES[str(f.type)] for f in fields(LoadAngle)}
+"""Columns of ``load_angles.csv``."""
 
 
 def run_orders(
@@ -127,7 +137,7 @@ def _page(campaign: str, followed: tuple[Followed, ...], section: Section, recor
         subtitle="Lines of torque, speed and flux density, and the load angle",
         verdict=Verdict(f"{_present(followed)}.", "neutral"),
         sections=(section,),
-        provenance=Facts((("Input", f"{recordings} recordings"), ("Versions", versions(PACKAGES)))),
+        provenance=Facts((("Input", counted(recordings, "recording")), ("Versions", versions(PACKAGES)))),
     )
 
 
@@ -214,6 +224,8 @@ def _campaign_lines(name: str, followed: tuple[Followed, ...]) -> tuple[str, ...
 
 
 def _present(followed: tuple[Followed, ...]) -> str:
+    if not followed:
+        return NOTHING_FOLLOWED
     present = [line for line in followed if line.present]
     named = sum(line.belongs is not None for line in present)
     return (
@@ -236,7 +248,7 @@ def _point_lines(table: pl.DataFrame) -> tuple[str, ...]:
         if beyond:
             told.append(f"{row['signal']}  {row['line']}  {size}, band {row['band'] / scale:.2g} {unit}{phase}")
     within = table.height - silent - len(told)
-    head = f"{len(told)} lines beyond their band, {within} within it, {silent} without a number"
+    head = f"{counted(len(told), 'line')} beyond their band, {within} within it, {silent} without a number"
     reasons = sorted({f"{r['line']}: {r['reason']}" for r in table.iter_rows(named=True) if r["reason"]})
     return (head, *told, *(f"no number for {reason}" for reason in reasons))
 
@@ -245,12 +257,12 @@ def _angle_lines(angles: list[dict[str, Any]], laws: list[dict[str, Any]]) -> tu
     told = []
     indexed = sum(angle["from_index"] for angle in angles)
     if angles:
-        told.append(f"load angle of {len(angles)} windows, {indexed} of them from index pulses")
+        told.append(f"load angle of {counted(len(angles), 'window')}, {indexed} of them from index pulses")
     slipped = [angle["point"] for angle in angles if abs(angle["slipped"]) >= SLIPPED]
     if slipped:
         told.append(f"poles slipped at {', '.join(slipped)}")
     for law in laws:
-        zero = f"gear {law['gear']}, zero from {law['zero']}, {law['points']} points"
+        zero = f"gear {law['gear']}, zero from {law['zero']}, {counted(law['points'], 'point')}"
         if "reason" in law:
             told.append(f"load angle against load ({zero}): not judged; {law['reason']}")
         else:
@@ -268,7 +280,7 @@ def _angle_lines(angles: list[dict[str, Any]], laws: list[dict[str, Any]]) -> tu
 
 def _write(out: Path, table: pl.DataFrame, angles: list[dict[str, Any]], data: dict[str, Any]) -> list[str]:
     """Tables and summary; returns their paths."""
-    tables = {"orders.csv": table, "load_angles.csv": pl.DataFrame(angles)}
+    tables = {"orders.csv": table, "load_angles.csv": pl.DataFrame(angles, schema=ANGLES)}
     for name, frame in tables.items():
         write_aside(out / name, frame.write_csv().encode())
     text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n"

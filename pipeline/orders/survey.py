@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 FEWEST_POINTS = 3
 """Points of one configuration from which a line is followed."""
+NOTHING_FOLLOWED = f"no line has a number at {FEWEST_POINTS} or more accepted points of one configuration"
+"""What is said where there is nothing to follow."""
 FEWEST_FITTED = 5
 """Points beyond their band from which growth with speed or load is fitted."""
 LEVEL = 0.05

@@ -68,9 +68,7 @@ def unwrap(
     return count, guesses
 
 
-def _to_nearest(
-    steps: npt.NDArray[np.int64], expected: npt.NDArray[np.int64], bits: int
-) -> npt.NDArray[np.int64]:
+def _to_nearest(steps: npt.NDArray[np.int64], expected: npt.NDArray[np.int64], bits: int) -> npt.NDArray[np.int64]:
     """Make each step the congruent one nearest to the expected one: its low bits, with the highest as sign."""
     shift = WIDEST - bits
     steps -= expected

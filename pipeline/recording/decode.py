@@ -69,9 +69,7 @@ class Decoded:
         return self.first + len(self.values)
 
 
-def decode_torque(
-    topics: dict[str, Topic], side: str, calibration: Calibration, findings: Findings
-) -> Decoded | None:
+def decode_torque(topics: dict[str, Topic], side: str, calibration: Calibration, findings: Findings) -> Decoded | None:
     """Torque of a shaft [N m], from whichever encoding the recording uses; None, with findings, without one.
 
     Parameters

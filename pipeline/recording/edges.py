@@ -117,9 +117,10 @@ def edge_frequency(
     for low, high in pairwise(borders.tolist()):
         count[low:high] -= int(count[low])
         seconds = _seconds(time[low:high], timebase_hz)
-        own = slice(low, high) if at is None else at[low:high]
+        places = None if at is None else at[low:high]
+        own = slice(low, high) if places is None else places
         found = frequency[own]
-        drifts.append((high - low, _decode(count[low:high], seconds, None if at is None else own, rate_hz, found)))
+        drifts.append((high - low, _decode(count[low:high], seconds, places, rate_hz, found)))
         frequency[own] = found
         stalled[own] = np.isnan(found)
     return EdgeFrequency(frequency, wrong, stalled & ~wrong, max(drifts)[1])
@@ -151,8 +152,9 @@ def _decode(
         if at is not None:
             gained[np.diff(at[beside]) > 1] = np.nan
         frequency[part.start + 1 : part.stop + 1] = gained
-    apart = [] if at is None else np.flatnonzero(at[1:-1] - at[:-2] > 1) + 1
-    starts = np.concatenate(([0], apart)).astype(np.int64)
+    starts = np.zeros(1, dtype=np.int64)
+    if at is not None:
+        starts = np.concatenate((starts, np.flatnonzero(at[1:-1] - at[:-2] > 1) + 1))
     frequency[starts] = frequency[starts + 1]
     return drift
 

@@ -80,8 +80,9 @@ class Gathered:
     def keep(self, identity: int, data: memoryview, start: int, stop: int) -> None:
         """Take a message of a channel that is described."""
         self.counts[identity] += 1
-        if identity in self.payloads:
-            self.payloads[identity].append(data, start + MESSAGE.size, stop)
+        kept = self.payloads.get(identity)
+        if kept is not None:
+            kept.append(data, start + MESSAGE.size, stop)
 
     def keep_alike(self, identity: int, rows: npt.NDArray[np.uint8]) -> None:
         """Take messages of one length of a channel that is described, (n, length) with their heads."""

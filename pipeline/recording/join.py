@@ -40,14 +40,14 @@ FLAGS = {
 
 @dataclass(frozen=True)
 class Blemish:
-    """A stretch of samples that the recorder itself marks as bad.
+    """A stretch of samples that the recorder itself marks as bad, or in which the reading found a fault.
 
     Parameters
     ----------
     topic : str
         Channel.
     code : Code
-        Overrun, restart or saturation.
+        Overrun, restart or saturation; or a slipped encoder, held values, the shunt signal.
     start, stop : int
         Sample indices, `stop` left out.
     """

@@ -38,17 +38,29 @@ def read_json(payloads: Messages) -> Columns:
     """
     columns = Columns(len(payloads))
     found: dict[str, tuple[list[int], list[Any]]] = {}
-    decode = json.JSONDecoder().decode
+    decoder = json.JSONDecoder()
+    read = decoder.raw_decode
     for place, payload in enumerate(payloads):
         try:
-            value = decode(payload.decode("utf-8"))
+            text = payload.decode("utf-8")
+            value, end = read(text) if text[:1] == "{" else (None, -1)
+            if end != len(text):
+                # White space around it, or no JSON: the slow way tells.
+                value = decoder.decode(text)
         except (UnicodeDecodeError, ValueError, RecursionError):
             columns.faults[place] = "it is no JSON"
             continue
         if not isinstance(value, dict):
             columns.faults[place] = f"it is a JSON {type(value).__name__}, not an object"
             continue
-        _take(value, "", place, found, 0)
+        for name, inner in value.items():
+            kind = type(inner)
+            if (kind is int or kind is float) and name in found:
+                entry = found[name]
+                entry[0].append(place)
+                entry[1].append(inner)
+            else:
+                _take({name: inner}, "", place, found, 0)
     for path, (places, values) in found.items():
         columns.counts[path], columns.values[path] = _column(len(payloads), places, values)
     return columns

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 PLAIN = {1 << 3 | BYTES: "", 2 << 3 | FIXED64: "first", 3 << 3 | VARINT: "clock", 4 << 3 | VARINT: "flags"}
 """First bytes of the fields that may come before the samples, in this order, and what they say."""
+HUGE = 1 << 22
+"""From this size on numpy asks for large pages, which a system hands out faster [bytes]."""
 PACKED = {number << 3 | BYTES: number for number in SAMPLE_FIELDS}
 """First bytes of packed samples."""
 
@@ -70,7 +72,9 @@ class Found:
 
     def values(self, sound: npt.NDArray[np.bool_], starts: Places, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
         """Samples of the sound blocks, all of one type, each at its start."""
-        values = np.empty(int(self.counts[sound].sum()), dtype)
+        size = int(self.counts[sound].sum())
+        large = HUGE // dtype.itemsize if size * dtype.itemsize > HUGE >> 2 else 0
+        values = np.empty(max(size, large), dtype)[:size]
         raw = values.view(np.uint8)
         for places, data in self.pieces:
             kept = sound[places]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     Places = npt.NDArray[np.int64]
 
 SMALLEST, LARGEST = 1 << 16, 1 << 24
-"""Length of the first array, and of those of a channel with many messages [bytes]."""
+"""Length of the first array, and of the others [bytes]; memory that is not written to is not taken."""
 
 
 class Messages:
@@ -83,11 +83,11 @@ class Messages:
             self.append(memoryview(payload), 0, len(payload))
 
     def _next(self, least: int) -> None:
-        """Begin another array, twice as long as the one before."""
+        """Begin another array."""
         self._firsts.append(len(self._lengths))
-        self._room = max(least, min(LARGEST, max(SMALLEST, 16 * self._room)))
+        self._room = max(least, LARGEST if self._arrays else SMALLEST)
         self._arrays.append(np.empty(self._room, dtype=np.uint8))
-        self._view = memoryview(self._arrays[-1])
+        self._view = self._arrays[-1].data
         self._used = 0
 
     def lengths(self) -> Places:
@@ -100,7 +100,7 @@ class Messages:
 
     def __iter__(self) -> Iterator[bytes]:
         for first, stop, held in self._held():
-            view, at = memoryview(held), 0
+            view, at = held.data, 0
             for length in self._lengths[first:stop]:
                 yield view[at : at + length].tobytes()
                 at += length

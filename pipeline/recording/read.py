@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from pmg.pipeline.recording import wire
-from pmg.pipeline.recording.calibration import read_calibration
+from pmg.pipeline.recording.calibration import SIDES, read_calibration
 from pmg.pipeline.recording.channels import report_unread, wanted
 from pmg.pipeline.recording.clock import mark_offset_s, sound_marks
 from pmg.pipeline.recording.container import open_container
@@ -18,6 +18,7 @@ from pmg.pipeline.recording.decode import decode_angle, decode_lines, decode_tor
 from pmg.pipeline.recording.events import read_events, read_steps
 from pmg.pipeline.recording.findings import Code, Finding, Findings
 from pmg.pipeline.recording.lines import check_lines
+from pmg.pipeline.recording.origin import read_origin
 from pmg.pipeline.recording.run import read_run
 from pmg.pipeline.recording.takeover import take_over
 from pmg.pipeline.recording.transducers import check_torques
@@ -32,12 +33,11 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.decode import Decoded
     from pmg.pipeline.recording.events import Step
     from pmg.pipeline.recording.join import Blemish
+    from pmg.pipeline.recording.origin import Origin
     from pmg.pipeline.recording.run import RunInfo
     from pmg.pipeline.recording.wire import ClockMark, LineEvent
     from pmg.pipeline.recording.wiring import Stretch
     from pmg.sim.signals import Array
-
-SIDES = ("sun", "ring")
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,9 @@ class Recording:
     blemishes : tuple of Blemish
         Stretches that the recorder marks as bad.
     findings : tuple of Finding
-        Everything lost, damaged or contradictory.
+        Everything lost, damaged or contradictory, in the source of an import first.
+    origin : Origin or None
+        What it was imported from.
     """
 
     file: str
@@ -88,6 +90,7 @@ class Recording:
     clock_marks: tuple[ClockMark, ...]
     blemishes: tuple[Blemish, ...]
     findings: tuple[Finding, ...]
+    origin: Origin | None = None
 
     @property
     def stop_sample(self) -> int:
@@ -123,6 +126,7 @@ def read_recording(path: Path, name: str | None = None) -> Recording:
     topics = take_over(container.topics, findings)
     container = replace(container, topics={})  # what is decoded is let go
     run = read_run(container.metadata, findings)
+    origin = read_origin(container.metadata, findings)
     calibration = read_calibration(container.attachments, findings)
     if run is None or calibration is None:
         raise findings.give_up()
@@ -157,7 +161,8 @@ def read_recording(path: Path, name: str | None = None) -> Recording:
         line_events=events,
         clock_marks=marks,
         blemishes=(*(b for track in decoded for b in track.blemishes), *spoilt),
-        findings=findings.told(),
+        findings=(() if origin is None else origin.findings) + findings.told(),
+        origin=origin,
     )
 
 

@@ -38,8 +38,9 @@ class Round:
     Notes
     -----
     A round is the stretch between two messages with the same code, length and channel. What follows is taken as
-    further rounds as far as each of their messages has the code, length and channel of the one it repeats: so what is
-    taken is what a walk from record to record takes, in the same order within each channel.
+    further rounds as far as each of their messages has the code, length and channel of the one it repeats. A round in
+    which a channel comes twice is not taken so. So what is taken is what a walk from record to record takes, in the
+    same order within each channel.
     """
 
     def __init__(self, gathered: Gathered, data: memoryview) -> None:
@@ -78,7 +79,9 @@ class Round:
         starts, length = np.array(self._begun[number:]), place - self._begun[number]
         self.ended()
         rounds = (len(self._data) - place) // length
-        if rounds < FEWEST or any(self._channel(at) not in self._gathered.channels for at in starts.tolist()):
+        channels = [self._channel(at) for at in starts.tolist()]
+        known = all(channel in self._gathered.channels for channel in channels)
+        if rounds < FEWEST or not known or len(set(channels)) < len(channels):
             return self._in_vain(stop)
         rows = self._bytes[place : place + rounds * length].reshape(rounds, length)
         alike = self._alike(rows, starts)
@@ -92,8 +95,7 @@ class Round:
         for number, (low, high) in enumerate(zip((starts - starts[0]).tolist(), ends, strict=True)):
             first = 1 if number == 0 else 0
             if first < alike:
-                channel = self._channel(int(starts[number]))
-                self._gathered.keep_alike(channel, rows[first:alike, low + HEAD.size : high])
+                self._gathered.keep_alike(channels[number], rows[first:alike, low + HEAD.size : high])
         return place + alike * length
 
     def _alike(self, rows: npt.NDArray[np.uint8], starts: npt.NDArray[np.int64]) -> int:

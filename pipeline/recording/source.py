@@ -56,8 +56,8 @@ class Source:
         self._summed = (0, 0, 0)
         self._hash = hashlib.sha256()
         self._followed = self._crc = 0
-        self._lent = memoryview(b"")
-        self._room = memoryview(b"")
+        self._lent = memoryview(bytearray())
+        self._room = memoryview(bytearray())
 
     def read(self, start: int, stop: int) -> bytes:
         """The bytes from a place to another; fewer where the file ends.

@@ -26,6 +26,8 @@ APART_S = 0.05
 """Readings outside that lie closer than this are told as one stretch [s]."""
 STUCK_S, STUCK_SAMPLES = 0.1, 20
 """Least time [s] and samples of one value, to the bit, that a live transducer does not give."""
+DEAD_S = 1.0
+"""Least time [s] of one value where neither shaft is lively: readings of coarse steps stand still for shorter times."""
 LIVELY = 0.5
 """Part of the other steps of a record that must change the value before a still stretch in it is suspicious."""
 SHUNT, SHUNT_TOLERANCE = 0.5, 0.05
@@ -53,9 +55,10 @@ def check_torques(sun: Decoded, ring: Decoded, calibration: Calibration, finding
     Notes
     -----
     Outside the rated band a reading is a bound. A value that stays the same to the bit while the record, or the other
-    shaft, is otherwise lively is a held value: the cable is off or the counter stopped. A step by half the nominal
-    torque within `FLANK` samples, and the same step back, which the other shaft does not see, is the shunt signal.
-    Readings that are marked as simulated may stand still.
+    shaft, is otherwise lively is a held value: the cable is off or the counter stopped. Where neither is lively, a
+    value is held that stays for `DEAD_S`, or over the whole record: no transducer is without noise. A step by half the
+    nominal torque within `FLANK` samples, and the same step back, which the other shaft does not see, is the shunt
+    signal. Readings that are marked as simulated may stand still.
     """
     marks: list[Blemish] = []
     for side, track, other in (("sun", sun, ring), ("ring", ring, sun)):
@@ -63,7 +66,7 @@ def check_torques(sun: Decoded, ring: Decoded, calibration: Calibration, finding
         _out_of_band(track, transducer, findings)
         if not any(f.code is Code.SIMULATED and f.where == track.topic for f in findings.gathered):
             words = (
-                "hold one value to the bit while the rest is lively",
+                "hold one value to the bit",
                 "readings with noise",
                 "The cable is off, or the counter or the supply stopped. Windows over them are rejected.",
             )
@@ -107,7 +110,7 @@ def _out_of_band(track: Decoded, transducer: Transducer, findings: Findings) -> 
 
 
 def _held(track: Decoded, other: Decoded) -> Ranges:
-    """Stretches of one value in a lively record, or beside a lively other shaft, as sample indices."""
+    """Stretches of one value, as sample indices; where nothing is lively, only long ones or one over all the record."""
     least = max(STUCK_SAMPLES, round(STUCK_S * track.rate_hz))
     still = track.values[1:] == track.values[:-1]
     runs = stretches(still)
@@ -120,7 +123,11 @@ def _held(track: Decoded, other: Decoded) -> Ranges:
     rest = ~covered & np.isfinite(track.values[1:]) & np.isfinite(track.values[:-1])
     enough = np.count_nonzero(rest) >= least
     lively = float(np.mean(~still[rest])) if enough else _liveliness(other)
-    return np.asarray(long + np.array([0, 1]) + track.first) if lively > LIVELY else long[:0]
+    if lively <= LIVELY:
+        known = int(np.count_nonzero(np.isfinite(track.values)))
+        dead = min(max(least, round(DEAD_S * track.rate_hz)), known)
+        long = long[long[:, 1] - long[:, 0] + 1 >= dead]
+    return np.asarray(long + np.array([0, 1]) + track.first)
 
 
 def _liveliness(track: Decoded) -> float:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.recording.findings import Code
 from pmg.sim.bench import load_bench
 from pmg.sim.grid import Configuration
@@ -28,7 +29,6 @@ DRAG, LOAD = 0.01, 0.05
 """Least torques, as parts of the nominal one, whose sign is trusted: of drag in neutral, of load when engaged."""
 LOAD_TOLERANCE, LOAD_MISSED = 0.1, 0.3
 """Part of the torque set-point within which a reading meets it, and beyond which one misses it."""
-SIDES = ("sun", "ring")
 MOST = 1 << 20
 """Readings of a stretch from which its median is taken; of more, every second, third and so on."""
 

@@ -38,8 +38,33 @@ def test_a_folder_is_imported_and_one_of_its_recordings_exported(folder: Path) -
     code, told, _ = call("export", folder / "out" / "E1.mcap", "--out", folder / "derived.mcap", "--rate", 100)
     assert (code, told.strip()) == (
         0,
-        f"wrote 120 stretches at 100 Hz and 60 previews at 50 Hz to {folder / 'derived.mcap'}",
+        f"wrote 120 stretches at 100 Hz and 60 previews at 50 Hz to {folder / 'derived.mcap'}\n"
+        "windows judged by the default limits",
     )
+
+
+def test_how_the_files_were_read_is_told_once_for_those_read_alike(folder: Path) -> None:
+    other = written.csv_text(600, delimiter="\t", decimal=".", comment="")
+    (folder / "logs" / "E3.csv").write_text(other, encoding="utf-8", newline="")
+    arguments = ("import", folder / "logs", "--map", folder / "map.toml", "--out", folder / "out")
+    alike = "encoding cp1252, delimiter ;, decimal ,, units row line 3, first row line 4"
+    _, told, _ = call(*arguments)
+    assert told.splitlines()[1:] == [
+        f"read with {alike}: 2 files",
+        "read with encoding utf-8, delimiter tab, decimal ., units row line 2, first row line 3: E3.csv",
+    ]
+    _, told, _ = call(*arguments, "--json")
+    first = json.loads(told)["data"]["imported"][0]
+    assert ", ".join(f"{key.replace('_', ' ')} {word}" for key, word in first["reading"].items()) == alike
+
+
+def test_an_export_judges_windows_by_the_limits_of_its_file(folder: Path) -> None:
+    call("import", folder / "logs" / "E1.csv", "--map", folder / "map.toml", "--out", folder)
+    (folder / "limits.toml").write_text("[windows]\nshortest = 60.0\n", encoding="utf-8")
+    words = ("--out", folder / "derived.mcap", "--limits", folder / "limits.toml", "--json")
+    code, told, _ = call("export", folder / "E1.mcap", *words)
+    assert code == 0, told
+    assert json.loads(told)["data"]["limits"]["shortest"] == 60.0
 
 
 def test_one_bad_file_of_a_folder_makes_it_partly_done(folder: Path) -> None:

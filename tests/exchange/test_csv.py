@@ -135,6 +135,29 @@ def test_a_point_between_thousands_is_no_decimal_point() -> None:
         values(source_of(data, CsvForm(decimal=",")), "a")
 
 
+@given(
+    whole=st.lists(st.integers(1000, 99_999_999), min_size=1, max_size=9),
+    delimiter=st.sampled_from([";", "\t", ","]),
+    small=st.integers(0, 999),
+)
+def test_a_comma_that_may_stand_between_thousands_is_asked_about(whole: list[int], delimiter: str, small: int) -> None:
+    """A comma before three digits each time is either sign; one cell that can only be a fraction settles it."""
+    quote = '"' if delimiter == "," else ""
+    rows = [f"{small}{delimiter}{quote}{n:,}{quote}\n" for n in whole]
+    text = f"a{delimiter}b\n" + "".join(rows)
+    with pytest.raises(RecordingError, match=r"line 2: .*decimals or thousands.*decimal = ','"):
+        source_of(text.encode())
+    settled = text + f"{small}{delimiter}{quote}0,500{quote}\n"
+    assert source_of(settled.encode()).head.decimal == ","
+
+
+def test_three_decimals_after_a_comma_are_read_once_it_is_told() -> None:
+    data = b"a;b\n1,500;2\n12,250;2\n"
+    assert values(source_of(data, CsvForm(decimal=",")), "a") == [1.5, 12.25]
+    with pytest.raises(RecordingError, match="line 2, column 'a': '1,500'"):
+        values(source_of(data, CsvForm(decimal=".")), "a")
+
+
 def test_a_comma_in_a_file_of_points_is_no_number() -> None:
     with pytest.raises(RecordingError, match="line 3, column 'a': '1,234'"):
         values(source_of(b"a;b\n0.5;2\n1,234;2\n", CsvForm(decimal=".")), "a")
@@ -170,9 +193,19 @@ def test_a_cell_that_is_no_number_is_told_with_line_and_column(rows: int, bad: s
     assert np.flatnonzero(~np.isfinite(np.concatenate(whole))).tolist() == [row]
 
 
+def test_a_bad_cell_leaves_the_others_of_its_row_as_they_are() -> None:
+    """Its time among them, so that no row loses its place for a torque that is no number."""
+    source = source_of(b"t;a;b\n0;1;2\n1;x;4\n2;y;z\n3;7;8\n", CsvForm(bad_rows=2))
+    (block,) = blocks_of(source, "tab")
+    found = np.array([block.columns[Wanted(name)] for name in "tab"])
+    np.testing.assert_array_equal(found, [[0, 1, 2, 3], [1, np.nan, np.nan, 7], [2, 4, np.nan, 8]])
+    told = [(finding.where, finding.lost) for finding in source.findings.told()]
+    assert told == [(f"line {line}, column '{name}'", "1 value") for line, name in ((3, "a"), (4, "a"), (4, "b"))]
+
+
 @pytest.mark.parametrize("row", ["1;2", "1;2;3;4", "1"])
 def test_a_row_with_another_number_of_cells_is_told(row: str) -> None:
-    with pytest.raises(RecordingError, match=r"line 3, the row: \d cells; expected 3 cells"):
+    with pytest.raises(RecordingError, match=r"line 3, the row: \d cells?; expected 3 cells"):
         values(source_of(f"a;b;c\n1;2;3\n{row}\n4;5;6\n".encode()), "a")
 
 

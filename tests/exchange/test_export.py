@@ -14,14 +14,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from pmg.pipeline.exchange.derived import FLAGS, POWER_RING, POWER_SUN, derive
+from pmg.pipeline.exchange.derived import FLAGS, derive
 from pmg.pipeline.exchange.export import PREFIX, PREVIEW_TOPIC, export_recording, preview_schema
+from pmg.pipeline.limits import LIMITS
 from pmg.pipeline.recording import Recording, read_recording
+from pmg.pipeline.recording.findings import Code
+from pmg.pipeline.recording.join import Blemish
 from pmg.pipeline.recording.schema import SAMPLE_BLOCK
 from pmg.pipeline.recording.wire import LineEvent
 from pmg.pipeline.recording.write import recording_bytes
 from pmg.sim.errors import RecordingError
-from pmg.sim.signals import LOSS_TOTAL, RPM, SPEED_RING, SPEED_SUN, TORQUE_RING, TORQUE_SUN
+from pmg.sim.signals import LOSS_TOTAL, POWER_RING, POWER_SUN, RPM, SPEED_RING, SPEED_SUN, TORQUE_RING, TORQUE_SUN
 
 from . import written
 
@@ -83,6 +86,32 @@ def test_what_is_missing_stays_missing_and_is_flagged(decoded: Recording) -> Non
     for signal in (TORQUE_SUN, POWER_SUN, LOSS_TOTAL):
         assert np.flatnonzero(~np.isfinite(found.values[signal])).tolist() == [10, 11]
     assert np.isfinite(found.values[TORQUE_RING]).all()
+
+
+SPOILT = {
+    Code.OVERRUN: "overrun",
+    Code.RESTART: "overrun",
+    Code.SATURATED: "saturated",
+    Code.ENCODER_SLIPPED: "slipped",
+    Code.STUCK: "stuck",
+    Code.SHUNT: "shunt",
+}
+
+
+@pytest.mark.parametrize("code", SPOILT)
+def test_each_fault_has_its_own_flag(decoded: Recording, code: Code) -> None:
+    """A stretch that hangs is not told as samples that the recorder lost."""
+    spoilt = replace(decoded, blemishes=(Blemish("/daq/torque_sun/frequency", code, 1000, 1100),))
+    found = derive(spoilt, 50.0)
+    named = {name: np.flatnonzero((found.flags >> bit) & 1).tolist() for bit, name in enumerate(FLAGS)}
+    faults = {name: at for name, at in named.items() if at and not name.startswith("window")}
+    assert faults == {SPOILT[code]: list(range(100, 110))}
+
+
+def test_windows_are_judged_by_the_given_limits(decoded: Recording) -> None:
+    strict = derive(decoded, 50.0, replace(LIMITS, shortest=60.0))
+    named = {name: int(((strict.flags >> bit) & 1).sum()) for bit, name in enumerate(FLAGS)}
+    assert (named["window_accepted"], named["window_rejected"]) == (0, 250)
 
 
 def test_the_emergency_stop_and_the_window_are_flagged(decoded: Recording) -> None:

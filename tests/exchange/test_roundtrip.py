@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +14,8 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from pmg.pipeline.aside import PREFIX, abandoned
+from pmg.pipeline.exchange.blockfile import block_file
 from pmg.pipeline.exchange.bring import Imported, import_recording
 from pmg.pipeline.exchange.channelmap import read_map
 from pmg.pipeline.ingest import ingest
@@ -80,6 +85,15 @@ def test_the_chain_back_to_the_source_is_in_the_recording(tmp_path: Path) -> Non
     assert origin["source_sha256"] == hashlib.sha256(source.read_bytes()).hexdigest() == done.sha256
     assert (origin["source"], origin["source_format"], origin["source_rows"]) == ("E1.csv", "csv", "2500")
     assert json.loads(origin["findings"]) == []
+    read = {key: origin[f"source_{key}"] for key in done.reading}
+    assert read == done.reading
+    assert read == {
+        "encoding": "utf-8-sig",
+        "delimiter": ";",
+        "decimal": ",",
+        "units_row": "line 3",
+        "first_row": "line 4",
+    }
     assert attached["import-map.toml"].decode() == text
     assert summary is not None
     named = {channel.topic: channel.metadata["imported_from"] for channel in summary.channels.values()}
@@ -92,6 +106,37 @@ def test_the_same_source_gives_the_same_bytes(tmp_path: Path) -> None:
     chart = read_map(written.write_map(tmp_path, written.map_text(written.PLAIN)))
     one, two = (import_recording(source, chart, tmp_path / f"{name}.mcap").out.read_bytes() for name in "ab")
     assert one == two
+
+
+def test_a_bad_cell_with_a_good_time_is_told_as_such_and_its_row_keeps_its_place(tmp_path: Path) -> None:
+    lines = written.csv_text(300, time=True, comment="").splitlines()
+    cells = lines[102].split(";")
+    lines[102] = ";".join([cells[0], "#WERT!", *cells[2:]])
+    source = tmp_path / "E1.csv"
+    source.write_text("\n".join(lines) + "\n")
+    text = written.map_text(written.PLAIN, 'source = "t"', extra="[csv]\nbad_rows = 1\n")
+    done, found = brought(tmp_path, source, text)
+    assert [(finding.code, finding.where) for finding in done.findings] == [
+        (Code.MESSAGE_MALFORMED, "line 103, column 'torque_sun'"),
+        (Code.NOT_FINITE, "torque_sun, from line 103"),
+    ]
+    assert done.findings[1].lost == "1 sample of /daq/torque_sun/frequency"
+    torques = (found.samples[f"torque_{side}"].to_numpy() for side in ("sun", "ring"))
+    assert [np.flatnonzero(~np.isfinite(torque)).tolist() for torque in torques] == [[100], []]
+    ingest(done.out, Store(tmp_path / "store"), workers=1)
+    (manifest,) = Store(tmp_path / "store").manifests()
+    assert [finding["where"] for finding in manifest.document["findings"]][:2] == [f.where for f in done.findings]
+
+
+def test_what_is_being_written_tells_whose_it_is(tmp_path: Path) -> None:
+    with block_file(tmp_path / "a.mcap", written.START, 500.0):
+        (aside,) = tmp_path.iterdir()
+        realm, pid, _ = aside.name.removeprefix(PREFIX).split("-", 2)
+        assert (int(pid), abandoned(aside)) == (os.getpid(), False)
+        left = subprocess.Popen([sys.executable, "-c", ""])
+        left.wait()
+        assert abandoned(aside.with_name(f"{PREFIX}{realm}-{left.pid}-x.mcap"))
+    assert [path.name for path in tmp_path.iterdir()] == ["a.mcap"]
 
 
 def test_nothing_is_left_behind_when_an_import_fails_midway(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

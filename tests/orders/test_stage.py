@@ -14,11 +14,14 @@ from tests.recording.writer import Bench, block, write
 from typer.testing import CliRunner
 
 from pmg.pipeline.cli import app
+from pmg.pipeline.limits import Steadiness
 from pmg.pipeline.orders.flux import linkage_area
 from pmg.pipeline.orders.kept import COLUMNS, kept_orders, orders_of_manifest
 from pmg.pipeline.orders.recorded import read_beside
-from pmg.pipeline.orders.stage import run_orders
+from pmg.pipeline.orders.stage import ANGLES, run_orders
+from pmg.pipeline.recording import Recording
 from pmg.pipeline.store import ORDERS, Store
+from pmg.pipeline.windows import Window, find_windows
 from pmg.sim.bench import BenchParameters
 from pmg.sim.errors import StoreError
 from pmg.sim.signals import RPM
@@ -55,7 +58,7 @@ def engaged(bench: BenchParameters, **changed: object) -> Bench:
 
 def ingested(folder: Path, *recordings: Bench) -> Path:
     place = folder / "recordings"
-    place.mkdir()
+    place.mkdir(parents=True)
     for number, recording in enumerate(recordings):
         write(place / f"{number}.mcap", recording)
     result = CliRunner().invoke(app, ["ingest", str(place), "--store", str(folder / "store")])
@@ -153,11 +156,38 @@ def test_a_store_without_kept_lines_gives_them_from_its_samples(tmp_path: Path, 
 
 
 def test_shafts_at_rest_give_reasons_and_no_number(tmp_path: Path, bench: BenchParameters) -> None:
-    still = engaged(bench, speed={"sun": 0.0, "ring": 0.0}, run={"configuration": "zero", "point": "Z"}, ripple=0.0)
+    still = engaged(bench, speed={"sun": 0.0, "ring": 0.0}, run={"configuration": "zero", "point": "Z"}, ripple=1e-3)
     store = ingested(tmp_path, still)
     outcome = run_orders(store, point="Z")
     assert all(row["amplitude"] is None and row["reason"] for row in outcome.data["rows"])
     assert outcome.data["load_angles"] == []
+    whole = run_orders(store, out=tmp_path / "out")
+    assert whole.lines[0] == ("campaign made: no line has a number at 3 or more accepted points of one configuration")
+    header = (tmp_path / "out" / "load_angles.csv").read_text().splitlines()
+    assert header == [",".join(ANGLES)]
+    store = ingested(tmp_path / "other", engaged(bench))
+    (line,) = [line for line in run_orders(store, out=tmp_path / "out").lines if "load angle of" in line]
+    assert line.startswith("load angle of 1 window, 1 of them")
+    angles = pl.read_csv(tmp_path / "out" / "load_angles.csv", schema=ANGLES)
+    assert angles.height == 1
+    assert angles["dof"][0] > 0.0
+
+
+def test_windows_are_judged_once_for_means_and_lines(
+    tmp_path: Path, bench: BenchParameters, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the ingest rejects has no lines: both are of the same windows."""
+
+    def none_accepted(recording: Recording, limits: Steadiness) -> tuple[Window, ...]:
+        return tuple(replace(window, accepted=False, reasons=("a test",)) for window in find_windows(recording, limits))
+
+    monkeypatch.setattr("pmg.pipeline.ingest.find_windows", none_accepted)
+    store = ingested(tmp_path, engaged(bench))
+    (manifest,) = Store(store).manifests()
+    kept = kept_orders(Store(store), manifest)
+    assert kept is not None
+    assert [window["accepted"] for window in manifest.document["windows"]] == [False]
+    assert kept.table.height == 0
 
 
 def test_a_coil_of_another_kind_or_unit_is_told_and_the_rest_goes_on(tmp_path: Path, bench: BenchParameters) -> None:

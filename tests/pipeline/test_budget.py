@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,14 +18,15 @@ from tests.points import joined, measured, points
 from pmg.pipeline.budget.contribution import Contribution, ShaftBudget
 from pmg.pipeline.budget.document import budget_document, budget_frame, shown_point
 from pmg.pipeline.budget.point import Budget, budget_of, undithered
-from pmg.pipeline.budget.remarks import budget_remarks
+from pmg.pipeline.budget.remarks import budget_remarks, transducer_remarks
 from pmg.pipeline.budget.shared import common_parts, common_uncertainty, tare_uncertainty
-from pmg.pipeline.budget.windowfacts import ShaftFacts, WindowFacts
+from pmg.pipeline.budget.windowfacts import LimitSet, ShaftFacts, WindowFacts, limit_sets, rated
 from pmg.pipeline.causes import transducer_causes
 from pmg.pipeline.chapters.budget import budget_items
 from pmg.pipeline.gridtable import read_published
 from pmg.pipeline.limits import LIMITS
 from pmg.pipeline.report.document import Table, Text
+from pmg.pipeline.store import Manifest
 from pmg.sim.bench import load_bench
 from pmg.sim.grid import Grid
 
@@ -50,7 +52,13 @@ def campaign(zero: float = 0.0) -> Grid:
     return replace(grid, within_sun=within, within_ring=within, common_sun=common[0], common_ring=common[1])
 
 
-def facts(grid: Grid, resolution: float = 2e-4, std: float = 1e-2, flagged: int | None = None) -> WindowFacts:
+def facts(
+    grid: Grid,
+    resolution: float = 2e-4,
+    std: float = 1e-2,
+    flagged: int | None = None,
+    nominal: tuple[float, float] = (5.0, 10.0),
+) -> WindowFacts:
     n = len(grid)
     marked = np.zeros(n, dtype=bool)
     if flagged is not None:
@@ -62,8 +70,11 @@ def facts(grid: Grid, resolution: float = 2e-4, std: float = 1e-2, flagged: int 
         remembered=marked,
         resolution=np.full(n, resolution),
         std=np.full(n, std),
+        nominal=np.full(n, nominal[0]),
     )
-    return WindowFacts(of, of, LIMITS.document())
+    return WindowFacts(
+        of, replace(of, nominal=np.full(n, nominal[1])), (LimitSet(LIMITS.document(), n, n),), ~marked & marked
+    )
 
 
 def budget(grid: Grid | None = None, resolution: float = 2e-4, std: float = 1e-2, flagged: int | None = None) -> Budget:
@@ -75,16 +86,123 @@ def named(shaft: ShaftBudget, key: str) -> Contribution:
     return next(c for c in shaft.contributions if c.key == key)
 
 
-@pytest.mark.parametrize("resolution", [2e-4, 0.05])
-def test_contributions_add_up_to_what_the_grid_says(resolution: float) -> None:
+TOLERANCES = {"sun": (0.002, 0.001 * 5.0), "ring": (0.002, 0.001 * 10.0)}
+"""By hand from the data sheets: sensitivity, of the reading, and non-linearity [N m]."""
+
+
+def damaged(grid: Grid) -> Grid:
+    """Two rejected windows more, one whose mean torque cannot be formed, and one with a torque all its own."""
+    at = joined(grid.points, points("neutral", [700.0, 800.0], [100.0, 200.0]))
+    columns = {
+        name: np.r_[getattr(grid, name), [np.nan, value]]
+        for name, value in (
+            ("torque_sun", 3.0),
+            ("torque_ring", 3.0),
+            ("within_sun", 5e-3),
+            ("within_ring", 5e-3),
+            ("u_sun", 6e-3),
+            ("u_ring", 6e-3),
+        )
+    }
+    sun, ring = columns["torque_sun"], columns["torque_ring"]
+    zero = grid.points.zero
+    tares = tare_uncertainty(grid.torque_sun[zero])[0], tare_uncertainty(grid.torque_ring[zero])[0]
+    common = common_uncertainty(sun, ring, BENCH, tares)
+    return replace(
+        grid,
+        points=at,
+        accepted=np.r_[grid.accepted, [False, False]],
+        reason=np.r_[grid.reason, ["speed missing", "not steady"]],
+        common_sun=common[0],
+        common_ring=common[1],
+        **columns,
+    )
+
+
+@pytest.mark.parametrize(("resolution", "std"), [(2e-4, 1e-2), (1e-3, 1e-4)])
+@pytest.mark.parametrize("rejected", [False, True])
+def test_contributions_add_up_to_what_was_put_in_each_counted_once(
+    resolution: float, std: float, *, rejected: bool
+) -> None:
+    """Every part is built by hand, none as what the others leave over."""
+    grid = damaged(campaign()) if rejected else campaign()
+    found = budget(grid, resolution, std)
+    n = len(campaign())
+    for shaft in found.shafts:
+        torque = shaft.torque[:n]
+        rounding = resolution / math.sqrt(12.0) if std < resolution / 2 else 0.0
+        zero = math.hypot(
+            shaft.torque[grid.points.zero].mean(), shaft.torque[grid.points.zero].std(ddof=1) / math.sqrt(5)
+        )
+        gain, course = TOLERANCES[shaft.side]
+        parts: dict[str, Any] = {
+            "within": math.sqrt(0.4e-3**2 - rounding**2),
+            "resolution": rounding,
+            "wander": math.sqrt(1e-3**2 - 0.4e-3**2),
+            "sensitivity": gain * np.abs(torque) / math.sqrt(3.0),
+            "linearity": course / math.sqrt(3.0),
+            "tare": zero,
+        }
+        for key, expected in parts.items():
+            np.testing.assert_allclose(named(shaft, key).u[:n], expected, rtol=1e-9, err_msg=key)
+        independent = sum(np.square(parts[key]) for key in ("within", "resolution", "wander"))
+        common = sum(np.square(parts[key]) for key in ("sensitivity", "linearity", "tare"))
+        np.testing.assert_allclose(shaft.independent[:n] ** 2, independent, rtol=1e-9)
+        np.testing.assert_allclose(shaft.common[:n] ** 2, common, rtol=1e-9)
+        np.testing.assert_allclose(shaft.u[:n] ** 2, independent + common, rtol=1e-9)
+        if rejected:
+            assert np.isnan(shaft.u[n]), "a point without a mean torque is not known without uncertainty"
+            assert shaft.independent[n + 1] == pytest.approx(6e-3)
+
+
+def test_a_rejected_window_without_a_mean_leaves_the_mean_of_the_others_alone() -> None:
+    whole, hurt = budget(campaign()), budget(damaged(campaign()))
+    for shaft, other in zip(whole.shafts, hurt.shafts, strict=True):
+        rows = whole.grid.points.neutral
+        assert other.of_mean(np.r_[rows, [False, False]]) == pytest.approx(shaft.of_mean(rows))
+    shown = " ".join(item.body for item in budget_items(hurt) if isinstance(item, Text))
+    assert "nan" not in shown
+    assert np.isnan(whole.sun.of_mean(np.zeros(len(whole.grid), dtype=bool))).all()
+
+
+def test_only_a_tare_keeps_its_sign() -> None:
+    assert [c.key for c in budget().sun.contributions if c.common and not c.signed] == ["tare"]
+
+
+@pytest.mark.parametrize("nominal", [(2.0, 50.0), (5.0, 10.0)])
+def test_non_linearity_is_of_the_nominal_torque_of_the_calibration(nominal: tuple[float, float]) -> None:
+    base = campaign()
+    sun, ring = base.torque_sun, base.torque_ring
+    each = np.full(len(base), nominal[0]), np.full(len(base), nominal[1])
+    tares = tare_uncertainty(sun[base.points.zero])[0], tare_uncertainty(ring[base.points.zero])[0]
+    common = common_uncertainty(sun, ring, BENCH, tares, each)
+    grid = replace(base, common_sun=common[0], common_ring=common[1])
+    known = facts(grid, nominal=nominal)
+    found = budget_of(grid, None, BENCH, known)
+    for shaft, of, total in zip(found.shafts, nominal, common, strict=True):
+        np.testing.assert_allclose(named(shaft, "linearity").u, 0.001 * of / math.sqrt(3.0), rtol=1e-9)
+        np.testing.assert_allclose(shaft.common, total, rtol=1e-9)
+        assert named(shaft, "linearity").remark.endswith(f"of {of:g} N m")
+    names = {cause.name for cause in transducer_causes(grid, rated(BENCH, known))}
+    assert "linearity of the ring transducer in neutral" in names
+    told = [remark["where"] for remark in transducer_remarks(known, BENCH)]
+    ours = nominal == (5.0, 10.0)
+    assert told == ([] if ours else ["transducer of the sun", "transducer of the ring"])
+    assert (rated(BENCH, known) is BENCH) == ours
+    assert float(rated(BENCH, known).transducer_ring.nominal_torque) == nominal[1]
+
+
+def test_transducers_exchanged_within_a_campaign_keep_each_its_own_nominal_torque() -> None:
     grid = campaign()
-    found = budget(grid, resolution)
-    for shaft, u, common in zip(
-        found.shafts, (grid.u_sun, grid.u_ring), (grid.common_sun, grid.common_ring), strict=True
-    ):
-        np.testing.assert_allclose(shaft.independent, u, rtol=1e-12)
-        np.testing.assert_allclose(shaft.common, common, rtol=1e-12)
-        np.testing.assert_allclose(shaft.u, np.hypot(u, common), rtol=1e-12)
+    known = facts(grid)
+    mixed = np.where(np.arange(len(grid)) < 4, 50.0, 10.0)
+    mixed[-1] = np.nan
+    common = common_uncertainty(grid.torque_sun, grid.torque_ring, BENCH, nominal=(known.sun.nominal, mixed))
+    grid = replace(grid, common_sun=common[0], common_ring=common[1])
+    found = budget_of(grid, None, BENCH, replace(known, ring=replace(known.ring, nominal=mixed)))
+    expected = 0.001 * np.where(np.arange(len(grid)) < 4, 50.0, 10.0) / math.sqrt(3.0)
+    np.testing.assert_allclose(named(found.ring, "linearity").u, expected, rtol=1e-9)
+    assert named(found.ring, "linearity").remark.endswith("of 10 and 50 N m")
 
 
 def test_each_contribution_has_the_size_its_source_gives() -> None:
@@ -114,6 +232,9 @@ def test_effective_degrees_of_freedom_are_those_of_welch_and_satterthwaite() -> 
     shaft = ShaftBudget("sun", one, parts)
     assert shaft.dof[0] == pytest.approx(8.0)
     assert shaft.factor[0] == pytest.approx(2.306, abs=1e-3)
+    vague = ShaftBudget("sun", one, (replace(parts[0], dof=np.nan * one), *parts[1:]))
+    assert vague.dof[0] == pytest.approx(4.0 / (1.0 + 0.25))
+    assert vague.expanded[0] > shaft.expanded[0], "not known is not the same as known exactly"
     known = ShaftBudget("sun", one, tuple(replace(part, dof=np.inf * one) for part in parts))
     assert np.isinf(known.dof[0])
     assert known.expanded[0] == pytest.approx(1.96 * math.sqrt(2.0), abs=1e-3)
@@ -202,6 +323,23 @@ def test_the_chapter_shows_one_point_its_sum_and_the_limits() -> None:
     row = shown_point(found)
     assert together[4] == pytest.approx(found.sun.u[row] * 1e3)
     assert len(tables[1].rows) == len(LIMITS.document())
+
+
+def test_every_set_of_limits_that_judged_a_window_has_a_table() -> None:
+    plain: dict[str, Any] = {"status": "ingested", "windows": [{}]}
+    strict = replace(LIMITS, shortest=4.0).document()
+    manifests = [Manifest("a", plain), Manifest("b", plain | {"limits": strict}), Manifest("c", plain)]
+    sets = limit_sets([*manifests, Manifest("d", plain | {"limits": LIMITS.document()})])
+    assert [(each.windows, each.recordings, each.limits["shortest"]) for each in sets] == [(3, 3, 1.0), (1, 1, 4.0)]
+    found = budget()
+    assert found.facts is not None
+    found = replace(found, facts=replace(found.facts, limits=sets))
+    items = budget_items(found)
+    tables = [item for item in items if isinstance(item, Table) and item.id.startswith("window-limits")]
+    assert [table.id for table in tables] == ["window-limits", "window-limits-2"]
+    assert [[row[1] for row in table.rows if row[0] == "shortest"] for table in tables] == [[1.0], [4.0]]
+    assert any(isinstance(item, Text) and "2 sets of limits" in item.body for item in items)
+    assert [each["windows"] for each in budget_document(found)["windows"]["limits"]] == [3, 1]
 
 
 def test_published_grids_are_uncertain_by_their_rounding() -> None:

@@ -7,7 +7,9 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .writer import COUNTS_PER_REV, Bench, Other, key, lump, tracks, varint
+import numpy.typing as npt
+
+from .writer import COUNTS_PER_REV, Bench, Other, block, key, lump, tracks, varint
 
 SIZES = {"bool": 1, "int8": 1, "uint8": 1, "int16": 2, "uint16": 2, "int32": 4, "uint32": 4, "int64": 8, "uint64": 8}
 SIZES |= {"float32": 4, "float64": 8}
@@ -115,27 +117,37 @@ def per_sample(bench: Bench, encoding: str, start_ns: int = START_NS, declared: 
     """The sampled channels of a bench, one sample a message."""
     found = {}
     for topic, (metadata, values) in tracks(bench).items():
-        kept: dict[str, str] = {name: metadata[name] for name in ("counts_per_rev", "bits") if name in metadata}
-        kept |= {"rate_hz": metadata["rate_hz"]} if declared else {}
-        times = [index / bench.rate_hz for index in range(len(values))]
-        if encoding == "json":
-            made = [
-                json.dumps({"sample": bench.first_sample + k, "value": v}).encode()
-                for k, v in enumerate(values.tolist())
-            ]
-            schema = "bench.Reading", "jsonschema", b'{"type": "object"}'
-        elif encoding == "cdr":
-            wanted: Definition = [("header", HEADER, None), ("value", "float64", None)]
-            made = [
-                cdr(wanted, {"header": {"stamp": stamp(t, start_ns), "frame_id": "daq"}, "value": v})
-                for t, v in zip(times, values.tolist(), strict=True)
-            ]
-            schema = "bench_msgs/msg/Reading", "ros2msg", STAMPED.encode()
-        else:
-            made = [scalar(bench.first_sample + k, float(v)) for k, v in enumerate(values.tolist())]
-            schema = "pmg.v1.Scalar", "protobuf", b""
-        found[topic] = Other("protobuf" if encoding == "scalar" else encoding, schema, made, kept)
+        kept = metadata if declared else {name: text for name, text in metadata.items() if name != "rate_hz"}
+        found[topic] = single(values, bench.first_sample, bench.rate_hz, encoding, kept, start_ns)
     return found
+
+
+def single(
+    values: npt.NDArray[Any],
+    first: int,
+    rate_hz: float,
+    encoding: str,
+    metadata: Mapping[str, str],
+    start_ns: int = START_NS,
+) -> Other:
+    """Samples of one channel, each a message in ``json``, ``cdr``, ``scalar`` or, of its own layout, ``block``."""
+    plain = values.tolist()
+    kept = {name: metadata[name] for name in ("counts_per_rev", "bits", "rate_hz") if name in metadata}
+    if encoding == "json":
+        made = [json.dumps({"sample": first + k, "value": v}).encode() for k, v in enumerate(plain)]
+        return Other("json", ("bench.Reading", "jsonschema", b'{"type": "object"}'), made, kept)
+    if encoding == "cdr":
+        wanted: Definition = [("header", HEADER, None), ("value", "float64", None)]
+        made = [
+            cdr(wanted, {"header": {"stamp": stamp(k / rate_hz, start_ns), "frame_id": "daq"}, "value": v})
+            for k, v in enumerate(plain)
+        ]
+        return Other("cdr", ("bench_msgs/msg/Reading", "ros2msg", STAMPED.encode()), made, kept)
+    if encoding == "scalar":
+        made = [scalar(first + k, float(v)) for k, v in enumerate(plain)]
+        return Other("protobuf", ("pmg.v1.Scalar", "protobuf", b""), made, kept)
+    made = [block(first + k, metadata["dtype"], values[k : k + 1]) for k in range(len(values))]
+    return Other("protobuf", ("pmg.v1.SampleBlock", "protobuf", b""), made, metadata)
 
 
 def scalar(sample: int, value: float) -> bytes:

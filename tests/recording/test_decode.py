@@ -26,6 +26,7 @@ from .writer import (
     Bench,
     block,
     edges_and_ticks,
+    live,
     phase,
     true_count,
     true_torque,
@@ -62,7 +63,7 @@ def test_torque_from_frequency_is_the_torque(torque: float, ripple: float, encod
     assert recording.findings == ()
     resolution = 2e-6 if encoding == "f32" else 1e-9
     for side in SIDES:
-        truth = true_torque(bench, side, times(bench))
+        truth = true_torque(bench, side, times(bench)) + live(len(times(bench))) / SPAN_HZ[side] * NOMINAL[side]
         np.testing.assert_allclose(recording.samples[f"torque_{side}"], truth, atol=resolution)
 
 
@@ -209,14 +210,14 @@ TORQUE = "/daq/torque_sun/frequency"
 
 def with_extra_block(extra: bytes) -> Recording:
     """The plain run, its sun torque with one more block."""
-    whole = block(0, "f64", np.full(1000, NULL_HZ["sun"] + 800.0))
+    whole = block(0, "f64", NULL_HZ["sun"] + 800.0 + live(1000))
     return made(Bench(raw={TORQUE: [whole, extra]}))
 
 
 def test_a_repeated_block_is_a_warning_and_changes_nothing() -> None:
-    recording = with_extra_block(block(100, "f64", np.full(50, NULL_HZ["sun"] + 800.0)))
+    recording = with_extra_block(block(100, "f64", NULL_HZ["sun"] + 800.0 + live(50)))
     assert [f.code for f in recording.findings] == [Code.SAMPLES_DUPLICATE]
-    np.testing.assert_allclose(recording.samples["torque_sun"], 0.8, atol=1e-9)
+    np.testing.assert_allclose(recording.samples["torque_sun"] - live(1000) / SPAN_HZ["sun"] * NOMINAL["sun"], 0.8)
 
 
 def test_samples_given_twice_with_different_values_are_trusted_from_neither() -> None:

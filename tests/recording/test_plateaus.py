@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -77,6 +79,20 @@ def test_a_gap_shorter_than_the_stretch_beside_is_part_of_its_plateau_and_a_long
     assert len(found(long, angle)) == 2
 
 
+@settings(max_examples=20, deadline=None)
+@given(ripple=st.floats(0.1, 0.5), start=st.floats(0.0, 6.0), change=st.sampled_from([0.0, 0.5, -0.5]))
+def test_ripple_of_a_slow_shaft_is_no_change_of_torque(ripple: float, start: float, change: float) -> None:
+    """20 rpm: one turn takes 3 s, three times the stretch beside. A change in the middle is found all the same."""
+    torque, angle = levels([15, 15], [20, 20], [0.5, 0.5 + change])
+    spans = found(torque + ripple * np.sin(angle + start), angle)
+    if not change:
+        assert spans == ((0, 3000),)
+        return
+    assert len(spans) == 2
+    assert (spans[0][0], spans[1][1]) == (0, 3000)
+    assert 1150 <= spans[0][1] <= 1500 <= spans[1][0] <= 1950
+
+
 def test_a_short_recording_is_one_stretch() -> None:
     torque, angle = levels([1.5], [600], [0.5])
     assert found(torque, angle) == ((0, 150),)
@@ -98,14 +114,42 @@ def stepped(frequency: npt.NDArray[Any]) -> npt.NDArray[Any]:
 def test_a_long_recording_without_a_point_gives_numbered_windows_good_or_not(tmp_path: Path) -> None:
     """Samples of the second level are lost: the window keeps its borders and is rejected whole."""
     clean = Bench(16.0, run={"point": None}, spoil={TORQUE: stepped})
-    first, second = windows(tmp_path, clean)
+    first, change, second = windows(tmp_path, clean)
+    assert (change.point, change.first_sample, change.stop_sample) == (
+        "long-change-01",
+        first.stop_sample,
+        second.first_sample,
+    )
+    assert change.reasons == (
+        f"set-points changing: samples {change.first_sample} to {change.stop_sample} belong to no plateau",
+    )
     assert (first.point, second.point) == ("long-01", "long-02")
     assert first.accepted, first.reasons
     assert second.accepted, second.reasons
     hurt = windows(tmp_path, replace(clean, drop={TORQUE: (6000, 6100)}))
-    assert [(w.first_sample, w.stop_sample) for w in hurt] == [(w.first_sample, w.stop_sample) for w in (first, second)]
-    assert [w.accepted for w in hurt] == [True, False]
-    assert hurt[1].reasons[0].startswith("samples missing")
+    assert [(w.first_sample, w.stop_sample) for w in hurt] == [
+        (w.first_sample, w.stop_sample) for w in (first, change, second)
+    ]
+    assert [w.accepted for w in hurt] == [True, False, False]
+    assert hurt[2].reasons[0].startswith("samples missing")
+
+
+@settings(max_examples=15, deadline=None)
+@given(lengths=st.lists(st.floats(0.5, 8.0), min_size=1, max_size=4), seed=st.integers(0, 100))
+def test_every_sample_of_a_file_without_a_point_lies_in_one_window(lengths: list[float], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    seconds = 1.0 + math.fsum(lengths)
+    level = np.repeat(
+        rng.uniform(-3000.0, 3000.0, len(lengths) + 1), np.rint(np.array([*lengths, 1.0]) * 500).astype(int)
+    )
+    shift = np.zeros(round(seconds * 500))
+    shift[: min(len(level), len(shift))] = level[: len(shift)]
+    with TemporaryDirectory() as folder:
+        told = windows(Path(folder), Bench(seconds, run={"point": None}, spoil={TORQUE: lambda v: v + shift[: len(v)]}))
+    borders = [(w.first_sample, w.stop_sample) for w in told]
+    assert borders[0][0] == 0
+    assert borders[-1][1] == len(shift)
+    assert all(stop == start for (_, stop), (start, _) in pairwise(borders))
 
 
 def test_a_file_that_names_its_point_is_one_window_and_a_step_in_it_rejects_it(tmp_path: Path) -> None:

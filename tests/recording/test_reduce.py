@@ -46,6 +46,23 @@ def test_the_filter_takes_ripple_away_and_keeps_what_is_slow() -> None:
     np.testing.assert_allclose(low_pass(slow + 0.5 * np.sin(2 * math.pi * 10 * T), RATE, 0.5), slow, atol=1e-12)
 
 
+@given(level=st.floats(-10.0, 10.0), n=st.integers(2, 300))
+def test_a_torque_that_does_not_vary_has_no_known_uncertainty(level: float, n: int) -> None:
+    """The rounding of its sums, 1e-15 N m, is none."""
+    found = reduce_shaft(np.full(n, level), turning(600.0, n), RATE)
+    assert found.torque == pytest.approx(level, abs=1e-12)
+    assert math.isnan(found.within)
+    assert found.dof == 0.0
+    assert math.isnan(found.resolution)
+    rounded = reduce_shaft(level + 1e-15 * np.arange(float(n)), turning(600.0, n), RATE)
+    assert math.isnan(rounded.within)
+
+
+def test_a_torque_of_little_noise_keeps_its_uncertainty() -> None:
+    noise = np.random.default_rng(3).normal(0.0, 1e-9, N)
+    assert 0.0 < reduce_shaft(1.0 + noise, turning(600.0), RATE).within < 1e-9
+
+
 @given(speed=st.floats(-2000.0, 2000.0))
 def test_speed_from_end_to_end_is_right_to_one_count(speed: float) -> None:
     one_count = 60.0 / 5120 / T[-1] * (1 + 1e-9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -15,6 +16,7 @@ from pmg.pipeline.steadiness import CHECKS
 from pmg.pipeline.windows import Window, find_windows
 from pmg.sim.signals import RPM
 
+from .damages import CHUNK, of_kind, recorded, rewritten
 from .writer import Bench, write
 
 DATA = Path(__file__).resolve().parent.parent / "data"
@@ -83,10 +85,86 @@ def test_a_sequence_cut_inside_a_window_rejects_that_window_only() -> None:
     assert [names(w) for w in windows] == [[], ["window too short"]]
 
 
-def test_a_sequence_without_measure_gives_no_window_and_a_finding(tmp_path: Path) -> None:
+def test_a_sequence_without_measure_gives_a_rejected_window_and_a_finding(tmp_path: Path) -> None:
     recording = read_recording(write(tmp_path / "a.mcap", Bench(7.0, steps=STEPS[:2])))
-    assert find_windows(recording) == ()
+    (window,) = find_windows(recording)
+    assert (window.point, window.first_sample, window.stop_sample) == ("A", 0, 3500)
+    assert names(window) == ["not measured"]
+    assert window.setpoints.speed_sun == pytest.approx(600.0 * RPM)
     assert Code.STEP_MISSING in {f.code for f in recording.findings}
+
+
+@pytest.mark.parametrize(
+    ("lost", "span"),
+    [({5}, (1600, 2500)), ({4, 5}, (1500, 3000)), ({5, 6}, (1600, 3500))],
+)
+def test_a_point_whose_measure_was_lost_is_a_rejected_window(lost: set[int], span: tuple[int, int]) -> None:
+    """Of MEASURE alone, with its START, with its END; the other point stands."""
+    steps = tuple(step for place, step in enumerate(STEPS) if place not in lost)
+    if lost == {5}:
+        steps = (*steps[:-1], (2500, "B", "END", SET))
+    windows, means = judged(Bench(7.0, steps=steps))
+    assert [(w.point, names(w)) for w in windows] == [("A", []), ("B", ["not measured"])]
+    assert (windows[1].first_sample, windows[1].stop_sample) == span
+    assert len(means) == 2
+
+
+def test_a_long_gap_in_a_sequence_that_took_the_steps_with_it_is_a_rejected_window() -> None:
+    everywhere = ("/daq/torque_sun/frequency", "/daq/torque_ring/frequency", "/daq/encoder_sun/count")
+    gap = dict.fromkeys((*everywhere, "/daq/encoder_ring/count"), (1600, 3100))
+    windows, _ = judged(Bench(8.0, steps=STEPS[:4], drop=gap))
+    assert [(w.point, names(w)) for w in windows] == [("A", []), ("a-gap-01", ["gap", "samples missing"])]
+    assert (windows[1].first_sample, windows[1].stop_sample) == (1600, 3100)
+    assert "samples 1600 to 3100" in windows[1].reasons[0]
+    short = dict.fromkeys(gap, (1600, 2000))
+    assert [w.point for w in judged(Bench(8.0, steps=STEPS[:4], drop=short))[0]] == ["A"]
+
+
+def test_missing_samples_are_told_with_their_place() -> None:
+    (window,), _ = judged(Bench(4.0, drop={TORQUE: (300, 400)}, first_sample=5000))
+    assert window.reasons == ("samples missing: samples 5300 to 5400 in torque_sun",)
+
+
+def test_a_torque_without_any_value_is_the_reason_and_not_a_short_window() -> None:
+    nothing = {TORQUE: lambda v: np.full(len(v), np.nan)}
+    (window,), (means,) = judged(Bench(4.0, spoil=nothing))
+    assert window.reasons == ("samples missing: all samples, 0 to 2000, in torque_sun",)
+    assert np.isnan(means.sun.torque)
+
+
+def test_an_emergency_stop_is_told_at_its_sample_where_inputs_were_sampled_in_part_only() -> None:
+    (window,), _ = judged(Bench(4.0, lines=(1500, 1510), drop={"/daq/lines": (0, 400)}))
+    assert window.reasons == ("emergency stop: pressed at sample 1500",)
+
+
+SMALL = 2048
+"""Chunks of so many bytes [bytes]: the channels of a file that is cut then end at about the same sample."""
+
+
+@pytest.mark.parametrize("part", [0.3, 0.45, 0.6, 0.75, 0.85])
+def test_a_single_point_that_lost_its_end_is_rejected_or_says_so(tmp_path: Path, part: float) -> None:
+    whole = rewritten(recorded(Bench(8.0)), chunk_size=SMALL)
+    path = tmp_path / "a.mcap"
+    path.write_bytes(whole[: round(part * len(whole))])
+    recording = read_recording(path)
+    (window,) = find_windows(recording)
+    assert window.stop_sample < 4000
+    assert any("the file lost data (container.truncated" in reason for reason in window.reasons)
+
+
+def test_a_single_point_whose_last_chunks_are_lost_is_held_against_the_counted_messages(tmp_path: Path) -> None:
+    whole = bytearray(rewritten(recorded(Bench(8.0)), chunk_size=SMALL))
+    chunks = of_kind(bytes(whole), CHUNK)
+    for start, stop in chunks[-len(chunks) // 4 :]:
+        whole[(start + stop) // 2] ^= 0xFF
+    path = tmp_path / "a.mcap"
+    path.write_bytes(whole)
+    (window,) = find_windows(read_recording(path))
+    assert names(window)[0] == "window too short"
+    lost = re.search(r"samples (\d+) to (\d+) are missing", window.reasons[0])
+    assert lost is not None
+    assert int(lost[1]) == window.stop_sample
+    assert int(lost[2]) == pytest.approx(4000, abs=50)
 
 
 @pytest.mark.parametrize(
@@ -96,6 +174,7 @@ def test_a_sequence_without_measure_gives_no_window_and_a_finding(tmp_path: Path
         (Bench(drop={TORQUE: (300, 400)}), "samples missing"),
         (Bench(drop={"/daq/encoder_ring/count": (300, 400)}), "samples missing"),
         (Bench(flags={TORQUE: {3: 1}}), "flagged by the recorder"),
+        (Bench(seconds=4.0, with_index=True, index_slip=300), "found faulty"),
         (Bench(lines=(300, 310)), "emergency stop"),
         (Bench(events=[(300, 1, 1), (310, 0, 1)]), "emergency stop"),
         (Bench(events=[(5000, 0, 1)]), "emergency stop"),
@@ -143,10 +222,15 @@ def test_a_steady_point_is_accepted_in_spite_of_resolution_ripple_and_warming(be
 
 
 def test_a_truncated_single_point_is_judged_over_what_all_channels_share() -> None:
-    (window,), (means,) = judged(Bench(4.0, drop={TORQUE: (1500, 2000)}))
-    assert (window.first_sample, window.stop_sample) == (0, 1500)
+    """As long as that is nearly the length of the others."""
+    (window,), (means,) = judged(Bench(4.0, drop={TORQUE: (1900, 2000)}))
+    assert (window.first_sample, window.stop_sample) == (0, 1900)
     assert window.accepted
-    assert means.n == 1500
+    assert window.reasons == ("remark: channels end at sample 1900 and others at 2000",)
+    assert means.n == 1900
+    (short,), _ = judged(Bench(4.0, drop={TORQUE: (1500, 2000)}))
+    assert short.stop_sample == 1500
+    assert short.reasons[0] == "window too short: 3.00 s of 4.00 s; samples 1500 to 2000 are missing"
 
 
 def test_a_shaft_is_at_rest_by_its_set_point_or_else_by_its_speed() -> None:
