@@ -9,7 +9,7 @@ import numpy as np
 
 from pmg.pipeline.budget.document import median, shown_point, typical_rows
 from pmg.pipeline.limits import SPEEDS
-from pmg.pipeline.report.document import Column, Table, Text
+from pmg.pipeline.report.document import Column, Facts, Table, Text
 from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ MOST_NAMED = 12
 """Windows that are named one by one."""
 
 
-def budget_items(budget: Budget) -> tuple[Text | Table, ...]:
+def budget_items(budget: Budget) -> tuple[Text | Table | Facts, ...]:
     """The budget of one point and its median over the campaign; nothing where no point was accepted.
 
     Parameters
@@ -34,7 +34,7 @@ def budget_items(budget: Budget) -> tuple[Text | Table, ...]:
     row = shown_point(budget)
     if row is None:
         return ()
-    return (_words(budget, row), _table(budget, row), *_windows(budget))
+    return (_words(budget, row), _table(budget, row), _grounds(budget), *_windows(budget))
 
 
 def _words(budget: Budget, row: int) -> Text:
@@ -60,9 +60,7 @@ def _table(budget: Budget, row: int) -> Table:
     for s, r in zip(sun.contributions, ring.contributions, strict=True):
         values = [_milli(c.u[row]) for c in (s, r)] + [_milli(median(c.u[typical])) for c in (s, r)]
         kind = "common" if s.common else "independent"
-        remark = s.remark if s.remark == r.remark else f"{s.remark} (ring: {r.remark})"
-        stated = s.distribution if not np.isnan(s.u[row]) else None
-        lines.append((s.name, s.kind, stated, s.divisor if stated else None, *values, _dof(s, r, row), kind, remark))
+        lines.append((s.name, _evaluated(s, row), *values, _dof(s, r, row), kind))
     for name, kind, of_sun, of_ring in (
         ("independent", "independent", sun.independent, ring.independent),
         ("common", "common", sun.common, ring.common),
@@ -71,7 +69,7 @@ def _table(budget: Budget, row: int) -> Table:
     ):
         values = [_milli(u[row]) for u in (of_sun, of_ring)] + [_milli(median(u[typical])) for u in (of_sun, of_ring)]
         dof = _pair(sun.dof[row], ring.dof[row]) if kind == "both" else None
-        lines.append((name, None, None, None, *values, dof, kind, None))
+        lines.append((name, None, *values, dof, kind))
     caption = (
         f"At {budget.grid.points.name[row]} the torques are {sun.torque[row]:.4f} ± {sun.expanded[row]:.4f} N m (sun) "
         f"and {ring.torque[row]:.4f} ± {ring.expanded[row]:.4f} N m (ring), expanded to 95 %; "
@@ -83,19 +81,32 @@ def _table(budget: Budget, row: int) -> Table:
         caption=caption,
         columns=(
             Column("contribution", "Contribution"),
-            Column("type", "Type"),
-            Column("distribution", "Distribution"),
-            Column("divisor", "Divisor", "", digits=3),
+            Column("evaluated", "Evaluated"),
             Column("u_sun", "u sun, this point", "mN m", digits=3),
             Column("u_ring", "u ring, this point", "mN m", digits=3),
             Column("median_u_sun", "u sun, median", "mN m", digits=3),
             Column("median_u_ring", "u ring, median", "mN m", digits=3),
             Column("dof", "Degrees of freedom"),
             Column("shared", "Over points"),
-            Column("remark", "From"),
         ),
         rows=tuple(lines),
     )
+
+
+def _evaluated(contribution: Contribution, row: int) -> str:
+    """Type of the evaluation, and distribution and divisor where the contribution is known."""
+    if np.isnan(contribution.u[row]):
+        return contribution.kind
+    divisor = "" if contribution.divisor == 1.0 else f" / {contribution.divisor:.3f}"
+    return f"{contribution.kind}, {contribution.distribution}{divisor}"
+
+
+def _grounds(budget: Budget) -> Facts:
+    """Where each contribution comes from."""
+    rows = []
+    for s, r in zip(budget.shafts[0].contributions, budget.shafts[1].contributions, strict=True):
+        rows.append((s.name.capitalize(), s.remark if s.remark == r.remark else f"{s.remark} (ring: {r.remark})"))
+    return Facts(tuple((name, remark) for name, remark in rows if remark))
 
 
 def _windows(budget: Budget) -> tuple[Text | Table, ...]:

@@ -218,8 +218,8 @@ def _angles(angles: Sequence[dict[str, Any]]) -> Table:
         (
             angle["point"],
             angle["torque_ring_Nm"],
-            Measured(angle["angle"], math.nan if angle["u"] is None else angle["u"]),
-            angle["u_index"],
+            Measured(angle["angle"], math.nan if angle["u"] is None else angle["u"]) if angle["from_index"] else None,
+            angle["u_index"] if angle["from_index"] else None,
             angle["swing"],
             "index pulses" if angle["from_index"] else "this file's counts",
             angle["slipped"],
@@ -230,7 +230,8 @@ def _angles(angles: Sequence[dict[str, Any]]) -> Table:
         "order-load-angles",
         "Load angle",
         f"{len(angles)} engaged windows, {indexed} of them with index pulses of both shafts and so with a common zero. "
-        "Only a change is a measurement; twist of the shafts is part of it.",
+        "Only a change is a measurement, and without a common zero only that within the window; twist of the shafts is "
+        "part of it.",
         (
             Column("point", "Point"),
             Column("torque_ring", "Ring torque", "N m", digits=3),
