@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import re
 import signal
 from concurrent.futures import CancelledError, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+
+ADDRESS = re.compile(r"(?:(?:tcp|tls|ucx|wss?)://)?[^\s/:]+:\d+")
+"""What an address of a scheduler looks like."""
 
 PATIENCE = 30.0
 """Time within which a cluster has to answer and to show a worker [s]."""
@@ -125,6 +129,9 @@ def cluster(address: str) -> Iterator[Executor]:
         dask is not installed, nothing answers, there is no worker, or the connection or too many workers were lost.
     """
     where = f"--scheduler {address}"
+    if not ADDRESS.fullmatch(address):
+        came, expected = "no address of a scheduler", "that of a dask scheduler, such as tcp://host:8786"
+        raise StoreError(where, came, expected, "'dask scheduler' prints it when it starts.")
     try:
         from distributed import Client, KilledWorker
     except ImportError as error:
@@ -132,7 +139,7 @@ def cluster(address: str) -> Iterator[Executor]:
         raise StoreError(where, came, expected, "Install it: pip install 'pmg-bench[dask]'.") from error
     try:
         client = Client(address, timeout=PATIENCE)
-    except (OSError, ValueError, ImportError) as error:
+    except (OSError, ValueError, ImportError, AssertionError) as error:  # the last where its own thread starts too late
         came, expected = f"no scheduler answers ({error})", "a dask scheduler, such as tcp://host:8786"
         raise StoreError(where, came, expected, "Check the address; start one with 'dask scheduler'.") from error
     with client:
