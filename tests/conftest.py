@@ -5,9 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pmg.pipeline.ingest import ingest
+from pmg.pipeline.store import Store
 from pmg.sim.bench import BenchParameters, load_bench
 
+from .bench.kill import contents
+from .recording.writer import Bench, write
+
 ROOT = Path(__file__).resolve().parent.parent
+FILES = 12
+"""Files of `campaign`."""
 
 
 @pytest.fixture
@@ -23,3 +30,21 @@ def bench() -> BenchParameters:
 @pytest.fixture(scope="session")
 def published_folder() -> Path:
     return ROOT / "raw" / "published"
+
+
+@pytest.fixture(scope="session")
+def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A dozen runs and a file that is none."""
+    folder = tmp_path_factory.mktemp("campaign")
+    for number in range(FILES - 1):
+        write(folder / f"{number:02}.mcap", Bench(torque={"sun": 0.1 * number, "ring": 1.5}))
+    (folder / "notes.mcap").write_text("not a recording")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def whole(campaign: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """Files of the store that one undisturbed process makes."""
+    store = Store(tmp_path_factory.mktemp("whole") / "s")
+    ingest(campaign, store, workers=1)
+    return contents(store.path)

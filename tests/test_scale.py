@@ -23,28 +23,8 @@ from .bench.kill import EXAMPLE, ROOT, command, contents, finish, kill_and_resum
 from .bench.recorded import record
 from .bench.size import NOISE_HZ, write_campaign
 from .bench.throughput import LAYOUTS, RATE_HZ, by_blocks, by_official, by_pmg
+from .conftest import FILES
 from .recording.writer import CALIBRATION, RUN, Bench, write
-
-FILES = 12
-
-
-@pytest.fixture(scope="module")
-def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A dozen runs and a file that is none."""
-    folder = tmp_path_factory.mktemp("campaign")
-    for number in range(FILES - 1):
-        write(folder / f"{number:02}.mcap", Bench(torque={"sun": 0.1 * number, "ring": 1.5}))
-    (folder / "notes.mcap").write_text("not a recording")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def whole(campaign: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """Files of the store that one undisturbed process makes."""
-    store = Store(tmp_path_factory.mktemp("whole") / "s")
-    ingest(campaign, store, workers=1)
-    return contents(store.path)
-
 
 # --- kills ---------------------------------------------------------------------------------------------
 

@@ -17,27 +17,8 @@ from pmg.pipeline.store import Store
 from pmg.sim.errors import RecordingError
 
 from .bench.kill import contents
+from .conftest import FILES
 from .recording.writer import Bench, write
-
-FILES = 12
-
-
-@pytest.fixture(scope="module")
-def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A dozen runs and a file that is none."""
-    folder = tmp_path_factory.mktemp("campaign")
-    for number in range(FILES - 1):
-        write(folder / f"{number:02}.mcap", Bench(torque={"sun": 0.1 * number, "ring": 1.5}))
-    (folder / "notes.mcap").write_text("not a recording")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def whole(campaign: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """Files of the store that one undisturbed process makes."""
-    store = Store(tmp_path_factory.mktemp("whole") / "s")
-    ingest(campaign, store, workers=1)
-    return contents(store.path)
 
 
 @settings(max_examples=30, deadline=None)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from pmg.pipeline.diagnose.fitting import fit_candidate
 from pmg.pipeline.diagnose.noise import orthonormal
-from pmg.pipeline.diagnose.ranking import in_detail, leaders, rank, score
+from pmg.pipeline.diagnose.ranking import in_detail, leaders, penalty, rank, score
 from pmg.pipeline.diagnose.traces import tangents
 
 if TYPE_CHECKING:
@@ -43,15 +42,14 @@ class Explanation:
 
     @property
     def score(self) -> float:
-        """Gain less the cost of the parameters (Schwarz's criterion, up to a constant)."""
-        cost = sum(fit.cost for fit in self.fits)
-        return float(self.gain - cost * math.log(len(self.stage.left)))
+        """Gain less the cost of the parameters."""
+        return self.gain - penalty(self.stage, *self.fits)
 
     @property
     def unexplained(self) -> float:
         """Sum of squares that is left, with the cost of the parameters; lower is better, about whichever baseline."""
         left = self.stage.left
-        return float(left @ left + sum(fit.cost for fit in self.fits) * math.log(len(left)))
+        return float(left @ left) + penalty(self.stage, *self.fits)
 
 
 def take_out(stage: Stage, fit: CandidateFit) -> Stage:

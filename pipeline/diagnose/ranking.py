@@ -26,9 +26,14 @@ LEADERS = 2
 """Leading mechanisms that are compared in detail, so that a simple form does not lose to another's detailed one."""
 
 
+def penalty(stage: Stage, *fits: CandidateFit) -> float:
+    """Cost of the parameters of fits (Schwarz's criterion, up to a constant), in noise variances."""
+    return sum(fit.cost for fit in fits) * math.log(len(stage.left))
+
+
 def score(stage: Stage, fit: CandidateFit) -> float:
-    """Gain of a fit less the cost of its parameters (Schwarz's criterion, up to a constant)."""
-    return fit.gain - fit.cost * math.log(len(stage.left))
+    """Gain of a fit less the cost of its parameters."""
+    return fit.gain - penalty(stage, fit)
 
 
 def rank(stage: Stage, without: Collection[str] = ()) -> list[CandidateFit]:
