@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.recording.checks.stretches import stretches
 from pmg.pipeline.recording.findings import Code, Severity
 from pmg.pipeline.recording.run import Setpoints
-from pmg.pipeline.recording.stretches import stretches
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.recording.calibration import SIDES
+from pmg.pipeline.recording.checks.lines import EMERGENCY_STOP
+from pmg.pipeline.recording.checks.stretches import stretches
 from pmg.pipeline.recording.join import FLAGS
-from pmg.pipeline.recording.lines import EMERGENCY_STOP
-from pmg.pipeline.recording.stretches import stretches
 from pmg.pipeline.reduce import end_to_end_speed
 from pmg.pipeline.turned import batch_means
 from pmg.sim.signals import REVOLUTION, RPM
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.limits import Steadiness
     from pmg.pipeline.recording.calibration import Calibration
     from pmg.pipeline.recording.join import Blemish
+    from pmg.pipeline.recording.layouts.wire import LineEvent
     from pmg.pipeline.recording.run import Setpoints
-    from pmg.pipeline.recording.wire import LineEvent
     from pmg.sim.signals import Array
 
 REST_SPEED = 0.5 * RPM

@@ -54,6 +54,12 @@ OWNERS: dict[str, tuple[str, ...]] = {
 MAY_ASK: dict[str, tuple[str, ...]] = {
     "pmg.sim": ("pmg.sim",),
     "pmg.pipeline.recording": ("pmg.pipeline.recording", "pmg.sim"),
+    "pmg.pipeline.recording.container": (
+        "pmg.pipeline.recording.container",
+        "pmg.pipeline.recording.findings",
+        "pmg.pipeline.recording.codes",
+        "pmg.sim",
+    ),
     "pmg.pipeline.report": (
         "pmg.pipeline.report",
         "pmg.pipeline.aside",
@@ -486,7 +492,7 @@ def test_a_planted_fault_is_found_and_named(rule: Callable[[Module], Iterator[Br
 
 SOUND: tuple[tuple[str, str], ...] = (
     (
-        "pmg.pipeline.recording.container",
+        "pmg.pipeline.recording.container.contents",
         "from mcap.records import Chunk\nfrom pmg.sim.errors import RecordingError",
     ),
     ("pmg.pipeline.report.html", "import jinja2\nfrom pmg.pipeline.report.table import Table"),

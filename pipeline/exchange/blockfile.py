@@ -14,7 +14,7 @@ from mcap.writer import CompressionType, Writer
 
 from pmg.pipeline.aside import opened_aside
 from pmg.pipeline.recording.channels import ENCODING, SHARED_CLOCK
-from pmg.pipeline.recording.schema import SAMPLE_BLOCK, descriptor_set, encode
+from pmg.pipeline.recording.layouts.schema import SAMPLE_BLOCK, descriptor_set, encode
 from pmg.pipeline.recording.write import BLOCK, EPOCH, SECOND_NS
 
 if TYPE_CHECKING:

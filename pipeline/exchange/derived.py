@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.limits import LIMITS
+from pmg.pipeline.recording.checks.lines import EMERGENCY_STOP
 from pmg.pipeline.recording.findings import Code
-from pmg.pipeline.recording.lines import EMERGENCY_STOP
 from pmg.pipeline.windows import find_windows
 from pmg.pipeline.wording import counted
 from pmg.sim.errors import RecordingError

@@ -16,7 +16,7 @@ from pmg.sim.signals import REVOLUTION
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pmg.pipeline.recording.wire import IndexPulse
+    from pmg.pipeline.recording.layouts.wire import IndexPulse
     from pmg.sim.signals import Array
 
 FEWEST_PULSES = 3

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.orders.angle import find_index
-from pmg.pipeline.recording import wire
 from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.recording.channels import ChannelSpec, check_channel, encoder
-from pmg.pipeline.recording.container import open_container
+from pmg.pipeline.recording.container.contents import open_container
 from pmg.pipeline.recording.decode import DEFAULT_BITS
 from pmg.pipeline.recording.events import read_events
 from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.join import join_blocks
+from pmg.pipeline.recording.layouts import wire
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.orders.angle import Index
     from pmg.pipeline.recording import Finding, Recording
-    from pmg.pipeline.recording.container import Container, Topic
-    from pmg.pipeline.recording.wire import IndexPulse
+    from pmg.pipeline.recording.container.contents import Container, Topic
+    from pmg.pipeline.recording.layouts.wire import IndexPulse
     from pmg.sim.signals import Array
 
 COILS = "/daq/emf/"

@@ -9,14 +9,14 @@ import numpy as np
 
 from pmg.pipeline.recording.channels import SHARED_CLOCK
 from pmg.pipeline.recording.findings import Code
-from pmg.pipeline.recording.manyblocks import many_blocks
-from pmg.pipeline.recording.wire import SAMPLE_FIELDS
+from pmg.pipeline.recording.layouts.manyblocks import many_blocks
+from pmg.pipeline.recording.layouts.wire import SAMPLE_FIELDS
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.pipeline.recording.channels import ChannelTerms
-    from pmg.pipeline.recording.container import Topic
+    from pmg.pipeline.recording.container.contents import Topic
     from pmg.pipeline.recording.findings import Findings
 
     Whole = npt.NDArray[np.int64]

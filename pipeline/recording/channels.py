@@ -12,7 +12,7 @@ from pmg.sim.errors import near_miss
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from pmg.pipeline.recording.container import Topic
+    from pmg.pipeline.recording.container.contents import Topic
     from pmg.pipeline.recording.findings import Findings
 
 SAMPLE_SCHEMA = "pmg.v1.SampleBlock"

@@ -9,13 +9,13 @@ import numpy as np
 
 from pmg.pipeline.recording import channels
 from pmg.pipeline.recording.channels import check_channel
+from pmg.pipeline.recording.checks.pulses import check_pulses
+from pmg.pipeline.recording.checks.stretches import pieces, stretches, tell_stretches
+from pmg.pipeline.recording.container.messages import Messages
 from pmg.pipeline.recording.counters import WIDEST, unwrap
 from pmg.pipeline.recording.edges import edge_frequency
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.recording.join import Blemish, join_blocks
-from pmg.pipeline.recording.messages import Messages
-from pmg.pipeline.recording.pulses import check_pulses
-from pmg.pipeline.recording.stretches import pieces, stretches, tell_stretches
 from pmg.sim.errors import near_miss
 from pmg.sim.signals import REVOLUTION
 
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.recording.calibration import Calibration
     from pmg.pipeline.recording.channels import ChannelSpec, ChannelTerms
-    from pmg.pipeline.recording.container import Topic
+    from pmg.pipeline.recording.container.contents import Topic
     from pmg.pipeline.recording.findings import Findings
     from pmg.pipeline.recording.join import Track
-    from pmg.pipeline.recording.wire import IndexPulse
+    from pmg.pipeline.recording.layouts.wire import IndexPulse
 
 DEFAULT_BITS = 32
 NEAR_HALF = 0.25

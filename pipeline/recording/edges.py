@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.recording.checks.stretches import pieces
 from pmg.pipeline.recording.counters import unwrap
-from pmg.pipeline.recording.stretches import pieces
 
 if TYPE_CHECKING:
     import numpy.typing as npt

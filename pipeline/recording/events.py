@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
-from pmg.pipeline.recording import wire
 from pmg.pipeline.recording.channels import ENCODING, EVENT_SCHEMAS
 from pmg.pipeline.recording.findings import Code
-from pmg.pipeline.recording.otherevents import KINDS, read_other
+from pmg.pipeline.recording.layouts import wire
+from pmg.pipeline.recording.layouts.otherevents import KINDS, read_other
 from pmg.pipeline.recording.run import step_setpoints
 from pmg.sim.errors import near_miss
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pmg.pipeline.recording.container import Topic
+    from pmg.pipeline.recording.container.contents import Topic
     from pmg.pipeline.recording.findings import Findings
     from pmg.pipeline.recording.run import Setpoints
 

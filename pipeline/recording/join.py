@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.recording.blocks import before_restart, read_blocks, without_strays
+from pmg.pipeline.recording.checks.stretches import stretches, tell_stretches
 from pmg.pipeline.recording.findings import Code
-from pmg.pipeline.recording.stretches import stretches, tell_stretches
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.pipeline.recording.blocks import Blocks
     from pmg.pipeline.recording.channels import ChannelTerms
-    from pmg.pipeline.recording.container import Topic
+    from pmg.pipeline.recording.container.contents import Topic
     from pmg.pipeline.recording.findings import Findings
     from pmg.sim.signals import Mask
 

@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
-from pmg.pipeline.recording import wire
 from pmg.pipeline.recording.calibration import SIDES, read_calibration
 from pmg.pipeline.recording.channels import report_unread, wanted
-from pmg.pipeline.recording.clock import mark_offset_s, sound_marks
-from pmg.pipeline.recording.container import open_container
+from pmg.pipeline.recording.checks.clock import mark_offset_s, sound_marks
+from pmg.pipeline.recording.checks.lines import check_lines
+from pmg.pipeline.recording.checks.transducers import check_torques
+from pmg.pipeline.recording.checks.wiring import check_wiring, stretch_of
+from pmg.pipeline.recording.container.contents import open_container
 from pmg.pipeline.recording.decode import decode_angle, decode_lines, decode_torque
 from pmg.pipeline.recording.events import read_events, read_steps
 from pmg.pipeline.recording.findings import Code, Finding, Findings
-from pmg.pipeline.recording.lines import check_lines
+from pmg.pipeline.recording.layouts import wire
+from pmg.pipeline.recording.layouts.takeover import take_over
 from pmg.pipeline.recording.origin import read_origin
 from pmg.pipeline.recording.run import read_run
-from pmg.pipeline.recording.takeover import take_over
-from pmg.pipeline.recording.transducers import check_torques
-from pmg.pipeline.recording.wiring import check_wiring, stretch_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.recording.calibration import Calibration
+    from pmg.pipeline.recording.checks.wiring import Stretch
     from pmg.pipeline.recording.decode import Decoded
     from pmg.pipeline.recording.events import Step
     from pmg.pipeline.recording.join import Blemish
+    from pmg.pipeline.recording.layouts.wire import ClockMark, LineEvent
     from pmg.pipeline.recording.origin import Origin
     from pmg.pipeline.recording.run import RunInfo
-    from pmg.pipeline.recording.wire import ClockMark, LineEvent
-    from pmg.pipeline.recording.wiring import Stretch
     from pmg.sim.signals import Array
 
 

@@ -18,8 +18,8 @@ from pmg.pipeline.recording.channels import ENCODING, LARGEST_RATE, SHARED_CLOCK
 from pmg.pipeline.recording.decode import DEFAULT_BITS
 from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.join import SIMULATED
+from pmg.pipeline.recording.layouts.schema import CLOCK_MARK, SAMPLE_BLOCK, descriptor_set, encode
 from pmg.pipeline.recording.run import LAYOUT, RECORD, RUN_KEYS, read_run
-from pmg.pipeline.recording.schema import CLOCK_MARK, SAMPLE_BLOCK, descriptor_set, encode
 from pmg.sim.errors import RecordingError, near_miss
 from pmg.sim.signals import REVOLUTION
 

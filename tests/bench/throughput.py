@@ -29,10 +29,10 @@ from mcap.writer import CompressionType, Writer
 from pmg.pipeline.recording import read_recording
 from pmg.pipeline.recording.blocks import read_blocks
 from pmg.pipeline.recording.channels import SPECS, check_channel
-from pmg.pipeline.recording.container import open_container
+from pmg.pipeline.recording.container.contents import open_container
 from pmg.pipeline.recording.findings import Findings
-from pmg.pipeline.recording.takeover import take_over
-from pmg.pipeline.recording.wire import sample_block, scalar
+from pmg.pipeline.recording.layouts.takeover import take_over
+from pmg.pipeline.recording.layouts.wire import sample_block, scalar
 from tests.bench.recorded import Column, counted, record
 from tests.recording.foreign import single
 from tests.recording.writer import CALIBRATION, COUNTS_PER_REV, FIELDS, NULL_HZ, RUN, TIMEBASE_HZ
@@ -40,7 +40,7 @@ from tests.recording.writer import CALIBRATION, COUNTS_PER_REV, FIELDS, NULL_HZ,
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from pmg.pipeline.recording.container import Topic
+    from pmg.pipeline.recording.container.contents import Topic
 
 RATE_HZ = 10_000.0
 SEED = 20260502

@@ -20,8 +20,8 @@ from pmg.pipeline.limits import LIMITS
 from pmg.pipeline.recording import Recording, read_recording
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.recording.join import Blemish
-from pmg.pipeline.recording.schema import SAMPLE_BLOCK
-from pmg.pipeline.recording.wire import LineEvent
+from pmg.pipeline.recording.layouts.schema import SAMPLE_BLOCK
+from pmg.pipeline.recording.layouts.wire import LineEvent
 from pmg.pipeline.recording.write import recording_bytes
 from pmg.sim.errors import RecordingError
 from pmg.sim.signals import LOSS_TOTAL, POWER_RING, POWER_SUN, RPM, SPEED_RING, SPEED_SUN, TORQUE_RING, TORQUE_SUN
@@ -173,7 +173,7 @@ def test_the_official_reader_finds_a_preview_that_follows_its_schema(tmp_path: P
 
 
 def test_blocks_hold_the_signals_in_the_units_of_their_names(tmp_path: Path, recording: Path) -> None:
-    from pmg.pipeline.recording.wire import sample_block
+    from pmg.pipeline.recording.layouts.wire import sample_block
 
     out = tmp_path / "a.mcap"
     export_recording(recording, out, 100.0)

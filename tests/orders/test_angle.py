@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pmg.pipeline.orders.angle import average_turn, by_angle, find_index, order_amplitudes
-from pmg.pipeline.recording.wire import IndexPulse
+from pmg.pipeline.recording.layouts.wire import IndexPulse
 from pmg.sim.errors import RecordingError
 from pmg.sim.signals import REVOLUTION, RPM, Array
 

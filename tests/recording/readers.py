@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, TypeAlias
 from mcap.reader import NonSeekingReader, SeekingReader
 
 from pmg.pipeline.recording import Finding, UnusableRecordingError, read_recording
+from pmg.pipeline.recording.container.gathered import Gathered
+from pmg.pipeline.recording.container.records import MESSAGE
+from pmg.pipeline.recording.container.walk import walk_records
 from pmg.pipeline.recording.findings import Findings
-from pmg.pipeline.recording.gathered import Gathered
-from pmg.pipeline.recording.records import MESSAGE
-from pmg.pipeline.recording.walk import walk_records
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from pmg.pipeline.recording.container.gathered import Gathered
+from pmg.pipeline.recording.container.records import MESSAGE
+from pmg.pipeline.recording.container.walk import walk_records
 from pmg.pipeline.recording.findings import Code, Findings
-from pmg.pipeline.recording.gathered import Gathered
-from pmg.pipeline.recording.records import MESSAGE
-from pmg.pipeline.recording.walk import walk_records
 
 from .conformance import Variant, build, octets, variants
 

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
 from pmg.pipeline.recording import Code, UnusableRecordingError
-from pmg.pipeline.recording.container import Container, open_container
+from pmg.pipeline.recording.container.contents import Container, open_container
+from pmg.pipeline.recording.container.source import BLOCK, SMALL, ShrunkError, Source
+from pmg.pipeline.recording.container.walk import walk_records
 from pmg.pipeline.recording.findings import Findings
-from pmg.pipeline.recording.source import BLOCK, SMALL, ShrunkError, Source
-from pmg.pipeline.recording.walk import walk_records
 
 from .damages import base, plain, raw
 from .readers import Witness

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from pmg.pipeline.chapters.quality import findings_table
 from pmg.pipeline.ingest import ingest
 from pmg.pipeline.recording import Code, Finding
+from pmg.pipeline.recording.container.records import HEAD, MAGIC, Op
+from pmg.pipeline.recording.container.source import Source
 from pmg.pipeline.recording.findings import LISTED, LONGEST_TEXT, Findings, Severity
-from pmg.pipeline.recording.records import HEAD, MAGIC, Op
-from pmg.pipeline.recording.source import Source
 from pmg.pipeline.store import Store
 
 from .damages import base

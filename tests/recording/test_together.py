@@ -21,15 +21,16 @@ from hypothesis import strategies as st
 from tests.bench.recorded import record as recorded
 from tests.bench.throughput import LAYOUTS, RATE_HZ
 
-from pmg.pipeline.recording import read_recording, wire
-from pmg.pipeline.recording.chunk import Allowance, ChunkError, ChunkHead, expand
+from pmg.pipeline.recording import read_recording
+from pmg.pipeline.recording.container.chunk import Allowance, ChunkError, ChunkHead, expand
+from pmg.pipeline.recording.container.gathered import Gathered
+from pmg.pipeline.recording.container.messages import Messages
+from pmg.pipeline.recording.container.records import HEAD, MESSAGE, Channel, Op
+from pmg.pipeline.recording.container.source import Source
+from pmg.pipeline.recording.container.taking import take_inside
 from pmg.pipeline.recording.findings import Findings
-from pmg.pipeline.recording.gathered import Gathered
-from pmg.pipeline.recording.manyblocks import many_blocks
-from pmg.pipeline.recording.messages import Messages
-from pmg.pipeline.recording.records import HEAD, MESSAGE, Channel, Op
-from pmg.pipeline.recording.source import Source
-from pmg.pipeline.recording.taking import take_inside
+from pmg.pipeline.recording.layouts import wire
+from pmg.pipeline.recording.layouts.manyblocks import many_blocks
 
 from . import writer
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pmg.pipeline.recording import wire
+from pmg.pipeline.recording.layouts import wire
 
 from . import writer
 

@@ -9,16 +9,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, BinaryIO
 
+from pmg.pipeline.recording.container.opening import Opening
+from pmg.pipeline.recording.container.records import HEAD, LAYOUT, MAGIC, PRIVATE, Frame, Op, RecordError
+from pmg.pipeline.recording.container.salvage import LONGEST_PLAIN, Search
+from pmg.pipeline.recording.container.source import BLOCK, Source
+from pmg.pipeline.recording.container.summary import Summary
+from pmg.pipeline.recording.container.taking import take
 from pmg.pipeline.recording.findings import Code
-from pmg.pipeline.recording.opening import Opening
-from pmg.pipeline.recording.records import HEAD, LAYOUT, MAGIC, PRIVATE, Frame, Op, RecordError
-from pmg.pipeline.recording.salvage import LONGEST_PLAIN, Search
-from pmg.pipeline.recording.source import BLOCK, Source
-from pmg.pipeline.recording.summary import Summary
-from pmg.pipeline.recording.taking import take
 
 if TYPE_CHECKING:
-    from pmg.pipeline.recording.gathered import Gathered
+    from pmg.pipeline.recording.container.gathered import Gathered
 
 SMALLEST_CHUNK = 40
 """Length of the body of a chunk without records [bytes]."""

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.recording.records import HEAD
+from pmg.pipeline.recording.container.records import HEAD
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.recording.gathered import Gathered
+    from pmg.pipeline.recording.container.gathered import Gathered
 
 MARK = HEAD.size + 2
 """Bytes of a message by which it is known: its code, its length and its channel."""

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.recording.channels import LARGEST_RATE
-from pmg.pipeline.recording.jsonmessages import TEXT_TIME
+from pmg.pipeline.recording.layouts.jsonmessages import TEXT_TIME
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.recording.layout import Columns
+    from pmg.pipeline.recording.layouts.layout import Columns
     from pmg.sim.signals import Array
 
     Places = npt.NDArray[np.int64]

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.recording.wire import WireError
+from pmg.pipeline.recording.layouts.wire import WireError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     import numpy.typing as npt
 
-    from pmg.pipeline.recording.messages import Messages
+    from pmg.pipeline.recording.container.messages import Messages
 
     Bytes = npt.NDArray[np.uint8]
     Places = npt.NDArray[np.int64]

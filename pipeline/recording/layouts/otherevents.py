@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from pmg.pipeline.recording.cdr import cdr_template
-from pmg.pipeline.recording.descriptor import message_of, protobuf_template
-from pmg.pipeline.recording.layout import read_columns
-from pmg.pipeline.recording.wire import ClockMark, IndexPulse, LineEvent, TestStep, WireError
+from pmg.pipeline.recording.layouts.cdr import cdr_template
+from pmg.pipeline.recording.layouts.descriptor import message_of, protobuf_template
+from pmg.pipeline.recording.layouts.layout import read_columns
+from pmg.pipeline.recording.layouts.wire import ClockMark, IndexPulse, LineEvent, TestStep, WireError
 
 if TYPE_CHECKING:
-    from pmg.pipeline.recording.container import Topic
+    from pmg.pipeline.recording.container.contents import Topic
 
 Event = TypeVar("Event")
 

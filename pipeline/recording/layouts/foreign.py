@@ -7,25 +7,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.recording.cdr import cdr_template
 from pmg.pipeline.recording.channels import ENCODING, LARGEST_RATE, SPECS, ChannelSpec
-from pmg.pipeline.recording.container import Topic
-from pmg.pipeline.recording.descriptor import message_of, protobuf_template
+from pmg.pipeline.recording.container.contents import Topic
+from pmg.pipeline.recording.container.gathered import FIELDS_KEY
+from pmg.pipeline.recording.container.messages import Messages
 from pmg.pipeline.recording.findings import Code
-from pmg.pipeline.recording.gathered import FIELDS_KEY
-from pmg.pipeline.recording.jsonmessages import read_json
-from pmg.pipeline.recording.layout import read_columns
-from pmg.pipeline.recording.messages import Messages
-from pmg.pipeline.recording.moments import Moments, is_time, moments_of
+from pmg.pipeline.recording.layouts.cdr import cdr_template
+from pmg.pipeline.recording.layouts.descriptor import message_of, protobuf_template
+from pmg.pipeline.recording.layouts.jsonmessages import read_json
+from pmg.pipeline.recording.layouts.layout import read_columns
+from pmg.pipeline.recording.layouts.moments import Moments, is_time, moments_of
+from pmg.pipeline.recording.layouts.wire import WireError
 from pmg.pipeline.recording.run import finite
-from pmg.pipeline.recording.wire import WireError
 from pmg.sim.errors import near_miss
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.pipeline.recording.findings import Findings
-    from pmg.pipeline.recording.layout import Columns
+    from pmg.pipeline.recording.layouts.layout import Columns
 
 VALUE_FIELDS = ("value", "data", "samples", "values")
 """Fields that hold the samples of a topic of one channel, the likeliest first."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.recording.layout import CONTENT, Leaf, Template
-from pmg.pipeline.recording.rostypes import PRIMITIVES, Member, plain_name, types_of
-from pmg.pipeline.recording.wire import WireError
+from pmg.pipeline.recording.layouts.layout import CONTENT, Leaf, Template
+from pmg.pipeline.recording.layouts.rostypes import PRIMITIVES, Member, plain_name, types_of
+from pmg.pipeline.recording.layouts.wire import WireError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.recording.descriptor import protobuf_template
-from pmg.pipeline.recording.layout import read_columns
-from pmg.pipeline.recording.messages import Messages
-from pmg.pipeline.recording.schema import SAMPLE_BLOCK, encode
-from pmg.pipeline.recording.wire import SAMPLE_FIELDS
+from pmg.pipeline.recording.container.messages import Messages
+from pmg.pipeline.recording.layouts.descriptor import protobuf_template
+from pmg.pipeline.recording.layouts.layout import read_columns
+from pmg.pipeline.recording.layouts.schema import SAMPLE_BLOCK, encode
+from pmg.pipeline.recording.layouts.wire import SAMPLE_FIELDS
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.recording.container import Topic
+    from pmg.pipeline.recording.container.contents import Topic
 
     Places = npt.NDArray[np.int64]
 

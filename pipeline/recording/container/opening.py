@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.recording.chunk import (
+from pmg.pipeline.recording.container.chunk import (
     CHUNK_LIMIT,
     Allowance,
     ChunkError,
@@ -14,14 +14,14 @@ from pmg.pipeline.recording.chunk import (
     chunk_head,
     expand,
 )
+from pmg.pipeline.recording.container.records import PRIVATE, Op, RecordError
+from pmg.pipeline.recording.container.taking import take_inside
 from pmg.pipeline.recording.findings import Code
-from pmg.pipeline.recording.records import PRIVATE, Op, RecordError
-from pmg.pipeline.recording.taking import take_inside
 
 if TYPE_CHECKING:
-    from pmg.pipeline.recording.gathered import Gathered
-    from pmg.pipeline.recording.records import Frame
-    from pmg.pipeline.recording.source import Source
+    from pmg.pipeline.recording.container.gathered import Gathered
+    from pmg.pipeline.recording.container.records import Frame
+    from pmg.pipeline.recording.container.source import Source
 
 
 class Opening:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.recording.layout import Columns
+from pmg.pipeline.recording.layouts.layout import Columns
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.recording.messages import Messages
+    from pmg.pipeline.recording.container.messages import Messages
 
 DEEPEST = 8
 """Objects within objects that are followed."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.recording.container.records import Channel, Op, Schema, parse
 from pmg.pipeline.recording.findings import Code, Severity
-from pmg.pipeline.recording.records import Channel, Op, Schema, parse
 
 if TYPE_CHECKING:
-    from pmg.pipeline.recording.gathered import Gathered
-    from pmg.pipeline.recording.records import Frame
-    from pmg.pipeline.recording.source import Source
+    from pmg.pipeline.recording.container.gathered import Gathered
+    from pmg.pipeline.recording.container.records import Frame
+    from pmg.pipeline.recording.container.source import Source
 
 FOOTER_BEFORE_CRC = 16
 """Bytes of the body of a footer that its CRC covers."""

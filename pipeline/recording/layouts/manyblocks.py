@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.recording.wire import BYTES, FIXED64, SAMPLE_FIELDS, VARINT, WireError, sample_block, varint
+from pmg.pipeline.recording.layouts.wire import BYTES, FIXED64, SAMPLE_FIELDS, VARINT, WireError, sample_block, varint
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.recording.messages import Bytes, Messages, Places
+    from pmg.pipeline.recording.container.messages import Bytes, Messages, Places
 
     Wide = npt.NDArray[np.uint64]
 

@@ -5,12 +5,22 @@ from __future__ import annotations
 import zlib
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.recording.container.records import (
+    HEAD,
+    LAYOUT,
+    PRIVATE,
+    Attachment,
+    Channel,
+    Op,
+    RecordError,
+    Schema,
+    parse,
+)
+from pmg.pipeline.recording.container.rounds import Round
 from pmg.pipeline.recording.findings import Code
-from pmg.pipeline.recording.records import HEAD, LAYOUT, PRIVATE, Attachment, Channel, Op, RecordError, Schema, parse
-from pmg.pipeline.recording.rounds import Round
 
 if TYPE_CHECKING:
-    from pmg.pipeline.recording.gathered import Gathered
+    from pmg.pipeline.recording.container.gathered import Gathered
 
 
 def take(gathered: Gathered, at: int, opcode: int, body: bytes) -> None:

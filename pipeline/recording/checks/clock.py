@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pmg.pipeline.recording.findings import Findings
+    from pmg.pipeline.recording.layouts.wire import ClockMark
     from pmg.pipeline.recording.run import RunInfo
-    from pmg.pipeline.recording.wire import ClockMark
     from pmg.sim.signals import Array
 
 TOPIC = "/sys/clock"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.recording.container.messages import Messages
+from pmg.pipeline.recording.container.records import MESSAGE, Attachment, Channel, RecordError, Schema
 from pmg.pipeline.recording.findings import Code
-from pmg.pipeline.recording.messages import Messages
-from pmg.pipeline.recording.records import MESSAGE, Attachment, Channel, RecordError, Schema
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from pmg.pipeline.recording.wire import BYTES, FIXED32, FIXED64, VARINT
+from pmg.pipeline.recording.layouts.wire import BYTES, FIXED32, FIXED64, VARINT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.recording.blocks import LARGEST_INDEX
+from pmg.pipeline.recording.checks.stretches import stretches, tell_stretches
 from pmg.pipeline.recording.findings import Code
-from pmg.pipeline.recording.stretches import stretches, tell_stretches
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pmg.pipeline.recording.decode import Decoded
     from pmg.pipeline.recording.findings import Findings
-    from pmg.pipeline.recording.wire import LineEvent
+    from pmg.pipeline.recording.layouts.wire import LineEvent
 
 EVENTS = "/events/lines"
 EMERGENCY_STOP = 1

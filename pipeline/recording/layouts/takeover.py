@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.recording.channels import COUNTERS, ENCODING, EVENT_SCHEMAS, SAMPLE_SCHEMA, SCAN, SPECS
+from pmg.pipeline.recording.container.gathered import FIELDS_KEY
 from pmg.pipeline.recording.findings import Code
-from pmg.pipeline.recording.foreign import declared_rate, no_field, read_foreign
-from pmg.pipeline.recording.gathered import FIELDS_KEY
-from pmg.pipeline.recording.moments import by_stamp, rate_of, scatter
-from pmg.pipeline.recording.repack import packed, repacked
+from pmg.pipeline.recording.layouts.foreign import declared_rate, no_field, read_foreign
+from pmg.pipeline.recording.layouts.moments import by_stamp, rate_of, scatter
+from pmg.pipeline.recording.layouts.repack import packed, repacked
 from pmg.pipeline.recording.run import finite
 
 if TYPE_CHECKING:
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.pipeline.recording.channels import ChannelSpec
-    from pmg.pipeline.recording.container import Topic
+    from pmg.pipeline.recording.container.contents import Topic
     from pmg.pipeline.recording.findings import Findings
-    from pmg.pipeline.recording.foreign import Foreign
+    from pmg.pipeline.recording.layouts.foreign import Foreign
 
 EARLIEST_NS = 946_684_800 * 1_000_000_000
 """The year 2000 [ns]: stamps before it count from the start of a computer."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from pmg.pipeline.recording.wire import WireError
+from pmg.pipeline.recording.layouts.wire import WireError
 
 PRIMITIVES = {
     "bool": "u1",

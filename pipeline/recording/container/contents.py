@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.recording.container.gathered import Gathered
+from pmg.pipeline.recording.container.messages import Messages
+from pmg.pipeline.recording.container.source import ShrunkError
+from pmg.pipeline.recording.container.walk import walk_records
 from pmg.pipeline.recording.findings import Code
-from pmg.pipeline.recording.gathered import Gathered
-from pmg.pipeline.recording.messages import Messages
-from pmg.pipeline.recording.source import ShrunkError
-from pmg.pipeline.recording.walk import walk_records
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from pathlib import Path
 
+    from pmg.pipeline.recording.container.records import Channel
     from pmg.pipeline.recording.findings import Findings
-    from pmg.pipeline.recording.records import Channel
 
 
 @dataclass(frozen=True)

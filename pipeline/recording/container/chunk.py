@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import lz4.frame
 import zstandard
 
-from pmg.pipeline.recording.records import HEAD, LAYOUT, Op, RecordError, parse
+from pmg.pipeline.recording.container.records import HEAD, LAYOUT, Op, RecordError, parse
 
 if TYPE_CHECKING:
-    from pmg.pipeline.recording.records import Frame
-    from pmg.pipeline.recording.source import Source
+    from pmg.pipeline.recording.container.records import Frame
+    from pmg.pipeline.recording.container.source import Source
 
 CHUNK_LIMIT = 256 << 20
 """Largest chunk that is expanded [bytes]; recorders write a few megabytes, so more is damage or a bomb."""

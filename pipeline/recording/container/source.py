@@ -6,7 +6,7 @@ import hashlib
 import zlib
 from typing import BinaryIO
 
-from pmg.pipeline.recording.records import HEAD, Frame
+from pmg.pipeline.recording.container.records import HEAD, Frame
 
 BLOCK = 1 << 20
 """Bytes read at once when a long stretch is passed over."""

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.recording.checks.stretches import joined, pieces, stretches, tell_stretches
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.recording.join import Blemish
-from pmg.pipeline.recording.stretches import joined, pieces, stretches, tell_stretches
 
 if TYPE_CHECKING:
     import numpy.typing as npt

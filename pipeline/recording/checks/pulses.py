@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.recording.checks.slips import find_slips
 from pmg.pipeline.recording.findings import Code
-from pmg.pipeline.recording.slips import find_slips
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.pipeline.recording.findings import Findings
-    from pmg.pipeline.recording.wire import IndexPulse
+    from pmg.pipeline.recording.layouts.wire import IndexPulse
 
     Counts = npt.NDArray[np.int64]
     Floats = npt.NDArray[np.float64]

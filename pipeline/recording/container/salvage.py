@@ -6,16 +6,16 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.recording.chunk import COMPRESSIONS, Allowance, ChunkError, chunk_head, expand
-from pmg.pipeline.recording.records import HEAD, LAYOUT, MAGIC, Op, RecordError, parse
-from pmg.pipeline.recording.source import BLOCK, SMALL
+from pmg.pipeline.recording.container.chunk import COMPRESSIONS, Allowance, ChunkError, chunk_head, expand
+from pmg.pipeline.recording.container.records import HEAD, LAYOUT, MAGIC, Op, RecordError, parse
+from pmg.pipeline.recording.container.source import BLOCK, SMALL
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pmg.pipeline.recording.chunk import ChunkHead
-    from pmg.pipeline.recording.records import Frame
-    from pmg.pipeline.recording.source import Source
+    from pmg.pipeline.recording.container.chunk import ChunkHead
+    from pmg.pipeline.recording.container.records import Frame
+    from pmg.pipeline.recording.container.source import Source
 
 CHAIN = 3
 """Records in a row that must parse to the byte where no CRC proves the first of them."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.recording import schema
-from pmg.pipeline.recording.layout import CONTENT, DIGITS, Leaf, Template
-from pmg.pipeline.recording.schema import Field, Kind, Message
-from pmg.pipeline.recording.wire import BYTES, FIXED32, FIXED64, VARINT, WireError, fields, varint
+from pmg.pipeline.recording.layouts import schema
+from pmg.pipeline.recording.layouts.layout import CONTENT, DIGITS, Leaf, Template
+from pmg.pipeline.recording.layouts.schema import Field, Kind, Message
+from pmg.pipeline.recording.layouts.wire import BYTES, FIXED32, FIXED64, VARINT, WireError, fields, varint
 
 if TYPE_CHECKING:
     from collections.abc import Callable
