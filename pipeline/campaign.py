@@ -7,17 +7,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.budget.point import undithered
+from pmg.pipeline.budget.remarks import transducer_remarks
 from pmg.pipeline.budget.shared import common_uncertainty, tare_uncertainty
-from pmg.pipeline.budget.windowfacts import sorted_windows, window_facts
+from pmg.pipeline.budget.windowfacts import rated, sorted_windows, window_facts
 from pmg.pipeline.copies import without_copies
+from pmg.pipeline.remarks import window_remarks
+from pmg.pipeline.store import Store
 from pmg.sim.errors import StoreError, near_miss
 from pmg.sim.grid import Configuration, Grid, OperatingPoints
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
     from pmg.pipeline.budget.windowfacts import ShaftFacts
-    from pmg.pipeline.store import Manifest, Store
+    from pmg.pipeline.store import Manifest
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array, Mask
 
@@ -52,6 +56,34 @@ def choose_campaign(store: Store, name: str | None) -> tuple[str, list[Manifest]
         raise StoreError(str(store.path), f"no campaign '{name}'", "one of the store's", near_miss(name, known))
     chosen = name or known[0]
     return chosen, without_copies([m for m in manifests if m.ingested and m.document["run"]["campaign"] == chosen])
+
+
+def recorded_bench(
+    store: Path, grid: Grid, bench: BenchParameters
+) -> tuple[BenchParameters, tuple[dict[str, Any], ...]]:
+    """The bench with the nominal torques that the recordings behind an analysed grid state, and where they differ.
+
+    Parameters
+    ----------
+    store : Path
+        Holds the analysis.
+    grid : Grid
+        Of that analysis.
+    bench : BenchParameters
+        As it ships.
+
+    Returns
+    -------
+    BenchParameters, tuple of dict
+        The bench itself and no finding where the grid is of tables, or the store no longer holds its recordings.
+    """
+    if grid.origin == "published":
+        return bench, ()
+    known = [m for m in Store(store).manifests() if m.ingested and m.document["run"]["campaign"] == grid.campaign]
+    if not known:
+        return bench, ()
+    facts = window_facts(known)
+    return rated(bench, facts), tuple(transducer_remarks(facts, bench))
 
 
 def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) -> Grid:
@@ -136,7 +168,7 @@ def _known(within: Array, shaft: ShaftFacts, simulated: Mask) -> Array:
 
 
 def _reason(window: Mapping[str, Any], complete: bool) -> str:
-    reasons = list(window["reasons"])
-    if not complete and not reasons:
+    reasons = list(window_remarks(window))
+    if not complete and (window["accepted"] or not reasons):
         reasons.append("no mean can be formed")
     return "; ".join(reasons)

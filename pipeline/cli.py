@@ -24,6 +24,7 @@ from pmg.pipeline.cli_options import (
     SchedulerOption,
     ShardOption,
     StoreOption,
+    SupplyOption,
     TermsRing,
     TermsSun,
     WorkersOption,
@@ -53,6 +54,7 @@ def ingest(
     scheduler: SchedulerOption = None,
     shard: ShardOption = None,
     limits: LimitsOption = None,
+    chart: SupplyOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
 ) -> None:
@@ -69,6 +71,7 @@ def ingest(
                 scheduler=scheduler,
                 shard=shard,
                 limits=limits,
+                chart=chart,
                 progress=progress,
             )
 

@@ -41,6 +41,10 @@ ShardOption = Annotated[
 LimitsOption = Annotated[
     Path | None, typer.Option("--limits", help="TOML file with limits, [windows], by which windows are judged.")
 ]
+SupplyOption = Annotated[
+    Path | None,
+    typer.Option("--map", help="TOML file with what recordings lack: run, calibration, channels under other names."),
+]
 ModelOption = Annotated[
     Path | None, typer.Option("--model", help="Model file that 'pmg compare' wrote: losses and mechanisms are its.")
 ]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.outcome import told
+from pmg.pipeline.unreached import lost_data, unreached_findings
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
@@ -51,20 +52,36 @@ def holes(grid: Grid) -> tuple[str, ...]:
     The main grid is spanned by the forward set-points that most levels share; reversed flow, reversed rotation and
     repeats do not span it, and the neutral cell with both shafts at rest is not expected.
     """
+    sun, ring, load, neutral, engaged = _layout(grid)
+    lacking = [_neutral(a, b) for a, b in _lacking(sun, ring, neutral, neutral & grid.accepted) if a or b]
+    lacking += [_engaged(a, b) for a, b in _lacking(sun, load, engaged, engaged & grid.accepted)]
+    return tuple(lacking)
+
+
+def _layout(grid: Grid) -> tuple[Array, Array, Array, Mask, Mask]:
+    """Levels of speed [rpm] and load [N m] of the points, and which of them may belong to the main grids."""
     at = grid.points
     sun, ring = speed_levels(at)
     neutral = at.neutral & (sun >= 0) & (ring >= 0)
-    engaged = at.engaged & (at.drive == "sun") & (sun > 0)
-    lacking = [
-        f"neutral, sun {a:.0f} rpm, ring {b:.0f} rpm"
-        for a, b in _lacking(sun, ring, neutral, neutral & grid.accepted)
-        if a or b
-    ]
-    lacking += [
-        f"engaged, sun {a:.0f} rpm, load {b:g} N m"
-        for a, b in _lacking(sun, np.round(at.load_set, 3), engaged, engaged & grid.accepted)
-    ]
-    return tuple(lacking)
+    return sun, ring, np.round(at.load_set, 3), neutral, at.engaged & (at.drive == "sun") & (sun > 0)
+
+
+def _neutral(sun: float, ring: float) -> str:
+    return f"neutral, sun {sun + 0.0:.0f} rpm, ring {ring + 0.0:.0f} rpm"
+
+
+def _engaged(sun: float, load: float) -> str:
+    return f"engaged, sun {sun + 0.0:.0f} rpm, load {load + 0.0:g} N m"
+
+
+def _rejected_at(grid: Grid) -> dict[str, list[str]]:
+    """Names of the rejected windows of each cell."""
+    sun, ring, load, neutral, engaged = _layout(grid)
+    found: dict[str, list[str]] = {}
+    for row in np.flatnonzero(~grid.accepted & (neutral | engaged)):
+        cell = _neutral(sun[row], ring[row]) if neutral[row] else _engaged(sun[row], load[row])
+        found.setdefault(cell, []).append(str(grid.points.name[row]))
+    return found
 
 
 def _lacking(x: Array, y: Array, tried: Mask, accepted: Mask) -> list[tuple[float, float]]:
@@ -85,7 +102,9 @@ def _main(values: list[float]) -> list[float]:
     return [float(level) for level, count in zip(levels, counts, strict=True) if count >= MAIN_LEVEL * counts.max()]
 
 
-def lack_findings(grid: Grid, lacking: Sequence[str], failed: Sequence[Manifest] = ()) -> tuple[dict[str, Any], ...]:
+def lack_findings(
+    grid: Grid, lacking: Sequence[str], failed: Sequence[Manifest] = (), used: Sequence[Manifest] = ()
+) -> tuple[dict[str, Any], ...]:
     """What is missing, as findings of a stage: holes, with what may have filled them, files, windows.
 
     Parameters
@@ -95,26 +114,60 @@ def lack_findings(grid: Grid, lacking: Sequence[str], failed: Sequence[Manifest]
     lacking : sequence of str
         Its holes, as `holes` names them.
     failed : sequence of Manifest
-        Sources of the store that are not usable; no campaign is known of them.
+        Sources of the store that are not usable; of most of them no campaign is known.
+    used : sequence of Manifest
+        Sources of the campaign itself.
+
+    Notes
+    -----
+    A hole is told with the rejected windows at its speeds and load. Where there are none, with the files that are not
+    usable, and with those that are and lost data.
     """
     files = [str(manifest.document["file"]) for manifest in failed]
+    short = [str(manifest.document["file"]) for manifest in used if lost_data(manifest)]
+    rejected = _rejected_at(grid) if lacking else {}
     found = []
     for cell in lacking:
         named = [file for file in files if _may_be(file, cell)]
-        if named:
+        asked = [file for manifest, file in zip(failed, files, strict=True) if _asked_cell(manifest, grid) == cell]
+        if asked:
+            words = f"; {_listed(asked)} was run there and is not usable"
+        elif cell in rejected:
+            words = f"; rejected there: {_listed([f'window {name}' for name in rejected[cell]])}"
+        elif named:
             words = f"; {_listed(named)} is not usable and may be of it by its name"
         else:
             words = f"; it may be in what is not usable: {_listed(files)}" if files else ""
+            words += f"; it may be in what was lost of {_listed(short)}" if short else ""
         found.append(told("warning", "grid", f"no accepted point at {cell}{words}"))
     for manifest, file in zip(failed, files, strict=True):
         why = next((f for f in manifest.document["findings"] if f["severity"] == "error"), None)
         words = "" if why is None else f": {why['where']}: {why['message']}. {why['do']}"
-        found.append(told("warning", file, f"not usable, so not in the grid{words}"))
-    found += [
-        told("warning", f"window {grid.points.name[row]}", f"rejected: {grid.reason[row]}")
-        for row in np.flatnonzero(~grid.accepted)
-    ]
+        cell = _asked_cell(manifest, grid)
+        run = f" at {cell}" if cell else ""
+        found.append(told("warning", file, f"not usable, so not in the grid{run}{words}"))
+    found += unreached_findings(used)
+    for row in np.flatnonzero(~grid.accepted | (grid.reason != "")):
+        where = f"window {grid.points.name[row]}"
+        if grid.accepted[row]:
+            found.append(told("info", where, f"accepted; {grid.reason[row]}"))
+        else:
+            found.append(told("warning", where, f"rejected: {grid.reason[row]}"))
     return tuple(found)
+
+
+def _asked_cell(manifest: Manifest, grid: Grid) -> str:
+    """The cell of a campaign at which a file that is not usable was run; empty where too little is known of its run."""
+    run = manifest.document.get("run", {})
+    if run.get("campaign") != grid.campaign:
+        return ""
+    asked = run.get("setpoints", {})
+    sun, ring, load = (asked.get(key) for key in ("speed_sun", "speed_ring", "torque_ring"))
+    if run.get("configuration") == "neutral" and sun is not None and ring is not None:
+        return _neutral(round(float(SPEED_SUN.display(sun))), round(float(SPEED_RING.display(ring))))
+    if run.get("configuration") == "engaged" and sun is not None and load is not None:
+        return _engaged(round(float(SPEED_SUN.display(sun))), round(load, 3))
+    return ""
 
 
 def _listed(names: Sequence[str]) -> str:

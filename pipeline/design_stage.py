@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.analyse import analyse
+from pmg.pipeline.campaign import recorded_bench
 from pmg.pipeline.chapters.audit import audit_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.diagnose.audit import RESEMBLING, audit_design
@@ -48,6 +49,7 @@ def run_design(
         came = "neither" if plan is None else "both"
         raise BenchError("PLAN and --store", came, "one of them", "Name a plan, or a store with an analysed campaign.")
     bench = load_bench()
+    remarks: tuple[dict[str, Any], ...] = ()
     whole = None if model_file is None else read_model(model_file)
     if plan is not None:
         file = read_scenario(plan)
@@ -61,6 +63,7 @@ def run_design(
     else:
         assert store is not None  # one of the two is given
         measured, options = read_analysis(store)
+        bench, remarks = recorded_bench(store, measured, bench)
         analysis = analyse(measured, options, bench)
         if analysis.calibration is None or analysis.floor is None:
             raise analysis.missing[0]
@@ -89,7 +92,7 @@ def run_design(
         files = write_report(page, report)
         data["report"] = str(files[0])
         lines.append(f"report: {files[0]}")
-    return Outcome(data, tuple(lines))
+    return Outcome(data, tuple(lines), remarks)
 
 
 def _told(audit: Audit) -> str:

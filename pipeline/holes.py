@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording import Finding, Recording
     from pmg.pipeline.recording.events import Step
 
-COLUMNS = ("torque_sun", "torque_ring", "angle_sun", "angle_ring")
-"""Channels without which there is no point."""
 LOSSES = (Code.TRUNCATED, Code.CHUNK_LOST, Code.TOO_LARGE, Code.SKIPPED, Code.RECORD_LOST)
 """Findings of the container after which samples may be missing at an end, where no index tells of them."""
+GAP = "gap:"
+"""Start of the reason of a stretch that lost its samples, and maybe its steps."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,12 @@ def stem(recording: Recording) -> str:
     return recording.file.rsplit("/", 1)[-1].removesuffix(".mcap")
 
 
+def missing_channels(recording: Recording) -> tuple[str, ...]:
+    """Why no window of a recording can stand that lacks a torque or an angle; empty where it has all."""
+    named = [f"{' '.join(reversed(name.split('_')))} {why}" for name, why in recording.lacking.items()]
+    return (f"channel missing: {', '.join(named)}",) if named else ()
+
+
 def holes(recording: Recording, measured: Sequence[tuple[int, int]], shortest: int) -> tuple[Hole, ...]:
     """Points of a sequence without MEASURE, and gaps outside the windows.
 
@@ -85,12 +91,12 @@ def holes(recording: Recording, measured: Sequence[tuple[int, int]], shortest: i
     END is left, the stretch begins where the steps before it end. A gap is where any channel has no value.
     """
     found = list(_unmeasured(recording))
-    known = np.logical_and.reduce([np.isfinite(recording.samples[name].to_numpy()) for name in COLUMNS])
+    known = np.logical_and.reduce([np.isfinite(recording.samples[name].to_numpy()) for name in recording.recorded])
     for first, stop in (*measured, *((hole.first, hole.stop) for hole in found)):
         known[max(0, first - recording.first_sample) : max(0, stop - recording.first_sample)] = True
     gaps = [(a, b) for a, b in (stretches(~known) + recording.first_sample).tolist() if b - a >= shortest]
     for number, (first, stop) in enumerate(gaps, 1):
-        why = f"gap: samples {first} to {stop} are missing outside any window; a point may be lost with its steps"
+        why = f"{GAP} samples {first} to {stop} are missing outside any window; a point may be lost with its steps"
         found.append(Hole(f"{stem(recording)}-gap-{number:02d}", first, stop, Setpoints(), why))
     return tuple(found)
 
@@ -109,7 +115,8 @@ def lost_end(recording: Recording, first: int, stop: int) -> LostEnd:
         remarks.append(f"remark: channels end at sample {stop} and others at {recording.stop_sample}")
     counted = [share for f in recording.findings if f.code is Code.COUNT and (share := _share(f)) is not None]
     if counted:
-        values = sum(int(np.isfinite(recording.samples[name].to_numpy()).sum()) for name in COLUMNS) / len(COLUMNS)
+        columns = recording.recorded
+        values = sum(int(np.isfinite(recording.samples[name].to_numpy()).sum()) for name in columns) / len(columns)
         planned = max(planned or 0, first + round(values / counted[0]))
         remarks.append(f"remark: {1.0 - counted[0]:.0%} of the messages that the recorder counted are missing")
     losses = [f for f in recording.findings if f.code in LOSSES and f.severity is Severity.ERROR]
@@ -140,6 +147,7 @@ def _unmeasured(recording: Recording) -> Iterator[Hole]:
         stop = last.sample if last.phase == "END" else max(after, begin)
         phases = ", ".join(step.phase for step in steps)
         why = f"not measured: samples {begin} to {stop} hold {phases} and no MEASURE"
+        why += "; the recording ends there" if stop == recording.stop_sample else ""
         yield Hole(first.point, begin, stop, last.setpoints, why)
 
 

@@ -13,18 +13,20 @@ from pmg.pipeline.limits import LIMITS
 from pmg.pipeline.nulls import with_nulls
 from pmg.pipeline.orders.kept import keep_orders
 from pmg.pipeline.recording import Code, Finding, Severity, UnusableRecordingError, read_recording
-from pmg.pipeline.reduce import reduce_window
+from pmg.pipeline.recording.supplied import NOTHING
+from pmg.pipeline.reduce import REDUCTION, reduce_window
 from pmg.pipeline.store import Store
 from pmg.pipeline.windows import find_windows
 from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from pmg.pipeline.inventory import Shard, Source
     from pmg.pipeline.limits import Steadiness
     from pmg.pipeline.recording import Recording
+    from pmg.pipeline.recording.supplied import Supplied
     from pmg.pipeline.store import Manifest
     from pmg.pipeline.windows import Window
 
@@ -37,11 +39,12 @@ DONE, FAILED, THERE = "done", "failed", "there"
 
 @dataclass(frozen=True)
 class Job:
-    """One file, the folder of the store, by their full paths, as a worker may stand elsewhere, and the limits."""
+    """One file, the folder of the store, by their full paths, as a worker may stand elsewhere; limits and supply."""
 
     source: Source
     store: Path
     limits: Steadiness = LIMITS
+    supplied: Supplied = NOTHING
 
 
 @dataclass(frozen=True)
@@ -80,6 +83,7 @@ def ingest(
     scheduler: str | None = None,
     shard: Shard | None = None,
     limits: Steadiness = LIMITS,
+    supplied: Supplied = NOTHING,
     progress: Callable[[int, int, str], None] | None = None,
 ) -> IngestReport:
     """Decode recordings into the store; what is there already, with the same bytes and limits, is not done again.
@@ -98,6 +102,8 @@ def ingest(
         The part of the recordings that this call takes; several calls may fill one store at the same time.
     limits : Steadiness
         By which windows are found and judged.
+    supplied : Supplied
+        What is stated beside the recordings, used where they lack it.
     progress : callable, optional
         Told (done, total, name) after each file.
 
@@ -111,14 +117,15 @@ def ingest(
     inventory = take_inventory(place, shard)
     store.prepare()
     store.sweep()
-    there = {m.document["sha256"] for m in store.manifests(whole=False) if _done(m, limits)}
+    there = {m.document["sha256"] for m in store.manifests(whole=False) if _done(m, limits, supplied)}
     todo = [source for source in inventory.sources if source.sha256 not in there]
     if workers is None:
         large = sum(source.path.stat().st_size for source in todo) >= WORTH_A_PROCESS
         workers = (os.cpu_count() or 1) if large else 1
     done = len(inventory.sources) - len(todo)
     counts = Counter[str]()
-    jobs = [Job(replace(source, path=source.path.absolute()), store.path.absolute(), limits) for source in todo]
+    folder = store.path.absolute()
+    jobs = [Job(replace(source, path=source.path.absolute()), folder, limits, supplied) for source in todo]
     for job, did in map_over(_ingest_one, jobs, workers, scheduler):
         done += 1
         counts[did] += 1
@@ -138,9 +145,9 @@ def ingest(
         failed=counts[FAILED] + inventory.unreadable,
         windows=len(windows),
         rejected=sum(not window["accepted"] for window in windows),
-        findings=(*inventory.findings, *told),
+        findings=(*inventory.findings, *told, *_shared_start(documents)),
         sha256=frozenset(source.sha256 for source in inventory.sources),
-        campaigns=tuple(sorted({document["run"]["campaign"] for document in documents if "run" in document})),
+        campaigns=tuple(sorted({d["run"]["campaign"] for d in documents if d["status"] == "ingested"})),
     )
 
 
@@ -176,28 +183,59 @@ def _ingest_one(job: Job) -> str:
         raise _unseen(job.store)
     common: dict[str, Any] = {"file": source.name, "place": source.place, "sha256": source.sha256}
     earlier = store.manifest(source.identifier)
-    if earlier is not None and _done(earlier, job.limits):
+    if earlier is not None and _done(earlier, job.limits, job.supplied):
         return THERE
     try:
-        recording = read_recording(source.path, source.name)
+        recording = read_recording(source.path, source.name, job.supplied, coils=True)
         if recording.sha256 != source.sha256:
             raise UnusableRecordingError((_changed(source),))
     except UnusableRecordingError as error:
+        common |= {"run": error.run} if error.run else {}
         findings = [finding.to_dict() for finding in error.findings]
         store.write(source.identifier, common | {"status": "failed", "findings": findings, "windows": []}, None)
         return FAILED
     common["size"] = recording.size
     judged = find_windows(recording, job.limits)
     windows = [_window_document(recording, window) for window in judged]
-    keep_orders(store.path, source.identifier, recording, source.path, judged)
-    common |= _recording_document(recording) | {"limits": job.limits.document(), "windows": windows}
+    keep_orders(store.path, source.identifier, recording, judged)
+    common |= _recording_document(recording)
+    common |= {"reduction": REDUCTION, "limits": job.limits.document(), "windows": windows}
     store.write(source.identifier, common, recording.samples)
     return DONE
 
 
-def _done(manifest: Manifest, limits: Steadiness) -> bool:
-    """Whether a source is in the store, judged by these limits; one that names none was judged by the defaults."""
-    return manifest.ingested and manifest.document.get("limits", LIMITS.document()) == limits.document()
+def _done(manifest: Manifest, limits: Steadiness, supplied: Supplied) -> bool:
+    """Whether a source is in the store as it would come in now.
+
+    One that names no limits was judged by the defaults, and one whose means were taken in an earlier way is read anew.
+    What was supplied stays where nothing is supplied now; where
+    something else is, or where a channel is lacking that it may name, the source is read anew.
+    """
+    document = manifest.document
+    if not manifest.ingested or document.get("limits", LIMITS.document()) != limits.document():
+        return False
+    if document.get("reduction", 1) != REDUCTION:
+        return False
+    if supplied == NOTHING:
+        return True
+    used = document.get("supplied")
+    if used is None:
+        return not document.get("lacking") or not supplied.fields
+    return {key: value for key, value in used.items() if key != "parts"} == supplied.hashes()
+
+
+def _shared_start(documents: Sequence[Mapping[str, Any]]) -> Iterator[Finding]:
+    """Recordings beyond the first that took one and the same run from a map, which tells of one."""
+    first: dict[tuple[str, str], str] = {}
+    for document in documents:
+        if "run" not in document.get("supplied", {}).get("parts", ()):
+            continue
+        name, run = document["file"], document["run"]
+        other = first.setdefault((run["campaign"], run["started_at"]), name)
+        if other != name:
+            came = f"the supplied start {run['started_at']} is that of {other} too; expected one of its own"
+            advice = "The order of the runs is lost, and they may count as copies: ingest each with a map of its own."
+            yield Finding(Code.RUN_VALUE, Severity.WARNING, name, "started_at", came, advice)
 
 
 def _unseen(folder: Path) -> StoreError:
@@ -215,8 +253,10 @@ def _changed(source: Source) -> Finding:
 
 def _recording_document(recording: Recording) -> dict[str, Any]:
     run, calibration = recording.run, recording.calibration
-    imported = {} if recording.origin is None else {"origin": recording.origin.document()}
-    return imported | {
+    told: dict[str, Any] = {} if recording.origin is None else {"origin": recording.origin.document()}
+    told |= {} if recording.supplied is None else {"supplied": dict(recording.supplied)}
+    told |= {"lacking": dict(recording.lacking)} if recording.lacking else {}
+    return told | {
         "status": "ingested",
         "run": {
             "campaign": run.campaign,

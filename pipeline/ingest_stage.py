@@ -4,16 +4,25 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pmg.pipeline.campaign import campaigns
+from pmg.pipeline.copies import COPY, without_copies
+from pmg.pipeline.exchange.supply import read_supply
 from pmg.pipeline.ingest import ingest
 from pmg.pipeline.inventory import Shard
 from pmg.pipeline.limits import LIMITS, read_limits
 from pmg.pipeline.outcome import Outcome, told
+from pmg.pipeline.recording.supplied import NOTHING
+from pmg.pipeline.remarks import window_remarks
 from pmg.pipeline.store import Store
+from pmg.pipeline.unreached import unreached
 from pmg.pipeline.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
+
+    from pmg.pipeline.store import Manifest
+    from pmg.pipeline.unreached import Unreached
 
 
 def run_ingest(
@@ -25,6 +34,7 @@ def run_ingest(
     scheduler: str | None = None,
     shard: str | None = None,
     limits: Path | None = None,
+    chart: Path | None = None,
 ) -> Outcome:
     """Decode recordings into a store.
 
@@ -44,6 +54,8 @@ def run_ingest(
         The part of the recordings to take, as ``i/n``.
     limits : Path, optional
         File with limits by which windows are found and judged.
+    chart : Path, optional
+        File that states what recordings lack: run, calibration, channels under other names.
     """
     report = ingest(
         recordings,
@@ -52,12 +64,19 @@ def run_ingest(
         scheduler=scheduler,
         shard=None if shard is None else Shard.of(shard),
         limits=LIMITS if limits is None else read_limits(limits),
+        supplied=NOTHING if chart is None else read_supply(chart),
         progress=progress,
     )
+    manifests = [m for m in Store(store).manifests() if m.ingested]
+    copies, unreached = _copied_windows(manifests, report.sha256), _unreached(manifests, report.sha256)
     lines = [
         f"ingested {report.ingested}, already there {report.skipped}, not usable {report.failed}; "
         f"{counted(report.windows, 'window')}, {report.rejected} rejected"
     ]
+    if copies:
+        lines.append(f"{counted(len(copies), 'window')} in two files: counted once")
+    if unreached:
+        lines.append(f"{counted(len(unreached), 'point')} not reached by recordings that were cut short")
     data = {
         "store": str(store),
         "ingested": report.ingested,
@@ -65,18 +84,53 @@ def run_ingest(
         "failed": report.failed,
         "windows": report.windows,
         "rejected": report.rejected,
+        "copies": len(copies),
+        "not_reached": len(unreached),
         "campaigns": list(report.campaigns),
     }
     findings = tuple(finding.to_dict() for finding in report.findings)
-    rejected = _rejected_windows(Store(store), report.sha256)
-    return Outcome(data, tuple(lines), findings + rejected, partial=bool(report.failed or report.rejected))
-
-
-def _rejected_windows(store: Store, sources: frozenset[str]) -> tuple[dict[str, Any], ...]:
-    """Windows of these sources that failed a check, as findings."""
-    return tuple(
-        told("warning", f"{manifest.document['file']}: {window['point']}", f"rejected: {'; '.join(window['reasons'])}")
-        for manifest in store.manifests()
-        for window in manifest.document["windows"]
-        if manifest.document["sha256"] in sources and not window["accepted"]
+    judged = _told_windows(manifests, report.sha256)
+    missing = any(not point.instead for point in unreached)
+    return Outcome(
+        data,
+        tuple(lines),
+        findings + judged + copies + tuple(point.finding() for point in unreached),
+        partial=bool(report.failed or report.rejected or missing),
     )
+
+
+def _told_windows(manifests: list[Manifest], sources: frozenset[str]) -> tuple[dict[str, Any], ...]:
+    """Windows of these sources that failed a check, and remarks on those that did not, as findings."""
+    return tuple(
+        told(
+            "info" if window["accepted"] else "warning",
+            f"{manifest.document['file']}: {window['point']}",
+            ("accepted; " if window["accepted"] else "rejected: ") + "; ".join(words),
+        )
+        for manifest in manifests
+        for window in manifest.document["windows"]
+        if manifest.document["sha256"] in sources and (words := window_remarks(window))
+    )
+
+
+def _of_campaigns(manifests: list[Manifest]) -> list[list[Manifest]]:
+    """Sources of each campaign."""
+    return [[m for m in manifests if m.document["run"]["campaign"] == name] for name in campaigns(manifests)]
+
+
+def _copied_windows(manifests: list[Manifest], sources: frozenset[str]) -> tuple[dict[str, Any], ...]:
+    """Windows of these sources that another file of their campaign holds too, as findings."""
+    return tuple(
+        told("warning", f"{manifest.document['file']}: {window['point']}", f"{reason}; it counts once, as there")
+        for campaign in _of_campaigns(manifests)
+        for manifest in without_copies(campaign)
+        for window in manifest.document["windows"]
+        for reason in window["reasons"][-1:]
+        if manifest.document["sha256"] in sources and reason.startswith(COPY)
+    )
+
+
+def _unreached(manifests: list[Manifest], sources: frozenset[str]) -> tuple[Unreached, ...]:
+    """Points that these sources lost with their steps."""
+    files = {manifest.document["file"] for manifest in manifests if manifest.document["sha256"] in sources}
+    return tuple(point for campaign in _of_campaigns(manifests) for point in unreached(campaign) if point.file in files)

@@ -20,12 +20,16 @@ if TYPE_CHECKING:
     from pmg.pipeline.windows import Window
     from pmg.sim.signals import Array
 
+REDUCTION = 2
+"""How means and their uncertainty are taken, counted up with every change; a store holds which it has."""
 CUTOFF_HZ = 0.5
 """Cut-off of the brick-wall filter that the bench's evaluation applies to the torques [Hz]."""
+DOUBTED = 0.45
+"""Weight of noise that batches cannot give the uncertainty of, beyond which all forms of noise that fit give it."""
+FLAGGED = 0.3
+"""Weight of noise that is not flat at the lowest frequencies of the window, beyond which the window is flagged."""
 LONG_MEMORY = 0.05
-"""Correlation time, as part of the window, beyond which the window is flagged: it holds too few independent parts."""
-MEMORY_OF_BATCHES = 0.01
-"""The same beyond which batches, each a tenth of the window, are not independent enough to give the uncertainty."""
+"""Correlation time, as part of the window, that counts as such where only that is known."""
 
 STILL = 1e-12
 """Range of a torque, as part of its size or of 1 N m, below which it shows nothing but the rounding of numbers."""
@@ -55,13 +59,14 @@ class ShaftMeans:
     std, std_filtered : float
         Standard deviation of the torque before and after the filter [N m].
     correlation_time : float
-        Correlation time of the torque noise [s].
+        Correlation time of the torque noise, as if it were of first order [s].
     speed : float
         Mean speed, from the angle at both ends [rad/s].
     method : str
-        Where `within` comes from: ``batches``, or ``memory`` where the noise outlives them (`serial_mean`).
+        Where `within` comes from: ``batches``, or ``memory`` where they may not give it (`serial_mean`).
     correlated : bool
-        Correlation time beyond `LONG_MEMORY` of the window.
+        The noise is not flat at the lowest frequencies of the window (`FLAGGED`): of first order, it outlives a
+        twentieth of it. What goes on below them is not seen, and `within` rests on what noise may be.
     resolution : float
         Step between neighbouring values of the torque [N m].
     """
@@ -146,7 +151,7 @@ def reduce_shaft(torque: Array, angle: Array, rate_hz: float) -> ShaftMeans:
 
     The correlation time is learned from finer pieces of whole revolutions (`serial_mean`), and where it is shorter
     than half of one from :math:`u^2 = 2 s^2 \tau / t`, t the length of the mean and s the scatter that does not
-    repeat from turn to turn. Beyond `MEMORY_OF_BATCHES` of the window, the finer pieces give u and its degrees of
+    repeat from turn to turn. Where batches may miss u (`DOUBTED`), the finer pieces give it and its degrees of
     freedom. A gap in the torque leaves mean and standard deviation; the rest is NaN. A torque that does not vary
     (`STILL`) says nothing about its uncertainty: `within` is NaN, with no degrees of freedom, and the resolution too.
 
@@ -162,41 +167,65 @@ def reduce_shaft(torque: Array, angle: Array, rate_hz: float) -> ShaftMeans:
         std = float(known.std(ddof=1)) if len(known) > 1 else math.nan
         return ShaftMeans(mean, math.nan, 0, 0, std, math.nan, math.nan, speed, resolution=step)
     turned = Turned(torque, turns_of(angle))
-    batches, length = turned.batches(), len(torque) / rate_hz
-    within, dof, method, correlation_time = math.nan, 0.0, BATCH_METHOD, math.nan
-    if not _still(torque):
-        within, dof, method, correlation_time = mean_uncertainty(turned, batches, rate_hz)
+    batches = turned.batches()
+    noise = MeanNoise() if _still(torque) else mean_noise(turned, batches, rate_hz)
     return ShaftMeans(
         torque=turned.mean(),
-        within=within,
-        dof=dof,
+        within=noise.within,
+        dof=noise.dof,
         revolutions_per_batch=batches.revolutions,
         std=float(torque.std(ddof=1)),
         std_filtered=float(low_pass(torque, rate_hz, CUTOFF_HZ).std(ddof=1)),
-        correlation_time=correlation_time,
+        correlation_time=noise.correlation_time,
         speed=speed,
-        method=method,
-        correlated=bool(correlation_time > LONG_MEMORY * length),
+        method=noise.method,
+        correlated=noise.uneven,
         resolution=step,
     )
 
 
+@dataclass(frozen=True)
+class MeanNoise:
+    """What the mean of a window is uncertain by.
+
+    Parameters
+    ----------
+    within, dof, method, correlation_time
+        As in `ShaftMeans`.
+    uneven : bool
+        The noise is not flat at the lowest frequencies of the window: `ShaftMeans.correlated`.
+    """
+
+    within: float = math.nan
+    dof: float = 0.0
+    method: str = BATCH_METHOD
+    correlation_time: float = math.nan
+    uneven: bool = False
+
+
 def mean_uncertainty(turned: Turned, batches: Batches, rate_hz: float) -> tuple[float, float, str, float]:
     """Standard uncertainty of the mean, its degrees of freedom, where both come from, and the correlation time."""
+    found = mean_noise(turned, batches, rate_hz)
+    return found.within, found.dof, found.method, found.correlation_time
+
+
+def mean_noise(turned: Turned, batches: Batches, rate_hz: float) -> MeanNoise:
+    """What the mean of a window is uncertain by, from its batches or from its finer pieces."""
     if len(batches.means) < 2:
-        return math.nan, 0.0, BATCH_METHOD, math.nan
+        return MeanNoise()
     within = math.sqrt(float(batches.means.var(ddof=1)) * batches.length / turned.used)
     dof, scatter = float(len(batches.means) - 1), turned.scatter()
     short = within**2 * turned.used / rate_hz / (2.0 * scatter**2) if scatter > 0.0 else math.nan
     pieces = turned.pieces()
     count, found = len(pieces.means), serial_mean(pieces.means)
-    if found is None or found.memory * count < RESOLVED:
-        return within, dof, BATCH_METHOD, short
+    if found is None:
+        return MeanNoise(within, dof, BATCH_METHOD, short, bool(short * rate_hz > LONG_MEMORY * len(turned.torque)))
     samples = count * pieces.length
-    long = found.memory * samples / rate_hz
-    if found.memory * samples <= MEMORY_OF_BATCHES * len(turned.torque):
-        return within, dof, BATCH_METHOD, long
-    return found.u * math.sqrt(samples / turned.used), found.dof, MEMORY_METHOD, long
+    time = short if found.memory * count < RESOLVED else found.memory * samples / rate_hz
+    if found.unsafe <= DOUBTED:
+        return MeanNoise(within, dof, BATCH_METHOD, time, found.uneven > FLAGGED)
+    u = found.u * math.sqrt(samples / turned.used)
+    return MeanNoise(u, found.dof, MEMORY_METHOD, time, found.uneven > FLAGGED)
 
 
 def _still(torque: Array) -> bool:

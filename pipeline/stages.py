@@ -30,11 +30,12 @@ from pmg.pipeline.outcome import Outcome, told
 from pmg.pipeline.outputs import analysis_document, read_analysis, write_analysis
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store import Store
+from pmg.pipeline.unreached import unreached_findings
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from pmg.pipeline.budget.windowfacts import WindowFacts
@@ -62,6 +63,7 @@ def run_analyse(store: Path, options: AnalysisOptions, *, grids: Path | None, ca
     """
     bench, facts = load_bench(), None
     failed: tuple[Manifest, ...] = ()
+    manifests: list[Manifest] = []
     remarks: tuple[dict[str, Any], ...] = ()
     if grids is not None:
         grid = read_published(grids, bench)
@@ -76,7 +78,7 @@ def run_analyse(store: Path, options: AnalysisOptions, *, grids: Path | None, ca
     return Outcome(
         data={"analysis": analysis_document(analysis, budget), "folder": str(folder)},
         lines=_analysis_lines(analysis, folder, len(failed)),
-        findings=_analysis_findings(analysis, failed) + remarks + tuple(budget_remarks(budget)),
+        findings=_analysis_findings(analysis, failed, manifests) + remarks + tuple(budget_remarks(budget)),
         partial=bool(failed) or not analysis.complete,
     )
 
@@ -106,9 +108,11 @@ def _analysis_lines(analysis: Analysis, folder: Path, failed: int) -> tuple[str,
     return tuple(lines)
 
 
-def _analysis_findings(analysis: Analysis, failed: tuple[Manifest, ...]) -> tuple[dict[str, Any], ...]:
-    """Holes, files and windows that are missing, steps that could not be made, magnetic efficiencies above 1."""
-    found = list(lack_findings(analysis.grid, analysis.lacking, failed))
+def _analysis_findings(
+    analysis: Analysis, failed: Sequence[Manifest], used: Sequence[Manifest]
+) -> tuple[dict[str, Any], ...]:
+    """Holes, files, points and windows that are missing, steps that could not be made, efficiencies above 1."""
+    found = list(lack_findings(analysis.grid, analysis.lacking, failed, used))
     found += [
         told("warning", error.where, f"{error.came}; expected {error.expected}. {error.do}")
         for error in analysis.missing
@@ -142,7 +146,7 @@ def run_compare(store: Path, report: Path, note: str = "", model: Path | None = 
     bench = load_bench()
     given = None if model is None else read_model(model)
     grid, options = read_analysis(store)
-    remarks, inputs, facts, failed = _sources(store, grid, bench)
+    remarks, inputs, facts, failed, used = _sources(store, grid, bench)
     bench = rated(bench, facts)
     analysis = analyse(grid, options, bench)
     judged = judge(analysis, options, bench, np.random.default_rng(SEED), given)
@@ -155,7 +159,7 @@ def run_compare(store: Path, report: Path, note: str = "", model: Path | None = 
         diagnosis,
         bench,
         note=note,
-        findings=remarks,
+        findings=remarks + tuple(unreached_findings(used)),
         provenance=(*inputs, ("Seed of the synthetic campaigns", str(SEED))),
         carried=None if judged is None else judged.carried,
         ends=() if judged is None else judged.ends,
@@ -182,16 +186,22 @@ def run_compare(store: Path, report: Path, note: str = "", model: Path | None = 
     if judged is not None:
         data |= leave_model(judged, report / MODEL, model)
         lines += [] if judged.carried is None else [remark(judged.carried)]
-    found = remarks + _analysis_findings(analysis, failed)
+    found = remarks + _analysis_findings(analysis, failed, used)
     return Outcome(data, tuple(lines), found, bool(failed) or not analysis.complete, mismatch)
 
 
 def _sources(
     store: Path, grid: Grid, bench: BenchParameters
-) -> tuple[tuple[dict[str, Any], ...], tuple[tuple[str, str], ...], WindowFacts | None, tuple[Manifest, ...]]:
-    """Findings of the sources of a campaign, the report's words on its inputs, facts of its windows, failed sources."""
+) -> tuple[
+    tuple[dict[str, Any], ...],
+    tuple[tuple[str, str], ...],
+    WindowFacts | None,
+    tuple[Manifest, ...],
+    tuple[Manifest, ...],
+]:
+    """Findings of a campaign's sources, words on its inputs, facts of its windows, failed sources, its sources."""
     if grid.origin == "published":
-        return (), (("Input", "published grids, torques rounded to 0.01 N m"),), None, ()
+        return (), (("Input", "published grids, torques rounded to 0.01 N m"),), None, (), ()
     _, manifests = choose_campaign(Store(store), grid.campaign)
     failed = _failed(store)
     remarks = tuple(plain for manifest in (*manifests, *failed) for plain in manifest.document["findings"])
@@ -206,7 +216,8 @@ def _sources(
     ]
     facts = window_facts(manifests)
     remarks += tuple(transducer_remarks(facts, bench))
-    return remarks, tuple(inputs), facts if len(facts.sun.dof) == len(grid) else None, failed
+    known = facts if len(facts.sun.dof) == len(grid) else None
+    return remarks, tuple(inputs), known, failed, tuple(manifests)
 
 
 def _origins(store: Path, grid: Grid) -> tuple[tuple[str, dict[str, Any]], ...]:

@@ -17,7 +17,7 @@ from pmg.pipeline.turned import batch_means
 from pmg.sim.signals import REVOLUTION, RPM
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     import numpy.typing as npt
 
@@ -76,6 +76,8 @@ class Evidence:
         Changes of the digital inputs over the whole run.
     blemishes : sequence of Blemish
         Stretches that the recorder marks as bad, over the whole run.
+    lacking : collection of str
+        Channels that the file does not hold, such as ``torque_ring``; no gap of theirs is told.
     """
 
     first: int
@@ -90,6 +92,7 @@ class Evidence:
     lines: npt.NDArray[np.uint32]
     line_events: Sequence[LineEvent]
     blemishes: Sequence[Blemish]
+    lacking: Collection[str] = ()
 
 
 def too_short(window: Evidence, limits: Steadiness) -> Reason | None:
@@ -111,6 +114,7 @@ def gaps(window: Evidence, _: Steadiness) -> Reason | None:
         f"{kind}_{side}": stretches(np.isnan(track[side])) + window.first
         for kind, track in (("torque", window.torque), ("angle", window.angle))
         for side in SIDES
+        if f"{kind}_{side}" not in window.lacking
     }
     lost = [f"{_places(found, window)} in {name}" for name, found in missing.items() if len(found)]
     return Reason("samples missing", ", ".join(lost)) if lost else None

@@ -38,7 +38,9 @@ class Manifest:
     document : dict
         ``file``, ``sha256``, ``size``, ``status`` (``ingested`` or ``failed``), ``run``, ``calibration``,
         ``rate_hz``, ``first_sample``, ``samples``, ``findings`` and ``windows`` with their means;
-        of an imported recording ``origin``, what it was imported from.
+        of an imported recording ``origin``, what it was imported from; ``supplied``, what it lacked and was stated
+        beside it, with names and hashes; ``lacking``, channels that it does not hold. Of a failed one ``run`` holds
+        what is known of it, ``setpoints`` in SI among it; it is left out where nothing is.
     """
 
     identifier: str

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.holes import holes, lost_end, stem
+from pmg.pipeline.holes import holes, lost_end, missing_channels, stem
 from pmg.pipeline.limits import LIMITS
 from pmg.pipeline.plateaus import plateaus
 from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.recording.run import Setpoints
 from pmg.pipeline.reduce import end_to_end_speed
+from pmg.pipeline.remarks import near_limits
 from pmg.pipeline.steadiness import CHECKS, REST_SPEED, Evidence, Reason, gaps
 
 if TYPE_CHECKING:
@@ -119,9 +120,11 @@ def _from_plateaus(recording: Recording, whole: _Stretch, limits: Steadiness) ->
     first, stop = whole.first, whole.stop or whole.first
     part = recording.samples.slice(first - recording.first_sample, stop - first)
     torques = [
-        (part[f"torque_{side}"].to_numpy(), recording.calibration.transducer(side).nominal_torque) for side in SIDES
+        (part[f"torque_{side}"].to_numpy(), recording.calibration.transducer(side).nominal_torque)
+        for side in SIDES
+        if f"torque_{side}" in recording.recorded
     ]
-    angles = [part[f"angle_{side}"].to_numpy() for side in SIDES]
+    angles = [part[f"angle_{side}"].to_numpy() for side in SIDES if f"angle_{side}" in recording.recorded]
     found = [(first + start, first + end) for start, end in plateaus(torques, angles, recording.rate_hz, limits)]
     if found in ([], [(first, stop)]):
         return (whole,)
@@ -149,7 +152,7 @@ def _changing(first: int, stop: int) -> str:
 
 def _whole(recording: Recording) -> _Stretch:
     known = np.ones(recording.samples.height, dtype=np.bool_)
-    for name in ("torque_sun", "torque_ring", "angle_sun", "angle_ring"):
+    for name in recording.recorded:
         known &= np.isfinite(recording.samples[name].to_numpy())
     rows = np.flatnonzero(known) if known.any() else np.arange(len(known))
     first = recording.first_sample + int(rows[0]) if len(rows) else recording.first_sample
@@ -196,10 +199,11 @@ def _judge(recording: Recording, stretch: _Stretch, limits: Steadiness) -> Windo
         lines=part["lines"].fill_null(0).to_numpy(),
         line_events=recording.line_events,
         blemishes=recording.blemishes,
+        lacking=recording.lacking,
     )
     checks = (gaps,) if stretch.against else CHECKS
     reasons = tuple(str(r) for check in checks if (r := check(evidence, limits)) is not None)
-    against = ((stretch.against,) if stretch.against else ()) + reasons
+    against = missing_channels(recording) + ((stretch.against,) if stretch.against else ()) + reasons
     return Window(
         point=stretch.point,
         configuration=recording.run.configuration,
@@ -210,7 +214,9 @@ def _judge(recording: Recording, stretch: _Stretch, limits: Steadiness) -> Windo
         stop_sample=stop,
         setpoints=stretch.setpoints,
         accepted=not against,
-        reasons=against + ((stretch.remark,) if stretch.remark else ()),
+        reasons=against
+        + ((stretch.remark,) if stretch.remark else ())
+        + (() if against else near_limits(evidence, limits)),
         rest_sun=_at_rest(stretch.setpoints.speed_sun, evidence, "sun"),
         rest_ring=_at_rest(stretch.setpoints.speed_ring, evidence, "ring"),
     )

@@ -38,6 +38,7 @@ OWNERS: dict[str, tuple[str, ...]] = {
     "mcap": ("pmg.pipeline.recording", "pmg.pipeline.exchange.blockfile"),
     "zstandard": ("pmg.pipeline.recording",),
     "lz4": ("pmg.pipeline.recording",),
+    "deflate": ("pmg.pipeline.recording",),
     "nptdms": ("pmg.pipeline.exchange",),
     "asammdf": ("pmg.pipeline.exchange",),
     "distributed": ("pmg.pipeline.executors",),

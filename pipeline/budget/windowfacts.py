@@ -36,9 +36,9 @@ class ShaftFacts:
     correlation_time : (n,) array
         Of the torque noise [s].
     correlated : (n,) array of bool
-        Flagged: the noise outlives a twentieth of the window.
+        Flagged: the noise is not flat at the lowest frequencies of the window.
     remembered : (n,) array of bool
-        Uncertainty from the memory of the noise instead of batches.
+        Uncertainty from the kinds of noise that may be instead of batches.
     resolution : (n,) array
         Step between neighbouring values of the torque [N m]; NaN where it is not known.
     std : (n,) array

@@ -80,6 +80,31 @@ def data_section(
                 rows=tuple((str(at.name[i]), str(grid.reason[i])) for i in rejected),
             )
         )
+    remarked = np.flatnonzero(grid.accepted & (grid.reason != ""))
+    if len(remarked):
+        items.append(
+            Table(
+                id="remarked-windows",
+                title="Accepted with a remark",
+                caption=f"{len(remarked)} of {int(grid.accepted.sum())} accepted windows are near a limit, hold slow "
+                "noise, or end where data were lost; they count as the others do, with their own uncertainty.",
+                columns=(
+                    Column("point", "Point"),
+                    Column("reason", "Remark"),
+                    Column("u_sun", "u sun", "mN m", digits=2),
+                    Column("u_ring", "u ring", "mN m", digits=2),
+                ),
+                rows=tuple(
+                    (
+                        str(at.name[i]),
+                        str(grid.reason[i]),
+                        float(grid.within_sun[i]) * 1e3,
+                        float(grid.within_ring[i]) * 1e3,
+                    )
+                    for i in remarked
+                ),
+            )
+        )
     if analysis.lacking:
         items.append(
             Table(

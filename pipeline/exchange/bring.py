@@ -252,7 +252,7 @@ def _tell_absent(topics: set[str], findings: Findings) -> None:
             findings.warning(
                 Code.CHANNEL_MISSING,
                 topic,
-                "the map has no channel for it; expected torque and encoder of both shafts. 'pmg ingest' will refuse "
-                "the recording",
+                "the map has no channel for it; expected torque and encoder of both shafts. 'pmg ingest' will "
+                "reject the windows",
                 "Map it, if the file holds it.",
             )

@@ -164,7 +164,7 @@ def read_map(path: Path) -> ChannelMap:
         path=path,
         text=text,
         calibration=path.parent / reader.text("calibration"),
-        run=_run(reader.sub("run")),
+        run=read_words(reader.sub("run")),
         timing=_timing(reader.sub("time", optional=True)),
         csv=_csv(reader.sub("csv", optional=True)),
         channels=tuple(_mapped(row) for row in reader.rows("channel")),
@@ -179,7 +179,7 @@ def read_map(path: Path) -> ChannelMap:
     return made
 
 
-def _run(reader: Reader) -> dict[str, str | Lookup]:
+def read_words(reader: Reader) -> dict[str, str | Lookup]:
     """What is said of the run; values and vocabulary are checked by the recording's own reader, for each file."""
     found: dict[str, str | Lookup] = {}
     for key, value in reader.table.items():

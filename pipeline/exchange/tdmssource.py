@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from pmg.pipeline.exchange.source import ROWS, Block, SourceChannel, Wanted, channel_of, optional, quiet, unreadable
+from pmg.pipeline.exchange.library import LibrarySource
+from pmg.pipeline.exchange.source import SourceChannel, Wanted
 from pmg.pipeline.recording.findings import Code
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
+    from collections.abc import Sequence
 
     import numpy.typing as npt
 
@@ -25,8 +25,10 @@ UNITS = ("unit_string", "NI_UnitDescription", "Unit", "unit")
 
 
 @dataclass
-class TdmsSource:
+class TdmsSource(LibrarySource):
     """A TDMS file; channels are called ``group/channel``.
+
+    Where its last segment is cut, channels that end early are NaN from there on.
 
     Parameters
     ----------
@@ -36,37 +38,27 @@ class TdmsSource:
         Receives what the file lacks.
     """
 
-    path: Path
     findings: Findings
-    format: str = "tdms"
-    place: str = "sample"
-    reader: str = field(init=False)
-    channels: tuple[SourceChannel, ...] = field(init=False)
-    properties: Mapping[str, str] = field(init=False)
-    reading: Mapping[str, str] = field(default_factory=dict, init=False)
-    started_at: datetime | None = field(default=None, init=False)
-    _library: Any = field(init=False, repr=False)
+    format: str = field(default="tdms", init=False)
+    _module: str = field(default="nptdms", init=False, repr=False)
+    _title: str = field(default="npTDMS", init=False, repr=False)
     _cut: bool = field(default=False, init=False, repr=False)
     _paths: dict[str, tuple[str, str]] = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        self._library = optional("nptdms", "tdms", self.path)
-        self.reader = f"npTDMS {self._library.__version__}"
-        try:
-            with quiet("nptdms"), self.path.open("rb") as stream, self._library.TdmsFile.open(stream) as tdms:
-                found = [channel for group in tdms.groups() for channel in group.channels()]
-                self.channels = tuple(map(_described, found))
-                self._paths = {_name(channel): (channel.group_name, channel.name) for channel in found}
-                self.properties = {str(key): str(value) for key, value in tdms.properties.items()}
-                starts = {channel.properties.get("wf_start_time") for channel in found} - {None}
-                status = tdms.file_status
-        except Exception as fault:
-            raise unreadable(self.path, "npTDMS", fault) from fault
+    def _open(self, stream: BinaryIO) -> Any:  # noqa: ANN401 - npTDMS has no types
+        return self._library.TdmsFile.open(stream)
+
+    def _describe(self, opened: Any) -> None:  # noqa: ANN401
+        found = [channel for group in opened.groups() for channel in group.channels()]
+        self.channels = tuple(map(_described, found))
+        self._paths = {_name(channel): (channel.group_name, channel.name) for channel in found}
+        self.properties = {str(key): str(value) for key, value in opened.properties.items()}
+        starts = {channel.properties.get("wf_start_time") for channel in found} - {None}
         if len(starts) == 1:
             self.started_at = _utc(starts.pop())
-        if status.incomplete_final_segment:
+        if opened.file_status.incomplete_final_segment:
             self._cut = True
-            statuses = (status.channel_statuses or {}).items()
+            statuses = (opened.file_status.channel_statuses or {}).items()
             cut = [f"{name}: {told.read_length} of {told.expected_length}" for name, told in statuses]
             self.findings.error(
                 Code.TRUNCATED,
@@ -76,32 +68,24 @@ class TdmsSource:
                 "Copy the file again; the recorder may have been stopped while writing.",
             )
 
-    def blocks(self, wanted: Sequence[Wanted]) -> Iterator[Block]:
-        """The wanted columns, at most `ROWS` rows at a time; values are scaled as the file says.
-
-        Where the last segment is cut, channels that end early are NaN from there on.
-
-        Raises
-        ------
-        RecordingError
-            When a channel is missing, channels differ in length, or the library gives up.
-        """
-        rows = self._rows(wanted)
-        try:
-            with quiet("nptdms"), self.path.open("rb") as stream, self._library.TdmsFile.open(stream) as tdms:
-                data = {w: tdms[self._paths[w.name][0]][self._paths[w.name][1]] for w in wanted}
-                for first in range(0, rows, ROWS):
-                    stop = min(first + ROWS, rows)
-                    parts = {w: np.asarray(data[w][first * w.columns : stop * w.columns]) for w in wanted}
-                    columns = {w: _padded(part[w.column - 1 :: w.columns], stop - first) for w, part in parts.items()}
-                    yield Block(np.arange(first + 1, stop + 1), columns)
-        except (OSError, ValueError, EOFError, KeyError, IndexError) as fault:
-            raise unreadable(self.path, "npTDMS", fault) from fault
-
-    def _rows(self, wanted: Sequence[Wanted]) -> int:
-        lengths: dict[str, int] = {}
+    def _read(
+        self,
+        opened: Any,  # noqa: ANN401
+        wanted: Sequence[Wanted],
+        first: int,
+        count: int,
+    ) -> dict[Wanted, npt.NDArray[Any]]:
+        columns = {}
         for want in wanted:
-            length = channel_of(self, want.name, f"{self.path.name}: channel").length or 0
+            group, name = self._paths[want.name]
+            part = np.asarray(opened[group][name][first * want.columns : (first + count) * want.columns])
+            columns[want] = _padded(part[want.column - 1 :: want.columns], count)
+        return columns
+
+    def _rows(self, wanted: Sequence[tuple[Wanted, SourceChannel]]) -> int:
+        lengths: dict[str, int] = {}
+        for want, channel in wanted:
+            length = channel.length or 0
             rows, rest = divmod(length, want.columns)
             lengths[want.name] = rows
             if rest:

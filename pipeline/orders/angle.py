@@ -16,6 +16,7 @@ from pmg.sim.signals import REVOLUTION
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from pmg.pipeline.recording import Recording
     from pmg.pipeline.recording.layouts.wire import IndexPulse
     from pmg.sim.signals import Array
 
@@ -47,6 +48,15 @@ class Index:
     u: float
     pulses: int
     left_out: int
+
+
+def index_of(recording: Recording, side: str) -> Index | None:
+    """Place of the index of a shaft of a recording that was read with its index pulses."""
+    if f"angle_{side}" in recording.lacking:
+        return None
+    angle = recording.samples[f"angle_{side}"].to_numpy()
+    pulses, bits = recording.beside.pulses[side], recording.beside.bits[side]
+    return find_index(angle, recording.first_sample, pulses, recording.calibration.counts_per_rev(side), bits)
 
 
 def find_index(

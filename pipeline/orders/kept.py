@@ -11,10 +11,9 @@ import polars as pl
 
 from pmg.pipeline.aside import write_aside
 from pmg.pipeline.nulls import with_nulls
+from pmg.pipeline.orders.angle import index_of
 from pmg.pipeline.orders.point import Span, orders_of_point
-from pmg.pipeline.orders.recorded import NOTHING, read_beside
 from pmg.pipeline.orders.row import OrderRow
-from pmg.pipeline.recording import UnusableRecordingError
 from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.store import ORDERS
 from pmg.sim.bench import load_bench
@@ -54,22 +53,19 @@ class SourceOrders:
     document: dict[str, Any]
 
 
-def orders_of_source(recording: Recording, path: Path | None, windows: Iterable[Window]) -> SourceOrders:
+def orders_of_source(recording: Recording, windows: Iterable[Window]) -> SourceOrders:
     """The lines of every accepted window of a recording.
 
     Parameters
     ----------
     recording : Recording
-        As it was read.
-    path : Path, optional
-        Its file, for coils and index pulses; without it there are neither.
+        As it was read, with its coils and index pulses.
     windows : iterable of Window
         Its windows, judged.
     """
-    beside = NOTHING if path is None else read_beside(path, recording.file)
     bench = load_bench()
     steps = {side: REVOLUTION / recording.calibration.counts_per_rev(side) for side in SIDES}
-    index = {side: beside.index(recording, side) for side in SIDES}
+    index = {side: index_of(recording, side) for side in SIDES}
     points = [
         orders_of_point(
             recording.samples,
@@ -78,12 +74,12 @@ def orders_of_source(recording: Recording, path: Path | None, windows: Iterable[
             bench,
             steps=steps,
             index=index,
-            coils=beside.coils,
+            coils=recording.beside.coils,
         )
         for w in windows
         if w.accepted
     ]
-    return _source(points, index, [finding.to_dict() for finding in beside.findings])
+    return _source(points, index, [finding.to_dict() for finding in recording.beside.findings])
 
 
 def orders_of_manifest(store: Store, manifest: Manifest) -> SourceOrders:
@@ -108,16 +104,9 @@ def orders_of_manifest(store: Store, manifest: Manifest) -> SourceOrders:
     return _source(points, index, [])
 
 
-def keep_orders(store: Path, identifier: str, recording: Recording, path: Path, windows: Sequence[Window]) -> None:
-    """Write the lines of a recording into the store; called before its manifest is written.
-
-    A recording that cannot be read a second time, for its coils, keeps the lines of torque and speed.
-    """
-    try:
-        found = orders_of_source(recording, path, windows)
-    except UnusableRecordingError:
-        found = orders_of_source(recording, None, windows)
-    write_orders(store, identifier, found)
+def keep_orders(store: Path, identifier: str, recording: Recording, windows: Sequence[Window]) -> None:
+    """Write the lines of a recording into the store; called before its manifest is written."""
+    write_orders(store, identifier, orders_of_source(recording, windows))
 
 
 def write_orders(store: Path, identifier: str, found: SourceOrders) -> None:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.stats import t as student
 
-from pmg.pipeline.orders.fit import wrapped
+from pmg.pipeline.orders.fit import CONFIDENCE, wrapped
 from pmg.pipeline.reduce import mean_uncertainty
 from pmg.pipeline.turned import Turned, turns_of
 from pmg.sim import sources
@@ -26,6 +27,8 @@ FEWEST_POINTS = 3
 """Points from which the load angle's law is judged."""
 LEAST_SPAN = 3.0
 """Span of the expected angle over the points, in standard uncertainties of a point, from which it is judged."""
+MOST_DOF = 1e9
+"""Degrees of freedom that stand for a known uncertainty."""
 
 RHYTHMS = 32
 """Harmonics of the sawtooth of a counted angle that are summed."""
@@ -151,6 +154,10 @@ class WindUp:
         Measured change for one of what is expected; 1 where the pull-out torque is the published one.
     u : float
         Its standard uncertainty.
+    dof : float
+        Degrees of freedom of `u`.
+    reach : float
+        Half of its 95 % interval, by Student's t.
     without_load : float
         Angle without load [rad].
     points : int
@@ -161,12 +168,14 @@ class WindUp:
 
     slope: float
     u: float
+    dof: float
+    reach: float
     without_load: float
     points: int
     span: float
 
 
-def wind_up(torque_ring: Array, angle: Array, u: Array, gear: GearParameters) -> WindUp:
+def wind_up(torque_ring: Array, angle: Array, u: Array, gear: GearParameters, dof: Array | float = math.inf) -> WindUp:
     r"""Fit of the load angle against what the load winds up.
 
     Parameters
@@ -177,6 +186,8 @@ def wind_up(torque_ring: Array, angle: Array, u: Array, gear: GearParameters) ->
         Load angles and their uncertainty [rad].
     gear : GearParameters
         Pull-out torque.
+    dof : (n,) array or float
+        Degrees of freedom of `u`.
 
     Raises
     ------
@@ -186,7 +197,10 @@ def wind_up(torque_ring: Array, angle: Array, u: Array, gear: GearParameters) ->
     Notes
     -----
     :math:`\varphi = \varphi_0 + s\,\arcsin(T_r/\hat T_r)`, by weighted least squares. A weaker magnet winds up
-    more: to first order s is the published pull-out torque over the real one.
+    more: to first order s is the published pull-out torque over the real one. With the weights :math:`w_i`, s is
+    :math:`\sum_i a_i\varphi_i`; where the points scatter no more than their own uncertainties say,
+    :math:`u^2 = \sum_i a_i^2 u_i^2` has the effective degrees of freedom :math:`u^4/\sum_i (a_i u_i)^4/\nu_i` (GUM
+    equation G.2b). Where they scatter more, their scatter gives u, with n - 2 degrees of freedom.
     """
     expected = np.arcsin(np.clip(torque_ring / float(gear.pull_out_torque_ring), -1.0, 1.0))
     span = float(np.ptp(expected)) if len(expected) else 0.0
@@ -205,5 +219,11 @@ def wind_up(torque_ring: Array, angle: Array, u: Array, gear: GearParameters) ->
     slope = float((weight * (expected - centre) * near).sum()) / spread
     zero = float((weight * near).sum() / weight.sum()) - slope * centre
     rest = near - zero - slope * expected
-    inflation = max(1.0, float((weight * rest**2).sum()) / max(1, len(angle) - 2))
-    return WindUp(slope, math.sqrt(inflation / spread), zero, len(angle), span)
+    left = len(angle) - 2
+    inflation = float((weight * rest**2).sum()) / left
+    parts = (weight * (expected - centre)) ** 2 * u**2 / spread**2
+    share = float((parts**2 / np.maximum(dof, 1.0)).sum())
+    own = min(float(parts.sum()) ** 2 / share, MOST_DOF) if share > 0.0 else MOST_DOF
+    width, freedom = (math.sqrt(inflation / spread), float(left)) if inflation > 1.0 else (spread**-0.5, own)
+    reach = float(student.isf((1.0 - CONFIDENCE) / 2.0, freedom)) * width
+    return WindUp(slope, width, freedom, reach, zero, len(angle), span)

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.orders.angle import Index
     from pmg.pipeline.orders.lines import Line
     from pmg.pipeline.orders.loadangle import LoadAngle
-    from pmg.pipeline.orders.recorded import Coil
     from pmg.pipeline.orders.row import OrderRow
+    from pmg.pipeline.recording.beside import Coil
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
 

@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 SCHEMA = "pmg.orders/1"
 SLIPPED = 0.5
 """Poles lost over a window from which on it has no load angle."""
+TINY = 1e-12
+"""Uncertainty of an angle [rad] below which it is rounding."""
 ANGLES: dict[str, Any] = {
     "source": pl.String,
     "point": pl.String,
@@ -198,10 +200,12 @@ def _laws(angles: list[dict[str, Any]], bench: BenchParameters) -> list[dict[str
     for (gear, zero), members in sorted(sets.items()):
         document: dict[str, Any] = {"gear": gear, "zero": zero, "points": len(members)}
         several = len({member["source"] for member in members}) > 1
-        u = [math.hypot(member["u"], member["u_index"] if several else 0.0) for member in members]
+        own = np.array([member["u"] for member in members])
+        u = np.hypot(own, [member["u_index"] if several else 0.0 for member in members])
+        dof = np.array([member["dof"] or 1.0 for member in members]) * (u / np.maximum(own, TINY)) ** 4
         torque, value = (np.array([m[key] for m in members]) for key in ("torque_ring_Nm", "angle"))
         try:
-            law = wind_up(torque, value, np.array(u), bench.gear(gear))
+            law = wind_up(torque, value, u, bench.gear(gear), dof)
         except FitError as error:
             laws.append(document | {"reason": f"{error.came}; expected {error.expected}. {error.do}"})
         else:
@@ -267,8 +271,9 @@ def _angle_lines(angles: list[dict[str, Any]], laws: list[dict[str, Any]]) -> tu
             told.append(f"load angle against load ({zero}): not judged; {law['reason']}")
         else:
             told.append(
-                f"load angle against load ({zero}): it changes by {law['slope']:.3f} (u {law['u']:.3f}) of what the "
-                f"published pull-out torque implies over these loads, {law['span']:.4f} rad"
+                f"load angle against load ({zero}): it changes by {law['slope']:.3f} (u {law['u']:.3f}, 95 % within "
+                f"{law['reach']:.3f}) of what the published pull-out torque implies over these loads, "
+                f"{law['span']:.4f} rad"
             )
     # files without index pulses have a zero each: one sentence for all of them
     alone = [line for line in told if "zero from index" not in line and "not judged" in line]

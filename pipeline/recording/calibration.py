@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.recording.findings import Code
+from pmg.pipeline.recording.run import SUPPLY
 from pmg.sim.errors import near_miss
 
 if TYPE_CHECKING:
@@ -87,7 +88,8 @@ def read_calibration(attachments: Iterable[tuple[str, bytes]], findings: Finding
             Code.CALIBRATION_MISSING,
             f"attachment '{ATTACHMENT}'",
             f"{len(found)} different ones among the attachments {names}; expected exactly one",
-            "Without it a frequency is no torque: attach the calibration in the recorder.",
+            "Without it a frequency is no torque: attach the calibration in the recorder"
+            + (", exactly one." if found else f", or name one in {SUPPLY}."),
         )
         return None
     try:

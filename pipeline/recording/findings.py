@@ -172,9 +172,9 @@ class Findings:
         """Worth knowing."""
         self._add(Severity.INFO, code, where, message, do, **extent)
 
-    def give_up(self) -> UnusableRecordingError:
-        """The error that carries all findings so far, to be raised; the last error heads it."""
-        return UnusableRecordingError(self.told())
+    def give_up(self, run: Mapping[str, Any] | None = None) -> UnusableRecordingError:
+        """The error that carries all findings so far, and what is known of the run; the last error heads it."""
+        return UnusableRecordingError(self.told(), run)
 
     def told(self) -> tuple[Finding, ...]:
         """All findings in order; where there were too many of a kind, one that says how many more."""
@@ -227,15 +227,17 @@ class UnusableRecordingError(RecordingError):
     ----------
     findings : tuple of Finding
         At least one of them is an error.
+    run : mapping, optional
+        What is known of the run all the same.
     """
 
-    def __init__(self, findings: tuple[Finding, ...]) -> None:
+    def __init__(self, findings: tuple[Finding, ...], run: Mapping[str, Any] | None = None) -> None:
         """Head the error with the last finding that is one."""
-        self.findings = findings
+        self.findings, self.run = findings, dict(run or {})
         head = [f for f in findings if f.severity is Severity.ERROR][-1]
         came, _, expected = head.message.partition("; expected ")
         super().__init__(f"{head.file}: {head.where}", came, expected or "a recording of layout pmg.v1", head.do)
 
-    def __reduce__(self) -> tuple[type[UnusableRecordingError], tuple[tuple[Finding, ...]]]:
+    def __reduce__(self) -> tuple[type[UnusableRecordingError], tuple[tuple[Finding, ...], dict[str, Any]]]:
         """Pickle with the findings, so that it survives the way back from a worker."""
-        return type(self), (self.findings,)
+        return type(self), (self.findings, self.run)

@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import timedelta
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars as pl
 
+from pmg.pipeline.recording.beside import COILS, Beside, counter_bits, read_beside
+from pmg.pipeline.recording.beside import NOTHING as NOTHING_BESIDE
 from pmg.pipeline.recording.calibration import SIDES, read_calibration
-from pmg.pipeline.recording.channels import report_unread, wanted
+from pmg.pipeline.recording.channels import report_unread
 from pmg.pipeline.recording.checks.clock import mark_offset_s, sound_marks
 from pmg.pipeline.recording.checks.lines import check_lines
 from pmg.pipeline.recording.checks.transducers import check_torques
 from pmg.pipeline.recording.checks.wiring import check_wiring, stretch_of
 from pmg.pipeline.recording.container.contents import open_container
-from pmg.pipeline.recording.decode import decode_angle, decode_lines, decode_torque
+from pmg.pipeline.recording.decode import decode_lines
 from pmg.pipeline.recording.events import read_events, read_steps
 from pmg.pipeline.recording.findings import Code, Finding, Findings
 from pmg.pipeline.recording.layouts import wire
 from pmg.pipeline.recording.layouts.takeover import take_over
 from pmg.pipeline.recording.origin import read_origin
-from pmg.pipeline.recording.run import read_run
+from pmg.pipeline.recording.run import known_of_run, read_run
+from pmg.pipeline.recording.supplied import NOTHING, Supply
+from pmg.pipeline.recording.tracks import COLUMNS, decode_tracks, one_rate, tell_lacking, together
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from datetime import datetime
     from pathlib import Path
 
@@ -37,6 +41,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.layouts.wire import ClockMark, LineEvent
     from pmg.pipeline.recording.origin import Origin
     from pmg.pipeline.recording.run import RunInfo
+    from pmg.pipeline.recording.supplied import Supplied
     from pmg.sim.signals import Array
 
 
@@ -75,6 +80,12 @@ class Recording:
         Everything lost, damaged or contradictory, in the source of an import first.
     origin : Origin or None
         What it was imported from.
+    lacking : mapping of str to str
+        Columns of `samples` that hold nothing, and why: ``not recorded`` or ``not usable``.
+    supplied : mapping or None
+        What it lacked and was stated beside it, with names and hashes.
+    beside : Beside
+        Coils and index pulses, where they were asked for.
     """
 
     file: str
@@ -91,6 +102,14 @@ class Recording:
     blemishes: tuple[Blemish, ...]
     findings: tuple[Finding, ...]
     origin: Origin | None = None
+    lacking: Mapping[str, str] = field(default_factory=dict)
+    supplied: Mapping[str, Any] | None = None
+    beside: Beside = NOTHING_BESIDE
+
+    @property
+    def recorded(self) -> tuple[str, ...]:
+        """Columns of torque and angle that hold anything."""
+        return tuple(name for name in COLUMNS if name not in self.lacking)
 
     @property
     def stop_sample(self) -> int:
@@ -105,7 +124,9 @@ class Recording:
         return self.run.started_at + timedelta(seconds=offset)
 
 
-def read_recording(path: Path, name: str | None = None) -> Recording:
+def read_recording(
+    path: Path, name: str | None = None, supplied: Supplied = NOTHING, *, coils: bool = False
+) -> Recording:
     """The recording in a file.
 
     Parameters
@@ -114,32 +135,41 @@ def read_recording(path: Path, name: str | None = None) -> Recording:
         A file of layout pmg.v1.
     name : str, optional
         Name under which it is known in findings; the file's own name by default.
+    supplied : Supplied, optional
+        What is stated beside the file, used where the file does not say it.
+    coils : bool
+        Whether the voltages of the coils and the index pulses are read too.
 
     Raises
     ------
     UnusableRecordingError
-        When no torque and speed can be had from it. The error carries every finding, not only the first.
+        When no torque with its speed can be had from it. The error carries every finding, not only the first, and what
+        is known of the run.
     """
     findings = Findings(name or path.name)
-    container = open_container(path, wanted, findings)
-    report_unread(container.topics.values(), findings)
-    topics = take_over(container.topics, findings)
+    supply = Supply(supplied, findings)
+    container = open_container(path, lambda t: supplied.wanted(t) or (coils and t.startswith(COILS)), findings)
+    report_unread((t for t in container.topics.values() if not supplied.maps(t.name)), findings)
+    topics = supply.channel_metadata(take_over(supply.channels(container.topics), findings))
     container = replace(container, topics={})  # what is decoded is let go
-    run = read_run(container.metadata, findings)
+    metadata = supply.run(container.metadata, path.stem)
+    known = known_of_run(metadata)
+    run = read_run(metadata, findings)
     origin = read_origin(container.metadata, findings)
-    calibration = read_calibration(container.attachments, findings)
+    calibration = read_calibration(supply.calibration(container.attachments), findings)
     if run is None or calibration is None:
-        raise findings.give_up()
-    pulses = {side: read_events(topics, f"/daq/encoder_{side}/index", wire.index_pulse, findings) for side in SIDES}
-    tracks = [decode_torque(topics, side, calibration, findings) for side in SIDES]
-    tracks += [decode_angle(topics, side, calibration, pulses[side], findings) for side in SIDES]
-    decoded = [track for track in tracks if track is not None]
-    if len(decoded) < len(tracks) or not _one_rate(decoded, findings) or not _together(decoded, findings):
-        raise findings.give_up()
+        raise findings.give_up(known)
+    bits = counter_bits(topics)
+    tracks, lacking = decode_tracks(topics, calibration, findings)
+    decoded = [track for track in tracks.values() if track is not None]
+    paired = any(not lacking.keys() & {f"torque_{side}", f"angle_{side}"} for side in SIDES)
+    if not paired or not one_rate(decoded, findings) or not together(decoded, findings):
+        raise findings.give_up(known)
+    tell_lacking(lacking, findings)
     lines = decode_lines(topics, findings)
-    if lines is not None and not _one_rate([decoded[0], lines], findings):
+    if lines is not None and not one_rate([decoded[0], lines], findings):
         lines = None
-    first, samples = _frame(decoded, lines, findings)
+    first, samples = _frame(tracks, lines, findings)
     marks = read_events(topics, "/sys/clock", wire.clock_mark, findings)
     marks = sound_marks(marks, run, (first, first + samples.height), decoded[0].rate_hz, findings)
     changes = read_events(topics, "/events/lines", wire.line_event, findings)
@@ -147,7 +177,7 @@ def read_recording(path: Path, name: str | None = None) -> Recording:
     steps = read_steps(topics, findings)
     check_lines(lines, events, findings)
     check_wiring(_held(samples, first, decoded[0].rate_hz, run, steps), run, calibration, findings)
-    spoilt = check_torques(decoded[0], decoded[1], calibration, findings)
+    spoilt = check_torques(tracks["torque_sun"], tracks["torque_ring"], calibration, findings)
     return Recording(
         file=findings.file,
         sha256=container.sha256,
@@ -163,40 +193,15 @@ def read_recording(path: Path, name: str | None = None) -> Recording:
         blemishes=(*(b for track in decoded for b in track.blemishes), *spoilt),
         findings=(() if origin is None else origin.findings) + findings.told(),
         origin=origin,
+        lacking=lacking,
+        supplied=supply.document(),
+        beside=read_beside(topics, bits, findings.file) if coils else NOTHING_BESIDE,
     )
 
 
-def _one_rate(decoded: Sequence[Decoded], findings: Findings) -> bool:
-    odd = [track for track in decoded if track.rate_hz != decoded[0].rate_hz]
-    for track in odd:
-        findings.error(
-            Code.CHANNEL_VALUE,
-            track.topic,
-            f"rate_hz {track.rate_hz:g}; expected {decoded[0].rate_hz:g}, as of {decoded[0].topic}",
-            "Record torque, encoders and lines at one rate.",
-        )
-    return not odd
-
-
-def _together(decoded: Sequence[Decoded], findings: Findings) -> bool:
-    """Whether any sample is shared by all channels; what lies far apart belongs to no common moment."""
-    late, early = max(decoded, key=lambda track: track.first), min(decoded, key=lambda track: track.stop)
-    if late.first < early.stop:
-        return True
-    findings.error(
-        Code.SAMPLES_RAGGED,
-        late.topic,
-        f"it begins at sample {late.first}, and {early.topic} ends at {early.stop}; expected channels over the same "
-        "samples",
-        "An index or a stamp is damaged, or the channels were recorded one after another.",
-        sample_range=(early.stop, late.first),
-        lost="the file",
-    )
-    return False
-
-
-def _frame(decoded: Sequence[Decoded], lines: Decoded | None, findings: Findings) -> tuple[int, pl.DataFrame]:
+def _frame(tracks: Mapping[str, Decoded | None], lines: Decoded | None, findings: Findings) -> tuple[int, pl.DataFrame]:
     """All channels on one row of samples, from the first of any to the last of any."""
+    decoded = [track for track in tracks.values() if track is not None]
     first, stop = min(t.first for t in decoded), max(t.stop for t in decoded)
     for track in decoded:
         late, early = track.first - first, stop - track.stop
@@ -212,8 +217,8 @@ def _frame(decoded: Sequence[Decoded], lines: Decoded | None, findings: Findings
                 lost=f"{late + early} samples",
             )
     columns = {"sample": pl.Series(np.arange(first, stop, dtype=np.int64))}
-    for name, track in zip(("torque_sun", "torque_ring", "angle_sun", "angle_ring"), decoded, strict=True):
-        columns[name] = pl.Series(_padded(track, first, stop))
+    for name, held in tracks.items():
+        columns[name] = pl.Series(np.full(stop - first, np.nan) if held is None else _padded(held, first, stop))
     if lines is None:
         nothing = pl.Series("lines", [], dtype=pl.UInt32).extend_constant(None, stop - first)
         return first, pl.DataFrame(columns).with_columns(nothing)
@@ -238,7 +243,7 @@ def _padded(track: Decoded, first: int, stop: int) -> Array:
 
 def _held(samples: pl.DataFrame, first: int, rate_hz: float, run: RunInfo, steps: Sequence[Step]) -> Iterator[Stretch]:
     """Where set-points were held: from MEASURE to what follows it; without steps, the whole run."""
-    columns = {name: samples[name].to_numpy() for name in ("torque_sun", "torque_ring", "angle_sun", "angle_ring")}
+    columns = {name: samples[name].to_numpy() for name in COLUMNS}
     stop = first + samples.height
     ends = [
         ((step.sample, after.sample if after is not None else stop), step.setpoints)

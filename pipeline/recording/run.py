@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from pmg.pipeline.recording.findings import Code
+from pmg.pipeline.recording.findings import Code, Findings
 from pmg.sim.errors import near_miss
 from pmg.sim.grid import Configuration
 from pmg.sim.signals import RPM
@@ -16,14 +16,15 @@ from pmg.sim.signals import RPM
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
-    from pmg.pipeline.recording.findings import Findings
-
 Value = TypeVar("Value")
 
 RECORD = "pmg.run"
 LAYOUT = "pmg.v1"
+SUPPLY = "a file for 'pmg ingest --map FILE'"
+"""Where a user states what a recording lacks."""
 REQUIRED = ("layout", "campaign", "configuration", "gear", "started_at")
 OPTIONAL = ("point", "drive", "sun_speed_set_rpm", "ring_speed_set_rpm", "ring_torque_set_Nm", "note")
+CONFIGURATIONS = tuple(each.value for each in Configuration)
 DRIVES = ("sun", "ring")
 GEARS = ("1", "2")
 STEP_KEYS = {
@@ -111,7 +112,8 @@ def read_run(records: Iterable[tuple[str, Mapping[str, str]]], findings: Finding
             Code.RUN_MISSING,
             f"metadata '{RECORD}'",
             f"{came}; expected one record '{RECORD}' with {', '.join(REQUIRED)}",
-            "Let the recorder write it once, when the run starts.",
+            "Let the recorder write it once, when the run starts"
+            + ("." if found else f", or state it in [run] of {SUPPLY}."),
         )
         return None
     return _checked(found[0], findings)
@@ -122,7 +124,7 @@ def _checked(entries: Mapping[str, str], findings: Findings) -> RunInfo | None:
     strange = sorted(set(entries) - set(REQUIRED) - set(OPTIONAL))
     for key in REQUIRED:
         if key not in entries:
-            hint = near_miss(key, strange) if strange else f"Add '{key}' in the recorder."
+            hint = near_miss(key, strange) if strange else f"Add '{key}' in the recorder, or in [run] of {SUPPLY}."
             _fault(findings, Code.RUN_KEY, key, "the key is missing", "it beside the others", hint)
     for key in strange:
         findings.warning(
@@ -132,7 +134,7 @@ def _checked(entries: Mapping[str, str], findings: Findings) -> RunInfo | None:
             near_miss(key, (*REQUIRED, *OPTIONAL)),
         )
     _vocabulary(entries, "layout", (LAYOUT,), findings)
-    configuration = _vocabulary(entries, "configuration", tuple(c.value for c in Configuration), findings)
+    configuration = _vocabulary(entries, "configuration", CONFIGURATIONS, findings)
     gear = _vocabulary(entries, "gear", GEARS, findings)
     drive = _vocabulary({"drive": "sun", **entries}, "drive", DRIVES, findings)
     if "drive" not in entries and configuration == Configuration.ENGAGED:
@@ -143,11 +145,7 @@ def _checked(entries: Mapping[str, str], findings: Findings) -> RunInfo | None:
             "Let the recorder write which side drives.",
         )
     started = _parsed(entries, "started_at", utc, "a time such as 2025-04-23T08:00:40.390872Z", findings)
-    setpoints = {
-        name: value * scale
-        for key, (name, scale) in RUN_KEYS.items()
-        if (value := _parsed(entries, key, finite, "a finite number", findings)) is not None
-    }
+    setpoints = _setpoints(entries, findings)
     errors = sum(f.severity == "error" for f in findings.gathered) - errors_before
     if errors or configuration is None or gear is None or drive is None or started is None:
         return None
@@ -158,8 +156,35 @@ def _checked(entries: Mapping[str, str], findings: Findings) -> RunInfo | None:
         gear=int(gear),
         drive=drive,
         started_at=started,
-        setpoints=Setpoints(**setpoints),
+        setpoints=setpoints,
         note=entries.get("note", ""),
+    )
+
+
+def known_of_run(records: Iterable[tuple[str, Mapping[str, str]]]) -> dict[str, Any]:
+    """What is known of the run of a recording that cannot be used: sound keys, and set-points in SI; for a manifest."""
+    found = [entries for name, entries in records if name == RECORD]
+    if not found or any(entries != found[0] for entries in found):
+        return {}
+    entries, told = found[0], Findings(RECORD)
+    known: dict[str, Any] = {key: entries[key] for key in ("campaign", "point", "note") if entries.get(key)}
+    for key, words in (("configuration", CONFIGURATIONS), ("gear", GEARS), ("drive", DRIVES)):
+        if (word := _vocabulary(entries, key, words, told)) is not None:
+            known[key] = int(word) if key == "gear" else word
+    if (started := _parsed(entries, "started_at", utc, "a time", told)) is not None:
+        known["started_at"] = started.isoformat()
+    asked = {key: value for key, value in asdict(_setpoints(entries, told)).items() if value is not None}
+    return known | ({"setpoints": asked} if asked else {})
+
+
+def _setpoints(entries: Mapping[str, str], findings: Findings) -> Setpoints:
+    """Set-points of the whole run."""
+    return Setpoints(
+        **{
+            name: value * scale
+            for key, (name, scale) in RUN_KEYS.items()
+            if (value := _parsed(entries, key, finite, "a finite number", findings)) is not None
+        }
     )
 
 

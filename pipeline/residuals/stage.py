@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.analyse import analyse
+from pmg.pipeline.campaign import recorded_bench
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.chapters.structure import structure_section
 from pmg.pipeline.fitdocument import number
 from pmg.pipeline.gridtable import read_published
 from pmg.pipeline.options import THESIS_OPTIONS
-from pmg.pipeline.outcome import Outcome
+from pmg.pipeline.outcome import Outcome, told
 from pmg.pipeline.outputs import read_analysis
 from pmg.pipeline.report.document import Facts, Report, Verdict
 from pmg.pipeline.report.write import write_report
@@ -80,8 +81,10 @@ def run_residuals(
     if draws < FEWEST_DRAWS:
         raise FitError("--draws", str(draws), f"{FEWEST_DRAWS} or more", "Ask for more synthetic grids.")
     bench = load_bench()
+    remarks: tuple[dict[str, Any], ...] = ()
     if store is not None:
         grid, options = read_analysis(store)
+        bench, remarks = recorded_bench(store, grid, bench)
     else:
         assert grids is not None  # one of the two is given
         grid, options = read_published(grids, bench), THESIS_OPTIONS
@@ -122,10 +125,9 @@ def run_residuals(
         data |= {"report": str(files[0]), "files": [str(path) for path in files]}
         lines.append(f"report: {files[0]}")
     findings = tuple(
-        {"severity": "info", "where": error.where, "message": f"{error.came}; expected {error.expected}. {error.do}"}
-        for error in analysis.missing
+        told("info", error.where, f"{error.came}; expected {error.expected}. {error.do}") for error in analysis.missing
     )
-    return Outcome(data, tuple(lines), findings, mismatch=study.p_value <= LEVEL)
+    return Outcome(data, tuple(lines), remarks + findings, mismatch=study.p_value <= LEVEL)
 
 
 def _names(study: ResidualStudy) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 from pmg.pipeline.recording import Severity
+from tests.recording.chain import HARMS, follow
 from tests.recording.damages import DAMAGES
 from tests.recording.readers import kept_by_official, kept_by_pmg, told
 
@@ -26,6 +27,13 @@ def main() -> None:
         codes = sorted({f.code.value for f in told(spoilt) if f.severity is not Severity.INFO})
         out(f"{damage.kind:10} {damage.name:46} {truth.total():5} {counts[0]:5} {counts[1]:7} {counts[2]:7} ")
         out(f"{unchecked:>12}  {', '.join(codes)}\n")
+    out("\nA session of five points beside a whole repeat: from lost samples to findings, windows and grid.\n\n")
+    out(f"{'damage':46} {'lost samples':24} {'points it cost':15} {'not reached':12} missing links\n")
+    for harm in HARMS:
+        chain = follow(harm)
+        lost = ", ".join(f"{a} to {b}" for a, b in chain.lost) or "none"
+        out(f"{harm.name:46} {lost:24} {' '.join(chain.touched):15} {' '.join(chain.absent) or '-':12} ")
+        out(f"{'; '.join(chain.broken) or 'none'}\n")
 
 
 if __name__ == "__main__":

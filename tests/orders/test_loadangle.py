@@ -100,6 +100,25 @@ def test_the_published_pull_out_torque_gives_one_and_a_weaker_magnet_more(
         assert law.without_load == pytest.approx(1.7, abs=0.02)
 
 
+@pytest.mark.parametrize(("told", "dof"), [(1.0, math.inf), (0.1, math.inf), (1.0, 3.0)])
+def test_the_interval_of_the_slope_holds_the_truth_as_often_as_it_says(
+    bench: BenchParameters, rng: np.random.Generator, told: float, dof: float
+) -> None:
+    """Of four points: uncertainties as they are, ten times too small, and each known from four values only.
+
+    Twice the standard uncertainty would hold it in 82 % where the scatter of four points tells.
+    """
+    torque = np.array([0.78, 1.17, 1.56, 1.95])
+    u, runs, held = 2e-3, 600, 0
+    for _ in range(runs):
+        given = u * np.sqrt(rng.chisquare(dof, 4) / dof) if math.isfinite(dof) else np.full(4, told * u)
+        angle = np.arcsin(torque / bench.gear1.pull_out_torque_ring) + u * rng.standard_normal(4)
+        law = wind_up(torque, angle, given, bench.gear1, dof)
+        held += abs(law.slope - 1.0) <= law.reach
+        assert law.reach > 1.9 * law.u
+    assert held / runs >= 0.92
+
+
 def test_loads_alike_are_no_test(bench: BenchParameters) -> None:
     torque = np.array([1.50, 1.51, 1.52])
     with pytest.raises(FitError, match=r"over which it should change by 0\.003"):

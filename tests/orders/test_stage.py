@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import polars as pl
@@ -17,9 +18,13 @@ from pmg.pipeline.cli import app
 from pmg.pipeline.limits import Steadiness
 from pmg.pipeline.orders.flux import linkage_area
 from pmg.pipeline.orders.kept import COLUMNS, kept_orders, orders_of_manifest
-from pmg.pipeline.orders.recorded import read_beside
 from pmg.pipeline.orders.stage import ANGLES, run_orders
-from pmg.pipeline.recording import Recording
+from pmg.pipeline.recording import Recording, read_recording
+from pmg.pipeline.recording.beside import NOTHING
+from pmg.pipeline.recording.container import contents
+from pmg.pipeline.recording.container.gathered import Gathered
+from pmg.pipeline.recording.container.source import Source
+from pmg.pipeline.recording.container.walk import walk_records
 from pmg.pipeline.store import ORDERS, Store
 from pmg.pipeline.windows import Window, find_windows
 from pmg.sim.bench import BenchParameters
@@ -190,9 +195,29 @@ def test_windows_are_judged_once_for_means_and_lines(
     assert kept.table.height == 0
 
 
+def test_an_ingest_reads_a_file_with_coils_once(
+    tmp_path: Path, bench: BenchParameters, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After the hash of the inventory; and a reading that does not ask for coils holds none."""
+    calls: list[int] = []
+
+    def walked(stream: BinaryIO, size: int, gathered: Gathered) -> Source:
+        calls.append(size)
+        return walk_records(stream, size, gathered)
+
+    monkeypatch.setattr(contents, "walk_records", walked)
+    store = ingested(tmp_path, engaged(bench))
+    assert len(calls) == 1
+    (manifest,) = Store(store).manifests()
+    kept = kept_orders(Store(store), manifest)
+    assert kept is not None
+    assert "flux_radial_1" in set(kept.table["signal"])
+    assert read_recording(write(tmp_path / "a.mcap", engaged(bench))).beside == NOTHING
+
+
 def test_a_coil_of_another_kind_or_unit_is_told_and_the_rest_goes_on(tmp_path: Path, bench: BenchParameters) -> None:
     odd = engaged(bench, channel={COIL: VOLTAGE | {"unit": "mV"}})
-    beside = read_beside(write(tmp_path / "a.mcap", odd))
+    beside = read_recording(write(tmp_path / "a.mcap", odd), coils=True).beside
     assert beside.coils == ()
     assert [(finding.where, finding.severity.value) for finding in beside.findings] == [(COIL, "error")]
     axial = "/daq/emf/axial_1"

@@ -24,6 +24,7 @@ from pmg.pipeline.stages import run_analyse, run_compare
 from pmg.pipeline.store import Manifest, Store
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import RecordingError
+from pmg.sim.signals import RPM
 
 SECOND = "2025-04-23T09:00:00Z"
 OPTIONS = AnalysisOptions()
@@ -91,6 +92,26 @@ def test_a_hole_is_told_with_the_file_that_may_have_filled_it(file: str, words: 
     assert [finding["where"] for finding in others] == [file]
     assert lack_findings(grid, ["neutral, sun 1404 rpm, ring 54 rpm"], [failed])[0]["message"].count("may be in") == 1
     assert lack_findings(grid, []) == ()
+
+
+@pytest.mark.parametrize(
+    ("run", "cell"),
+    [
+        ({"configuration": "neutral", "sun": 1404, "ring": 540}, "neutral, sun 1404 rpm, ring 540 rpm"),
+        ({"configuration": "engaged", "sun": 600, "load": -1.5}, "engaged, sun 600 rpm, load -1.5 N m"),
+        ({"configuration": "neutral", "sun": 1404}, ""),
+        ({"configuration": "neutral", "sun": 1404, "ring": 540, "campaign": "other"}, ""),
+    ],
+)
+def test_a_hole_is_told_with_the_unusable_file_that_was_run_there(run: dict[str, Any], cell: str) -> None:
+    grid = measured(points("neutral", [100.0], [100.0]), np.ones(1), np.ones(1))
+    asked = {"speed_sun": ("sun", RPM), "speed_ring": ("ring", RPM), "torque_ring": ("load", 1.0)}
+    setpoints = {key: run[name] * scale for key, (name, scale) in asked.items() if name in run}
+    known = {"campaign": grid.campaign} | run | {"setpoints": setpoints}
+    failed = Manifest("x", {"file": "x.mcap", "status": "failed", "findings": [], "windows": [], "run": known})
+    hole, other = lack_findings(grid, [cell or "neutral, sun 1404 rpm, ring 540 rpm"], [failed])
+    assert hole["message"].endswith("x.mcap was run there and is not usable") == bool(cell)
+    assert other["message"] == "not usable, so not in the grid" + (f" at {cell}" if cell else "")
 
 
 def twice(bench: Bench, **change: Any) -> tuple[Bench, Bench]:  # noqa: ANN401  (any field)

@@ -33,6 +33,10 @@ class Witness(Gathered):
         self.whole.append(data[start:stop].tobytes())
         super().keep(identity, data, start, stop)
 
+    def keep_many(self, identity: int, data: memoryview, spans: list[tuple[int, int]]) -> None:
+        self.whole.extend(data[start:stop].tobytes() for start, stop in spans)
+        super().keep_many(identity, data, spans)
+
     def keep_alike(self, identity: int, rows: npt.NDArray[np.uint8]) -> None:
         self.whole.extend(row.tobytes() for row in rows)
         super().keep_alike(identity, rows)

@@ -145,7 +145,8 @@ def test_messages_of_an_undescribed_channel_are_counted(tmp_path: Path) -> None:
     assert data.count(head) >= 1
     path.write_bytes(data.replace(head, struct.pack("<H", 77) + head[2:]))
     recording, findings = read_or_findings(path)
-    assert recording is None
+    assert recording is not None
+    assert dict(recording.lacking) == {"torque_sun": "not recorded"}
     lost = [f for f in findings if f.code is Code.RECORD_LOST]
     assert any("10 messages" in f.message for f in lost)
 

@@ -287,6 +287,14 @@ def test_a_channel_that_ends_early_is_told(tmp_path: Path) -> None:
     assert recording.samples.height == 1000
 
 
-def test_no_samples_at_all_are_refused() -> None:
+def test_no_samples_of_any_torque_are_refused() -> None:
     with pytest.raises(UnusableRecordingError, match="0 messages give no samples"):
-        made(Bench(drop={TORQUE: (0, 1000)}))
+        made(Bench(drop=dict.fromkeys((TORQUE, TORQUE.replace("sun", "ring")), (0, 1000))))
+
+
+def test_no_samples_of_one_torque_leave_the_others() -> None:
+    recording = made(Bench(drop={TORQUE: (0, 1000)}))
+    assert dict(recording.lacking) == {"torque_sun": "not recorded"}
+    assert np.isnan(recording.samples["torque_sun"].to_numpy()).all()
+    whole = made(Bench()).samples
+    assert recording.samples.drop("torque_sun").equals(whole.drop("torque_sun"))

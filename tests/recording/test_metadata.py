@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pmg.pipeline.recording import Code, Finding, Severity, UnusableRecordingError, read_recording
-from pmg.pipeline.recording.run import utc
+from pmg.pipeline.recording.run import known_of_run, utc
 from pmg.sim.grid import Configuration
 from pmg.sim.signals import RPM
 
@@ -17,6 +17,12 @@ from .writer import CALIBRATION, Bench, write
 
 TORQUE = "/daq/torque_sun/frequency"
 COUNT = "/daq/encoder_ring/count"
+COLUMN = {
+    TORQUE: "torque_sun",
+    "/daq/torque_ring/frequency": "torque_ring",
+    "/daq/encoder_sun/count": "angle_sun",
+    COUNT: "angle_ring",
+}
 
 
 def refusal(path: Path, bench: Bench) -> tuple[Finding, ...]:
@@ -76,10 +82,16 @@ def test_bad_metadata_is_refused_and_the_finding_says_what_to_do(
         (COUNT, {"bits": "8"}, Code.CHANNEL_VALUE, "bits '8'"),
     ],
 )
-def test_a_channel_that_contradicts_the_layout_is_refused_by_name(
+def test_a_channel_that_contradicts_the_layout_is_told_by_name_and_not_used(
     tmp_path: Path, topic: str, change: dict[str, str | None], code: Code, words: str
 ) -> None:
-    findings = refusal(tmp_path, Bench(channel={topic: change}))
+    bench = Bench(channel={topic: change})
+    if "rate_hz" in change and topic == COUNT:
+        findings = refusal(tmp_path, bench)
+    else:
+        recording = read_recording(write(tmp_path / "a.mcap", bench))
+        assert dict(recording.lacking) == {COLUMN[topic]: "not usable"}
+        findings = recording.findings
     named = [f for f in findings if f.code is code and f.where == topic]
     assert any(words in str(f) for f in named), [str(f) for f in findings]
 
@@ -91,15 +103,38 @@ def test_a_missing_word_that_the_layout_fixes_is_only_a_warning(tmp_path: Path, 
 
 
 @pytest.mark.parametrize("topic", [TORQUE, COUNT, "/daq/torque_ring/frequency", "/daq/encoder_sun/count"])
-def test_a_missing_channel_is_named(tmp_path: Path, topic: str) -> None:
-    findings = refusal(tmp_path, Bench(without=frozenset({topic})))
-    assert [(f.code, f.where) for f in findings] == [(Code.CHANNEL_MISSING, topic)]
+def test_a_missing_channel_is_named_and_the_others_are_read(tmp_path: Path, topic: str) -> None:
+    column = COLUMN[topic]
+    recording = read_recording(write(tmp_path / "a.mcap", Bench(without=frozenset({topic}))))
+    assert [(f.code, f.where) for f in recording.findings] == [
+        (Code.CHANNEL_MISSING, topic),
+        (Code.CHANNEL_MISSING, column),
+    ]
+    assert dict(recording.lacking) == {column: "not recorded"}
+    whole = read_recording(write(tmp_path / "b.mcap", Bench())).samples
+    assert recording.samples[column].is_nan().all()
+    assert recording.samples.drop(column).equals(whole.drop(column))
+
+
+@pytest.mark.parametrize(
+    "without",
+    [(TORQUE, "/daq/torque_ring/frequency"), (TORQUE, COUNT), ("/daq/encoder_sun/count", COUNT)],
+)
+def test_without_a_shaft_that_has_both_torque_and_angle_the_recording_is_refused(
+    tmp_path: Path, without: tuple[str, ...]
+) -> None:
+    findings = refusal(tmp_path, Bench(without=frozenset(without)))
+    assert {f.where for f in findings} == set(without)
 
 
 def test_edges_without_their_ticks_are_a_missing_channel(tmp_path: Path) -> None:
     topic = "/daq/torque_sun/edge_ticks"
-    findings = refusal(tmp_path, Bench(encoding="edges", without=frozenset({topic})))
-    assert [(f.code, f.where) for f in findings] == [(Code.CHANNEL_MISSING, topic)]
+    path = write(tmp_path / "a.mcap", Bench(encoding="edges", without=frozenset({topic})))
+    findings = read_recording(path).findings
+    assert [(f.code, f.where) for f in findings] == [
+        (Code.CHANNEL_MISSING, topic),
+        (Code.CHANNEL_MISSING, "torque_sun"),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -133,8 +168,8 @@ def test_a_misspelt_topic_is_pointed_out(tmp_path: Path) -> None:
 def test_findings_survive_json_and_the_error_survives_pickling(tmp_path: Path) -> None:
     findings = refusal(tmp_path, Bench(run={"gear": "3"}))
     assert tuple(Finding.from_dict(f.to_dict()) for f in findings) == findings
-    error = pickle.loads(pickle.dumps(UnusableRecordingError(findings)))
-    assert error.findings == findings
+    error = pickle.loads(pickle.dumps(UnusableRecordingError(findings, {"gear": 1})))
+    assert (error.findings, error.run) == (findings, {"gear": 1})
     assert "gear" in str(error)
 
 
@@ -148,3 +183,41 @@ def test_findings_survive_json_and_the_error_survives_pickling(tmp_path: Path) -
 )
 def test_times_of_rfc_3339_are_read(text: str, micro: int) -> None:
     assert utc(text) == datetime(2025, 4, 23, 8, 0, 0, micro, tzinfo=UTC)
+
+
+@pytest.mark.parametrize(
+    ("change", "lost"),
+    [
+        ({}, set()),
+        ({"gear": "3"}, {"gear"}),
+        ({"started_at": "23.4.2025"}, {"started_at"}),
+        ({"campaign": None, "configuration": "neutrall"}, {"campaign", "configuration"}),
+        ({"sun_speed_set_rpm": "fast"}, {"speed_sun"}),
+    ],
+)
+def test_a_refusal_carries_what_is_known_of_the_run(
+    tmp_path: Path, change: dict[str, str | None], lost: set[str]
+) -> None:
+    asked: dict[str, str | None] = {"sun_speed_set_rpm": "600", "ring_torque_set_Nm": "-1.5"}
+    path = write(tmp_path / "a.mcap", Bench(run=asked | change, calibration=None))
+    with pytest.raises(UnusableRecordingError) as caught:
+        read_recording(path)
+    known = dict(caught.value.run)
+    found = known | known.pop("setpoints")
+    found.pop("setpoints", None)
+    whole = {
+        "campaign": "made",
+        "point": "P1",
+        "configuration": "neutral",
+        "gear": 1,
+        "drive": "sun",
+        "started_at": "2025-04-23T08:00:00.250000+00:00",
+        "speed_sun": pytest.approx(600 * RPM),
+        "torque_ring": -1.5,
+    }
+    assert found == {key: value for key, value in whole.items() if key not in lost}
+
+
+def test_of_records_that_contradict_each_other_nothing_is_known() -> None:
+    assert known_of_run([("pmg.run", {"gear": "1"}), ("pmg.run", {"gear": "2"})]) == {}
+    assert known_of_run([("other", {"gear": "1"})]) == {}

@@ -9,8 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
+from tests.bench.colours import Colour, power_law, resonance
 from tests.bench.windowed import NOISE, TORQUE, tally, window
 
+from pmg.pipeline.noiseforms import forms, kinds
 from pmg.pipeline.reduce import BATCH_METHOD, MEMORY_METHOD, reduce_shaft, resolution
 from pmg.pipeline.serialmean import FEWEST_PIECES, serial_mean
 from pmg.pipeline.turned import SLACK, Turned, turns_of
@@ -32,6 +34,42 @@ def test_95_percent_intervals_hold_the_truth_whatever_the_memory_of_the_noise(me
         assert float(np.median(found.memory)) == pytest.approx(memory, rel=0.4)
     if memory <= 0.02:
         assert found.flagged.mean() < 0.05
+
+
+@pytest.mark.parametrize(("hertz", "flat"), [(0.5, False), (1.0, True)])
+def test_a_slow_resonance_is_known_for_one(hertz: float, flat: bool) -> None:
+    """Noise of first order that long would give up to six times the half-width that is due, and hold all."""
+    found = tally(Colour("mode", resonance(hertz, 0.1)), 100, RATE)
+    held = int(found.held.sum())
+    assert stats.binom.ppf(0.001, 100, 0.95) <= held
+    assert 0.8 < found.wide() < 1.5
+    assert found.flagged.mean() < 0.35 if flat else found.flagged.mean() > 0.9
+
+
+def test_noise_without_a_time_of_its_own_is_flagged_and_widens_the_interval() -> None:
+    """Of first order alone, a quarter of the windows would be flagged, with 0.6 of the half-width that is due."""
+    found = tally(Colour("1/f", power_law(1.0)), 150, RATE)
+    assert found.flagged.mean() > 0.4
+    assert found.held.mean() > found.batches.mean() + 0.1
+    assert found.held[found.flagged].mean() > 0.8
+
+
+@settings(max_examples=40, deadline=None)
+@given(m=st.integers(FEWEST_PIECES, 60), number=st.integers(0, len(kinds()) - 1))
+def test_the_mean_is_as_uncertain_however_the_stretch_is_cut(m: int, number: int) -> None:
+    kind = kinds()[number]
+    lag = np.abs(np.subtract.outer(np.arange(m), np.arange(m)))
+    assert kind.covariance(m)[lag].mean() == pytest.approx(kind.coarser(m, 1), rel=1e-6)
+
+
+@pytest.mark.parametrize("m", [FEWEST_PIECES, 25, 29, 37, 50])
+def test_forms_are_covariances_and_independent_noise_is_flat_and_safe_for_batches(m: int) -> None:
+    known = forms(m)
+    assert (known.variances > 0.0).all()
+    assert not known.unsafe[0]
+    assert not known.uneven[0]
+    memory = known.memory[np.isfinite(known.memory)]
+    assert (known.uneven[: len(memory)] == (memory > 0.0503)).all()
 
 
 def test_ripple_over_a_part_of_a_turn_stays_out_of_the_mean() -> None:

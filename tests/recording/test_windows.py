@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -200,6 +201,39 @@ def test_every_check_is_tripped_by_one_of_the_faults_above() -> None:
         if m.name == "parametrize"
     )
     assert len({reason for _, reason in mark.args[1]}) == len(CHECKS)
+
+
+CHANNELS = {
+    "/daq/torque_sun/frequency": "torque_sun",
+    "/daq/torque_ring/frequency": "torque_ring",
+    "/daq/encoder_sun/count": "angle_sun",
+    "/daq/encoder_ring/count": "angle_ring",
+}
+
+
+@pytest.mark.parametrize(("topic", "column"), CHANNELS.items())
+@pytest.mark.parametrize("steps", [(), STEPS])
+def test_a_channel_that_was_not_recorded_is_the_reason_and_the_other_shaft_keeps_its_numbers(
+    topic: str, column: str, steps: tuple[Any, ...]
+) -> None:
+    """The torque and speed of the other shaft are to the bit those of a recording that has all."""
+    bench = Bench(6.1, steps=steps)
+    windows, means = judged(replace(bench, without=frozenset({topic})))
+    whole, full = judged(bench)
+    kind, _, side = column.partition("_")
+    assert [w.reasons for w in windows] == [(f"channel missing: {side} {kind} not recorded",)] * (2 if steps else 1)
+    assert [(w.first_sample, w.stop_sample) for w in windows] == [(w.first_sample, w.stop_sample) for w in whole]
+    for lacking, complete in zip(means, full, strict=True):
+        other = "ring" if side == "sun" else "sun"
+        assert getattr(lacking, other) == getattr(complete, other)
+        own = getattr(lacking, side)
+        assert np.isnan(own.torque if kind == "torque" else own.speed)
+
+
+def test_without_steps_and_name_a_file_is_cut_by_the_channels_that_it_has() -> None:
+    (window,), _ = judged(Bench(6.0, run={"point": None}, without=frozenset({TORQUE})))
+    assert (window.first_sample, window.stop_sample) == (0, 3000)
+    assert names(window) == ["channel missing"]
 
 
 @pytest.mark.parametrize(

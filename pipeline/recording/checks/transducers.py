@@ -40,13 +40,15 @@ SHARED_STEP = 0.1
 """Part of a step that the other shaft may show; a load shows on both."""
 
 
-def check_torques(sun: Decoded, ring: Decoded, calibration: Calibration, findings: Findings) -> tuple[Blemish, ...]:
+def check_torques(
+    sun: Decoded | None, ring: Decoded | None, calibration: Calibration, findings: Findings
+) -> tuple[Blemish, ...]:
     """Stretches of both torques that are no measurement; each is a finding too.
 
     Parameters
     ----------
-    sun, ring : Decoded
-        Torques [N m].
+    sun, ring : Decoded or None
+        Torques [N m]; None where there is none. The shunt is looked for only beside the other one.
     calibration : Calibration
         Their transducers.
     findings : Findings
@@ -62,6 +64,8 @@ def check_torques(sun: Decoded, ring: Decoded, calibration: Calibration, finding
     """
     marks: list[Blemish] = []
     for side, track, other in (("sun", sun, ring), ("ring", ring, sun)):
+        if track is None:
+            continue
         transducer = calibration.transducer(side)
         _out_of_band(track, transducer, findings)
         if not any(f.code is Code.SIMULATED and f.where == track.topic for f in findings.gathered):
@@ -73,6 +77,8 @@ def check_torques(sun: Decoded, ring: Decoded, calibration: Calibration, finding
             held = _held(track, other)
             tell_stretches(findings.error, Code.STUCK, track.topic, held, words, lost="{n} samples")
             marks += [Blemish(track.topic, Code.STUCK, start, stop) for start, stop in held.tolist()]
+        if other is None:
+            continue
         words = (
             f"are shifted by about {SHUNT:.0%} of the nominal torque, on this shaft alone",
             "the torque of the shaft",
@@ -109,7 +115,7 @@ def _out_of_band(track: Decoded, transducer: Transducer, findings: Findings) -> 
     tell_stretches(findings.warning, Code.BEYOND_NOMINAL, track.topic, found, words, kept="the other samples")
 
 
-def _held(track: Decoded, other: Decoded) -> Ranges:
+def _held(track: Decoded, other: Decoded | None) -> Ranges:
     """Stretches of one value, as sample indices; where nothing is lively, only long ones or one over all the record."""
     least = max(STUCK_SAMPLES, round(STUCK_S * track.rate_hz))
     still = track.values[1:] == track.values[:-1]
@@ -122,7 +128,7 @@ def _held(track: Decoded, other: Decoded) -> Ranges:
         covered[start:stop] = True
     rest = ~covered & np.isfinite(track.values[1:]) & np.isfinite(track.values[:-1])
     enough = np.count_nonzero(rest) >= least
-    lively = float(np.mean(~still[rest])) if enough else _liveliness(other)
+    lively = float(np.mean(~still[rest])) if enough else 0.0 if other is None else _liveliness(other)
     if lively <= LIVELY:
         known = int(np.count_nonzero(np.isfinite(track.values)))
         dead = min(max(least, round(DEAD_S * track.rate_hz)), known)

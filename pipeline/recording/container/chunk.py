@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import zlib
+import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import lz4.frame
 import zstandard
+from deflate import crc32
 
 from pmg.pipeline.recording.container.records import HEAD, LAYOUT, Op, RecordError, parse
 
@@ -37,7 +38,7 @@ FIXED_HEAD = 8 + 8 + 8 + 4 + 4
 """Bytes of a chunk before the name of its compression."""
 
 
-BLOCK_HEAD = 3
+BLOCK_HEAD = struct.Struct("<BH")
 """Bytes before each block of zstd: one bit whether it is the last, two bits of its kind, its length above them."""
 
 MOST_FRAMES = 64
@@ -179,7 +180,7 @@ def _proven(source: Source, head: ChunkHead, packed: memoryview, size: int) -> m
         raise TooLargeError(f"it expands to more than the {size} bytes that it declares")
     if len(data) != head.size and head.crc == 0:
         raise ChunkError(f"{len(data)} bytes came out, {head.size} are declared")
-    crc = zlib.crc32(data)
+    crc = crc32(data)
     if head.crc not in (0, crc):
         raise ChunkError(f"its CRC is {crc:08x}, {head.crc:08x} is declared")
     if head.crc == 0 and not _whole(data):
@@ -223,12 +224,13 @@ def _frame_end(packed: memoryview) -> int:
     """Place after the first frame of zstd, by the heads of its blocks; beyond the end where one is not whole."""
     at, last = zstandard.frame_header_size(packed), False
     while not last:
-        head = int.from_bytes(packed[at : at + BLOCK_HEAD], "little")
-        if at + BLOCK_HEAD > len(packed):
-            return at + BLOCK_HEAD
+        if at + BLOCK_HEAD.size > len(packed):
+            return at + BLOCK_HEAD.size
+        low, high = BLOCK_HEAD.unpack_from(packed, at)
+        head = low | high << 8
         last = bool(head & 1)
         repeated = head >> 1 & 3 == 1
-        at += BLOCK_HEAD + (1 if repeated else head >> BLOCK_HEAD)
+        at += BLOCK_HEAD.size + (1 if repeated else head >> 3)
     return at + 4 * zstandard.get_frame_parameters(packed).has_checksum
 
 

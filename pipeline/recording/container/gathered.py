@@ -84,6 +84,12 @@ class Gathered:
         if kept is not None:
             kept.append(data, start + MESSAGE.size, stop)
 
+    def keep_many(self, identity: int, data: memoryview, spans: list[tuple[int, int]]) -> None:
+        """Take messages of a channel that is described, each between two places of some bytes."""
+        self.counts[identity] += len(spans)
+        if identity in self.payloads:
+            self.payloads[identity].append_many([data[start + MESSAGE.size : stop] for start, stop in spans])
+
     def keep_alike(self, identity: int, rows: npt.NDArray[np.uint8]) -> None:
         """Take messages of one length of a channel that is described, (n, length) with their heads."""
         self.counts[identity] += len(rows)

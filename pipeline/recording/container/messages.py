@@ -15,8 +15,11 @@ if TYPE_CHECKING:
     Bytes = npt.NDArray[np.uint8]
     Places = npt.NDArray[np.int64]
 
-SMALLEST, LARGEST = 1 << 16, 1 << 24
-"""Length of the first array, and of the others [bytes]; memory that is not written to is not taken."""
+TOGETHER = 1 << 15
+"""Small messages that are read together: a bound on what is held of them a second time."""
+SMALLEST, GROWTH, LARGEST = 1 << 16, 4, 1 << 24
+"""Length of the first array, by how much each is longer than the one before, and how long at most [bytes]: systems hand
+out memory for long arrays in large pages, of which a channel of few bytes would fill a part only."""
 
 
 class Messages:
@@ -62,6 +65,18 @@ class Messages:
         self._used = used
         self._lengths.append(stop - start)
 
+    def append_many(self, payloads: list[memoryview]) -> None:
+        """Take these messages, of whatever lengths."""
+        lengths = array("I", map(len, payloads))
+        used = self._used + sum(lengths)
+        if used > self._room or not self._arrays:
+            for payload, length in zip(payloads, lengths, strict=True):
+                self.append(payload, 0, length)
+            return
+        self._view[self._used : used] = b"".join(payloads)
+        self._used = used
+        self._lengths.extend(lengths)
+
     def extend(self, rows: Bytes) -> None:
         """Take messages of one length, (n, length)."""
         count, length = rows.shape
@@ -85,10 +100,14 @@ class Messages:
     def _next(self, least: int) -> None:
         """Begin another array."""
         self._firsts.append(len(self._lengths))
-        self._room = max(least, LARGEST if self._arrays else SMALLEST)
+        self._room = max(least, min(LARGEST, GROWTH * len(self._arrays[-1])) if self._arrays else SMALLEST)
         self._arrays.append(np.empty(self._room, dtype=np.uint8))
         self._view = self._arrays[-1].data
         self._used = 0
+
+    def let_go(self) -> None:
+        """Forget all messages, so that their memory serves what was made of them."""
+        self.__init__()  # type: ignore[misc]
 
     def lengths(self) -> Places:
         """Length of each message [bytes]."""
@@ -105,16 +124,41 @@ class Messages:
                 yield view[at : at + length].tobytes()
                 at += length
 
-    def by_length(self) -> Iterator[tuple[Places, Bytes]]:
-        """Messages of one length, whatever lies between them: their places, and (n, length); a part at a time."""
+    def those(self, wanted: npt.NDArray[np.bool_]) -> Iterator[tuple[int, bytes]]:
+        """The wanted messages, each with its place."""
         lengths = self.lengths()
         for first, stop, held in self._held():
-            own = lengths[first:stop]
-            starts = np.cumsum(own) - own
-            for length in np.unique(own).tolist():
-                rows = np.flatnonzero(own == length)
-                if length == 0 or len(rows) == len(own):
-                    data = held[: length * len(rows)].reshape(len(rows), length)
-                else:
-                    data = np.lib.stride_tricks.sliding_window_view(held, length)[starts[rows]]
-                yield first + rows, data
+            own, view = lengths[first:stop], held.data
+            places = np.flatnonzero(wanted[first:stop])
+            ends = np.cumsum(own)[places]
+            for place, end, length in zip(places.tolist(), ends.tolist(), own[places].tolist(), strict=True):
+                yield first + place, view[end - length : end].tobytes()
+
+    def by_length(self, most: int = 0) -> Iterator[tuple[Places, Bytes]]:
+        """Messages of one length, whatever lies between them: their places, and (n, length); a part at a time.
+
+        Parameters
+        ----------
+        most : int
+            Messages that are looked at together, so that copies of them stay small; 0 for as many as there are.
+        """
+        lengths = self.lengths()
+        for first, stop, held in self._held():
+            at, step = 0, most or max(stop - first, 1)
+            for low in range(first, stop, step):
+                own = lengths[low : min(low + step, stop)]
+                part = held[at : at + int(own.sum())]
+                at += len(part)
+                yield from _by_length(low, own, part)
+
+
+def _by_length(first: int, own: Places, held: Bytes) -> Iterator[tuple[Places, Bytes]]:
+    """The same of messages of some lengths that fill an array, the first of them at a place."""
+    starts = np.cumsum(own) - own
+    for length in np.unique(own).tolist():
+        rows = np.flatnonzero(own == length)
+        if length == 0 or len(rows) == len(own):
+            data = held.reshape(len(rows), length) if length else held[:0].reshape(len(rows), 0)
+        else:
+            data = np.lib.stride_tricks.sliding_window_view(held, length)[starts[rows]]
+        yield first + rows, data

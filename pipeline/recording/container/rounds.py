@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import struct
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.recording.container.records import HEAD
+from pmg.pipeline.recording.container.records import HEAD, MESSAGE, Op
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.pipeline.recording.container.gathered import Gathered
 
-MARK = HEAD.size + 2
-"""Bytes of a message by which it is known: its code, its length and its channel."""
+MARKED = struct.Struct("<BQH")
+"""What a message is known by: its code, its length and its channel."""
+MARK = MARKED.size
+"""Length of that [bytes]."""
 LONGEST = 256
 """Most messages in a round."""
 FEWEST = 3
@@ -23,6 +26,8 @@ WORTH = 64
 """Messages that pay for one look."""
 REST = 64
 """Messages that are taken one by one after rounds were looked for in vain; each time twice as many."""
+MOST_PASSED = 4096
+"""Messages that are taken in passing before they are copied: a bound on what is noted of each of them."""
 
 
 class Round:
@@ -65,8 +70,7 @@ class Round:
             Where the message begins, and the place after it.
         """
         if self._wait:
-            self._wait -= 1
-            return stop
+            return self._passing(stop)
         mark = self._data[place : place + MARK].tobytes()
         number = self._seen.get(mark)
         if number is None:
@@ -97,6 +101,34 @@ class Round:
             if first < alike:
                 self._gathered.keep_alike(channels[number], rows[first:alike, low + HEAD.size : high])
         return place + alike * length
+
+    def _passing(self, place: int) -> int:
+        """Take the next messages one by one as long as nothing is looked for; gives the place after them."""
+        data, size, known, unpack = self._data, len(self._data), self._gathered.channels, MARKED.unpack_from
+        message, head, least = int(Op.MESSAGE), HEAD.size, MESSAGE.size
+        found: dict[int, list[tuple[int, int]]] = {}
+        self._wait -= 1
+        most = min(self._wait, MOST_PASSED)
+        taken, last = 0, size - MARK
+        while taken < most and place <= last:
+            opcode, length, identity = unpack(data, place)
+            start = place + head
+            stop = start + length
+            # What is too short for its own head, or belongs to nobody, is left to the walk from record to record.
+            if opcode != message or length < least or stop > size:
+                break
+            try:
+                found[identity].append((start, stop))
+            except KeyError:
+                if identity not in known:
+                    break
+                found[identity] = [(start, stop)]
+            place = stop
+            taken += 1
+        self._wait -= taken
+        for identity, spans in found.items():
+            self._gathered.keep_many(identity, data, spans)
+        return place
 
     def _alike(self, rows: npt.NDArray[np.uint8], starts: npt.NDArray[np.int64]) -> int:
         """How many rounds go on like the one whose messages begin at those places."""

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
-import zlib
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
+
+from deflate import crc32
 
 from pmg.pipeline.recording.container.records import HEAD, Frame
+from pmg.pipeline.recording.container.trail import Trail
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
 
 BLOCK = 1 << 20
 """Bytes read at once when a long stretch is passed over."""
@@ -54,9 +58,10 @@ class Source:
         self.size = size
         self._held = (0, b"")
         self._summed = (0, 0, 0)
-        self._hash = hashlib.sha256()
-        self._followed = self._crc = 0
-        self._lent = memoryview(bytearray())
+        self._trail = Trail()
+        self._followed = 0
+        self._lent = [memoryview(bytearray())] * 2
+        self._busy: list[Future[None] | None] = [None, None]
         self._room = memoryview(bytearray())
 
     def read(self, start: int, stop: int) -> bytes:
@@ -76,7 +81,7 @@ class Source:
         return held[start - first : stop - first]
 
     def lend(self, start: int, stop: int) -> memoryview:
-        """The same in memory that the next call takes again.
+        """The same in memory that the next calls take again.
 
         Raises
         ------
@@ -84,27 +89,40 @@ class Source:
             When the file has fewer bytes than when it was opened.
         """
         count = max(start, min(stop, self.size)) - start
-        if count > len(self._lent) or len(self._lent) > KEPT:
-            self._lent = memoryview(bytearray(count))
-        into = self._lent[:count]
+        # Two memories in turn: the other one may still be hashed while this one is filled.
+        self._lent.reverse()
+        self._busy.reverse()
+        if (busy := self._busy[0]) is not None:
+            busy.result()
+            self._busy[0] = None
+        if count > len(self._lent[0]) or len(self._lent[0]) > KEPT:
+            self._lent[0] = memoryview(bytearray(count))
+        into = self._lent[0][:count]
         self.stream.seek(start)
         filled = self.stream.readinto(into)  # type: ignore[attr-defined]
         if filled < count:
             raise ShrunkError(min(start + filled, self.stream.seek(0, 2)), self.size)
-        self._follow(start, into)
+        self._busy[0] = self._follow(start, into)
         return into
 
-    def _follow(self, start: int, data: memoryview) -> None:
-        """Hash and sum what is read, as long as it is read from the beginning on; short stretches between as well."""
+    def _follow(self, start: int, data: memoryview) -> Future[None] | None:
+        """Hash and sum what is read, as long as it is read from the beginning on; short stretches between as well.
+
+        Gives what must be done before the bytes may change.
+        """
         if start - SMALL <= self._followed < start:
             self._add(self.read(self._followed, start))
         if start <= self._followed < start + len(data):
-            self._add(data[self._followed - start :])
+            return self._add(data[self._followed - start :])
+        return None
 
-    def _add(self, data: bytes | memoryview) -> None:
-        self._hash.update(data)
-        self._crc = zlib.crc32(data, self._crc)
+    def _add(self, data: bytes | memoryview) -> Future[None] | None:
         self._followed += len(data)
+        return self._trail.add(data)
+
+    def close(self) -> None:
+        """Let go of what works beside the reading."""
+        self._trail.close()
 
     def _follow_to(self, stop: int) -> None:
         while self._followed < stop:
@@ -113,7 +131,7 @@ class Source:
     def digest(self) -> str:
         """SHA-256 of the whole file; what was read in order is not read again."""
         self._follow_to(self.size)
-        return self._hash.hexdigest()
+        return self._trail.digest()
 
     def room(self, count: int) -> memoryview:
         """Memory for what is made of bytes of the file; the next call takes it again."""
@@ -142,12 +160,12 @@ class Source:
         """CRC-32 of a stretch; one that begins where the last did goes on from its end."""
         if start == 0 and stop >= self._followed:
             self._follow_to(min(stop, self.size))
-            return self._crc
+            return self._trail.crc()
         first, last, crc = self._summed
         if start != first or stop < last:
             last, crc = start, 0
         stop = min(stop, self.size)
         for at in range(last, stop, PIECE):
-            crc = zlib.crc32(self.lend(at, min(at + PIECE, stop)), crc)
+            crc = crc32(self.lend(at, min(at + PIECE, stop)), crc)
         self._summed = (start, stop, crc)
         return crc

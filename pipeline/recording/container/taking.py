@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import zlib
 from typing import TYPE_CHECKING
+
+from deflate import crc32
 
 from pmg.pipeline.recording.container.records import (
     HEAD,
@@ -57,7 +58,7 @@ def take(gathered: Gathered, at: int, opcode: int, body: bytes) -> None:
         gathered.metadata.append((values[0], values[1]))
     elif opcode == Op.ATTACHMENT:
         attachment = Attachment(*values)
-        if attachment.crc not in (0, zlib.crc32(body[: known - 4])):
+        if attachment.crc not in (0, crc32(body[: known - 4])):
             raise RecordError(f"attachment '{attachment.name}' does not match its CRC {attachment.crc:08x}")
         gathered.attachments.append(attachment)
 

@@ -55,7 +55,11 @@ def walk_records(stream: BinaryIO, size: int, gathered: Gathered) -> Source:
         When it ends before its length while it is read.
     """
     source = Source(stream, size)
-    _Walk(source, gathered).run()
+    try:
+        _Walk(source, gathered).run()
+    except BaseException:
+        source.close()
+        raise
     return source
 
 

@@ -55,7 +55,7 @@ def cdr_template(name: str, encoding: str, text: str) -> Callable[[bytes], Templ
         walk.message(own, "", 0)
         if not 0 <= len(data) - walk.at <= PADDING:
             raise WireError(f"{len(data) - walk.at} bytes follow the last field")
-        return Template(data, walk.mask, tuple(walk.leaves))
+        return Template(data, walk.mask, tuple(walk.leaves), tuple(walk.texts))
 
     return take_apart
 
@@ -71,6 +71,7 @@ class _Walk:
     at: int = HEAD
     mask: bytearray = field(default_factory=bytearray)
     leaves: list[Leaf] = field(default_factory=list)
+    texts: list[tuple[str, int, int]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.mask = bytearray(b"\xff" * len(self.data))
@@ -94,7 +95,9 @@ class _Walk:
             self.numbers(PRIMITIVES[member.kind], path, 1 if many is None else many)
         elif member.kind == "string":
             for _ in range(1 if many is None else self.bounded(many, path)):
-                self.take(self.length(path))
+                size = self.length(path)
+                self.texts.append((path, self.at, self.at + size))
+                self.take(size)
         elif member.kind == "wstring":
             raise WireError(f"'{path}' is a wstring, which writers lay out differently; it is not read")
         else:

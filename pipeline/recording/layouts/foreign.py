@@ -15,7 +15,7 @@ from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.recording.layouts.cdr import cdr_template
 from pmg.pipeline.recording.layouts.descriptor import message_of, protobuf_template
 from pmg.pipeline.recording.layouts.jsonmessages import read_json
-from pmg.pipeline.recording.layouts.layout import read_columns
+from pmg.pipeline.recording.layouts.layout import Columns, read_columns
 from pmg.pipeline.recording.layouts.moments import Moments, is_time, moments_of
 from pmg.pipeline.recording.layouts.wire import WireError
 from pmg.pipeline.recording.run import finite
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.pipeline.recording.findings import Findings
-    from pmg.pipeline.recording.layouts.layout import Columns
 
 VALUE_FIELDS = ("value", "data", "samples", "values")
 """Fields that hold the samples of a topic of one channel, the likeliest first."""
@@ -58,7 +57,7 @@ class Foreign:
 
 
 def read_foreign(topic: Topic, findings: Findings) -> Foreign | None:
-    """A topic as numbers; None, with findings, where nothing of it can be used."""
+    """A topic as numbers, its messages let go; None, with findings, where nothing of it can be used."""
     try:
         columns = _columns(topic, topic.payloads)
         faults = dict(columns.faults) | _timeless(columns)
@@ -90,7 +89,11 @@ def read_foreign(topic: Topic, findings: Findings) -> Foreign | None:
         )
     if not (targets := _targets(topic, columns, findings)):
         return None
-    return Foreign(topic, columns, tuple(targets), moments_of(columns), declared_rate(topic, findings))
+    moments, used = moments_of(columns), dict.fromkeys(path for path, _ in targets)
+    counts, values = ({path: each[path] for path in used} for each in (columns.counts, columns.values))
+    topic.payloads.let_go()
+    rate = declared_rate(topic, findings)
+    return Foreign(topic, Columns(columns.size, counts, values, columns.faults), tuple(targets), moments, rate)
 
 
 def _columns(topic: Topic, payloads: Messages) -> Columns:

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.recording.layouts.layout import Columns
+from pmg.pipeline.recording.layouts.jsonalike import read_alike
+from pmg.pipeline.recording.layouts.layout import Columns, gathered
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.pipeline.recording.container.messages import Messages
+    from pmg.pipeline.recording.layouts.jsonalike import Piece
 
 DEEPEST = 8
 """Objects within objects that are followed."""
@@ -37,10 +39,29 @@ def read_json(payloads: Messages) -> Columns:
     Infinity, which strict JSON does not know, are taken as numbers that are not finite.
     """
     columns = Columns(len(payloads))
+    alike, done = read_alike(payloads, lambda value, found: _take(value, "", 0, found, 0))
     found: dict[str, tuple[list[int], list[Any]]] = {}
+    ranks: dict[str, tuple[int, int]] = {}
+    if not done.all():
+        _one_by_one(payloads, done, columns, found)
+    for rank, (path, (places, _)) in enumerate(found.items()):
+        ranks[path] = places[0], rank
+    for path, pieces in alike.items():
+        ranks[path] = min(ranks.get(path, (len(payloads), 0)), *((int(p.places[0]), p.rank) for p in pieces))
+    # As many fields as one by one are followed, in the order in which the messages bring them.
+    for path in sorted(ranks, key=ranks.__getitem__)[:WIDEST]:
+        noted = found.get(path, ([], []))
+        columns.counts[path], columns.values[path] = _column(len(payloads), *noted, alike.get(path, []))
+    return columns
+
+
+def _one_by_one(
+    payloads: Messages, done: npt.NDArray[np.bool_], columns: Columns, found: dict[str, tuple[list[int], list[Any]]]
+) -> None:
+    """Note the fields of the messages that are left, and those that are no JSON objects."""
     decoder = json.JSONDecoder()
     read = decoder.raw_decode
-    for place, payload in enumerate(payloads):
+    for place, payload in payloads.those(~done):
         try:
             text = payload.decode("utf-8")
             value, end = read(text) if text[:1] == "{" else (None, -1)
@@ -61,9 +82,6 @@ def read_json(payloads: Messages) -> Columns:
                 entry[1].append(inner)
             else:
                 _take({name: inner}, "", place, found, 0)
-    for path, (places, values) in found.items():
-        columns.counts[path], columns.values[path] = _column(len(payloads), places, values)
-    return columns
 
 
 def _take(
@@ -87,8 +105,20 @@ def _take(
             entry[1].append(inner)
 
 
-def _column(size: int, places: list[int], values: list[Any]) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
-    """How many numbers each message has in a field, and the numbers."""
+def _column(
+    size: int, places: list[int], values: list[Any], pieces: list[Piece]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
+    """How many numbers each message has in a field, and the numbers; one by one, and from messages that stand alike."""
+    if pieces and set(map(type, values)) <= set(NUMBER):
+        own = _numbers(values) if values else np.empty(0, dtype=np.int64)
+        if own.dtype != np.uint64:
+            read = [(piece.places, piece.numbers[:, None]) for piece in pieces]
+            return gathered(size, [*read, (np.array(places, dtype=np.int64), own[:, None])])
+    if pieces:
+        every = [*places, *(place for piece in pieces for place in piece.places.tolist())]
+        numbers = [*values, *(number for piece in pieces for number in piece.numbers.tolist())]
+        order = sorted(range(len(every)), key=every.__getitem__)
+        places, values = [every[place] for place in order], [numbers[place] for place in order]
     counts = np.zeros(size, dtype=np.int64)
     kinds = set(map(type, values))
     if kinds <= set(NUMBER):

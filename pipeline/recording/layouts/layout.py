@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.recording.container.messages import TOGETHER
 from pmg.pipeline.recording.layouts.wire import WireError
 
 if TYPE_CHECKING:
@@ -67,11 +68,14 @@ class Template:
         For each byte, which of its bits say how the message is laid out.
     leaves : tuple of Leaf
         Its numbers, in the order of the message.
+    texts : tuple of (str, int, int)
+        Its texts: path, first byte, and the one after the last; only CDR tells them.
     """
 
     data: bytes
     mask: bytearray
     leaves: tuple[Leaf, ...]
+    texts: tuple[tuple[str, int, int], ...] = ()
 
 
 @dataclass
@@ -124,7 +128,7 @@ def read_columns(payloads: Messages, template: Callable[[bytes], Template]) -> C
     found: dict[str, list[tuple[Places, npt.NDArray[Any]]]] = {}
     known: dict[int, list[Template]] = {}
     tried: dict[int, int] = {}
-    for places, data in payloads.by_length():
+    for places, data in payloads.by_length(TOGETHER):
         length = data.shape[1]
         forms = known.setdefault(length, [])
         for form in forms:
@@ -143,8 +147,8 @@ def read_columns(payloads: Messages, template: Callable[[bytes], Template]) -> C
             else:
                 _taken(places[:1], data[:1], form, found)
                 places, data = places[1:], data[1:]
-    for path, pieces in found.items():
-        columns.counts[path], columns.values[path] = gathered(len(payloads), pieces)
+    for path in list(found):
+        columns.counts[path], columns.values[path] = gathered(len(payloads), found.pop(path))
     return columns
 
 
@@ -154,9 +158,12 @@ def _taken(
     """Note the numbers of the messages that are laid out as the template, and give the others."""
     alike = _alike(data, form)
     if alike.any():
-        rows = data if alike.all() else data[alike]
+        whole = bool(alike.all())
+        rows, own = (data, places) if whole else (data[alike], places[alike])
         for path, numbers in _numbers(rows, form).items():
-            found.setdefault(path, []).append((places[alike], numbers))
+            found.setdefault(path, []).append((own, numbers))
+        if whole:
+            return places[:0], data[:0]
     return places[~alike], data[~alike]
 
 
@@ -168,8 +175,12 @@ def gathered(size: int, pieces: Sequence[tuple[Places, npt.NDArray[Any]]]) -> tu
     starts = np.cumsum(counts) - counts
     values = np.zeros(int(counts.sum()), dtype=np.result_type(*(numbers.dtype for _, numbers in pieces)))
     for rows, numbers in pieces:
-        values[starts[rows][:, None] + np.arange(numbers.shape[1])] = numbers
-    return counts, values
+        if numbers.shape[1] == 1:
+            values[starts[rows]] = numbers[:, 0]
+        else:
+            values[starts[rows][:, None] + np.arange(numbers.shape[1])] = numbers
+    # One for each is what nearly all fields have, and takes no memory.
+    return np.broadcast_to(np.int64(1), size) if np.all(counts == 1) else counts, values
 
 
 def _alike(data: Bytes, form: Template) -> npt.NDArray[np.bool_]:

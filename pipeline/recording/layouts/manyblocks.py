@@ -20,6 +20,8 @@ PLAIN = {1 << 3 | BYTES: "", 2 << 3 | FIXED64: "first", 3 << 3 | VARINT: "clock"
 """First bytes of the fields that may come before the samples, in this order, and what they say."""
 HUGE = 1 << 22
 """From this size on numpy asks for large pages, which a system hands out faster [bytes]."""
+NARROW = 64
+"""Blocks of up to so many bytes of samples are laid out many at once."""
 PACKED = {number << 3 | BYTES: number for number in SAMPLE_FIELDS}
 """First bytes of packed samples."""
 
@@ -83,6 +85,9 @@ class Found:
             begin, width = starts[places] * dtype.itemsize, data.shape[1]
             if len(places) and np.all(np.diff(begin) == width):
                 raw[begin[0] : begin[0] + data.size].reshape(data.shape)[:] = data
+                continue
+            if width <= NARROW:
+                raw[begin[:, None] + np.arange(width)] = data
                 continue
             for at, row in zip(begin.tolist(), data, strict=True):
                 raw[at : at + width] = row

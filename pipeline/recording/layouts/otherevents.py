@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import MISSING, dataclass, fields
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,12 +16,16 @@ from pmg.pipeline.recording.layouts.wire import ClockMark, IndexPulse, LineEvent
 
 if TYPE_CHECKING:
     from pmg.pipeline.recording.container.contents import Topic
+    from pmg.pipeline.recording.layouts.layout import Template
 
 Event = TypeVar("Event")
 
 OPTIONAL: dict[str, Any] = {"clock_id": 0, "changed": 0, "u_ns": 0.0, "source": "", "setpoint": {}}
 """What a field that is left out reads as; the other fields are required."""
 LARGEST = 1 << 64
+SETPOINT = "setpoint."
+SETPOINT_NAMES = (f"{SETPOINT}key", f"{SETPOINT}name")
+"""Where the names of set-points stand in CDR, if each is a message of its own."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +44,7 @@ def read_other(topic: Topic, kind: type[Event]) -> Read:
     topic : Topic
         Its messages are in JSON, CDR or protobuf.
     kind : type
-        `IndexPulse`, `LineEvent`, `ClockMark` or `TestStep`. The last one holds texts and is read from JSON only.
+        `IndexPulse`, `LineEvent`, `ClockMark` or `TestStep`. The last one holds texts and is read from JSON and CDR.
 
     Raises
     ------
@@ -49,8 +54,10 @@ def read_other(topic: Topic, kind: type[Event]) -> Read:
     if topic.encoding == "json":
         return _from_json(topic, kind)
     encoding, data = topic.definition
+    if kind is TestStep and topic.encoding == "cdr":
+        return _from_cdr(topic, kind)
     if kind is TestStep:
-        raise WireError(f"texts in '{topic.encoding}' are not read; 'json' or the layout's own messages are")
+        raise WireError(f"texts in '{topic.encoding}' are not read; 'json', 'cdr' or the layout's own messages are")
     if topic.encoding == "cdr":
         columns = read_columns(topic.payloads, cdr_template(topic.schema, encoding, data.decode("utf-8", "replace")))
     elif topic.encoding == "protobuf":
@@ -80,6 +87,46 @@ def _from_json(topic: Topic, kind: type[Event]) -> Read:
         except (ValueError, RecursionError) as fault:
             faults.append(str(fault)[:80])
     return Read(tuple(messages), tuple(faults))
+
+
+def _from_cdr(topic: Topic, kind: type[Event]) -> Read:
+    """Messages with texts, taken apart one by one."""
+    encoding, data = topic.definition
+    take_apart = cdr_template(topic.schema, encoding, data.decode("utf-8", "replace"))
+    messages: list[Event] = []
+    faults: list[str] = []
+    for payload in topic.payloads:
+        try:
+            messages.append(_made(kind, _step_of(take_apart(payload))))
+        except ValueError as fault:
+            faults.append(str(fault)[:80])
+    return Read(tuple(messages), tuple(faults))
+
+
+def _step_of(message: Template) -> dict[str, Any]:
+    """Fields of a step, as JSON would give them.
+
+    CDR knows no maps. Set-points are a message with a number for each, in which NaN is one that is not asked for; or a
+    sequence of messages with a text ``key`` or ``name`` and a number ``value``.
+    """
+    numbers: dict[str, list[Any]] = {}
+    texts: dict[str, list[str]] = {}
+    for leaf in message.leaves:
+        found = np.frombuffer(message.data, leaf.form, leaf.count, leaf.at).tolist()
+        numbers.setdefault(leaf.path, []).extend(found)
+    for path, start, stop in message.texts:
+        texts.setdefault(path, []).append(message.data[start:stop].decode("utf-8").removesuffix("\0"))
+    value: dict[str, Any] = {path: found[0] for path, found in (numbers | texts).items() if len(found) == 1}
+    names = next((texts[path] for path in SETPOINT_NAMES if path in texts), None)
+    if names is not None:
+        values = numbers.get(f"{SETPOINT}value", [])
+        if len(names) != len(values):
+            raise WireError(f"'setpoint' holds {len(names)} names and {len(values)} numbers")
+        asked = dict(zip(names, values, strict=True))
+    else:
+        asked = {path.removeprefix(SETPOINT): each for path, each in value.items() if path.startswith(SETPOINT)}
+        asked = {name: each for name, each in asked.items() if not math.isnan(each)}
+    return {name: each for name, each in value.items() if "." not in name} | {"setpoint": asked}
 
 
 def _made(kind: type[Event], value: dict[str, Any]) -> Event:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.recording.container.messages import Messages
-from pmg.pipeline.recording.layouts.descriptor import protobuf_template
-from pmg.pipeline.recording.layouts.layout import read_columns
+from pmg.pipeline.recording.layouts.manyblocks import many_blocks
 from pmg.pipeline.recording.layouts.schema import SAMPLE_BLOCK, encode
 from pmg.pipeline.recording.layouts.wire import SAMPLE_FIELDS
 
@@ -58,20 +57,23 @@ def packed(
 
 
 def repacked(topic: Topic) -> Topic:
-    """A topic of many small blocks with few larger ones; what cannot be read stays as it is, behind them."""
+    """A topic of many small blocks with few larger ones, and what cannot be read behind them; the blocks are let go."""
     payloads = topic.payloads
     if len(payloads) <= MANY or payloads.size > SMALL * len(payloads):
         return topic
-    columns = read_columns(payloads, protobuf_template(SAMPLE_BLOCK))
-    kinds = [name for name, _, _ in SAMPLE_FIELDS.values() if len(columns.values.get(name, ()))]
-    sound = columns.sound()
-    first, clock, flags = (columns.one(name) for name in ("first_sample", "clock_id", "flags"))
-    if len(kinds) != 1 or first is None or clock is None or flags is None or clock.any():
+    found = many_blocks(payloads)
+    sound = np.ones(len(payloads), dtype=np.bool_)
+    sound[list(found.faults)] = False
+    kinds = np.unique(found.kind[sound]).tolist()
+    if len(kinds) != 1 or kinds[0] == 0 or found.clock[sound].any() or not found.counts[sound].all():
         return topic
-    counts = columns.counts[kinds[0]][sound]
-    if first.max(initial=0) >= 1 << 62 or not counts.all():
+    if found.first[sound].max() >= 1 << 62:
         return topic
-    made = packed(first.astype(np.int64), counts, kinds[0], columns.values[kinds[0]], flags.astype(np.int64))
-    if columns.faults:
-        made.join(payload for place, payload in enumerate(payloads) if place in columns.faults)
+    name, dtype, _ = SAMPLE_FIELDS[kinds[0]]
+    counts = np.where(sound, found.counts, 0)
+    values = found.values(sound, np.cumsum(counts) - counts, dtype)
+    first, flags = (column[sound].astype(np.int64) for column in (found.first, found.flags))
+    made = packed(first, counts[sound], name, values, flags)
+    made.join(payload for _, payload in payloads.those(~sound))
+    payloads.let_go()
     return replace(topic, payloads=made)

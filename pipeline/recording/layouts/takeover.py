@@ -35,7 +35,7 @@ def take_over(topics: Mapping[str, Topic], findings: Findings) -> dict[str, Topi
     Parameters
     ----------
     topics : mapping of str to Topic
-        Topics of the container.
+        Topics of the container. The messages of those that are taken over are let go.
     findings : Findings
         Receives what was taken over and how, and what could not be.
 
@@ -72,7 +72,8 @@ def take_over(topics: Mapping[str, Topic], findings: Findings) -> dict[str, Topi
             f"stamps begin {origin / 1e9:.3f} s after 1970; expected the time of day",
             "The clock was not set; samples are placed by their distance, and the run by started_at.",
         )
-    for each in foreign:
+    while foreign:
+        each = foreign.pop(0)
         for name, taken in _blocks(each, rate, origin, findings).items():
             if name in adopted:
                 findings.error(

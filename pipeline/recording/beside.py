@@ -7,23 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.orders.angle import find_index
 from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.recording.channels import ChannelSpec, check_channel, encoder
-from pmg.pipeline.recording.container.contents import open_container
 from pmg.pipeline.recording.decode import DEFAULT_BITS
 from pmg.pipeline.recording.events import read_events
 from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.join import join_blocks
 from pmg.pipeline.recording.layouts import wire
+from pmg.pipeline.recording.run import finite
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
-    from pmg.pipeline.orders.angle import Index
-    from pmg.pipeline.recording import Finding, Recording
-    from pmg.pipeline.recording.container.contents import Container, Topic
+    from pmg.pipeline.recording.container.contents import Topic
+    from pmg.pipeline.recording.findings import Finding
     from pmg.pipeline.recording.layouts.wire import IndexPulse
     from pmg.sim.signals import Array
 
@@ -83,46 +80,44 @@ class Beside:
     bits: Mapping[str, int]
     findings: tuple[Finding, ...]
 
-    def index(self, recording: Recording, side: str) -> Index | None:
-        """Place of the index of a shaft."""
-        angle = recording.samples[f"angle_{side}"].to_numpy()
-        counts = recording.calibration.counts_per_rev(side)
-        return find_index(angle, recording.first_sample, self.pulses[side], counts, self.bits[side])
-
 
 NOTHING = Beside((), dict.fromkeys(SIDES, ()), dict.fromkeys(SIDES, DEFAULT_BITS), ())
-"""Of a recording that is no longer there."""
+"""Of a recording that was not asked."""
 
 
-def read_beside(path: Path, name: str | None = None) -> Beside:
-    """Coils and index pulses of a recording.
+def counter_bits(topics: Mapping[str, Topic]) -> dict[str, int]:
+    """Width that the channel of each counter declares; the default where it declares none that is a number."""
+
+    def declared(side: str) -> int:
+        topic = topics.get(encoder(side).topic)
+        try:
+            return DEFAULT_BITS if topic is None else int(finite(topic.metadata.get("bits", "")))
+        except ValueError:
+            return DEFAULT_BITS
+
+    return {side: declared(side) for side in SIDES}
+
+
+def read_beside(topics: Mapping[str, Topic], bits: Mapping[str, int], file: str) -> Beside:
+    """Coils and index pulses among the topics of a recording.
 
     Parameters
     ----------
-    path : Path
-        A file of layout pmg.v1 that `read_recording` could read; damage that it told of is not told again.
-    name : str, optional
-        Name under which it is known in findings.
-
-    Raises
-    ------
-    UnusableRecordingError
-        When the file cannot be read at all.
+    topics : mapping of str to Topic
+        By name, their messages not yet decoded.
+    bits : mapping of str to int
+        Width of the counters.
+    file : str
+        Name of the recording. What its index pulses lack was told when the angles were decoded.
     """
-    damage, findings = Findings(name or path.name), Findings(name or path.name)
-    container = open_container(path, _wanted, damage)
-    topics = container.topics
+    told, findings = Findings(file), Findings(file)
     coils = [
         coil
-        for topic in sorted(topics)
-        if topic.startswith(COILS) and (coil := _coil(topics[topic], findings)) is not None
+        for name in sorted(topics)
+        if name.startswith(COILS) and (coil := _coil(topics[name], findings)) is not None
     ]
-    pulses = {side: read_events(topics, INDEX.format(side), wire.index_pulse, damage) for side in SIDES}
-    return Beside(tuple(coils), pulses, {side: _bits(container, side) for side in SIDES}, findings.told())
-
-
-def _wanted(topic: str) -> bool:
-    return topic.startswith(COILS) or topic in [INDEX.format(side) for side in SIDES]
+    pulses = {side: read_events(topics, INDEX.format(side), wire.index_pulse, told) for side in SIDES}
+    return Beside(tuple(coils), pulses, bits, findings.told())
 
 
 def _coil(topic: Topic, findings: Findings) -> Coil | None:
@@ -135,9 +130,3 @@ def _coil(topic: Topic, findings: Findings) -> Coil | None:
     scale = terms.numbers.get("scale", 1.0)
     voltage = np.where(track.present, track.values.astype(np.float64) * scale, np.nan)
     return Coil(topic.name.removeprefix(COILS), track.first, terms.rate_hz, voltage)
-
-
-def _bits(container: Container, side: str) -> int:
-    """Width of a counter that `read_recording` has found in order."""
-    topic = container.topics.get(encoder(side).topic)
-    return DEFAULT_BITS if topic is None else int(float(topic.metadata.get("bits", DEFAULT_BITS)))

@@ -1,0 +1,187 @@
+"""Kinds of noise that a stretch may hold, and how the means of its pieces vary together under each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.sim.signals import REVOLUTION
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from pmg.sim.signals import Array, Mask
+
+LONGEST_MEMORY = 0.3
+"""Longest correlation time of noise of first order alone, as part of the stretch."""
+SHORTEST_MEMORY = 0.004
+"""Shortest one; below it pieces are as good as independent."""
+MEMORIES = 24
+"""Correlation times that are weighed, equally spaced in their logarithm, beside none at all."""
+INDEPENDENT = 4.0
+"""Weight of no correlation at all before the data are seen, where each of the others has 1."""
+
+SLOW, SLOW_WEIGHT = (0.06, 0.12, 0.25, 0.6, 1.5, 3.0), 1.0
+"""Correlation times of slow noise beside independent noise, as part of the stretch, and their weight together."""
+SLOW_WHITE = (0.2, 0.4, 0.6, 0.8, 0.9, 0.95)
+"""Share of the independent noise in the variance of a piece."""
+POWERS, POWER_WEIGHT = (0.25, 0.5, 0.75, 1.0), 0.4
+"""Exponents a of noise of density 1/f^a, and their weight together."""
+REACH, FINEST = 10.0, 1e-4
+"""Longest and shortest correlation time in it, as part of the stretch: below a frequency it is flat."""
+TIMES = 40
+"""Correlation times that it is put together from."""
+CYCLES, CYCLES_WEIGHT = tuple(float(c) for c in np.geomspace(1.5, 20.0, 14)), 1.0
+"""Cycles of a resonance in the stretch, and the weight of all resonances together."""
+DAMPING = (0.05, 0.12, 0.3)
+"""Their damping ratios."""
+RING_WHITE = (0.0, 0.01, 0.04, 0.2, 0.6)
+"""Share of independent noise beside them in the variance of a piece."""
+
+UNEVEN = 0.1
+"""Part by which the density at zero may differ from that at one cycle in the stretch and pass for flat there."""
+UNSAFE = 0.1
+"""Part by which batches may be expected to miss the variance of the mean."""
+BATCHES = 10
+"""Batches that are meant, each a tenth of the stretch."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    r"""Noise whose correlation is a sum of exponentials, with or without independent noise beside it.
+
+    Parameters
+    ----------
+    sizes, rates : (j,) array of complex
+        A and z of :math:`\rho(t) = \mathrm{Re} \sum A e^{-zt}`, with t in stretches; empty for independent noise.
+    white : tuple of float
+        Shares of independent noise in the variance of a piece; each is a form of its own.
+    weight : float
+        Weight of each form before the data are seen.
+    memory : float
+        Correlation time of noise of first order alone, as part of the stretch, 0 for none; NaN for other kinds.
+    """
+
+    sizes: npt.NDArray[np.complex128]
+    rates: npt.NDArray[np.complex128]
+    white: tuple[float, ...]
+    weight: float
+    memory: float
+
+    def covariance(self, m: int) -> Array:
+        r"""Covariance of m equal pieces with the first (m,), without independent noise beside; its variance 1.
+
+        Notes
+        -----
+        With :math:`F(t) = \mathrm{Re} \sum A (e^{-zt} - 1 + zt)/z^2`, whose second derivative is the correlation, that
+        of the means of pieces k apart goes as :math:`F((k+1)/m) - 2 F(k/m) + F((k-1)/m)`, and F is even.
+        """
+        if not len(self.rates):
+            return np.asarray(np.eye(m)[0], dtype=np.float64)
+        twice = self._twice(np.arange(m + 1) / m)
+        second = np.diff(np.concatenate((twice[1:2], twice)), n=2)
+        return np.asarray(second / second[0], dtype=np.float64)
+
+    def density(self, cycles: float, m: int) -> float:
+        """Two-sided density at so many cycles a stretch, of noise with that covariance."""
+        if not len(self.rates):
+            return 1.0 / m
+        omega = REVOLUTION * cycles
+        return float(np.sum(2.0 * self.sizes * self.rates / (self.rates**2 + omega**2)).real / self._piece(m))
+
+    def coarser(self, m: int, count: int) -> float:
+        """Variance of one of `count` pieces, where that of one of m is 1."""
+        return self._piece(count) / self._piece(m) if len(self.rates) else count / m
+
+    def _piece(self, m: int) -> float:
+        """Variance of the mean of one of m pieces, of noise of variance 1."""
+        return float(2.0 * m**2 * self._twice(np.array([1.0 / m]))[0])
+
+    def _twice(self, t: Array) -> Array:
+        """The correlation integrated twice (k,)."""
+        turns = self.rates * t[:, None]
+        return np.asarray(np.sum(self.sizes * (np.expm1(-turns) + turns) / self.rates**2, axis=-1).real)
+
+
+@dataclass(frozen=True)
+class Forms:
+    """All kinds at all their shares of independent noise, for m pieces.
+
+    Parameters
+    ----------
+    turn : (g, m, m) array
+        Rows: axes on which a kind's noise falls apart into independent parts; independent noise does on any.
+    ones : (g, m) array
+        Ones on these axes.
+    kind : (f,) array of int
+        Kind of each form.
+    variances : (f, m) array
+        Variance on each axis.
+    half_log : (f,) array
+        Half the logarithm of the determinant of the covariance.
+    log_weight : (f,) array
+        Logarithm of the weight before the data are seen.
+    memory : (f,) array
+        `Kind.memory`.
+    uneven, unsafe : (f,) array of bool
+        Not flat at the lowest frequencies of the stretch (`UNEVEN`); not to be had from batches (`UNSAFE`).
+    """
+
+    turn: Array
+    ones: Array
+    kind: Array
+    variances: Array
+    half_log: Array
+    log_weight: Array
+    memory: Array
+    uneven: Mask
+    unsafe: Mask
+
+
+def kinds() -> tuple[Kind, ...]:
+    """Kinds of noise that are weighed; those of first order first, by memory."""
+    one = np.ones(1, dtype=np.complex128)
+    found = [Kind(one[:0], one[:0], (0.0,), INDEPENDENT, 0.0)]
+    memories = np.geomspace(SHORTEST_MEMORY, LONGEST_MEMORY, MEMORIES)
+    found += [Kind(one, one / float(memory), (0.0,), 1.0, float(memory)) for memory in memories]
+    each = SLOW_WEIGHT / len(SLOW) / len(SLOW_WHITE)
+    found += [Kind(one, one / memory, SLOW_WHITE, each, np.nan) for memory in SLOW]
+    times = np.geomspace(FINEST, REACH, TIMES).astype(np.complex128)
+    for power in POWERS:
+        size = times ** (power - 1.0)
+        found.append(Kind(size / size.sum(), 1.0 / times, (0.0,), POWER_WEIGHT / len(POWERS), np.nan))
+    each = CYCLES_WEIGHT / len(CYCLES) / len(DAMPING) / len(RING_WHITE)
+    for cycles in CYCLES:
+        for damping in DAMPING:
+            root = np.sqrt(1.0 - damping**2)
+            rate = REVOLUTION * cycles * (damping - 1j * root) * one
+            found.append(Kind((1.0 - 1j * damping / root) * one, rate, RING_WHITE, each, np.nan))
+    return tuple(found)
+
+
+@lru_cache(maxsize=64)
+def forms(m: int) -> Forms:
+    """All forms for m pieces."""
+    lag = np.abs(np.subtract.outer(np.arange(m), np.arange(m)))
+    turn, rows = [], []
+    for number, kind in enumerate(kinds()):
+        own = kind.covariance(m)[lag]
+        along, axes = np.linalg.eigh(own)
+        turn.append(axes.T)
+        density = np.array([kind.density(0.0, m), kind.density(1.0, m)])
+        for white in kind.white:
+            variances = (1.0 - white) * along + white
+            zero, first = (1.0 - white) * density + white / m
+            mean = (1.0 - white) * own.mean() + white / m
+            one = (1.0 - white) * kind.coarser(m, BATCHES) + white * BATCHES / m
+            expected = (one - mean) / (BATCHES - 1)
+            uneven = abs(np.log(zero / first)) > np.log1p(UNEVEN)
+            unsafe = abs(np.log(expected / mean)) > UNSAFE
+            rows.append((number, variances, kind.weight, kind.memory, uneven, unsafe))
+    which, along, weight, memory, uneven, unsafe = (np.array(column) for column in zip(*rows, strict=True))
+    turned = np.array(turn)
+    half_log = 0.5 * np.log(along).sum(axis=-1)
+    return Forms(turned, turned.sum(axis=-1), which, along, half_log, np.log(weight), memory, uneven, unsafe)
