@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -198,3 +199,15 @@ def test_nothing_to_ingest_is_an_error_and_makes_no_store(tmp_path: Path) -> Non
         with pytest.raises(RecordingError):
             ingest(place, Store(tmp_path / "s"), workers=1)
     assert not (tmp_path / "s").exists()
+
+
+def test_means_taken_in_an_earlier_way_are_taken_anew(mixed: Path, tmp_path: Path) -> None:
+    store = Store(tmp_path / "s")
+    ingest(mixed, store, workers=1)
+    wanted = everything(store.path)
+    for path in (store.path / "sources").glob("*.json"):
+        document = json.loads(path.read_text(encoding="utf-8"))
+        if document.pop("reduction", None) is not None:
+            path.write_text(json.dumps(document), encoding="utf-8")
+    assert ingest(mixed, store, workers=1).ingested == 4
+    assert everything(store.path) == wanted
