@@ -45,6 +45,7 @@ OWNERS: dict[str, tuple[str, ...]] = {
     "matplotlib": ("pmg.pipeline.report",),
     "plotly": ("pmg.pipeline.report",),
     "jinja2": ("pmg.pipeline.report",),
+    "xlsxwriter": ("pmg.pipeline.report",),
     "pydantic": ("pmg.pipeline.scenario*",),
     "typer": COMMAND_LINE,
     "rich": COMMAND_LINE,
