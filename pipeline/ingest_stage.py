@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.ingest import ingest
 from pmg.pipeline.inventory import Shard
-from pmg.pipeline.limits import LIMITS, read_limits
+from pmg.pipeline.limits import chosen_limits
 from pmg.pipeline.outcome import Outcome, told
 from pmg.pipeline.store import Store
 from pmg.pipeline.wording import counted
@@ -14,6 +14,8 @@ from pmg.pipeline.wording import counted
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
+
+    from pmg.pipeline.limits import Steadiness
 
 
 def run_ingest(
@@ -24,7 +26,7 @@ def run_ingest(
     progress: Callable[[int, int, str], None] | None,
     scheduler: str | None = None,
     shard: str | None = None,
-    limits: Path | None = None,
+    limits: Path | Steadiness | None = None,
 ) -> Outcome:
     """Decode recordings into a store.
 
@@ -42,8 +44,8 @@ def run_ingest(
         Address of a dask scheduler whose workers do the work instead.
     shard : str, optional
         The part of the recordings to take, as ``i/n``.
-    limits : Path, optional
-        File with limits by which windows are found and judged.
+    limits : Path or Steadiness, optional
+        Limits, or the file that holds them, by which windows are found and judged.
     """
     report = ingest(
         recordings,
@@ -51,7 +53,7 @@ def run_ingest(
         workers=workers,
         scheduler=scheduler,
         shard=None if shard is None else Shard.of(shard),
-        limits=LIMITS if limits is None else read_limits(limits),
+        limits=chosen_limits(limits),
         progress=progress,
     )
     lines = [

@@ -46,7 +46,8 @@ OWNERS: dict[str, tuple[str, ...]] = {
     "plotly": ("pmg.pipeline.report",),
     "jinja2": ("pmg.pipeline.report",),
     "xlsxwriter": ("pmg.pipeline.report",),
-    "pydantic": ("pmg.pipeline.scenario*",),
+    "sqlite3": ("pmg.pipeline.catalogue",),
+    "pydantic": ("pmg.pipeline.scenario*", "pmg.pipeline.config"),
     "typer": COMMAND_LINE,
     "rich": COMMAND_LINE,
 }
