@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from pmg.pipeline import cli_exchange, cli_studies
+from pmg.pipeline import cli_config, cli_exchange, cli_runs, cli_studies
 from pmg.pipeline.cli_frame import FailOn, FailOnOption, JsonOption, carry_out, progress_line
+from pmg.pipeline.cli_group import AnswersInJson
 from pmg.pipeline.cli_options import (
     CampaignOption,
+    ConfigOption,
     CorrectionOption,
     GridsOption,
     LimitsOption,
@@ -31,46 +32,60 @@ from pmg.pipeline.cli_options import (
 )
 
 if TYPE_CHECKING:
-    from pmg.pipeline.options import AnalysisOptions
     from pmg.pipeline.outcome import Outcome
 
-app = typer.Typer(
-    help="From recordings of a planetary magnetic gearbox to losses, a simulation beside them, and what explains "
-    "the difference.",
-    epilog="Exit codes: 0 done, 1 done with findings under --fail-on, 2 could not run, 3 partly done (run again to "
-    "resume), 70 internal error, 130 interrupted.",
-    no_args_is_help=True,
-    add_completion=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
+
+def _grouped(app: typer.Typer, groups: dict[str, typer.Typer]) -> typer.Typer:
+    """The command line with these groups of commands, by name."""
+    for name, group in groups.items():
+        app.add_typer(group, name=name)
+    return app
+
+
+app = _grouped(
+    typer.Typer(
+        cls=AnswersInJson,
+        help="From recordings of a planetary magnetic gearbox to losses, a simulation beside them, and what explains "
+        "the difference.",
+        epilog="Exit codes: 0 done, 1 done with findings under --fail-on, 2 could not run, 3 partly done (run again to "
+        "resume), 70 internal error, 130 interrupted.",
+        no_args_is_help=True,
+        add_completion=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+    ),
+    {"runs": cli_runs.app, "config": cli_config.config},
 )
 
 
 @app.command()
 def ingest(
-    recordings: Recordings,
-    store: StoreOption,
+    recordings: Recordings = None,
+    store: StoreOption = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     shard: ShardOption = None,
     limits: LimitsOption = None,
     chart: SupplyOption = None,
+    config: ConfigOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
 ) -> None:
     """Decode recordings into the store: torque [N m] and angle [rad] per run, windows judged, findings kept."""
 
     def stage() -> Outcome:
+        from pmg.pipeline.config.chosen import choose
         from pmg.pipeline.ingest_stage import run_ingest
 
+        chosen = choose(config, recordings=recordings, store=store, workers=workers, scheduler=scheduler, limits=limits)
         with progress_line(as_json) as progress:
             return run_ingest(
-                recordings,
-                store,
-                workers=workers,
-                scheduler=scheduler,
+                chosen.needed("recordings"),
+                chosen.needed("store"),
+                workers=chosen.workers,
+                scheduler=chosen.text("scheduler"),
                 shard=shard,
-                limits=limits,
+                limits=chosen.limits,
                 chart=chart,
                 progress=progress,
             )
@@ -80,116 +95,133 @@ def ingest(
 
 @app.command()
 def analyse(
-    store: StoreOption,
+    store: StoreOption = None,
     grids: GridsOption = None,
     campaign: CampaignOption = None,
     terms_sun: TermsSun = None,
     terms_ring: TermsRing = None,
     k_corr: CorrectionOption = None,
     include_rest: RestOption = None,
-    robust: RobustOption = False,
+    robust: RobustOption = None,
     model: ModelOption = None,
+    config: ConfigOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
 ) -> None:
     """Average windows into neutral and engaged grids, fit losses, calibrate, balance powers."""
 
     def stage() -> Outcome:
+        from pmg.pipeline.config.chosen import choose
         from pmg.pipeline.modelfile_read import with_model
         from pmg.pipeline.stages import run_analyse
 
-        options = _options(grids, terms_sun, terms_ring, k_corr, include_rest, robust)
-        if model is not None:
-            options = with_model(options, model, k_corr)
-        return run_analyse(store, options, grids=grids, campaign=campaign)
+        chosen = choose(
+            config,
+            store=store,
+            grids=grids,
+            campaign=campaign,
+            terms_sun=terms_sun,
+            terms_ring=terms_ring,
+            k_corr=k_corr,
+            include_rest=include_rest,
+            robust=robust,
+            model=model,
+        )
+        options, baseline = chosen.options(), chosen.path("model")
+        if baseline is not None:
+            options = with_model(options, baseline, chosen.text("k_corr"))
+        return run_analyse(
+            chosen.needed("store"), options, grids=chosen.path("grids"), campaign=chosen.text("campaign")
+        )
 
     carry_out("analyse", stage, as_json, fail_on)
 
 
 @app.command()
 def compare(
-    store: StoreOption,
-    report: ReportOption,
-    note: NoteOption = "",
+    store: StoreOption = None,
+    report: ReportOption = None,
+    note: NoteOption = None,
     model: ModelOption = None,
+    config: ConfigOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
 ) -> None:
     """Set the simulator beside the bench, say whether and where they differ, and write the report."""
 
     def stage() -> Outcome:
+        from pmg.pipeline.config.chosen import choose
         from pmg.pipeline.stages import run_compare
 
-        return run_compare(store, report, note, model)
+        chosen = choose(config, store=store, report=report, note=note, model=model)
+        note_told = chosen.text("note") or ""
+        return run_compare(chosen.needed("store"), chosen.needed("report"), note_told, chosen.path("model"))
 
     carry_out("compare", stage, as_json, fail_on)
 
 
 @app.command()
 def run(
-    store: StoreOption,
-    report: ReportOption,
-    recordings: Annotated[
-        Path | None, typer.Argument(help="Folder of .mcap recordings, or one file.", metavar="[RECORDINGS]")
-    ] = None,
+    recordings: Recordings = None,
+    store: StoreOption = None,
+    report: ReportOption = None,
     grids: GridsOption = None,
     campaign: CampaignOption = None,
     terms_sun: TermsSun = None,
     terms_ring: TermsRing = None,
     k_corr: CorrectionOption = None,
     include_rest: RestOption = None,
-    robust: RobustOption = False,
-    note: NoteOption = "",
+    robust: RobustOption = None,
+    note: NoteOption = None,
     model: ModelOption = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     limits: LimitsOption = None,
+    config: ConfigOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
 ) -> None:
     """Ingest, analyse and compare in one go; or analyse and compare published grids (--grids)."""
 
     def stage() -> Outcome:
+        from pmg.pipeline.config.chosen import choose
         from pmg.pipeline.stages import run_all
 
-        options = _options(grids, terms_sun, terms_ring, k_corr, include_rest, robust)
+        chosen = choose(
+            config,
+            recordings=recordings,
+            grids=grids,
+            campaign=campaign,
+            store=store,
+            report=report,
+            workers=workers,
+            scheduler=scheduler,
+            limits=limits,
+            terms_sun=terms_sun,
+            terms_ring=terms_ring,
+            k_corr=k_corr,
+            include_rest=include_rest,
+            robust=robust,
+            note=note,
+            model=model,
+        )
         with progress_line(as_json) as progress:
             return run_all(
-                recordings,
-                store,
-                report,
-                options,
-                grids=grids,
-                campaign=campaign,
-                note=note,
-                workers=workers,
-                scheduler=scheduler,
-                limits=limits,
+                chosen.path("recordings"),
+                chosen.needed("store"),
+                chosen.needed("report"),
+                chosen.options(),
+                grids=chosen.path("grids"),
+                campaign=chosen.text("campaign"),
+                note=chosen.text("note") or "",
+                workers=chosen.workers,
+                scheduler=chosen.text("scheduler"),
+                limits=chosen.limits,
                 progress=progress,
-                model=model,
+                model=chosen.path("model"),
             )
 
     carry_out("run", stage, as_json, fail_on)
-
-
-def _options(
-    grids: Path | None,
-    terms_sun: str | None,
-    terms_ring: str | None,
-    k_corr: str | None,
-    include_rest: bool | None,
-    robust: bool,
-) -> AnalysisOptions:
-    from pmg.pipeline.options import chosen_options
-
-    return chosen_options(
-        published=grids is not None,
-        terms_sun=terms_sun,
-        terms_ring=terms_ring,
-        correction=k_corr,
-        include_rest=include_rest,
-        robust=robust,
-    )
 
 
 simulate = app.command()(cli_studies.simulate)
@@ -201,6 +233,7 @@ terms = app.command()(cli_studies.terms)
 prove = app.command()(cli_studies.prove)
 bring = app.command("import")(cli_exchange.bring)
 export = app.command()(cli_exchange.export)
+doctor = app.command()(cli_config.doctor)
 
 
 def main() -> None:

@@ -54,37 +54,48 @@ def carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on
     except PmgError as problem:
         code = ExitCode.COULD_NOT_RUN
         error = {"where": problem.where, "came": problem.came, "expected": problem.expected, "do": problem.do}
-        typer.echo(f"pmg {command}: {problem}", err=True)
+        _tell_error(command, f"{problem.where}: {problem.came}; expected {problem.expected}.", problem.do)
     except OSError as problem:
         code = ExitCode.COULD_NOT_RUN
         where, came = str(problem.filename or command), problem.strerror or str(problem)
         error = {"where": where, "came": came, "expected": "a readable, writable place", "do": "Check path and rights."}
-        typer.echo(f"pmg {command}: {where}: {came}. Check path, rights and free space.", err=True)
+        _tell_error(command, f"{where}: {came}.", "Check path, rights and free space.")
     except KeyboardInterrupt:
         code = ExitCode.INTERRUPTED
         error = {"where": command, "came": "interrupted", "expected": "", "do": "Run it again to resume."}
-        typer.echo(f"pmg {command}: interrupted; what has been written is whole. Run it again to resume.", err=True)
+        _tell_error(command, "interrupted; what has been written is whole.", "Run it again to resume.")
     except Exception as problem:  # the outermost place: a defect of pmg, shown with its trace
         code = ExitCode.INTERNAL_ERROR
         error = {"where": command, "came": repr(problem), "expected": "", "do": "Report this as a defect of pmg."}
         traceback.print_exc()
-        typer.echo(f"pmg {command}: internal error, a defect of pmg; please report it with the lines above.", err=True)
+        _tell_error(command, "internal error, a defect of pmg.", "Please report it with the lines above.")
     if as_json:
-        result: dict[str, Any] = {
-            "schema": SCHEMA,
-            "command": command,
-            "exit_code": int(code),
-            "data": None if outcome is None else outcome.data,
-            "findings": [] if outcome is None else list(outcome.findings),
-            "error": error,
-        }
-        typer.echo(json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False))
+        print_result(command, code, outcome, error)
     elif outcome is not None:
         for line in outcome.lines:
             typer.echo(line)
         _tell_findings(outcome)
     if code:
         raise typer.Exit(int(code))
+
+
+def print_result(command: str, code: int, outcome: Outcome | None, error: dict[str, str] | None) -> None:
+    """Print the one JSON object that ``--json`` promises."""
+    result: dict[str, Any] = {
+        "schema": SCHEMA,
+        "command": command,
+        "exit_code": int(code),
+        "data": None if outcome is None else outcome.data,
+        "findings": [] if outcome is None else list(outcome.findings),
+        "error": error,
+    }
+    typer.echo(json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False))
+
+
+def _tell_error(command: str, problem: str, hint: str) -> None:
+    """Print what is wrong, and on a line of its own what can be done about it."""
+    typer.echo(f"pmg {command}: {problem}", err=True)
+    typer.echo(f"hint: {hint}", err=True)
 
 
 FINDINGS_SHOWN = 20
@@ -101,6 +112,8 @@ def _tell_findings(outcome: Outcome) -> None:
 
 
 def _exit_code(outcome: Outcome, fail_on: FailOn) -> ExitCode:
+    if outcome.failed:
+        return ExitCode.COULD_NOT_RUN
     if outcome.partial:
         return ExitCode.PARTLY_DONE
     if fail_on is not FailOn.NEVER and outcome.mismatch:

@@ -7,9 +7,18 @@ from typing import Annotated
 
 import typer
 
-Recordings = Annotated[Path, typer.Argument(help="Folder of .mcap recordings, or one file.", metavar="RECORDINGS")]
-StoreOption = Annotated[Path, typer.Option("--store", help="Folder of decoded runs and results; made if absent.")]
-ReportOption = Annotated[Path, typer.Option("--report", help="Folder of report.html, figures, tables, diagnosis.json.")]
+Recordings = Annotated[
+    Path | None, typer.Argument(help="Folder of .mcap recordings, or one file.", metavar="[RECORDINGS]")
+]
+ConfigOption = Annotated[
+    Path | None, typer.Option("--config", help="Campaign file in TOML; options win over what it sets.")
+]
+StoreOption = Annotated[
+    Path | None, typer.Option("--store", help="Folder of decoded runs and results; made if absent.")
+]
+ReportOption = Annotated[
+    Path | None, typer.Option("--report", help="Folder of report.html, figures, tables, diagnosis.json.")
+]
 GridsOption = Annotated[
     Path | None, typer.Option("--grids", help="Folder with neutral_grid.csv and engaged_grid.csv, instead.")
 ]
@@ -27,9 +36,12 @@ RestOption = Annotated[
     bool | None, typer.Option("--include-rest/--exclude-rest", help="Use readings of resting shafts in the curves.")
 ]
 RobustOption = Annotated[
-    bool, typer.Option("--robust", help="Fit the loss curves by Huber's M-estimate instead of least squares.")
+    bool | None,
+    typer.Option("--robust/--no-robust", help="Fit the loss curves by Huber's M-estimate, not by least squares."),
 ]
-NoteOption = Annotated[str, typer.Option("--note", help="Told at the head of the report, such as where data are from.")]
+NoteOption = Annotated[
+    str | None, typer.Option("--note", help="Told at the head of the report, such as where data are from.")
+]
 WorkersOption = Annotated[int | None, typer.Option("--workers", min=1, help="Parallel workers of the ingest.")]
 SchedulerOption = Annotated[
     str | None,

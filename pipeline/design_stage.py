@@ -85,7 +85,7 @@ def run_design(
         page = Report(
             title=f"What {name} can tell apart",
             subtitle=f"{len(grid)} points, audited from their design and noise alone",
-            verdict=Verdict(_told(audit), "attention" if audit.alike else "good"),
+            verdict=Verdict(told_audit(audit), "attention" if audit.alike else "good"),
             sections=(audit_section(audit),),
             provenance=Facts((("Of", name), ("Versions", versions(PACKAGES)))),
         )
@@ -95,7 +95,8 @@ def run_design(
     return Outcome(data, tuple(lines), remarks)
 
 
-def _told(audit: Audit) -> str:
+def told_audit(audit: Audit) -> str:
+    """What an audit came to, in a sentence."""
     unseen = [f"{row.candidate.identifier} ({row.candidate.shaft})" for row in audit.visible if row.unseen]
     hidden = f"cannot be seen at any size: {', '.join(unseen)}" if unseen else "every mechanism can be seen"
     n = len(audit.alike)
@@ -128,7 +129,7 @@ def _lines(audit: Audit) -> list[str]:
             f"closest ({near.correlation:.3f}) {near.one.identifier} ({near.one.shaft}) and "
             f"{near.other.identifier} ({near.other.shaft})"
         )
-    return [*rows, _told(audit)]
+    return [*rows, told_audit(audit)]
 
 
 def _visible(row: Visibility) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from pmg.pipeline.copies import COPY, without_copies
 from pmg.pipeline.exchange.supply import read_supply
 from pmg.pipeline.ingest import ingest
 from pmg.pipeline.inventory import Shard
-from pmg.pipeline.limits import LIMITS, read_limits
+from pmg.pipeline.limits import chosen_limits
 from pmg.pipeline.outcome import Outcome, told
 from pmg.pipeline.recording.supplied import NOTHING
 from pmg.pipeline.remarks import window_remarks
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from pmg.pipeline.limits import Steadiness
     from pmg.pipeline.store import Manifest
     from pmg.pipeline.unreached import Unreached
 
@@ -33,7 +34,7 @@ def run_ingest(
     progress: Callable[[int, int, str], None] | None,
     scheduler: str | None = None,
     shard: str | None = None,
-    limits: Path | None = None,
+    limits: Path | Steadiness | None = None,
     chart: Path | None = None,
 ) -> Outcome:
     """Decode recordings into a store.
@@ -52,8 +53,8 @@ def run_ingest(
         Address of a dask scheduler whose workers do the work instead.
     shard : str, optional
         The part of the recordings to take, as ``i/n``.
-    limits : Path, optional
-        File with limits by which windows are found and judged.
+    limits : Path or Steadiness, optional
+        Limits, or the file that holds them, by which windows are found and judged.
     chart : Path, optional
         File that states what recordings lack: run, calibration, channels under other names.
     """
@@ -63,7 +64,7 @@ def run_ingest(
         workers=workers,
         scheduler=scheduler,
         shard=None if shard is None else Shard.of(shard),
-        limits=LIMITS if limits is None else read_limits(limits),
+        limits=chosen_limits(limits),
         supplied=NOTHING if chart is None else read_supply(chart),
         progress=progress,
     )

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING, Any
 
+from pmg.pipeline.config.quantity import RATE, RATIO, SPEED_OF_SHAFT, TIME_SPAN, Dimension, quantity
+from pmg.pipeline.config.tomlfile import read_toml
 from pmg.sim.errors import RecordingError, near_miss
 from pmg.sim.signals import RPM
 
@@ -15,9 +16,17 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 SPEEDS = ("speed_change", "speed_offset", "step_speed")
-"""Limits that a file gives in rpm, with that unit in their name."""
+"""Limits that a file may give as numbers in rpm, with that unit in their name."""
 WHOLE = ("parts",)
 """Limits that are counts."""
+DIMENSIONS: dict[str, Dimension] = {
+    **dict.fromkeys(SPEEDS, SPEED_OF_SHAFT),
+    **dict.fromkeys(("shortest", "step_beside", "settle"), TIME_SPAN),
+    **dict.fromkeys(("frequency_low", "frequency_high"), RATE),
+    **dict.fromkeys(("completeness", "speed_change_relative", "speed_offset_relative"), RATIO),
+    **dict.fromkeys(("torque_drift", "step_torque"), RATIO),
+}
+"""What the limits are that may be written with their unit, such as ``speed_change = "0.5 rpm"``."""
 MAY_BE_ZERO = ("settle", "counts")
 TABLE = "windows"
 """Table of the file that holds the limits."""
@@ -94,19 +103,15 @@ def read_limits(path: Path) -> Steadiness:
     Parameters
     ----------
     path : Path
-        The file. Keys are the fields of `Steadiness`; speeds are given in rpm, as ``speed_change_rpm``.
+        The file. Keys are the fields of `Steadiness`, values numbers in SI, or text with a unit; speeds that are
+        numbers are given in rpm, as ``speed_change_rpm``.
 
     Raises
     ------
     RecordingError
         The file cannot be read, or holds a key or a value that is none.
     """
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise RecordingError(
-            str(path), f"unreadable ({error})", f"TOML with a table [{TABLE}]", "Correct the file."
-        ) from error
+    document = read_toml(path, f"a table [{TABLE}]", RecordingError).data
     table = document.get(TABLE)
     if not isinstance(table, dict) or len(document) > 1:
         came = ", ".join(document) or "nothing"
@@ -114,20 +119,49 @@ def read_limits(path: Path) -> Steadiness:
     return limits_of(table, str(path))
 
 
+def chosen_limits(given: Path | Steadiness | None) -> Steadiness:
+    """The limits of a call: those given, or those of a file, or the defaults."""
+    if given is None:
+        return LIMITS
+    return given if isinstance(given, Steadiness) else read_limits(given)
+
+
+def limit_of(key: str, given: object, where: str) -> tuple[str, float]:
+    """One limit of a table: the field of `Steadiness` and its value in SI.
+
+    Raises
+    ------
+    RecordingError
+        The key is no limit, or the value none of its kind.
+    """
+    names = {f"{f.name}_rpm" if f.name in SPEEDS else f.name: f.name for f in fields(Steadiness)}
+    here, value = f"{where}: [{TABLE}] {key}", given
+    name = key if key in SPEEDS else names.get(key)
+    if name is None:
+        raise RecordingError(f"{where}: [{TABLE}]", f"'{key}'", "a limit", near_miss(key, (*names, *SPEEDS)))
+    if key in DIMENSIONS and isinstance(given, str):
+        value = quantity(given, DIMENSIONS[key], here, RecordingError)
+    elif key in SPEEDS:
+        expected = f'text with a unit such as "{DIMENSIONS[key].example}"'
+        raise RecordingError(here, repr(given), expected, f"Or name it {key}_rpm.")
+    least = 2 if name in WHOLE else 0
+    number = value if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+    no_whole = name in WHOLE and number % 1 != 0.0
+    if not math.isfinite(number) or number < least or (number == 0 and name not in MAY_BE_ZERO) or no_whole:
+        expected = "a whole number from 2" if name in WHOLE else "a finite number above 0"
+        raise RecordingError(here, repr(given), expected, "Correct it.")
+    return name, int(number) if name in WHOLE else float(number) * (RPM if name != key else 1.0)
+
+
 def limits_of(table: Mapping[str, Any], where: str) -> Steadiness:
     """The limits of a table, as `read_limits` takes them."""
-    names = {f"{f.name}_rpm" if f.name in SPEEDS else f.name: f.name for f in fields(Steadiness)}
     found: dict[str, Any] = {}
-    for key, value in table.items():
-        if key not in names:
-            raise RecordingError(f"{where}: [{TABLE}]", f"'{key}'", "a limit", near_miss(key, names))
-        name = names[key]
-        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-        least = 2 if name in WHOLE else 0
-        if not number or value < least or (value == 0 and name not in MAY_BE_ZERO) or (name in WHOLE and value % 1):
-            expected = "a whole number from 2" if name in WHOLE else "a finite number above 0"
-            raise RecordingError(f"{where}: [{TABLE}] {key}", repr(value), expected, "Correct it.")
-        found[name] = int(value) if name in WHOLE else float(value) * (RPM if name in SPEEDS else 1.0)
+    for key, given in table.items():
+        name, value = limit_of(key, given, where)
+        if name in found:
+            here = f"{where}: [{TABLE}] {key}"
+            raise RecordingError(here, "given twice", f"{name} or {name}_rpm", "Leave one of them out.")
+        found[name] = value
     limits = Steadiness(**found)
     low, high = limits.frequency_low, limits.frequency_high
     if low >= high:

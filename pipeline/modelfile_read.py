@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
 from pmg.pipeline.calibrate import CONSTANTS
+from pmg.pipeline.config.tomlfile import read_toml
 from pmg.pipeline.modelfile import SCHEMA, Model, Part
 from pmg.sim.errors import BenchError, near_miss
 from pmg.sim.losscurve import LossCurve
@@ -89,12 +89,7 @@ def read_model(path: Path) -> Model:
         The file is not there, is no TOML, or holds something unknown, contradictory or out of its bounds.
     """
     place = _Place(path)
-    try:
-        data = tomllib.loads(path.read_bytes().decode("utf-8"))
-    except OSError as error:
-        place.refuse(error.strerror or "cannot be read", "a model that 'pmg compare' wrote", "Check the path.")
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        place.refuse(str(error), "TOML", "Correct the line.")
+    data = read_toml(path, "a model that 'pmg compare' wrote,").data
     schema = data.get("schema")
     if schema != SCHEMA:
         (place / "schema").refuse("missing" if schema is None else repr(schema), f'"{SCHEMA}"', "Name a model file.")

@@ -22,6 +22,8 @@ class Outcome:
         Something was left out that a new call, with better input, could add.
     mismatch : bool
         Simulation and recordings differ.
+    failed : bool
+        Nothing can be done with what was given; what was found is told all the same.
     """
 
     data: dict[str, Any]
@@ -29,6 +31,7 @@ class Outcome:
     findings: tuple[dict[str, Any], ...] = ()
     partial: bool = False
     mismatch: bool = False
+    failed: bool = False
 
 
 def told(severity: str, where: str, message: str) -> dict[str, Any]:

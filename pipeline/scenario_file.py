@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
-from pydantic import AliasChoices, BaseModel, ValidationError
+from pydantic import ValidationError
 
+from pmg.pipeline.config.refusals import first_fault, keys_of, refusal
+from pmg.pipeline.config.tomlfile import read_toml
 from pmg.pipeline.scenario import Scenario
-from pmg.pipeline.scenario_words import RefusalError, key_of
+from pmg.pipeline.scenario_words import key_of
 from pmg.sim.dynamics.constants import Control
-from pmg.sim.errors import BenchError, near_miss
+from pmg.sim.errors import BenchError
 from pmg.sim.grid import Configuration
 from pmg.sim.kinematics import Member
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
 MOST_SAMPLES = 2_000_000
@@ -28,19 +29,6 @@ MOST_POINTS = 10_000
 
 UNITS = {Control.TORQUE: "Nm", Control.SPEED: "rpm"}
 """End of the keys of what a motor is asked for, by what it follows."""
-
-_KINDS = {
-    "float_type": "a number",
-    "int_type": "a whole number",
-    "int_from_float": "a whole number",
-    "string_type": "text in quotation marks",
-    "bool_type": "true or false",
-    "list_type": "a list in square brackets",
-    "dict_type": "a table",
-    "model_type": "a table",
-    "too_short": "at least one entry",
-    "string_too_short": "a name",
-}
 
 
 @dataclass(frozen=True)
@@ -64,15 +52,8 @@ def read_scenario(path: Path) -> ScenarioFile:
     BenchError
         When the file cannot be read, is not TOML, or asks for something unknown, out of range or contradictory.
     """
-    if not path.is_file():
-        raise BenchError(str(path), "no such file", "a scenario in TOML", "Check the path.")
-    try:
-        text = path.read_bytes().decode("utf-8").replace("\r\n", "\n")
-        data = tomllib.loads(text)
-    except UnicodeDecodeError as error:
-        raise BenchError(str(path), f"not UTF-8 ({error.reason})", "a text file", "Save it as UTF-8.") from error
-    except tomllib.TOMLDecodeError as error:
-        raise _syntax(path, str(error), text) from error
+    file = read_toml(path, "a scenario")
+    data = file.data
     for key, name, asked in _foreign_units(data):
         unit = next(unit for unit in UNITS.values() if not name.endswith(f"_{unit}"))
         expected = f"{name.rsplit('_', 1)[0]}_{unit}, as control_{key.split('.')[1]} is {asked}"
@@ -80,19 +61,10 @@ def read_scenario(path: Path) -> ScenarioFile:
     try:
         scenario = Scenario.model_validate(data)
     except ValidationError as error:
-        first = min(error.errors(include_url=False), key=lambda found: found["type"] != "extra_forbidden")
-        raise _refusal(path, first, data) from None
+        raise _refusal(path, first_fault(error), data) from None
     for key, came, expected, do in _contradictions(scenario):
         raise BenchError(f"{path}: {key}", came, expected, do)
-    return ScenarioFile(path, text, scenario)
-
-
-def _syntax(path: Path, message: str, text: str) -> BenchError:
-    place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", message)
-    line = place[1] if place and place[1] else str(max(1, len(text.splitlines())))
-    came = message[: place.start()] if place else message
-    column = f", column {place[2]}" if place and place[2] else ""
-    return BenchError(f"{path}: line {line}{column}", came, "TOML", "Correct the line.")
+    return ScenarioFile(path, file.text, scenario)
 
 
 def _control(data: Mapping[str, Any], side: str) -> Control:
@@ -117,47 +89,13 @@ def _foreign_units(data: Mapping[str, Any]) -> Iterator[tuple[str, str, Control]
 
 
 def _refusal(path: Path, found: Mapping[str, Any], data: Mapping[str, Any]) -> BenchError:
-    """What pydantic says, in four parts."""
-    told: Mapping[str, Any] = found.get("ctx", {})
-    refusal = told.get("error")
-    keys = [*map(str, found["loc"]), *(refusal.key if isinstance(refusal, RefusalError) else ())]
+    """What pydantic says, in four parts; keys of a motor's programme with the unit of what it follows."""
+    keys, unit = keys_of(found), ""
     if keys[:1] == ["transient"] and len(keys) > 2 and keys[1] in ("sun", "ring"):
         unit = UNITS[_control(data, keys[1])]
         keys = [*keys[:2], *(re.sub(r"_(Nm|rpm)$", f"_{unit}", key) for key in keys[2:])]
-    else:
-        unit = ""
     where = f"{path}: {'.'.join(keys)}" if keys else str(path)
-    kind = found["type"]
-    if isinstance(refusal, RefusalError):
-        return BenchError(where, refusal.came, refusal.expected, refusal.do)
-    if kind == "extra_forbidden":
-        known = known_keys(found["loc"][:-1], unit)
-        return BenchError(where, "unknown key", "a known one", near_miss(keys[-1], known))
-    if kind == "missing":
-        return BenchError(where, "missing", "this key", f"Add {keys[-1]}.")
-    came = repr(found["input"])
-    if kind in ("enum", "literal_error"):
-        words = re.findall(r"'([^']*)'", str(told["expected"]))
-        return BenchError(where, came, str(told["expected"]), near_miss(str(found["input"]), words))
-    return BenchError(where, came, _KINDS.get(kind, found["msg"].lower()), "Correct the value.")
-
-
-def known_keys(place: Sequence[str | int], unit: str = "") -> list[str]:
-    """Keys that a table of the file may hold; of those that exist for torque and speed, the ones of that unit."""
-    model: type[BaseModel] = Scenario
-    for name in place:
-        annotation = model.model_fields[str(name).lower()].annotation
-        model = next(kind for kind in (annotation, *get_args(annotation)) if _is_model(kind))
-    found = []
-    for name, entry in model.model_fields.items():
-        alias = entry.validation_alias
-        choices = [str(choice) for choice in alias.choices] if isinstance(alias, AliasChoices) else [key_of(name)]
-        found += [choice for choice in choices if len(choices) == 1 or choice.endswith(f"_{unit}")]
-    return found
-
-
-def _is_model(kind: object) -> bool:
-    return isinstance(kind, type) and issubclass(kind, BaseModel)
+    return refusal(where, found, Scenario, keys[-1] if keys else "", unit)
 
 
 def _contradictions(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:

@@ -13,8 +13,7 @@ import numpy as np
 
 from pmg.pipeline.aside import write_aside
 from pmg.pipeline.recording.write import SimulatedRun, rated_calibration, recording_bytes
-from pmg.pipeline.report.write import LISTING as REPORT_LISTING
-from pmg.pipeline.report.write import PAGE, write_report
+from pmg.pipeline.report.write import SUMMARY, report_files, write_report
 from pmg.pipeline.simulate import encoder_angles, recordable
 from pmg.pipeline.simulate_points import BEGIN
 from pmg.pipeline.simulation_tables import points_frame, response_frame, transient_frame
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.simulate_points import SteadyPoints
     from pmg.sim.bench import BenchParameters
 
-SUMMARY = "summary.json"
 LISTING = "simulation-files.json"
 """What a simulation wrote; the next one removes what it no longer contains, and writes over nothing else."""
 
@@ -161,8 +159,7 @@ def write_simulation(
         When a file of another origin stands where one is to be written; nothing has been changed then.
     """
     earlier = _listed(folder / LISTING)
-    of_report = {PAGE, REPORT_LISTING, *(f.file for f in report.figures), *(t.file for t in report.tables)}
-    now = {*files, *of_report, SUMMARY, LISTING}
+    now = {*files, *report_files(report, summed_up=False), SUMMARY, LISTING}
     foreign = sorted(name for name in now - earlier if (folder / name).exists())
     if foreign:
         came = f"stands there and was not written by 'pmg simulate' ({len(foreign)} such files)"
@@ -172,7 +169,7 @@ def write_simulation(
     (folder / SUMMARY).unlink(missing_ok=True)
     for name, data in files.items():
         write_aside(folder / name, data)
-    write_report(report, folder)
+    write_report(report, folder, summed_up=False)
     for name in sorted(earlier - now):
         if _OURS.fullmatch(name):
             (folder / name).unlink(missing_ok=True)

@@ -17,8 +17,11 @@ from pmg.pipeline.campaign import choose_campaign, measured_grid
 from pmg.pipeline.carry import lead, remark
 from pmg.pipeline.chapters.page import build_report
 from pmg.pipeline.completeness import lack_findings
+from pmg.pipeline.conditions import conditions
 from pmg.pipeline.diagnose.document import diagnosis_document
 from pmg.pipeline.diagnose.statement import statement
+from pmg.pipeline.drill.campaign import campaign_signals
+from pmg.pipeline.drill.encoded import encode
 from pmg.pipeline.gridtable import read_published
 from pmg.pipeline.ingest_stage import run_ingest
 from pmg.pipeline.judged import judge, leave_model
@@ -28,6 +31,7 @@ from pmg.pipeline.options import AnalysisOptions
 from pmg.pipeline.orders.stage import orders_chapter
 from pmg.pipeline.outcome import Outcome, told
 from pmg.pipeline.outputs import analysis_document, read_analysis, write_analysis
+from pmg.pipeline.provenance import leave_crate, now
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store import Store
 from pmg.pipeline.unreached import unreached_findings
@@ -39,6 +43,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.budget.windowfacts import WindowFacts
+    from pmg.pipeline.conditions import Conditions
+    from pmg.pipeline.limits import Steadiness
+    from pmg.pipeline.provenance import Clock
     from pmg.pipeline.store import Manifest
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
@@ -47,7 +54,9 @@ SEED = 20260101
 """Seed of the synthetic campaigns behind a p-value; named in the report."""
 
 
-def run_analyse(store: Path, options: AnalysisOptions, *, grids: Path | None, campaign: str | None) -> Outcome:
+def run_analyse(
+    store: Path, options: AnalysisOptions, *, grids: Path | None, campaign: str | None, clock: Clock = now
+) -> Outcome:
     """Condense the recordings of a store (or read published grids) and analyse them into the store.
 
     Parameters
@@ -60,7 +69,10 @@ def run_analyse(store: Path, options: AnalysisOptions, *, grids: Path | None, ca
         Folder with published grids to analyse instead of recordings.
     campaign : str, optional
         Which campaign, where the store holds several.
+    clock : callable
+        Time of day, for the provenance.
     """
+    began = clock()
     bench, facts = load_bench(), None
     failed: tuple[Manifest, ...] = ()
     manifests: list[Manifest] = []
@@ -75,6 +87,7 @@ def run_analyse(store: Path, options: AnalysisOptions, *, grids: Path | None, ca
     analysis = analyse(grid, options, bench)
     budget = budget_of(analysis.grid, analysis.floor, bench, facts)
     folder = write_analysis(analysis, store, budget)
+    leave_crate(folder, store, grid, "pmg analyse", began, clock)
     return Outcome(
         data={"analysis": analysis_document(analysis, budget), "folder": str(folder)},
         lines=_analysis_lines(analysis, folder, len(failed)),
@@ -129,7 +142,7 @@ def _analysis_findings(
     return tuple(found)
 
 
-def run_compare(store: Path, report: Path, note: str = "", model: Path | None = None) -> Outcome:
+def run_compare(store: Path, report: Path, note: str = "", model: Path | None = None, *, clock: Clock = now) -> Outcome:
     """Simulate the analysed campaign, compare, diagnose, and write the report.
 
     Parameters
@@ -142,7 +155,10 @@ def run_compare(store: Path, report: Path, note: str = "", model: Path | None = 
         Told at the head of the report.
     model : Path, optional
         A model file to simulate instead of the calibrated baseline.
+    clock : callable
+        Time of day, for the provenance.
     """
+    began = clock()
     bench = load_bench()
     given = None if model is None else read_model(model)
     grid, options = read_analysis(store)
@@ -153,6 +169,9 @@ def run_compare(store: Path, report: Path, note: str = "", model: Path | None = 
     diagnosis = None if judged is None else judged.diagnosis
     if model is not None:
         inputs += ((f"SHA-256 of {model.name}", hashlib.sha256(model.read_bytes()).hexdigest()),)
+    budget = budget_of(analysis.grid, analysis.floor, bench, facts)
+    behind = None if grid.origin == "published" else campaign_signals(Store(store), analysis.grid, budget)
+    remarks += () if behind is None else behind.findings
     page = build_report(
         analysis,
         None if judged is None else judged.residuals,
@@ -164,8 +183,10 @@ def run_compare(store: Path, report: Path, note: str = "", model: Path | None = 
         carried=None if judged is None else judged.carried,
         ends=() if judged is None else judged.ends,
         orders=None if grid.origin == "published" else orders_chapter(Store(store), grid.campaign, bench),
-        budget=budget_of(analysis.grid, analysis.floor, bench, facts),
+        budget=budget,
         origins=_origins(store, grid),
+        told=_conditions(store, grid),
+        signals=None if behind is None else encode(behind.cells),
     )
     text = ""
     if diagnosis is not None:
@@ -186,6 +207,7 @@ def run_compare(store: Path, report: Path, note: str = "", model: Path | None = 
     if judged is not None:
         data |= leave_model(judged, report / MODEL, model)
         lines += [] if judged.carried is None else [remark(judged.carried)]
+    leave_crate(report, store, grid, "pmg compare", began, clock, () if model is None else (model,))
     found = remarks + _analysis_findings(analysis, failed, used)
     return Outcome(data, tuple(lines), found, bool(failed) or not analysis.complete, mismatch)
 
@@ -228,6 +250,14 @@ def _origins(store: Path, grid: Grid) -> tuple[tuple[str, dict[str, Any]], ...]:
     return tuple((m.document["file"], m.document["origin"]) for m in manifests if "origin" in m.document)
 
 
+def _conditions(store: Path, grid: Grid) -> Conditions:
+    """Under which conditions the campaign was run, as far as its recordings tell."""
+    if grid.origin == "published":
+        return conditions(())
+    _, manifests = choose_campaign(Store(store), grid.campaign)
+    return conditions(manifests)
+
+
 def run_all(
     recordings: Path | None,
     store: Path,
@@ -241,7 +271,7 @@ def run_all(
     progress: Callable[[int, int, str], None] | None,
     model: Path | None = None,
     scheduler: str | None = None,
-    limits: Path | None = None,
+    limits: Path | Steadiness | None = None,
 ) -> Outcome:
     """Ingest, analyse and compare; with published grids, analyse and compare."""
     if (recordings is None) == (grids is None):

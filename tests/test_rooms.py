@@ -46,7 +46,9 @@ OWNERS: dict[str, tuple[str, ...]] = {
     "matplotlib": ("pmg.pipeline.report",),
     "plotly": ("pmg.pipeline.report",),
     "jinja2": ("pmg.pipeline.report",),
-    "pydantic": ("pmg.pipeline.scenario*",),
+    "xlsxwriter": ("pmg.pipeline.report",),
+    "sqlite3": ("pmg.pipeline.catalogue",),
+    "pydantic": ("pmg.pipeline.scenario*", "pmg.pipeline.config"),
     "typer": COMMAND_LINE,
     "rich": COMMAND_LINE,
 }

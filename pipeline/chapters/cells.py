@@ -32,6 +32,33 @@ def lay_out(x: Array, y: Array, values: Array) -> tuple[Array, Array, Array]:
         return levels_x, levels_y, total / count
 
 
+def names_in_cells(x: Array, y: Array, names: npt.NDArray[np.str_]) -> tuple[tuple[str, ...], ...]:
+    """Name of the first point in each cell of `lay_out` (m, n); empty where there is none."""
+    levels_x, levels_y = np.unique(x), np.unique(y)
+    found = [[""] * len(levels_x) for _ in levels_y]
+    rows, columns = np.searchsorted(levels_y, y), np.searchsorted(levels_x, x)
+    for row, column, name in zip(rows, columns, names, strict=True):
+        found[row][column] = found[row][column] or str(name)
+    return tuple(tuple(row) for row in found)
+
+
+def iso_levels(z: Array, lines: int = 6) -> tuple[float, ...]:
+    """Round levels for about so many lines of equal value."""
+    known = z[np.isfinite(z)]
+    if len(known) < 2 or not np.ptp(known):
+        return ()
+    step = float(np.ptp(known)) / lines
+    power = 10.0 ** np.floor(np.log10(step))
+    step = next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= step * (1.0 - 1e-9))
+    first, last = np.ceil(known.min() / step), np.floor(known.max() / step)
+    return tuple(float(f"{level:.6g}") for level in np.arange(first, last + 1.0) * step)
+
+
+def names_of(names: npt.NDArray[np.str_]) -> tuple[str, ...]:
+    """Names of points as plain text."""
+    return tuple(map(str, names))
+
+
 def forward_neutral(grid: Grid) -> Mask:
     """Accepted neutral points with neither shaft reversed."""
     sun, ring = speed_levels(grid.points)

@@ -6,48 +6,55 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.cells import by_load, by_speed, forward_neutral, lay_out, measured
+from pmg.pipeline.chapters.cells import by_load, by_speed, forward_neutral, lay_out, measured, names_in_cells, names_of
 from pmg.pipeline.compare import COVERAGE
 from pmg.pipeline.completeness import speed_levels
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, SpeedMap, Table, Text
+from pmg.pipeline.tolerance import COMPARED, State
 from pmg.sim import signals, sources
 from pmg.sim.signals import RESIDUAL, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.compare import Difference, Residuals
+    from pmg.pipeline.tolerance import Agreements
     from pmg.sim.signals import Mask, Signal
 
-_COMPARED = (
-    ("torque_sun", signals.TORQUE_SUN, RESIDUAL),
-    ("torque_ring", signals.TORQUE_RING, RESIDUAL),
-    ("loss_total", signals.LOSS_TOTAL, signals.LOSS_TOTAL),
-    ("efficiency_total", signals.EFFICIENCY_TOTAL, signals.EFFICIENCY_TOTAL),
-)
+_SHOWN_DIFFERENCE = {"torque_sun": RESIDUAL, "torque_ring": RESIDUAL}
+"""Signals whose differences are shown in another unit than their values."""
 
 
-def comparison_section(residuals: Residuals, more: tuple[Table, ...] = ()) -> Section:
+def comparison_section(residuals: Residuals, agreed: Agreements, more: tuple[Table, ...] = ()) -> Section:
     """How well the simulator meets the measurement, point by point; `more` tables stand behind the facts."""
     facts = []
-    for name, signal, shown in _COMPARED:
+    for name, signal in COMPARED:
+        shown = _SHOWN_DIFFERENCE.get(name, signal)
         difference: Difference = getattr(residuals, name)
-        known = difference.compared
+        agreement = agreed.of[name]
+        known = agreement.compared
         if known.any():
             rms = float(np.sqrt(np.mean(shown.display(difference.value[known]) ** 2)))
+            within, inside = int(agreement.within.sum()), int((difference.within & known).sum())
             facts.append(
                 (
-                    f"{signal.meaning}, {int(known.sum())} points",
-                    f"{int(difference.within[known].sum())} within U; rms difference {rms:.3g} {shown.display_unit}",
+                    f"{signal.meaning}, {int(known.sum())} points compared",
+                    f"{within} {State.WITHIN}, {int(known.sum()) - within} {State.OUT} ({agreement.rule}); {inside} "
+                    f"within U; rms difference {rms:.3g} {shown.display_unit}",
                 )
             )
-    tolerance = (
-        "U here is that of repeating the test: the transducers' common tolerance, which would shift whole columns "
-        "alike, is not in it. It is in the uncertainties of losses and efficiencies above."
+    told = (
+        "A tolerance says whether the simulation is good enough for its use, and is set beforehand. U says whether a "
+        "difference is real: it is that of repeating the test, without the transducers' common tolerance, which would "
+        "shift whole columns alike and is in the uncertainties of losses and efficiencies above."
     )
-    items: list[Facts | Figure | Table | Text] = [Facts(tuple(facts)), Text(tolerance, kind="note")]
+    items: list[Facts | Figure | Table | Text] = [
+        Text(agreed.told, kind="finding"),
+        Facts(tuple(facts)),
+        Text(told, kind="note"),
+    ]
     items += more
     if (residuals.grid.points.engaged & residuals.torque_sun.compared).any():
         items.append(_engaged_figure(residuals))
-    items += [*_maps(residuals), _table(residuals)]
+    items += [*_maps(residuals), *_followed(residuals), _table(residuals, agreed)]
     return Section("comparison", "Simulated against measured", tuple(items), (sources.THESIS.at("section 6.1.1"),))
 
 
@@ -64,7 +71,7 @@ def _engaged_figure(residuals: Residuals) -> Figure:
             chosen = rows & difference.compared
             x = SPEED_SUN.display(np.abs(at.speed_sun[chosen]))
             y, u = signal.display(difference.value[chosen]), difference.u[chosen] / signal.scale
-            series.append(Series(load, x, y, u, "markers", i))
+            series.append(Series(load, x, y, u, "markers", i, points=names_of(at.name[chosen])))
         panels.append(Chart(SPEED_SUN.label, label, tuple(series), (("", 0.0),), "Load", ""))
     known = at.engaged & residuals.torque_sun.compared
     inside = int(residuals.torque_sun.within[known].sum())
@@ -87,7 +94,43 @@ def _map(
 ) -> SpeedMap:
     x, y, z = lay_out(axes[0][rows], axes[1][rows], RESIDUAL.display(difference.value[rows]))
     _, _, inside = lay_out(axes[0][rows], axes[1][rows], np.where(difference.compared, difference.within, np.nan)[rows])
-    return SpeedMap(x, y, z, *labels, RESIDUAL.label, inside == 1.0, diverging=True, title=title)
+    points = names_in_cells(axes[0][rows], axes[1][rows], residuals.grid.points.name[rows])
+    return SpeedMap(x, y, z, *labels, RESIDUAL.label, inside == 1.0, diverging=True, title=title, points=points)
+
+
+def _followed(residuals: Residuals) -> list[Figure]:
+    """Residuals against the shaft's own speed, the load asked for, and the time of the test."""
+    at = residuals.grid.points
+    loads = np.abs(at.load_set)
+    panels = []
+    for x_of, label in (
+        (None, "speed of the shaft [rpm]"),
+        (loads, "load asked for [N m]"),
+        ((at.started_at - np.nanmin(at.started_at)) / 3600.0 if at.ordered else None, "time of the test [h]"),
+    ):
+        if label.startswith("time") and x_of is None:
+            continue
+        series = []
+        for i, (name, rows, difference, speed) in enumerate(
+            (
+                ("sun, neutral", at.neutral, residuals.torque_sun, SPEED_SUN.display(at.speed_sun)),
+                ("ring, neutral", at.neutral, residuals.torque_ring, SPEED_RING.display(at.speed_ring)),
+                ("sun, engaged", at.engaged, residuals.torque_sun, SPEED_SUN.display(at.speed_sun)),
+            )
+        ):
+            chosen = np.asarray(rows & difference.compared)
+            if x_of is loads and name.endswith("neutral"):
+                continue
+            if chosen.any():
+                x = (speed if x_of is None else x_of)[chosen]
+                y, u = RESIDUAL.display(difference.value[chosen]), difference.u[chosen] / RESIDUAL.scale
+                series.append(Series(name, x, y, u, "markers", i, points=names_of(at.name[chosen])))
+        if series:
+            panels.append(Chart(label, "measured − simulated [mN m]", tuple(series), (("", 0.0),)))
+    if not panels:
+        return []
+    caption = "Torque residuals against speed, load and time; bars are U = 2u. What a cause leaves shows as a trend."
+    return [Figure("residuals-followed", "What the residuals follow", caption, tuple(panels), columns=len(panels))]
 
 
 def _maps(residuals: Residuals) -> list[Figure]:
@@ -120,7 +163,7 @@ def _maps(residuals: Residuals) -> list[Figure]:
     return figures
 
 
-def _table(residuals: Residuals) -> Table:
+def _table(residuals: Residuals, agreed: Agreements) -> Table:
     grid, at = residuals.grid, residuals.grid.points
     columns = [
         Column("point", "Point"),
@@ -129,12 +172,15 @@ def _table(residuals: Residuals) -> Table:
         Column("speed_ring", SPEED_RING.meaning, SPEED_RING.display_unit, digits=1),
         Column("load_set", "load asked for", "N m", digits=2),
     ]
-    for name, signal, shown in _COMPARED:
+    for name, signal in COMPARED:
+        shown = _SHOWN_DIFFERENCE.get(name, signal)
         columns += [
             Column(f"{name}_measured", f"{signal.meaning}, measured", signal.display_unit, digits=4),
             Column(f"{name}_simulated", f"{signal.meaning}, simulated", signal.display_unit, digits=4),
             Column(f"{name}_difference", "difference", shown.display_unit, uncertain=True),
+            Column(f"{name}_state", "judged"),
         ]
+    states = {name: agreed.of[name].states for name, _ in COMPARED}
     rows = []
     usable = grid.accepted & ~at.zero
     for i in by_speed(at):
@@ -147,11 +193,12 @@ def _table(residuals: Residuals) -> Table:
             float(SPEED_RING.display(at.speed_ring[i])),
             float(at.load_set[i]),
         ]
-        for name, signal, shown in _COMPARED:
+        for name, signal in COMPARED:
             d: Difference = getattr(residuals, name)
             known = bool(d.compared[i])
             row += [_plain(signal, d.measured[i], known), _plain(signal, d.simulated[i], known)]
-            row.append(measured(shown, d.value[i], d.u[i]) if known else None)
+            row.append(measured(_SHOWN_DIFFERENCE.get(name, signal), d.value[i], d.u[i]) if known else None)
+            row.append(str(states[name][i]))
         rows.append(tuple(row))
     return Table(
         "comparison-by-point",

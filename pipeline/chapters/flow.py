@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,7 +69,7 @@ def flow_section(flows: tuple[Flow, ...]) -> Section:
                 f"Highest power, {name}: {chain.mechanical_in[best]:.1f} W into the gearbox, "
                 f"{chain.mechanical_out[best]:.1f} W out; unexplained {left.value:+.2f} W, U = {left.u:.2f} W. "
                 f"Uncertainties are U = 2u{_left_out(shown)}.",
-                (_drawing(shown, best),),
+                (_choice(shown, best),),
             ),
             _point_table(shown, best),
             _table(by),
@@ -85,6 +86,13 @@ def _finding(flow: Flow) -> Text:
     names = [str(name) for name in flow.grid.points.name[beyond]]
     told = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
     return Text(f"The unexplained branch is beyond U = 2u at {len(names)} of {n} points: {told}.", kind="warning")
+
+
+def _choice(flow: Flow, best: int) -> PowerFlow:
+    """The drawing of one point, with those of all others to choose from."""
+    names = flow.grid.points.name
+    others = tuple((str(names[i]), _drawing(flow, int(i))) for i in by_speed(flow.grid.points))
+    return replace(_drawing(flow, best), others=others)
 
 
 def _drawing(flow: Flow, i: int) -> PowerFlow:

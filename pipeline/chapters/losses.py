@@ -1,4 +1,4 @@
-"""The chapter on powers, losses and efficiencies of the engaged gear."""
+"""The chapter on the power losses of the engaged gear, in watts."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.cells import by_load, by_speed, measured
+from pmg.pipeline.chapters.cells import by_load, by_speed, iso_levels, lay_out, measured, names_in_cells, names_of
 from pmg.pipeline.chapters.correction import correction_items
+from pmg.pipeline.completeness import speed_levels
 from pmg.pipeline.losses import AVERAGED, QUANTITIES
 from pmg.pipeline.report import numerals
 from pmg.pipeline.report.document import (
@@ -18,6 +19,7 @@ from pmg.pipeline.report.document import (
     Measured,
     Section,
     Series,
+    SpeedMap,
     Table,
     Text,
 )
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def losses_section(analysis: Analysis, balance: PowerBalance, calibration: Calibration) -> Section:
-    """Losses in watts before efficiencies, the correction factor, the damping constants, the table by point."""
+    """Losses by element, over speed and load, the correction factor, the damping constants, the table by point."""
     at = balance.grid.points
     speed = SPEED_SUN.display(np.abs(at.speed_sun))
     order = np.argsort(speed, kind="stable")
@@ -46,6 +48,7 @@ def losses_section(analysis: Analysis, balance: PowerBalance, calibration: Calib
                 balance.u(signal.name)[order],
                 "markers",
                 i,
+                points=names_of(at.name[order]),
             )
             for i, signal in enumerate((signals.LOSS_TOTAL, signals.LOSS_BEARINGS, signals.LOSS_MAGNETIC))
         ),
@@ -67,7 +70,7 @@ def losses_section(analysis: Analysis, balance: PowerBalance, calibration: Calib
     )
     return Section(
         "losses",
-        "Power losses and efficiency by load",
+        "Power losses",
         (
             Facts(_constants(analysis, calibration)),
             Text(_uncertainty_told(balance, calibration), kind="note"),
@@ -80,7 +83,7 @@ def losses_section(analysis: Analysis, balance: PowerBalance, calibration: Calib
                 f"{_highest(balance, signals.LOSS_MAGNETIC)} W, with U = 2u (K_corr = {balance.correction:.3f}).",
                 (loss_chart,),
             ),
-            _efficiency_figure(balance),
+            *(() if (figure := _loss_map(balance)) is None else (figure,)),
             _means_table(balance),
             *correction_items(analysis),
             _balance_table(balance),
@@ -156,30 +159,33 @@ def _means_table(balance: PowerBalance) -> Table:
     )
 
 
-def _efficiency_figure(balance: PowerBalance) -> Figure:
+def _loss_map(balance: PowerBalance) -> Figure | None:
+    """Total loss over speed and load, forward flow."""
     at = balance.grid.points
+    rows = np.asarray(at.drive == "sun")
+    if not rows.any():
+        return None
+    load, speed = np.abs(np.round(at.load_set, 3))[rows], speed_levels(at)[0][rows]
     panels = []
-    for signal in (signals.EFFICIENCY_TOTAL, signals.EFFICIENCY_MAGNETIC):
-        series = []
-        for i, (name, rows) in enumerate(by_load(at)):
-            x = SPEED_SUN.display(np.abs(at.speed_sun[rows]))
-            order = np.argsort(x, kind="stable")
-            y, u = signal.display(balance.values[signal.name][rows]), balance.u(signal.name)[rows] / signal.scale
-            series.append(Series(name, x[order], y[order], u[order], "both", i))
-        panels.append(Chart(SPEED_SUN.label, signal.label, tuple(series), (("", 100.0),), "Load", signal.meaning))
-    of = signals.EFFICIENCY_TOTAL
-    total, u_total = of.display(balance.values[of.name]), balance.u(of.name) / of.scale
-    low, high = (
-        numerals.measured(float(total[i]), 2.0 * float(u_total[i])) for i in (int(total.argmin()), int(total.argmax()))
-    )
-    return Figure(
-        "efficiency",
-        "Efficiency by load",
-        f"Total efficiency between {low} and {high} % over all points, with U = 2u. Near zero load its uncertainty "
-        "grows without bound: read the losses in watts first.",
-        tuple(panels),
-        columns=2,
-    )
+    for signal in (signals.LOSS_TOTAL, signals.LOSS_MAGNETIC):
+        x, y, z = lay_out(load, speed, signal.display(balance.values[signal.name][rows]))
+        points = names_in_cells(load, speed, at.name[rows])
+        panels.append(
+            SpeedMap(
+                x,
+                y,
+                z,
+                "load asked for [N m]",
+                SPEED_SUN.label,
+                f"{signal.meaning} [W]",
+                annotate=True,
+                contours=iso_levels(z),
+                title=signal.meaning,
+                points=points,
+            )
+        )
+    caption = "Losses over speed and load with lines of equal loss, forward flow. Grey: not measured."
+    return Figure("loss-map", "Losses over speed and load", caption, tuple(panels), columns=2)
 
 
 def _balance_table(balance: PowerBalance) -> Table:

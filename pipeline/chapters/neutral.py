@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.cells import forward_neutral, lay_out
+from pmg.pipeline.chapters.cells import forward_neutral, iso_levels, lay_out, names_in_cells, names_of
 from pmg.pipeline.completeness import speed_levels
 from pmg.pipeline.drift import HOUR
 from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Section, Series, SpeedMap, Table, Text
@@ -36,10 +36,12 @@ def neutral_section(analysis: Analysis, fits: LossFits) -> Section:
     if not rows.any():
         rows = np.asarray(grid.points.neutral & grid.accepted)
     sun, ring = speed_levels(grid.points[rows])
+    names = names_in_cells(ring, sun, grid.points.name[rows])
     maps = []
     for signal, torque in ((signals.TORQUE_SUN, grid.torque_sun), (signals.TORQUE_RING, grid.torque_ring)):
         x, y, z = lay_out(ring, sun, torque[rows])
-        maps.append(SpeedMap(x, y, z, SPEED_RING.label, SPEED_SUN.label, signal.label, title=signal.meaning))
+        labels = SPEED_RING.label, SPEED_SUN.label, signal.label
+        maps.append(SpeedMap(x, y, z, *labels, contours=iso_levels(z), title=signal.meaning, points=names))
     charts = tuple(_curve_chart(grid, fit) for fit in (fits.sun, fits.ring))
     return Section(
         "neutral",
@@ -93,7 +95,15 @@ def _curve_chart(grid: Grid, fit: LossFit) -> Chart:
         own.label,
         label,
         (
-            Series("measured, U = 2u", own.display(np.abs(speed[fit.rows])), drag, u, "markers", 0),
+            Series(
+                "measured, U = 2u",
+                own.display(np.abs(speed[fit.rows])),
+                drag,
+                u,
+                "markers",
+                0,
+                points=names_of(grid.points.name[fit.rows]),
+            ),
             Series("fit", own.display(fine), fit.curve.torque(fine), None, "line", 1),
         ),
         title=f"{fit.shaft} shaft",

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from pmg.pipeline.carry import lead
 from pmg.pipeline.chapters.audit import audit_section
 from pmg.pipeline.chapters.carried import ends_table, prediction_table
 from pmg.pipeline.chapters.comparison import comparison_section
+from pmg.pipeline.chapters.conditions import conditions_section, grids_section
 from pmg.pipeline.chapters.diagnosis import diagnosis_section
+from pmg.pipeline.chapters.efficiency import efficiency_section, speed_ratio_section
 from pmg.pipeline.chapters.flow import flow_section
 from pmg.pipeline.chapters.losses import losses_section
 from pmg.pipeline.chapters.neutral import neutral_section
 from pmg.pipeline.chapters.quality import data_section
 from pmg.pipeline.chapters.validation import published_sections
+from pmg.pipeline.conditions import conditions
 from pmg.pipeline.diagnose.statement import statement
 from pmg.pipeline.powerflow import power_flows
 from pmg.pipeline.readings import predict
-from pmg.pipeline.report.document import Facts, Report, Section, Verdict
+from pmg.pipeline.report.document import Facts, Report, Section, Signals, Verdict
+from pmg.pipeline.tolerance import agreements
+from pmg.pipeline.wording import counted
 from pmg.sim.gearbox import Gearbox
 
 if TYPE_CHECKING:
@@ -28,12 +33,24 @@ if TYPE_CHECKING:
     from pmg.pipeline.budget.point import Budget
     from pmg.pipeline.carry import Carried
     from pmg.pipeline.compare import Residuals
+    from pmg.pipeline.conditions import Conditions
     from pmg.pipeline.diagnose.diagnosis import Diagnosis
+    from pmg.pipeline.drill.encoded import Encoded
     from pmg.pipeline.steady_ends import SteadyEnd
+    from pmg.pipeline.tolerance import Agreements, Tolerance
     from pmg.sim.bench import BenchParameters
 
 PACKAGES = ("pmg-bench", "numpy", "scipy", "pandas", "polars", "mcap", "matplotlib")
 """Distributions whose versions the report names."""
+
+VERDICT_WORDS = {
+    "consistent": "no difference found",
+    "named": "cause named",
+    "ambiguous": "several causes fit",
+    "not_in_library": "no known cause fits",
+    "confounded": "the campaign cannot tell",
+}
+"""Verdicts as people read them; one that is not here is shown as it is."""
 
 
 def versions(packages: tuple[str, ...]) -> str:
@@ -55,6 +72,9 @@ def build_report(
     orders: Section | None = None,
     budget: Budget | None = None,
     origins: tuple[tuple[str, Mapping[str, Any]], ...] = (),
+    told: Conditions | None = None,
+    tolerances: Mapping[str, Tolerance] | None = None,
+    signals: Encoded | None = None,
 ) -> Report:
     """The report of one campaign, as far as its analysis reached.
 
@@ -84,27 +104,35 @@ def build_report(
         What the mean torques are uncertain by.
     origins : tuple of (file, mapping)
         What recordings were imported from, where they were.
+    told : Conditions, optional
+        Under which conditions the campaign was run.
+    tolerances : mapping, optional
+        Tolerances that were set for the comparison, by quantity.
+    signals : Encoded, optional
+        The signals behind the points of the grid.
     """
-    sections: list[Section] = []
+    sections: list[Section] = [conditions_section(told or conditions(()), note), grids_section(analysis.grid)]
     judged = analysis if carried is None else carried.analysis
+    if analysis.fits is not None:
+        sections.append(neutral_section(analysis, analysis.fits))
+    if analysis.balance is not None and analysis.calibration is not None:
+        sections.append(losses_section(analysis, analysis.balance, analysis.calibration))
+        sections.append(efficiency_section(analysis.balance, residuals))
+        sections.append(speed_ratio_section(analysis.balance, bench))
+    agreed = None if residuals is None else agreements(residuals, bench, tolerances)
+    if residuals is not None and agreed is not None and analysis.calibration is not None:
+        more = (() if carried is None else (prediction_table(carried),)) + ((ends_table(ends),) if ends else ())
+        sections.append(comparison_section(residuals, agreed, more))
     if diagnosis is not None and judged.calibration is not None:
         readings = diagnosis.mismatch.readings
         residual = readings.torque - predict(readings, bench, judged.calibration.model)
         sections.append(diagnosis_section(diagnosis, residual))
         if diagnosis.audit is not None:
             sections.append(audit_section(diagnosis.audit))
-    if analysis.fits is not None:
-        sections.append(neutral_section(analysis, analysis.fits))
-    if analysis.balance is not None and analysis.calibration is not None:
-        sections.append(losses_section(analysis, analysis.balance, analysis.calibration))
-    if residuals is not None and analysis.calibration is not None:
-        more = (() if carried is None else (prediction_table(carried),)) + ((ends_table(ends),) if ends else ())
-        sections.append(comparison_section(residuals, more))
-        plain = Gearbox.calibrated(bench, analysis.calibration.model)
-        gearbox = plain if carried is None else carried.gearbox
-        if analysis.causes is not None:
-            behind = analysis.calibration, analysis.causes
-            sections.append(flow_section(power_flows(gearbox, residuals.grid, residuals.simulated, bench, *behind)))
+    if residuals is not None and analysis.calibration is not None and analysis.causes is not None:
+        gearbox = Gearbox.calibrated(bench, analysis.calibration.model) if carried is None else carried.gearbox
+        behind = analysis.calibration, analysis.causes
+        sections.append(flow_section(power_flows(gearbox, residuals.grid, residuals.simulated, bench, *behind)))
     if orders is not None:
         sections.append(orders)
     sections.extend(published_sections(analysis.grid, bench))
@@ -113,23 +141,31 @@ def build_report(
     return Report(
         title=f"Campaign {grid.campaign}",
         subtitle=note or "Planetary magnetic gearbox: recordings, losses, simulation and what explains the difference",
-        verdict=_verdict(analysis, diagnosis, "" if carried is None else lead(carried)),
+        verdict=_verdict(analysis, diagnosis, "" if carried is None else lead(carried), agreed),
         sections=tuple(sections),
         provenance=Facts((*provenance, ("Versions", versions(PACKAGES)))),
+        signals=None if signals is None else Signals(signals.index_json, signals.base64),
     )
 
 
-def _verdict(analysis: Analysis, diagnosis: Diagnosis | None, before: str) -> Verdict:
+def _verdict(analysis: Analysis, diagnosis: Diagnosis | None, before: str, agreed: Agreements | None) -> Verdict:
     grid = analysis.grid
-    warning = ""
+    warnings = []
     rejected = int((~grid.accepted).sum())
     if rejected:
-        warning += f" {rejected} of {len(grid)} points rejected."
+        warnings.append(f"{counted(rejected, 'point')} rejected; the reasons are in the chapter on data quality.")
     if analysis.lacking:
-        warning += f" {len(analysis.lacking)} cells of the grids are empty."
+        warnings.append(f"{counted(len(analysis.lacking), 'cell')} of the grids empty.")
+    above = 0 if analysis.balance is None else int(analysis.balance.above_one().sum())
+    if above:
+        warnings.append(f"Magnetic efficiency above 1 at {counted(above, 'point')}.")
+    figures = [("Points accepted", f"{int(grid.accepted.sum())} of {len(grid)}")]
+    if agreed is not None:
+        figures.append(("Simulation within tolerance", f"{int(agreed.within.sum())} of {int(agreed.compared.sum())}"))
     if diagnosis is None:
         reason = str(analysis.missing[0]) if analysis.missing else ""
-        return Verdict(f"No comparison was possible. {reason}{warning}", "attention")
-    return Verdict(
-        before + statement(diagnosis) + warning, "attention" if diagnosis.verdict != "consistent" or warning else "good"
-    )
+        text = f"No comparison was possible. {reason}".strip()
+        return Verdict(text, "attention", tuple(figures), tuple(warnings))
+    figures.append(("Verdict", VERDICT_WORDS.get(diagnosis.verdict, diagnosis.verdict)))
+    state: Literal["good", "attention"] = "attention" if diagnosis.verdict != "consistent" or warnings else "good"
+    return Verdict(before + statement(diagnosis), state, tuple(figures), tuple(warnings))

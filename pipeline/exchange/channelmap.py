@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.config.tomlfile import read_toml
 from pmg.pipeline.exchange.csvhead import CsvForm
 from pmg.pipeline.exchange.source import Wanted
 from pmg.pipeline.exchange.units import TIME, declared, kind_of
@@ -154,15 +154,12 @@ def read_map(path: Path) -> ChannelMap:
     BenchError
         When it is no TOML, or a key is missing, unknown or out of its range.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-        reader = Reader(path.name, tomllib.loads(text))
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as fault:
-        raise BenchError(path.name, f"it cannot be parsed ({fault})", "TOML text in UTF-8", "Correct it.") from fault
+    file = read_toml(path, "a channel map")
+    reader = Reader(path.name, file.data)
     reader.word("schema", (SCHEMA,))
     made = ChannelMap(
         path=path,
-        text=text,
+        text=file.text,
         calibration=path.parent / reader.text("calibration"),
         run=read_words(reader.sub("run")),
         timing=_timing(reader.sub("time", optional=True)),

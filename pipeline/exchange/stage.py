@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from pmg.pipeline.exchange.bring import FORMATS, import_recording
 from pmg.pipeline.exchange.channelmap import RUN_KEYS, read_map
 from pmg.pipeline.exchange.export import export_recording
-from pmg.pipeline.limits import LIMITS, read_limits
+from pmg.pipeline.limits import chosen_limits
 from pmg.pipeline.outcome import Outcome
 from pmg.pipeline.wording import counted
 from pmg.sim.errors import BenchError, PmgError, RecordingError, near_miss
@@ -72,7 +72,7 @@ def run_import(
 
 def run_export(recording: Path, out: Path, rate_hz: float | None, limits: Path | None = None) -> Outcome:
     """Write the derived signals of a recording, and a preview; windows are judged by a file of limits, if given."""
-    judged_by = LIMITS if limits is None else read_limits(limits)
+    judged_by = chosen_limits(limits)
     done = export_recording(recording, out, rate_hz, judged_by)
     lines = (
         f"wrote {done.samples} stretches at {done.rate_hz:g} Hz and {done.previews} previews at "

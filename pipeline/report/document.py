@@ -24,13 +24,28 @@ __all__ = [
     "Report",
     "Section",
     "Series",
+    "Signals",
     "SpeedMap",
     "Table",
     "Text",
     "Verdict",
 ]
 
-RESERVED = ("contents", "main", "provenance", "references", "verdict")
+RESERVED = (
+    "announced",
+    "contents",
+    "main",
+    "open-signals",
+    "plotly",
+    "provenance",
+    "references",
+    "scheme",
+    "signals",
+    "signals-data",
+    "signals-heading",
+    "signals-index",
+    "verdict",
+)
 """Anchors that the page itself uses."""
 
 
@@ -101,6 +116,10 @@ class Section:
         checked_id("Section", self.id)
 
 
+STATES = {"good": "Good", "attention": "Needs attention", "neutral": "Result"}
+"""State of a verdict -> the word above it."""
+
+
 @dataclass(frozen=True)
 class Verdict:
     """The headline of a report.
@@ -111,10 +130,32 @@ class Verdict:
         One or two short sentences.
     state : str
         ``good``, ``attention`` or ``neutral``.
+    counted : tuple of (label, value)
+        Figures that stand before the text.
+    warnings : tuple of str
+        Sentences that stand behind it.
     """
 
     text: str
     state: Literal["good", "attention", "neutral"] = "neutral"
+    counted: tuple[tuple[str, str], ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What a page can open behind a test point, packed.
+
+    Parameters
+    ----------
+    index : str
+        JSON that says what there is and where; it may stand in a ``script`` element.
+    data : str
+        The packed points, in base64.
+    """
+
+    index: str
+    data: str
 
 
 @dataclass(frozen=True)
@@ -131,6 +172,8 @@ class Report:
         The body.
     provenance : Facts
         Which inputs, versions, seeds and times made it.
+    signals : Signals, optional
+        What the page opens behind the points of its figures.
 
     Raises
     ------
@@ -143,6 +186,7 @@ class Report:
     verdict: Verdict
     sections: tuple[Section, ...]
     provenance: Facts
+    signals: Signals | None = None
 
     def __post_init__(self) -> None:
         named: tuple[Section | Table | Figure, ...] = (*self.sections, *self.tables, *self.figures)

@@ -1,4 +1,4 @@
-"""Figures drawn: as PNG for documents, and as SVG that takes its colours from the page it stands in."""
+"""Figures drawn: as PNG, SVG and PDF for documents, and as SVG that takes its colours from the page it stands in."""
 
 from __future__ import annotations
 
@@ -9,17 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure as Canvas
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.transforms import Bbox
 
 from pmg.pipeline.report import draw_chart, draw_flow, draw_map
 from pmg.pipeline.report.figure import Chart, Figure, Panel, SpeedMap
-from pmg.pipeline.report.sheet import Sheet
-from pmg.pipeline.report.theme import LIGHT, THEMED, themed
+from pmg.pipeline.report.sheet import Sheet, wrapped
+from pmg.pipeline.report.spelled import spelled
+from pmg.pipeline.report.theme import LIGHT, THEMED, alone, themed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from matplotlib.figure import SubFigure
 
@@ -28,12 +31,16 @@ PAGE = Sheet(width=8.4, letters=9.5, palette=THEMED)
 PHONE = Sheet(width=3.7, letters=8.5, palette=THEMED, phone=True)
 RESOLUTION = 200
 """Dots per inch of the PNG files."""
+MARGIN = 0.25
+"""Between a figure and its caption, and around both, on a page of the PDF [in]."""
 
+_NO_METADATA = dict.fromkeys(("Date", "Creator", "Format", "Type"))
 _STYLE: dict[Any, Any] = {
     "font.family": ["DejaVu Sans"],
     "text.parse_math": False,
     "svg.fonttype": "none",
     "svg.hashsalt": "pmg",
+    "pdf.fonttype": 42,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.axisbelow": True,
@@ -57,6 +64,70 @@ def draw_png(figure: Figure) -> bytes:
         return _saved(canvas, format="png", dpi=RESOLUTION, metadata={"Software": None})
 
 
+def draw_files(figures: Sequence[Figure], title: str = "") -> tuple[dict[str, bytes], bytes]:
+    """Every figure as PNG and as SVG by its file name, and all of them as one PDF, a page each.
+
+    Each is laid out once, for the PNG; the other two show the same places. The same figures give the same bytes.
+
+    Parameters
+    ----------
+    figures : sequence of Figure
+        What to draw, in the order numbered.
+    title : str
+        Title of the PDF.
+
+    Returns
+    -------
+    files : dict of str to bytes
+        The PNG of each figure, and an SVG that stands alone, with colours for white paper and text as text.
+    pdf : bytes
+        Vectors, with the caption below each figure; empty where there is no figure.
+    """
+    files: dict[str, bytes] = {}
+    book = io.BytesIO()
+    if not figures:
+        return files, b""
+    told = {"CreationDate": None, "Creator": None, "Producer": None, "Title": spelled(title) or None}
+    with _our_style(), PdfPages(book, metadata=told) as pages:
+        for count, figure in enumerate(figures, 1):
+            canvas = _canvas(figure, PRINT)
+            FigureCanvasAgg(canvas)
+            files[figure.file] = _saved(canvas, format="png", dpi=RESOLUTION, metadata={"Software": None})
+            canvas.set_layout_engine(None)
+            svg = _saved(canvas, format="svg", metadata=_NO_METADATA).decode()
+            files[figure.vector_file] = alone(svg, figure.title, figure.caption).encode()
+            pages.savefig(canvas, bbox_inches=_captioned(canvas, figure, count))
+    return files, book.getvalue()
+
+
+def draw_pdf(figure: Figure) -> bytes:
+    """A figure as a PDF of one page with its caption below; the same figure gives the same bytes."""
+    return draw_files((figure,), figure.title)[1]
+
+
+def _captioned(canvas: Canvas, figure: Figure, count: int) -> Bbox:
+    """The page [in] that holds a figure and, below it, its caption, which is added here."""
+    width, height = canvas.get_size_inches()
+    lines = [
+        (line, weight)
+        for text, weight in ((f"Figure {count}. {figure.title}.", "bold"), (figure.caption, "normal"))
+        for line in wrapped(spelled(text), width, PRINT.letters, weight)
+    ]
+    for row, (line, weight) in enumerate(lines):
+        down = MARGIN + row * PRINT.line
+        canvas.text(
+            0.0,
+            -down / height,
+            line,
+            size=PRINT.letters,
+            weight=weight,
+            va="top",
+            color=PRINT.palette["ink"],
+        )
+    depth = MARGIN + len(lines) * PRINT.line
+    return Bbox.from_extents(-MARGIN, -depth - MARGIN, width + MARGIN, height + MARGIN)
+
+
 def draw_svg(figure: Figure, sheet: Sheet = PAGE) -> str:
     """A figure as an SVG element whose colours are the CSS variables of `theme.variables`.
 
@@ -70,8 +141,7 @@ def draw_svg(figure: Figure, sheet: Sheet = PAGE) -> str:
     with _our_style():
         canvas = _canvas(figure, sheet)
         FigureCanvasSVG(canvas)
-        nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-        svg = _saved(canvas, format="svg", metadata=nothing).decode()
+        svg = _saved(canvas, format="svg", metadata=_NO_METADATA).decode()
     return themed(svg, f"{figure.id}-phone" if sheet.phone else figure.id)
 
 

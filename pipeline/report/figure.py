@@ -40,6 +40,8 @@ class Series:
     group : str
         Series of one group stand under its name in the legend. The first group of a chart is drawn solid
         and filled, later ones dashed and hollow.
+    points : tuple of str
+        Name of the test point behind each value, where the page can open it; empty: none.
     """
 
     name: str
@@ -49,11 +51,13 @@ class Series:
     style: Style = "markers"
     colour: int = 0
     group: str = ""
+    points: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        lengths = {len(self.x), len(self.y), len(self.y if self.u is None else self.u)}
+        given = (self.x, self.y, self.y if self.u is None else self.u, self.points or self.y)
+        lengths = {len(values) for values in given}
         if len(lengths) > 1:
-            raise ValueError(f"Series {self.name!r}: x, y and u have lengths {sorted(lengths)}")
+            raise ValueError(f"Series {self.name!r}: x, y, u and points have lengths {sorted(lengths)}")
         if self.style == "band" and self.u is None:
             raise ValueError(f"Series {self.name!r}: a band needs u")
 
@@ -116,6 +120,8 @@ class SpeedMap:
         Levels of lines of equal value.
     title : str
         Heading of the panel.
+    points : (m, n) nested tuples of str
+        Name of the test point behind each cell, empty where there is none or where no page can open it; empty: none.
     """
 
     x: Array
@@ -130,9 +136,12 @@ class SpeedMap:
     annotate: bool = False
     contours: tuple[float, ...] = ()
     title: str = ""
+    points: tuple[tuple[str, ...], ...] = ()
 
     def __post_init__(self) -> None:
         shape = (len(self.y), len(self.x))
+        if self.points and {(len(self.points), len(row)) for row in self.points} != {shape}:
+            raise ValueError(f"SpeedMap of {self.z_label!r}: expected points of shape {shape}")
         if self.z.shape != shape or (self.hatch is not None and self.hatch.shape != shape):
             raise ValueError(f"SpeedMap of {self.z_label!r}: expected z and hatch of shape {shape}")
         if 0 in shape or not all((np.diff(axis) > 0).all() for axis in (self.x, self.y)):
@@ -156,12 +165,15 @@ class PowerFlow:
         What branches off between stage ``index`` and the next one.
     expanded : tuple of float
         Expanded uncertainty U of each power, in the order of `watts`; NaN where none is stated. Empty: of none.
+    others : tuple of (name, PowerFlow)
+        The same chain elsewhere, this one among them; the page lets a reader choose, a drawing shows this one.
     """
 
     title: str
     main: tuple[tuple[str, float], ...]
     losses: tuple[tuple[str, float, int], ...]
     expanded: tuple[float, ...] = ()
+    others: tuple[tuple[str, PowerFlow], ...] = ()
 
     def __post_init__(self) -> None:
         if len(self.main) < 2:
@@ -220,3 +232,8 @@ class Figure:
     def file(self) -> str:
         """Path of the PNG file inside the report's folder."""
         return f"figures/{self.id}.png"
+
+    @property
+    def vector_file(self) -> str:
+        """Path of the SVG file inside the report's folder."""
+        return f"figures/{self.id}.svg"

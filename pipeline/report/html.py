@@ -1,26 +1,39 @@
-"""A report as one HTML page that asks nothing of the network and runs no script."""
+"""A report as one HTML page that asks nothing of the network."""
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import json
+import zlib
+from functools import lru_cache
 from html import escape
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from pmg.pipeline.report.draw import PAGE, PHONE, draw_svg
+from pmg.pipeline.report.live import live_figure
 from pmg.pipeline.report.theme import DARK, FONTS, LIGHT, variables
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pmg.pipeline.report.document import Report
     from pmg.pipeline.report.figure import Figure
 
 _TEMPLATES = Path(__file__).with_name("templates")
+_SCRIPTS = ("page.js", "figures.js", "signals.js")
 _STATES = {"good": "Good", "attention": "Needs attention", "neutral": "Result"}
 
 
 def html(report: Report) -> str:
-    """The page of a report, figures inside; links to data files are relative.
+    """The page of a report, figures and scripts inside; links to data files are relative.
+
+    Without scripts the page is whole: figures are still drawings then, and tables keep their order. Only the two
+    scripts named by their hashes can run.
 
     Parameters
     ----------
@@ -33,9 +46,14 @@ def html(report: Report) -> str:
         undefined=StrictUndefined,
         keep_trailing_newline=True,
     )
+    script = _script()
+    library = _library() if report.figures else ""
+    allowed = [script, library] if library else [script]
     return environment.get_template("report.html.j2").render(
         report=report,
         drawings={figure.id: _drawing(figure) for figure in report.figures},
+        live={figure.id: _embedded(live_figure(figure)) for figure in report.figures},
+        csv={table.id: deflated(table.csv().encode("utf-8", "backslashreplace")) for table in report.tables},
         numbers={table.id: count for count, table in enumerate(report.tables, 1)}
         | {figure.id: count for count, figure in enumerate(report.figures, 1)},
         cited={
@@ -47,7 +65,46 @@ def html(report: Report) -> str:
         dark=variables(DARK),
         fonts=FONTS,
         css=(_TEMPLATES / "report.css").read_text(encoding="utf-8"),
+        allowed=" ".join(_hash(text) for text in allowed),
+        plotly=_packed_library() if library else "",
+        script=script,
     )
+
+
+def deflated(data: bytes) -> str:
+    """Bytes as base64 of raw deflate, as the page unpacks them."""
+    packer = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
+    return base64.b64encode(packer.compress(data) + packer.flush()).decode("ascii")
+
+
+def _script() -> str:
+    return "\n".join((_TEMPLATES / name).read_text(encoding="utf-8") for name in _SCRIPTS)
+
+
+@lru_cache(maxsize=1)
+def _library() -> str:
+    """The drawing library's script, from its Python package, which need not be imported for that."""
+    found = find_spec("plotly")
+    assert found is not None, "plotly is a dependency of pmg"
+    assert found.submodule_search_locations
+    folder = Path(next(iter(found.submodule_search_locations)))
+    return (folder / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
+
+
+@lru_cache(maxsize=1)
+def _packed_library() -> str:
+    return deflated(_library().encode())
+
+
+def _hash(script: str) -> str:
+    """The script as a content security policy names it."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode('ascii')}'"
+
+
+def _embedded(data: Mapping[str, Any]) -> str:
+    """JSON that no text in it can end early."""
+    text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
 def _drawing(figure: Figure) -> str:

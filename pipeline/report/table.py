@@ -7,6 +7,7 @@ import io
 import math
 import numbers
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import SupportsFloat, TypeAlias
 
 import numpy as np
@@ -158,6 +159,11 @@ class Table:
             for cells in self._cells_by_column()
         )
 
+    @cached_property
+    def paired(self) -> tuple[bool, ...]:
+        """Which columns are followed by one of uncertainties in a file: those where any is stated."""
+        return tuple(any(isinstance(cell, Measured) for cell in cells) for cells in self._cells_by_column())
+
     def csv(self) -> str:
         """The table in full precision; a column of uncertainties follows wherever one is stated.
 
@@ -167,19 +173,17 @@ class Table:
             Comma separated, one header line ``name [unit]``; an absent value is an empty field, and every
             line break within a text is a line feed.
         """
-        paired = [any(isinstance(cell, Measured) for cell in cells) for cells in self._cells_by_column()]
         sheet = io.StringIO()
         writer = csv.writer(sheet, lineterminator="\n")
         header: list[str] = []
-        for column, pair in zip(self.columns, paired, strict=True):
+        for column, pair in zip(self.columns, self.paired, strict=True):
             unit = f" [{column.unit}]" if column.unit else ""
             header += [f"{name}{unit}" for name in ((column.name, f"u({column.name})")[: 1 + pair])]
         writer.writerow(header)
         for row in self.rows:
             line: list[str] = []
-            for cell, pair in zip(row, paired, strict=True):
-                value, u = (cell.value, cell.u) if isinstance(cell, Measured) else (cell, None)
-                line += [_exact(part) for part in (value, u)[: 1 + pair]]
+            for cell, pair in zip(row, self.paired, strict=True):
+                line += [_exact(part) for part in split(cell)[: 1 + pair]]
             writer.writerow(line)
         return sheet.getvalue()
 
@@ -187,12 +191,22 @@ class Table:
         return [tuple(row[index] for row in self.rows) for index in range(len(self.columns))]
 
 
+def split(cell: Cell) -> tuple[str | SupportsFloat | None, float | None]:
+    """The value of a cell and its standard uncertainty; None where there is none."""
+    return (cell.value, cell.u) if isinstance(cell, Measured) else (cell, None)
+
+
+def lines(text: str) -> str:
+    """The text with a line feed for every line break."""
+    return "\n".join(text.replace("\r\n", "\n").split("\r"))
+
+
 def _exact(value: str | SupportsFloat | None) -> str:
     """The shortest text that reads back as the same value."""
     if value is None:
         return ""
     if isinstance(value, str):
-        return "\n".join(value.replace("\r\n", "\n").split("\r"))
+        return lines(value)
     if isinstance(value, bool | np.bool_):
         return "true" if value else "false"
     if isinstance(value, numbers.Integral):

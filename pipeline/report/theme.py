@@ -7,6 +7,9 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from html import escape
+
+from pmg.pipeline.report.spelled import spelled
 
 ROLES: dict[str, tuple[str, str]] = {
     "paper": ("#ffffff", "#15191d"),
@@ -43,6 +46,9 @@ _ROLE = {colour: role for role, colour in _SENTINEL.items()}
 _FAMILY = re.compile(r"'DejaVu Sans'(?:, sans-serif)?")
 _ATTRIBUTE = re.compile(r'\b(fill|stroke)="(#fe[0-9a-f]{2}d7)"')
 _STYLED = re.compile(r"#fe[0-9a-f]{2}d7")
+_OUTSIDE = "'DejaVu Sans', Verdana, sans-serif"
+"""Fonts of a drawing that stands alone: the one it was laid out with, and one of the same width."""
+_PROLOGUE = re.compile(r"<!DOCTYPE.*?>|<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
 _IDENTIFIER = re.compile(r'(\bid="|href="#|url\(#)')
 _LEFT_OUT = re.compile(r"^.*?(?=<svg)|<!--.*?-->|<metadata>.*?</metadata>|<style.*?</style>", re.DOTALL)
 _SIZE = re.compile(r' (?:width|height)="[^"]*"')
@@ -101,3 +107,20 @@ def themed(svg: str, prefix: str) -> str:
         return _IDENTIFIER.sub(rf"\g<1>{prefix}-", _FAMILY.sub(FONTS, text))
 
     return _TAG.sub(tag, _LEFT_OUT.sub("", svg)).strip()
+
+
+def alone(svg: str, title: str, caption: str) -> str:
+    """A drawing as a file of its own that asks for nothing outside of it, with words for those who cannot see it.
+
+    Parameters
+    ----------
+    svg : str
+        A whole SVG file with the colours it is to show.
+    title, caption : str
+        What it is, and what it shows.
+    """
+    words = f"<title>{escape(spelled(title))}</title>\n<desc>{escape(spelled(caption))}</desc>\n"
+    drawn = _TAG.sub(lambda found: _FAMILY.sub(_OUTSIDE, found[0]), _PROLOGUE.sub("", svg))
+    head, opening, rest = drawn.partition("<svg ")
+    tag, end, body = rest.partition(">")
+    return f'{head.strip()}\n{opening}role="img" {tag}{end}\n{words}{body.strip()}\n'

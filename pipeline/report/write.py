@@ -1,29 +1,44 @@
-"""A report written to a folder: the page, and beside it every figure as PNG and every table as CSV."""
+"""A report written to a folder: the page, and beside it its figures, tables, workbook and summary."""
 
 from __future__ import annotations
 
 import json
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.aside import write_aside
-from pmg.pipeline.report.draw import draw_png
+from pmg.pipeline.report.draw import draw_files
 from pmg.pipeline.report.html import html
+from pmg.pipeline.report.summary import summary
+from pmg.pipeline.report.workbook import workbook
 from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from pmg.pipeline.report.document import Report
 
 PAGE = "report.html"
+SUMMARY = "summary.json"
+WORKBOOK = "report.xlsx"
+FIGURES = "figures.pdf"
 LISTING = "report-files.json"
 """What the report consists of; the next one removes what it no longer contains, and nothing else."""
 
-_OURS = re.compile(r"figures/[a-z0-9_-]+\.png|tables/[a-z0-9_-]+\.csv")
+_OURS = re.compile(r"figures/[a-z0-9_-]+\.(png|svg)|tables/[a-z0-9_-]+\.csv|figures\.pdf|report\.xlsx|summary\.json")
 
 
-def write_report(report: Report, folder: Path) -> tuple[Path, ...]:
+def report_files(report: Report, *, summed_up: bool = True) -> tuple[str, ...]:
+    """Names of the files that `write_report` writes, the listing among them, in the order it gives them."""
+    head = (PAGE, *(SUMMARY,) * summed_up, WORKBOOK, *(FIGURES,) * bool(report.figures))
+    drawn = (*(figure.file for figure in report.figures), *(figure.vector_file for figure in report.figures))
+    return (*head, *drawn, *(table.file for table in report.tables), LISTING)
+
+
+def write_report(
+    report: Report, folder: Path, facts: Mapping[str, Any] | None = None, *, summed_up: bool = True
+) -> tuple[Path, ...]:
     """Write a report; the same report gives the same bytes.
 
     Parameters
@@ -32,11 +47,15 @@ def write_report(report: Report, folder: Path) -> tuple[Path, ...]:
         What is told.
     folder : Path
         Where; made when it is not there. Files of other origin are left alone.
+    facts : mapping, optional
+        What the summary tells beside the report; see `summary`.
+    summed_up : bool
+        Whether a summary is written; a caller that writes one of its own under that name says no.
 
     Returns
     -------
     tuple of Path
-        The page, the figures, the tables and the listing.
+        The page, the summary, the workbook, the figures, the tables and the listing.
 
     Raises
     ------
@@ -44,9 +63,14 @@ def write_report(report: Report, folder: Path) -> tuple[Path, ...]:
         When the listing of an earlier report cannot be read.
     """
     earlier = _listed(folder / LISTING)
-    files = {PAGE: _encoded(html(report))}
-    files |= {figure.file: draw_png(figure) for figure in report.figures}
-    files |= {table.file: _encoded(table.csv()) for table in report.tables}
+    drawn, pdf = draw_files(report.figures, report.title)
+    made = drawn | {table.file: _encoded(table.csv()) for table in report.tables}
+    made |= {PAGE: _encoded(html(report)), WORKBOOK: workbook(report, drawn), FIGURES: pdf}
+    names = [name for name in report_files(report, summed_up=summed_up) if name != LISTING]
+    if summed_up:
+        summed = summary(report, {name: made[name] for name in names if name != SUMMARY}, facts)
+        made[SUMMARY] = _encoded(json.dumps(summed, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
+    files = {name: made[name] for name in names}
     # Until all is in place the listing names both reports, so that a broken run leaves nothing unlisted.
     write_aside(folder / LISTING, _listing(earlier | set(files)))
     for name, data in reversed(files.items()):
@@ -67,7 +91,7 @@ def _listing(names: set[str]) -> bytes:
 
 
 def _listed(path: Path) -> set[str]:
-    """Figures and tables that an earlier report wrote; names of any other form are not ours to remove."""
+    """What an earlier report wrote beside its page; names of any other form are not ours to remove."""
     if not path.exists():
         return set()
     try:

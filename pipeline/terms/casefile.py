@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.config.tomlfile import read_toml
 from pmg.pipeline.terms.drive import LIBRARIES
 from pmg.pipeline.terms.tomltable import Reader
 from pmg.sim.errors import BenchError, near_miss
@@ -132,15 +132,8 @@ def read_case(path: Path, data: Path | None = None) -> Case:
     BenchError
         When the file cannot be read, or asks for something unknown, out of range or contradictory.
     """
-    if not path.is_file():
-        raise BenchError(str(path), "no such file", "a case in TOML", "Check the path.")
-    try:
-        text = path.read_bytes().decode("utf-8").replace("\r\n", "\n")
-        top = Reader(str(path), tomllib.loads(text))
-    except UnicodeDecodeError as error:
-        raise BenchError(str(path), f"not UTF-8 ({error.reason})", "a text file", "Save it as UTF-8.") from error
-    except tomllib.TOMLDecodeError as error:
-        raise BenchError(str(path), str(error), "TOML", "Correct the line.") from error
+    file = read_toml(path, "a case")
+    top = Reader(str(path), file.data)
     schema = top.text("schema")
     if schema != SCHEMA:
         raise BenchError(f"{path}: schema", repr(schema), repr(SCHEMA), "Write the case anew for this schema.")
@@ -159,7 +152,7 @@ def read_case(path: Path, data: Path | None = None) -> Case:
     keep = prepare.whole("keep_every", 1, 100, 1)
     case = Case(
         path,
-        text,
+        file.text,
         title,
         library,
         fit,

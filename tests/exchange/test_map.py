@@ -73,7 +73,7 @@ def test_a_fault_is_told_with_its_place(tmp_path: Path, old: str, new: str, wher
 
 
 def test_what_is_no_toml_and_what_maps_nothing_or_twice_is_refused(tmp_path: Path) -> None:
-    assert "parsed" in fault_of(tmp_path, "schema = ").came
+    assert "line 1" in fault_of(tmp_path, "schema = ").where
     assert "no [[channel]]" in fault_of(tmp_path, written.map_text("")).came
     assert "twice" in fault_of(tmp_path, written.map_text(written.channel(FREQUENCY, "a") * 2)).came
     both = written.map_text(written.channel(FREQUENCY, "a"), extra="[csv]\ndelimiter = ','\ndecimal = ','")

@@ -8,10 +8,12 @@ import pytest
 from tests.conftest import ROOT
 
 from pmg.pipeline.analyse import analyse
+from pmg.pipeline.config.refusals import known_keys
 from pmg.pipeline.gridtable import read_published
 from pmg.pipeline.options import THESIS_OPTIONS, chosen_options
 from pmg.pipeline.outputs import write_analysis
-from pmg.pipeline.scenario_file import known_keys, read_scenario
+from pmg.pipeline.scenario import Scenario
+from pmg.pipeline.scenario_file import read_scenario
 from pmg.pipeline.simulation_inputs import gather_inputs
 from pmg.sim.bench import BenchParameters
 from pmg.sim.dynamics.constants import Control
@@ -187,8 +189,8 @@ def test_a_file_that_is_no_text_or_not_there_is_told(tmp_path: Path) -> None:
 
 
 def test_the_known_keys_are_those_of_the_file() -> None:
-    assert "load_Nm" in known_keys(("grid",))
-    assert known_keys(("transient", "sun", "ramp"), "rpm") == ["to_rpm", "over_s", "begin_s", "start_rpm"]
+    assert "load_Nm" in known_keys(Scenario, ("grid",))
+    assert known_keys(Scenario, ("transient", "sun", "ramp"), "rpm") == ["to_rpm", "over_s", "begin_s", "start_rpm"]
 
 
 # --- what a scenario names -----------------------------------------------------------------------------

@@ -330,7 +330,8 @@ def test_the_same_scenario_gives_the_same_bytes(tmp_path: Path) -> None:
 def test_only_the_formats_asked_for_are_written(tmp_path: Path) -> None:
     text = SMALL + 'formats = ["csv"]\n'
     call("simulate", scenario(tmp_path, text), "--out", tmp_path / "out", expect=0)
-    assert {path.suffix for path in (tmp_path / "out").rglob("*") if path.is_file()} == {".csv", ".json", ".html"}
+    report = {".html", ".json", ".xlsx"}
+    assert {path.suffix for path in (tmp_path / "out").rglob("*") if path.is_file()} == {".csv", *report}
 
 
 def test_files_of_others_stay_and_old_results_go(tmp_path: Path) -> None:

@@ -428,7 +428,7 @@ def test_scores_need_no_campaign_of_every_kind() -> None:
     [
         (("--strata", "clean,outsid"), "--strata: 'outsid'; expected kinds out of"),
         (("--strata", "clean,outsid"), "Did you mean 'outside'?"),
-        (("--route", "gird"), "--route: 'gird'; expected grid or recordings. Did you mean 'grid'?"),
+        (("--route", "gird"), "--route: 'gird'; expected grid or recordings.\nhint: Did you mean 'grid'?"),
         (("--campaigns", "0"), "--campaigns: 0; expected 1 or more"),
         (("--campaigns", "4", "--case", "4"), "--case: 4; expected 0 to 3"),
     ],

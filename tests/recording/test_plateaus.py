@@ -217,7 +217,7 @@ def test_limits_come_from_a_file_speeds_in_rpm(tmp_path: Path) -> None:
         ("[windows]\ntorque_drift = true", "a finite number"),
         ("[windows]\ntorque_drift = nan", "a finite number"),
         ("[windows]\nparts = 2.5", "a whole number"),
-        ("[windows", "unreadable"),
+        ("[windows", "line 1"),
     ],
 )
 def test_a_limit_that_is_none_is_refused(tmp_path: Path, text: str, told: str) -> None:

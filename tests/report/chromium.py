@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import subprocess
+import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -65,6 +66,30 @@ class Tab:
         while not any(event.get("method") == "Page.loadEventFired" for event in self.events):
             self.events.append(self._next())
 
+    def still(self) -> None:
+        """Let no script of a page run from now on; questions are answered all the same."""
+        self.call("Emulation.setScriptExecutionDisabled", value=True)
+
+    def press(self, key: str) -> None:
+        """A key pressed and let go."""
+        code = {"Enter": 13, "Tab": 9, "ArrowLeft": 37, "ArrowUp": 38, "ArrowRight": 39, "ArrowDown": 40}[key]
+        for event in ("rawKeyDown", "keyUp"):
+            self.call("Input.dispatchKeyEvent", type=event, key=key, code=key, windowsVirtualKeyCode=code)
+
+    def click(self, x: float, y: float) -> None:
+        """A click at a place of the window."""
+        self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+        for event in ("mousePressed", "mouseReleased"):
+            self.call("Input.dispatchMouseEvent", type=event, x=x, y=y, button="left", clickCount=1)
+
+    def wait(self, expression: str, seconds: float = 30.0) -> Any:  # noqa: ANN401 - JSON as it comes
+        """Value of an expression as soon as it is true."""
+        until = time.monotonic() + seconds
+        while not (value := self.ask(expression)):
+            assert time.monotonic() < until, f"not true within {seconds} s: {expression}"
+            time.sleep(0.05)
+        return value
+
     def show(self, width: int, *, dark: bool = False) -> None:
         """Change the window's width and the colour scheme."""
         self.call(
@@ -75,9 +100,9 @@ class Tab:
 
     def ask(self, expression: str) -> Any:  # noqa: ANN401 - JSON as it comes
         """Value of a JavaScript expression."""
-        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, answer
-        return answer["result"]["value"]
+        return answer["result"].get("value")
 
     def _next(self) -> dict[str, Any]:
         while b"\0" not in self._buffer:

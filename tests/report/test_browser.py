@@ -1,4 +1,4 @@
-"""The page in a real browser: nothing fetched, nothing reported, nothing off the screen."""
+"""The page in a browser that runs no scripts: still drawings, nothing fetched, nothing off the screen."""
 
 from __future__ import annotations
 
@@ -64,6 +64,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def tab(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Tab]:
     assert BROWSER is not None
     with chromium.tab(BROWSER, tmp_path_factory.mktemp("profile")) as tab:
+        tab.still()
         tab.open(folder / "report.html")
         yield tab
 

@@ -7,6 +7,7 @@ import math
 import re
 import subprocess
 import sys
+from collections import Counter
 from dataclasses import replace
 from functools import cache
 from html.parser import HTMLParser
@@ -26,12 +27,13 @@ from pmg.pipeline.report.document import (
     Verdict,
 )
 from pmg.pipeline.report.html import html
-from pmg.pipeline.report.write import write_report
+from pmg.pipeline.report.write import report_files, write_report
 from pmg.sim.errors import StoreError
 from pmg.sim.sources import GUM, THESIS, Source
 
 from . import example
 
+BESIDE = r"(?:report\.xlsx|summary\.json|figures\.pdf)$"
 HOSTILE = "<script>alert('x')</script>\"><img src=http://example.org/x onerror=alert(1)>{{ 7 * 7 }}&amp;"
 
 
@@ -43,14 +45,23 @@ class Outline(HTMLParser):
         self.tags: list[str] = []
         self.attributes: list[tuple[str, str, str]] = []
         self.text = ""
+        self.scripts: Counter[str] = Counter()
+        self._inside = ""
         self.feed(page)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append(tag)
         self.attributes += [(tag, name, value or "") for name, value in attrs]
+        self._inside = tag
+        if tag == "script":
+            self.scripts[dict(attrs).get("type") or ""] += 1
+
+    def handle_endtag(self, tag: str) -> None:
+        self._inside = ""
 
     def handle_data(self, data: str) -> None:
-        self.text += data
+        if self._inside != "script":
+            self.text += data
 
 
 def report(*items: Text | Facts | Table | Figure, title: str = "Title") -> Report:
@@ -71,7 +82,8 @@ def test_hostile_text_stays_text() -> None:
         HOSTILE, HOSTILE, Verdict(HOSTILE), (Section("one", HOSTILE, items, (source,)),), Facts(((HOSTILE, HOSTILE),))
     )
     outline = Outline(html(hostile))
-    assert not {"script", "img", "image", "iframe", "object"} & set(outline.tags)
+    assert not {"img", "image", "iframe", "object"} & set(outline.tags)
+    assert outline.scripts == {"text/plain": 2, "application/json": 1, "": 1}
     assert not [name for _, name, _ in outline.attributes if name.startswith("on")]
     assert outline.text.count(HOSTILE) >= 16
     assert ("svg", "aria-label", HOSTILE) in outline.attributes
@@ -81,7 +93,7 @@ def test_nothing_on_the_page_points_to_the_network() -> None:
     outline = Outline(example_page())
     targets = [value for _, name, value in outline.attributes if name in ("src", "href", "xlink:href", "action")]
     assert targets
-    assert [value for value in targets if not re.match(r"#|figures/|tables/|data:,$", value)] == []
+    assert [value for value in targets if not re.match(rf"#|figures/|tables/|{BESIDE}|data:,$", value)] == []
     page = example_page()
     assert "@import" not in page
     assert re.findall(r"url\((?!#)", page) == []
@@ -163,13 +175,15 @@ def test_the_same_report_gives_the_same_bytes(tmp_path: Path) -> None:
 
 def test_a_report_consists_of_page_figures_tables_and_listing(tmp_path: Path) -> None:
     names = [path.relative_to(tmp_path).as_posix() for path in write_report(example.report(), tmp_path)]
-    figures = ["figures/efficiency.png", "figures/flow.png", "figures/map.png"]
-    assert names == ["report.html", *figures, "tables/points.csv", "report-files.json"]
+    figures = [f"figures/{name}.{kind}" for kind in ("png", "svg") for name in ("efficiency", "flow", "map")]
+    beside = ["summary.json", "report.xlsx", "figures.pdf"]
+    assert names == ["report.html", *beside, *figures, "tables/points.csv", "report-files.json"]
+    assert tuple(names) == report_files(example.report())
     on_disk = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
     assert on_disk == set(names)
     assert (tmp_path / "tables/points.csv").read_text(encoding="utf-8") == example.long_table().csv()
     linked = re.findall(r'href="((?:figures|tables)/[^"]+)"', (tmp_path / "report.html").read_text(encoding="utf-8"))
-    assert linked == [*figures, "tables/points.csv"]
+    assert sorted(linked) == sorted([*figures, "tables/points.csv"])
 
 
 def test_a_file_name_that_is_no_text_does_not_stop_the_report(tmp_path: Path) -> None:
@@ -184,7 +198,8 @@ def test_only_listed_files_of_an_earlier_report_are_removed(tmp_path: Path) -> N
     (tmp_path / "tables/mine.csv").write_text("kept", encoding="utf-8")
     write_report(report(Table("new", "T", "C.", (Column("x"),), ())), tmp_path)
     left = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
-    assert left == {"report.html", "report-files.json", "tables/mine.csv", "tables/new.csv"}
+    whole = {"report.html", "report-files.json", "report.xlsx", "summary.json"}
+    assert left == whole | {"tables/mine.csv", "tables/new.csv"}
 
 
 def test_a_listing_cannot_make_us_remove_foreign_files(tmp_path: Path) -> None:

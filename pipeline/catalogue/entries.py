@@ -1,0 +1,221 @@
+"""What a manifest says, as the rows of the catalogue's tables."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.budget.windowfacts import SIMULATED
+from pmg.pipeline.recording.calibration import SIDES
+from pmg.sim.grid import Configuration
+from pmg.sim.signals import SPEED_RING, SPEED_SUN, TORQUE_RING, TORQUE_SUN
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from pmg.pipeline.store import Manifest
+    from pmg.sim.grid import Grid
+    from pmg.sim.signals import Array
+
+Cell = str | int | float | None
+SPEEDS = {"sun": SPEED_SUN, "ring": SPEED_RING}
+TORQUES = {"sun": TORQUE_SUN, "ring": TORQUE_RING}
+LARGEST = 2**53
+"""Whole numbers beyond this are damage."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One row, its name and its parts.
+
+    Parameters
+    ----------
+    fields : dict
+        Value of each field.
+    parts : tuple of Entry
+        Rows that belong to it: windows of a recording, quantities of a window.
+    """
+
+    fields: dict[str, Cell]
+    parts: tuple[Entry, ...] = ()
+
+
+def recording_entry(manifest: Manifest) -> Entry:
+    """A recording with its windows and their quantities.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError, AttributeError
+        The manifest is damaged.
+    """
+    document = manifest.document
+    run = document["run"] if manifest.ingested else document.get("run", {})
+    findings = document["findings"]
+    kinds = [str(finding["severity"]) for finding in findings]
+    fields: dict[str, Cell] = {
+        "campaign": text(run["campaign"]) if run else None,
+        "name": text(manifest.identifier),
+        "file": text(document["file"]),
+        "status": text(document["status"]),
+        "point": text(run.get("point")),
+        "configuration": text(run.get("configuration")),
+        "gear": whole(run.get("gear")),
+        "drive": text(run.get("drive")),
+        "measurement_begin": text(run.get("started_at")),
+        "findings": len(findings),
+        "errors": kinds.count("error"),
+        "simulated": int(any(finding["code"] == SIMULATED for finding in findings)),
+        "rate_hz": number(document.get("rate_hz")),
+        "samples": whole(document.get("samples")),
+        "size": whole(document.get("size")),
+        "sha256": text(document["sha256"]),
+        "origin": text(document["origin"]["source"]) if "origin" in document else None,
+        "note": text(run.get("note")),
+    }
+    return Entry(fields, tuple(_window(window) for window in document["windows"]))
+
+
+def _window(window: Mapping[str, Any]) -> Entry:
+    means, asked = window["means"], window["setpoints"]
+    load = number(asked["torque_ring"])
+    if window["configuration"] != Configuration.ENGAGED:
+        load = 0.0
+    elif load is None and means["ring"]["torque"] is not None:
+        load = round(float(means["ring"]["torque"]), 1)
+    begin = number(window["started_at_s"])
+    fields: dict[str, Cell] = {
+        "name": text(window["point"]),
+        "configuration": text(window["configuration"]),
+        "gear": whole(window["gear"]),
+        "drive": text(window["drive"]),
+        "measurement_begin": None if begin is None else moment(begin),
+        "begin_s": begin,
+        "seconds": number(means["duration"]),
+        "number_of_rows": whole(window["stop_sample"] - window["first_sample"]),
+        "sun_set": _shown(SPEED_SUN.display, asked["speed_sun"]),
+        "ring_set": _shown(SPEED_RING.display, asked["speed_ring"]),
+        "load": load,
+        "accepted": int(window["accepted"]),
+        "reasons": text("; ".join(window["reasons"])),
+        "rest_sun": int(window["rest_sun"]),
+        "rest_ring": int(window["rest_ring"]),
+        "analysed": 0,
+    }
+    return Entry(fields, tuple(entry for side in SIDES for entry in _quantities(side, means[side])))
+
+
+def _quantities(side: str, means: Mapping[str, Any]) -> tuple[Entry, Entry]:
+    """Torque and speed of a shaft over a window; the uncertainty is that from within the window."""
+    speed, torque = SPEEDS[side], TORQUES[side]
+    return (
+        Entry(_quantity(torque.name, torque.unit, means["torque"]) | {"u": number(means["within"])} | _scatter(means)),
+        Entry(_quantity(speed.name, speed.display_unit, _shown(speed.display, means["speed"]))),
+    )
+
+
+def _quantity(name: str, unit: str, average: object) -> dict[str, Cell]:
+    return {"name": name, "unit": unit, "average": number(average)}
+
+
+def _scatter(means: Mapping[str, Any]) -> dict[str, Cell]:
+    return {"standard_deviation": number(means["std"])}
+
+
+def grid_entry(grid: Grid) -> Entry:
+    """A grid that was read from tables, as one recording whose windows are its points."""
+    fields: dict[str, Cell] = {"campaign": grid.campaign, "name": grid.campaign, "status": "table"}
+    fields |= {"findings": 0, "errors": 0, "simulated": 0}
+    return Entry(fields, tuple(_point(grid, row) for row in range(len(grid))))
+
+
+def _point(grid: Grid, row: int) -> Entry:
+    at, begin = grid.points, number(float(grid.points.started_at[row]))
+    fields: dict[str, Cell] = {
+        "name": str(at.name[row]),
+        "configuration": str(at.configuration[row]),
+        "gear": int(at.gear[row]),
+        "drive": str(at.drive[row]),
+        "measurement_begin": None if begin is None else moment(begin),
+        "begin_s": begin,
+        "load": number(float(at.load_set[row])),
+        "accepted": int(grid.accepted[row]),
+        "reasons": str(grid.reason[row]),
+        "rest_sun": int(at.rest_sun[row]),
+        "rest_ring": int(at.rest_ring[row]),
+        "analysed": 1,
+    }
+    parts = []
+    for side in SIDES:
+        speed, torque = SPEEDS[side], TORQUES[side]
+        mean = float(getattr(grid, torque.name)[row])
+        shown = _shown(speed.display, getattr(at, speed.name)[row])
+        parts.append(Entry(_quantity(torque.name, torque.unit, mean) | grid_uncertainty(grid, side, row)))
+        parts.append(Entry(_quantity(speed.name, speed.display_unit, shown)))
+    return Entry(fields, tuple(parts))
+
+
+def grid_uncertainty(grid: Grid, side: str, row: int) -> dict[str, Cell]:
+    """Both parts of the standard uncertainty of a point's torque, as the analysis gives them [N m]."""
+    return {
+        "u": number(float(getattr(grid, f"u_{side}")[row])),
+        "u_common": number(float(getattr(grid, f"common_{side}")[row])),
+    }
+
+
+def _shown(display: Callable[[float], Array], value: object) -> float | None:
+    known = number(value)
+    return None if known is None else float(display(known))
+
+
+def moment(seconds: float) -> str:
+    """A time since 1970 [s] as ISO 8601 in UTC, to the millisecond."""
+    try:
+        return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds")
+    except (OverflowError, OSError) as error:
+        raise ValueError(f"{seconds} is no time") from error
+
+
+def text(value: object) -> str | None:
+    """Text that a table can hold; what UTF-8 cannot is spelled out."""
+    if value is None:
+        return None
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r} is no text")
+    return value.encode("utf-8", "backslashreplace").decode()
+
+
+def number(value: object) -> float | None:
+    """A finite number; None where it is not known."""
+    if value is None or isinstance(value, bool) or not isinstance(value, int | float):
+        if value is None:
+            return None
+        raise TypeError(f"{value!r} is no number")
+    return float(value) if math.isfinite(value) else None
+
+
+def whole(value: object) -> int | None:
+    """A whole number of a size that is one; None where it is not known."""
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int) or abs(value) > LARGEST:
+        raise TypeError(f"{value!r} is no whole number")
+    return value
+
+
+def rejected_as_copies(entries: Sequence[Entry], manifests: Sequence[Manifest]) -> list[Entry]:
+    """The entries with acceptance and reasons as these manifests of the same recordings have them."""
+    return [
+        Entry(
+            entry.fields,
+            tuple(
+                Entry(
+                    part.fields | {"accepted": int(window["accepted"]), "reasons": text("; ".join(window["reasons"]))},
+                    part.parts,
+                )
+                for part, window in zip(entry.parts, manifest.document["windows"], strict=True)
+            ),
+        )
+        for entry, manifest in zip(entries, manifests, strict=True)
+    ]

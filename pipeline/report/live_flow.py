@@ -1,0 +1,85 @@
+"""Power flows as Plotly takes them: every link leads the way the power goes, whichever end drives."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.report import numerals
+from pmg.pipeline.report.flow import balance
+from pmg.pipeline.report.live_axes import layout, plain
+
+if TYPE_CHECKING:
+    from pmg.pipeline.report.figure import PowerFlow
+    from pmg.pipeline.report.flow import Balance
+
+
+def plot(flow: PowerFlow) -> dict[str, Any]:
+    """The trace and the layout of a power flow; of each, where there are others to choose from."""
+    of = layout(flow.title, margin={"l": 12, "r": 12, "t": 34 if flow.title else 14, "b": 18})
+    if not flow.others:
+        return {"kind": "flow", "data": [_trace(flow)], "layout": of}
+    choices = [{"name": name, "data": [_trace(other)]} for name, other in flow.others]
+    shown = next((name for name, other in flow.others if other.main == flow.main), flow.others[0][0])
+    return {"kind": "flow", "choices": choices, "shown": shown, "layout": of}
+
+
+def _trace(flow: PowerFlow) -> dict[str, Any]:
+    """Nodes for the stretches of the trunk and for its branches, and the links between them.
+
+    A stretch with negative power is a link to the left, a gain a link from its branch, and where both sides feed a
+    branch there are two. What a balance leaves open is among its branches as unexplained.
+    """
+    widths = balance(flow)
+    labels = [""] * len(widths.trunk)
+    colours = ["@flow"] * len(widths.trunk)
+    for (label, watts, stretch), expanded in zip(widths.stages, widths.expanded, strict=True):
+        labels[stretch] = _label(widths, label, watts, expanded)
+    links: list[tuple[int, int, float, str, str]] = []
+    for index, (branch, before, after) in enumerate(
+        zip(widths.places, widths.trunk[:-1], widths.trunk[1:], strict=True)
+    ):
+        through = min(abs(before), abs(after)) if branch is None else branch.through
+        ends = (index, index + 1) if before + after >= 0 else (index + 1, index)
+        links.append((*ends, through, "@flow/0.55", ""))
+        if branch is None:
+            continue
+        role = "gain" if branch.gain else "unexplained" if branch.unexplained else "loss"
+        leaf = len(labels)
+        labels.append(_label(widths, branch.label, branch.watts, branch.expanded, gain=branch.gain))
+        colours.append(f"@{role}")
+        for stretch, width in ((index, branch.left), (index + 1, branch.right)):
+            pair = (leaf, stretch) if branch.gain else (stretch, leaf)
+            links.append((*pair, width, f"@{role}/0.7", labels[leaf]))
+    kept = [link for link in links if link[2] > 0.0]
+    return {
+        "type": "sankey",
+        "arrangement": "snap",
+        "node": {
+            "label": labels,
+            "color": colours,
+            "pad": 30,
+            "align": "left",
+            "thickness": 10,
+            "line": {"width": 0},
+            "hovertemplate": "%{label}<extra></extra>",
+        },
+        "link": {
+            "source": [link[0] for link in kept],
+            "target": [link[1] for link in kept],
+            "value": [float(f"{link[2]:.6g}") for link in kept],
+            "color": [link[3] for link in kept],
+            "label": [link[4] for link in kept],
+            "hovertemplate": "%{label}<br>%{value:.3f} W<extra></extra>",
+        },
+        "textfont": {"color": "@ink", "size": 12, "shadow": "none"},
+    }
+
+
+def _label(widths: Balance, name: str, watts: float, expanded: float, *, gain: bool = False) -> str:
+    """Name, power with its U, and share of the supply; a gain beyond U is called one."""
+    known = math.isfinite(expanded) and expanded > 0.0
+    told = numerals.measured(watts, expanded) if known else numerals.number(watts, 2)
+    share = f"{numerals.number(100 * widths.share(watts), 1)} %"
+    more = "<br>a gain, not a loss" if gain and not abs(watts) <= expanded else ""
+    return f"{plain(name)}<br>{told} W · {share}{more}"

@@ -1,0 +1,129 @@
+"use strict";
+// The page without any drawing: colour scheme, tables that sort, copy and download. All of it works without the network.
+
+const pmg = {
+  /** Bytes that stand in the page as base64 of raw deflate. */
+  async bytes(base64, length = undefined) {
+    const packed = Uint8Array.from(atob(base64.trim()), (letter) => letter.charCodeAt(0)).subarray(0, length);
+    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
+    return new Uint8Array(await new Response(stream).arrayBuffer());
+  },
+  /** The same as text. */
+  async text(base64) {
+    return new TextDecoder().decode(await pmg.bytes(base64));
+  },
+  /** An element with attributes and children; text never becomes markup. */
+  make(tag, attributes = {}, ...children) {
+    const element = document.createElement(tag);
+    for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+    element.append(...children);
+    return element;
+  },
+  /** Said aloud by a screen reader, without moving the focus. */
+  announce(words) {
+    document.getElementById("announced").textContent = words;
+  },
+  /** Called whenever the colours of the page change. */
+  recoloured: [],
+};
+
+(() => {
+  const root = document.documentElement;
+  const button = document.getElementById("scheme");
+  const words = { "": "as the system", light: "light", dark: "dark" };
+  const show = () => {
+    button.textContent = `Colours: ${words[root.dataset.theme ?? ""]}`;
+    for (const follow of pmg.recoloured) follow();
+  };
+  button.hidden = false;
+  button.addEventListener("click", () => {
+    const next = { "": "light", light: "dark", dark: "" }[root.dataset.theme ?? ""];
+    if (next) root.dataset.theme = next;
+    else delete root.dataset.theme;
+    show();
+  });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", show);
+  show();
+})();
+
+(() => {
+  /** What a cell sorts by: its number, else its text; the number of "1.2 ± 0.1" is the 1.2. */
+  const key = (cell) => {
+    const text = cell.textContent.trim();
+    if (text === "–" || text === "") return null;
+    const found = /^\(?([−-]?[\d.]+|∞)/.exec(text);
+    if (!found || !cell.classList.contains("number")) return text;
+    const power = /×10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)/.exec(text);
+    const exponent = power ? Number([...power[1]].map((sign) => "⁰¹²³⁴⁵⁶⁷⁸⁹".indexOf(sign)).map((n) => (n < 0 ? "-" : n)).join("")) : 0;
+    return (found[1] === "∞" ? Infinity : Number(found[1].replace("−", "-"))) * 10 ** exponent;
+  };
+  const order = (a, b) => (typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), "en", { numeric: true }));
+
+  const sortable = (table) => {
+    const body = table.tBodies[0];
+    const given = [...body.rows];
+    if (given.length < 2) return;
+    const heads = [...table.tHead.rows[0].cells];
+    heads.forEach((head, column) => {
+      const press = pmg.make("button", { type: "button", class: "sort", title: "Sort by this column" });
+      press.append(...head.childNodes);
+      head.append(press);
+      press.addEventListener("click", () => {
+        const next = { ascending: "descending", descending: "none" }[head.getAttribute("aria-sort")] ?? "ascending";
+        for (const other of heads) other.removeAttribute("aria-sort");
+        let rows = given;
+        if (next !== "none") {
+          head.setAttribute("aria-sort", next);
+          const keyed = given.map((row) => [key(row.cells[column]), row]);
+          const known = keyed.filter(([value]) => value !== null).sort((a, b) => order(a[0], b[0]));
+          if (next === "descending") known.reverse();
+          rows = [...known, ...keyed.filter(([value]) => value === null)].map(([, row]) => row);
+        }
+        body.append(...rows);
+        pmg.announce(next === "none" ? "Rows as they were" : `Sorted by ${press.textContent.trim()}, ${next}`);
+      });
+    });
+  };
+
+  /** The table as text with tabs, as spreadsheets take it from the clipboard. */
+  const copied = (table) =>
+    [...table.rows]
+      .map((row) => [...row.cells].map((cell) => cell.innerText.replace(/\s+/g, " ").replace("†", "").trim()).join("\t"))
+      .join("\n");
+
+  const copy = async (text) => {
+    try {
+      await navigator.clipboard.writeText(text);
+    } catch {
+      const field = pmg.make("textarea");
+      field.value = text;
+      document.body.append(field);
+      field.select();
+      document.execCommand("copy");
+      field.remove();
+    }
+  };
+
+  for (const figure of document.querySelectorAll("figure.table")) {
+    const table = figure.querySelector("table");
+    sortable(table);
+    const press = pmg.make("button", { type: "button", class: "copy" }, "Copy");
+    press.setAttribute("aria-label", `Copy table ${figure.dataset.title}`);
+    press.addEventListener("click", async () => {
+      await copy(copied(table));
+      pmg.announce("Table copied");
+      press.textContent = "Copied";
+      setTimeout(() => (press.textContent = "Copy"), 1500);
+    });
+    const link = figure.querySelector("a.csv");
+    link.after(" ", press);
+    const packed = document.getElementById(`${figure.id}-csv`);
+    link.addEventListener("click", async (event) => {
+      event.preventDefault(); // the page may have come alone, without the folder it was written to
+      const file = new Blob([await pmg.bytes(packed.textContent)], { type: "text/csv" });
+      const address = URL.createObjectURL(file);
+      pmg.make("a", { href: address, download: `${figure.id}.csv` }).click();
+      setTimeout(() => URL.revokeObjectURL(address), 1000);
+    });
+  }
+})();

@@ -1,0 +1,197 @@
+// The signals behind a point: opened by a click or by Enter on a cell, by the list, or by an address that ends in
+// #point=NAME. Each point is unpacked when it is opened; the layout of its bytes is told where they are packed.
+
+(() => {
+  const listing = document.getElementById("signals-index");
+  if (!listing || !pmg.library) return;
+  const index = JSON.parse(listing.textContent);
+  const packed = document.getElementById("signals-data").textContent;
+  const dialog = document.getElementById("signals");
+  const select = dialog.querySelector("select");
+  const body = dialog.querySelector(".body");
+  const rows = new Map(index.cells.map((cell) => [cell.point, cell.row]));
+  for (const cell of index.cells) select.append(pmg.make("option", { value: cell.point }, cell.accepted ? cell.point : `${cell.point} (rejected)`));
+
+  const unpack = async (row) => {
+    const { at, length } = index.cells[row];
+    const bytes = (await pmg.bytes(packed.slice((at / 3) * 4, Math.ceil((at + length) / 3) * 4), length)).buffer;
+    const view = new DataView(bytes);
+    const start = 4 + view.getUint32(0, true);
+    const cell = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, start - 4)));
+    const numbers = ([first, count, offset, scale, log]) =>
+      Array.from({ length: count }, (_, k) => {
+        const code = view.getInt16(start + 2 * (first + k), true);
+        if (code === -32768) return null;
+        const value = offset + scale * code;
+        return log ? 10 ** value : value;
+      });
+    return { cell, numbers };
+  };
+
+  const short = (value, digits = 3) => (value === null ? "–" : value === "inf" ? "∞" : Number(Number(value).toPrecision(digits)).toString().replace("-", "−"));
+
+  /** Middles of the bins before, within and after the window. */
+  const times = ({ edges, bins }) => bins.flatMap((count, part) => Array.from({ length: count }, (_, k) => edges[part] + ((edges[part + 1] - edges[part]) * (k + 0.5)) / count));
+
+  const paper = {
+    paper_bgcolor: "rgba(0,0,0,0)",
+    plot_bgcolor: "rgba(0,0,0,0)",
+    font: { family: getComputedStyle(document.body).fontFamily, size: 12, color: "@ink" },
+    hoverlabel: { bgcolor: "@soft", bordercolor: "@rule", font: { color: "@ink" } },
+    modebar: { bgcolor: "rgba(0,0,0,0)", color: "@muted", activecolor: "@link" },
+    legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
+  };
+  const axis = (more) => ({ gridcolor: "@rule", linecolor: "@muted", tickcolor: "@muted", zeroline: false, showline: true, ticks: "outside", automargin: true, ...more });
+
+  /** Torques and speeds over time: least and largest value of each bin, the filtered signal, the window shaded. */
+  const overTime = ({ cell, numbers }) => {
+    const data = [];
+    const count = cell.channels.length;
+    const layout = {
+      ...paper,
+      margin: { l: 70, r: 14, t: 36, b: 46 },
+      hovermode: "x unified",
+      hoversubplots: "axis",
+      grid: { rows: count, columns: 1, roworder: "top to bottom", ygap: 0.14 },
+      xaxis: axis({ title: { text: "time from the start of the window [s]" }, anchor: `y${count > 1 ? count : ""}` }),
+      shapes: [],
+    };
+    cell.channels.forEach((channel, place) => {
+      const of = index.channels[place];
+      const y = `y${place ? place + 1 : ""}`;
+      layout[`yaxis${place ? place + 1 : ""}`] = axis({ title: { text: `${of.label}<br>[${of.unit}]` }, tickformat: "~g" });
+      const at = times(channel);
+      const family = { xaxis: "x", yaxis: y, type: "scatter", mode: "lines" };
+      const colour = `@series-${place % 2 ? 1 : 0}`;
+      const [low, high] = [numbers(channel.low), numbers(channel.high)];
+      if (channel.low[0] === channel.high[0]) data.push({ ...family, x: at, y: low, name: "mean of a bin", showlegend: place === 2, line: { color: colour, width: 1 } });
+      else {
+        data.push({ ...family, x: at, y: low, name: "least", showlegend: false, line: { color: colour, width: 0.5 } });
+        data.push({ ...family, x: at, y: high, name: "recorded, least to largest", showlegend: place === 0, fill: "tonexty", fillcolor: `${colour}/0.35`, line: { color: colour, width: 0.5 } });
+      }
+      const filtered = numbers(channel.filtered);
+      const [from, to] = channel.span;
+      const steps = filtered.map((_, k) => (filtered.length > 1 ? from + ((to - from) * k) / (filtered.length - 1) : from));
+      data.push({ ...family, x: steps, y: filtered, name: "after the filter", showlegend: place === 0, line: { color: "@ink", width: 2 } });
+      layout.shapes.push({ type: "rect", xref: "x", yref: `${y} domain`, x0: channel.edges[1], x1: channel.edges[2], y0: 0, y1: 1, fillcolor: "@link/0.10", line: { width: 0 }, layer: "below" });
+    });
+    return [data, layout];
+  };
+
+  /** Amplitude against frequency of the channels that have a spectrum, with marks at the turns of both shafts. */
+  const overFrequency = ({ cell, numbers }) => {
+    const shown = cell.channels.map((channel, place) => [channel, index.channels[place]]).filter(([channel]) => channel.spectrum);
+    const layout = { ...paper, margin: { l: 70, r: 14, t: 36, b: 46 }, hovermode: "closest", shapes: [], annotations: [] };
+    layout.xaxis = axis({ title: { text: "frequency [Hz]" }, type: "log", dtick: 1, minor: { ticks: "outside", ticklen: 3 } });
+    layout.yaxis = axis({ title: { text: shown.length ? `amplitude [${shown[0][1].unit}]` : "" }, type: "log", dtick: 1, exponentformat: "power", minor: { ticks: "outside", ticklen: 3 } });
+    const data = shown.map(([channel, of], place) => ({
+      type: "scatter",
+      mode: "lines",
+      name: of.label,
+      x: numbers(channel.spectrum.frequency),
+      y: numbers(channel.spectrum.amplitude),
+      line: { color: `@series-${place}`, width: 1.5 },
+    }));
+    cell.turns_hz.forEach((turns, side) => {
+      if (!turns) return;
+      layout.shapes.push({ type: "line", x0: turns, x1: turns, yref: "paper", y0: 0, y1: 1, line: { color: `@series-${side}`, width: 1, dash: "dot" } });
+      layout.annotations.push({ x: Math.log10(turns), yref: "paper", y: 1, yanchor: "bottom", showarrow: false, text: `${["sun", "ring"][side]} ${short(turns)} Hz`, font: { size: 11 } });
+    });
+    layout.legend = { orientation: "h", y: -0.2, yanchor: "top", x: 0 };
+    return [data, layout];
+  };
+
+  const table = (caption, heads, lines) => {
+    const made = pmg.make("table", {}, pmg.make("caption", {}, caption));
+    const head = pmg.make("tr");
+    for (const text of heads) head.append(pmg.make("th", { scope: "col" }, text));
+    made.append(pmg.make("thead", {}, head));
+    const rest = pmg.make("tbody");
+    for (const line of lines) {
+      const row = pmg.make("tr", line.total ? { class: "total" } : {});
+      line.cells.forEach((text, at) => row.append(pmg.make("td", at > 1 ? { class: "number" } : {}, text)));
+      rest.append(row);
+    }
+    made.append(rest);
+    return pmg.make("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": caption }, made);
+  };
+
+  /** What the mean torque of each shaft is uncertain by. */
+  const budgets = (cell) =>
+    cell.budget.map((of, place) => {
+      const known = index.budget[place];
+      const milli = (value) => (typeof value === "number" ? short(value * 1e3) : short(value));
+      const lines = known.rows.map((row, at) => ({ cells: [row.name, `${row.type}, ${row.common ? "common to all points" : "of this point"}`, milli(of.u[at]), short(of.dof[at])] }));
+      lines.push({ total: true, cells: ["combined", `of this point ${milli(of.independent)}, common ${milli(of.common)}`, milli(of.combined), short(of.dof_effective)] });
+      lines.push({ total: true, cells: ["expanded, 95 %", `factor ${short(of.factor)}`, milli(of.expanded), ""] });
+      return table(`Uncertainty of the mean torque, ${known.side}: ${short(of.torque, 6)} N m`, ["contribution", "kind", "u [mN m]", "degrees of freedom"], lines);
+    });
+
+  const facts = (cell) => {
+    const list = pmg.make("dl");
+    const add = (label, value) => list.append(pmg.make("dt", {}, label), pmg.make("dd", {}, value));
+    add("Window", cell.accepted ? "accepted" : `rejected: ${cell.reasons.join("; ") || "no reason kept"}`);
+    if (cell.file) add("Recording", `${cell.file}, samples ${cell.samples[0]} to ${cell.samples[1]} at ${short(cell.rate_hz, 6)} Hz`);
+    for (const flag of cell.flags) add("Remark", flag);
+    cell.channels.forEach((channel, place) => {
+      const of = index.channels[place];
+      const u = channel.expanded === null ? ", no uncertainty stated" : ` ± ${short(channel.expanded, 2)} (95 %)`;
+      add(`Mean ${of.label}`, `${short(channel.mean, 6)}${u} ${of.unit}${channel.remark ? `; ${channel.remark}` : ""}`);
+    });
+    if (cell.lacking) add("Signals", cell.lacking);
+    return list;
+  };
+
+  let shown = 0;
+  const show = async (name) => {
+    const turn = ++shown;
+    const row = rows.get(name);
+    const read = await unpack(row);
+    if (turn !== shown) return;
+    select.value = name;
+    body.replaceChildren(facts(read.cell));
+    if (read.cell.channels.length) {
+      const signals = pmg.make("div", { class: "plot signals-time" });
+      const spectrum = pmg.make("div", { class: "plot signals-spectrum" });
+      body.append(pmg.make("h3", {}, "Before and after the filter"), signals, pmg.make("h3", {}, "Spectrum of the window"), spectrum);
+      await pmg.plot(signals, ...overTime(read));
+      await pmg.plot(spectrum, ...overFrequency(read));
+    }
+    body.append(pmg.make("h3", {}, "Uncertainty"), ...budgets(read.cell));
+    dialog.dataset.point = name;
+    history.replaceState(null, "", `#point=${encodeURIComponent(name)}`);
+    pmg.announce(`Signals of point ${name}`);
+  };
+
+  let back = null;
+  pmg.openPoint = async (name) => {
+    if (!rows.has(name)) return;
+    back ??= document.activeElement;
+    if (!dialog.open) dialog.showModal();
+    await show(name);
+  };
+  const step = (by) => show(index.cells[(rows.get(select.value) + by + index.cells.length) % index.cells.length].point);
+
+  select.addEventListener("change", () => show(select.value));
+  dialog.querySelector(".before").addEventListener("click", () => step(-1));
+  dialog.querySelector(".after").addEventListener("click", () => step(1));
+  dialog.querySelector(".close").addEventListener("click", () => dialog.close());
+  dialog.addEventListener("close", () => {
+    pmg.forget(body);
+    body.replaceChildren();
+    delete dialog.dataset.point;
+    history.replaceState(null, "", location.pathname + location.search);
+    back?.focus?.({ preventScroll: true });
+    back = null;
+  });
+  const opener = document.getElementById("open-signals");
+  opener.hidden = false;
+  opener.addEventListener("click", () => pmg.openPoint(index.cells[0].point));
+
+  const follow = () => {
+    const named = /^#point=(.+)$/.exec(location.hash);
+    if (named) pmg.openPoint(decodeURIComponent(named[1]));
+  };
+  addEventListener("hashchange", follow);
+  follow();
+})();

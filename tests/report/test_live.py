@@ -1,0 +1,136 @@
+"""The page in a browser with its scripts: drawn without the network, by mouse and keyboard, without a fault for axe."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from pmg.pipeline.report.write import write_report
+
+from . import chromium, example
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+BROWSER = chromium.found()
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(BROWSER is None, reason=f"none of {', '.join(chromium.NAMES)} is installed"),
+]
+
+LEFT = "document.querySelector('figure.drawn:not([data-drawn])')"
+TRACES = "document.querySelector('#efficiency .plot').data"
+
+
+def drawn(tab: chromium.Tab) -> None:
+    """Every figure brought near the screen, until each is drawn."""
+    while tab.ask(f"{LEFT} !== null"):
+        identifier = tab.ask(f"({LEFT}.scrollIntoView(), {LEFT}.id)")
+        tab.wait(f"document.getElementById('{identifier}').dataset.drawn === 'yes'")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("written")
+    write_report(example.report(), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def tab(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Tab]:
+    assert BROWSER is not None
+    with chromium.tab(BROWSER, tmp_path_factory.mktemp("profile")) as tab:
+        tab.show(1280)
+        tab.open(folder / "report.html")
+        drawn(tab)
+        yield tab
+
+
+def test_every_figure_is_drawn_in_place_of_its_still_drawing(tab: chromium.Tab) -> None:
+    stills = "Array.from(document.querySelectorAll('.still')).filter(e => e.getClientRects().length).length"
+    assert tab.ask(stills) == 0
+    assert tab.ask("document.querySelectorAll('.plot .main-svg').length") >= 5
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_drawn_page_does_not_scroll_sideways(tab: chromium.Tab, width: int) -> None:
+    tab.show(width)
+    tab.wait("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+    tab.show(1280)
+
+
+def test_a_name_in_the_legend_switches_both_of_its_series(tab: chromium.Tab) -> None:
+    shown = f"{TRACES}.filter(t => t.name === '500 rpm').map(t => t.visible ?? true)"
+    assert tab.ask(shown) == [True, True]
+    tab.ask("document.querySelector('#efficiency').scrollIntoView()")
+    box: dict[str, Any] = tab.ask(
+        "(() => { const entry = [...document.querySelectorAll('#efficiency .legendtoggle')][1];"
+        " const box = entry.getBoundingClientRect(); return {x: box.x + box.width / 2, y: box.y + box.height / 2}; })()"
+    )
+    tab.click(box["x"], box["y"])
+    tab.wait(f"{shown}.every(v => v === 'legendonly')")
+    assert tab.ask(f"{TRACES}.filter(t => t.name !== '500 rpm').every(t => (t.visible ?? true) === true)")
+
+
+def test_figures_follow_the_colours_of_the_page(tab: chromium.Tab) -> None:
+    ink = "getComputedStyle(document.querySelector('#efficiency .plot .xtick text')).fill"
+    tab.ask("document.querySelector('#efficiency').scrollIntoView()")
+    assert tab.ask(ink) == "rgb(26, 31, 36)"
+    tab.show(1280, dark=True)
+    tab.wait(f"{ink} === 'rgb(227, 231, 235)'")
+    tab.ask("(document.getElementById('scheme').click(), 1)")  # as the system -> light
+    tab.wait(f"{ink} === 'rgb(26, 31, 36)'")
+    tab.ask("(document.getElementById('scheme').click(), document.getElementById('scheme').click(), 1)")
+    tab.show(1280)
+    tab.wait(f"{ink} === 'rgb(26, 31, 36)'")
+
+
+def test_arrow_keys_walk_over_a_map_and_say_where(tab: chromium.Tab) -> None:
+    tab.ask("(document.querySelector('#map .plot').focus(), 1)")
+    said = "document.getElementById('announced').textContent"
+    assert tab.ask(said) == "sun speed [rpm] 50, ring speed [rpm] 25: not measured"
+    for key in ("ArrowRight", "ArrowRight", "ArrowRight", "ArrowUp", "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight"):
+        tab.press(key)
+    z = example.speed_map().z
+    assert tab.ask(said) == f"sun speed [rpm] 200, ring speed [rpm] 50: {z[1, 3]:.4g}".replace("-", "−")
+
+
+def test_a_table_sorts_by_its_numbers_and_back(tab: chromium.Tab) -> None:
+    column = "[...document.querySelectorAll('#points tbody tr')].map(row => row.cells[1].textContent)"
+    head = "document.querySelectorAll('#points th')[1]"
+    given = tab.ask(column)
+    tab.ask(f"({head}.querySelector('button').click(), {head}.querySelector('button').click(), 1)")
+    falling = [float(text.split(" ")[0].rstrip("†")) for text in tab.ask(column)]
+    assert falling == sorted(falling, reverse=True)
+    assert tab.ask(f"{head}.getAttribute('aria-sort')") == "descending"
+    tab.ask(f"({head}.querySelector('button').click(), 1)")
+    assert tab.ask(column) == given
+
+
+def test_a_table_downloads_what_its_file_holds(tab: chromium.Tab, folder: Path) -> None:
+    text = tab.ask("pmg.text(document.getElementById('points-csv').textContent)")
+    assert text == (folder / "tables" / "points.csv").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_axe_finds_nothing_to_object_to(tab: chromium.Tab, *, dark: bool) -> None:
+    tab.show(1280, dark=dark)
+    tab.ask(files("axe_core_python").joinpath("axe.min.js").read_text(encoding="utf-8") + ";1")
+    told = "v => v.id + ': ' + v.nodes.map(n => n.html.slice(0, 160)).join(' | ')"
+    found = tab.ask(f"axe.run(document).then(r => r.violations.map({told}))")
+    tab.show(1280)
+    assert found == []
+
+
+def test_nothing_was_fetched_and_nothing_reported(tab: chromium.Tab, folder: Path) -> None:
+    tab.ask("1")
+    fetched = {
+        event["params"]["request"]["url"] for event in tab.events if event["method"] == "Network.requestWillBeSent"
+    }
+    assert {url for url in fetched if not url.startswith(("data:", "blob:"))} == {(folder / "report.html").as_uri()}
+    noisy = ("Log.entryAdded", "Runtime.consoleAPICalled", "Runtime.exceptionThrown")
+    assert [event for event in tab.events if event["method"] in noisy] == []

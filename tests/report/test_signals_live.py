@@ -1,0 +1,174 @@
+"""The signals behind a point, in a browser: opened by mouse, by keyboard and by address, drawn as they were packed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from pmg.pipeline.drill.cell import Bins, BudgetRow, CellSignals, ChannelSignals, ShaftRows, Spectrum
+from pmg.pipeline.drill.encoded import encode
+from pmg.pipeline.report.document import Figure, Section, Signals
+from pmg.pipeline.report.write import write_report
+from pmg.sim import signals
+
+from . import chromium, example
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from pmg.pipeline.report.document import Report
+
+BROWSER = chromium.found()
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(BROWSER is None, reason=f"none of {', '.join(chromium.NAMES)} is installed"),
+]
+
+OPEN = "document.getElementById('signals').open"
+SHOWN = "document.getElementById('signals').dataset.point"
+POINTS = 4
+
+
+def cell(row: int) -> CellSignals:
+    """A made-up point: two torques with a margin on both sides, two speeds; the third was rejected."""
+    bins = Bins((-0.5, 0.0, 4.0, 4.5), (5, 40, 5))
+    wave = np.sin(np.arange(50) / 3.0) + row
+    spectrum = Spectrum(np.geomspace(0.5, 200.0, 60), np.geomspace(1e-2, 1e-4, 60), 0.25)
+    channels = []
+    for signal in (signals.TORQUE_SUN, signals.TORQUE_RING, signals.SPEED_SUN, signals.SPEED_RING):
+        torque = signal.unit == "N m"
+        channels.append(
+            ChannelSignals(
+                signal,
+                bins,
+                wave - 0.2 * torque,
+                wave + 0.2 * torque,
+                np.full(12, float(row)),
+                (0.0, 4.0),
+                float(row),
+                0.01,
+                0.02,
+                1e-3,
+                spectrum if torque else None,
+            )
+        )
+    shafts = tuple(
+        ShaftRows(
+            side,
+            float(row),
+            (BudgetRow("scatter", "scatter within the window", "A", "t", False, 1e-3, 9.0, ""),),
+            1e-3,
+            0.0,
+            1e-3,
+            9.0,
+            2.26,
+            2.26e-3,
+        )
+        for side in ("sun", "ring")
+    )
+    accepted = row != 2
+    reasons = () if accepted else ("speed drifts",)
+    return CellSignals(
+        row, f"P_{row}", accepted, reasons, (), (20.0, 8.0), shafts, f"{row}.mcap", 1e3, 500, 4500, tuple(channels)
+    )
+
+
+def opening() -> Report:
+    """The example, its map with points behind the first cells of its second row."""
+    grid = example.speed_map()
+    names = [["" for _ in grid.x] for _ in grid.y]
+    names[1][:POINTS] = [f"P_{row}" for row in range(POINTS)]
+    panel = replace(grid, points=tuple(map(tuple, names)))
+    figure = Figure("opening", "Map of points", "Cells open.", (panel,))
+    packed = encode([cell(row) for row in range(POINTS)])
+    report = example.report()
+    return replace(
+        report,
+        sections=(*report.sections, Section("last", "Points", (figure,))),
+        signals=Signals(packed.index_json, packed.base64),
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("written")
+    write_report(opening(), folder)
+    return folder
+
+
+@pytest.fixture
+def tab(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Tab]:
+    assert BROWSER is not None
+    with chromium.tab(BROWSER, tmp_path_factory.mktemp("profile")) as tab:
+        tab.show(1280)
+        tab.open(folder / "report.html")
+        tab.ask("(document.getElementById('opening').scrollIntoView(), 1)")
+        tab.wait("document.getElementById('opening').dataset.drawn === 'yes'")
+        yield tab
+        noisy = ("Log.entryAdded", "Runtime.consoleAPICalled", "Runtime.exceptionThrown")
+        assert [event for event in tab.events if event["method"] in noisy] == []
+
+
+def drawn(tab: chromium.Tab, point: str) -> None:
+    tab.wait(f"{SHOWN} === '{point}' && document.querySelectorAll('#signals table').length === 2")
+
+
+def test_a_click_on_a_cell_draws_its_signals(tab: chromium.Tab) -> None:
+    place = tab.ask(
+        "(() => { const plot = document.querySelector('#opening .plot'), box = plot.getBoundingClientRect(),"
+        " {xaxis, yaxis} = plot._fullLayout;"
+        " return {x: box.x + xaxis._offset + xaxis.c2p(100), y: box.y + yaxis._offset + yaxis.c2p(50)}; })()"
+    )
+    tab.click(place["x"], place["y"])
+    drawn(tab, "P_1")
+    assert tab.ask("location.hash") == "#point=P_1"
+    traces = "document.querySelector('.signals-time').data"
+    low = tab.ask(f"{traces}.find(t => t.name === 'least').y")
+    assert np.allclose(low, np.sin(np.arange(50) / 3.0) + 0.8, atol=1e-4)
+    assert tab.ask(f"{traces}.find(t => t.name === 'after the filter').y") == pytest.approx([1.0] * 12)
+    windows = tab.ask("document.querySelector('.signals-time').layout.shapes.map(s => [s.x0, s.x1])")
+    assert windows == [[0, 4]] * 4
+    spectrum = tab.ask("document.querySelector('.signals-spectrum').data.length")
+    assert spectrum == 2
+
+
+def test_a_cell_can_be_reached_by_keyboard_alone_and_left_again(tab: chromium.Tab) -> None:
+    tab.ask("(document.querySelector('#efficiency').scrollIntoView(), 1)")
+    for _ in range(200):
+        tab.press("Tab")
+        if tab.ask("document.activeElement.closest('#opening') !== null && document.activeElement.matches('.plot')"):
+            break
+    assert "Enter opens the signals" in tab.ask("document.activeElement.getAttribute('aria-label')")
+    for key in ("ArrowUp", "ArrowRight", "ArrowRight", "Enter"):
+        tab.press(key)
+    drawn(tab, "P_2")
+    assert "rejected: speed drifts" in tab.ask("document.querySelector('#signals dl').textContent")
+    tab.ask("(document.querySelector('#signals .close').click(), 1)")
+    tab.wait(f"!{OPEN}")
+    assert tab.ask("document.activeElement.closest('#opening') !== null")
+    assert tab.ask("location.hash") == ""
+
+
+def test_an_address_opens_its_point_and_the_list_leads_on(tab: chromium.Tab, folder: Path) -> None:
+    tab.ask("(location.hash = '#point=P_3', 1)")
+    drawn(tab, "P_3")
+    tab.ask("(document.querySelector('#signals .after').click(), 1)")
+    drawn(tab, "P_0")
+    tab.ask("(document.querySelector('#signals .before').click(), 1)")
+    drawn(tab, "P_3")
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_axe_finds_nothing_to_object_to_in_an_open_point(tab: chromium.Tab, *, dark: bool) -> None:
+    tab.show(1280, dark=dark)
+    tab.ask("(location.hash = '#point=P_0', 1)")
+    drawn(tab, "P_0")
+    tab.ask(files("axe_core_python").joinpath("axe.min.js").read_text(encoding="utf-8") + ";1")
+    told = "v => v.id + ': ' + v.nodes.map(n => n.html.slice(0, 160)).join(' | ')"
+    assert tab.ask(f"axe.run(document).then(r => r.violations.map({told}))") == []
