@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import warnings
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 PRINT = Sheet(width=8.4, letters=9.5, palette=LIGHT)
 PAGE = Sheet(width=8.4, letters=9.5, palette=THEMED)
-PHONE = Sheet(width=3.7, letters=8.5, palette=THEMED, phone=True)
 RESOLUTION = 200
 """Dots per inch of the PNG files."""
 MARGIN = 0.25
@@ -64,10 +64,30 @@ def draw_png(figure: Figure) -> bytes:
         return _saved(canvas, format="png", dpi=RESOLUTION, metadata={"Software": None})
 
 
-def draw_files(figures: Sequence[Figure], title: str = "") -> tuple[dict[str, bytes], bytes]:
-    """Every figure as PNG and as SVG by its file name, and all of them as one PDF, a page each.
+@dataclass(frozen=True)
+class Drawings:
+    """Figures drawn in every way.
 
-    Each is laid out once, for the PNG; the other two show the same places. The same figures give the same bytes.
+    Parameters
+    ----------
+    files : dict of str to bytes
+        The PNG of each figure, and an SVG that stands alone, with colours for white paper and text as text.
+    pdf : bytes
+        Vectors, with the caption below each figure; empty where there is no figure.
+    inline : dict of str to str
+        The SVG element of each figure, by its id, as a page takes it.
+    """
+
+    files: dict[str, bytes]
+    pdf: bytes
+    inline: dict[str, str]
+
+
+def draw_all(figures: Sequence[Figure], title: str = "") -> Drawings:
+    """Every figure as PNG, as SVG for a page and for itself, and all of them as one PDF, a page each.
+
+    Each is laid out twice: in the colours of paper for PNG and PDF, and in those that a page puts in. The same figures
+    give the same bytes.
 
     Parameters
     ----------
@@ -76,33 +96,28 @@ def draw_files(figures: Sequence[Figure], title: str = "") -> tuple[dict[str, by
     title : str
         Title of the PDF.
 
-    Returns
-    -------
-    files : dict of str to bytes
-        The PNG of each figure, and an SVG that stands alone, with colours for white paper and text as text.
-    pdf : bytes
-        Vectors, with the caption below each figure; empty where there is no figure.
     """
-    files: dict[str, bytes] = {}
+    made = Drawings({}, b"", {})
     book = io.BytesIO()
     if not figures:
-        return files, b""
+        return made
     told = {"CreationDate": None, "Creator": None, "Producer": None, "Title": spelled(title) or None}
     with _our_style(), PdfPages(book, metadata=told) as pages:
         for count, figure in enumerate(figures, 1):
             canvas = _canvas(figure, PRINT)
             FigureCanvasAgg(canvas)
-            files[figure.file] = _saved(canvas, format="png", dpi=RESOLUTION, metadata={"Software": None})
+            made.files[figure.file] = _saved(canvas, format="png", dpi=RESOLUTION, metadata={"Software": None})
             canvas.set_layout_engine(None)
-            svg = _saved(canvas, format="svg", metadata=_NO_METADATA).decode()
-            files[figure.vector_file] = alone(svg, figure.title, figure.caption).encode()
             pages.savefig(canvas, bbox_inches=_captioned(canvas, figure, count))
-    return files, book.getvalue()
+            svg = _vectors(figure)
+            made.files[figure.vector_file] = alone(svg, figure.title, figure.caption).encode()
+            made.inline[figure.id] = themed(svg, figure.id)
+    return replace(made, pdf=book.getvalue())
 
 
 def draw_pdf(figure: Figure) -> bytes:
     """A figure as a PDF of one page with its caption below; the same figure gives the same bytes."""
-    return draw_files((figure,), figure.title)[1]
+    return draw_all((figure,), figure.title).pdf
 
 
 def _captioned(canvas: Canvas, figure: Figure, count: int) -> Bbox:
@@ -128,25 +143,21 @@ def _captioned(canvas: Canvas, figure: Figure, count: int) -> Bbox:
     return Bbox.from_extents(-MARGIN, -depth - MARGIN, width + MARGIN, height + MARGIN)
 
 
-def draw_svg(figure: Figure, sheet: Sheet = PAGE) -> str:
-    """A figure as an SVG element whose colours are the CSS variables of `theme.variables`.
-
-    Parameters
-    ----------
-    figure : Figure
-        What to draw.
-    sheet : Sheet
-        `PAGE`, or `PHONE` for narrow screens.
-    """
+def draw_svg(figure: Figure) -> str:
+    """A figure as an SVG element whose colours are the CSS variables of `theme.variables`."""
     with _our_style():
-        canvas = _canvas(figure, sheet)
-        FigureCanvasSVG(canvas)
-        svg = _saved(canvas, format="svg", metadata=_NO_METADATA).decode()
-    return themed(svg, f"{figure.id}-phone" if sheet.phone else figure.id)
+        return themed(_vectors(figure), figure.id)
+
+
+def _vectors(figure: Figure) -> str:
+    """A figure as an SVG file in the colours that stand for roles."""
+    canvas = _canvas(figure, PAGE)
+    FigureCanvasSVG(canvas)
+    return _saved(canvas, format="svg", metadata=_NO_METADATA).decode()
 
 
 def _canvas(figure: Figure, sheet: Sheet) -> Canvas:
-    columns = 1 if sheet.phone else min(figure.columns, len(figure.panels))
+    columns = min(figure.columns, len(figure.panels))
     column = sheet.shared(columns)
     rows = [figure.panels[start : start + columns] for start in range(0, len(figure.panels), columns)]
     heights = [max(_height(panel, column) for panel in row) for row in rows]

@@ -32,7 +32,7 @@ _HANDLE = 0.62
 def height(chart: Chart, sheet: Sheet) -> float:
     """Height that a chart asks for [in]."""
     entries = _legend_rows(chart, sheet)
-    body = 2.5 if sheet.phone else 2.3 + 0.12 * sheet.width
+    body = 2.3 + 0.12 * sheet.width
     return body + 0.6 + entries * sheet.line + (0.3 if chart.title else 0.0)
 
 

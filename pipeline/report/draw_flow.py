@@ -45,7 +45,6 @@ class _Plan:
     scale: float
     above: tuple[_Label, ...]
     below: tuple[_Label, ...]
-    stagger: float
     title: tuple[str, ...]
 
     @property
@@ -70,9 +69,7 @@ class _Plan:
         """From the lowest edge of the trunk to the end of the lowest label."""
         if not any(self.balance.places):
             return 0.1
-        deepest = max(
-            self.stagger * (place % 2) + len(label) * self.sheet.line for place, label in enumerate(self.below) if label
-        )
+        deepest = max(len(label) for label in self.below) * self.sheet.line
         return _BEND + _STEM + _TIP + 0.08 + deepest
 
     def place(self, index: int) -> float:
@@ -113,33 +110,19 @@ def _plan(flow: PowerFlow, sheet: Sheet) -> _Plan:
     pitch = (sheet.width - 2 * _MARGIN) / len(widths.trunk)
     greatest = max(map(abs, widths.trunk)) or 1.0
     widest = max((abs(branch.watts) for branch in widths.places if branch), default=0.0)
-    scale = (0.85 if sheet.phone else 1.15) / greatest
+    scale = 1.15 / greatest
     if widest:
         scale = min(scale, (pitch - 2 * _BEND - 0.1) / widest)
-    crowded = sheet.phone and len(widths.places) > 2
-    rooms = _rooms(widths, pitch, scale, crowded=crowded)
     above = tuple(
         _lettering(widths, label, (abs(watts), expanded), pitch - 0.06, sheet)
         for (label, watts, _), expanded in zip(widths.stages, widths.expanded, strict=True)
     )
     below = tuple(
-        _lettering(widths, branch.label, (branch.watts, branch.expanded), room, sheet) if branch else ()
-        for branch, room in zip(widths.places, rooms, strict=True)
+        _lettering(widths, branch.label, (branch.watts, branch.expanded), pitch - 0.08, sheet) if branch else ()
+        for branch in widths.places
     )
-    stagger = max(map(len, below), default=0) * sheet.line + 0.1 if crowded else 0.0
     title = wrapped(flow.title, sheet.width - 0.3, sheet.letters + 1.0, "bold")
-    return _Plan(widths, sheet, pitch, scale, above, below, stagger, title)
-
-
-def _rooms(widths: Balance, pitch: float, scale: float, *, crowded: bool) -> list[float]:
-    """Width for the label of each branch: up to its neighbours' labels, or to their stems where they alternate."""
-    stems = [scale * abs(branch.watts) if branch else 0.0 for branch in widths.places]
-    rooms = []
-    for index in range(len(stems)):
-        beside = stems[max(index - 1, 0) : index] + stems[index + 1 : index + 2]
-        passing = max(beside, default=0.0) if index % 2 == 0 else 0.0
-        rooms.append(2 * pitch - passing - 0.14 if crowded else pitch - 0.08)
-    return rooms
+    return _Plan(widths, sheet, pitch, scale, above, below, title)
 
 
 def _lettering(widths: Balance, label: str, power: tuple[float, float], room: float, sheet: Sheet) -> _Label:
@@ -221,7 +204,7 @@ def _branch(ax: Axes, plan: _Plan, index: int, branch: Branch, top: float) -> No
     """Bends from the trunk, a common stem, its arrow and its label."""
     paint, scale = plan.sheet.palette, plan.scale
     role = "gain" if branch.gain else "unexplained" if branch.unexplained else "loss"
-    floor = top - plan.thickness - _BEND - _STEM - plan.stagger * (index % 2)
+    floor = top - plan.thickness - _BEND - _STEM
     middle, half = plan.place(index), scale * abs(branch.watts) / 2
     meet = middle - half + scale * branch.left
     sides = []

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 def height(chart: SpeedMap, sheet: Sheet) -> float:
     """Height that a map asks for [in]."""
-    return (0.86 if sheet.phone else 0.56) * sheet.width + 0.8 + (0.3 if chart.title else 0.0)
+    return 0.56 * sheet.width + 0.8 + (0.3 if chart.title else 0.0)
 
 
 def draw(chart: SpeedMap, box: SubFigure, sheet: Sheet) -> None:
@@ -53,11 +53,11 @@ def draw(chart: SpeedMap, box: SubFigure, sheet: Sheet) -> None:
     bar = box.colorbar(
         cells,
         ax=ax,
-        location="bottom" if sheet.phone else "right",
+        location="right",
         aspect=30,
         fraction=0.05,
         boundaries=np.linspace(scale.vmin or 0.0, scale.vmax or 0.0, mapgrid.SHADES + 1),
-        ticks=MaxNLocator(5 if sheet.phone else 7, steps=[1, 2, 2.5, 5, 10]),
+        ticks=MaxNLocator(7, steps=[1, 2, 2.5, 5, 10]),
         pad=0.03,
     )
     bar.outline.set_visible(False)
@@ -108,7 +108,7 @@ def _key(box: SubFigure, chart: SpeedMap, z: Masked, hatched: Mask, sheet: Sheet
             [patch for patch, _ in entries],
             [text for _, text in entries],
             loc="outside lower left",
-            ncols=1 if sheet.phone else len(entries),
+            ncols=len(entries),
             fontsize=sheet.small,
             labelcolor=sheet.palette["ink"],
             handlelength=1.8,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from pmg.pipeline.report.draw import PAGE, PHONE, draw_svg
+from pmg.pipeline.report.draw import draw_svg
 from pmg.pipeline.report.live import live_figure
 from pmg.pipeline.report.theme import DARK, FONTS, LIGHT, variables
 
@@ -29,7 +29,7 @@ _SCRIPTS = ("page.js", "figures.js", "signals.js")
 _STATES = {"good": "Good", "attention": "Needs attention", "neutral": "Result"}
 
 
-def html(report: Report) -> str:
+def html(report: Report, drawings: Mapping[str, str] | None = None) -> str:
     """The page of a report, figures and scripts inside; links to data files are relative.
 
     Without scripts the page is whole: figures are still drawings then, and tables keep their order. Only the two
@@ -39,6 +39,8 @@ def html(report: Report) -> str:
     ----------
     report : Report
         What is told. All of its text is escaped.
+    drawings : mapping, optional
+        The SVG element of each figure by its id, where they have been drawn already.
     """
     environment = Environment(
         loader=FileSystemLoader(_TEMPLATES),
@@ -51,7 +53,7 @@ def html(report: Report) -> str:
     allowed = [script, library] if library else [script]
     return environment.get_template("report.html.j2").render(
         report=report,
-        drawings={figure.id: _drawing(figure) for figure in report.figures},
+        drawings={figure.id: _drawing(figure, drawings) for figure in report.figures},
         live={figure.id: _embedded(live_figure(figure)) for figure in report.figures},
         csv={table.id: deflated(table.csv().encode("utf-8", "backslashreplace")) for table in report.tables},
         numbers={table.id: count for count, table in enumerate(report.tables, 1)}
@@ -107,13 +109,10 @@ def _embedded(data: Mapping[str, Any]) -> str:
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
-def _drawing(figure: Figure) -> str:
-    """The figure drawn for wide and for narrow screens; the style sheet shows one of them.
+def _drawing(figure: Figure, drawings: Mapping[str, str] | None) -> str:
+    """The figure drawn, with its caption for those who cannot see it.
 
     A drawing escapes its own text; only its opening tag is added to.
     """
-    label = escape(figure.caption)
-    return "\n".join(
-        draw_svg(figure, sheet).replace("<svg ", f'<svg class="drawing {kind}" role="img" aria-label="{label}" ', 1)
-        for sheet, kind in ((PAGE, "wide"), (PHONE, "phone"))
-    )
+    svg = draw_svg(figure) if drawings is None else drawings[figure.id]
+    return svg.replace("<svg ", f'<svg class="drawing" role="img" aria-label="{escape(figure.caption)}" ', 1)

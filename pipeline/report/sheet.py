@@ -32,14 +32,11 @@ class Sheet:
         Size of ordinary text [pt].
     palette : Palette
         Colours.
-    phone : bool
-        Whether this is the narrow drawing: panels below each other, scales below the maps.
     """
 
     width: float
     letters: float
     palette: Palette
-    phone: bool = False
 
     @property
     def small(self) -> float:

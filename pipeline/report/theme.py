@@ -115,12 +115,18 @@ def alone(svg: str, title: str, caption: str) -> str:
     Parameters
     ----------
     svg : str
-        A whole SVG file with the colours it is to show.
+        A whole SVG file made with `THEMED`; it is given the colours of a light page.
     title, caption : str
         What it is, and what it shows.
     """
     words = f"<title>{escape(spelled(title))}</title>\n<desc>{escape(spelled(caption))}</desc>\n"
-    drawn = _TAG.sub(lambda found: _FAMILY.sub(_OUTSIDE, found[0]), _PROLOGUE.sub("", svg))
+    paper = f'<rect width="100%" height="100%" fill="{LIGHT["paper"]}"/>\n'
+
+    def coloured(found: re.Match[str]) -> str:
+        text = _STYLED.sub(lambda colour: LIGHT[_ROLE[colour[0]]], found[0])
+        return _FAMILY.sub(_OUTSIDE, text)
+
+    drawn = _TAG.sub(coloured, _PROLOGUE.sub("", svg))
     head, opening, rest = drawn.partition("<svg ")
     tag, end, body = rest.partition(">")
-    return f'{head.strip()}\n{opening}role="img" {tag}{end}\n{words}{body.strip()}\n'
+    return f'{head.strip()}\n{opening}role="img" {tag}{end}\n{words}{paper}{body.strip()}\n'

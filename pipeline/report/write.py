@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.aside import write_aside
-from pmg.pipeline.report.draw import draw_files
+from pmg.pipeline.report.draw import draw_all
 from pmg.pipeline.report.html import html
 from pmg.pipeline.report.summary import summary
 from pmg.pipeline.report.workbook import workbook
@@ -63,9 +63,9 @@ def write_report(
         When the listing of an earlier report cannot be read.
     """
     earlier = _listed(folder / LISTING)
-    drawn, pdf = draw_files(report.figures, report.title)
-    made = drawn | {table.file: _encoded(table.csv()) for table in report.tables}
-    made |= {PAGE: _encoded(html(report)), WORKBOOK: workbook(report, drawn), FIGURES: pdf}
+    drawn = draw_all(report.figures, report.title)
+    made = drawn.files | {table.file: _encoded(table.csv()) for table in report.tables}
+    made |= {PAGE: _encoded(html(report, drawn.inline)), WORKBOOK: workbook(report, drawn.files), FIGURES: drawn.pdf}
     names = [name for name in report_files(report, summed_up=summed_up) if name != LISTING]
     if summed_up:
         summed = summary(report, {name: made[name] for name in names if name != SUMMARY}, facts)

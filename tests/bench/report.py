@@ -31,10 +31,9 @@ if TYPE_CHECKING:
 
 PARTS: dict[str, str] = {
     "html": "page, without its drawings",
-    "page svg": "page, drawings for wide and narrow screens",
-    "draw_files": "figures, laid out",
+    "draw_all": "figures, laid out twice: for paper, for the page",
     "png": "figures as PNG",
-    "svg": "figures as SVG",
+    "svg": "figures as SVG, for the page and alone",
     "pdf": "figures as PDF, but for its end",
     "workbook": "workbook",
     "summary": "summary",
@@ -62,7 +61,7 @@ class Clock:
         @wraps(call)
         def booked(*given: Any, **named: Any) -> Any:  # noqa: ANN401 - whatever the function takes
             self._book()
-            self._open.append(name or ("page svg" if "html" in self._open else named["format"]))
+            self._open.append(name or named["format"])
             try:
                 return call(*given, **named)
             finally:
@@ -107,12 +106,9 @@ def main() -> None:
         for _ in range(asked.repeats):
             clock = Clock()
             with ExitStack() as patched:
-                for part in ("html", "draw_files", "workbook", "summary", "write_aside"):
+                for part in ("html", "draw_all", "workbook", "summary", "write_aside"):
                     patched.enter_context(patch.object(write, part, clock.timed(part, getattr(write, part))))
                 patched.enter_context(patch.object(draw, "_saved", clock.timed("", draw._saved)))
-                patched.enter_context(
-                    patch("pmg.pipeline.report.html.draw_svg", clock.timed("page svg", draw.draw_svg))
-                )
                 patched.enter_context(patch.object(PdfPages, "savefig", clock.timed("pdf", PdfPages.savefig)))
                 whole = timed(lambda: write.write_report(page, out, *rest, **named)).cpu
             if best is None or whole < best[0]:

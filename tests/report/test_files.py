@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import pytest
 
 from pmg.pipeline.report.document import Figure, Report, Section, Text
-from pmg.pipeline.report.draw import draw_files, draw_pdf, draw_png
+from pmg.pipeline.report.draw import Drawings, draw_all, draw_pdf, draw_png, draw_svg
 from pmg.pipeline.report.theme import LIGHT
 from pmg.pipeline.report.write import report_files, write_report
 
@@ -27,8 +27,8 @@ HOSTILE = '</desc><script>alert("x")</script> & --> ]]> \udcff \x00'
 
 
 @cache
-def drawn() -> tuple[dict[str, bytes], bytes]:
-    return draw_files(example.report().figures, "Losses of a gearbox")
+def drawn() -> Drawings:
+    return draw_all(example.report().figures, "Losses of a gearbox")
 
 
 def flow(caption: str = "A third of the supply is lost.") -> Figure:
@@ -60,7 +60,7 @@ def operators(pdf: bytes) -> bytes:
 
 
 def test_every_figure_has_its_page_as_wide_as_the_drawing_and_higher_by_its_caption() -> None:
-    found = pages(drawn()[1])
+    found = pages(drawn().pdf)
     assert len(found) == len(example.report().figures)
     assert [width for width, _ in found] == pytest.approx([(8.4 + 0.5) * 72.0] * 3)
     short, long = pages(draw_pdf(flow()))[0], pages(draw_pdf(flow("It is lost. " * 60)))[0]
@@ -69,7 +69,7 @@ def test_every_figure_has_its_page_as_wide_as_the_drawing_and_higher_by_its_capt
 
 
 def test_the_pdf_holds_vectors_and_letters_and_no_date() -> None:
-    pdf = drawn()[1]
+    pdf = drawn().pdf
     assert b"/Title (Losses of a gearbox)" in pdf
     assert b"Date" not in pdf
     assert b"/Subtype /Image" not in pdf
@@ -79,17 +79,18 @@ def test_the_pdf_holds_vectors_and_letters_and_no_date() -> None:
 
 def test_the_same_figures_give_the_same_files_alone_and_together() -> None:
     first, second = flow(), Figure("chart", "Chart", "It rises.", (example.chart(),))
-    files, pdf = draw_files((first, second), "Two")
-    assert draw_files((first, second), "Two") == (files, pdf)
-    alone = draw_files((first,))[0]
-    assert alone == {name: files[name] for name in ("figures/flow.png", "figures/flow.svg")}
-    assert draw_png(second) == files["figures/chart.png"]
-    assert draw_files(()) == ({}, b"")
+    made = draw_all((first, second), "Two")
+    assert draw_all((first, second), "Two") == made
+    alone = draw_all((first,)).files
+    assert alone == {name: made.files[name] for name in ("figures/flow.png", "figures/flow.svg")}
+    assert draw_png(second) == made.files["figures/chart.png"]
+    assert draw_svg(second) == made.inline["chart"]
+    assert draw_all(()) == Drawings({}, b"", {})
 
 
 @pytest.mark.parametrize("name", ["efficiency", "flow", "map"])
 def test_an_svg_stands_alone(name: str) -> None:
-    svg = drawn()[0][f"figures/{name}.svg"].decode()
+    svg = drawn().files[f"figures/{name}.svg"].decode()
     root = ElementTree.fromstring(svg)
     figure = next(figure for figure in example.report().figures if figure.id == name)
     assert root.get("role") == "img"
@@ -110,11 +111,11 @@ def test_an_svg_stands_alone(name: str) -> None:
 
 def test_hostile_captions_stay_text() -> None:
     figure = replace(flow(HOSTILE), title=HOSTILE)
-    files, pdf = draw_files((figure,), HOSTILE)
-    root = ElementTree.fromstring(files["figures/flow.svg"].decode())
+    made = draw_all((figure,), HOSTILE)
+    root = ElementTree.fromstring(made.files["figures/flow.svg"].decode())
     assert root[1].text == HOSTILE.replace("\udcff", "\\udcff").replace("\x00", "\\u0000")
     assert not list(root.iter(f"{SVG}script"))
-    assert len(pages(pdf)) == 1
+    assert len(pages(made.pdf)) == 1
 
 
 def test_what_an_earlier_report_left_beside_its_page_is_removed(tmp_path: Path) -> None:

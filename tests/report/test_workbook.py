@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from pmg.pipeline.report import workbook as module
 from pmg.pipeline.report.document import Column, Facts, Measured, Report, Section, Table, Verdict
-from pmg.pipeline.report.draw import draw_files
+from pmg.pipeline.report.draw import draw_all
 from pmg.pipeline.report.workbook import LONGEST_NAME, LONGEST_TEXT, number_format, sheet_names, workbook
 
 from . import example
@@ -58,7 +58,7 @@ def links(found: Worksheet) -> list[str | None]:
 
 @cache
 def pictures() -> dict[str, bytes]:
-    return draw_files(example.report().figures)[0]
+    return draw_all(example.report().figures).files
 
 
 @cache
