@@ -155,7 +155,13 @@ def compare(
 
         chosen = choose(config, store=store, report=report, note=note, model=model)
         note_told = chosen.text("note") or ""
-        return run_compare(chosen.needed("store"), chosen.needed("report"), note_told, chosen.path("model"))
+        return run_compare(
+            chosen.needed("store"),
+            chosen.needed("report"),
+            note_told,
+            chosen.path("model"),
+            tolerances=chosen.tolerance,
+        )
 
     carry_out("compare", stage, as_json, fail_on)
 
@@ -219,6 +225,7 @@ def run(
                 limits=chosen.limits,
                 progress=progress,
                 model=chosen.path("model"),
+                tolerances=chosen.tolerance,
             )
 
     carry_out("run", stage, as_json, fail_on)

@@ -34,12 +34,13 @@ from pmg.pipeline.outputs import analysis_document, read_analysis, write_analysi
 from pmg.pipeline.provenance import leave_crate, now
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store import Store
+from pmg.pipeline.tolerance import Tolerance
 from pmg.pipeline.unreached import unreached_findings
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
     from pmg.pipeline.budget.windowfacts import WindowFacts
@@ -142,7 +143,15 @@ def _analysis_findings(
     return tuple(found)
 
 
-def run_compare(store: Path, report: Path, note: str = "", model: Path | None = None, *, clock: Clock = now) -> Outcome:
+def run_compare(
+    store: Path,
+    report: Path,
+    note: str = "",
+    model: Path | None = None,
+    *,
+    tolerances: Mapping[str, tuple[float, float]] | None = None,
+    clock: Clock = now,
+) -> Outcome:
     """Simulate the analysed campaign, compare, diagnose, and write the report.
 
     Parameters
@@ -155,6 +164,8 @@ def run_compare(store: Path, report: Path, note: str = "", model: Path | None = 
         Told at the head of the report.
     model : Path, optional
         A model file to simulate instead of the calibrated baseline.
+    tolerances : mapping, optional
+        Tolerances of the comparison that were set, by quantity: absolute [SI] and relative.
     clock : callable
         Time of day, for the provenance.
     """
@@ -186,12 +197,14 @@ def run_compare(store: Path, report: Path, note: str = "", model: Path | None = 
         budget=budget,
         origins=_origins(store, grid),
         told=_conditions(store, grid),
+        tolerances={name: Tolerance(*parts) for name, parts in (tolerances or {}).items()},
         signals=None if behind is None else encode(behind.cells),
     )
     text = ""
     if diagnosis is not None:
         text = json.dumps(diagnosis_document(diagnosis), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    files = write_report(page, report)
+    points = {"accepted": int(grid.accepted.sum()), "rejected": int((~grid.accepted).sum())}
+    files = write_report(page, report, {"points": points})
     data: dict[str, Any] = {"report": str(files[0]), "files": [str(path) for path in files], "diagnosis": None}
     lines = [f"report: {files[0]}"]
     mismatch = False
@@ -272,6 +285,7 @@ def run_all(
     model: Path | None = None,
     scheduler: str | None = None,
     limits: Path | Steadiness | None = None,
+    tolerances: Mapping[str, tuple[float, float]] | None = None,
 ) -> Outcome:
     """Ingest, analyse and compare; with published grids, analyse and compare."""
     if (recordings is None) == (grids is None):
@@ -285,7 +299,7 @@ def run_all(
         ingested = parts["ingest"].data["campaigns"]
         campaign = campaign or (ingested[0] if len(ingested) == 1 else None)
     parts["analyse"] = run_analyse(store, options, grids=grids, campaign=campaign)
-    parts["compare"] = run_compare(store, report, note, model)
+    parts["compare"] = run_compare(store, report, note, model, tolerances=tolerances)
     findings = {json.dumps(finding, sort_keys=True): finding for part in parts.values() for finding in part.findings}
     return Outcome(
         data={name: part.data for name, part in parts.items()},

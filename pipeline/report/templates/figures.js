@@ -125,7 +125,7 @@
     const narrow = matchMedia("(max-width: 43rem)").matches;
     const columns = narrow ? 1 : Math.min(specification.columns, specification.panels.length);
     const rows = Math.ceil(specification.panels.length / columns);
-    const height = Math.max(still.getBoundingClientRect().height / rows, 260);
+    const height = Math.max(still.getBoundingClientRect().height / rows, narrow ? 380 : 260);
     const live = pmg.make("div", { class: "live" });
     live.style.setProperty("--columns", columns);
     live.style.setProperty("--panel-height", `${height}px`);

@@ -1,0 +1,77 @@
+"""Within tolerance, out of tolerance, not comparable: the larger of two bounds, point by point."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.points import measured as made
+from tests.points import points
+
+from pmg.pipeline.compare import Difference, Residuals
+from pmg.pipeline.tolerance import State, Tolerance, agreements
+from pmg.sim.bench import load_bench
+
+if TYPE_CHECKING:
+    from pmg.sim.signals import Array
+
+BENCH = load_bench()
+POSITIVE = st.floats(1e-6, 1e3)
+
+
+@given(POSITIVE, st.floats(0.0, 1.0), st.floats(-1e3, 1e3))
+def test_the_bound_is_the_larger_of_both_parts(absolute: float, relative: float, measured: float) -> None:
+    bound = Tolerance(absolute, relative).at(np.array([measured]))[0]
+    assert bound == max(absolute, relative * abs(measured))
+
+
+def compared(sun: list[float], ring: list[float]) -> Residuals:
+    """Differences of both torques at neutral points that read 1 N m; those that are NaN are not compared."""
+    at = points("neutral", [500.0] * len(sun), [200.0] * len(sun))
+
+    def difference(values: list[float]) -> Difference:
+        off = np.array(values)
+        return Difference(np.where(np.isnan(off), np.nan, 1.0), 1.0 - off, np.where(np.isnan(off), np.nan, 1e-3))
+
+    nothing = Difference(*(np.full(len(sun), np.nan),) * 3)
+    one: Array = np.ones(len(sun))
+    grid = made(at, one, one)
+    return Residuals(grid, grid, difference(sun), difference(ring), nothing, nothing)
+
+
+def test_each_point_is_judged_by_the_data_sheet_where_nothing_was_set() -> None:
+    agreed = agreements(compared([0.004, 0.006, np.nan, np.nan], [0.009, 0.001, 0.011, np.nan]), BENCH)
+    assert agreed.of["torque_sun"].states == (State.WITHIN, State.OUT, State.NOT_COMPARABLE, State.NOT_COMPARABLE)
+    assert agreed.of["torque_ring"].states == (State.WITHIN, State.WITHIN, State.OUT, State.NOT_COMPARABLE)
+    assert agreed.compared.tolist() == [True, True, True, False]
+    assert agreed.within.tolist() == [True, False, False, False]
+    assert agreed.told == "Simulation within tolerance at 1 of 3 points (1 not comparable)."
+
+
+def test_a_tolerance_that_was_set_takes_the_place_of_the_data_sheet() -> None:
+    residuals = compared([0.004, 0.006], [0.009, 0.001])
+    strict = agreements(residuals, BENCH, {"torque_sun": Tolerance(0.005, 0.0), "torque_ring": Tolerance(0.0, 0.005)})
+    assert strict.of["torque_sun"].within.tolist() == [True, False]
+    assert strict.of["torque_ring"].within.tolist() == [False, True]
+    assert "5 mN m" in strict.of["torque_sun"].rule.replace("0.005 N m", "5 mN m")
+
+
+@pytest.mark.parametrize("name", ["loss_total", "efficiency_total"])
+def test_what_follows_from_a_torque_is_within_where_the_torque_is(name: str, rng: np.random.Generator) -> None:
+    n = 50
+    at = replace(points("engaged", np.linspace(200, 1800, n), -np.linspace(80, 700, n), 2.0))
+    sun = rng.uniform(0.5, 2.0, n)
+    off = rng.uniform(-0.01, 0.01, n)
+    grid = made(at, sun, np.full(n, 2.0))
+    torque = Difference(sun, sun - off, np.full(n, 1e-3))
+    loss = Difference(sun * at.speed_sun, (sun - off) * at.speed_sun, np.full(n, 1e-3))
+    ratio = 2.0 * at.speed_ring / at.speed_sun
+    efficiency = Difference(-ratio / sun, -ratio / sun - ratio * off / sun**2, np.full(n, 1e-3))
+    nothing = Difference(*(np.full(n, np.nan),) * 3)
+    agreed = agreements(Residuals(grid, grid, torque, nothing, loss, efficiency), BENCH)
+    assert 0 < agreed.of["torque_sun"].within.sum() < n
+    assert agreed.of[name].within.tolist() == agreed.of["torque_sun"].within.tolist()
