@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from pmg.pipeline import cli_config, cli_exchange, cli_runs, cli_studies
+from pmg.pipeline import cli_config, cli_exchange, cli_report, cli_runs, cli_studies
 from pmg.pipeline.cli_frame import FailOn, FailOnOption, JsonOption, carry_out, progress_line
 from pmg.pipeline.cli_group import AnswersInJson
 from pmg.pipeline.cli_options import (
@@ -111,9 +111,9 @@ def analyse(
     """Average windows into neutral and engaged grids, fit losses, calibrate, balance powers."""
 
     def stage() -> Outcome:
+        from pmg.pipeline.analyse_stage import run_analyse
         from pmg.pipeline.config.chosen import choose
         from pmg.pipeline.modelfile_read import with_model
-        from pmg.pipeline.stages import run_analyse
 
         chosen = choose(
             config,
@@ -150,8 +150,8 @@ def compare(
     """Set the simulator beside the bench, say whether and where they differ, and write the report."""
 
     def stage() -> Outcome:
+        from pmg.pipeline.compare_stage import run_compare
         from pmg.pipeline.config.chosen import choose
-        from pmg.pipeline.stages import run_compare
 
         chosen = choose(config, store=store, report=report, note=note, model=model)
         note_told = chosen.text("note") or ""
@@ -241,6 +241,7 @@ prove = app.command()(cli_studies.prove)
 bring = app.command("import")(cli_exchange.bring)
 export = app.command()(cli_exchange.export)
 doctor = app.command()(cli_config.doctor)
+report = app.command()(cli_report.report)
 
 
 def main() -> None:

@@ -48,9 +48,12 @@ def carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on
     """Run a stage, print what it gave, and exit with the code that says how it went."""
     outcome: Outcome | None = None
     error: dict[str, str] | None = None
+    text = ""
     try:
         outcome = stage()
         code = _exit_code(outcome, fail_on)
+        if as_json:  # a value that JSON cannot hold is a defect like any other
+            text = as_text(command, code, outcome, None)
     except PmgError as problem:
         code = ExitCode.COULD_NOT_RUN
         error = {"where": problem.where, "came": problem.came, "expected": problem.expected, "do": problem.do}
@@ -62,15 +65,21 @@ def carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on
         _tell_error(command, f"{where}: {came}.", "Check path, rights and free space.")
     except KeyboardInterrupt:
         code = ExitCode.INTERRUPTED
-        error = {"where": command, "came": "interrupted", "expected": "", "do": "Run it again to resume."}
+        error = {
+            "where": command,
+            "came": "interrupted",
+            "expected": "to end by itself",
+            "do": "Run it again to resume.",
+        }
         _tell_error(command, "interrupted; what has been written is whole.", "Run it again to resume.")
     except Exception as problem:  # the outermost place: a defect of pmg, shown with its trace
         code = ExitCode.INTERNAL_ERROR
-        error = {"where": command, "came": repr(problem), "expected": "", "do": "Report this as a defect of pmg."}
+        do = "Report this as a defect of pmg."
+        error = {"where": command, "came": repr(problem), "expected": "no such error", "do": do}
         traceback.print_exc()
         _tell_error(command, "internal error, a defect of pmg.", "Please report it with the lines above.")
     if as_json:
-        print_result(command, code, outcome, error)
+        typer.echo(text if error is None else as_text(command, code, None, error))
     elif outcome is not None:
         for line in outcome.lines:
             typer.echo(line)
@@ -79,8 +88,8 @@ def carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on
         raise typer.Exit(int(code))
 
 
-def print_result(command: str, code: int, outcome: Outcome | None, error: dict[str, str] | None) -> None:
-    """Print the one JSON object that ``--json`` promises."""
+def as_text(command: str, code: int, outcome: Outcome | None, error: dict[str, str] | None) -> str:
+    """The one JSON object that ``--json`` promises."""
     result: dict[str, Any] = {
         "schema": SCHEMA,
         "command": command,
@@ -89,7 +98,7 @@ def print_result(command: str, code: int, outcome: Outcome | None, error: dict[s
         "findings": [] if outcome is None else list(outcome.findings),
         "error": error,
     }
-    typer.echo(json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False))
+    return json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False)
 
 
 def _tell_error(command: str, problem: str, hint: str) -> None:

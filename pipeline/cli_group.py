@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 from typer.core import TyperGroup
 
-from pmg.pipeline.cli_frame import print_result
+from pmg.pipeline.cli_frame import as_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,5 +56,5 @@ def _told(problem: Any) -> int:  # noqa: ANN401 - an error of typer's, whose cla
         "do": f"See '{called} --help'.",
     }
     code = int(problem.exit_code)
-    print_result(" ".join(path), code, None, error)
+    typer.echo(as_text(" ".join(path), code, None, error))
     return code

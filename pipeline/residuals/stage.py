@@ -8,6 +8,7 @@ from pmg.pipeline.analyse import analyse
 from pmg.pipeline.campaign import recorded_bench
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.chapters.structure import structure_section
+from pmg.pipeline.compare_stage import SEED
 from pmg.pipeline.fitdocument import number
 from pmg.pipeline.gridtable import read_published
 from pmg.pipeline.options import THESIS_OPTIONS
@@ -19,7 +20,6 @@ from pmg.pipeline.residuals.covariates import BY_ID
 from pmg.pipeline.residuals.fitted import FITS, LEVEL
 from pmg.pipeline.residuals.probability import told_nominal, told_search
 from pmg.pipeline.residuals.search import study_residuals
-from pmg.pipeline.stages import SEED
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import FitError, GridError, near_miss
 from pmg.sim.signals import RESIDUAL

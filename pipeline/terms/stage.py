@@ -11,12 +11,12 @@ import numpy as np
 from pmg.pipeline.aside import write_aside
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.chapters.terms import terms_sections
+from pmg.pipeline.compare_stage import SEED
 from pmg.pipeline.diagnose.diagnosis import Verdict
 from pmg.pipeline.outcome import Outcome
 from pmg.pipeline.report.document import Facts, Report
 from pmg.pipeline.report.document import Verdict as Headline
 from pmg.pipeline.report.write import write_report
-from pmg.pipeline.stages import SEED
 from pmg.pipeline.terms.casefile import read_case
 from pmg.pipeline.terms.decide import diagnose_terms
 from pmg.pipeline.terms.document import headline, terms_document, terms_lines

@@ -18,12 +18,12 @@ from unittest.mock import patch
 import numpy as np
 
 from pmg.pipeline.analyse import analyse
+from pmg.pipeline.compare_stage import SEED
 from pmg.pipeline.diagnose.decide import diagnose
 from pmg.pipeline.diagnose.plans import join_points
 from pmg.pipeline.options import AnalysisOptions
 from pmg.pipeline.prove.nature import draw_case, measure_case
 from pmg.pipeline.prove.strata import find_stratum
-from pmg.pipeline.stages import SEED
 from pmg.sim.bench import load_bench
 from pmg.sim.mechanisms import CANDIDATES
 from tests.bench.case import timed

@@ -18,7 +18,8 @@ from unittest.mock import patch
 
 from matplotlib.backends.backend_pdf import PdfPages
 
-from pmg.pipeline import stages
+from pmg.pipeline import compare_stage
+from pmg.pipeline.analyse_stage import run_analyse
 from pmg.pipeline.ingest_stage import run_ingest
 from pmg.pipeline.options import AnalysisOptions
 from pmg.pipeline.report import draw, write
@@ -76,15 +77,15 @@ def told(store: Path | None, folder: Path) -> tuple[tuple[Any, ...], dict[str, A
     if store is None:
         store = folder / "store"
         run_ingest(EXAMPLE, store, workers=1, progress=None)
-        stages.run_analyse(store, AnalysisOptions(), grids=None, campaign=None)
+        run_analyse(store, AnalysisOptions(), grids=None, campaign=None)
     caught: list[tuple[tuple[Any, ...], dict[str, Any]]] = []
 
     def catch(*given: Any, **named: Any) -> tuple[Path, ...]:  # noqa: ANN401 - whatever the function takes
         caught.append((given, named))
         return (given[1] / write.PAGE,)
 
-    with patch.object(stages, "write_report", catch):
-        stages.run_compare(store, folder / "compared")
+    with patch.object(compare_stage, "write_report", catch):
+        compare_stage.run_compare(store, folder / "compared")
     return caught[0]
 
 

@@ -282,8 +282,8 @@ def test_an_analysis_of_other_recordings_is_told_and_a_damaged_one_left_out(stor
 
 
 def test_a_grid_read_from_tables_is_listed(published_folder: Path, tmp_path: Path) -> None:
+    from pmg.pipeline.analyse_stage import run_analyse
     from pmg.pipeline.options import chosen_options
-    from pmg.pipeline.stages import run_analyse
 
     options = chosen_options(
         published=True, terms_sun=None, terms_ring=None, correction=None, include_rest=None, robust=False

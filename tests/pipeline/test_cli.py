@@ -175,7 +175,7 @@ def test_an_interrupt_exits_with_130(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pmg.pipeline.stages.read_analysis", interrupted)
+    monkeypatch.setattr("pmg.pipeline.compare_stage.read_analysis", interrupted)
     call("compare", "--store", tmp_path, "--report", tmp_path / "r", expect=130)
 
 
@@ -183,7 +183,7 @@ def test_a_defect_exits_with_70_and_shows_its_trace(monkeypatch: pytest.MonkeyPa
     def broken(*_: object, **__: object) -> None:
         raise RuntimeError("a defect planted by this test")
 
-    monkeypatch.setattr("pmg.pipeline.stages.read_analysis", broken)
+    monkeypatch.setattr("pmg.pipeline.compare_stage.read_analysis", broken)
     outcome = RUNNER.invoke(app, ["compare", "--store", str(tmp_path), "--report", str(tmp_path / "r")])
     assert outcome.exit_code == 70
     assert "planted by this test" in outcome.stderr

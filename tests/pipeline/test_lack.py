@@ -13,14 +13,15 @@ from hypothesis import strategies as st
 from tests.points import measured, points
 from tests.recording.writer import CALIBRATION, Bench, write
 
+from pmg.pipeline.analyse_stage import run_analyse
 from pmg.pipeline.campaign import choose_campaign, measured_grid
+from pmg.pipeline.compare_stage import run_compare
 from pmg.pipeline.completeness import lack_findings
 from pmg.pipeline.copies import COPY, without_copies
 from pmg.pipeline.ingest import ingest
 from pmg.pipeline.limits import limits_of
 from pmg.pipeline.options import AnalysisOptions
 from pmg.pipeline.outcome import Outcome
-from pmg.pipeline.stages import run_analyse, run_compare
 from pmg.pipeline.store import Manifest, Store
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import RecordingError

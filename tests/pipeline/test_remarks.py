@@ -14,6 +14,8 @@ from tests.recording.damages import recorded
 from tests.recording.writer import CALIBRATION, Bench
 
 from pmg.pipeline.analyse import Analysis, analyse
+from pmg.pipeline.analyse_stage import run_analyse
+from pmg.pipeline.compare_stage import run_compare
 from pmg.pipeline.completeness import holes, lack_findings
 from pmg.pipeline.design_stage import run_design
 from pmg.pipeline.gridtable import read_published
@@ -22,7 +24,6 @@ from pmg.pipeline.options import THESIS_OPTIONS, AnalysisOptions
 from pmg.pipeline.outcome import Outcome
 from pmg.pipeline.outputs import write_analysis
 from pmg.pipeline.residuals.stage import run_residuals
-from pmg.pipeline.stages import run_analyse, run_compare
 from pmg.pipeline.store import Manifest
 from pmg.sim.bench import BenchParameters, load_bench
 from pmg.sim.grid import Grid

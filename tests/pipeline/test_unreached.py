@@ -8,10 +8,11 @@ import pytest
 from tests.recording.damages import CHUNK, of_kind, recorded
 from tests.recording.writer import Bench
 
+from pmg.pipeline.analyse_stage import run_analyse
+from pmg.pipeline.compare_stage import run_compare
 from pmg.pipeline.ingest_stage import run_ingest
 from pmg.pipeline.options import AnalysisOptions
 from pmg.pipeline.outcome import Outcome
-from pmg.pipeline.stages import run_analyse, run_compare
 from pmg.pipeline.store import Store
 from pmg.pipeline.unreached import unreached
 

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.analyse import analyse
+from pmg.pipeline.analyse_stage import run_analyse
+from pmg.pipeline.compare_stage import SEED, run_compare
 from pmg.pipeline.diagnose.decide import diagnose
 from pmg.pipeline.diagnose.document import diagnosis_document
 from pmg.pipeline.diagnose.plans import join_points, possible_plans
@@ -19,7 +21,6 @@ from pmg.pipeline.options import AnalysisOptions
 from pmg.pipeline.outputs import read_analysis
 from pmg.pipeline.prove.nature import measure_case
 from pmg.pipeline.prove.record import write_case
-from pmg.pipeline.stages import SEED, run_analyse, run_compare
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:

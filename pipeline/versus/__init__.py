@@ -1,0 +1,1 @@
+"""Two campaigns beside each other: matched point by point, subtracted, judged."""
