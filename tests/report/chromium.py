@@ -8,7 +8,10 @@ import shutil
 import subprocess
 import time
 from contextlib import contextmanager
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any
+
+import pytest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,6 +35,16 @@ FLAGS = (
 def found() -> str | None:
     """Path of the browser, where there is one."""
     return next((path for path in map(shutil.which, NAMES) if path), None)
+
+
+BROWSER = found()
+NEEDED = [
+    pytest.mark.browser,
+    pytest.mark.skipif(BROWSER is None, reason=f"none of {', '.join(NAMES)} is installed"),
+]
+"""Marks of a module whose tests need a browser."""
+NOISY = ("Log.entryAdded", "Runtime.consoleAPICalled", "Runtime.exceptionThrown")
+AXE = "v => v.id + ': ' + v.nodes.map(n => n.html.slice(0, 160)).join(' | ')"
 
 
 class Tab:
@@ -104,6 +117,23 @@ class Tab:
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
+    def noise(self) -> list[dict[str, Any]]:
+        """What the browser logged, and what scripts printed or let fall."""
+        self.ask("1")
+        return [event for event in self.events if event["method"] in NOISY]
+
+    def fetched(self) -> set[str]:
+        """Addresses that were asked for, but for data within the page."""
+        self.ask("1")
+        asked = (event for event in self.events if event["method"] == "Network.requestWillBeSent")
+        urls = {event["params"]["request"]["url"] for event in asked}
+        return {url for url in urls if not url.startswith(("data:", "blob:"))}
+
+    def objections(self) -> Any:  # noqa: ANN401 - JSON as it comes
+        """Violations that axe finds, with the elements."""
+        self.ask(files("axe_core_python").joinpath("axe.min.js").read_text(encoding="utf-8") + ";1")
+        return self.ask(f"axe.run(document).then(r => r.violations.map({AXE}))")
+
     def _next(self) -> dict[str, Any]:
         while b"\0" not in self._buffer:
             part = os.read(self._answers, 1 << 16)
@@ -114,14 +144,15 @@ class Tab:
 
 
 @contextmanager
-def tab(browser: str, profile: Path) -> Iterator[Tab]:
+def tab(profile: Path) -> Iterator[Tab]:
     """A tab of a fresh browser with an empty profile; ended afterwards."""
+    assert BROWSER is not None
     to_browser, commands = os.pipe()
     answers, from_browser = os.pipe()
     # DevTools reads file descriptor 3 and writes 4; the detour over 8 and 9 keeps them from overwriting each other.
     shell = f'exec 8<&{to_browser} 9>&{from_browser} 3<&8 4>&9; exec "$@"'
     process = subprocess.Popen(
-        ["bash", "-c", shell, "sh", browser, *FLAGS, f"--user-data-dir={profile}"],
+        ["bash", "-c", shell, "sh", BROWSER, *FLAGS, f"--user-data-dir={profile}"],
         pass_fds=(to_browser, from_browser),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,

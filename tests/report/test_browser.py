@@ -14,12 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-BROWSER = chromium.found()
-
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(BROWSER is None, reason=f"none of {', '.join(chromium.NAMES)} is installed"),
-]
+pytestmark = chromium.NEEDED
 
 OVERFLOW = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 BACKGROUND = "getComputedStyle(document.body).backgroundColor"
@@ -62,8 +57,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def tab(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Tab]:
-    assert BROWSER is not None
-    with chromium.tab(BROWSER, tmp_path_factory.mktemp("profile")) as tab:
+    with chromium.tab(tmp_path_factory.mktemp("profile")) as tab:
         tab.still()
         tab.open(folder / "report.html")
         yield tab
@@ -107,10 +101,5 @@ def test_identifiers_are_unique_and_anchors_lead_somewhere(tab: chromium.Tab) ->
 
 
 def test_nothing_was_fetched_and_nothing_reported(tab: chromium.Tab, folder: Path) -> None:
-    tab.ask("1")
-    fetched = [
-        event["params"]["request"]["url"] for event in tab.events if event["method"] == "Network.requestWillBeSent"
-    ]
-    assert fetched == [(folder / "report.html").as_uri()]
-    noisy = ("Log.entryAdded", "Runtime.consoleAPICalled", "Runtime.exceptionThrown")
-    assert [event for event in tab.events if event["method"] in noisy] == []
+    assert tab.fetched() == {(folder / "report.html").as_uri()}
+    assert tab.noise() == []

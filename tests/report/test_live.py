@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -15,12 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-BROWSER = chromium.found()
-
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(BROWSER is None, reason=f"none of {', '.join(chromium.NAMES)} is installed"),
-]
+pytestmark = chromium.NEEDED
 
 LEFT = "document.querySelector('figure.drawn:not([data-drawn])')"
 TRACES = "document.querySelector('#efficiency .plot').data"
@@ -42,8 +36,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def tab(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Tab]:
-    assert BROWSER is not None
-    with chromium.tab(BROWSER, tmp_path_factory.mktemp("profile")) as tab:
+    with chromium.tab(tmp_path_factory.mktemp("profile")) as tab:
         tab.show(1280)
         tab.open(folder / "report.html")
         drawn(tab)
@@ -119,18 +112,11 @@ def test_a_table_downloads_what_its_file_holds(tab: chromium.Tab, folder: Path) 
 @pytest.mark.parametrize("dark", [False, True])
 def test_axe_finds_nothing_to_object_to(tab: chromium.Tab, *, dark: bool) -> None:
     tab.show(1280, dark=dark)
-    tab.ask(files("axe_core_python").joinpath("axe.min.js").read_text(encoding="utf-8") + ";1")
-    told = "v => v.id + ': ' + v.nodes.map(n => n.html.slice(0, 160)).join(' | ')"
-    found = tab.ask(f"axe.run(document).then(r => r.violations.map({told}))")
+    found = tab.objections()
     tab.show(1280)
     assert found == []
 
 
 def test_nothing_was_fetched_and_nothing_reported(tab: chromium.Tab, folder: Path) -> None:
-    tab.ask("1")
-    fetched = {
-        event["params"]["request"]["url"] for event in tab.events if event["method"] == "Network.requestWillBeSent"
-    }
-    assert {url for url in fetched if not url.startswith(("data:", "blob:"))} == {(folder / "report.html").as_uri()}
-    noisy = ("Log.entryAdded", "Runtime.consoleAPICalled", "Runtime.exceptionThrown")
-    assert [event for event in tab.events if event["method"] in noisy] == []
+    assert tab.fetched() == {(folder / "report.html").as_uri()}
+    assert tab.noise() == []

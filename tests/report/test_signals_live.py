@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,12 +22,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.report.document import Report
 
-BROWSER = chromium.found()
-
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(BROWSER is None, reason=f"none of {', '.join(chromium.NAMES)} is installed"),
-]
+pytestmark = chromium.NEEDED
 
 OPEN = "document.getElementById('signals').open"
 SHOWN = "document.getElementById('signals').dataset.point"
@@ -104,15 +98,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def tab(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Tab]:
-    assert BROWSER is not None
-    with chromium.tab(BROWSER, tmp_path_factory.mktemp("profile")) as tab:
+    with chromium.tab(tmp_path_factory.mktemp("profile")) as tab:
         tab.show(1280)
         tab.open(folder / "report.html")
         tab.ask("(document.getElementById('opening').scrollIntoView(), 1)")
         tab.wait("document.getElementById('opening').dataset.drawn === 'yes'")
         yield tab
-        noisy = ("Log.entryAdded", "Runtime.consoleAPICalled", "Runtime.exceptionThrown")
-        assert [event for event in tab.events if event["method"] in noisy] == []
+        assert tab.noise() == []
 
 
 def drawn(tab: chromium.Tab, point: str) -> None:
@@ -169,6 +161,4 @@ def test_axe_finds_nothing_to_object_to_in_an_open_point(tab: chromium.Tab, *, d
     tab.show(1280, dark=dark)
     tab.ask("(location.hash = '#point=P_0', 1)")
     drawn(tab, "P_0")
-    tab.ask(files("axe_core_python").joinpath("axe.min.js").read_text(encoding="utf-8") + ";1")
-    told = "v => v.id + ': ' + v.nodes.map(n => n.html.slice(0, 160)).join(' | ')"
-    assert tab.ask(f"axe.run(document).then(r => r.violations.map({told}))") == []
+    assert tab.objections() == []
