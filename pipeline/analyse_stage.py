@@ -9,7 +9,7 @@ from pmg.pipeline.budget.point import budget_of
 from pmg.pipeline.budget.remarks import budget_remarks, transducer_remarks
 from pmg.pipeline.budget.windowfacts import rated, window_facts
 from pmg.pipeline.campaign import choose_campaign, measured_grid
-from pmg.pipeline.completeness import lack_findings
+from pmg.pipeline.completeness import earlier_means, lack_findings
 from pmg.pipeline.gridtable import read_published
 from pmg.pipeline.options import AnalysisOptions
 from pmg.pipeline.outcome import Outcome, told
@@ -97,7 +97,7 @@ def analysis_findings(
     analysis: Analysis, failed: Sequence[Manifest], used: Sequence[Manifest]
 ) -> tuple[dict[str, Any], ...]:
     """Holes, files, points and windows that are missing, steps that could not be made, efficiencies above 1."""
-    found = list(lack_findings(analysis.grid, analysis.lacking, failed, used))
+    found = [*lack_findings(analysis.grid, analysis.lacking, failed, used), *earlier_means(used)]
     found += [
         told("warning", error.where, f"{error.came}; expected {error.expected}. {error.do}")
         for error in analysis.missing

@@ -91,7 +91,8 @@ def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) 
 
     The uncertainty from within a window holds the step of its readings where their scatter does not average it out;
     what all points share holds the tare, as far as zero checks tell, and the non-linearity of the transducers that the
-    calibrations name.
+    calibrations name. Of a rejected window without its angle, or its load, the point has what was asked for, as the
+    bench was there all the same; NaN where nobody said.
     """
     windows, facts = sorted_windows(manifests), window_facts(manifests)
     if not windows:
@@ -137,9 +138,9 @@ def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) 
         configuration=configuration,
         gear=np.array([window["gear"] for window in windows], dtype=np.int64),
         drive=words("drive"),
-        speed_sun=speed_sun,
-        speed_ring=speed_ring,
-        torque_ring=torque_ring,
+        speed_sun=np.where(np.isfinite(speed_sun), speed_sun, asked("speed_sun")),
+        speed_ring=np.where(np.isfinite(speed_ring), speed_ring, asked("speed_ring")),
+        torque_ring=np.where(engaged & np.isnan(torque_ring), load, torque_ring),
         load_set=np.where(engaged, np.where(np.isfinite(load), load, np.round(torque_ring, 1)), 0.0),
         started_at=np.array([window["started_at_s"] for window in windows], dtype=np.float64),
         rest_sun=flags("rest_sun"),

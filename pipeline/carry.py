@@ -132,7 +132,7 @@ def carry(model: Model, analysis: Analysis, options: AnalysisOptions, bench: Ben
     assert analysis.floor is not None
     readings, calibrated = take_readings(analysis.grid, bench), analysis.calibration.model
     as_is = predict_with(readings, bench, model.baseline, model.beside(bench))
-    found = _refit(model.parts, (), analysis, bench)
+    found = fit_together(model.parts, (), analysis, bench)
     here = fitted_model(found, model_of(analysis.grid, analysis.calibration, None).provenance)
     taken = found.prediction - predict(readings, bench, found.model)
     torque_sun, torque_ring = analysis.grid.torque_sun.copy(), analysis.grid.torque_ring.copy()
@@ -155,14 +155,26 @@ def found_together(carried: Carried, analysis: Analysis, diagnosis: Diagnosis | 
     """The model after this campaign: its mechanisms, and those that were named beside them, fitted together."""
     if diagnosis is None or diagnosis.naming is None or diagnosis.refit is None:
         return carried.here
-    found = _refit(carried.here.parts, diagnosis.naming.best.fits, analysis, carried.bench)
+    found = fit_together(carried.here.parts, diagnosis.naming.best.fits, analysis, carried.bench)
     return fitted_model(found, {**carried.here.provenance, "verdict": str(diagnosis.verdict)})
 
 
-def _refit(
+def fit_together(
     parts: tuple[Part, ...], more: tuple[CandidateFit, ...], analysis: Analysis, bench: BenchParameters
 ) -> Refit:
-    """Baseline and mechanisms fitted to a campaign, from the values they have."""
+    """Baseline and mechanisms fitted to a campaign together, from the values they have.
+
+    Parameters
+    ----------
+    parts : tuple of Part
+        Mechanisms with values.
+    more : tuple of CandidateFit
+        Mechanisms as a diagnosis fitted them.
+    analysis : Analysis
+        Of the campaign.
+    bench : BenchParameters
+        The bench.
+    """
     assert analysis.calibration is not None
     assert analysis.floor is not None
     readings = take_readings(analysis.grid, bench)

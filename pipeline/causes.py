@@ -195,8 +195,11 @@ def _causes(
     *,
     fitted: bool,
 ) -> Causes:
+    # Only of readings that took part: those of a rejected window may be no numbers at all.
+    took = tuple(each.any(axis=0) for each in influence)
+    shifts = [(np.where(took[0], cause.sun, 0.0), np.where(took[1], cause.ring, 0.0)) for cause in transducers]
     moved = (
-        np.stack([influence[0] @ cause.sun + influence[1] @ cause.ring for cause in transducers], axis=-1)
+        np.stack([influence[0] @ sun + influence[1] @ ring for sun, ring in shifts], axis=-1)
         if transducers
         else np.zeros((len(names), 0))
     )

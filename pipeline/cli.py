@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -58,6 +58,24 @@ app = _grouped(
 )
 
 
+def _tell_version(asked: bool) -> None:
+    """Print the version and end, where it is asked for."""
+    if asked:
+        from importlib.metadata import version
+
+        typer.echo(f"pmg {version('pmg-bench')}")
+        raise typer.Exit
+
+
+@app.callback()
+def whole(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Print the version and end.")
+    ] = False,
+) -> None:
+    """Hold what is asked of no command."""
+
+
 @app.command()
 def ingest(
     recordings: Recordings = None,
@@ -77,7 +95,15 @@ def ingest(
         from pmg.pipeline.config.chosen import choose
         from pmg.pipeline.ingest_stage import run_ingest
 
-        chosen = choose(config, recordings=recordings, store=store, workers=workers, scheduler=scheduler, limits=limits)
+        chosen = choose(
+            config,
+            recordings=recordings,
+            store=store,
+            workers=workers,
+            scheduler=scheduler,
+            limits=limits,
+            map=chart,
+        )
         with progress_line(as_json) as progress:
             return run_ingest(
                 chosen.needed("recordings"),
@@ -86,7 +112,7 @@ def ingest(
                 scheduler=chosen.text("scheduler"),
                 shard=shard,
                 limits=chosen.limits,
-                chart=chart,
+                chart=chosen.path("map"),
                 progress=progress,
             )
 
@@ -125,11 +151,10 @@ def analyse(
             k_corr=k_corr,
             include_rest=include_rest,
             robust=robust,
-            model=model,
         )
-        options, baseline = chosen.options(), chosen.path("model")
-        if baseline is not None:
-            options = with_model(options, baseline, chosen.text("k_corr"))
+        options = chosen.options()
+        if model is not None:  # the option alone: what a campaign file names is for the comparison
+            options = with_model(options, model, k_corr)
         return run_analyse(
             chosen.needed("store"), options, grids=chosen.path("grids"), campaign=chosen.text("campaign")
         )
@@ -183,6 +208,7 @@ def run(
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     limits: LimitsOption = None,
+    chart: SupplyOption = None,
     config: ConfigOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
@@ -203,6 +229,7 @@ def run(
             workers=workers,
             scheduler=scheduler,
             limits=limits,
+            map=chart,
             terms_sun=terms_sun,
             terms_ring=terms_ring,
             k_corr=k_corr,
@@ -223,6 +250,7 @@ def run(
                 workers=chosen.workers,
                 scheduler=chosen.text("scheduler"),
                 limits=chosen.limits,
+                chart=chosen.path("map"),
                 progress=progress,
                 model=chosen.path("model"),
                 tolerances=chosen.tolerance,

@@ -22,6 +22,7 @@ from pmg.pipeline.cli_options import (
     RobustOption,
     SchedulerOption,
     StoreOption,
+    SupplyOption,
     TermsRing,
     TermsSun,
     WorkersOption,
@@ -56,6 +57,7 @@ def show(
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     limits: LimitsOption = None,
+    chart: SupplyOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Print every setting of 'pmg run' as it would hold with this file and these options."""
@@ -74,6 +76,7 @@ def show(
             workers=workers,
             scheduler=scheduler,
             limits=limits,
+            map=chart,
             terms_sun=terms_sun,
             terms_ring=terms_ring,
             k_corr=k_corr,
@@ -120,6 +123,7 @@ def doctor(
     store: Annotated[
         Path | None, typer.Option("--store", help="Where the store would be: is it writable, is there room?")
     ] = None,
+    chart: SupplyOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
 ) -> None:
@@ -129,6 +133,6 @@ def doctor(
         from pmg.pipeline.doctor.stage import run_doctor
 
         with progress_line(as_json, "doctor") as progress:
-            return run_doctor(place, store, progress)
+            return run_doctor(place, store, progress, chart)
 
     carry_out("doctor", stage, as_json, fail_on)

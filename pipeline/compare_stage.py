@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shlex
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -97,7 +98,11 @@ def run_compare(
         bench,
         note=note,
         findings=remarks + tuple(unreached_findings(used)),
-        provenance=(*inputs, ("Seed of the synthetic campaigns", str(SEED))),
+        provenance=(
+            *inputs,
+            ("Seed of the synthetic campaigns", str(SEED)),
+            ("Command", command_told(note, model)),
+        ),
         carried=None if judged is None else judged.carried,
         ends=() if judged is None else judged.ends,
         orders=None if grid.origin == "published" else orders_chapter(Store(store), grid.campaign, bench),
@@ -130,6 +135,13 @@ def run_compare(
     leave_crate(report, store, grid, "pmg compare", began, clock, () if model is None else (model,))
     found = remarks + analysis_findings(analysis, failed, used)
     return Outcome(data, tuple(lines), found, bool(failed) or not analysis.complete, mismatch)
+
+
+def command_told(note: str, model: Path | None) -> str:
+    """The stage's command with what changes the page; folders are the reader's own."""
+    options = (("--model", "" if model is None else model.name), ("--note", note))
+    told = " ".join(f"{option} {shlex.quote(value)}" for option, value in options if value)
+    return f"pmg compare --store STORE --report REPORT {told}".strip()
 
 
 def _sources(

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.outcome import told
+from pmg.pipeline.reduce import REDUCTION
 from pmg.pipeline.unreached import lost_data, unreached_findings
+from pmg.pipeline.wording import counted
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
@@ -154,6 +156,15 @@ def lack_findings(
         else:
             found.append(told("warning", where, f"rejected: {grid.reason[row]}"))
     return tuple(found)
+
+
+def earlier_means(used: Sequence[Manifest]) -> tuple[dict[str, Any], ...]:
+    """Sources whose means were taken in an earlier way than those of today, as a finding of a stage."""
+    files = [str(m.document["file"]) for m in used if m.ingested and m.document.get("reduction", 1) != REDUCTION]
+    if not files:
+        return ()
+    message = f"the means of {counted(len(files), 'recording')} were taken in an earlier way: {_listed(files)}"
+    return (told("warning", "windows", f"{message}; expected today's. Run 'pmg ingest' on the recordings again."),)
 
 
 def _asked_cell(manifest: Manifest, grid: Grid) -> str:

@@ -89,7 +89,7 @@ class CorrectionStudy:
         if half is None or rho is None:
             held = " and ".join(name for name in ("K_corr", "c") if name in self.joint.on_bound)
             return f"These data do not determine K_corr and c separately: {held} sits on its bound in the joint fit."
-        told = f"95 % interval of K_corr ± {half:.3f}, correlation with c {rho:+.3f}"
+        told = f"95 % interval of K_corr ± {half:.3f}, correlation with c {rho:+.3f}".replace("-", "−")
         if self.separate:
             return f"These data determine K_corr and c separately ({told})."
         return f"These data determine K_corr and c only together ({told})."

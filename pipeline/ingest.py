@@ -20,7 +20,7 @@ from pmg.pipeline.windows import find_windows
 from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Container, Iterable, Iterator, Mapping
     from pathlib import Path
 
     from pmg.pipeline.inventory import Shard, Source
@@ -138,6 +138,7 @@ def ingest(
         raise _unseen(store.path)
     documents = [known[source.sha256] for source in inventory.sources if source.sha256 in known]
     windows = [window for document in documents for window in document["windows"]]
+    sha256 = frozenset(source.sha256 for source in inventory.sources)
     told = (Finding.from_dict(plain) for document in documents for plain in document["findings"])
     return IngestReport(
         ingested=counts[DONE],
@@ -145,8 +146,8 @@ def ingest(
         failed=counts[FAILED] + inventory.unreadable,
         windows=len(windows),
         rejected=sum(not window["accepted"] for window in windows),
-        findings=(*inventory.findings, *told, *_shared_start(documents)),
-        sha256=frozenset(source.sha256 for source in inventory.sources),
+        findings=(*inventory.findings, *told, *_shared_start(known.values(), sha256)),
+        sha256=sha256,
         campaigns=tuple(sorted({d["run"]["campaign"] for d in documents if d["status"] == "ingested"})),
     )
 
@@ -199,6 +200,8 @@ def _ingest_one(job: Job) -> str:
     windows = [_window_document(recording, window) for window in judged]
     keep_orders(store.path, source.identifier, recording, judged)
     common |= _recording_document(recording)
+    if recording.supplied is None and job.supplied.fields:
+        common["offered"] = job.supplied.hashes()
     common |= {"reduction": REDUCTION, "limits": job.limits.document(), "windows": windows}
     store.write(source.identifier, common, recording.samples)
     return DONE
@@ -208,8 +211,8 @@ def _done(manifest: Manifest, limits: Steadiness, supplied: Supplied) -> bool:
     """Whether a source is in the store as it would come in now.
 
     One that names no limits was judged by the defaults, and one whose means were taken in an earlier way is read anew.
-    What was supplied stays where nothing is supplied now; where
-    something else is, or where a channel is lacking that it may name, the source is read anew.
+    What was supplied stays where nothing is supplied now; where something else is, or where a map may name channels
+    that were not offered before, the source is read anew.
     """
     document = manifest.document
     if not manifest.ingested or document.get("limits", LIMITS.document()) != limits.document():
@@ -220,22 +223,22 @@ def _done(manifest: Manifest, limits: Steadiness, supplied: Supplied) -> bool:
         return True
     used = document.get("supplied")
     if used is None:
-        return not document.get("lacking") or not supplied.fields
+        return not supplied.fields or document.get("offered") == supplied.hashes()
     return {key: value for key, value in used.items() if key != "parts"} == supplied.hashes()
 
 
-def _shared_start(documents: Sequence[Mapping[str, Any]]) -> Iterator[Finding]:
-    """Recordings beyond the first that took one and the same run from a map, which tells of one."""
-    first: dict[tuple[str, str], str] = {}
+def _shared_start(documents: Iterable[Mapping[str, Any]], told: Container[str]) -> Iterator[Finding]:
+    """Recordings beyond the first that took one and the same run from a map; of pairs with one of those to tell of."""
+    first: dict[tuple[str, str], Mapping[str, Any]] = {}
     for document in documents:
         if "run" not in document.get("supplied", {}).get("parts", ()):
             continue
-        name, run = document["file"], document["run"]
-        other = first.setdefault((run["campaign"], run["started_at"]), name)
-        if other != name:
-            came = f"the supplied start {run['started_at']} is that of {other} too; expected one of its own"
+        run = document["run"]
+        other = first.setdefault((run["campaign"], run["started_at"]), document)
+        if other is not document and (document["sha256"] in told or other["sha256"] in told):
+            came = f"the supplied start {run['started_at']} is that of {other['file']} too; expected one of its own"
             advice = "The order of the runs is lost, and they may count as copies: ingest each with a map of its own."
-            yield Finding(Code.RUN_VALUE, Severity.WARNING, name, "started_at", came, advice)
+            yield Finding(Code.RUN_VALUE, Severity.WARNING, document["file"], "started_at", came, advice)
 
 
 def _unseen(folder: Path) -> StoreError:

@@ -120,18 +120,31 @@ def _of_campaigns(manifests: list[Manifest]) -> list[list[Manifest]]:
 
 
 def _copied_windows(manifests: list[Manifest], sources: frozenset[str]) -> tuple[dict[str, Any], ...]:
-    """Windows of these sources that another file of their campaign holds too, as findings."""
+    """Windows in two files of their campaign, one of them of these sources at least, as findings.
+
+    The other may have come in before, as of another shard, which could not tell of this one.
+    """
+    files = _files(manifests, sources)
     return tuple(
         told("warning", f"{manifest.document['file']}: {window['point']}", f"{reason}; it counts once, as there")
         for campaign in _of_campaigns(manifests)
         for manifest in without_copies(campaign)
         for window in manifest.document["windows"]
         for reason in window["reasons"][-1:]
-        if manifest.document["sha256"] in sources and reason.startswith(COPY)
+        if reason.startswith(COPY) and files & {manifest.document["file"], reason.removeprefix(COPY).strip()}
     )
 
 
 def _unreached(manifests: list[Manifest], sources: frozenset[str]) -> tuple[Unreached, ...]:
-    """Points that these sources lost with their steps."""
-    files = {manifest.document["file"] for manifest in manifests if manifest.document["sha256"] in sources}
-    return tuple(point for campaign in _of_campaigns(manifests) for point in unreached(campaign) if point.file in files)
+    """Points that these sources lost with their steps, or that they show another one to have lost."""
+    files = _files(manifests, sources)
+    return tuple(
+        point
+        for campaign in _of_campaigns(manifests)
+        for point in unreached(campaign)
+        if files & {point.file, point.like}
+    )
+
+
+def _files(manifests: list[Manifest], sources: frozenset[str]) -> set[str]:
+    return {manifest.document["file"] for manifest in manifests if manifest.document["sha256"] in sources}

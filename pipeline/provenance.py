@@ -44,10 +44,49 @@ def leave_crate(
     more : tuple of Path
         Further files that went in.
     """
-    recordings: tuple[SourceFile, ...] = ()
-    if grid.origin != "published" and any(Store(store).manifests()):
-        recordings = recordings_of(store, grid.campaign)
+    recordings = _went_in(store, grid)
     files = (*recordings, *map(source_file, more))
     title = f"Results of {command} for campaign {grid.campaign}"
-    made = f"{len(recordings)} recordings" if recordings else "published grids"
-    return write_crate(folder, CrateAction(command, title, f"Made of {made}.", began, clock(), files))
+    return write_crate(folder, CrateAction(command, title, f"Made of {_made(recordings)}.", began, clock(), files))
+
+
+def leave_crate_of_two(
+    results: tuple[Path, ...],
+    sides: tuple[tuple[Path, Grid], tuple[Path, Grid]],
+    command: str,
+    began: datetime,
+    clock: Clock,
+) -> Path:
+    """Say the same of results about two campaigns.
+
+    Parameters
+    ----------
+    results : tuple of Path
+        The files that came out, the page first; the crate is left beside it.
+    sides : tuple of two (store, grid)
+        Where each campaign is from.
+    command : str
+        Such as ``pmg report``.
+    began : datetime
+        When the stage began.
+    clock : callable
+        Time of day, asked once more for the end.
+    """
+    recordings = [_went_in(*side) for side in sides]
+    names = " and ".join(grid.campaign for _, grid in sides)
+    made = "; ".join(f"{label}: {_made(own)}" for label, own in zip("AB", recordings, strict=True))
+    files = tuple(file for own in recordings for file in own)
+    title = f"Results of {command} for campaigns {names}"
+    action = CrateAction(command, title, f"Made of {made}.", began, clock(), files, results)
+    return write_crate(results[0].parent, action)
+
+
+def _went_in(store: Path, grid: Grid) -> tuple[SourceFile, ...]:
+    """The recordings that a grid was made of; none for published grids."""
+    if grid.origin == "published" or not any(Store(store).manifests()):
+        return ()
+    return recordings_of(store, grid.campaign)
+
+
+def _made(recordings: tuple[SourceFile, ...]) -> str:
+    return f"{len(recordings)} recordings" if recordings else "published grids"

@@ -65,7 +65,7 @@ class ShaftMeans:
     method : str
         Where `within` comes from: ``batches``, or ``memory`` where they may not give it (`serial_mean`).
     correlated : bool
-        The noise is not flat at the lowest frequencies of the window (`FLAGGED`): of first order, it outlives a
+        The noise may not be flat at the lowest frequencies of the window (`FLAGGED`): of first order, it outlives a
         twentieth of it. What goes on below them is not seen, and `within` rests on what noise may be.
     resolution : float
         Step between neighbouring values of the torque [N m].
@@ -193,7 +193,7 @@ class MeanNoise:
     within, dof, method, correlation_time
         As in `ShaftMeans`.
     uneven : bool
-        The noise is not flat at the lowest frequencies of the window: `ShaftMeans.correlated`.
+        The noise may not be flat at the lowest frequencies of the window: `ShaftMeans.correlated`.
     """
 
     within: float = math.nan

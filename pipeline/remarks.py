@@ -41,7 +41,7 @@ def window_remarks(window: Mapping[str, Any]) -> tuple[str, ...]:
         return reasons
     uneven = [side for side in SIDES if window["means"][side].get("correlated")]
     return reasons + tuple(
-        f"{REMARK}: the noise of the torque of the {side} is not flat at the lowest frequencies of the window; what "
-        "goes on below them is not seen"
+        f"{REMARK}: the noise of the torque of the {side} may not be flat at the lowest frequencies of the window; "
+        "what goes on below them is not seen"
         for side in uneven
     )

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.analyse_stage import run_analyse
+from pmg.pipeline.compare_stage import run_compare
 from pmg.pipeline.ingest_stage import run_ingest
 from pmg.pipeline.options import AnalysisOptions
 from pmg.pipeline.outcome import Outcome
@@ -15,8 +17,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.limits import Steadiness
-from pmg.pipeline.analyse_stage import run_analyse
-from pmg.pipeline.compare_stage import run_compare
 
 
 def run_all(
@@ -33,6 +33,7 @@ def run_all(
     model: Path | None = None,
     scheduler: str | None = None,
     limits: Path | Steadiness | None = None,
+    chart: Path | None = None,
     tolerances: Mapping[str, tuple[float, float]] | None = None,
 ) -> Outcome:
     """Ingest, analyse and compare; with published grids, analyse and compare."""
@@ -42,7 +43,13 @@ def run_all(
     parts: dict[str, Outcome] = {}
     if recordings is not None:
         parts["ingest"] = run_ingest(
-            recordings, store, workers=workers, scheduler=scheduler, limits=limits, progress=progress
+            recordings,
+            store,
+            workers=workers,
+            scheduler=scheduler,
+            limits=limits,
+            chart=chart,
+            progress=progress,
         )
         ingested = parts["ingest"].data["campaigns"]
         campaign = campaign or (ingested[0] if len(ingested) == 1 else None)

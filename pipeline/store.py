@@ -39,7 +39,8 @@ class Manifest:
         ``file``, ``sha256``, ``size``, ``status`` (``ingested`` or ``failed``), ``run``, ``calibration``,
         ``rate_hz``, ``first_sample``, ``samples``, ``findings`` and ``windows`` with their means;
         of an imported recording ``origin``, what it was imported from; ``supplied``, what it lacked and was stated
-        beside it, with names and hashes; ``lacking``, channels that it does not hold. Of a failed one ``run`` holds
+        beside it, with names and hashes; ``offered``, a map of which it took nothing; ``lacking``, channels that it
+        does not hold. Of a failed one ``run`` holds
         what is known of it, ``setpoints`` in SI among it; it is left out where nothing is.
     """
 

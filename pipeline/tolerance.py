@@ -135,13 +135,15 @@ def agreements(
     Where none was set, a torque may be off by what the transducer's data sheet allows: the larger of its
     non-linearity (of the nominal torque) and its sensitivity tolerance (of the reading). Engaged, the ring torque
     is the simulator's input, so the loss may be off by the sun's bound times its speed, and the efficiency by the
-    sun's bound in parts of its torque. A tolerance says whether a model is good enough for its use; U says whether
+    sun's bound in parts of its torque. Zero checks are not compared: with both shafts at rest nothing is simulated,
+    and what they read is the tare. A tolerance says whether a model is good enough for its use; U says whether
     a difference is real. Both are told.
     """
-    set_by_user = dict(given or {})
+    set_by_user, running = dict(given or {}), ~residuals.grid.points.zero
+    transducers = {"torque_sun": bench.transducer_sun, "torque_ring": bench.transducer_ring}
     of = {
-        "torque_sun": _judged(residuals.torque_sun, *_torque(bench.transducer_sun, set_by_user.get("torque_sun"))),
-        "torque_ring": _judged(residuals.torque_ring, *_torque(bench.transducer_ring, set_by_user.get("torque_ring"))),
+        name: _judged(getattr(residuals, name), *_torque(transducer, set_by_user.get(name)), running)
+        for name, transducer in transducers.items()
     }
     sun = of["torque_sun"].bound
     speed = np.abs(residuals.grid.points.speed_sun)
@@ -159,7 +161,7 @@ def agreements(
         signal = dict(COMPARED)[name]
         if chosen is not None:
             bound, rule = chosen.at(difference.measured), _words(chosen, signal)
-        of[name] = _judged(difference, bound, rule)
+        of[name] = _judged(difference, bound, rule, running)
     return Agreements({name: of[name] for name, _ in COMPARED})
 
 
@@ -178,9 +180,9 @@ def _words(tolerance: Tolerance, signal: Signal) -> str:
     return f"the larger of {absolute} and {relative} of the reading"
 
 
-def _judged(difference: Difference, bound: Tolerance | Array, rule: str) -> Agreement:
+def _judged(difference: Difference, bound: Tolerance | Array, rule: str, running: Mask) -> Agreement:
     reach = bound.at(difference.measured) if isinstance(bound, Tolerance) else np.asarray(bound)
-    compared = np.isfinite(difference.value) & np.isfinite(reach)
+    compared = running & np.isfinite(difference.value) & np.isfinite(reach)
     return Agreement(
         np.where(compared, reach, np.nan), compared, np.asarray(compared & (np.abs(difference.value) <= reach)), rule
     )

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.store import Manifest
 
 LOST = frozenset(code.value for code in LOSSES)
-HOLLOW = (GAP, "samples missing", "not measured", "window not closed")
-"""Starts of reasons of windows with or after which points may be lost."""
+HOLLOW = (GAP, "not measured", "window not closed")
+"""Starts of reasons of windows with or after which points may be lost; one that has its END lost none with samples."""
 CUT_REASONS = ("window not closed", "window too short", "not measured")
 """Reasons of the last window of a sequence that was broken off."""
 DIGITS = 6
@@ -45,6 +45,9 @@ class Unreached:
         Where the recording lost it.
     instead : str
         Another file that holds an accepted window at these set-points; empty where none does.
+    without : str
+        A whole file of a sequence that begins as the broken one does too, and does not run the point: it may not have
+        been meant. Empty where there is none.
     """
 
     file: str
@@ -53,11 +56,14 @@ class Unreached:
     like: str
     why: str
     instead: str
+    without: str = ""
 
     def finding(self) -> dict[str, Any]:
         """The point as a finding of a stage."""
         words = f"{self.instead} holds an accepted point there" if self.instead else "no other file holds it instead"
-        message = f"not reached: {self.why}; the same sequence in {self.like} runs it at {self.asked}; {words}"
+        message = f"not reached: {self.why}; {self.like}, which begins as it does, runs it at {self.asked}; {words}"
+        if self.without:
+            message += f"; {self.without} begins so too and does not run it, so that it may not have been meant"
         return told("info" if self.instead else "warning", f"{self.file}: {self.point}", message)
 
 
@@ -76,6 +82,11 @@ class _Sequence:
     @property
     def keys(self) -> tuple[Key, ...]:
         return tuple(_key(window) for window in self.windows)
+
+    @property
+    def whole(self) -> bool:
+        """Whether nothing tells that it lost anything."""
+        return not self.gaps and not _broken_off(self)
 
     def places_of(self, broken: _Sequence) -> tuple[int, ...] | None:
         """Places of the points of a broken sequence in this one; None where it is another sequence.
@@ -105,7 +116,8 @@ def unreached(manifests: Sequence[Manifest]) -> tuple[Unreached, ...]:
     -----
     A recording that lost data, has a gap, or broke off in its last point is set beside the sequences of the campaign's
     other files: one that begins as it does and runs the same set-points in the same order, and more of them, says what
-    is missing. Of several the one that runs most is taken. A file of the same start is the same run, and holds them.
+    is missing. Of several the one that runs most is taken; where a whole one that begins so too does not run a point,
+    that is said with it. A file of the same start is the same run, and holds them.
     """
     sequences = [found for manifest in manifests if (found := _sequence(manifest)) is not None]
     held = defaultdict(list)
@@ -127,6 +139,7 @@ def unreached(manifests: Sequence[Manifest]) -> tuple[Unreached, ...]:
         if not others or any(other.manifest.document["run"]["started_at"] == start for other, _ in others):
             continue
         like, places = max(others, key=lambda pair: (len(pair[0].windows), pair[0].file))
+        alike = [each for each in sequences if each.whole and each.places_of(broken) is not None]
         for place in sorted(set(range(len(like.windows))) - set(places)):
             window = like.windows[place]
             before = [i for i, at in enumerate(places) if at < place]
@@ -135,7 +148,9 @@ def unreached(manifests: Sequence[Manifest]) -> tuple[Unreached, ...]:
                 continue
             last = f"after {broken.windows[before[-1]]['point']}" if before else "before its first point"
             where = f"lost {last}, with samples that are missing" if inside else f"{why}, {last}"
-            instead = next((file for file in held[_key(window)] if file not in (broken.file, like.file)), "")
+            key = _key(window)
+            instead = next((file for file in held[key] if file not in (broken.file, like.file)), "")
+            without = next((each.file for each in alike if each.keys.count(key) < like.keys.count(key)), "")
             lost.append(
                 Unreached(
                     broken.file,
@@ -144,6 +159,7 @@ def unreached(manifests: Sequence[Manifest]) -> tuple[Unreached, ...]:
                     like.file,
                     where,
                     instead,
+                    without,
                 )
             )
     return tuple(lost)

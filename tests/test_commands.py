@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,7 @@ TABLE: dict[str, Row] = {
         ),
     ),
     "analyse": Row(
-        "stages.run_analyse",
+        "analyse_stage.run_analyse",
         "--grids {grids} --store {tmp}/s --terms-sun 0,1 --terms-ring 0,1",
         (
             Wrong(f"--store {NO_STORE}", "pmg ingest"),
@@ -83,7 +84,7 @@ TABLE: dict[str, Row] = {
         more=(("--grids {holed} --store {tmp}/s --terms-sun 0,1 --terms-ring 0,1", 3),),
     ),
     "compare": Row(
-        "stages.run_compare",
+        "compare_stage.run_compare",
         "--store {analysed} --report {tmp}/r",
         (
             Wrong(f"--store {NO_STORE} --report {{tmp}}/r", "pmg analyse"),
@@ -467,3 +468,19 @@ def test_the_probe_of_help_sees_a_heavy_import() -> None:
 
 def test_the_campaign_of_the_table_is_the_dozen_of_the_other_tests(campaign: Path) -> None:
     assert len(list(campaign.iterdir())) == FILES
+
+
+def test_the_version_is_told_and_is_that_of_the_package() -> None:
+    told_version = RUNNER.invoke(app, ["--version"])
+    assert (told_version.exit_code, told_version.stdout) == (0, f"pmg {metadata.version('pmg-bench')}\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [("pmg runs ", {"list", "show", "diff"}), ("pmg config s", {"show"}), ("pmg run --ma", {"--map"})],
+)
+def test_a_shell_completes_commands_of_groups_and_options(words: str, offered: set[str]) -> None:
+    count = str(len(words.split(" ")) - 1)
+    environment = {"_PMG_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": count}
+    answer = RUNNER.invoke(app, [], env=environment, prog_name="pmg")
+    assert set(answer.stdout.split()) == offered

@@ -31,8 +31,8 @@ def budget_remarks(budget: Budget) -> Iterator[dict[str, Any]]:
         names = grid.points.name[facts.correlated]
         shown = ", ".join(map(str, names[:NAMED])) + (" ..." if len(names) > NAMED else "")
         message = (
-            f"the torque noise is slow for its window at {len(names)} points: {shown}; expected noise that has settled "
-            "within a twentieth of it. Their uncertainty rests on what slow noise may be; record longer windows there."
+            f"the torque noise may be slow for its window at {len(names)} points: {shown}; expected noise that has "
+            "settled within a twentieth of it. Their uncertainty rests on what slow noise may be; longer windows tell."
         )
         yield told("warning", "windows", message)
     for shaft in budget.shafts:

@@ -6,9 +6,10 @@
     conjunction = term { "and" term }
     term        = "not" term | "(" condition ")" | comparison
     comparison  = COLUMN [ ("=" | "!=" | "<" | "<=" | ">" | ">=") value ]
-    value       = NUMBER | WORD | STRING | "unknown"
+    value       = NUMBER | TIME | WORD | STRING | "unknown"
 
 A column of yes or no may stand alone. A string stands in single or double quotes; a quote within is doubled.
+A time, in UTC, is written as far as it matters: ``2025-04-25``, ``2025-04-25T10:56``.
 What is not known meets no comparison but ``= unknown``. No part of the text enters the SQL: columns come from
 `COLUMNS`, values are parameters.
 """
@@ -16,6 +17,7 @@ What is not known meets no comparison but ``= unknown``. No part of the text ent
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import NoReturn
@@ -42,6 +44,13 @@ DEEPEST = 40
 """Parentheses and ``not`` within one another."""
 SLACK = 1e-12
 """Part of a number that rounding in binary may take off a comparison."""
+MOMENT = re.compile(
+    r"([0-9]{4}(?:-(?:0[1-9]|1[0-2])(?:-(?:0[1-9]|[12][0-9]|3[01]))?)?)"
+    r"(?:[T ]((?:[01][0-9]|2[0-3])(?::[0-5][0-9](?::[0-5][0-9](?:\.[0-9]{1,3})?)?)?)Z?)?"
+)
+"""A time of ISO 8601, cut short where the user likes: the day or a part of it, and the time of that day."""
+OTHER_SIGNS = {"==": "=", "<>": "!=", "≠": "!=", "≤": "<=", "≥": ">=", "=<": "<=", "=>": ">="}
+"""Signs that people bring from elsewhere, and what is written here."""
 FLAGS = {"yes": True, "true": True, "no": False, "false": False}
 
 
@@ -126,9 +135,9 @@ def _comparison(said: Comparison) -> tuple[str, list[str | float]]:
 
 
 def half_last_digit(text: str) -> float:
-    """Half of the last digit of a number as it is written: 0.005 for ``1.56``, 0.5 for ``1000``."""
+    """Half of the last digit of a number as it is written: 0.005 for ``1.56``, 0.5 for ``1000`` and for ``1e3``."""
     exponent = Decimal(text).as_tuple().exponent
-    return float(f"5e{int(exponent) - 1}")
+    return float(f"5e{min(int(exponent), 0) - 1}")
 
 
 def _tokens(text: str) -> list[Token]:
@@ -234,10 +243,14 @@ class _Reader:
         if not self.next.is_word(*SIGNS):
             if column.kind is Kind.FLAG:
                 return Comparison(column, "=", Flag(on=True))
-            _refuse(self.next, f"one of {' '.join(SIGNS)} after {column.name}", "Say what it is compared with.")
+            meant = OTHER_SIGNS.get(self.next.text[:1])
+            after = "Say what it is compared with." if meant is None else f"It is written {meant} here."
+            _refuse(self.next, f"one of {' '.join(SIGNS)} after {column.name}", after)
         sign, value = self.take(), self.take()
         if not value.quoted and (not value.text or value.text in (*SIGNS, "(", ")")):
-            _refuse(value, f"a value for {column.name}", "Text with signs or blanks stands in quotes.")
+            meant = OTHER_SIGNS.get(sign.text + value.text)
+            after = "Text with signs or blanks stands in quotes." if meant is None else f"It is written {meant} here."
+            _refuse(value, f"a value for {column.name}", after)
         return Comparison(column, sign.text, _value(column, sign, value))
 
 
@@ -258,4 +271,9 @@ def _value(column: Column, sign: Token, token: Token) -> Number | Text | Flag | 
         if token.text.lower() not in FLAGS:
             _refuse(token, f"yes or no for {column.name}", near_miss(token.text, ("yes", "no")))
         return Flag(FLAGS[token.text.lower()])
+    if column.kind is Kind.TIME:
+        found = MOMENT.fullmatch(token.text)
+        if found is None or (found[2] is not None and len(found[1]) < len("2025-04-25")):
+            _refuse(token, f"a time in UTC for {column.name}", "Such as 2025-04-25 or 2025-04-25T10:56.")
+        return Text(found[1] if found[2] is None else f"{found[1]}T{found[2]}")
     return Text(token.text)

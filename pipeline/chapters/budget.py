@@ -118,7 +118,7 @@ def _windows(budget: Budget) -> tuple[Text | Table, ...]:
         named = ", ".join(map(str, flagged[:MOST_NAMED])) + (" ..." if len(flagged) > MOST_NAMED else "")
         items.append(
             Text(
-                f"At {len(flagged)} of {len(budget.grid)} points the torque noise is slow for its window: "
+                f"At {len(flagged)} of {len(budget.grid)} points the torque noise may be slow for its window: "
                 f"{named}. Their uncertainty rests on what slow noise may be; longer windows would tell more.",
                 kind="warning",
             )

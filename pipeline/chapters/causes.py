@@ -52,19 +52,32 @@ def _mechanisms(diagnosis: Diagnosis) -> Table:
     assert found is not None
     rows: list[tuple[Cell, ...]] = []
     for fit, values, errors in zip(naming.best.fits, found.values, found.standard_errors, strict=True):
+        other = naming.on_the_other_shaft(fit)
         for parameter, value, error in zip(fit.candidate.parameters, values, errors, strict=True):
             bound = on_bound(float(value), parameter)
             remark = "on its bound" if bound is not None else "" if np.isfinite(error) else "not determined"
             rows.append(
                 (
                     fit.candidate.kind.title,
-                    naming.shafts[fit.candidate.identifier],
+                    fit.candidate.shaft if other is not None else naming.shafts[fit.candidate.identifier],
                     parameter.meaning,
                     Measured(float(value) if bound is None else bound, float(error)),
                     "" if parameter.unit == "1" else parameter.unit,
                     remark,
                 )
             )
+        if other is not None:
+            rows += [
+                (
+                    other.candidate.kind.title,
+                    other.candidate.shaft,
+                    parameter.meaning,
+                    Measured(float(value), np.nan),
+                    "" if parameter.unit == "1" else parameter.unit,
+                    "instead, which reads alike",
+                )
+                for parameter, value in zip(other.candidate.parameters, other.values, strict=True)
+            ]
     title, told = "What was left out", "Baseline and mechanism fitted together, every constant free"
     if diagnosis.weak:
         title, told = "What may have been left out", f"The first of a set too weak to tell apart. {told}"

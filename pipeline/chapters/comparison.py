@@ -9,18 +9,23 @@ import numpy as np
 from pmg.pipeline.chapters.cells import by_load, by_speed, forward_neutral, lay_out, measured, names_in_cells, names_of
 from pmg.pipeline.compare import COVERAGE
 from pmg.pipeline.completeness import speed_levels
+from pmg.pipeline.drift import HOUR
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, SpeedMap, Table, Text
 from pmg.pipeline.tolerance import COMPARED, State
+from pmg.pipeline.wording import counted
 from pmg.sim import signals, sources
 from pmg.sim.signals import RESIDUAL, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.compare import Difference, Residuals
+    from pmg.pipeline.report.table import Cell
     from pmg.pipeline.tolerance import Agreements
     from pmg.sim.signals import Mask, Signal
 
 _SHOWN_DIFFERENCE = {"torque_sun": RESIDUAL, "torque_ring": RESIDUAL}
 """Signals whose differences are shown in another unit than their values."""
+WORST = 10
+"""Most points of the table of those furthest out of tolerance."""
 
 
 def comparison_section(residuals: Residuals, agreed: Agreements, more: tuple[Table, ...] = ()) -> Section:
@@ -51,6 +56,8 @@ def comparison_section(residuals: Residuals, agreed: Agreements, more: tuple[Tab
         Facts(tuple(facts)),
         Text(told, kind="note"),
     ]
+    if (worst := _worst(residuals, agreed)) is not None:
+        items.append(worst)
     items += more
     if (residuals.grid.points.engaged & residuals.torque_sun.compared).any():
         items.append(_engaged_figure(residuals))
@@ -61,9 +68,9 @@ def comparison_section(residuals: Residuals, agreed: Agreements, more: tuple[Tab
 def _engaged_figure(residuals: Residuals) -> Figure:
     at = residuals.grid.points
     panels = []
-    for name, signal, label in (
-        ("torque_sun", RESIDUAL, "sun torque, measured − simulated [mN m]"),
-        ("loss_total", signals.LOSS_TOTAL, "total loss, measured − simulated [W]"),
+    for name, signal, title in (
+        ("torque_sun", RESIDUAL, signals.TORQUE_SUN.meaning),
+        ("loss_total", signals.LOSS_TOTAL, signals.LOSS_TOTAL.meaning),
     ):
         difference: Difference = getattr(residuals, name)
         series = []
@@ -72,7 +79,8 @@ def _engaged_figure(residuals: Residuals) -> Figure:
             x = SPEED_SUN.display(np.abs(at.speed_sun[chosen]))
             y, u = signal.display(difference.value[chosen]), difference.u[chosen] / signal.scale
             series.append(Series(load, x, y, u, "markers", i, points=names_of(at.name[chosen])))
-        panels.append(Chart(SPEED_SUN.label, label, tuple(series), (("", 0.0),), "Load", ""))
+        label = f"measured − simulated [{signal.display_unit}]"
+        panels.append(Chart(SPEED_SUN.label, label, tuple(series), (("", 0.0),), "Load", title))
     known = at.engaged & residuals.torque_sun.compared
     inside = int(residuals.torque_sun.within[known].sum())
     return Figure(
@@ -102,13 +110,13 @@ def _followed(residuals: Residuals) -> list[Figure]:
     """Residuals against the shaft's own speed, the load asked for, and the time of the test."""
     at = residuals.grid.points
     loads = np.abs(at.load_set)
-    panels = []
-    for x_of, label in (
-        (None, "speed of the shaft [rpm]"),
-        (loads, "load asked for [N m]"),
-        ((at.started_at - np.nanmin(at.started_at)) / 3600.0 if at.ordered else None, "time of the test [h]"),
+    panels, followed = [], []
+    for what, x_of, label in (
+        ("speed", None, "speed of the shaft [rpm]"),
+        ("load", loads, "load asked for [N m]"),
+        ("time", (at.started_at - np.nanmin(at.started_at)) / HOUR if at.ordered else None, "time of the test [h]"),
     ):
-        if label.startswith("time") and x_of is None:
+        if what == "time" and x_of is None:
             continue
         series = []
         for i, (name, rows, difference, speed) in enumerate(
@@ -127,9 +135,10 @@ def _followed(residuals: Residuals) -> list[Figure]:
                 series.append(Series(name, x, y, u, "markers", i, points=names_of(at.name[chosen])))
         if series:
             panels.append(Chart(label, "measured − simulated [mN m]", tuple(series), (("", 0.0),)))
+            followed.append(what)
     if not panels:
         return []
-    caption = "Torque residuals against speed, load and time; bars are U = 2u. What a cause leaves shows as a trend."
+    caption = f"Torque residuals against {', '.join(followed)}; bars are U = 2u. What a cause leaves shows as a trend."
     return [Figure("residuals-followed", "What the residuals follow", caption, tuple(panels), columns=len(panels))]
 
 
@@ -161,6 +170,60 @@ def _maps(residuals: Residuals) -> list[Figure]:
         caption = "Engaged points, forward flow: residual of the sun torque over speed and load. Hatched: within U."
         figures.append(Figure("engaged-map", "Residual over speed and load", caption, (panel,)))
     return figures
+
+
+def _worst(residuals: Residuals, agreed: Agreements) -> Table | None:
+    """The points that are furthest out of tolerance; None where there is none."""
+    grid, at = residuals.grid, residuals.grid.points
+    names = [name for name, _ in COMPARED]
+    ratios = np.full((len(names), len(grid)), -np.inf)
+    for k, name in enumerate(names):
+        agreement = agreed.of[name]
+        out = agreement.compared & ~agreement.within
+        with np.errstate(divide="ignore"):  # a tolerance of zero was set: any difference is beyond all measure
+            ratios[k, out] = np.abs(getattr(residuals, name).value[out]) / agreement.bound[out]
+    # What follows from a torque is as far out as that torque: the torque is named.
+    leading = np.argmax(ratios >= ratios.max(axis=0) * (1.0 - 1e-9), axis=0)
+    furthest = ratios.max(axis=0)
+    beyond = np.flatnonzero(furthest > -np.inf)
+    if not len(beyond):
+        return None
+    rows: list[tuple[Cell, ...]] = []
+    for i in beyond[np.argsort(-furthest[beyond], kind="stable")][:WORST]:
+        name, signal = COMPARED[int(leading[i])]
+        shown = _SHOWN_DIFFERENCE.get(name, signal)
+        difference: Difference = getattr(residuals, name)
+        rows.append(
+            (
+                str(at.name[i]),
+                signal.meaning,
+                measured(shown, difference.value[i], difference.u[i]),
+                float(agreed.of[name].bound[i]) / shown.scale,
+                shown.display_unit,
+                float(furthest[i]),
+                float(SPEED_SUN.display(at.speed_sun[i])),
+                float(SPEED_RING.display(at.speed_ring[i])),
+                float(at.load_set[i]),
+            )
+        )
+    return Table(
+        "out-of-tolerance",
+        f"Furthest {State.OUT}",
+        f"{len(rows)} of {counted(len(beyond), 'point')} {State.OUT}, the furthest first, each by the quantity that is "
+        "furthest out there. All are in the table by point below.",
+        (
+            Column("point", "Point"),
+            Column("quantity", "Quantity"),
+            Column("difference", "measured − simulated", "", uncertain=True),
+            Column("tolerance", "tolerance", "", format=".3g"),
+            Column("unit", "Unit"),
+            Column("ratio", "times the tolerance", "", digits=1),
+            Column("speed_sun", SPEED_SUN.meaning, SPEED_SUN.display_unit, digits=1),
+            Column("speed_ring", SPEED_RING.meaning, SPEED_RING.display_unit, digits=1),
+            Column("load_set", "load asked for", "N m", digits=2),
+        ),
+        tuple(rows),
+    )
 
 
 def _table(residuals: Residuals, agreed: Agreements) -> Table:

@@ -29,8 +29,8 @@ def conditions_section(conditions: Conditions, note: str) -> Section:
     return Section("conditions", "Test conditions", items)
 
 
-def grids_section(grid: Grid) -> Section:
-    """Where the bench was measured: accepted and rejected points, neutral and engaged."""
+def grids_section(grid: Grid, *, opens: bool) -> Section:
+    """Where the bench was measured: accepted and rejected points; `opens` says that the page holds their signals."""
     at = grid.points
     neutral = (
         ("neutral, accepted", at.neutral & grid.accepted, 0),
@@ -57,7 +57,8 @@ def grids_section(grid: Grid) -> Section:
     rejected = int((~grid.accepted).sum())
     told = (
         f"{int(at.neutral.sum())} neutral and {int(at.engaged.sum())} engaged points, {int(at.zero.sum())} zero "
-        f"checks; {rejected} rejected. Each point opens its signals, its spectrum and its uncertainty budget."
+        f"checks; {rejected} rejected."
+        + (" Each point opens its signals, its spectrum and its uncertainty budget." if opens else "")
     )
     if not panels:
         return Section("grids", "Measured grids", (Text(told),))

@@ -86,7 +86,8 @@ def _joint(study: CorrectionStudy) -> Table:
         "correction-joint",
         "K_corr, b and c fitted together",
         "Least squares of neutral and engaged readings at once, curves free, weighted by the uncertainty of the "
-        f"points, chi-square {study.joint.chi_square:.0f} for {study.joint.dof} degrees of freedom." + inflated,
+        f"points, chi-square {study.joint.chi_square:.0f} for {study.joint.dof} degrees of freedom.{inflated} The "
+        "transducers' tolerances are not in them; they are in those of the constants above, which are not scaled.",
         (
             Column("constant", "Constant"),
             Column("unit", "Unit"),

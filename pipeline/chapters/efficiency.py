@@ -55,7 +55,11 @@ def _by_load(balance: PowerBalance, residuals: Residuals | None) -> Figure:
     of = signals.EFFICIENCY_TOTAL
     total, u_total = of.display(balance.values[of.name]), balance.u(of.name) / of.scale
     low, high = (
-        numerals.measured(float(total[i]), 2.0 * float(u_total[i])) for i in (int(total.argmin()), int(total.argmax()))
+        numerals.measured(float(total[i]), 2.0 * float(u_total[i]))
+        for i in (
+            int(np.argmin(np.where(np.isnan(total), np.inf, total))),
+            int(np.argmax(np.where(np.isnan(total), -np.inf, total))),
+        )
     )
     return Figure(
         "efficiency",

@@ -65,10 +65,12 @@ def flow_section(flows: tuple[Flow, ...]) -> Section:
             _finding(shown),
             Figure(
                 "power-flow-highest",
-                f"Power flow at {name}",
-                f"Highest power, {name}: {chain.mechanical_in[best]:.1f} W into the gearbox, "
+                "Power flow of a point",
+                f"Of the engaged points, {name} takes the highest power: {chain.mechanical_in[best]:.1f} W into "
+                "the gearbox, "
                 f"{chain.mechanical_out[best]:.1f} W out; unexplained {left.value:+.2f} W, U = {left.u:.2f} W. "
-                f"Uncertainties are U = 2u{_left_out(shown)}.",
+                f"Uncertainties are U = 2u{_left_out(shown)}. On the page other points can be chosen; print and files "
+                f"show {name}.",
                 (_choice(shown, best),),
             ),
             _point_table(shown, best),

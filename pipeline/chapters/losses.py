@@ -104,7 +104,10 @@ def _constants(analysis: Analysis, calibration: Calibration) -> tuple[tuple[str,
     rule = analysis.rule_correction
     return (
         ("K_corr in use", shown("K_corr")),
-        ("K_corr by the thesis's rule (no negative magnetic loss)", "-" if rule is None else f"{rule:.3f}"),
+        (
+            "K_corr by the thesis's rule (no negative magnetic loss)",
+            numerals.MISSING if rule is None else f"{rule:.3f}",
+        ),
         ("Hysteresis b [mN m]", shown("b", 1e3)),
         ("Eddy c [1e-4 N m s/rad]", shown("c", 1e4)),
         ("Excess d", shown("d")),
@@ -129,7 +132,7 @@ def _uncertainty_told(balance: PowerBalance, calibration: Calibration) -> str:
 def _highest(balance: PowerBalance, signal: signals.Signal) -> str:
     """The largest value and its U, in the unit of display."""
     values = balance.values[signal.name]
-    i = int(np.argmax(values))
+    i = int(np.argmax(np.where(np.isnan(values), -np.inf, values)))
     return numerals.measured(float(signal.display(values[i])), 2.0 * float(balance.u(signal.name)[i]) / signal.scale)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.chapters.cells import forward_neutral, iso_levels, lay_out, names_in_cells, names_of
 from pmg.pipeline.completeness import speed_levels
 from pmg.pipeline.drift import HOUR
+from pmg.pipeline.report import numerals
 from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Section, Series, SpeedMap, Table, Text
 from pmg.sim import signals, sources
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
@@ -51,7 +52,7 @@ def neutral_section(analysis: Analysis, fits: LossFits) -> Section:
                 "neutral-maps",
                 "Torque over the neutral grid",
                 f"Loss torque of the sun {_range(grid.torque_sun[rows])} N m and of the ring "
-                f"{_range(grid.torque_ring[rows])} N m over {len(np.unique(sun))} x {len(np.unique(ring))} speeds. "
+                f"{_range(grid.torque_ring[rows])} N m over {len(np.unique(sun))} × {len(np.unique(ring))} speeds. "
                 "A shaft at 0 rpm is held by its motor: its reading is a static reaction.",
                 tuple(maps),
                 columns=2,
@@ -80,7 +81,7 @@ def neutral_section(analysis: Analysis, fits: LossFits) -> Section:
 
 
 def _range(values: signals.Array) -> str:
-    return f"{values.min():.3f} to {values.max():.3f}"
+    return f"{numerals.number(float(np.nanmin(values)), 3)} to {numerals.number(float(np.nanmax(values)), 3)}"
 
 
 def _curve_chart(grid: Grid, fit: LossFit) -> Chart:
@@ -162,7 +163,7 @@ def _told(powers: tuple[float, ...]) -> str:
 
 
 def _p(value: float) -> str:
-    return "-" if not math.isfinite(value) else "< 1e-6" if value < 1e-6 else f"{value:.2g}"
+    return numerals.MISSING if not math.isfinite(value) else "< 1e-6" if value < 1e-6 else f"{value:.2g}"
 
 
 def _ranking(choice: TermChoice) -> Table:
@@ -267,7 +268,7 @@ def _drift(drift: Drift) -> tuple[Table | Text, ...]:
                 Measured(repeat.slope * per_hour, repeat.slope_u * per_hour),
                 _p(repeat.p),
                 None,
-                "-",
+                numerals.MISSING,
             )
         )
     table = Table(

@@ -111,14 +111,18 @@ def build_report(
     signals : Encoded, optional
         The signals behind the points of the grid.
     """
-    sections: list[Section] = [conditions_section(told or conditions(()), note), grids_section(analysis.grid)]
+    sections: list[Section] = [
+        conditions_section(told or conditions(()), note),
+        grids_section(analysis.grid, opens=signals is not None),
+    ]
     judged = analysis if carried is None else carried.analysis
     if analysis.fits is not None:
         sections.append(neutral_section(analysis, analysis.fits))
     if analysis.balance is not None and analysis.calibration is not None:
         sections.append(losses_section(analysis, analysis.balance, analysis.calibration))
         sections.append(efficiency_section(analysis.balance, residuals))
-        sections.append(speed_ratio_section(analysis.balance, bench))
+        if analysis.grid.origin != "published":  # its speeds are those that were set
+            sections.append(speed_ratio_section(analysis.balance, bench))
     agreed = None if residuals is None else agreements(residuals, bench, tolerances)
     if residuals is not None and agreed is not None and analysis.calibration is not None:
         more = (() if carried is None else (prediction_table(carried),)) + ((ends_table(ends),) if ends else ())

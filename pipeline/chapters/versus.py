@@ -96,8 +96,8 @@ def _verdict(versus: Versus, judged: Judged | None) -> Verdict:
         for side, left in ((versus.a, matching.only_a), (versus.b, matching.only_b))
     ]
     warnings = []
-    if versus.one_source:
-        warnings.append("A and B are the same recordings.")
+    if versus.in_both:
+        warnings.append(f"{versus.in_both[:1].upper()}{versus.in_both[1:]}.")
     warnings += [
         f"{side.label} is a published grid: rounded torques, no time, no transducers known."
         for side in (versus.a, versus.b)

@@ -52,6 +52,7 @@ def key(meaning: str, option: str, example: str) -> Any:  # noqa: ANN401 - what 
     return Field(default=None, description=meaning, json_schema_extra={"option": option, "example": example})
 
 
+Place = Annotated[str, Field(min_length=1)]
 Terms = Annotated[str, BeforeValidator(_terms)]
 Correction = Annotated[str, BeforeValidator(_correction)]
 
@@ -59,21 +60,21 @@ Correction = Annotated[str, BeforeValidator(_correction)]
 class RecordingsTable(Strict):
     """What is analysed; paths are relative to the file."""
 
-    path: str | None = key("folder of recordings, or one file", "RECORDINGS", '"recordings"')
-    grids: str | None = key("folder of published grids, instead of recordings", "--grids", '"raw/published"')
+    path: Place | None = key("folder of recordings, or one file", "RECORDINGS", '"recordings"')
+    grids: Place | None = key("folder of published grids, instead of recordings", "--grids", '"raw/published"')
     campaign: str | None = key("which campaign, if the store holds several", "--campaign", '"reference"')
 
 
 class StoreTable(Strict):
     """Where decoded runs and results are kept."""
 
-    path: str | None = key("folder of the store; made if absent", "--store", '"store"')
+    path: Place | None = key("folder of the store; made if absent", "--store", '"store"')
 
 
 class ReportTable(Strict):
     """Where the report goes."""
 
-    path: str | None = key("folder of the report", "--report", '"report"')
+    path: Place | None = key("folder of the report", "--report", '"report"')
 
 
 class IngestTable(Strict):
@@ -81,7 +82,8 @@ class IngestTable(Strict):
 
     workers: Annotated[int, Field(ge=1)] | None = key("parallel workers", "--workers", "2")
     scheduler: str | None = key("address of a dask cluster", "--scheduler", '"tcp://host:8786"')
-    limits: str | None = key("file with a table [windows], instead of the table here", "--limits", '"limits.toml"')
+    limits: Place | None = key("file with a table [windows], instead of the table here", "--limits", '"limits.toml"')
+    map: Place | None = key("file with what recordings lack: run, calibration, channels", "--map", '"map.toml"')
 
 
 class AnalysisTable(Strict):
@@ -98,7 +100,7 @@ class CompareTable(Strict):
     """How simulation and bench are compared."""
 
     note: str | None = key("told at the head of the report", "--note", '"first run after the rebuild"')
-    model: str | None = key("model file to simulate", "--model", '"model.toml"')
+    model: Place | None = key("model file to simulate", "--model", '"model.toml"')
     tolerance: dict[str, str] | None = key(
         "by signal: absolute, relative in %, or the larger of both",
         "",
@@ -118,7 +120,15 @@ class Campaign(Strict):
     compare: CompareTable = CompareTable()
 
 
-PATHS = ("recordings.path", "recordings.grids", "store.path", "report.path", "ingest.limits", "compare.model")
+PATHS = (
+    "recordings.path",
+    "recordings.grids",
+    "store.path",
+    "report.path",
+    "ingest.limits",
+    "ingest.map",
+    "compare.model",
+)
 """Keys that name files or folders, relative to the file they stand in."""
 
 

@@ -28,6 +28,7 @@ KEYS = {
     "workers": "ingest.workers",
     "scheduler": "ingest.scheduler",
     "limits": "ingest.limits",
+    "map": "ingest.map",
     "terms_sun": "analysis.terms_sun",
     "terms_ring": "analysis.terms_ring",
     "k_corr": "analysis.k_corr",

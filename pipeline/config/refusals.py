@@ -67,6 +67,8 @@ def refusal(where: str, found: Mapping[str, Any], whole: type[BaseModel], key: s
     if kind == "missing":
         return BenchError(where, "missing", "this key", f"Add {key}.")
     came = repr(found["input"])
+    if kind == "greater_than_equal":
+        return BenchError(where, came, f"{told['ge']:g} or more", "Correct the value.")
     if kind in ("enum", "literal_error"):
         words = re.findall(r"'([^']*)'", str(told["expected"]))
         return BenchError(where, came, str(told["expected"]), near_miss(str(found["input"]), words))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.config.chosen import Chosen
 
-MUST_EXIST = ("recordings", "grids", "limits", "model")
+MUST_EXIST = ("recordings", "grids", "limits", "map", "model")
 """Choices that name something which is read."""
 
 

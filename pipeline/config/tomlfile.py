@@ -66,7 +66,7 @@ def read_toml(path: Path, what: str, error: type[PmgError] = BenchError) -> Toml
         The file is not there, cannot be read, is no UTF-8 or no TOML; a fault of form with its line and column.
     """
     try:
-        text = path.read_bytes().decode("utf-8").replace("\r\n", "\n")
+        text = path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
         return TomlFile(path, text, tomllib.loads(text))
     except OSError as fault:
         came = "no such file" if isinstance(fault, FileNotFoundError) else fault.strerror or "cannot be read"

@@ -30,6 +30,11 @@ class Verdict(StrEnum):
     NOT_IN_LIBRARY = "not_in_library"
     CONFOUNDED = "confounded"
 
+    @property
+    def names(self) -> bool:
+        """Whether it says which mechanisms there may be."""
+        return self in (Verdict.NAMED, Verdict.AMBIGUOUS)
+
 
 @dataclass(frozen=True)
 class Absorbed:

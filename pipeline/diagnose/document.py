@@ -122,15 +122,9 @@ def _mechanisms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         shaft = naming.shafts[fit.candidate.identifier]
         row = _mechanism(fit, shaft, weights[0])
         row["parameters"] = _parameters(fit, values, errors)
-        if shaft == "either":
-            row["parameters"] += [
-                parameter
-                for other in naming.ranking
-                if other.candidate.identifier == fit.candidate.identifier
-                and other.candidate.shaft in ("sun", "ring")
-                and other.candidate.shaft != fit.candidate.shaft
-                for parameter in _parameters(other, other.values, None)[: len(other.candidate.sizes)]
-            ]
+        other = naming.on_the_other_shaft(fit)
+        if other is not None:
+            row["parameters"] += _parameters(other, other.values, None)[: len(other.candidate.sizes)]
         rows.append(row)
     for rival, weight in zip(diagnosis.rivals, weights[1:], strict=True):
         known = {row["id"] for row in rows}

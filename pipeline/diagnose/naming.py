@@ -127,6 +127,14 @@ class Naming:
     weak: tuple[Explanation, ...]
     ranking: tuple[CandidateFit, ...]
 
+    def on_the_other_shaft(self, fit: CandidateFit) -> CandidateFit | None:
+        """The same mechanism on the other shaft, where which of the two it is cannot be told."""
+        if self.shafts.get(fit.candidate.identifier) != "either":
+            return None
+        elsewhere = {"sun", "ring"} - {fit.candidate.shaft}
+        same = (other for other in self.ranking if other.candidate.identifier == fit.candidate.identifier)
+        return next((other for other in same if other.candidate.shaft in elsewhere), None)
+
 
 def _extended(first: Explanation, wanted: int) -> list[Explanation]:
     """The best ways to add one mechanism to a set."""

@@ -8,13 +8,16 @@ import numpy as np
 
 from pmg.pipeline.diagnose.diagnosis import Verdict
 from pmg.pipeline.diagnose.nexttest import HIDDEN
+from pmg.pipeline.report import numerals
 from pmg.pipeline.report.numerals import measured
+from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.signals import MINUTE
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.diagnosis import Diagnosis
     from pmg.pipeline.diagnose.explanation import Explanation
     from pmg.pipeline.diagnose.locate import Mismatch
+    from pmg.pipeline.diagnose.naming import Naming
     from pmg.sim.signals import Array
 
 SHAFT_WORDS = {
@@ -59,6 +62,7 @@ def _told(diagnosis: Diagnosis) -> str:
         sentences.append(shape_sentence(diagnosis))
     elif diagnosis.verdict is Verdict.NAMED:
         sentences.append(f"What was left out: {causes(diagnosis, diagnosis.naming.best)}.")
+        sentences.append(_settled_by(diagnosis.naming))
     else:
         sets = [causes(diagnosis, diagnosis.naming.best)]
         sets += [causes(diagnosis, rival.explanation) for rival in diagnosis.rivals]
@@ -95,9 +99,22 @@ def causes(diagnosis: Diagnosis, explanation: Explanation) -> str:
             first, value, error = fit.candidate.parameters[best], found.values[i][best], found.standard_errors[i][best]
             number = measured(float(value), float(error)) if np.isfinite(error) else f"{value:.3g}"
             unit = "" if first.unit == "1" else f" {first.unit}"
-            told += f" ({first.meaning} {number}{unit})"
+            other = None if diagnosis.naming is None else diagnosis.naming.on_the_other_shaft(fit)
+            instead = ""
+            if other is not None:
+                there = other.candidate.parameters[best]
+                instead = f", or {there.meaning} {numerals.number(float(other.values[best]), spec='.3g')}{unit}"
+            told += f" ({first.meaning} {number}{unit}{instead})"
         words.append(told)
     return " together with ".join(words)
+
+
+def _settled_by(naming: Naming) -> str:
+    """What tells the shaft of a fault of a reading, where the points cannot."""
+    faults = [fit for fit in naming.best.fits if issubclass(fit.candidate.kind, Instrument)]
+    if not any(naming.on_the_other_shaft(fit) for fit in faults):
+        return ""
+    return "Calibrating one of the two transducers, or exchanging them and repeating loaded points, tells which."
 
 
 def _surest(values: Array, errors: Array, sizes: int) -> int:

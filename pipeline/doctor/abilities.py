@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from pmg.pipeline.analyse import Analysis
-    from pmg.pipeline.doctor.survey import Asked, Survey
+    from pmg.pipeline.doctor.found import Asked, Survey
     from pmg.sim.bench import BenchParameters
 
 YES, IN_PART, NO, UNKNOWN = "yes", "in part", "no", "unknown"

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.analyse import Analysis
     from pmg.pipeline.diagnose.audit import Audit
-    from pmg.pipeline.doctor.survey import Asked
+    from pmg.pipeline.doctor.found import Asked
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
 

@@ -10,7 +10,9 @@ from pmg.pipeline.doctor.abilities import NO, Design, abilities
 from pmg.pipeline.doctor.environment import BAD, OK, environment
 from pmg.pipeline.doctor.rehearsal import audit, rehearse
 from pmg.pipeline.doctor.survey import survey
+from pmg.pipeline.exchange.supply import read_supply
 from pmg.pipeline.outcome import Outcome, told
+from pmg.pipeline.recording.supplied import NOTHING
 from pmg.pipeline.wording import counted
 from pmg.sim.bench import load_bench
 
@@ -19,11 +21,16 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.diagnose.audit import Audit
-    from pmg.pipeline.doctor.survey import Survey
+    from pmg.pipeline.doctor.found import Survey
     from pmg.sim.bench import BenchParameters
 
 
-def run_doctor(place: Path, store: Path | None, progress: Callable[[int, int, str], None] | None = None) -> Outcome:
+def run_doctor(
+    place: Path,
+    store: Path | None,
+    progress: Callable[[int, int, str], None] | None = None,
+    chart: Path | None = None,
+) -> Outcome:
     """What recordings, or a store, permit.
 
     Parameters
@@ -34,18 +41,23 @@ def run_doctor(place: Path, store: Path | None, progress: Callable[[int, int, st
         Where the store would be.
     progress : callable, optional
         Told (done, total, name) after each recording.
+    chart : Path, optional
+        File that states what recordings lack: run, calibration, channels under other names.
 
     Raises
     ------
     PmgError
         There is neither a recording nor a store.
     """
-    found, bench = survey(place, progress), load_bench()
+    found, bench = survey(place, progress, NOTHING if chart is None else read_supply(chart)), load_bench()
     size = sum(file.size for file in found.files)
     checks = environment(place if found.stored else store, 0 if found.stored else size)
     campaigns = [_campaign(found.of(name), name, bench) for name in found.campaigns]
     possible = any(row["state"] != NO for part in campaigns for row in part["chapters"])
-    findings = [told("error", file.name, f"unusable: {file.unusable}") for file in found.files if file.unusable]
+    findings = [told("error", f.name, f"unusable: {f.unusable}") for f in found.files if f.unusable and not f.copy]
+    findings += [
+        told("warning", file.name, f"the same bytes as {file.copy}: counts once") for file in found.files if file.copy
+    ]
     findings += [told("warning", file.name, file.damage) for file in found.files if file.damage]
     findings += [told("warning", check.what, check.told) for check in checks if check.state != OK]
     findings += [
@@ -56,6 +68,7 @@ def run_doctor(place: Path, store: Path | None, progress: Callable[[int, int, st
         "kind": "store" if found.stored else "recordings",
         "recordings": len(found.files),
         "usable": len(found.usable),
+        "copies": sum(bool(file.copy) for file in found.files),
         "damaged": sum(bool(file.damage) for file in found.usable),
         "bytes": size,
         "campaigns": campaigns,
@@ -73,8 +86,10 @@ def run_doctor(place: Path, store: Path | None, progress: Callable[[int, int, st
 
 def _head(found: Survey, size: int) -> str:
     how = "from the manifests of the store" if found.stored else "each read once, checksums compared, no sample decoded"
-    damaged, unusable = sum(bool(f.damage) for f in found.usable), len(found.files) - len(found.usable)
+    damaged, copies = sum(bool(f.damage) for f in found.usable), sum(bool(f.copy) for f in found.files)
+    unusable = sum(bool(f.unusable) and not f.copy for f in found.files)
     counts = f"{len(found.usable)} usable, {damaged} of them damaged, {unusable} not usable"
+    counts += f", {copies} copied" if copies else ""
     return f"{counted(len(found.files), 'recording')}, {size / 1e6:.1f} MB: {counts} ({how})"
 
 

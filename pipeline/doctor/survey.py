@@ -1,20 +1,23 @@
-"""What a place holds: recordings or a store, their test points and channels, and what is damaged."""
+"""A place looked through: recordings or a store, their test points and channels, and what is damaged."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from pmg.pipeline.campaign import campaigns
+from pmg.pipeline.copies import without_copies
+from pmg.pipeline.doctor.found import Asked, File, Survey
 from pmg.pipeline.inventory import find_recordings
 from pmg.pipeline.orders.kept import kept_orders
 from pmg.pipeline.recording import Severity, UnusableRecordingError
-from pmg.pipeline.recording.beside import COILS
 from pmg.pipeline.recording.calibration import SIDES, read_calibration
 from pmg.pipeline.recording.container.contents import open_container
 from pmg.pipeline.recording.container.gathered import FIELDS_KEY
 from pmg.pipeline.recording.events import read_steps
 from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.run import Setpoints, read_run
+from pmg.pipeline.recording.supplied import NOTHING, Supply
 from pmg.pipeline.store import MARK, Store
 from pmg.sim.grid import Configuration
 
@@ -25,6 +28,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.container.contents import Topic
     from pmg.pipeline.recording.events import Step
     from pmg.pipeline.recording.run import RunInfo
+    from pmg.pipeline.recording.supplied import Supplied
     from pmg.pipeline.store import Manifest
 
 STEPS = "/test/step"
@@ -34,123 +38,12 @@ NEEDED = {
     **{f"torque of the {side}": ((f"/daq/torque_{side}/frequency", f"/daq/torque_{side}/edges"),) for side in SIDES},
     **{f"angle of the {side}": ((f"/daq/encoder_{side}/count",),) for side in SIDES},
 }
-"""Channels without which a recording gives nothing, each with the topics of which one will do."""
+"""Channels without which a recording gives no point, each with the topics of which one will do."""
 
 
-@dataclass(frozen=True)
-class Asked:
-    """A test point as it was asked for.
-
-    Parameters
-    ----------
-    campaign, file, point : str
-        Where it is from.
-    configuration, drive : str
-        ``neutral``, ``engaged`` or ``zero``; side that drives.
-    gear : int
-        1 or 2.
-    setpoints : Setpoints
-        Speeds [rad/s] and ring torque [N m].
-    started_at : float
-        Start [s since 1970, UTC].
-    accepted : bool
-        False where a window was judged and rejected.
-    """
-
-    campaign: str
-    file: str
-    point: str
-    configuration: str
-    drive: str
-    gear: int
-    setpoints: Setpoints
-    started_at: float
-    accepted: bool = True
-
-
-@dataclass(frozen=True)
-class File:
-    """One recording.
-
-    Parameters
-    ----------
-    name : str
-        Its file.
-    size : int
-        Length [bytes].
-    points : tuple of Asked
-        Test points whose set-points are known.
-    unusable : str
-        Why it gives nothing; empty where it gives something.
-    damage : str
-        The first of what is lost or contradictory in it; empty for a sound one.
-    channels : tuple of str
-        Its topics.
-    untold : bool
-        Whether it names no set-points, so that its plateaus have to be found in the samples.
-    campaign : str
-        Campaign it belongs to; empty where that cannot be read.
-    """
-
-    name: str
-    size: int
-    points: tuple[Asked, ...] = ()
-    unusable: str = ""
-    damage: str = ""
-    channels: tuple[str, ...] = ()
-    untold: bool = False
-    campaign: str = ""
-
-    @property
-    def coils(self) -> bool:
-        """Whether search coils were recorded, or lines of theirs kept."""
-        return any(name.startswith((COILS, "flux_")) for name in self.channels)
-
-
-@dataclass(frozen=True)
-class Survey:
-    """A place.
-
-    Parameters
-    ----------
-    place : Path
-        Where it is.
-    stored : bool
-        Whether it is a store; else recordings.
-    files : tuple of File
-        Its recordings.
-    """
-
-    place: Path
-    stored: bool
-    files: tuple[File, ...]
-
-    @property
-    def usable(self) -> tuple[File, ...]:
-        """Recordings that give something."""
-        return tuple(file for file in self.files if not file.unusable)
-
-    @property
-    def campaigns(self) -> dict[str, int]:
-        """Number of usable recordings by campaign, the largest first."""
-        names = [file.campaign for file in self.usable]
-        return {name: names.count(name) for name in sorted(set(names), key=lambda n: (-names.count(n), n))}
-
-    def of(self, campaign: str) -> Survey:
-        """The usable recordings of one campaign."""
-        return Survey(self.place, self.stored, tuple(file for file in self.usable if file.campaign == campaign))
-
-    @property
-    def points(self) -> tuple[Asked, ...]:
-        """Test points of all usable recordings, in the order of time."""
-        return tuple(sorted((p for file in self.usable for p in file.points), key=lambda p: (p.started_at, p.point)))
-
-    def recorded(self, word: str) -> int:
-        """Recordings with a channel that begins or ends with a word."""
-        return sum(any(c.startswith(word) or c.endswith(word) for c in file.channels) for file in self.usable)
-
-
-def survey(place: Path, progress: Callable[[int, int, str], None] | None = None) -> Survey:
+def survey(
+    place: Path, progress: Callable[[int, int, str], None] | None = None, supplied: Supplied = NOTHING
+) -> Survey:
     """What a place holds.
 
     Parameters
@@ -160,6 +53,8 @@ def survey(place: Path, progress: Callable[[int, int, str], None] | None = None)
         compared; samples are not decoded. Of a store the manifests alone are read.
     progress : callable, optional
         Told (done, total, name) after each recording.
+    supplied : Supplied
+        What is stated beside the recordings, used where they do not say it.
 
     Raises
     ------
@@ -167,38 +62,44 @@ def survey(place: Path, progress: Callable[[int, int, str], None] | None = None)
         There is neither a recording nor a store.
     """
     if (place / MARK).is_file():
-        store = Store(place)
-        return Survey(place, True, tuple(_stored(store, manifest) for manifest in store.manifests()))
-    paths, files = find_recordings(place), []
+        return Survey(place, True, _held(Store(place)))
+    paths, files = find_recordings(place), list[File]()
     base = place if place.is_dir() else place.parent
+    known: dict[str, str] = {}
     for done, path in enumerate(paths, start=1):
         name = path.relative_to(base).as_posix()
-        files.append(look(path, name))
+        file = look(path, name, supplied)
+        original = known.setdefault(file.sha256, name) if file.sha256 else name
+        files.append(file if original == name else replace(file, copy=original))
         if progress is not None:
             progress(done, len(paths), name)
     return Survey(place, False, tuple(files))
 
 
-def look(path: Path, name: str) -> File:
+def look(path: Path, name: str, supplied: Supplied = NOTHING) -> File:
     """One recording, without its samples."""
     findings = Findings(name)
+    supply = Supply(supplied, findings)
     size = path.stat().st_size if path.is_file() else 0
     try:
         container = open_container(path, lambda topic: topic == STEPS, findings)
     except UnusableRecordingError as error:
         return File(name, size, unusable=error.findings[-1].message)
-    channels = _channels(container.topics)
-    run = read_run(container.metadata, findings)
-    calibration = read_calibration(container.attachments, findings)
+    channels, sha256 = _channels(supply.channels(container.topics)), container.sha256
+    before = len(findings.gathered)
+    run = read_run(supply.run(container.metadata, path.stem), findings)
+    calibration = read_calibration(supply.calibration(container.attachments), findings)
+    refused = [f"{f.where}: {f.message}. {f.do}" for f in findings.gathered[before:] if f.severity == Severity.ERROR]
     steps = read_steps(container.topics, findings)
     errors = [f"{f.where}: {f.message}" for f in findings.told() if f.severity == Severity.ERROR]
     absent = [what for what, kinds in NEEDED.items() if not any(t in channels for kind in kinds for t in kind)]
     if run is None or calibration is None or absent:
-        why = errors[0] if run is None or calibration is None else f"no {' and no '.join(absent)}"
-        return File(name, size, unusable=why, channels=channels)
+        why = refused[0] if run is None or calibration is None else f"no {' and no '.join(absent)}"
+        damage = next((told for told in errors if not any(why.startswith(told) for why in refused)), "")
+        return File(name, size, unusable=why, damage=damage, channels=channels, sha256=sha256)
     points = _points(run, steps, name, _rate(container.topics))
     damage = errors[0] if errors else ""
-    return File(name, size, points, "", damage, channels, not points, run.campaign)
+    return File(name, size, points, "", damage, channels, not points, run.campaign, sha256)
 
 
 def _channels(topics: Mapping[str, Topic]) -> tuple[str, ...]:
@@ -239,6 +140,15 @@ def _points(run: RunInfo, steps: tuple[Step, ...], name: str, rate: float) -> tu
     ):
         return ()
     return (asked(run.point or name, run.setpoints),)
+
+
+def _held(store: Store) -> tuple[File, ...]:
+    """The recordings of a store; a window that two of them hold counts once, as in the analysis."""
+    manifests = tuple(store.manifests())
+    ingested = [m for m in manifests if m.ingested]
+    named = campaigns(ingested)
+    once = [m for n in named for m in without_copies([m for m in ingested if m.document["run"]["campaign"] == n])]
+    return tuple(_stored(store, manifest) for manifest in (*once, *(m for m in manifests if not m.ingested)))
 
 
 def _stored(store: Store, manifest: Manifest) -> File:

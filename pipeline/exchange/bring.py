@@ -196,7 +196,7 @@ def _run(chart: ChannelMap, source: Source, words: Mapping[str, str]) -> tuple[R
 def _calibration(chart: ChannelMap) -> tuple[Calibration, bytes]:
     """The calibration that the map names, proven by the reader's own check."""
     if not chart.calibration.is_file():
-        do = "Name the calibration beside the map; FORMAT of layout pmg.v1: transducer.sun, encoder.sun and so on."
+        do = "Name the calibration beside the map; raw/LAYOUT.md shows one: transducer.sun, encoder.sun and so on."
         raise BenchError(f"{chart.path.name}: calibration", f"'{chart.calibration}' is no file", "a TOML file", do)
     data = chart.calibration.read_bytes()
     findings = Findings(chart.calibration.name)

@@ -28,7 +28,7 @@ def plot(chart: Chart) -> dict[str, Any]:
     for series in chart.series:
         traces += _traces(chart, series, groups.index(series.group), first=series.name not in listed)
         listed.add(series.name)
-    heading = _heading(chart.legend_title, [group for group in groups if group])
+    heading = _heading(chart.legend_title, chart.series)
     of = layout(
         chart.title,
         xaxis=axis(chart.x_label, **_range(chart.x_limits, chart.x_log)),
@@ -49,11 +49,25 @@ def plot(chart: Chart) -> dict[str, Any]:
     return {"kind": "chart", "data": traces, "layout": of}
 
 
-def _heading(title: str, groups: list[str]) -> str:
-    """Heading of the legend, with what solid and dashed stand for."""
-    looks = ("filled, solid", "hollow, dashed", "dotted", "dash-dotted")
-    told = "; ".join(f"{look}: {group}" for group, look in zip(groups, looks, strict=False)) if len(groups) > 1 else ""
-    return plain(" – ".join(part for part in (title, told) if part))
+def _heading(title: str, series: tuple[Series, ...]) -> str:
+    """Heading of the legend and, where there are several groups, what each looks like."""
+    styles: dict[str, set[str]] = {}
+    for one in series:
+        if one.group:
+            styles.setdefault(one.group, set()).add(one.style)
+    if len(styles) < 2:
+        return plain(title)
+    looks = [f"{_look(place, found)}: {group}" for place, (group, found) in enumerate(styles.items())]
+    return "<br>".join(plain(part) for part in (title, "; ".join(looks)) if part)
+
+
+def _look(place: int, styles: set[str]) -> str:
+    """How the series of a group are drawn, which are of these styles."""
+    line = f"{('solid', 'dashed', 'dotted', 'dash-dotted')[place % len(_DASHES)]} lines"
+    markers = "hollow markers" if place else "filled markers"
+    return " and ".join(
+        part for part, used in ((markers, {"markers", "both"}), (line, {"line", "both"})) if styles & used
+    )
 
 
 def _range(limits: tuple[float, float] | None, logarithmic: bool) -> dict[str, Any]:
@@ -134,6 +148,7 @@ def _traces(chart: Chart, series: Series, group: int, *, first: bool) -> list[di
         trace["error_y"] = {"array": numbers(reach), "color": colour, "thickness": 1, "width": 2}
     if series.points:
         trace["customdata"] = list(series.points)
+        trace["hovertext"] = [plain(name) for name in series.points]
     return [*traces, trace]
 
 
@@ -156,6 +171,6 @@ def _hover(chart: Chart, series: Series) -> str:
     words = [part for part in (series.group, series.name) if part]
     lines = [f"<b>{plain(' '.join(words))}</b>"] if words else []
     if series.points:
-        lines.append("%{customdata}")
+        lines.append("%{hovertext}")
     lines += [f"{plain(chart.x_label)}: %{{x}}", f"{plain(chart.y_label)}: %{{text}}"]
     return "<br>".join(lines) + "<extra></extra>"

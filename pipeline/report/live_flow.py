@@ -13,10 +13,14 @@ if TYPE_CHECKING:
     from pmg.pipeline.report.figure import PowerFlow
     from pmg.pipeline.report.flow import Balance
 
+_THREAD = 1e-6
+"""Width of a link that only keeps a place, in parts of the widest."""
+_UNSEEN = "rgba(0,0,0,0)"
+
 
 def plot(flow: PowerFlow) -> dict[str, Any]:
     """The trace and the layout of a power flow; of each, where there are others to choose from."""
-    of = layout(flow.title, margin={"l": 12, "r": 12, "t": 34 if flow.title else 14, "b": 18})
+    of = layout(flow.title, margin={"l": 12, "r": 12, "t": 34 if flow.title else 14, "b": 30})
     if not flow.others:
         return {"kind": "flow", "data": [_trace(flow)], "layout": of}
     choices = [{"name": name, "data": [_trace(other)]} for name, other in flow.others]
@@ -52,13 +56,17 @@ def _trace(flow: PowerFlow) -> dict[str, Any]:
             pair = (leaf, stretch) if branch.gain else (stretch, leaf)
             links.append((*pair, width, f"@{role}/0.7", labels[leaf]))
     kept = [link for link in links if link[2] > 0.0]
+    thread = _THREAD * max((link[2] for link in kept), default=0.0)
+    kept += [(leaf, len(labels), thread, _UNSEEN, "") for leaf in _last(kept)]
+    labels.append("")
+    colours.append(_UNSEEN)
     return {
         "type": "sankey",
         "arrangement": "snap",
         "node": {
             "label": labels,
             "color": colours,
-            "pad": 30,
+            "pad": 40,
             "align": "left",
             "thickness": 10,
             "line": {"width": 0},
@@ -76,10 +84,24 @@ def _trace(flow: PowerFlow) -> dict[str, Any]:
     }
 
 
+def _last(links: list[tuple[int, int, float, str, str]]) -> list[int]:
+    """Nodes in the last column, each behind the longest chain of links.
+
+    Plotly writes the names of that column to the left, over those of the column before it; one unseen node further on
+    leaves it empty.
+    """
+    depth: dict[int, int] = {}
+    for _ in links:
+        for source, target, *_more in links:
+            depth[target] = max(depth.get(target, 0), depth.get(source, 0) + 1)
+    deepest = max(depth.values(), default=0)
+    return [node for node, at in depth.items() if at == deepest][:1]
+
+
 def _label(widths: Balance, name: str, watts: float, expanded: float, *, gain: bool = False) -> str:
     """Name, power with its U, and share of the supply; a gain beyond U is called one."""
     known = math.isfinite(expanded) and expanded > 0.0
     told = numerals.measured(watts, expanded) if known else numerals.number(watts, 2)
     share = f"{numerals.number(100 * widths.share(watts), 1)} %"
     more = "<br>a gain, not a loss" if gain and not abs(watts) <= expanded else ""
-    return f"{plain(name)}<br>{told} W · {share}{more}"
+    return f"{plain(name)}<br>{told} W<br>{share}{more}"

@@ -160,7 +160,7 @@ def _hatching(chart: SpeedMap, hatched: np.ndarray[Any, np.dtype[np.bool_]]) -> 
                 "solidity": 0.16,
             },
         },
-        "name": chart.hatch_meaning,
+        "name": plain(chart.hatch_meaning),
         "showlegend": True,
         "hoverinfo": "skip",
     }

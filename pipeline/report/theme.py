@@ -32,7 +32,7 @@ ROLES: dict[str, tuple[str, str]] = {
     "series-2": ("#00835f", "#2fc39a"),
     "series-3": ("#b0588a", "#e39bc4"),
     "series-4": ("#a67400", "#efb53f"),
-    "series-5": ("#2f86b8", "#8fd0f5"),
+    "series-5": ("#7b3f00", "#cfa98c"),
     "series-6": ("#5c4fa3", "#ab9ff0"),
     "series-7": ("#555e68", "#b4bcc4"),
 }

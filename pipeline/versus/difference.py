@@ -131,9 +131,12 @@ class Versus:
         return self.a.grid.points[self.matching.a]
 
     @property
-    def one_source(self) -> bool:
-        """Whether both are the same recordings."""
-        return bool(self.a.contents) and self.a.contents == self.b.contents
+    def in_both(self) -> str:
+        """Which recordings are those of both campaigns, in words; empty where none are."""
+        shared = self.a.contents & self.b.contents
+        if shared and self.a.contents == self.b.contents:
+            return "A and B are the same recordings"
+        return f"of the recordings of A and B, the same in both: {len(shared)}" if shared else ""
 
 
 def subtract(a: Side, b: Side, reach: Reach, stated: Transducers = Transducers.AUTO) -> Versus:

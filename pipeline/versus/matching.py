@@ -44,9 +44,10 @@ class Reach:
     load: float = 0.02
 
     def __post_init__(self) -> None:
-        for option, value in (("--speed-tolerance", self.speed), ("--load-tolerance", self.load)):
+        given = (("--speed-tolerance", self.speed / RPM, "rpm"), ("--load-tolerance", self.load, "N m"))
+        for option, value, unit in given:
             if not (np.isfinite(value) and value > 0.0):
-                raise GridError(option, f"{value:g}", "a finite value above 0", "Give a positive tolerance.")
+                raise GridError(option, f"{value:g} {unit}", "a finite value above 0", "Give a positive tolerance.")
 
     @classmethod
     def parsed(cls, speed: str | None, load: str | None) -> Reach:

@@ -11,6 +11,7 @@ import numpy as np
 from pmg.pipeline.aside import write_aside
 from pmg.pipeline.chapters.versus import versus_report
 from pmg.pipeline.outcome import Outcome, told
+from pmg.pipeline.provenance import leave_crate_of_two, now
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.versus.constants import constant_differences, curve_differences
 from pmg.pipeline.versus.difference import subtract
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    from pmg.pipeline.provenance import Clock
     from pmg.pipeline.versus.difference import Versus
     from pmg.pipeline.versus.judged import Judged
     from pmg.pipeline.versus.side import Side
@@ -60,6 +62,7 @@ def run_report(
     reach: Reach | None = None,
     transducers: Transducers = Transducers.AUTO,
     note: str = "",
+    clock: Clock = now,
 ) -> Outcome:
     """Match and subtract two analysed campaigns, judge the difference, write the report and ``versus.json``.
 
@@ -77,13 +80,15 @@ def run_report(
         ``same`` or ``different`` where that is known better than from the calibrations; else ``auto``.
     note : str
         Told at the head of the report.
+    clock : callable
+        Time of day, for the provenance.
 
     Raises
     ------
     StoreError
         A store lacks what is needed.
     """
-    bench = load_bench()
+    began, bench = clock(), load_bench()
     a, b = read_side("A", store_a, campaign_a, bench), read_side("B", store_b, campaign_b, bench)
     versus = subtract(a, b, reach or Reach(), transducers)
     judged = judge(versus, np.random.default_rng(SEED))
@@ -100,12 +105,13 @@ def run_report(
     files = write_report(page, report, {"points": _points(versus)})
     path = report / FILE
     write_aside(path, (json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode())
+    crate = leave_crate_of_two((*files, path), ((store_a, a.grid), (store_b, b.grid)), "pmg report", began, clock)
     data = {name: value for name, value in document.items() if name != "points"}
-    data |= {"report": str(files[0]), "files": [str(file) for file in (*files, path)]}
+    data |= {"report": str(files[0]), "files": [str(file) for file in (*files, path, crate)]}
     return Outcome(
         data,
         tuple(_lines(versus, judged, files[0])),
-        tuple(_findings(versus)),
+        tuple(findings(versus)),
         partial=judged is not None and bool(a.analysis.missing or b.analysis.missing),
         mismatch=judged is not None and judged.differ,
         failed=judged is None,
@@ -137,7 +143,8 @@ def _lines(versus: Versus, judged: Judged | None, page: Path) -> Iterator[str]:
     yield f"report: {page}"
 
 
-def _findings(versus: Versus) -> Iterator[dict[str, Any]]:
+def findings(versus: Versus) -> Iterator[dict[str, Any]]:
+    """What the reader of a comparison has to know beside it, as findings of a stage."""
     for side, left in ((versus.a, versus.matching.only_a), (versus.b, versus.matching.only_b)):
         if left:
             names = ", ".join(str(side.grid.points.name[one.row]) for one in left[:5])
@@ -146,14 +153,17 @@ def _findings(versus: Versus) -> Iterator[dict[str, Any]]:
             yield told("warning", side.name, message)
         for error in side.analysis.missing:
             yield told("warning", f"{side.name}, {error.where}", f"{error.came}; expected {error.expected}. {error.do}")
+        if side.grid.origin != "published" and not (side.grid.points.zero & side.grid.accepted).any():
+            message = "no zero check was accepted: by how much its zero was off is not known, and not in U"
+            yield told("warning", side.name, message)
         if side.grid.origin == "published":
             message = (
                 f"published grid, torques rounded to {side.grid.rounding:g} N m: the rounding is in its uncertainty, "
                 "no time and no transducers are known"
             )
             yield told("warning", side.name, message)
-    if versus.one_source:
-        yield told("warning", "A and B", "the same recordings: differences are those of two analyses of one test")
+    if versus.in_both:
+        yield told("warning", "A and B", f"{versus.in_both}; there, differences are those of two analyses of one test")
     if len(versus.matching) and not versus.corrected:
         message = "no campaign has loss curves: speeds and loads that differ within the tolerances are not corrected"
         yield told("warning", "set-points", message)

@@ -70,13 +70,14 @@ def _loss(versus: Versus) -> str:
 
 
 def clearest(judged: Judged) -> GroupResult:
-    """The group whose differences are clearest."""
+    """The group whose differences are clearest by what is told of it; by chi-square where no mean or slope is clear."""
 
     def distance(group: GroupResult) -> float:
-        tests = [group.mean, *(one.slope for one in group.followed)]
+        tests = [group.mean, *(one.slope for one in alike(group))]
         return max(abs(test.value) / test.u if test.u > 0.0 else 0.0 for test in tests)
 
-    return max(judged.groups, key=distance)
+    best = max(judged.groups, key=distance)
+    return best if distance(best) > COVERAGE else min(judged.groups, key=lambda group: group.p_value)
 
 
 def _clearest(judged: Judged) -> str:
@@ -86,7 +87,8 @@ def _clearest(judged: Judged) -> str:
     mean = told(group.mean.value / RESIDUAL.scale, group.mean.u / RESIDUAL.scale, RESIDUAL.display_unit)
     found = alike(group)
     if not found:
-        return f"{lead}: {mean} on average, following neither speed, torque nor time."
+        share = f"{FOLLOWED:.0%}"
+        return f"{lead}: {mean} on average; no line against speed, torque or time takes up {share} of its variance."
     best = found[0]
     slope = told(best.slope.value / RESIDUAL.scale, best.slope.u / RESIDUAL.scale, RESIDUAL.display_unit)
     names = " or ".join(one.covariate.words for one in found)

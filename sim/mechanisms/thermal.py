@@ -59,17 +59,18 @@ def temperature_rise(
     Notes
     -----
     :math:`\tau\,\dot\Theta = RP - \Theta`. Without a known order there is no history: the rise is then that of the
-    steady state of each point.
+    steady state of each point. A point of unknown heat (NaN) has no rise, and is not there for the others.
     """
-    if not at.ordered or not len(at):
-        return np.asarray(heat)
     order = np.argsort(at.started_at, kind="stable")
+    order = order[np.isfinite(heat[order])]
+    if not at.ordered or not len(order):
+        return np.asarray(heat)
     gaps, fed = np.diff(at.started_at[order]), heat[order]
     keep = np.exp(-gaps / time_constant)
     turning = np.where(gaps > STOPPED, 1.0 - idle, 1.0)
     during = turning * (dwell * fed[1:] + (1.0 - dwell) * fed[:-1])
     recursion = np.stack([np.ones(len(order)), np.r_[-keep, 0.0]])
-    out = np.empty(len(order))
+    out = np.full(len(at), np.nan)
     out[order] = solve_banded((1, 0), recursion, np.r_[start, (1.0 - keep) * during])
     return out
 

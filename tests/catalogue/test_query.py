@@ -14,6 +14,7 @@ from pmg.pipeline.catalogue.expression import SIGNS, Comparison, Condition, Flag
 from pmg.pipeline.catalogue.query import QueryError, compiled, half_last_digit, parse
 
 NUMBERS = st.from_regex(r"\A[+-]?[0-9]{1,5}(\.[0-9]{0,4})?(e[+-]?[0-9])?\Z").map(Number)
+TIMES = st.sampled_from(("2025", "2025-04", "2025-04-23", "2025-04-23T08", "2025-04-23T08:01:00.250")).map(Text)
 WORDS = st.text(st.characters(exclude_categories=["Cs"]), max_size=12).map(Text)
 
 
@@ -24,7 +25,8 @@ def comparisons(draw: st.DrawFn) -> Comparison:
         return Comparison(column, draw(st.sampled_from(("=", "!="))), Unknown())
     if column.kind is Kind.FLAG:
         return Comparison(column, draw(st.sampled_from(("=", "!="))), Flag(draw(st.booleans())))
-    value: Number | Text = draw(NUMBERS) if column.kind is Kind.NUMBER else draw(WORDS)
+    words = TIMES if column.kind is Kind.TIME else WORDS
+    value: Number | Text = draw(NUMBERS) if column.kind is Kind.NUMBER else draw(words)
     return Comparison(column, draw(st.sampled_from(SIGNS)), value)
 
 
@@ -94,7 +96,7 @@ def test_equal_means_within_half_the_last_digit_written(value: float, asked: obj
     assert answer(f"load != {text}", load=value) is not near
 
 
-@pytest.mark.parametrize(("text", "half"), [("1.56", 0.005), ("1000", 0.5), ("-2.", 0.5), (".50", 0.005), ("1e3", 500)])
+@pytest.mark.parametrize(("text", "half"), [("1.56", 0.005), ("1000", 0.5), ("-2.", 0.5), (".50", 0.005), ("1e3", 0.5)])
 def test_half_of_the_last_digit(text: str, half: float) -> None:
     assert half_last_digit(text) == pytest.approx(half)
 
@@ -111,6 +113,8 @@ def test_half_of_the_last_digit(text: str, half: float) -> None:
         ("accepted", False),
         ("start = 2025-04-23", True),
         ("start <= 2025-04-23T08", True),
+        ("start = '2025-04-23 08:01'", True),
+        ("start > '2025-04-23 09:00Z'", False),
         ("start > 2025-04-23T08:01", False),
         ("point = \"E_b 'x'\"", True),
         ("point = 'E_b ''x'''", True),
@@ -133,6 +137,8 @@ def test_conditions_on_a_row(text: str, met: bool) -> None:
         ("sun_rpm > 1000 rpm", 16, "rpm", "Units"),
         ("sun_rpm", 8, "the end", "compared"),
         ("sun_rpm >", 10, "the end", ""),
+        ("sun_rpm == 3", 10, "=", "written = here"),
+        ("sun_rpm ≥ 3", 9, "≥", "written >= here"),
         ("(accepted", 10, "the end", "parenthesis"),
         ("accepted)", 9, ")", ""),
         ("1000 < sun_rpm", 1, "1000", "Begin"),
@@ -143,6 +149,9 @@ def test_conditions_on_a_row(text: str, met: bool) -> None:
         ("", 1, "the end", "Begin"),
         ("point = x; DROP TABLE runs", 12, "DROP", ""),
         ("load = 1e999", 8, "1e999", "number"),
+        ("start > banana", 9, "banana", "time"),
+        ("start > 2025-13", 9, "2025-13", "time"),
+        ("start = 2025T10", 9, "2025T10", "time"),
         ("(" * 60 + "accepted" + ")" * 60, 42, "(", ""),
         ("not " * 60 + "accepted", 165, "not", ""),
     ],

@@ -140,6 +140,8 @@ def test_a_file_of_limits_takes_the_place_of_the_table(file: Path, tmp_path: Pat
         ('"1500 ms"', '"16 s"\nfrequency_low = "16 kHz"', "windows", "lower one first"),
         ('path = "kept"', "path = kept", "line 5, column 8", "Invalid value"),
         ("[store]", "[bench]", "line 4, bench$", "unknown key"),
+        ('path = "kept"', 'path = ""', r"line 5, store\.path", "a name"),
+        ("[store]", "[ingest]\nworkers = 0\n[store]", r"line 5, ingest\.workers", "1 or more"),
     ],
 )
 def test_a_fault_is_told_with_its_line_and_what_was_expected(
@@ -151,6 +153,11 @@ def test_a_fault_is_told_with_its_line_and_what_was_expected(
         read_campaign(file)
     assert re.search(where, caught.value.where)
     assert words in f"{caught.value.came} {caught.value.expected} {caught.value.do}"
+
+
+def test_a_mark_of_byte_order_is_no_fault(file: Path) -> None:
+    file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
+    assert read_campaign(file).lines["store.path"] == 5
 
 
 def test_the_template_sets_nothing_and_each_of_its_lines_can_be_taken(tmp_path: Path) -> None:
@@ -255,6 +262,7 @@ def test_a_run_takes_its_settings_from_the_file(tmp_path: Path, published_folder
     file = tmp_path / "campaign.toml"
     file.write_text(
         f'[recordings]\ngrids = "{published_folder}"\n[store]\npath = "kept"\n[analysis]\nk_corr = 0.9\nrobust = true\n'
+        '[compare]\nmodel = "for-the-comparison.toml"\n'
     )
     terms = call("analyse", "--config", file, "--terms-ring", "0,1", expect=0)["data"]["analysis"]
     options = terms["options"]

@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.conftest import ROOT
-from tests.recording.writer import Bench, write
+from tests.recording.writer import CALIBRATION, Bench, write
 from typer.testing import CliRunner
 
 from pmg.pipeline.cli import app
 from pmg.pipeline.doctor.abilities import IN_PART, NO, YES, Design, abilities
 from pmg.pipeline.doctor.environment import BAD, GROWTH, MIND, OK, environment, within
+from pmg.pipeline.doctor.found import Asked, File, Survey
 from pmg.pipeline.doctor.rehearsal import audit, made_up, operating_points, rehearse
-from pmg.pipeline.doctor.survey import Asked, File, Survey, look, survey
+from pmg.pipeline.doctor.survey import look, survey
 from pmg.pipeline.recording.run import Setpoints
 from pmg.sim.bench import BenchParameters
 from pmg.sim.signals import RPM
@@ -153,6 +154,46 @@ def test_a_store_tells_the_same_points_as_its_recordings(tmp_path: Path) -> None
     ]
     assert before.campaigns == after.campaigns == {"made": 3}
     assert before.recorded("/index") == after.recorded("/index") == 3
+
+
+def test_a_copied_recording_counts_once_as_it_is_ingested_once(tmp_path: Path) -> None:
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    run = {"sun_speed_set_rpm": "600", "ring_speed_set_rpm": "-230"}
+    one = write(folder / "a.mcap", Bench(run=run))
+    (folder / "b.mcap").write_bytes(one.read_bytes())
+    write(folder / "c.mcap", Bench(run=run | {"note": "the same run, written another time"}))
+    (folder / "d.mcap").write_bytes(b"no recording at all")
+    (folder / "e.mcap").write_bytes(b"no recording at all")
+    found = call("doctor", folder, expect=0)
+    assert (found["data"]["recordings"], found["data"]["usable"], found["data"]["copies"]) == (5, 2, 1)
+    told = [finding["where"] for finding in found["findings"] if "the same bytes as a.mcap" in finding["message"]]
+    assert told == ["b.mcap"]
+    store = tmp_path / "store"
+    call("ingest", folder, "--store", store, expect=3)
+    before, after = (Design.of(survey(place).points) for place in (folder, store))
+    assert (before.neutral, before.repeats) == (after.neutral, after.repeats) == (1, 0)
+
+
+def test_what_a_map_states_is_reckoned_with_and_its_lack_is_told_with_the_remedy(tmp_path: Path) -> None:
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    write(folder / "cut.mcap", Bench(calibration=None))
+    chart = tmp_path / "map.toml"
+    (tmp_path / "bench.toml").write_text(CALIBRATION)
+    chart.write_text('schema = "pmg.import/1"\ncalibration = "bench.toml"\n')
+    bare = call("doctor", folder, expect=2)
+    assert bare["data"]["usable"] == 0
+    assert ["--map" in finding["message"] for finding in bare["findings"]] == [True]
+    short = tmp_path / "short"
+    short.mkdir()
+    (short / "cut.mcap").write_bytes((folder / "cut.mcap").read_bytes()[:3000])
+    told = [finding["message"] for finding in call("doctor", short, expect=2)["findings"]]
+    assert [("--map" in message, "end mark" in message) for message in told] == [(True, False), (False, True)]
+    assert call("doctor", folder, "--map", chart, expect=0)["data"]["usable"] == 1
+    done = call("run", folder, "--map", chart, "--store", tmp_path / "store", "--report", tmp_path / "report", expect=3)
+    assert done["data"]["ingest"]["ingested"] == 1
+    assert done["data"]["ingest"]["failed"] == 0
 
 
 @pytest.mark.parametrize(

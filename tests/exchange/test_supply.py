@@ -260,6 +260,9 @@ def test_recordings_that_share_a_supplied_start_are_told(tmp_path: Path) -> None
     )
     assert report.ingested == 2
     assert [(f.code, f.file) for f in report.findings if f.where == "started_at"] == [(Code.RUN_VALUE, "b.mcap")]
+    chart = read_supply(tmp_path / "map.toml")
+    apart = [ingest(folder / f"{name}.mcap", Store(tmp_path / "t"), workers=1, supplied=chart) for name in "ba"]
+    assert [len([f for f in each.findings if f.where == "started_at"]) for each in apart] == [0, 1]
 
 
 def test_a_lacking_channel_is_looked_for_again_once_a_map_may_name_it(tmp_path: Path) -> None:
@@ -277,6 +280,34 @@ def test_a_lacking_channel_is_looked_for_again_once_a_map_may_name_it(tmp_path: 
     report = ingest(path, store, workers=1, supplied=supplied)
     assert (report.ingested, report.rejected) == (1, 0)
     assert ingest(path, store, workers=1, supplied=supplied).skipped == 1
+
+
+def test_a_map_of_which_a_lacking_recording_takes_nothing_is_tried_once(tmp_path: Path) -> None:
+    topic = "/daq/torque_ring/frequency"
+    path = write(tmp_path / "a.mcap", replace(BENCH, without=frozenset({topic})))
+    store = Store(tmp_path / "store")
+    supplied = read_supply(supply(tmp_path, named({topic: "f"}, "/v"), None))
+    assert [ingest(path, store, workers=1, supplied=supplied).ingested for _ in range(2)] == [1, 0]
+    assert ingest(path, store, workers=1).ingested == 0
+    other = read_supply(supply(tmp_path, named({topic: "g"}, "/v"), None))
+    assert ingest(path, store, workers=1, supplied=other).ingested == 1
+
+
+def test_a_width_that_only_the_map_states_is_used_on_a_recording_that_was_taken_in_before(tmp_path: Path) -> None:
+    """The counter is of 16 bits, wraps, and declares no width: without the map its angle is another one."""
+    topic = "/daq/encoder_sun/count"
+    bench = replace(BENCH, start_count={"sun": 60_000, "ring": 0})
+    messages = [
+        json.dumps({"sample": k, "value": int(v) % 2**16}).encode() for k, v in enumerate(tracks(bench)[topic][1])
+    ]
+    other = {topic: Other("json", ("v", "jsonschema", b"{}"), messages, {"rate_hz": "500"})}
+    path = write(tmp_path / "a.mcap", replace(bench, without=frozenset({topic}), other=other))
+    store = Store(tmp_path / "store")
+    ingest(path, store, workers=1)
+    assert not store.manifests()[0].document["windows"][0]["accepted"]
+    supplied = read_supply(supply(tmp_path, named({topic: "value"}, topic, "bits = 16\n"), None))
+    assert ingest(path, store, workers=1, supplied=supplied).ingested == 1
+    assert store.manifests()[0].document["windows"][0]["accepted"]
 
 
 def test_the_manifest_of_a_file_that_failed_holds_what_is_known_of_its_run(tmp_path: Path) -> None:

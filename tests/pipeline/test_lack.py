@@ -10,14 +10,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.points import measured, points
+from tests.points import joined, measured, points
 from tests.recording.writer import CALIBRATION, Bench, write
 
 from pmg.pipeline.analyse_stage import run_analyse
+from pmg.pipeline.calibrate import calibrate
 from pmg.pipeline.campaign import choose_campaign, measured_grid
+from pmg.pipeline.causes import causes_of_calibration, causes_of_fits
 from pmg.pipeline.compare_stage import run_compare
 from pmg.pipeline.completeness import lack_findings
 from pmg.pipeline.copies import COPY, without_copies
+from pmg.pipeline.fit import fit_losses
 from pmg.pipeline.ingest import ingest
 from pmg.pipeline.limits import limits_of
 from pmg.pipeline.options import AnalysisOptions
@@ -25,7 +28,12 @@ from pmg.pipeline.outcome import Outcome
 from pmg.pipeline.store import Manifest, Store
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import RecordingError
+from pmg.sim.gearbox import Gearbox
+from pmg.sim.losscurve import LossCurve
+from pmg.sim.lossmodel import LossModel
+from pmg.sim.mechanisms.thermal import temperature_rise
 from pmg.sim.signals import RPM
+from pmg.sim.solve import steady
 
 SECOND = "2025-04-23T09:00:00Z"
 OPTIONS = AnalysisOptions()
@@ -210,3 +218,55 @@ def test_only_a_simulated_torque_may_stand_still(tmp_path: Path, code: str, *, a
     grid = measured_grid(name, [replace(given, document=dict(given.document) | changed)], load_bench())
     assert grid.accepted.tolist() == [accepted]
     assert (grid.within_sun[0] == 0.0) == accepted
+
+
+def test_the_means_of_an_earlier_reduction_are_told(tmp_path: Path) -> None:
+    store = stored(tmp_path, ("a.mcap", Bench()), ("b.mcap", Bench(run={"started_at": SECOND})))
+    assert not [f for f in run_analyse(store, OPTIONS, grids=None, campaign=None).findings if f["where"] == "windows"]
+    path = next((store / "sources").glob("b-*.json"))
+    path.write_text(path.read_text().replace('"reduction": ', '"reduction": 9'))
+    for outcome in both(store, tmp_path / "report"):
+        (told,) = [f["message"] for f in outcome.findings if f["where"] == "windows"]
+        assert told.startswith("the means of 1 recording were taken in an earlier way: b.mcap")
+
+
+def test_a_rejected_window_without_a_channel_stands_where_it_was_asked_for(tmp_path: Path) -> None:
+    """Its readings are no numbers; the points around it are as they would be without it."""
+    asked = {"sun_speed_set_rpm": "600", "ring_speed_set_rpm": "300"}
+    lean = Bench(without=frozenset({"/daq/encoder_sun/count"}), run={"started_at": SECOND} | asked)
+    store = stored(tmp_path, ("a.mcap", Bench()), ("b.mcap", lean))
+    grid = measured_grid(*choose_campaign(Store(store), None), load_bench())
+    assert grid.accepted.tolist() == [True, False]
+    np.testing.assert_allclose(grid.points.speed_sun[1], 600 * RPM)
+    assert np.isfinite(grid.points.speed_ring).all()
+
+
+def test_a_rejected_engaged_window_without_its_load_stands_at_the_load_that_was_asked_for(tmp_path: Path) -> None:
+    engaged = {"configuration": "engaged", "drive": "sun", "ring_torque_set_Nm": "1.5"}
+    lean = Bench(without=frozenset({"/daq/torque_ring/frequency"}), run=engaged)
+    grid = measured_grid(*choose_campaign(Store(stored(tmp_path, ("a.mcap", lean))), None), load_bench())
+    assert (grid.points.torque_ring[0], grid.points.load_set[0]) == (1.5, 1.5)
+    assert np.isnan(grid.torque_ring[0])
+
+
+def test_an_unknown_reading_of_a_rejected_window_does_not_reach_the_others() -> None:
+    bench = load_bench()
+    sun, ring = (a.ravel() for a in np.meshgrid(np.linspace(100, 1800, 6), np.linspace(60, 720, 6)))
+    curve = LossCurve((0.0, 0.5, 1.0), np.array([0.02, 0.09, 0.03]), 150.0, 200.0)
+    box = Gearbox.calibrated(bench, LossModel(curve, curve, 0.85, 2e-2, 2.2e-4, 0.0))
+    speed = np.array([300.0, 900.0, 1800.0])
+    exact = steady(box, joined(points("neutral", sun, ring), points("engaged", speed, -speed / 2.6, 1.5, load_set=1.5)))
+    grid = measured(exact.points, exact.torque_sun, exact.torque_ring, 1e-3)
+    grid = replace(grid, common_sun=np.full(len(grid), 1e-3), common_ring=np.full(len(grid), 1e-3))
+    out = np.arange(len(grid)) == 7
+    gone = [np.where(out, np.nan, each) for each in (grid.torque_sun, grid.common_sun, grid.u_sun)]
+    holed = replace(grid, accepted=~out, torque_sun=gone[0], common_sun=gone[1], u_sun=gone[2])
+    fits = fit_losses(holed, (0.0, 0.5, 1.0), (0.0, 0.5, 1.0))
+    causes = causes_of_calibration(holed, calibrate(holed, fits, bench), bench)
+    assert np.isfinite(causes.moved).all()
+    assert np.isfinite(causes_of_fits(holed, fits, bench).moved).all()
+    heat = np.where(out, np.nan, 10.0 + np.arange(len(grid)))
+    at = replace(grid.points, started_at=np.linspace(0.0, 6000.0, len(grid)))
+    rise = temperature_rise(at, heat, 600.0)
+    assert np.isnan(rise[out]).all()
+    np.testing.assert_array_equal(rise[~out], temperature_rise(at[~out], heat[~out], 600.0))

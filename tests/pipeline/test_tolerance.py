@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +14,11 @@ from hypothesis import strategies as st
 from tests.points import measured as made
 from tests.points import points
 
+from pmg.pipeline.chapters.comparison import comparison_section
+from pmg.pipeline.chapters.conditions import grids_section
 from pmg.pipeline.compare import Difference, Residuals
+from pmg.pipeline.compare_stage import command_told
+from pmg.pipeline.report.document import Figure, Table
 from pmg.pipeline.tolerance import State, Tolerance, agreements
 from pmg.sim.bench import load_bench
 
@@ -58,6 +64,56 @@ def test_a_tolerance_that_was_set_takes_the_place_of_the_data_sheet() -> None:
     assert strict.of["torque_sun"].within.tolist() == [True, False]
     assert strict.of["torque_ring"].within.tolist() == [False, True]
     assert "5 mN m" in strict.of["torque_sun"].rule.replace("0.005 N m", "5 mN m")
+
+
+def test_a_zero_check_is_not_a_simulated_point() -> None:
+    given = compared([0.001, 0.001, 0.006], [0.001, 0.001, 0.001])
+    at = replace(given.grid.points, configuration=np.array(["zero", "neutral", "neutral"]))
+    agreed = agreements(replace(given, grid=replace(given.grid, points=at)), BENCH)
+    assert agreed.of["torque_sun"].states == (State.NOT_COMPARABLE, State.WITHIN, State.OUT)
+    assert agreed.told == "Simulation within tolerance at 1 of 2 points (1 not comparable)."
+
+
+def test_the_points_furthest_out_of_tolerance_are_listed_first() -> None:
+    sun = np.r_[np.full(5, 0.004), np.linspace(0.006, 0.04, 12)]
+    ring = np.full(17, 0.001)
+    ring[0] = -0.5
+    given = compared(list(sun), list(ring))
+    section = comparison_section(given, agreements(given, BENCH))
+    table = next(item for item in section.items if isinstance(item, Table) and item.id == "out-of-tolerance")
+    names = given.grid.points.name
+    assert [row[0] for row in table.rows] == [names[i] for i in (0, *range(16, 7, -1))]
+    assert [row[1] for row in table.rows[:2]] == ["ring torque", "sun torque"]
+    ratios = [float(row[5]) for row in table.rows]  # type: ignore[arg-type]
+    assert ratios == sorted(ratios, reverse=True)
+    assert table.rows[0][2].value == pytest.approx(-500.0)  # type: ignore[union-attr]
+    assert "10 of 13 points" in table.caption
+
+
+def test_no_table_of_the_furthest_where_all_are_within_tolerance() -> None:
+    given = compared([0.001, 0.004], [0.001, 0.001])
+    section = comparison_section(given, agreements(given, BENCH))
+    assert "out-of-tolerance" not in [item.id for item in section.items if isinstance(item, Table)]
+
+
+def test_the_caption_names_only_what_the_residuals_are_drawn_against() -> None:
+    given = compared([0.001, 0.004], [0.001, 0.001])
+    section = comparison_section(given, agreements(given, BENCH))
+    figure = next(item for item in section.items if isinstance(item, Figure) and item.id == "residuals-followed")
+    for what in ("speed", "load", "time"):
+        assert (what in figure.caption) == any(what in panel.x_label for panel in figure.panels)  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("opens", [True, False])
+def test_points_are_said_to_open_only_where_the_page_holds_their_signals(*, opens: bool) -> None:
+    figure = grids_section(compared([0.001], [0.001]).grid, opens=opens).items[0]
+    assert ("opens its signals" in figure.caption) == opens  # type: ignore[union-attr]
+
+
+def test_the_command_of_a_report_names_what_changes_it() -> None:
+    assert command_told("", None) == "pmg compare --store STORE --report REPORT"
+    told = command_told("it's warm", Path("old/model.toml"))
+    assert shlex.split(told)[-4:] == ["--model", "model.toml", "--note", "it's warm"]
 
 
 @pytest.mark.parametrize("name", ["loss_total", "efficiency_total"])

@@ -83,6 +83,14 @@ def test_points_in_a_gap_are_named_beside_it(tmp_path: Path) -> None:
     assert (lost.point, lost.why) == ("C", "lost after B, with samples that are missing")
 
 
+def test_points_before_a_late_beginning_are_named_with_those_beyond_the_end(tmp_path: Path) -> None:
+    late = session(LATER, ("B", "C"), 2800, drop=dict.fromkeys(TOPICS, (0, 1000)))
+    store, _ = stored(tmp_path, whole=session(FIRST), late=late)
+    lost = unreached(store.manifests())
+    assert [point.point for point in lost] == ["A", "D"]
+    assert lost[0].why == "lost before its first point, with samples that are missing"
+
+
 def test_points_that_were_run_again_are_told_with_the_file(tmp_path: Path) -> None:
     store, outcome = stored(
         tmp_path, whole=session(FIRST), cut=session(LATER, ("A", "B", "C"), 2800), rest=session(LATEST, ("D",))
@@ -98,12 +106,31 @@ def test_points_that_were_run_again_are_told_with_the_file(tmp_path: Path) -> No
         session(LATER, ("A", "B"), 2000),  # shorter, and whole
         session(FIRST, ("A", "B"), 1800),  # a copy of the same run, cut short
         session(LATER, ("A", "D"), 3800),  # another sequence
+        session(LATER, ("A", "B", "D"), drop=dict.fromkeys(TOPICS, (1500, 1505))),  # another, with a drop-out in B
     ],
 )
 def test_nothing_is_missing_of_a_copy_or_of_another_sequence(tmp_path: Path, other: bytes) -> None:
     store, outcome = stored(tmp_path, whole=session(FIRST), other=other)
     assert unreached(store.manifests()) == ()
     assert outcome.data["not_reached"] == 0
+
+
+def test_a_point_that_a_whole_sequence_that_begins_alike_does_not_run_may_not_have_been_meant(tmp_path: Path) -> None:
+    store, _ = stored(
+        tmp_path,
+        whole=session(FIRST),
+        other=session("2025-04-23T07:00:00Z", ("A", "B", "C"), 3000),
+        cut=session(LATER, ("A", "B"), 1800),
+    )
+    lost = unreached(store.manifests())
+    assert [(point.point, point.without) for point in lost] == [("C", ""), ("D", "other.mcap")]
+    assert "whole.mcap, which begins as it does, runs it" in lost[0].finding()["message"]
+    assert "may not have been meant" not in lost[0].finding()["message"]
+    assert (
+        lost[1]
+        .finding()["message"]
+        .endswith("other.mcap begins so too and does not run it, so that it may not have been meant")
+    )
 
 
 def test_ingest_tells_of_copies_of_a_run(tmp_path: Path) -> None:
@@ -114,3 +141,15 @@ def test_ingest_tells_of_copies_of_a_run(tmp_path: Path) -> None:
     assert outcome.data["copies"] == 2
     assert "2 windows in two files: counted once" in outcome.lines
     assert all(window["accepted"] for m in store.manifests() for window in m.document["windows"])
+
+
+def test_a_call_tells_what_a_file_of_an_earlier_call_shares_with_it(tmp_path: Path) -> None:
+    """Of two shards the first cannot know: the copy and the cut recording come in before the whole one."""
+    (tmp_path / "r").mkdir()
+    files = {"copy": session(FIRST, ("A", "B"), 2000), "cut": session(LATER, ("A", "B"), 1800), "whole": session(FIRST)}
+    for name, data in files.items():
+        (tmp_path / "r" / f"{name}.mcap").write_bytes(data)
+    calls = [
+        run_ingest(tmp_path / "r" / f"{name}.mcap", tmp_path / "s", workers=1, progress=None).data for name in files
+    ]
+    assert [(call["copies"], call["not_reached"]) for call in calls] == [(0, 0), (0, 0), (2, 2)]

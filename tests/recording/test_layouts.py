@@ -197,6 +197,18 @@ def test_a_step_in_cdr_that_cannot_be_read_is_told_and_the_others_stand() -> Non
     assert (first.code, first.lost) == (Code.MESSAGE_MALFORMED, "2 messages")
 
 
+def test_a_set_point_beyond_all_numbers_is_told_and_not_used() -> None:
+    texts = [
+        '{"sample": 0, "point": "A", "phase": "START"}',
+        '{"sample": 200, "point": "A", "phase": "MEASURE", "setpoint": {"sun_speed_rpm": 1%s}}' % ("0" * 400),
+        '{"sample": 900, "point": "A", "phase": "END"}',
+    ]
+    other = Other("json", ("Step", "jsonschema", b"{}"), [text.encode() for text in texts], {})
+    recording = made(replace(BENCH, other={"/test/step": other}))
+    assert [step.setpoints.speed_sun for step in recording.steps] == [None] * 3
+    assert Code.STEP_UNKNOWN in {finding.code for finding in recording.findings}
+
+
 @pytest.mark.parametrize(
     ("message", "told_of"),
     [
@@ -522,3 +534,17 @@ def test_texts_of_time_are_nanoseconds_and_other_texts_are_nothing() -> None:
     assert columns.values["timestamp#utc"].tolist() == [foreign.START_NS]
     assert columns.values["v"].tolist() == [1.0, 2.5]
     assert len(columns.values["name#utc"]) == 0
+
+
+@pytest.mark.parametrize("text", ["2025-04-23T08:00:0-5Z", "2025-04-23T08:00:00+02Z", "2025-04-23T08-2:00:00Z"])
+def test_a_text_that_only_numpy_takes_for_a_time_is_none(text: str) -> None:
+    assert not read_json(Messages.of([json.dumps({"t": text}).encode()])).values["t#utc"].size
+
+
+@pytest.mark.parametrize(
+    "texts", [['{"a.b":%d,"a":{"b":7}}'] * 50, ['{"a":{"b":%d},"a.b":7}', '{"c":1,"a.b":%d}'] * 25]
+)
+def test_two_fields_of_one_name_in_a_message_do_not_shift_those_of_the_next(texts: list[str]) -> None:
+    found = read_json(Messages.of([(text % (1000 + place)).encode() for place, text in enumerate(texts)]))
+    assert found.counts["a.b"].tolist() == [1] * 50
+    assert found.values["a.b"].tolist() == list(range(1000, 1050))

@@ -194,3 +194,20 @@ def test_what_fails_beside_the_reading_is_raised_in_it(monkeypatch: pytest.Monke
     with pytest.raises(MemoryError):
         source.digest()
     source.close()
+
+
+def test_no_hash_is_given_where_a_stretch_before_the_last_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    own: Callable[[trail.Trail, bytes | memoryview], None] = trail.Trail._sum
+
+    def first_failing(self: trail.Trail, data: bytes | memoryview) -> None:
+        if bytes(data[:1]) == b"a":
+            raise MemoryError
+        own(self, data)
+
+    monkeypatch.setattr(trail.Trail, "_sum", first_failing)
+    both = trail.Trail()
+    for byte in (b"a", b"b"):
+        both.add(byte * trail.ASIDE)
+    with pytest.raises(MemoryError):
+        both.digest()
+    both.close()

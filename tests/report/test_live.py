@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 
+from pmg.pipeline.report import live_chart
+from pmg.pipeline.report.document import Chart, Figure, PowerFlow, Section, Series
 from pmg.pipeline.report.write import write_report
 
 from . import chromium, example
@@ -69,6 +73,35 @@ def test_a_name_in_the_legend_switches_both_of_its_series(tab: chromium.Tab) -> 
     assert tab.ask(f"{TRACES}.filter(t => t.name !== '500 rpm').every(t => (t.visible ?? true) === true)")
 
 
+COVERING = """[...document.querySelectorAll('#flow .plot')].flatMap(plot => {
+  const labels = [...plot.querySelectorAll('.node-label')].filter(label => label.textContent)
+    .map(label => [label.textContent, label.getBoundingClientRect()]);
+  return labels.flatMap(([a, p], at) => labels.slice(at + 1).filter(([, q]) =>
+    Math.min(p.right, q.right) - Math.max(p.left, q.left) > 2 &&
+    Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top) > 4).map(([b]) => a + ' / ' + b)); })"""
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("width", [1280, 390])
+def test_no_label_of_a_power_flow_covers_another(tmp_path: Path, width: int, sign: float) -> None:
+    stages = (("electric supply", 247.8), ("into the gearbox", 207.3), ("out of the gearbox", 147.6))
+    losses = (("sun bearings", 25.1, 1), ("magnetic gear", 13.8, 1), ("ring bearings", 18.3, 1))
+    flow = PowerFlow(
+        "",
+        tuple((name, sign * watts) for name, watts in (*stages, ("useful electric power", 137.3))),
+        (("driving motor", sign * 40.5, 0), *losses, ("unexplained", sign * 59.7 - 57.2, 1), ("motor", sign * 10.3, 2)),
+        (1.3,) * 10,
+    )
+    figure = Figure("flow", "Power flow", "All of it.", (flow,))
+    write_report(replace(example.report(), sections=(Section("only", "Only", (figure,)),)), tmp_path)
+    with chromium.tab(tmp_path / "profile") as tab:
+        tab.show(width)
+        tab.open(tmp_path / "report.html")
+        drawn(tab)
+        assert tab.ask("document.querySelectorAll('#flow .node-label').length") >= 10
+        assert tab.ask(COVERING) == []
+
+
 def test_figures_follow_the_colours_of_the_page(tab: chromium.Tab) -> None:
     ink = "getComputedStyle(document.querySelector('#efficiency .plot .xtick text')).fill"
     tab.ask("document.querySelector('#efficiency').scrollIntoView()")
@@ -120,3 +153,39 @@ def test_axe_finds_nothing_to_object_to(tab: chromium.Tab, *, dark: bool) -> Non
 def test_nothing_was_fetched_and_nothing_reported(tab: chromium.Tab, folder: Path) -> None:
     assert tab.fetched() == {(folder / "report.html").as_uri()}
     assert tab.noise() == []
+
+
+def test_a_browser_that_cannot_unpack_keeps_still_drawings_and_links_to_files(
+    folder: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    with chromium.tab(tmp_path_factory.mktemp("old")) as old:
+        old.call("Page.addScriptToEvaluateOnNewDocument", source="delete window.DecompressionStream")
+        old.show(1280)
+        old.open(folder / "report.html")
+        assert old.ask("document.querySelector('#efficiency .still').getClientRects().length") == 1
+        followed = (
+            "new Promise(done => { addEventListener('click', event => { done(!event.defaultPrevented);"
+            " event.preventDefault(); }); document.querySelector('a.csv').click(); })"
+        )
+        assert old.ask(followed) is True
+        assert old.noise() == []
+
+
+def test_what_hovers_over_a_point_is_its_name_letter_by_letter(tmp_path: Path) -> None:
+    name = "<a href='https://example.org'>P</a>&%{x}$1$"
+    series = Series("measured", np.array([1.0]), np.array([2.0]), None, "markers", points=(name,))
+    figure = Figure("one", "One point", "It stands alone.", (Chart("x", "y", (series,)),))
+    write_report(replace(example.report(), sections=(Section("only", "Only", (figure,)),)), tmp_path)
+    with chromium.tab(tmp_path / "profile") as tab:
+        tab.show(1280)
+        tab.open(tmp_path / "report.html")
+        drawn(tab)
+        tab.ask("(Plotly.Fx.hover(document.querySelector('#one .plot'), [{curveNumber: 0, pointNumber: 0}]), 1)")
+        told = tab.wait("document.querySelector('#one .hoverlayer text')?.textContent")
+        assert name in told
+        assert tab.ask("document.querySelector('#one .hoverlayer a') === null")
+
+
+def test_the_legend_says_how_its_groups_are_drawn() -> None:
+    title = live_chart.plot(example.chart())["layout"]["legend"]["title"]["text"]
+    assert title == "filled markers: measured; dashed lines: simulated"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,7 @@ pytestmark = chromium.NEEDED
 OPEN = "document.getElementById('signals').open"
 SHOWN = "document.getElementById('signals').dataset.point"
 POINTS = 4
+HOSTILE = "<a href='https://example.org'>P</a></script><script>alert(1)</script>"
 
 
 def cell(row: int) -> CellSignals:
@@ -80,7 +82,8 @@ def opening() -> Report:
     names[1][:POINTS] = [f"P_{row}" for row in range(POINTS)]
     panel = replace(grid, points=tuple(map(tuple, names)))
     figure = Figure("opening", "Map of points", "Cells open.", (panel,))
-    packed = encode([cell(row) for row in range(POINTS)])
+    cells = [cell(row) for row in range(POINTS)]
+    packed = encode([*cells, replace(cell(4), point="P_3"), replace(cell(5), point=HOSTILE)])
     report = example.report()
     return replace(
         report,
@@ -108,7 +111,7 @@ def tab(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[chro
 
 
 def drawn(tab: chromium.Tab, point: str) -> None:
-    tab.wait(f"{SHOWN} === '{point}' && document.querySelectorAll('#signals table').length === 2")
+    tab.wait(f"{SHOWN} === {json.dumps(point)} && document.querySelectorAll('#signals table').length === 2")
 
 
 def test_a_click_on_a_cell_draws_its_signals(tab: chromium.Tab) -> None:
@@ -150,10 +153,45 @@ def test_a_cell_can_be_reached_by_keyboard_alone_and_left_again(tab: chromium.Ta
 def test_an_address_opens_its_point_and_the_list_leads_on(tab: chromium.Tab, folder: Path) -> None:
     tab.ask("(location.hash = '#point=P_3', 1)")
     drawn(tab, "P_3")
+    tab.ask("(document.querySelector('#signals .before').click(), 1)")
+    drawn(tab, "P_2")
     tab.ask("(document.querySelector('#signals .after').click(), 1)")
+    drawn(tab, "P_3")
+
+
+def test_the_list_goes_round(tab: chromium.Tab) -> None:
+    tab.ask("(location.hash = '#point=P_0', 1)")
     drawn(tab, "P_0")
     tab.ask("(document.querySelector('#signals .before').click(), 1)")
+    drawn(tab, HOSTILE)
+    tab.ask("(document.querySelector('#signals .after').click(), 1)")
+    drawn(tab, "P_0")
+
+
+@pytest.mark.parametrize("name", ["nobody", "%", "%3Cimg src=x onerror=alert(1)%3E"])
+def test_an_address_of_no_point_says_so_and_leads_on(tab: chromium.Tab, name: str) -> None:
+    tab.ask(f"(location.hash = '#point={name}', 1)")
+    tab.wait(OPEN)
+    assert "no signals of a point named" in tab.ask("document.querySelector('#signals .lacking').textContent")
+    assert tab.ask("document.querySelector('#signals .body').querySelector('img') === null")
+    tab.ask("(document.querySelector('#signals .before').click(), 1)")
+    drawn(tab, HOSTILE)
+
+
+def test_points_of_one_name_are_each_reached(tab: chromium.Tab) -> None:
+    tab.ask("(location.hash = '#point=P_3', 1)")
     drawn(tab, "P_3")
+    tab.ask("(document.querySelector('#signals .after').click(), 1)")
+    drawn(tab, "P_3 (2)")
+    assert "4.mcap" in tab.ask("document.querySelector('#signals dl').textContent")
+    tab.ask("(document.querySelector('#signals .before').click(), 1)")
+    drawn(tab, "P_3")
+
+
+def test_a_mean_is_told_to_the_digits_of_its_uncertainty(tab: chromium.Tab) -> None:
+    tab.ask("(location.hash = '#point=P_1', 1)")
+    drawn(tab, "P_1")
+    assert "Mean sun torque1.000 ± 0.020 (95 %) N m" in tab.ask("document.querySelector('#signals dl').textContent")
 
 
 @pytest.mark.parametrize("dark", [False, True])

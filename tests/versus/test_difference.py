@@ -10,8 +10,10 @@ from scipy import stats
 from tests.versus.campaigns import BENCH, MODEL, NOISE, OPTIONS, grid, side, with_readings
 
 from pmg.pipeline.analyse import analyse
+from pmg.pipeline.store import Manifest
 from pmg.pipeline.versus.constants import constant_differences, curve_differences
 from pmg.pipeline.versus.difference import Versus, subtract
+from pmg.pipeline.versus.family import Estimate
 from pmg.pipeline.versus.judged import LEVEL, judge, ready_family
 from pmg.pipeline.versus.matching import Reach
 from pmg.pipeline.versus.side import Side
@@ -80,6 +82,31 @@ def test_a_loss_of_sensitivity_is_followed_against_torque(rng: np.random.Generat
     best = alike(engaged)[0]
     assert best.covariate.words.startswith("torque of the shaft")
     assert best.slope.value == pytest.approx(0.02, abs=3.0 * best.slope.u)
+
+
+def test_the_group_called_clearest_is_so_by_what_is_told_of_it(rng: np.random.Generator) -> None:
+    """A slope that is sharp but takes up little of the variance is not told, and picks no group."""
+    judged = judge(subtract(side("A", 1), side("B", 2, shift_sun=2e-3), REACH), rng, 199)
+    assert judged is not None
+    shifted = next(group for group in judged.groups if group.shaft == "sun" and alike(group) == ())
+    sharp = Estimate(1e-3, 1e-6, 0.0, 0.0)
+    followed = tuple(replace(one, share=0.1, slope=sharp) for one in shifted.followed)
+    none = replace(shifted, mean=Estimate(0.0, 1e-3, 0.0, 1.0), followed=followed, p_value=0.0)
+    assert clearest(replace(judged, groups=(none, shifted))) is shifted
+    weak = replace(shifted, mean=Estimate(1e-3, 1e-3, 0.0, 0.3), followed=(), p_value=0.2)
+    assert clearest(replace(judged, groups=(weak, none))) is none
+
+
+def test_recordings_that_are_in_both_campaigns_are_told() -> None:
+    def of(label: str, *contents: str) -> Side:
+        return replace(side(label, 1), manifests=tuple(Manifest(c, {"sha256": c}) for c in contents))
+
+    def told(a: Side, b: Side) -> str:
+        return replace(subtract(side("A", 1), side("B", 1), REACH), a=a, b=b).in_both
+
+    assert told(of("A", "x", "y"), of("B", "y", "x")) == "A and B are the same recordings"
+    assert told(of("A", "x", "y"), of("B", "y", "z")).endswith("the same in both: 1")
+    assert told(of("A", "x"), of("B", "z")) == told(of("A"), of("B")) == ""
 
 
 def drawn(of: Side, truth: tuple[Array, Array], z: Array, rng: np.random.Generator) -> Side:

@@ -127,3 +127,5 @@ def test_tolerances_are_read_with_their_units() -> None:
     for speed, load in (("5", None), ("5 N m", None), (None, "0.1 rpm"), ("-1 rpm", None), (None, "0 N m")):
         with pytest.raises(GridError, match="tolerance"):
             Reach.parsed(speed, load)
+    with pytest.raises(GridError, match="-1 rpm"):
+        Reach.parsed("-1 rpm", None)

@@ -23,6 +23,7 @@ from pmg.pipeline.versus.difference import subtract
 from pmg.pipeline.versus.judged import judge
 from pmg.pipeline.versus.matching import Reach
 from pmg.pipeline.versus.side import Transducer, transducers_of
+from pmg.pipeline.versus.stage import findings
 
 RUNNER = CliRunner()
 
@@ -58,6 +59,11 @@ def test_a_store_against_itself_through_the_command(published: Path, tmp_path: P
     assert len(whole["points"]) > 200
     page = (report / "report.html").read_text()
     assert "No difference beyond noise" in page
+    graph = {entity["@id"]: entity for entity in json.loads((report / "ro-crate-metadata.json").read_text())["@graph"]}
+    action = next(entity for entity in graph.values() if entity["@type"] == "CreateAction")
+    assert action["description"] == "Made of A: published grids; B: published grids."
+    files = {str(Path(file).relative_to(report)) for file in data["files"]} - {"ro-crate-metadata.json"}
+    assert {of["@id"] for of in action["result"]} == files
 
 
 @pytest.mark.parametrize("count", [1, 3])
@@ -65,6 +71,17 @@ def test_other_than_two_stores_are_refused(published: Path, count: int, tmp_path
     error = call(*[published] * count, "--report", tmp_path / "r", expect=2)["error"]
     assert error["expected"] == "two: A and B"
     assert not (tmp_path / "r").exists()
+
+
+def test_a_campaign_without_zero_checks_is_told() -> None:
+    without = side("B", 1)
+    at = without.grid.points
+    first = replace(at, configuration=np.where(np.arange(len(at)) == 0, "zero", at.configuration))
+    checked = replace(without, analysis=replace(without.analysis, grid=replace(without.grid, points=first)))
+    versus = subtract(without, without, Reach())
+    for a, b, count in ((without, without, 2), (checked, without, 1), (checked, checked, 0)):
+        told = [finding["message"] for finding in findings(replace(versus, a=a, b=b))]
+        assert sum("no zero check" in message for message in told) == count
 
 
 def test_what_lacks_is_told(published: Path, tmp_path: Path) -> None:

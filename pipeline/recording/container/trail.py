@@ -30,17 +30,28 @@ class Trail:
         self._crc = 0
         self._pool: ThreadPoolExecutor | None = None
         self._last: Future[None] | None = None
+        self._fault: BaseException | None = None
 
     def add(self, data: bytes | memoryview) -> Future[None] | None:
         """Go on with these bytes, which may change once what is given back is done; None when they may at once."""
         if len(data) < ASIDE and (self._last is None or self._last.done()):
             self._wait()
-            self._sum(data)
+            self._go_on(data)
             return None
         if self._pool is None:
             self._pool = ThreadPoolExecutor(1, "pmg-trail")
-        self._last = self._pool.submit(self._sum, data)
+        self._last = self._pool.submit(self._go_on, data)
         return self._last
+
+    def _go_on(self, data: bytes | memoryview) -> None:
+        """Sum these bytes, unless what came before them failed: the sums would be of a file with a hole."""
+        if self._fault is not None:
+            raise self._fault
+        try:
+            self._sum(data)
+        except BaseException as fault:
+            self._fault = fault
+            raise
 
     def _sum(self, data: bytes | memoryview) -> None:
         self._hash.update(data)

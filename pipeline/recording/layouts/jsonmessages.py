@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +27,8 @@ TEXT_TIME = "#utc"
 """Follows the name of a field that holds a time as text."""
 LATEST_YEAR = "2200"
 """Nanoseconds since 1970 fit into a signed number up to beyond this year."""
+UTC_TEXT = re.compile(r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d:\d\d(?:\.\d+)?Z", flags=re.ASCII)
+"""What such a time looks like; numpy alone takes offsets and parts of a time too."""
 INT64 = 1 << 63
 
 
@@ -78,8 +81,9 @@ def _one_by_one(
             kind = type(inner)
             if (kind is int or kind is float) and name in found:
                 entry = found[name]
-                entry[0].append(place)
-                entry[1].append(inner)
+                if entry[0][-1] != place:
+                    entry[0].append(place)
+                    entry[1].append(inner)
             else:
                 _take({name: inner}, "", place, found, 0)
 
@@ -101,6 +105,8 @@ def _take(
                 if len(found) >= WIDEST:
                     continue
                 entry = found[path] = [], []
+            elif entry[0][-1] == place:
+                continue
             entry[0].append(place)
             entry[1].append(inner)
 
@@ -148,10 +154,10 @@ def _numbers(values: list[Any]) -> npt.NDArray[Any]:
             return np.array(values, dtype=np.int64)
         if all(0 <= value < 2 * INT64 for value in values):
             return np.array(values, dtype=np.uint64)
-    return np.array([_float(value) for value in values], dtype=np.float64)
+    return np.array([double(value) for value in values], dtype=np.float64)
 
 
-def _float(value: float) -> float:
+def double(value: float) -> float:
     """A number in double precision; one that is too large is not finite."""
     try:
         return float(value)
@@ -161,9 +167,9 @@ def _float(value: float) -> float:
 
 def _time(text: str) -> int | None:
     """Nanoseconds since 1970 of a time in UTC."""
-    if len(text) < 20 or not text.endswith("Z") or text[10] not in "Tt " or not "1970" <= text[:4] <= LATEST_YEAR:
+    if not UTC_TEXT.fullmatch(text) or not "1970" <= text[:4] <= LATEST_YEAR:
         return None
     try:
-        return int(np.datetime64(text[:-1], "ns").astype(np.int64))
+        return int(np.datetime64(f"{text[:10]}T{text[11:-1]}", "ns").astype(np.int64))
     except (ValueError, OverflowError):
         return None

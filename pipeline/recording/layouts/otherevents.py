@@ -11,6 +11,7 @@ import numpy as np
 
 from pmg.pipeline.recording.layouts.cdr import cdr_template
 from pmg.pipeline.recording.layouts.descriptor import message_of, protobuf_template
+from pmg.pipeline.recording.layouts.jsonmessages import double
 from pmg.pipeline.recording.layouts.layout import read_columns
 from pmg.pipeline.recording.layouts.wire import ClockMark, IndexPulse, LineEvent, TestStep, WireError
 
@@ -143,8 +144,10 @@ def _made(kind: type[Event], value: dict[str, Any]) -> Event:
             sound = isinstance(came, str)
         elif each.name == "setpoint":
             sound = isinstance(came, dict) and all(type(v) in (int, float) for v in came.values())
+            came = {name: double(number) for name, number in came.items()} if sound else came
         elif each.name == "u_ns":
             sound = type(came) in (int, float)
+            came = double(came) if sound else came
         else:
             sound = type(came) in (int, float) and came == came // 1 and 0 <= came < LARGEST
             came = int(came) if sound else came

@@ -125,14 +125,14 @@
     const narrow = matchMedia("(max-width: 43rem)").matches;
     const columns = narrow ? 1 : Math.min(specification.columns, specification.panels.length);
     const rows = Math.ceil(specification.panels.length / columns);
-    const height = Math.max(still.getBoundingClientRect().height / rows, narrow ? 380 : 260);
+    const height = Math.max(still.getBoundingClientRect().height / rows, narrow ? 440 : 260);
     const live = pmg.make("div", { class: "live" });
     live.style.setProperty("--columns", columns);
     live.style.setProperty("--panel-height", `${height}px`);
     still.after(live); // behind the still drawing, until it is whole
     try {
       for (const [index, panel] of specification.panels.entries()) {
-        const holder = pmg.make("div", { class: "panel" });
+        const holder = pmg.make("div", { class: `panel ${panel.kind}` });
         live.append(holder);
         await place(holder, panel, `${figure.dataset.title}${panel.layout.title ? `, ${panel.layout.title.text}` : ""}`, `${figure.id}-${index}`);
       }

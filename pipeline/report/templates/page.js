@@ -119,6 +119,7 @@ const pmg = {
     link.after(" ", press);
     const packed = document.getElementById(`${figure.id}-csv`);
     link.addEventListener("click", async (event) => {
+      if (typeof DecompressionStream === "undefined") return; // the file beside the page, then
       event.preventDefault(); // the page may have come alone, without the folder it was written to
       const file = new Blob([await pmg.bytes(packed.textContent)], { type: "text/csv" });
       const address = URL.createObjectURL(file);

@@ -9,8 +9,15 @@
   const dialog = document.getElementById("signals");
   const select = dialog.querySelector("select");
   const body = dialog.querySelector(".body");
-  const rows = new Map(index.cells.map((cell) => [cell.point, cell.row]));
-  for (const cell of index.cells) select.append(pmg.make("option", { value: cell.point }, cell.accepted ? cell.point : `${cell.point} (rejected)`));
+  /** Row of each point by its name; a further point of the same name has its count behind it. */
+  const rows = new Map();
+  for (const [row, cell] of index.cells.entries()) {
+    let name = cell.point;
+    for (let count = 2; rows.has(name); count += 1) name = `${cell.point} (${count})`;
+    rows.set(name, row);
+    select.append(pmg.make("option", { value: name }, cell.accepted ? name : `${name}, rejected`));
+  }
+  const names = [...rows.keys()];
 
   const unpack = async (row) => {
     const { at, length } = index.cells[row];
@@ -29,6 +36,14 @@
   };
 
   const short = (value, digits = 3) => (value === null ? "–" : value === "inf" ? "∞" : Number(Number(value).toPrecision(digits)).toString().replace("-", "−"));
+
+  /** A value and its U, both to the second digit of U. */
+  const measured = (value, expanded) => {
+    if (typeof value !== "number" || !(expanded > 0) || expanded === Infinity) return short(value, 6);
+    const places = Math.min(Math.max(1 - Math.floor(Math.log10(Number(expanded.toPrecision(2)))), 0), 20);
+    const told = value.toFixed(places);
+    return `${(Number(told) ? told : (0).toFixed(places)).replace("-", "−")} ± ${expanded.toFixed(places)} (95 %)`;
+  };
 
   /** Middles of the bins before, within and after the window. */
   const times = ({ edges, bins }) => bins.flatMap((count, part) => Array.from({ length: count }, (_, k) => edges[part] + ((edges[part + 1] - edges[part]) * (k + 0.5)) / count));
@@ -135,8 +150,8 @@
     for (const flag of cell.flags) add("Remark", flag);
     cell.channels.forEach((channel, place) => {
       const of = index.channels[place];
-      const u = channel.expanded === null ? ", no uncertainty stated" : ` ± ${short(channel.expanded, 2)} (95 %)`;
-      add(`Mean ${of.label}`, `${short(channel.mean, 6)}${u} ${of.unit}${channel.remark ? `; ${channel.remark}` : ""}`);
+      const unstated = channel.expanded === null ? ", no uncertainty stated" : "";
+      add(`Mean ${of.label}`, `${measured(channel.mean, channel.expanded)}${unstated} ${of.unit}${channel.remark ? `; ${channel.remark}` : ""}`);
     });
     if (cell.lacking) add("Signals", cell.lacking);
     return list;
@@ -165,12 +180,25 @@
 
   let back = null;
   pmg.openPoint = async (name) => {
-    if (!rows.has(name)) return;
+    if (!name) return;
     back ??= document.activeElement;
     if (!dialog.open) dialog.showModal();
-    await show(name);
+    if (rows.has(name)) await show(name);
+    else lacking(name);
   };
-  const step = (by) => show(index.cells[(rows.get(select.value) + by + index.cells.length) % index.cells.length].point);
+  /** Says that there is no such point; the list above is there to choose another. */
+  const lacking = (name) => {
+    const told = `This report holds no signals of a point named ${name}.`;
+    shown += 1;
+    pmg.forget(body);
+    body.replaceChildren(pmg.make("p", { class: "lacking" }, told));
+    select.value = "";
+    pmg.announce(told);
+  };
+  const step = (by) => {
+    const from = rows.get(select.value) ?? (by > 0 ? -1 : names.length);
+    return show(names[(from + by + names.length) % names.length]);
+  };
 
   select.addEventListener("change", () => show(select.value));
   dialog.querySelector(".before").addEventListener("click", () => step(-1));
@@ -186,11 +214,18 @@
   });
   const opener = document.getElementById("open-signals");
   opener.hidden = false;
-  opener.addEventListener("click", () => pmg.openPoint(index.cells[0].point));
+  opener.addEventListener("click", () => pmg.openPoint(names[0]));
 
   const follow = () => {
     const named = /^#point=(.+)$/.exec(location.hash);
-    if (named) pmg.openPoint(decodeURIComponent(named[1]));
+    if (!named) return;
+    let name = named[1];
+    try {
+      name = decodeURIComponent(name);
+    } catch {
+      // not an escaped name: taken as it stands
+    }
+    pmg.openPoint(name);
   };
   addEventListener("hashchange", follow);
   follow();
