@@ -16,6 +16,7 @@ from pmg.pipeline.budget.remarks import transducer_remarks
 from pmg.pipeline.budget.windowfacts import SIMULATED, rated, window_facts
 from pmg.pipeline.campaign import choose_campaign
 from pmg.pipeline.carry import lead, remark
+from pmg.pipeline.chapters.misread import misread_warning
 from pmg.pipeline.chapters.page import build_report
 from pmg.pipeline.conditions import conditions
 from pmg.pipeline.diagnose.document import diagnosis_document
@@ -23,10 +24,11 @@ from pmg.pipeline.diagnose.statement import statement
 from pmg.pipeline.drill.campaign import campaign_signals
 from pmg.pipeline.drill.encoded import encode
 from pmg.pipeline.judged import judge, leave_model
+from pmg.pipeline.misread import misread
 from pmg.pipeline.modelfile import FILE as MODEL
 from pmg.pipeline.modelfile_read import read_model
 from pmg.pipeline.orders.stage import orders_chapter
-from pmg.pipeline.outcome import Outcome
+from pmg.pipeline.outcome import Outcome, told
 from pmg.pipeline.outputs import read_analysis
 from pmg.pipeline.provenance import leave_crate, now
 from pmg.pipeline.report.write import write_report
@@ -91,6 +93,8 @@ def run_compare(
     budget = budget_of(analysis.grid, analysis.floor, bench, facts)
     behind = None if grid.origin == "published" else campaign_signals(Store(store), analysis.grid, budget)
     remarks += () if behind is None else behind.findings
+    parts = () if judged is None or judged.carried is None else judged.carried.here.parts
+    faults = misread(diagnosis, analysis, bench, parts)
     page = build_report(
         analysis,
         None if judged is None else judged.residuals,
@@ -111,6 +115,7 @@ def run_compare(
         told=_conditions(store, grid),
         tolerances={name: Tolerance(*parts) for name, parts in (tolerances or {}).items()},
         signals=None if behind is None else encode(behind.cells),
+        faults=faults,
     )
     text = ""
     if diagnosis is not None:
@@ -118,14 +123,16 @@ def run_compare(
     points = {"accepted": int(grid.accepted.sum()), "rejected": int((~grid.accepted).sum())}
     files = write_report(page, report, {"points": points})
     data: dict[str, Any] = {"report": str(files[0]), "files": [str(path) for path in files], "diagnosis": None}
+    if faults and analysis.balance is not None:
+        remarks += (told("warning", "losses", misread_warning(faults, analysis.balance)),)
     lines = [f"report: {files[0]}"]
     mismatch = False
     if diagnosis is not None:
         write_aside(report / "diagnosis.json", text.encode())
         before = "" if judged is None or judged.carried is None else lead(judged.carried)
-        told = before + statement(diagnosis)
-        data["diagnosis"], data["statement"] = json.loads(text), told
-        lines.insert(0, f"{diagnosis.verdict}: {told}")
+        said = before + statement(diagnosis)
+        data["diagnosis"], data["statement"] = json.loads(text), said
+        lines.insert(0, f"{diagnosis.verdict}: {said}")
         mismatch = diagnosis.mismatch.found
     else:
         (report / "diagnosis.json").unlink(missing_ok=True)

@@ -13,8 +13,10 @@ import numpy as np
 
 from pmg.pipeline.carry import fit_together
 from pmg.pipeline.modelfile import fitted_model
+from pmg.pipeline.report import numerals
 from pmg.sim import signals
 from pmg.sim.mechanisms.base import Instrument, Torques
+from pmg.sim.mechanisms.instruments import distorted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -59,14 +61,16 @@ class Misread:
         for part in self.parts:
             meanings = {known.name: known for known in part.kind.parameters()}
             values = ", ".join(
-                f"{meanings[name].meaning} {value:.4g}{'' if meanings[name].unit == '1' else ' ' + meanings[name].unit}"
+                f"{meanings[name].meaning} {numerals.number(value)}{'' if meanings[name].unit == '1' else ' ' + meanings[name].unit}"
                 for name, value in part.values.items()
             )
             words.append(values)
         return "; ".join(words)
 
 
-def misread(diagnosis: Diagnosis | None, analysis: Analysis, bench: BenchParameters) -> tuple[Misread, ...]:
+def misread(
+    diagnosis: Diagnosis | None, analysis: Analysis, bench: BenchParameters, parts: tuple[Part, ...] = ()
+) -> tuple[Misread, ...]:
     """Losses without the faults of readings, under each explanation that has any.
 
     Parameters
@@ -78,14 +82,17 @@ def misread(diagnosis: Diagnosis | None, analysis: Analysis, bench: BenchParamet
         Of the same campaign, with its balance.
     bench : BenchParameters
         The bench.
+    parts : tuple of Part
+        Mechanisms of a model that was carried to the campaign, beside which the diagnosis was made.
     """
-    if diagnosis is None or diagnosis.naming is None or analysis.balance is None or analysis.calibration is None:
+    if diagnosis is None or analysis.balance is None or analysis.calibration is None or analysis.floor is None:
         return ()
     found = []
-    for fits in _explanations(diagnosis):
-        if not any(issubclass(fit.candidate.kind, Instrument) for fit in fits):
+    for fits in list(_explanations(diagnosis)) or [()]:
+        kinds = [*(part.kind for part in parts), *(fit.candidate.kind for fit in fits)]
+        if not any(issubclass(kind, Instrument) for kind in kinds):
             continue
-        model = fitted_model(fit_together((), fits, analysis, bench), {})
+        model = fitted_model(fit_together(parts, fits, analysis, bench), {})
         faults = tuple(part for part in model.parts if issubclass(part.kind, Instrument))
         found.append(_without(faults, analysis, bench))
     return tuple(found)
@@ -150,9 +157,6 @@ def torques_behind(
     """
     sun, ring = torque_sun, torque_ring
     for _ in range(STEPS):
-        true = Torques(sun, ring)
-        loaded = replace(at, torque_ring=ring)
-        wrong = [fault.distortion(loaded, true) for fault in faults]
-        sun = torque_sun - np.sum([w.sun for w in wrong], axis=0)
-        ring = torque_ring - np.sum([w.ring for w in wrong], axis=0)
+        wrong = distorted(tuple(faults), replace(at, torque_ring=ring), Torques(sun, ring))
+        sun, ring = torque_sun - wrong[0], torque_ring - wrong[1]
     return sun, ring

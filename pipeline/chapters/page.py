@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,6 +15,7 @@ from pmg.pipeline.chapters.diagnosis import diagnosis_section
 from pmg.pipeline.chapters.efficiency import efficiency_section, speed_ratio_section
 from pmg.pipeline.chapters.flow import flow_section
 from pmg.pipeline.chapters.losses import losses_section
+from pmg.pipeline.chapters.misread import misread_items, misread_warning
 from pmg.pipeline.chapters.neutral import neutral_section
 from pmg.pipeline.chapters.quality import data_section
 from pmg.pipeline.chapters.validation import published_sections
@@ -21,7 +23,7 @@ from pmg.pipeline.conditions import conditions
 from pmg.pipeline.diagnose.statement import statement
 from pmg.pipeline.powerflow import power_flows
 from pmg.pipeline.readings import predict
-from pmg.pipeline.report.document import Facts, Report, Section, Signals, Verdict
+from pmg.pipeline.report.document import Facts, Report, Section, Signals, Table, Text, Verdict
 from pmg.pipeline.tolerance import agreements
 from pmg.pipeline.wording import counted
 from pmg.sim.gearbox import Gearbox
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.conditions import Conditions
     from pmg.pipeline.diagnose.diagnosis import Diagnosis
     from pmg.pipeline.drill.encoded import Encoded
+    from pmg.pipeline.misread import Misread
     from pmg.pipeline.steady_ends import SteadyEnd
     from pmg.pipeline.tolerance import Agreements, Tolerance
     from pmg.sim.bench import BenchParameters
@@ -75,6 +78,7 @@ def build_report(
     told: Conditions | None = None,
     tolerances: Mapping[str, Tolerance] | None = None,
     signals: Encoded | None = None,
+    faults: tuple[Misread, ...] = (),
 ) -> Report:
     """The report of one campaign, as far as its analysis reached.
 
@@ -110,6 +114,8 @@ def build_report(
         Tolerances that were set for the comparison, by quantity.
     signals : Encoded, optional
         The signals behind the points of the grid.
+    faults : tuple of Misread
+        The losses without a fault of a reading, under each explanation that has one.
     """
     sections: list[Section] = [
         conditions_section(told or conditions(()), note),
@@ -119,8 +125,9 @@ def build_report(
     if analysis.fits is not None:
         sections.append(neutral_section(analysis, analysis.fits))
     if analysis.balance is not None and analysis.calibration is not None:
-        sections.append(losses_section(analysis, analysis.balance, analysis.calibration))
-        sections.append(efficiency_section(analysis.balance, residuals))
+        misread = misread_items(faults, analysis.balance)
+        sections.append(_behind(losses_section(analysis, analysis.balance, analysis.calibration), misread))
+        sections.append(_behind(efficiency_section(analysis.balance, residuals), misread[:1]))
         if analysis.grid.origin != "published":  # its speeds are those that were set
             sections.append(speed_ratio_section(analysis.balance, bench))
     agreed = None if residuals is None else agreements(residuals, bench, tolerances)
@@ -136,7 +143,8 @@ def build_report(
     if residuals is not None and analysis.calibration is not None and analysis.causes is not None:
         gearbox = Gearbox.calibrated(bench, analysis.calibration.model) if carried is None else carried.gearbox
         behind = analysis.calibration, analysis.causes
-        sections.append(flow_section(power_flows(gearbox, residuals.grid, residuals.simulated, bench, *behind)))
+        flow = flow_section(power_flows(gearbox, residuals.grid, residuals.simulated, bench, *behind))
+        sections.append(_behind(flow, misread_items(faults, analysis.balance)[:1] if analysis.balance else ()))
     if orders is not None:
         sections.append(orders)
     sections.extend(published_sections(analysis.grid, bench))
@@ -145,16 +153,29 @@ def build_report(
     return Report(
         title=f"Campaign {grid.campaign}",
         subtitle=note or "Planetary magnetic gearbox: recordings, losses, simulation and what explains the difference",
-        verdict=_verdict(analysis, diagnosis, "" if carried is None else lead(carried), agreed),
+        verdict=_verdict(analysis, diagnosis, "" if carried is None else lead(carried), agreed, faults),
         sections=tuple(sections),
         provenance=Facts((*provenance, ("Versions", versions(PACKAGES)))),
         signals=None if signals is None else Signals(signals.index_json, signals.base64),
     )
 
 
-def _verdict(analysis: Analysis, diagnosis: Diagnosis | None, before: str, agreed: Agreements | None) -> Verdict:
+def _behind(section: Section, first: tuple[Text | Table, ...]) -> Section:
+    """The section with some items before its own."""
+    return replace(section, items=(*first, *section.items))
+
+
+def _verdict(
+    analysis: Analysis,
+    diagnosis: Diagnosis | None,
+    before: str,
+    agreed: Agreements | None,
+    faults: tuple[Misread, ...],
+) -> Verdict:
     grid = analysis.grid
     warnings = []
+    if faults and analysis.balance is not None:
+        warnings.append(misread_warning(faults, analysis.balance))
     rejected = int((~grid.accepted).sum())
     if rejected:
         warnings.append(f"{counted(rejected, 'point')} rejected; the reasons are in the chapter on data quality.")
