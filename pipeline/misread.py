@@ -59,12 +59,10 @@ class Misread:
         """The faults in words."""
         words = []
         for part in self.parts:
-            meanings = {known.name: known for known in part.kind.parameters()}
-            values = ", ".join(
-                f"{meanings[name].meaning} {numerals.number(value)}{'' if meanings[name].unit == '1' else ' ' + meanings[name].unit}"
-                for name, value in part.values.items()
-            )
-            words.append(values)
+            known = {parameter.name: parameter for parameter in part.kind.parameters()}
+            for name, value in part.values.items():
+                unit = "" if known[name].unit == "1" else f" {known[name].unit}"
+                words.append(f"{known[name].meaning} {numerals.number(value)}{unit}")
         return "; ".join(words)
 
 
