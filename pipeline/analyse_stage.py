@@ -13,7 +13,7 @@ from pmg.pipeline.completeness import earlier_means, lack_findings
 from pmg.pipeline.gridtable import read_published
 from pmg.pipeline.options import AnalysisOptions
 from pmg.pipeline.outcome import Outcome, told
-from pmg.pipeline.outputs import analysis_document, write_analysis
+from pmg.pipeline.outputs import analysed_campaign, analysis_document, analysis_files, write_analysis
 from pmg.pipeline.provenance import leave_crate, now
 from pmg.pipeline.store import Store
 from pmg.sim.bench import load_bench
@@ -58,14 +58,26 @@ def run_analyse(
         bench, remarks = rated(bench, facts), tuple(transducer_remarks(facts, bench))
     analysis = analyse(grid, options, bench)
     budget = budget_of(analysis.grid, analysis.floor, bench, facts)
+    before = analysed_campaign(store)
     folder = write_analysis(analysis, store, budget)
-    leave_crate(folder, store, grid, "pmg analyse", began, clock)
+    leave_crate(folder, store, grid, "pmg analyse", began, clock, results=analysis_files(folder))
     return Outcome(
         data={"analysis": analysis_document(analysis, budget), "folder": str(folder)},
         lines=_analysis_lines(analysis, folder, len(failed)),
-        findings=analysis_findings(analysis, failed, manifests) + remarks + tuple(budget_remarks(budget)),
+        findings=replaced(folder, before, grid.campaign)
+        + analysis_findings(analysis, failed, manifests)
+        + remarks
+        + tuple(budget_remarks(budget)),
         partial=bool(failed) or not analysis.complete,
     )
+
+
+def replaced(folder: Path, before: str | None, campaign: str) -> tuple[dict[str, Any], ...]:
+    """A warning where the analysis of another campaign stood in this folder."""
+    if before is None or before == campaign:
+        return ()
+    message = f"replaces the analysis of {before}; a store holds one analysis: give each campaign a store to keep both"
+    return (told("warning", str(folder), message),)
 
 
 def failed_sources(store: Path) -> tuple[Manifest, ...]:

@@ -119,20 +119,26 @@ def template(as_json: JsonOption = False) -> None:
 
 
 def doctor(
-    place: Annotated[Path, typer.Argument(help="Folder of recordings, one recording, or a store.", metavar="PLACE")],
+    place: Annotated[
+        Path | None, typer.Argument(help="Folder of recordings, one recording, or a store.", metavar="[PLACE]")
+    ] = None,
     store: Annotated[
         Path | None, typer.Option("--store", help="Where the store would be: is it writable, is there room?")
     ] = None,
     chart: SupplyOption = None,
+    config: ConfigOption = None,
     as_json: JsonOption = False,
     fail_on: FailOnOption = FailOn.NEVER,
 ) -> None:
     """Say what a set of recordings permits before anything is run, and which recording would permit more."""
 
     def stage() -> Outcome:
+        from pmg.pipeline.config.chosen import choose
         from pmg.pipeline.doctor.stage import run_doctor
 
+        chosen = choose(config, recordings=place, store=store, map=chart)
+        looked_at = chosen.needed("recordings", "PLACE")
         with progress_line(as_json, "doctor") as progress:
-            return run_doctor(place, store, progress, chart)
+            return run_doctor(looked_at, chosen.path("store"), progress, chosen.path("map"))
 
     carry_out("doctor", stage, as_json, fail_on)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import traceback
 from contextlib import contextmanager
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.outcome import Outcome
 
 SCHEMA = "pmg.result/1"
+RESUMES = ("ingest", "run", "prove")
+"""Commands that go on where an interrupted call of theirs ended."""
 
 
 class ExitCode(IntEnum):
@@ -65,25 +68,29 @@ def carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on
         _tell_error(command, f"{where}: {came}.", "Check path, rights and free space.")
     except KeyboardInterrupt:
         code = ExitCode.INTERRUPTED
+        again = "Run it again to resume." if command in RESUMES else "Run it again; it begins anew."
         error = {
             "where": command,
             "came": "interrupted",
             "expected": "to end by itself",
-            "do": "Run it again to resume.",
+            "do": again,
         }
-        _tell_error(command, "interrupted; what has been written is whole.", "Run it again to resume.")
+        _tell_error(command, "interrupted; what has been written is whole.", again)
     except Exception as problem:  # the outermost place: a defect of pmg, shown with its trace
         code = ExitCode.INTERNAL_ERROR
         do = "Report this as a defect of pmg."
         error = {"where": command, "came": repr(problem), "expected": "no such error", "do": do}
         traceback.print_exc()
         _tell_error(command, "internal error, a defect of pmg.", "Please report it with the lines above.")
-    if as_json:
-        typer.echo(text if error is None else as_text(command, code, None, error))
-    elif outcome is not None:
-        for line in outcome.lines:
-            typer.echo(line)
-        _tell_findings(outcome)
+    try:
+        if as_json:
+            typer.echo(text if error is None else as_text(command, code, None, error))
+        elif outcome is not None:
+            for line in outcome.lines:
+                typer.echo(line)
+            _tell_findings(outcome)
+    except BrokenPipeError:  # whoever reads has read enough, such as head; what is left goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if code:
         raise typer.Exit(int(code))
 

@@ -23,7 +23,7 @@ from pmg.pipeline.diagnose.document import diagnosis_document
 from pmg.pipeline.diagnose.statement import statement
 from pmg.pipeline.drill.campaign import campaign_signals
 from pmg.pipeline.drill.encoded import encode
-from pmg.pipeline.judged import judge, leave_model
+from pmg.pipeline.judged import judge, leave_model, summary_facts
 from pmg.pipeline.misread import misread
 from pmg.pipeline.modelfile import FILE as MODEL
 from pmg.pipeline.modelfile_read import read_model
@@ -120,8 +120,7 @@ def run_compare(
     text = ""
     if diagnosis is not None:
         text = json.dumps(diagnosis_document(diagnosis), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    points = {"accepted": int(grid.accepted.sum()), "rejected": int((~grid.accepted).sum())}
-    files = write_report(page, report, {"points": points})
+    files = write_report(page, report, summary_facts(grid, judged, bench, tolerances))
     data: dict[str, Any] = {"report": str(files[0]), "files": [str(path) for path in files], "diagnosis": None}
     if faults and analysis.balance is not None:
         remarks += (told("warning", "losses", misread_warning(faults, analysis.balance)),)
@@ -139,7 +138,9 @@ def run_compare(
     if judged is not None:
         data |= leave_model(judged, report / MODEL, model)
         lines += [] if judged.carried is None else [remark(judged.carried)]
-    leave_crate(report, store, grid, "pmg compare", began, clock, () if model is None else (model,))
+    made = (("diagnosis.json", diagnosis is not None), (MODEL, bool(data.get("model"))))
+    written = (*files, *(report / name for name, there in made if there))
+    leave_crate(report, store, grid, "pmg compare", began, clock, () if model is None else (model,), written)
     found = remarks + analysis_findings(analysis, failed, used)
     return Outcome(data, tuple(lines), found, bool(failed) or not analysis.complete, mismatch)
 

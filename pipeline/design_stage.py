@@ -52,7 +52,7 @@ def run_design(
     remarks: tuple[dict[str, Any], ...] = ()
     whole = None if model_file is None else read_model(model_file)
     if plan is not None:
-        file = read_scenario(plan)
+        file = read_scenario(plan, "a plan")
         if file.scenario.plan is None:
             raise BenchError(str(plan), "no [plan]", "a table [plan]", "Add one.")
         model = loss_model(file, bench) if whole is None else whole.baseline

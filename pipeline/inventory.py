@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 SUFFIX = ".mcap"
+FOREIGN = frozenset({".csv", ".tsv", ".tdms", ".mf4", ".mdf"})
+"""Ends of the names of files that other recorders write."""
+BRING = "Bring it in with 'pmg import': a file says which channel is which (see 'pmg import --help')."
 SAMPLED = 1 << 16
 """Bytes at either end of a file that tell, with its size, which shard it belongs to."""
 
@@ -122,16 +125,19 @@ def find_recordings(place: Path) -> list[Path]:
         Nothing is there.
     """
     if place.is_file():
+        if place.suffix.lower() in FOREIGN:
+            came = f"a file of the ending {place.suffix}"
+            raise RecordingError(str(place), came, f"a folder of {SUFFIX} files, or one", BRING)
         return [place]
     if not place.exists():
-        raise RecordingError(str(place), "nothing there", f"a folder of {SUFFIX} files, or one", "Check the path.")
+        came = "no such file" if place.suffix else "no such folder"
+        raise RecordingError(str(place), came, f"a folder of {SUFFIX} files, or one", "Check the path.")
     found = sorted(path for path in place.rglob(f"*{SUFFIX}") if not path.is_dir())
     if not found:
         others = sorted({path.suffix or "no suffix" for path in place.iterdir()})
         held = f"no {SUFFIX} file" + (f" (but {', '.join(others[:5])})" if others else " (the folder is empty)")
-        raise RecordingError(
-            str(place), held, f"recordings with the ending {SUFFIX}", "Name the folder that holds them."
-        )
+        do = BRING if FOREIGN & {other.lower() for other in others} else "Name the folder that holds them."
+        raise RecordingError(str(place), held, f"recordings with the ending {SUFFIX}", do)
     return found
 
 

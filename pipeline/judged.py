@@ -10,12 +10,15 @@ from pmg.pipeline.carry import carry, found_together
 from pmg.pipeline.compare import compare
 from pmg.pipeline.diagnose.audit import audit_design
 from pmg.pipeline.diagnose.decide import diagnose
+from pmg.pipeline.diagnose.document import mechanism_facts
 from pmg.pipeline.modelfile import model_of, model_text
 from pmg.pipeline.steady_ends import steady_ends
+from pmg.pipeline.tolerance import Tolerance, agreements
 from pmg.sim.gearbox import Gearbox
 from pmg.sim.solve import steady
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     import numpy as np
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.options import AnalysisOptions
     from pmg.pipeline.steady_ends import SteadyEnd
     from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
 
 
 @dataclass(frozen=True)
@@ -104,6 +108,37 @@ def judge(
     after = (*shown.baseline.mechanisms(bench), *shown.beside(bench))
     ends = steady_ends(grid, bench, plain.mechanisms, after) if shown.parts else ()
     return Judged(residuals, diagnosis, model, carried, ends)
+
+
+def summary_facts(
+    grid: Grid,
+    judged: Judged | None,
+    bench: BenchParameters,
+    tolerances: Mapping[str, tuple[float, float]] | None = None,
+) -> dict[str, Any]:
+    """What `report.summary` adds for programs: points, the diagnosis's word, mechanisms, counts of the comparison.
+
+    Parameters
+    ----------
+    grid : Grid
+        The analysed grid.
+    judged : Judged or None
+        What it says about the simulator; without it the points alone are told.
+    bench : BenchParameters
+        Data sheets of the transducers.
+    tolerances : mapping, optional
+        Tolerances that were set, by quantity: absolute [SI] and relative.
+    """
+    points = {"accepted": int(grid.accepted.sum()), "rejected": int((~grid.accepted).sum())}
+    if judged is None:
+        return {"points": points}
+    given = {name: Tolerance(*parts) for name, parts in (tolerances or {}).items()}
+    return {
+        "points": points,
+        "diagnosis": str(judged.diagnosis.verdict),
+        "mechanisms": mechanism_facts(judged.diagnosis),
+        "tolerance": agreements(judged.residuals, bench, given).counts,
+    }
 
 
 def leave_model(judged: Judged, path: Path, given: Path | None) -> dict[str, Any]:

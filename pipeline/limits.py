@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.config.quantity import RATE, RATIO, SPEED_OF_SHAFT, TIME_SPAN, Dimension, quantity
@@ -30,6 +30,15 @@ DIMENSIONS: dict[str, Dimension] = {
 MAY_BE_ZERO = ("settle", "counts")
 TABLE = "windows"
 """Table of the file that holds the limits."""
+
+
+MEANING = "meaning"
+"""Key of the metadata of a field of `Steadiness` with its meaning in a phrase."""
+
+
+def _limit(value: float, meaning: str) -> Any:  # noqa: ANN401 - what a dataclass takes for a field
+    """A limit: its default and its meaning."""
+    return field(default=value, metadata={MEANING: meaning})
 
 
 @dataclass(frozen=True)
@@ -72,22 +81,22 @@ class Steadiness:
         Time after a change that belongs to no plateau [s].
     """
 
-    shortest: float = 1.0
-    completeness: float = 0.9
-    speed_change: float = 0.5 * RPM
-    speed_change_relative: float = 0.002
-    parts: int = 10
-    counts: float = 2.0
-    speed_offset: float = 2.0 * RPM
-    speed_offset_relative: float = 0.005
-    torque_drift: float = 0.01
-    torque_drift_sigmas: float = 8.0
-    frequency_low: float = 5_000.0
-    frequency_high: float = 15_000.0
-    step_speed: float = 5.0 * RPM
-    step_torque: float = 0.02
-    step_beside: float = 1.0
-    settle: float = 1.0
+    shortest: float = _limit(1.0, "shortest window")
+    completeness: float = _limit(0.9, "least part of the announced length")
+    speed_change: float = _limit(0.5 * RPM, "largest change of a speed within a window")
+    speed_change_relative: float = _limit(0.002, "the same, as part of the speed; the larger of both holds")
+    parts: int = _limit(10, "parts of a window whose speeds are compared")
+    counts: float = _limit(2.0, "encoder counts per part that are added to the change allowed")
+    speed_offset: float = _limit(2.0 * RPM, "largest distance of a speed from its set-point")
+    speed_offset_relative: float = _limit(0.005, "the same, as part of the set-point; the sum of both holds")
+    torque_drift: float = _limit(0.01, "largest change of a torque within a window, as part of the nominal torque")
+    torque_drift_sigmas: float = _limit(8.0, "and least size of it, in its own standard errors")
+    frequency_low: float = _limit(5_000.0, "lower end of the rated output of the torque transducers")
+    frequency_high: float = _limit(15_000.0, "upper end of it")
+    step_speed: float = _limit(5.0 * RPM, "change of a speed that ends a plateau where nothing marks the points")
+    step_torque: float = _limit(0.02, "the same of a torque, as part of the nominal torque")
+    step_beside: float = _limit(1.0, "stretch before and after such a change whose means are compared")
+    settle: float = _limit(1.0, "time after such a change that belongs to no plateau")
 
     def document(self) -> dict[str, float]:
         """As JSON, in SI."""
@@ -95,6 +104,21 @@ class Steadiness:
 
 
 LIMITS = Steadiness()
+MEANINGS: dict[str, str] = {limit.name: limit.metadata[MEANING] for limit in fields(Steadiness)}
+"""Meaning of each limit, in a phrase."""
+
+
+def limit_told(name: str, values: Mapping[str, Any] | None = None) -> str:
+    """A limit with its unit, such as ``0.5 rpm``; the default one where no values are given."""
+    value = (asdict(LIMITS) if values is None else values)[name]
+    dimension = DIMENSIONS.get(name)
+    if dimension is None or not isinstance(value, int | float):
+        return f"{value:g}" if isinstance(value, int | float) else str(value)
+    if name in SPEEDS:
+        return f"{value / RPM:.10g} {next(u for u, s in SPEED_OF_SHAFT.units.items() if s == RPM)}"
+    if dimension is RATIO:
+        return f"{100.0 * value:.10g} %"
+    return f"{value:.10g} {dimension.unit}"
 
 
 def read_limits(path: Path) -> Steadiness:

@@ -20,6 +20,7 @@ from pmg.pipeline.gridtable import frame_grid, grid_frame
 from pmg.pipeline.losses import AVERAGED, QUANTITIES
 from pmg.pipeline.options import AnalysisOptions
 from pmg.pipeline.powerflow import flow_document, flow_frame, power_flows
+from pmg.pipeline.store import Store, refuse_recordings
 from pmg.pipeline.unstated import unstated_columns, unstated_in
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import StoreError
@@ -41,6 +42,17 @@ if TYPE_CHECKING:
 SCHEMA = "pmg.analysis/1"
 FOLDER = "analysis"
 SUMMARY = "analysis.json"
+TABLES = (
+    "grid",
+    "neutral_grid",
+    "engaged_grid",
+    "zero_checks",
+    "losses",
+    "means_by_load",
+    "power_flow",
+    "budget",
+)
+"""Tables of an analysis, each as CSV and as Parquet."""
 
 
 def _write_frame(frame: pd.DataFrame, stem: Path) -> str:
@@ -194,6 +206,22 @@ def write_analysis(analysis: Analysis, store: Path, budget: Budget | None = None
     return folder
 
 
+def analysis_files(folder: Path) -> tuple[Path, ...]:
+    """What `write_analysis` left in its folder; files that others put there are not among them."""
+    tables = (folder / f"{name}{suffix}" for name in TABLES for suffix in (".csv", ".parquet"))
+    return tuple(path for path in (*tables, folder / "power_flow.json", folder / SUMMARY) if path.is_file())
+
+
+def analysed_campaign(store: Path) -> str | None:
+    """Name of the campaign whose analysis a store holds; None where there is none that can be read."""
+    try:
+        document = json.loads((store / FOLDER / SUMMARY).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    name = document.get("campaign") if isinstance(document, dict) else None
+    return name if isinstance(name, str) else None
+
+
 def _loss_tables(analysis: Analysis, folder: Path) -> dict[str, pd.DataFrame]:
     """Losses, their means and the power flow, written; where there are none, those of an earlier run go."""
     tables: dict[str, pd.DataFrame] = {}
@@ -227,6 +255,9 @@ def read_analysis(store: Path) -> tuple[Grid, AnalysisOptions]:
     folder = store / FOLDER
     summary = folder / SUMMARY
     if not summary.is_file():
+        refuse_recordings(store)
+        if not store.exists():
+            Store(store).require()
         raise StoreError(
             str(store), "no analysis in it", f"{FOLDER}/{SUMMARY}", "Run 'pmg analyse' on this store first."
         )

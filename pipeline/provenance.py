@@ -23,7 +23,14 @@ def now() -> datetime:
 
 
 def leave_crate(
-    folder: Path, store: Path, grid: Grid, command: str, began: datetime, clock: Clock, more: tuple[Path, ...] = ()
+    folder: Path,
+    store: Path,
+    grid: Grid,
+    command: str,
+    began: datetime,
+    clock: Clock,
+    more: tuple[Path, ...] = (),
+    results: tuple[Path, ...] | None = None,
 ) -> Path:
     """Say beside the results of a stage which program made them of which recordings, and when.
 
@@ -43,11 +50,14 @@ def leave_crate(
         Time of day, asked once more for the end.
     more : tuple of Path
         Further files that went in.
+    results : tuple of Path, optional
+        The files that came out; all that are in the folder when not given.
     """
     recordings = _went_in(store, grid)
     files = (*recordings, *map(source_file, more))
     title = f"Results of {command} for campaign {grid.campaign}"
-    return write_crate(folder, CrateAction(command, title, f"Made of {_made(recordings)}.", began, clock(), files))
+    action = CrateAction(command, title, f"Made of {_made(recordings)}.", began, clock(), files, results)
+    return write_crate(folder, action)
 
 
 def leave_crate_of_two(

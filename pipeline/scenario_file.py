@@ -44,7 +44,7 @@ class ScenarioFile:
         return self.path.parent / name
 
 
-def read_scenario(path: Path) -> ScenarioFile:
+def read_scenario(path: Path, what: str = "a scenario") -> ScenarioFile:
     """The scenario in a file.
 
     Raises
@@ -52,7 +52,7 @@ def read_scenario(path: Path) -> ScenarioFile:
     BenchError
         When the file cannot be read, is not TOML, or asks for something unknown, out of range or contradictory.
     """
-    file = read_toml(path, "a scenario")
+    file = read_toml(path, what)
     data = file.data
     for key, name, asked in _foreign_units(data):
         unit = next(unit for unit in UNITS.values() if not name.endswith(f"_{unit}"))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 
 from pmg.pipeline.aside import PREFIX, abandoned, write_aside
+from pmg.pipeline.inventory import SUFFIX
 from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
@@ -72,12 +73,14 @@ class Store:
         self.path = path
         mark = path / MARK
         if path.exists() and not path.is_dir():
+            refuse_recordings(path)
             raise StoreError(str(path), "a file", "a folder", "Name a folder for the store.")
         if mark.is_file():
             schema = _schema_of(mark)
             if schema != SCHEMA:
                 raise StoreError(str(mark), f"schema {schema!r}", SCHEMA, "Choose another folder, or ingest anew.")
         elif path.is_dir() and _held_otherwise(path):
+            refuse_recordings(path)
             raise StoreError(
                 str(path),
                 f"a folder with other things in it and no {MARK}",
@@ -97,8 +100,11 @@ class Store:
 
     def require(self) -> None:
         """Raise a `StoreError` where nothing was ever ingested."""
-        if not self.made:
-            raise StoreError(str(self.path), "no store there", "ingested recordings", "Run 'pmg ingest' first.")
+        if self.made:
+            return
+        if not self.path.exists():
+            raise StoreError(str(self.path), "no such folder", "a store", "Run 'pmg ingest' first, or check the path.")
+        raise StoreError(str(self.path), "no store there", "ingested recordings", "Run 'pmg ingest' first.")
 
     def manifest(self, identifier: str) -> Manifest | None:
         """The manifest of a source; None where there is none that can be read."""
@@ -192,6 +198,18 @@ class Store:
             if not (self.path / SOURCES / f"{identifier}.json").exists():
                 self._forget(identifier)
             leaving.unlink(missing_ok=True)
+
+
+def refuse_recordings(path: Path) -> None:
+    """Raise a `StoreError` where a recording, or a folder of them, is named in place of a store."""
+    if path.is_file() and path.suffix == SUFFIX:
+        came = "a recording"
+    elif path.is_dir() and any(path.glob(f"*{SUFFIX}")):
+        came = "a folder of recordings"
+    else:
+        return
+    do = "Run 'pmg ingest' first: 'pmg ingest RECORDINGS --store STORE' makes a store of them, in a folder of its own."
+    raise StoreError(str(path), came, "a store", do)
 
 
 def _held_otherwise(path: Path) -> bool:

@@ -34,6 +34,13 @@ class State(StrEnum):
     NOT_COMPARABLE = "not comparable"
 
 
+def _states(compared: Mask, within: Mask) -> tuple[State, ...]:
+    return tuple(
+        State.NOT_COMPARABLE if not known else State.WITHIN if inside else State.OUT
+        for known, inside in zip(compared, within, strict=True)
+    )
+
+
 @dataclass(frozen=True)
 class Tolerance:
     """How far a simulated value may lie from the measured one: the larger of two bounds.
@@ -76,10 +83,7 @@ class Agreement:
     @property
     def states(self) -> tuple[State, ...]:
         """`State` of each point."""
-        return tuple(
-            State.NOT_COMPARABLE if not known else State.WITHIN if inside else State.OUT
-            for known, inside in zip(self.compared, self.within, strict=True)
-        )
+        return _states(self.compared, self.within)
 
 
 @dataclass(frozen=True)
@@ -104,6 +108,18 @@ class Agreements:
         """Points at which every quantity that is compared agrees."""
         agreeing = np.all([one.within | ~one.compared for one in self.of.values()], axis=0)
         return np.asarray(self.compared & agreeing)
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """`State` of each point by all that is compared there."""
+        return _states(self.compared, self.within)
+
+    @property
+    def counts(self) -> dict[str, dict[str, int]]:
+        """Points within, out of tolerance and not comparable: over all quantities, as ``points``, and for each."""
+        states = {"points": self.states} | {name: one.states for name, one in self.of.items()}
+        words = {"within": State.WITHIN, "out": State.OUT, "not_comparable": State.NOT_COMPARABLE}
+        return {name: {word: judged.count(state) for word, state in words.items()} for name, judged in states.items()}
 
     @property
     def told(self) -> str:

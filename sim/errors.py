@@ -66,7 +66,7 @@ class FitError(PmgError):
 
 
 def near_miss(word: str, known: Iterable[str]) -> str:
-    """A hint such as ``Did you mean 'ring'?``, or the list of what is known."""
-    names = sorted(known)
+    """A hint such as ``Did you mean 'ring'?``, or the list of what is known; never the word itself."""
+    names = sorted(set(known) - {word})
     close = get_close_matches(word, names, n=1)
     return f"Did you mean '{close[0]}'?" if close else f"Known: {', '.join(names)}."

@@ -87,7 +87,7 @@ TABLE: dict[str, Row] = {
         "compare_stage.run_compare",
         "--store {analysed} --report {tmp}/r",
         (
-            Wrong(f"--store {NO_STORE} --report {{tmp}}/r", "pmg analyse"),
+            Wrong(f"--store {NO_STORE} --report {{tmp}}/r", "pmg ingest"),
             Wrong("--store {analysed} --report {tmp}/r --model {notes}", "notes"),
             Wrong("--store {broken_analysis} --report {tmp}/r", "pmg analyse"),
             Wrong("--store {analysed}", "report"),
@@ -209,7 +209,7 @@ TABLE: dict[str, Row] = {
     "runs show": Row(
         "catalogue.stage.run_show",
         "{store} 05.mcap",
-        (Wrong(f"{NO_STORE} 05.mcap", "pmg ingest"), Wrong("{store} 99.mcap", "99.mcap"), Wrong("{store}", "name")),
+        (Wrong(f"{NO_STORE} 05.mcap", "pmg ingest"), Wrong("{store} 99.mcap", "99.mcap"), Wrong("{store}", "NAME")),
     ),
     "runs diff": Row(
         "catalogue.stage.run_diff",
@@ -368,6 +368,84 @@ def test_a_command_that_cannot_run_says_so_in_four_parts(
 @pytest.mark.parametrize("words", [("rnu",), (), ("runs",), ("runs", "lsit")])
 def test_words_that_are_no_command_are_told_as_json_too(words: tuple[str, ...]) -> None:
     assert call(*words)["exit_code"] == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "told_first", "hint"),
+    [
+        (("run", "--stor", "x"), "pmg run: no option '--stor'; expected", "Did you mean '--store'?"),
+        (("run", "--zzzz"), "pmg run: no option '--zzzz'; expected", "See 'pmg run --help'."),
+        (("rnu",), "pmg: no command 'rnu'; expected", "Did you mean 'run'?"),
+        (("runs", "lsit"), "pmg runs: no command 'lsit'; expected", "Did you mean 'list'?"),
+        (("run", "--fail-on", "findngs"), "pmg run: --fail-on 'findngs'; expected", "Did you mean 'findings'?"),
+        (("run", "--workers", "two"), "pmg run: --workers with another value; expected a whole number", "Correct it."),
+        (("run", "--workers", "0"), "pmg run: invalid value for '--workers': must be", "Correct it."),
+        (("config", "check"), "pmg config check: FILE is missing; expected", "Add FILE."),
+        (("report", "a", "b"), "pmg report: --report is missing; expected", "Add --report."),
+        (("run", "a", "b"), "pmg run: got unexpected extra argument", "See 'pmg run --help'."),
+    ],
+)
+def test_wrong_words_have_the_form_of_every_error(words: tuple[str, ...], told_first: str, hint: str) -> None:
+    done = RUNNER.invoke(app, words)
+    lines = done.stderr.splitlines()
+    assert (done.exit_code, done.stdout, len(lines)) == (2, "", 2)
+    assert lines[0].startswith(told_first)
+    assert lines[1].startswith(f"hint: {hint}")
+    error = call(*words)["error"]
+    assert lines[0] == f"{error['where']}: {error['came']}; expected {error['expected']}."
+
+
+@pytest.mark.parametrize(
+    ("place", "says"),
+    [("{sound}", "a folder of recordings"), ("{sound}/00.mcap", "a recording"), ("{tmp}/none", "no such folder")],
+)
+@pytest.mark.parametrize("command", ["runs list {}", "compare --report {{tmp}}/r --store {}", "design --store {}"])
+def test_what_is_no_store_is_told_for_what_it_is(
+    command: str, place: str, says: str, places: dict[str, Path], tmp_path: Path
+) -> None:
+    error = call(*filled(command.format(place), places, tmp_path))["error"]
+    assert error["came"] == says
+    assert "pmg ingest" in error["do"]
+
+
+def test_an_interrupted_command_goes_on_or_begins_anew(plant: Plant, places: dict[str, Path], tmp_path: Path) -> None:
+    for command, word in (("ingest", "resume"), ("doctor", "anew"), ("compare", "anew")):
+        plant(TABLE[command].stage, raises(KeyboardInterrupt()))
+        error = call(*command.split(), *filled(TABLE[command].runs, places, tmp_path))["error"]
+        assert word in error["do"]
+
+
+def test_a_reader_that_has_read_enough_is_no_fault(places: dict[str, Path]) -> None:
+    script = f'"{sys.executable}" -m pmg.pipeline runs list "{places["store"]}" --csv --columns all; echo "code $?" >&2'
+    done = subprocess.run(
+        ["bash", "-c", f"{{ {script}; }} | true"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    whole = call("runs", "list", places["store"])["exit_code"]
+    assert done.stderr.splitlines()[-1:] == [f"code {whole}"]
+    assert "Broken" not in done.stderr
+
+
+def test_an_analysis_in_the_place_of_another_is_told_and_its_crate_names_what_it_wrote(
+    places: dict[str, Path], tmp_path: Path
+) -> None:
+    words = ("analyse", "--grids", places["grids"], "--store", tmp_path, *PLAIN_TERMS)
+    folder = tmp_path / "analysis"
+    shutil.copytree(places["analysed"] / "analysis", folder)
+    shutil.copy(places["analysed"] / "store.json", tmp_path)
+
+    def replaced() -> list[str]:
+        return [f["message"] for f in call(*words)["findings"] if "replaces the analysis" in f["message"]]
+
+    assert replaced() == []
+    summary = json.loads((folder / "analysis.json").read_text())
+    (folder / "analysis.json").write_text(json.dumps(summary | {"campaign": "open-gain"}))
+    (folder / "notes.txt").write_text("of mine")
+    (message,) = replaced()
+    assert "open-gain" in message
+    graph = json.loads((folder / "ro-crate-metadata.json").read_text())["@graph"]
+    (action,) = [each for each in graph if each["@type"] == "CreateAction"]
+    held = {path.name for path in folder.iterdir()} - {"notes.txt", "ro-crate-metadata.json"}
+    assert {each["@id"] for each in action["result"]} == held
 
 
 # --- codes that a planted stage shows ------------------------------------------------------------------

@@ -193,7 +193,7 @@ def test_the_desk_explains_itself_without_installing(tmp_path: Path) -> None:
     shutil.copy(ROOT / "pmgw", tmp_path)
     done = subprocess.run(["./pmgw", "--help"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0
-    assert all(word in done.stdout for word in ("demo", "test", "check"))
+    assert all(word in done.stdout for word in ("demo", "test", "check", "./pmgw commands", "./pmgw --version"))
     assert [path.name for path in tmp_path.iterdir()] == ["pmgw"]
 
 
@@ -291,3 +291,21 @@ def test_a_fault_in_the_map_is_seen() -> None:
         map_of_rooms(good.replace("  grid.py", "      grid.py"))
     with pytest.raises(AssertionError, match="no fenced block"):
         map_of_rooms(good.replace("<!-- /map -->", ""))
+
+
+DOCUMENTS = sorted(path.relative_to(ROOT).as_posix() for path in (*ROOT.glob("*.md"), *ROOT.glob("r*/**/*.md")))
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in DOCUMENTS if not name.startswith(("reports/api", "reports/tutorial/"))]
+)
+def test_links_of_documents_lead_somewhere(name: str) -> None:
+    text = (ROOT / name).read_text(encoding="utf-8")
+    plain = re.sub(r"```.*?```", "", text, flags=re.DOTALL)
+    links = [link for link in re.findall(r"\]\(([^)\s]+)\)", plain) if "://" not in link]
+    headings = re.findall(r"(?m)^#+ (.*)$", plain)
+    anchors = {re.sub(r"[^\w\- ]", "", heading).strip().lower().replace(" ", "-") for heading in headings}
+    for link in links:
+        place, _, anchor = link.partition("#")
+        assert not place or (ROOT / name).parent.joinpath(place).exists(), f"{name}: {link}"
+        assert place or anchor in anchors, f"{name}: {link}"

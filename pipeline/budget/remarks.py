@@ -25,7 +25,7 @@ LEVEL = 0.01
 
 
 def budget_remarks(budget: Budget) -> Iterator[dict[str, Any]]:
-    """Remarks in the plain form of a stage's findings: windows whose noise is slow, a tare that is off."""
+    """Remarks in the plain form of a stage's findings: windows whose noise is slow, a tare off or unknown."""
     grid, facts = budget.grid, budget.facts
     if facts is not None and facts.correlated.any():
         names = grid.points.name[facts.correlated]
@@ -35,6 +35,14 @@ def budget_remarks(budget: Budget) -> Iterator[dict[str, Any]]:
             "settled within a twentieth of it. Their uncertainty rests on what slow noise may be; longer windows tell."
         )
         yield told("warning", "windows", message)
+    checks = int((grid.points.zero & grid.accepted).sum())
+    if grid.origin != "published" and checks < 2:
+        message = (
+            f"{'none' if not checks else 'one'} in this campaign; expected two or more, as they tell how far the "
+            "tares are off. What all points share holds no part for that, and is smaller than it should be; record "
+            "one before and one after the campaign."
+        )
+        yield told("warning", "zero checks", message)
     for shaft in budget.shafts:
         zeros = shaft.torque[grid.points.zero & grid.accepted]
         if len(zeros) > 2 and stats.ttest_1samp(zeros, 0.0).pvalue < LEVEL:

@@ -19,6 +19,7 @@ from pmg.pipeline.catalogue.held import Held, held
 from pmg.pipeline.catalogue.index import Catalogue, open_catalogue
 from pmg.pipeline.catalogue.listing import aligned, comma_separated, for_json, printable, shown
 from pmg.pipeline.catalogue.query import column_named, parse
+from pmg.pipeline.limits import limit_told
 from pmg.pipeline.outcome import Outcome, told
 from pmg.pipeline.store import RUNS, Store
 from pmg.pipeline.wording import counted
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.catalogue.entries import Cell
+
+LIMITS = "limits"
+"""Part of a manifest with the limits by which windows were judged."""
 
 
 def run_list(
@@ -123,8 +127,9 @@ def _channels(store: Path, found: Held) -> dict[str, str]:
     if found.document.get("status") != "ingested":
         return {}
     schema = pl.read_parquet_schema(store / RUNS / f"{found.rows[0]['name']}.parquet")
-    units = {"torque": "N m", "angle": "rad", "sample": "number since the start"}
-    return {name: f"{kind} [{units.get(name.partition('_')[0], '?')}]" for name, kind in schema.items()}
+    units = {"torque": "N m", "angle": "rad", "sample": "number since the start", "lines": "a bit for each line"}
+    told = {name: units.get(name.partition("_")[0]) for name in schema}
+    return {name: f"{kind} [{told[name]}]" if told[name] else str(kind) for name, kind in schema.items()}
 
 
 def _head(found: Held) -> Iterator[str]:
@@ -133,13 +138,19 @@ def _head(found: Held) -> Iterator[str]:
     for key in ("name", "status", "sha256", "size", "rate_hz", "samples"):
         if row[key] is not None:
             yield f"  {key:<18} {shown(BY_NAME[key], row[key])}"
-    for part in ("origin", "run", "calibration", "limits"):
-        yield from _section(part, _flat(document.get(part, {})))
+    for part in ("origin", "run", "calibration", LIMITS):
+        given = document.get(part, {})
+        yield from _section(part, _limits(given) if part == LIMITS else _flat(given))
 
 
 def _section(title: str, pairs: Iterable[tuple[str, object]]) -> list[str]:
     lines = [f"  {printable(key):<28} {printable(str(value))}" for key, value in pairs]
     return ["", title, *lines] if lines else []
+
+
+def _limits(given: Mapping[str, Any]) -> list[tuple[str, object]]:
+    """Limits with the units of a campaign file."""
+    return [(name, limit_told(name, given)) for name in given]
 
 
 def _flat(document: Mapping[str, Any]) -> list[tuple[str, object]]:
@@ -242,6 +253,9 @@ def _side_by_side(title: str, differing: Mapping[str, tuple[Any, Any]]) -> list[
 
 
 def _cell(key: str, value: object) -> str:
+    part, _, limit = key.partition(".")
+    if part == LIMITS and isinstance(value, int | float):
+        return limit_told(limit, {limit: value})
     column = BY_NAME.get(key)
     if column is not None and (value is None or isinstance(value, str | int | float)):
         return shown(column, value)

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pmg.pipeline.chapters.grounds import on_bound
+from pmg.pipeline.diagnose.decide import JUDGE_DRAWS
 from pmg.pipeline.diagnose.document import probabilities
+from pmg.pipeline.diagnose.ranking import score
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Series, Table
+from pmg.pipeline.residuals.probability import told_search
 from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_SUN, Array
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.diagnosis import Diagnosis
+    from pmg.pipeline.diagnose.fitting import CandidateFit
     from pmg.pipeline.report.table import Cell
 
 RANKED = 8
@@ -141,21 +146,42 @@ def _before_and_after(diagnosis: Diagnosis, residual: Array) -> Figure:
     )
 
 
+def _on_bounds(fit: CandidateFit) -> str:
+    """Parameters of a fit on a bound, by what they mean."""
+    return ", ".join(p.meaning for p in fit.candidate.parameters if p.name in fit.on_bound) or "none"
+
+
+def _simpler(fit: CandidateFit, named: CandidateFit) -> bool:
+    """Whether a fit is of the simple form of a mechanism that is named in its detailed one."""
+    return fit.candidate.kind.refined is named.candidate.kind
+
+
 def _ranking(diagnosis: Diagnosis) -> Table:
-    assert diagnosis.naming is not None
+    naming = diagnosis.naming
+    assert naming is not None
+    stage = naming.best.stage
+    shown = naming.ranking[:RANKED]
     rows: list[tuple[Cell, ...]] = [
-        (fit.candidate.kind.title, fit.candidate.shaft, fit.gain, float(fit.cost), ", ".join(fit.on_bound) or "none")
-        for fit in diagnosis.naming.ranking[:RANKED]
+        (fit.candidate.kind.title, fit.candidate.shaft, score(stage, fit), fit.gain, float(fit.cost), _on_bounds(fit))
+        for fit in shown
     ]
-    remainder = diagnosis.naming.remainder
+    finer = [fit for fit in naming.best.fits if any(_simpler(other, fit) for other in shown)]
     return Table(
         "ranking",
         "The catalogue, best single mechanisms first",
-        f"Fall of the sum of squares with the baseline free, in noise variances. The leading set leaves "
-        f"{remainder.excess:.0f} beyond the noise (p = {remainder.p_value:.2g}).",
+        "Sorted by evidence: the gain, which is the fall of the sum of squares with the baseline free in noise "
+        f"variances, less ln {len(stage.left)} = {math.log(len(stage.left)):.2f} for each parameter. "
+        + "".join(
+            f"{fit.candidate.kind.title} stands here in its simple form; above it has its detailed one, with "
+            f"{fit.cost} parameters. "
+            for fit in finer
+        )
+        + f"The leading set leaves {naming.remainder.excess:.0f} beyond the noise (p "
+        f"{told_search(naming.remainder.p_value, JUDGE_DRAWS)}).",
         (
             Column("mechanism", "Mechanism"),
             Column("shaft", "Shaft"),
+            Column("evidence", "Evidence", "", digits=1),
             Column("gain", "Gain", "", digits=1),
             Column("cost", "Parameters", "", digits=0),
             Column("on_bound", "On a bound"),

@@ -230,6 +230,7 @@ def _table(residuals: Residuals, agreed: Agreements) -> Table:
     grid, at = residuals.grid, residuals.grid.points
     columns = [
         Column("point", "Point"),
+        Column("state", "Judged"),
         Column("configuration", "Configuration"),
         Column("speed_sun", SPEED_SUN.meaning, SPEED_SUN.display_unit, digits=1),
         Column("speed_ring", SPEED_RING.meaning, SPEED_RING.display_unit, digits=1),
@@ -241,9 +242,9 @@ def _table(residuals: Residuals, agreed: Agreements) -> Table:
             Column(f"{name}_measured", f"{signal.meaning}, measured", signal.display_unit, digits=4),
             Column(f"{name}_simulated", f"{signal.meaning}, simulated", signal.display_unit, digits=4),
             Column(f"{name}_difference", "difference", shown.display_unit, uncertain=True),
-            Column(f"{name}_state", "judged"),
+            Column(f"{name}_state", f"{signal.meaning}, judged"),
         ]
-    states = {name: agreed.of[name].states for name, _ in COMPARED}
+    states, overall = {name: agreed.of[name].states for name, _ in COMPARED}, agreed.states
     rows = []
     usable = grid.accepted & ~at.zero
     for i in by_speed(at):
@@ -251,6 +252,7 @@ def _table(residuals: Residuals, agreed: Agreements) -> Table:
             continue
         row: list[object] = [
             str(at.name[i]),
+            str(overall[i]),
             str(at.configuration[i]),
             float(SPEED_SUN.display(at.speed_sun[i])),
             float(SPEED_RING.display(at.speed_ring[i])),
@@ -266,7 +268,8 @@ def _table(residuals: Residuals, agreed: Agreements) -> Table:
     return Table(
         "comparison-by-point",
         "Measured and simulated, by point",
-        f"{len(rows)} points. Engaged, the measured ring torque is the simulator's input, so it is not compared.",
+        f"{len(rows)} points, each judged by all quantities that can be compared there, then by each of them. "
+        "Engaged, the measured ring torque is the simulator's input, so it is not compared.",
         tuple(columns),
         tuple(rows),  # type: ignore[arg-type]
     )

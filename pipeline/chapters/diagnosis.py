@@ -14,11 +14,16 @@ from pmg.pipeline.diagnose.diagnosis import component_of
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, Table, Text
 from pmg.pipeline.report.numerals import number
 from pmg.sim import sources
+from pmg.sim.mechanisms.thermal import MagnetTemperature
+from pmg.sim.mechanisms.warmed import WarmingBearings
 from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.diagnosis import Diagnosis
     from pmg.pipeline.diagnose.locate import Location, Mismatch
+    from pmg.sim.grid import OperatingPoints
+    from pmg.sim.mechanisms import Mechanism
+    from pmg.sim.signals import Array
 
 
 def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Section:
@@ -112,7 +117,7 @@ def _locations(diagnosis: Diagnosis) -> Table:
             Column("region", "Over"),
             Column("size", "rms size", "mN m", digits=2),
             Column("peak", "peak", "mN m", digits=2),
-            Column("p_value", "p-value", "", format=".2g"),
+            Column("p_value", "p-value ≤", "", format=".2g"),
         ),
         tuple(
             (
@@ -135,6 +140,7 @@ def _figure(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.dtype[np.f
     readings = diagnosis.mismatch.readings
     rows = np.flatnonzero(place.effect != 0.0)
     x, label = _covariate(diagnosis, place, rows)
+    memory, warmth = _memory(diagnosis)
     order = np.argsort(x, kind="stable")
     sign = readings.direction[rows]
     chart = Chart(
@@ -159,9 +165,45 @@ def _figure(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.dtype[np.f
         "located-structure",
         "The clearest place",
         f"{_signal(place).capitalize()} in {place.configuration} points: the residual and the "
-        f"structure found in it, which follows {_words(place.depends_on)}.",
-        (chart,),
+        f"structure found in it, which follows {_words(place.depends_on)}.{memory}",
+        (chart, *warmth),
     )
+
+
+def _memory(diagnosis: Diagnosis) -> tuple[str, tuple[Chart, ...]]:
+    """What the zero of the residual is where a mechanism remembers, and the fitted temperature over the test."""
+    naming, found = diagnosis.naming, diagnosis.refit
+    if naming is None or found is None or not any(fit.candidate.kind.memory for fit in naming.best.fits):
+        return "", ()
+    zero = " Zero is the baseline's fit to the whole campaign, not the state at its first point"
+    at = diagnosis.mismatch.readings.grid.points
+    for mechanism in found.mechanisms(naming.best.stage) if at.ordered else ():
+        what, rise = _rise(mechanism, diagnosis.mismatch.locations[0], at)
+        known = np.isfinite(rise)
+        if not known.any():
+            continue
+        order = np.flatnonzero(known)[np.argsort(at.started_at[known], kind="stable")]
+        time, rise = (at.started_at[order] - at.started_at.min()) / MINUTE, rise[order]
+        told = (
+            f"{zero}: it holds the drag at the campaign's usual warmth, so drag lies below it while the {what} are "
+            f"warmer than that and above it while they are cooler. As fitted they are {number(rise[0], 1)} K above "
+            f"the room at the first point and {number(rise.min(), 1)} to {number(rise.max(), 1)} K over the campaign "
+            "(lower panel)."
+        )
+        series = Series("", time, rise, None, "both", 2)
+        return told, (Chart("time since the first point [min]", f"{what} above the room, fitted [K]", (series,)),)
+    return f"{zero}, from which the mechanism counts.", ()
+
+
+def _rise(mechanism: Mechanism, place: Location, at: OperatingPoints) -> tuple[str, Array]:
+    """What a mechanism warms, and how far above the room it is at each point [K]; NaN where it warms nothing."""
+    if isinstance(mechanism, WarmingBearings):
+        sun = place.signal == "torque_sun"
+        rise = mechanism.rises(at)[0 if sun else 1]
+        return f"{'sun' if sun else 'ring'} bearings", rise if rise.any() else np.full(len(at), np.nan)
+    if isinstance(mechanism, MagnetTemperature):
+        return "magnets", mechanism.rise(at)
+    return "", np.full(len(at), np.nan)
 
 
 def _covariate(

@@ -11,7 +11,7 @@ from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.audit import Audit
-    from pmg.pipeline.diagnose.diagnosis import Diagnosis
+    from pmg.pipeline.diagnose.diagnosis import Absorbed, Diagnosis
     from pmg.pipeline.diagnose.noise import ShaftNoise
     from pmg.sim.mechanisms import Parameter
 
@@ -115,26 +115,33 @@ def decoy_items(diagnosis: Diagnosis) -> list[Facts]:
 def _absorbed(diagnosis: Diagnosis) -> Table:
     scale = {"K_corr": 1.0, "b": 1e3, "c": 1e4, "d": 1e3}
     unit = {"K_corr": "", "b": " [mN m]", "c": " [1e-4 N m s/rad]", "d": " [1e-3 N m (s/rad)^1/2]"}
-    bounds = {a.parameter: on_bound(a.after, CONSTANTS[a.parameter]) for a in diagnosis.absorbed}
+
+    def told(parameter: str, value: float, error: float | None) -> Measured:
+        bound = on_bound(value, CONSTANTS[parameter])
+        factor = scale[parameter]
+        known = float("nan") if error is None else error * factor
+        return Measured((value if bound is None else bound) * factor, known)
+
+    def remark(a: Absorbed) -> str:
+        alone, together = (on_bound(value, CONSTANTS[a.parameter]) is not None for value in (a.before, a.after))
+        return "on its bound" if together else "on its bound alone" if alone else ""
+
     return Table(
         "absorbed",
         "What the baseline had absorbed",
         "Constants of the baseline fitted alone, and together with what was left out.",
         (
             Column("parameter", "Constant"),
-            Column("before", "alone", "", digits=4),
+            Column("before", "alone", "", uncertain=True),
             Column("after", "together", "", uncertain=True),
             Column("remark", "Remark"),
         ),
         tuple(
             (
                 a.parameter + unit[a.parameter],
-                a.before * scale[a.parameter],
-                Measured(
-                    (a.after if (bound := bounds[a.parameter]) is None else bound) * scale[a.parameter],
-                    float("nan") if a.standard_error is None else a.standard_error * scale[a.parameter],
-                ),
-                "" if bound is None else "on its bound",
+                told(a.parameter, a.before, a.error_before),
+                told(a.parameter, a.after, a.standard_error),
+                remark(a),
             )
             for a in diagnosis.absorbed
         ),

@@ -12,6 +12,7 @@ from pmg.pipeline.completeness import speed_levels
 from pmg.pipeline.drift import HOUR
 from pmg.pipeline.report import numerals
 from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Section, Series, SpeedMap, Table, Text
+from pmg.pipeline.residuals.probability import told_nominal
 from pmg.sim import signals, sources
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
@@ -162,8 +163,8 @@ def _told(powers: tuple[float, ...]) -> str:
     return ", ".join(f"{power:g}" for power in powers)
 
 
-def _p(value: float) -> str:
-    return numerals.MISSING if not math.isfinite(value) else "< 1e-6" if value < 1e-6 else f"{value:.2g}"
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _ranking(choice: TermChoice) -> Table:
@@ -203,8 +204,8 @@ def _plane(plane: PlaneFits) -> tuple[Table, Text]:
             Measured(term.size * MILLI, term.size_u * MILLI) if term.tested else None,
             term.share * MILLI if term.tested else None,
             term.f if term.tested else None,
-            _p(term.p),
-            _p(term.p_holm),
+            _known(term.p),
+            _known(term.p_holm),
             ("yes" if term.found else "no") if term.tested else f"cannot be told from: {term.alike}",
         )
         for fit in (plane.sun, plane.ring)
@@ -224,8 +225,8 @@ def _plane(plane: PlaneFits) -> tuple[Table, Text]:
             Column("size", "Size", "mN m", uncertain=True),
             Column("share", "RMS beyond the curve", "mN m", digits=2),
             Column("f", "F", "", digits=1),
-            Column("p", "p"),
-            Column("p_holm", "p, corrected"),
+            Column("p", "p", format=".2g"),
+            Column("p_holm", "p, corrected", format=".2g"),
             Column("found", "Found"),
         ),
         rows,
@@ -233,7 +234,7 @@ def _plane(plane: PlaneFits) -> tuple[Table, Text]:
     told = [
         f"The {fit.shaft}'s scatter is {fit.rmse_line * MILLI:.2f} mN m about the curve of its own speed and "
         f"{fit.rmse_plane * MILLI:.2f} mN m about the fit in both speeds ({fit.added} terms more, F = {fit.f:.1f}, "
-        f"{fit.dof} degrees of freedom, p {'' if fit.p < 1e-6 else '= '}{_p(fit.p)})."
+        f"{fit.dof} degrees of freedom, p {told_nominal(fit.p)})."
         for fit in (plane.sun, plane.ring)
         if fit.added and math.isfinite(fit.f)
     ]
@@ -243,7 +244,7 @@ def _plane(plane: PlaneFits) -> tuple[Table, Text]:
 def _drift(drift: Drift) -> tuple[Table | Text, ...]:
     if drift.reason:
         return (Text(f"Repeats and order. {drift.reason}"),)
-    rows: list[tuple[str, str, str, Measured | None, str, Measured | None, str]] = []
+    rows: list[tuple[str, str, str, Measured | None, float | None, Measured | None, float | None]] = []
     for order in drift.orders:
         when = "after" if order.hours >= 0.0 else "before"
         slope = Measured(order.slope * MILLI, order.slope_u * MILLI) if math.isfinite(order.slope) else None
@@ -253,9 +254,9 @@ def _drift(drift: Drift) -> tuple[Table | Text, ...]:
                 "falling minus rising speed",
                 f"{len(order.difference)} points, falling {abs(order.hours):.1f} h {when} rising",
                 Measured(order.mean * MILLI, order.mean_u * MILLI),
-                _p(order.mean_p),
+                _known(order.mean_p),
                 slope,
-                _p(order.slope_p),
+                _known(order.slope_p),
             )
         )
     for repeat in drift.repeats:
@@ -266,9 +267,9 @@ def _drift(drift: Drift) -> tuple[Table | Text, ...]:
                 "repeats against time",
                 f"{repeat.dof + 1} differences of repeats over {repeat.hours:.1f} h",
                 Measured(repeat.slope * per_hour, repeat.slope_u * per_hour),
-                _p(repeat.p),
+                _known(repeat.p),
                 None,
-                numerals.MISSING,
+                None,
             )
         )
     table = Table(
@@ -281,9 +282,9 @@ def _drift(drift: Drift) -> tuple[Table | Text, ...]:
             Column("compared", "Compared"),
             Column("basis", "On the basis of"),
             Column("change", "Difference, or drift an hour", "mN m", uncertain=True),
-            Column("p", "p"),
+            Column("p", "p", format=".2g"),
             Column("trend", "Trend with speed", "mN m s/rad", uncertain=True),
-            Column("trend_p", "p of the trend"),
+            Column("trend_p", "p of the trend", format=".2g"),
         ),
         tuple(rows),
     )

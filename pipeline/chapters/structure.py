@@ -9,7 +9,7 @@ import numpy as np
 from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Section, Series, Table, Text
 from pmg.pipeline.residuals.covariates import BY_ID
 from pmg.pipeline.residuals.fitted import FITS
-from pmg.pipeline.residuals.probability import told_nominal, told_search
+from pmg.pipeline.residuals.probability import told_search
 from pmg.sim import sources
 from pmg.sim.signals import RESIDUAL
 
@@ -68,7 +68,7 @@ def _lack(study: ResidualStudy) -> Table:
                 lack.chi_square,
                 lack.dof,
                 lack.chi_square / lack.dof,
-                told_nominal(lack.p_value).removeprefix("= "),
+                lack.p_value,
                 float(RESIDUAL.display(lack.scatter)),
                 float(RESIDUAL.display(lack.noise)),
                 lack.source,
@@ -85,7 +85,7 @@ def _lack(study: ResidualStudy) -> Table:
             Column("chi_square", "χ²", digits=1),
             Column("dof", "dof", digits=1),
             Column("ratio", "χ²/dof", digits=2),
-            Column("p_value", "p"),
+            Column("p_value", "p", format=".2g"),
             Column("scatter", "scatter", "mN m", digits=2),
             Column("noise", "noise", "mN m", digits=2),
             Column("source", "Noise from"),
@@ -107,7 +107,7 @@ def _covariates(study: ResidualStudy) -> Table:
                     Measured(size, u),
                     float(RESIDUAL.display(one.noise_size)),
                     _shape(one),
-                    told_nominal(one.p_value).removeprefix("= "),
+                    one.p_value,
                     told_search(one.p_search, study.draws).removeprefix("= "),
                     told_search(one.p_beyond, study.draws).removeprefix("= "),
                 )
@@ -125,7 +125,7 @@ def _covariates(study: ResidualStudy) -> Table:
             Column("size", "Size (rms)", "mN m", uncertain=True),
             Column("noise_size", "noise alone", "mN m", digits=2),
             Column("shape", "Drag, where", "mN m"),
-            Column("p_value", "p"),
+            Column("p_value", "p", format=".2g"),
             Column("p_look_elsewhere", "p, search"),
             Column("p_beside", "p, rest"),
         ),
@@ -189,7 +189,7 @@ def _points(study: ResidualStudy) -> Table:
                     float(readings.torque[outlier.row]),
                     float(part.fit.torque[outlier.row]),
                     outlier.surprise,
-                    told_nominal(outlier.p_value).removeprefix("= "),
+                    outlier.p_value,
                     outlier.looked_at,
                     still,
                 )
@@ -206,7 +206,7 @@ def _points(study: ResidualStudy) -> Table:
             Column("observed", "Observed", "N m", digits=4),
             Column("fitted", "Fitted", "N m", digits=4),
             Column("surprise", "Surprise", "s.d.", digits=2),
-            Column("p_value", "p"),
+            Column("p_value", "p", format=".2g"),
             Column("looked_at", "Points looked at"),
             Column("beside_covariates", "Still out beside the covariates"),
         ),

@@ -72,8 +72,15 @@ class Chosen:
         value: Path | None = self.values.get(name)
         return value
 
-    def needed(self, name: str) -> Path:
+    def needed(self, name: str, called: str = "") -> Path:
         """A file or folder that the call cannot do without.
+
+        Parameters
+        ----------
+        name : str
+            The choice.
+        called : str
+            Its option or argument, where that has another name than the choice.
 
         Raises
         ------
@@ -82,7 +89,7 @@ class Chosen:
         """
         found = self.path(name)
         if found is None:
-            option = name.upper() if name == "recordings" else f"--{name}"
+            option = called or (name.upper() if name == "recordings" else f"--{name}")
             table, key = KEYS[name].split(".")
             expected = f"{option}, or {key} in [{table}] of the file that --config names"
             raise BenchError(option, "missing", expected, f"Add {option}.")

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, fields
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.config.campaignfile import Campaign
 from pmg.pipeline.config.chosen import KEYS
-from pmg.pipeline.config.quantity import RATIO, SPEED_OF_SHAFT
+from pmg.pipeline.config.quantity import RATIO
 from pmg.pipeline.config.tolerance import SIGNALS
 from pmg.pipeline.config.tomlfile import read_toml
-from pmg.pipeline.limits import DIMENSIONS, LIMITS, SPEEDS, TABLE, Steadiness, chosen_limits
+from pmg.pipeline.limits import DIMENSIONS, TABLE, Steadiness, chosen_limits, limit_told
 from pmg.pipeline.options import AUTO
-from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -74,7 +74,7 @@ def _usual(chosen: Chosen) -> dict[str, tuple[Any, str]]:
     origin = DEFAULT if chosen.path("grids") is None else THESIS
 
     def terms(powers: tuple[float, ...], auto: bool) -> str:
-        return AUTO if auto else ",".join(f"{power:g}" for power in powers)
+        return AUTO if auto else ",".join(map(_power, powers))
 
     return {
         "terms_sun": (terms(options.powers_sun, options.auto_sun), origin),
@@ -84,6 +84,12 @@ def _usual(chosen: Chosen) -> dict[str, tuple[Any, str]]:
         "robust": (options.robust, DEFAULT),
         "note": ("", DEFAULT),
     }
+
+
+def _power(power: float) -> str:
+    """An exponent as its option takes it: a fraction where it is one, such as 1/2."""
+    near = Fraction(power).limit_denominator(6)
+    return str(near) if float(near) == power else f"{power:g}"
 
 
 def _windows(chosen: Chosen) -> Iterator[Setting]:
@@ -99,20 +105,13 @@ def _windows(chosen: Chosen) -> Iterator[Setting]:
         name = limit.name
         origin = lines.get(name) or lines.get(f"{name}_rpm") or DEFAULT
         unit = DIMENSIONS[name].unit if name in DIMENSIONS else ""
-        yield Setting(f"{TABLE}.{name}", values[name], "" if unit == "1" else unit, limit_told(name, values), origin)
+        yield Setting(f"{TABLE}.{name}", values[name], "" if unit == "1" else unit, limit_written(name, values), origin)
 
 
-def limit_told(name: str, values: dict[str, Any] | None = None) -> str:
-    """A limit as it may be written; the default one where no values are given."""
-    value = asdict(LIMITS)[name] if values is None else values[name]
-    dimension = DIMENSIONS.get(name)
-    if dimension is None:
-        return f"{value:g}"
-    if name in SPEEDS:
-        return f'"{value / RPM:.10g} {next(u for u, s in SPEED_OF_SHAFT.units.items() if s == RPM)}"'
-    if dimension is RATIO:
-        return f'"{100.0 * value:.10g} %"'
-    return f'"{value:.10g} {dimension.unit}"'
+def limit_written(name: str, values: dict[str, Any] | None = None) -> str:
+    """A limit as it may be written in a campaign file; the default one where no values are given."""
+    told = limit_told(name, values)
+    return f'"{told}"' if name in DIMENSIONS else told
 
 
 def _tolerances(chosen: Chosen) -> Iterator[Setting]:
@@ -121,7 +120,8 @@ def _tolerances(chosen: Chosen) -> Iterator[Setting]:
     lines = chosen.file.lines
     for name, (absolute, relative) in chosen.tolerance.items():
         word, dimension = next((w, SIGNALS[w][1]) for w in SIGNALS if SIGNALS[w][0] == name)
-        parts = [f"{absolute:.10g} {dimension.unit}"] if absolute else []
+        plain = f"{100.0 * absolute:.10g} %" if dimension is RATIO else f"{absolute:.10g} {dimension.unit}"
+        parts = [plain] if absolute else []
         parts += [f"{100.0 * relative:.10g} %"] if relative else []
         words = [w for w in SIGNALS if SIGNALS[w][0] == name and f"compare.tolerance.{w}" in lines]
         key = f"compare.tolerance.{words[0] if words else word}"

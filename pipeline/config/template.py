@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.config.campaignfile import Campaign
 from pmg.pipeline.config.refusals import table_of
-from pmg.pipeline.config.settings import limit_told
-from pmg.pipeline.limits import Steadiness
+from pmg.pipeline.config.settings import limit_written
+from pmg.pipeline.limits import MEANINGS, Steadiness
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,7 +35,8 @@ def _lines() -> Iterator[str]:
         yield f"\n[{table}]{' ' * max(1, COLUMN - len(table) - 2)}# {about[:1].lower()}{about[1:].rstrip('.')}"
         if model is None:
             for limit in fields(Steadiness):
-                yield f"# {limit.name} = {limit_told(limit.name)}"
+                line = f"# {limit.name} = {limit_written(limit.name)}"
+                yield f"{line:<{COLUMN}}# {MEANINGS[limit.name]}"
             continue
         for name, part in model.model_fields.items():
             extra: dict[str, Any] = part.json_schema_extra if isinstance(part.json_schema_extra, dict) else {}

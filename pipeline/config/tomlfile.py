@@ -78,7 +78,16 @@ def read_toml(path: Path, what: str, error: type[PmgError] = BenchError) -> Toml
         line = place[1] if place and place[1] else str(max(1, len(text.splitlines())))
         came = str(fault)[: place.start()] if place else str(fault)
         column = f", column {place[2]}" if place and place[2] else ""
-        raise error(f"{path}: line {line}{column}", came, "TOML", "Correct the line.") from fault
+        raise error(f"{path}: line {line}{column}", came, "TOML", _remedy(came)) from fault
+
+
+def _remedy(came: str) -> str:
+    """What to do about a fault of form, by the parser's words for it."""
+    if "Unescaped '\\'" in came or "hex value" in came:
+        return 'Between " a backslash begins a sign: write / instead, or put the text between single quotes.'
+    if came == "Invalid value":
+        return "Correct the line; text stands in quotation marks."
+    return "Correct the line."
 
 
 def _statements(text: str) -> Iterator[tuple[int, str]]:

@@ -174,7 +174,8 @@ def _swallowed(calibration: Calibration, found: Refit) -> tuple[Absorbed, ...]:
     rows = []
     for name in calibration.free:
         error = found.baseline_errors.get(name, float("nan"))
-        rows.append(Absorbed(name, calibration.value(name), after[name], error if np.isfinite(error) else None))
+        known = error if np.isfinite(error) else None
+        rows.append(Absorbed(name, calibration.value(name), after[name], known, calibration.standard_error(name)))
     return tuple(rows)
 
 
@@ -194,6 +195,12 @@ def _absorbed(mismatch: Mismatch, calibration: Calibration, bench: BenchParamete
     error = np.sqrt(np.einsum("ij,ij->i", inverse, inverse)) / length
     first = len(calibration.names) - len(calibration.free)
     return tuple(
-        Absorbed(name, before := calibration.value(name), before + float(change[i]), float(error[i]))
+        Absorbed(
+            name,
+            before := calibration.value(name),
+            before + float(change[i]),
+            float(error[i]),
+            calibration.standard_error(name),
+        )
         for i, name in enumerate(calibration.free, start=first)
     )

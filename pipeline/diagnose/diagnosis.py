@@ -38,12 +38,16 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Absorbed:
-    """A baseline parameter before and after what was left out joined the fit."""
+    """A baseline parameter before and after what was left out joined the fit, with its standard errors.
+
+    `standard_error` is that after, `error_before` that before; None on a bound or where not determined.
+    """
 
     parameter: str
     before: float
     after: float
     standard_error: float | None
+    error_before: float | None = None
 
 
 @dataclass(frozen=True)

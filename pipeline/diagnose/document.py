@@ -133,15 +133,44 @@ def _mechanisms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     return rows
 
 
+def mechanism_facts(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """The mechanisms of the leading set with their parameters, each with its standard uncertainty u or null.
+
+    `probability` is the weight of the set among what cannot be told apart. Where the shaft cannot be told either, the
+    parameters of both shafts stand beside each other.
+    """
+    if diagnosis.naming is None or diagnosis.refit is None:
+        return []
+    kinds = [fit.candidate.kind for fit in diagnosis.naming.best.fits]
+    return [
+        {
+            "id": row["id"],
+            "title": kind.title,
+            "shaft": row["shaft"],
+            "probability": row["probability"],
+            "parameters": [
+                {
+                    "name": p["name"],
+                    "meaning": next(known.meaning for known in kind.parameters() if known.name == p["name"]),
+                    "value": p["value"],
+                    "u": p["standard_error"],
+                    "unit": p["unit"],
+                }
+                for p in row["parameters"]
+            ],
+        }
+        for row, kind in zip(_mechanisms(diagnosis), kinds, strict=False)  # those of rivals follow
+    ]
+
+
 def _mechanism(fit: CandidateFit, shaft: str, probability: float) -> dict[str, Any]:
-    touched = fit.effect[fit.effect != 0.0]
     return {
         "id": fit.candidate.identifier,
         "component": str(fit.candidate.kind.component_on(fit.candidate.shaft)),
         "shaft": shaft,
         "probability": probability,
         "parameters": _parameters(fit, fit.values, None),
-        "rms_effect_Nm": float(np.sqrt(np.mean(touched**2))) if touched.size else 0.0,
+        "rms_effect_Nm": fit.size,
         "peak_effect_Nm": float(np.abs(fit.effect).max()),
     }
 

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.fitting import fit_candidate
+from pmg.pipeline.diagnose.fitting import fit_candidate, rms
 from pmg.pipeline.diagnose.noise import orthonormal
 from pmg.pipeline.diagnose.ranking import in_detail, leaders, penalty, rank, score
 from pmg.pipeline.diagnose.traces import tangents
+from pmg.pipeline.diagnose.whiten import undo
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.candidates import Candidate, Stage
@@ -44,6 +45,11 @@ class Explanation:
     def score(self) -> float:
         """Gain less the cost of the parameters."""
         return self.gain - penalty(self.stage, *self.fits)
+
+    def visible(self, fit: CandidateFit) -> float:
+        """Root mean square of what the baseline cannot take up of a member, over the readings it touches [N m]."""
+        touched = fit.effect != 0.0
+        return rms(undo(self.stage.white, fit.seen)[touched])
 
     @property
     def unexplained(self) -> float:

@@ -29,6 +29,11 @@ SHAPE_PRECISION, COST_PRECISION, MOST_TRIALS = 1e-2, 0.05, 120
 """How far a search over several shapes goes: to a hundredth of each and a twentieth of a noise variance."""
 
 
+def rms(values: Array) -> float:
+    """Root mean square; 0 of nothing."""
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
 @dataclass(frozen=True)
 class CandidateFit:
     """A candidate fitted beside the baseline.
@@ -60,6 +65,11 @@ class CandidateFit:
     def cost(self) -> int:
         """Free parameters."""
         return len(self.values)
+
+    @property
+    def size(self) -> float:
+        """Root mean square of the effect over the readings it touches [N m], before anything is absorbed."""
+        return rms(self.effect[self.effect != 0.0])
 
     @property
     def without_scale(self) -> bool:

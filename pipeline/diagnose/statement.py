@@ -83,17 +83,18 @@ def _told(diagnosis: Diagnosis) -> str:
 
 
 def causes(diagnosis: Diagnosis, explanation: Explanation) -> str:
-    """A set of mechanisms in words, with the root mean square of what each does."""
+    """A set of mechanisms in words: what is left to see of each, and its whole effect against a bench without it."""
     shafts = diagnosis.naming.shafts if diagnosis.naming is not None else {}
     words = []
     found = diagnosis.refit
     for i, fit in enumerate(explanation.fits):
         own = diagnosis.naming is not None and explanation is diagnosis.naming.best
         shaft = shafts.get(fit.candidate.identifier, fit.candidate.shaft) if own else fit.candidate.shaft
-        touched = fit.effect[fit.effect != 0.0]
-        size = float(np.sqrt(np.mean(touched**2))) if touched.size else 0.0
         title = fit.candidate.kind.title
-        told = f"{title[0].lower()}{title[1:]}{SHAFT_WORDS[shaft]}, {size * 1e3:.1f} mN m rms"
+        told = (
+            f"{title[0].lower()}{title[1:]}{SHAFT_WORDS[shaft]}, {explanation.visible(fit) * 1e3:.1f} mN m rms beyond "
+            f"what the baseline takes up, of {fit.size * 1e3:.1f} against {fit.candidate.kind.without}"
+        )
         if own and found is not None:
             best = _surest(found.values[i], found.standard_errors[i], len(fit.candidate.sizes))
             first, value, error = fit.candidate.parameters[best], found.values[i][best], found.standard_errors[i][best]

@@ -22,7 +22,9 @@ from pmg.pipeline.recording.channels import edge_ticks, edges, encoder, frequenc
 from pmg.pipeline.recording.findings import Code, Findings
 from pmg.pipeline.recording.origin import RECORD as ORIGIN
 from pmg.pipeline.recording.run import LAYOUT, RECORD, read_run
+from pmg.pipeline.recording.run import RUN_KEYS as SETPOINT_KEYS
 from pmg.sim.errors import BenchError, RecordingError, near_miss
+from pmg.sim.grid import Configuration
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -102,6 +104,7 @@ def import_recording(path: Path, chart: ChannelMap, out: Path, words: Mapping[st
     sha256 = sha256_of(path)
     source = open_source(path, chart, findings)
     run, entries = _run(chart, source, words or {})
+    _tell_unasked(run, chart, findings)
     calibration, attachment = _calibration(chart)
     conversions = {m.topic: _conversion(m, source, calibration, findings) for m in chart.channels}
     _tell_absent(set(conversions), findings)
@@ -240,6 +243,19 @@ def _head(
     file.writer.add_attachment(start, start, MAP_ATTACHMENT, "application/toml", chart.text.encode("utf-8"))
     for topic, conversion in conversions.items():
         file.add_topic(topic, conversion.metadata(file.rate_hz))
+
+
+def _tell_unasked(run: RunInfo, chart: ChannelMap, findings: Findings) -> None:
+    """Say where nobody told at which speeds the point was to be; a zero check is at rest."""
+    asked = run.setpoints.speed_sun, run.setpoints.speed_ring
+    if asked == (None, None) and run.configuration is not Configuration.ZERO:
+        findings.warning(
+            Code.RUN_KEY,
+            "run",
+            "no set-points: the point will be placed by its means, and what was not reached cannot be told",
+            f"Add {', '.join(SETPOINT_KEYS)} to [run] of {chart.path.name}, as numbers or "
+            '{ property = "NAME" }, or give them by --set.',
+        )
 
 
 def _tell_absent(topics: set[str], findings: Findings) -> None:

@@ -30,6 +30,13 @@ SOMETIMES = ("bits", "columns", "column", "timebase_Hz", "Nm_per_unit", "wraps_a
 """Keys of a channel that only some channels take."""
 TIMING = ("rate_Hz", "source", "unit", "ticks", "bits", "frequency_Hz", "columns", "column")
 """Keys of ``[time]``."""
+BESIDE = {
+    "unit": "'source'",
+    "bits": "'ticks'",
+    "frequency_Hz": "'ticks'",
+    **dict.fromkeys(("columns", "column"), "'source' or 'ticks'"),
+}
+"""Keys of ``[time]`` that another one gives a meaning, and which one."""
 RUN_KEYS = tuple(key for key in (*REQUIRED, *OPTIONAL) if key != "layout")
 """Keys of ``[run]``, which go into the recording as they are."""
 
@@ -212,7 +219,7 @@ def _timing(reader: Reader) -> Timing:
     elif "ticks" in given:
         wanted, bits = _wanted(reader, "ticks"), reader.whole("bits", 1, WIDEST)
         timing = Timing(rate, wanted, 1.0 / reader.number("frequency_Hz", 1e-6, LARGEST), bits)
-    reader.done()
+    reader.done(BESIDE)
     return timing
 
 
@@ -246,7 +253,7 @@ def _mapped(reader: Reader) -> Mapped:
         wraps_at=reader.number("wraps_at", 1e-9, LARGEST) if "wraps_at" in reader.table else None,
         **counters,
     )
-    reader.done()
+    reader.done({"timebase_Hz": "a topic that ends with '/edge_ticks'"})
     if mapped.sign == 0:
         raise BenchError(f"{reader.where}: sign", "0", "1 or -1", "Write -1 to turn the direction round.")
     return mapped

@@ -61,13 +61,27 @@ def run_import(
             progress(number, len(sources), source.name)
     findings = [finding.to_dict() for imported in done for finding in imported.findings]
     findings += [
-        {"severity": "error", "file": source.name, "where": fault.where, "message": str(fault)}
+        {"severity": "error", "file": source.name, "where": _place(fault, source), "message": _told_of(fault)}
         for source, fault in failed
     ]
     samples = sum(sum(imported.written.values()) for imported in done)
-    head = f"imported {len(done)} of {counted(len(sources), 'file')}, {samples} samples, into {out}"
+    rows = f"{counted(sum(imported.rows for imported in done), 'row')}, {counted(samples, 'sample')} of all channels"
+    head = f"imported {len(done)} of {counted(len(sources), 'file')}, {rows}, into {out}"
     data = {"out": str(out), "imported": [_told(imported) for imported in done], "failed": len(failed)}
     return Outcome(data, (head, *_readings(done)), tuple(findings), partial=bool(failed))
+
+
+def _place(fault: PmgError, source: Path) -> str:
+    """Where in a file it failed: its name stands before it."""
+    for name in (str(source), source.name):
+        if fault.where.startswith(name):
+            return fault.where.removeprefix(name).lstrip(":, ") or "file"
+    return fault.where
+
+
+def _told_of(fault: PmgError) -> str:
+    """What is wrong and what to do; the place is told beside it."""
+    return f"{fault.came}; expected {fault.expected}. {fault.do}"
 
 
 def run_export(recording: Path, out: Path, rate_hz: float | None, limits: Path | None = None) -> Outcome:

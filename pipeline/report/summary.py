@@ -34,7 +34,7 @@ def summary(report: Report, files: Mapping[str, bytes], facts: Mapping[str, Any]
         What the report consists of, by its path in the report's folder.
     facts : mapping, optional
         What the report's maker adds, as plain values. ``points`` is that of the points: how many were accepted, how
-        many rejected.
+        many rejected. ``diagnosis``, the word of the diagnosis, is told with the verdict.
 
     Returns
     -------
@@ -42,13 +42,16 @@ def summary(report: Report, files: Mapping[str, bytes], facts: Mapping[str, Any]
         Tables that stand on the page in full (40 rows or fewer) are told with every value, its standard uncertainty
         (null where none is stated) and unit; longer ones by their file. NaN is null, infinity a string.
     """
+    told = dict(facts or {})
+    word = told.pop("diagnosis", None)
     placed = [(item, section.title) for section in report.sections for item in section.items]
     return {
         "schema": SCHEMA,
         "title": report.title,
         "subtitle": report.subtitle,
-        "verdict": {"state": report.verdict.state, "text": report.verdict.text},
-        "facts": dict(facts or {}),
+        "verdict": {"state": report.verdict.state, "text": report.verdict.text}
+        | ({} if word is None else {"diagnosis": word}),
+        "facts": told,
         "provenance": [{"label": label, "value": value} for label, value in report.provenance.shown],
         "tables": [_table(item, section) for item, section in placed if isinstance(item, Table)],
         "figures": [_figure(item, section) for item, section in placed if isinstance(item, Figure)],

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from pmg.sim.errors import BenchError, near_miss
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
+
+NOWHERE: Mapping[str, str] = MappingProxyType({})
 
 
 class Reader:
@@ -85,7 +88,10 @@ class Reader:
             raise BenchError(f"{self.where}: {key}", "not a list of tables", f"[[{key}]]", "Write it as tables.")
         return [Reader(f"{self.where}: {key} {i}", row) for i, row in enumerate(value, 1)]
 
-    def done(self) -> None:
-        """Complain about a key that nobody asked for."""
+    def done(self, elsewhere: Mapping[str, str] = NOWHERE) -> None:
+        """Complain about a key that nobody asked for; ``elsewhere`` says beside what a key would be known."""
         for key in self.table:
+            if key in elsewhere:
+                do = f"Add {elsewhere[key]}, or leave {key} out."
+                raise BenchError(f"{self.where}: {key}", "no meaning here", f"it beside {elsewhere[key]}", do)
             raise BenchError(f"{self.where}: {key}", "unknown key", "a known one", near_miss(key, self.asked))

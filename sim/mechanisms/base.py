@@ -135,7 +135,7 @@ class Mechanism(ABC):
     (``both``: it acts on both at once); `shape`, those that only change its form; `components`, where it sits if that
     depends on the shaft; `both_at_once`, whether one cause may well act on both shafts; `linear`, whether the effect
     is proportional to the sizes; `memory`, whether a point depends on what was run before it; `refined`, the same
-    mechanism in more detail, for data that call for it.
+    mechanism in more detail, for data that call for it; `without`, the bench that its effect is counted from.
     """
 
     identifier: ClassVar[str]
@@ -153,6 +153,7 @@ class Mechanism(ABC):
     both_at_once: ClassVar[bool] = False
     linear: ClassVar[bool] = True
     refined: ClassVar[type[Mechanism] | None] = None
+    without: ClassVar[str] = "a bench without it"
     instead: ClassVar[str] = "Leave it out of the run; its steady points can be simulated."
 
     @classmethod

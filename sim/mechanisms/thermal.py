@@ -253,6 +253,7 @@ class MagnetTemperature(Mechanism):
     revealed_by = (Reveals(Experiment.REPEATS, "engaged points lose less after a long loaded run"),)
     dissipates = False
     memory = True
+    without = "magnets at room temperature"
     linear = False
     by_shaft = {"both": ("resistance", "start")}
     shape = ("time_constant",)

@@ -97,6 +97,8 @@ class WarmMagnets(RotorDamping):
 class WarmingBearings(Mechanism):
     """Viscous bearing drag that falls as the bearings warm; the rises are a matter of the thermal network."""
 
+    without = "bearings at room temperature"
+
     curve_sun: LossCurve
     curve_ring: LossCurve
     correction: float

@@ -6,6 +6,7 @@ import csv
 import hashlib
 import io
 import json
+import re
 import sqlite3
 from pathlib import Path
 from typing import Any
@@ -21,9 +22,11 @@ from pmg.pipeline.catalogue.index import FILE, TABLES, open_catalogue
 from pmg.pipeline.cli import app
 from pmg.pipeline.gridtable import grid_frame
 from pmg.pipeline.ingest import ingest
+from pmg.pipeline.limits import Steadiness
 from pmg.pipeline.options import AnalysisOptions
 from pmg.pipeline.store import Store
 from pmg.sim.bench import load_bench
+from pmg.sim.signals import RPM
 
 RUNNER = CliRunner()
 
@@ -112,6 +115,19 @@ def test_one_recording_is_shown_by_any_of_its_names(store: Path, name: str) -> N
     text = RUNNER.invoke(app, ["runs", "show", str(store), data["recording"]["sha256"][:8]]).stdout
     for told in ("rejected: ", "T-sun", "2025-04-23T08:20", data["recording"]["sha256"], "torque_ring"):
         assert told in text
+
+
+def test_limits_have_the_units_of_a_campaign_file(store: Path, tmp_path: Path) -> None:
+    text = RUNNER.invoke(app, ["runs", "show", str(store), "falling"]).stdout
+    assert re.search(r"speed_change +0\.5 rpm$", text, flags=re.MULTILINE)
+    assert re.search(r"torque_drift +1 %$", text, flags=re.MULTILINE)
+    assert "[?]" not in text
+    other = tmp_path / "recordings"
+    other.mkdir()
+    run_of(other, "b", 40, 1200.0, 1.56)
+    ingest(other, Store(tmp_path / "other"), workers=1, limits=Steadiness(speed_change=0.75 * RPM))
+    words = ["runs", "diff", str(store), "b", "b", "--store-b", str(tmp_path / "other")]
+    assert re.search(r"limits\.speed_change +0\.5 rpm +0\.75 rpm$", RUNNER.invoke(app, words).stdout, re.MULTILINE)
 
 
 def test_a_failed_file_is_shown_with_its_findings(store: Path) -> None:

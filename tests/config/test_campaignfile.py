@@ -138,7 +138,9 @@ def test_a_file_of_limits_takes_the_place_of_the_table(file: Path, tmp_path: Pat
         ("loss =", 'efficiency_total = "2 %", loss =', r"line 18", "efficiency_total"),
         ('"500 mW"', '"0 W"', r"line 18", "above 0"),
         ('"1500 ms"', '"16 s"\nfrequency_low = "16 kHz"', "windows", "lower one first"),
-        ('path = "kept"', "path = kept", "line 5, column 8", "Invalid value"),
+        ('path = "kept"', "path = kept", "line 5, column 8", "text stands in quotation marks"),
+        ('path = "kept"', r'path = "C:\data"', "line 5", "single quotes"),
+        ('path = "kept"', r'path = "C:\users"', "line 5", "single quotes"),
         ("[store]", "[bench]", "line 4, bench$", "unknown key"),
         ('path = "kept"', 'path = ""', r"line 5, store\.path", "a name"),
         ("[store]", "[ingest]\nworkers = 0\n[store]", r"line 5, ingest\.workers", "1 or more"),
@@ -167,6 +169,7 @@ def test_the_template_sets_nothing_and_each_of_its_lines_can_be_taken(tmp_path: 
     lines = template().splitlines()
     offers = [n for n, line in enumerate(lines) if re.match(r"# \w+ = ", line)]
     named = {lines[n].split()[1] for n in offers}
+    assert all(re.search(r" # \w", lines[n]) for n in offers), "each has its meaning"
     assert {f.name for f in fields(Steadiness)} <= named
     for n in offers:
         path.write_text("\n".join([*lines[:n], lines[n][2:], *lines[n + 1 :]]))
@@ -205,6 +208,19 @@ def test_both_parts_of_a_tolerance_are_found_in_either_order(absolute: float, pe
         name, parts = tolerance("torque_ring", text, "here")
         assert name == "torque_ring"
         assert parts == pytest.approx((absolute / 1e3, percent / 100.0))
+
+
+def test_what_is_shown_of_a_tolerance_and_of_terms_is_as_it_may_be_written(file: Path) -> None:
+    chosen = choose(file, terms_ring="0,0.3,1")
+    told = {setting.key: json.loads(setting.told) for setting in settings(chosen) if setting.told.startswith('"')}
+    assert told["compare.tolerance.efficiency"] == "1 %"
+    assert told["compare.tolerance.loss"] == "0.5 W"
+    for word in ("efficiency", "loss", "torque_sun"):
+        name, parts = tolerance(word, told[f"compare.tolerance.{word}"], "here")
+        assert parts == pytest.approx(chosen.tolerance[name])
+    assert (told["analysis.terms_ring"], told["windows.speed_change"]) == ("0,0.3,1", "0.75 rpm")
+    usual = {setting.key: setting.told for setting in settings(choose(None))}
+    assert usual["analysis.terms_sun"] == '"0,1/2,1,2"'
 
 
 def test_a_torque_has_a_unit() -> None:

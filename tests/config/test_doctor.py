@@ -135,7 +135,14 @@ def test_where_nothing_can_be_run_the_exit_code_is_two_and_all_is_told(tmp_path:
     found = call("doctor", tmp_path, expect=2)
     assert found["data"]["usable"] == 0
     assert found["findings"]
+    (tmp_path / "campaign.toml").write_text(f"[recordings]\npath = '{tmp_path}'\n[store]\npath = 'kept'\n")
+    assert call("doctor", "--config", tmp_path / "campaign.toml", expect=2)["data"]["place"] == str(tmp_path)
+    assert "PLACE" in call("doctor", expect=2)["error"]["do"]
+    foreign = tmp_path / "P17.csv"
+    foreign.write_text("t;M\n")
+    assert "pmg import" in call("doctor", foreign, expect=2)["error"]["do"]
     nowhere = RUNNER.invoke(app, ["doctor", str(tmp_path / "none")])
+    assert "no such folder" in nowhere.stderr
     assert nowhere.exit_code == 2
     assert nowhere.stderr.splitlines()[-1].startswith("hint: ")
 

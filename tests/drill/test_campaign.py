@@ -212,7 +212,7 @@ def test_a_budget_of_another_grid_and_a_folder_that_is_no_store_are_refused(inge
     grid, budget = measured(Store(ingested))
     with pytest.raises(GridError, match="other points"):
         campaign_signals(Store(ingested), grid[np.arange(2)], budget)
-    with pytest.raises(StoreError, match="no store"):
+    with pytest.raises(StoreError, match="no such folder"):
         campaign_signals(Store(tmp_path / "none"), grid, budget)
 
 

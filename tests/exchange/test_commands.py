@@ -72,9 +72,20 @@ def test_one_bad_file_of_a_folder_makes_it_partly_done(folder: Path) -> None:
     bad.write_text(bad.read_text(encoding="cp1252").replace("\n1", "\nx", 1), encoding="cp1252")
     code, told, errors = call("import", folder / "logs", "--map", folder / "map.toml", "--out", folder / "out")
     assert code == 3
-    assert told.startswith("imported 1 of 2 files")
-    assert "E2.csv, line 4, column 'torque_sun': 'x" in errors
+    assert told.startswith("imported 1 of 2 files, 600 rows, 2400 samples of all channels")
+    assert "E2.csv: line 4, column 'torque_sun': 'x" in errors
+    assert errors.count("E2.csv: ") == errors.count("line 4") == 1, "the place is told once"
     assert [path.name for path in (folder / "out").iterdir()] == ["E1.mcap"]
+
+
+def test_a_point_that_nobody_asked_for_is_told_until_its_set_points_are_given(folder: Path) -> None:
+    chart = folder / "map.toml"
+    chart.write_text(chart.read_text().replace("sun_speed_set_rpm = 600\n", ""))
+    words = ("import", folder / "logs" / "E1.csv", "--map", chart, "--out", folder, "--json")
+    found = [json.loads(call(*words, *more)[1])["findings"] for more in ((), ("--set", "sun_speed_set_rpm=600"))]
+    assert [["no set-points" in finding["message"] for finding in each] for each in found] == [[True], []]
+    assert "ring_torque_set_Nm" in found[0][0]["do"]
+    assert "map.toml" in found[0][0]["do"]
 
 
 @pytest.mark.parametrize(

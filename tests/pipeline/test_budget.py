@@ -294,6 +294,16 @@ def test_remarks_name_slow_noise_and_a_tare_that_is_off() -> None:
     assert "sun" in off[0]["message"]
 
 
+@pytest.mark.parametrize(("kept", "word"), [(0, "none"), (1, "one"), (2, "")])
+def test_a_campaign_without_two_zero_checks_is_told(kept: int, word: str) -> None:
+    whole = campaign()
+    ordinal = np.cumsum(whole.points.zero)
+    grid = replace(whole, accepted=whole.accepted & (~whole.points.zero | (ordinal <= kept)))
+    found = [remark["message"] for remark in budget_remarks(budget(grid)) if remark["where"] == "zero checks"]
+    assert [message.split()[0] for message in found] == ([word] if word else [])
+    assert not list(budget_remarks(budget(replace(grid, origin="published"))))
+
+
 def test_the_document_is_json_and_the_table_has_every_point() -> None:
     found = budget(flagged=2)
     document = json.loads(json.dumps(budget_document(found), allow_nan=False))

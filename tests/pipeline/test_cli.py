@@ -101,7 +101,7 @@ def test_terms_chosen_by_the_data_are_stored_with_their_ranking(tmp_path: Path) 
     ("arguments", "words"),
     [
         (("analyse", "--store", "{tmp}/none"), "Run 'pmg ingest' first"),
-        (("compare", "--store", "{tmp}/none", "--report", "{tmp}/r"), "Run 'pmg analyse'"),
+        (("compare", "--store", "{tmp}/none", "--report", "{tmp}/r"), "no such folder"),
         (("ingest", "{tmp}/none", "--store", "{tmp}/s"), "Check the path"),
         (("ingest", "{tmp}", "--store", "{tmp}/s"), "recordings with the ending .mcap"),
         (("run", "--store", "{tmp}/s", "--report", "{tmp}/r"), "one of them"),

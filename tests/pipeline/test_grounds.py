@@ -19,7 +19,7 @@ from pmg.pipeline.diagnose.nexttest import NextTest
 from pmg.pipeline.diagnose.noise import ShaftNoise
 from pmg.pipeline.diagnose.plans import make_points, possible_plans
 from pmg.pipeline.diagnose.whiten import GROWTHS, NO_CORRELATION, Growth
-from pmg.pipeline.report.document import Facts, Table
+from pmg.pipeline.report.document import Facts, Measured, Table
 from pmg.sim.bench import load_bench
 from pmg.sim.signals import RPM
 
@@ -60,12 +60,25 @@ def test_decoys_that_passed_are_counted_on_the_page() -> None:
     assert decoy_items(diagnosis()) == []
 
 
-@pytest.mark.parametrize(("after", "remark"), [(6.5e-17, "on its bound"), (1e-3, "")])
-def test_a_constant_on_its_bound_is_said_to_be_there(after: float, remark: str) -> None:
-    items = withheld_items(diagnosis(absorbed=(Absorbed("b", 0.0, after, None),)))
+@pytest.mark.parametrize(
+    ("before", "after", "remark"),
+    [(2e-3, 6.5e-17, "on its bound"), (0.0, 1e-3, "on its bound alone"), (2e-3, 1e-3, "")],
+)
+def test_a_constant_on_its_bound_is_said_to_be_there(before: float, after: float, remark: str) -> None:
+    items = withheld_items(diagnosis(absorbed=(Absorbed("b", before, after, None),)))
     table = next(item for item in items if isinstance(item, Table))
     assert table.rows[0][-1] == remark
-    assert on_bound(after, CONSTANTS["b"]) == (0.0 if remark else None)
+    assert on_bound(after, CONSTANTS["b"]) == (0.0 if remark == "on its bound" else None)
+
+
+def test_what_the_baseline_had_absorbed_carries_its_uncertainty_alone_and_together() -> None:
+    items = withheld_items(diagnosis(absorbed=(Absorbed("c", 3e-4, 2e-4, 2e-5, 5e-6),)))
+    table = next(item for item in items if isinstance(item, Table))
+    alone, together = table.rows[0][1:3]
+    assert isinstance(alone, Measured)
+    assert isinstance(together, Measured)
+    assert (alone.value, alone.u) == pytest.approx((3.0, 0.05))
+    assert (together.value, together.u) == pytest.approx((2.0, 0.2))
 
 
 def test_noise_that_grows_says_from_what_to_what() -> None:

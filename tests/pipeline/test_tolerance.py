@@ -58,6 +58,19 @@ def test_each_point_is_judged_by_the_data_sheet_where_nothing_was_set() -> None:
     assert agreed.told == "Simulation within tolerance at 1 of 3 points (1 not comparable)."
 
 
+def test_points_are_counted_and_judged_by_all_their_quantities() -> None:
+    residuals = compared([0.004, 0.006, np.nan, np.nan], [0.009, 0.001, 0.011, np.nan])
+    agreed = agreements(residuals, BENCH)
+    assert agreed.states == (State.WITHIN, State.OUT, State.OUT, State.NOT_COMPARABLE)
+    assert agreed.counts["points"] == {"within": 1, "out": 2, "not_comparable": 1}
+    assert agreed.counts["torque_ring"] == {"within": 2, "out": 1, "not_comparable": 1}
+    assert agreed.counts["loss_total"] == {"within": 0, "out": 0, "not_comparable": 4}
+    tables = [item for item in comparison_section(residuals, agreed).items if isinstance(item, Table)]
+    table = next(table for table in tables if table.id == "comparison-by-point")
+    assert [column.name for column in table.columns][:2] == ["point", "state"]
+    assert [row[1] for row in table.rows] == [str(state) for state in agreed.states]
+
+
 def test_a_tolerance_that_was_set_takes_the_place_of_the_data_sheet() -> None:
     residuals = compared([0.004, 0.006], [0.009, 0.001])
     strict = agreements(residuals, BENCH, {"torque_sun": Tolerance(0.005, 0.0), "torque_ring": Tolerance(0.0, 0.005)})

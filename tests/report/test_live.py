@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import base64
+import io
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from pmg.pipeline.report import live_chart
-from pmg.pipeline.report.document import Chart, Figure, PowerFlow, Section, Series
+from pmg.pipeline.report.document import Chart, Column, Figure, PowerFlow, Section, Series, Table
 from pmg.pipeline.report.write import write_report
 
 from . import chromium, example
@@ -184,6 +187,69 @@ def test_what_hovers_over_a_point_is_its_name_letter_by_letter(tmp_path: Path) -
         told = tab.wait("document.querySelector('#one .hoverlayer text')?.textContent")
         assert name in told
         assert tab.ask("document.querySelector('#one .hoverlayer a') === null")
+
+
+def over(label: str) -> Chart:
+    x = np.linspace(0.0, 10.0, 21)
+    return Chart(label, "y", (Series("", x, np.sin(x), None, "line"),))
+
+
+def test_a_time_under_the_pointer_is_told_in_every_plot_over_that_time(tmp_path: Path) -> None:
+    labels = {"a": "time [s]", "b": "time [s]", "c": "time of the test [h]", "d": "speed [rpm]"}
+    figures = tuple(Figure(name, name, "Swings.", (over(label),)) for name, label in labels.items())
+    write_report(replace(example.report(), sections=(Section("only", "Only", figures),)), tmp_path)
+    with chromium.tab(tmp_path / "profile") as tab:
+        tab.call("Emulation.setDeviceMetricsOverride", width=1280, height=4000, deviceScaleFactor=1, mobile=False)
+        tab.open(tmp_path / "report.html")
+        drawn(tab)
+        tab.ask(
+            "(window.scrollTo(0, 0), window.hovers = 0, document.querySelector('#a .plot').on("
+            "'plotly_hover', () => { window.hovers += 1; }), 1)"
+        )
+        box = tab.ask(
+            "(() => { const b = document.querySelector('#a .nsewdrag').getBoundingClientRect();"
+            " return {x: b.x, y: b.y, w: b.width, h: b.height}; })()"
+        )
+        at = "Array.from(document.querySelectorAll('#%s .hoverlayer text')).map(t => t.textContent).join(' ')"
+        tab.call("Input.dispatchMouseEvent", type="mouseMoved", x=box["x"] + 5, y=box["y"] + 5)
+        where = "document.querySelector('#a .plot')._fullLayout"
+        place = tab.ask(f"({where}, [{where}.xaxis.l2p(4), {where}.yaxis.l2p(Math.sin(4))])")
+        tab.call("Input.dispatchMouseEvent", type="mouseMoved", x=box["x"] + place[0], y=box["y"] + place[1])
+        assert "time [s]: 4" in tab.wait(at % "a")
+        assert "time [s]: 4" in tab.wait(at % "b")
+        assert tab.ask(at % "c") == tab.ask(at % "d") == ""
+        assert tab.ask("window.hovers") <= 2
+        tab.call("Input.dispatchMouseEvent", type="mouseMoved", x=2, y=2)
+        tab.wait(f"({at % 'a'}) === '' && ({at % 'b'}) === ''")
+        assert tab.noise() == []
+
+
+def test_the_first_column_of_a_wide_table_stays_and_its_edge_says_that_there_is_more(tmp_path: Path) -> None:
+    columns = (Column("point", "Point"), *(Column(f"c{k}", f"Column {k}", "N m", digits=3) for k in range(24)))
+    wide = Table("wide", "Wide", "Many columns.", columns, tuple((f"P_{i}", *np.full(24, 1.25)) for i in range(5)))
+    write_report(replace(example.report(), sections=(Section("only", "Only", (wide,)),)), tmp_path)
+    with chromium.tab(tmp_path / "profile") as tab:
+        tab.show(1280)
+        tab.open(tmp_path / "report.html")
+        box, first = "document.querySelector('#wide .scroll')", "document.querySelector('#wide tbody td')"
+        edge = f"{first}.getBoundingClientRect().left - {box}.getBoundingClientRect().left"
+        assert tab.ask(f"{box}.scrollWidth > {box}.clientWidth + 100")
+        before, dark = tab.ask(edge), darkest(tab)
+        tab.ask(f"({box}.scrollLeft = {box}.scrollWidth, 1)")
+        assert tab.ask(edge) == pytest.approx(before, abs=1.0)
+        assert dark < darkest(tab) - 30
+
+
+def darkest(tab: chromium.Tab) -> float:
+    """Brightness of the table's right edge between two lines of text, at its darkest."""
+    clip = tab.ask(
+        "(() => { const box = document.querySelector('#wide .scroll').getBoundingClientRect();"
+        " const row = document.querySelectorAll('#wide tbody tr')[2].getBoundingClientRect();"
+        " return {x: box.right + scrollX - 14, y: row.top + scrollY + 2, width: 12, height: 3, scale: 1}; })()"
+    )
+    shot = tab.call("Page.captureScreenshot", format="png", clip=clip)["data"]
+    with Image.open(io.BytesIO(base64.b64decode(shot))) as picture:
+        return float(np.asarray(picture.convert("L"), dtype=np.float64).min())
 
 
 def test_the_legend_says_how_its_groups_are_drawn() -> None:

@@ -101,6 +101,15 @@ def test_the_same_report_gives_the_same_summary_in_the_same_order(tmp_path: Path
     assert list(json.loads(one)) == list(SCHEMA["properties"])
 
 
+def test_the_word_of_a_diagnosis_stands_with_the_verdict() -> None:
+    found = summary(told(), {}, POINTS | {"diagnosis": "named"})
+    jsonschema.validate(found, SCHEMA)
+    assert found["verdict"]["diagnosis"] == "named"
+    assert found["facts"] == POINTS
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(summary(told(), {}, POINTS | {"diagnosis": "guessed"}), SCHEMA)
+
+
 @pytest.mark.parametrize("facts", [{"points": {"accepted": -1, "rejected": 0}}, {"points": {"accepted": 1}}])
 def test_the_schema_refuses_points_that_are_none(facts: dict[str, Any]) -> None:
     with pytest.raises(jsonschema.ValidationError):

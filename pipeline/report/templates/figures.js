@@ -98,6 +98,28 @@
     });
   };
 
+  const timed = new Map();
+  /** What is under the pointer in one plot over time is told at the same time in the others on the screen. */
+  const linked = (element, panel) => {
+    const label = panel.layout.xaxis?.title?.text ?? "";
+    if (!label.startsWith("time")) return;
+    timed.set(element, label);
+    const others = () => [...timed].filter(([other, with_]) => other !== element && with_ === label && other.isConnected).map(([other]) => other);
+    const seen = (other) => {
+      const box = other.getBoundingClientRect();
+      return box.bottom > 0 && box.top < innerHeight;
+    };
+    // Only a pointer moves the others: what a script tells carries no event of its own and goes no further.
+    element.on("plotly_hover", (event) => {
+      if (!(event.event instanceof Event) || !event.points.length) return;
+      const time = event.points[0].x;
+      for (const other of others().filter(seen)) window.Plotly.Fx.hover(other, { xval: time, hovermode: "x" });
+    });
+    element.on("plotly_unhover", (event) => {
+      if (event.event instanceof Event) for (const other of others()) window.Plotly.Fx.unhover(other, {});
+    });
+  };
+
   const place = async (holder, panel, title, name) => {
     const element = pmg.make("div", { class: "plot" });
     if (panel.choices) {
@@ -113,6 +135,7 @@
     holder.append(element);
     await pmg.plot(element, panel.data, panel.layout);
     if (panel.kind === "map") walkable(element, panel, title);
+    if (panel.kind === "chart") linked(element, panel);
     element.on("plotly_click", (event) => {
       const point = event.points[0]?.customdata;
       if (point) pmg.openPoint?.(point);
