@@ -82,7 +82,7 @@ def told(store: Path | None, folder: Path) -> tuple[tuple[Any, ...], dict[str, A
 
     def catch(*given: Any, **named: Any) -> tuple[Path, ...]:  # noqa: ANN401 - whatever the function takes
         caught.append((given, named))
-        return (given[1] / write.PAGE,)
+        return write.write_report(*given, **named)
 
     with patch.object(compare_stage, "write_report", catch):
         compare_stage.run_compare(store, folder / "compared")
