@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.drill.cell import BudgetRow, CellSignals, ChannelSignals, ShaftRows
-from pmg.pipeline.drill.traces import speed_signals, stretch_of, torque_signals
+from pmg.pipeline.drill.traces import bins_for, speed_signals, stretch_of, torque_signals
 from pmg.pipeline.outcome import told
 from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.wording import counted
@@ -106,7 +106,7 @@ def campaign_signals(store: Store, grid: Grid, budget: Budget) -> CampaignSignal
                 cells[row] = replace(cells[row], file=file, lacking=f"samples {error.came}; ingest {file} again")
             continue
         for row in of_run:
-            cells[row] = _with_signals(cells[row], places[row], run)
+            cells[row] = _with_signals(cells[row], places[row], run, bins_for(len(grid)))
     return CampaignSignals(tuple(cells), _findings(cells))
 
 
@@ -194,8 +194,11 @@ def _rows_of(shaft: ShaftBudget) -> Callable[[int], ShaftRows]:
     return at
 
 
-def _with_signals(cell: CellSignals, place: _Place, run: Mapping[str, Array]) -> CellSignals:
-    """A point with the signals of its window; without, and why, where the run holds none of its samples."""
+def _with_signals(cell: CellSignals, place: _Place, run: Mapping[str, Array], most: int) -> CellSignals:
+    """A point with the signals of its window; without, and why, where the run holds none of its samples.
+
+    There are at most `most` bins of each.
+    """
     document, window = place.manifest.document, place.window
     rate, rows = float(document["rate_hz"]), len(run["sample"])
     known = replace(
@@ -206,7 +209,7 @@ def _with_signals(cell: CellSignals, place: _Place, run: Mapping[str, Array]) ->
         stop_sample=int(window["stop_sample"]),
     )
     offset = int(run["sample"][0]) if rows else 0
-    stretch = stretch_of(known.first_sample - offset, known.stop_sample - offset, rows, rate)
+    stretch = stretch_of(known.first_sample - offset, known.stop_sample - offset, rows, rate, most=most)
     if stretch.first == stretch.stop:
         return replace(known, lacking="the recording holds no samples of this window")
     channels: list[ChannelSignals] = []

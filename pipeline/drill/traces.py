@@ -20,8 +20,10 @@ if TYPE_CHECKING:
 
 MARGIN = 0.15
 """What is shown before and after a window, as part of its length, as far as the recording reaches."""
-MOST_BINS = 300
-"""Most bins of a signal."""
+MOST_BINS, FEWEST_SHOWN = 300, 60
+"""Bins of a signal: most, and what a page with very many points leaves it at least."""
+PLENTY = 400
+"""Points up to which each has `MOST_BINS`; with more, they share as many bins, so that a page stays a page."""
 MOST_FILTERED = 120
 """Most values of a filtered signal: two a period up to the cut-off for windows of two minutes; beyond, too few."""
 COUNT_SHARE = 0.005
@@ -36,7 +38,7 @@ FEWEST_BINS = 20
 class Stretch:
     """Rows of a run: `start` to `end` are shown, `first` to `stop` are the window; ends are left out.
 
-    `rate` is the sample rate [Hz].
+    `rate` is the sample rate [Hz], `most` how many bins there are at most.
     """
 
     start: int
@@ -44,6 +46,7 @@ class Stretch:
     stop: int
     end: int
     rate: float
+    most: int = MOST_BINS
 
     @property
     def seconds(self) -> tuple[float, float, float, float]:
@@ -52,7 +55,12 @@ class Stretch:
         return start, 0.0, stop, end
 
 
-def stretch_of(first: int, stop: int, rows: int, rate: float, margin: float = MARGIN) -> Stretch:
+def bins_for(points: int) -> int:
+    """Most bins of a signal on a page with so many points."""
+    return max(min(MOST_BINS, MOST_BINS * PLENTY // max(points, 1)), FEWEST_SHOWN)
+
+
+def stretch_of(first: int, stop: int, rows: int, rate: float, margin: float = MARGIN, most: int = MOST_BINS) -> Stretch:
     """The rows of a window and its margins.
 
     Parameters
@@ -65,18 +73,22 @@ def stretch_of(first: int, stop: int, rows: int, rate: float, margin: float = MA
         Sample rate [Hz].
     margin : float
         Part of the window that is shown on each side.
+    most : int
+        Bins at most.
     """
     first = min(max(first, 0), rows)
     stop = min(max(stop, first), rows)
     beside = round(margin * (stop - first))
-    return Stretch(max(first - beside, 0), first, stop, min(stop + beside, rows), rate)
+    return Stretch(max(first - beside, 0), first, stop, min(stop + beside, rows), rate, most)
 
 
-def binned(stretch: Stretch, most: int = MOST_BINS) -> tuple[Bins, npt.NDArray[np.int64]]:
+def binned(stretch: Stretch, most: int | None = None) -> tuple[Bins, npt.NDArray[np.int64]]:
     """Bins of a stretch, and the rows at which they begin, the end of the last one behind them.
 
-    A bin is one row at least; a part that holds rows has a bin at least, however few there are to be.
+    A bin is one row at least; a part that holds rows has a bin at least, however few there are to be. There are as many
+    as the stretch allows, or `most`.
     """
+    most = stretch.most if most is None else most
     borders = (stretch.start, stretch.first, stretch.stop, stretch.end)
     rows = max(stretch.end - stretch.start, 1)
     before, _, after = (b - a for a, b in pairwise(borders))
@@ -159,7 +171,7 @@ def speed_signals(signal: Signal, angle: Array, stretch: Stretch, count: float) 
     shown = max(stretch.end - stretch.start, 1) / stretch.rate
     needed = count / (COUNT_SHARE * abs(mean)) if abs(mean) > 0.0 else math.inf
     longest = min(LONGEST_BIN, shown / FEWEST_BINS)
-    step = max(shown / MOST_BINS, longest if math.isnan(needed) else min(needed, longest))
+    step = max(shown / stretch.most, longest if math.isnan(needed) else min(needed, longest))
     bins, edges = binned(stretch, max(min(int(shown / step), (stretch.stop - stretch.first) // 2), 1))
     starts, ends = edges[:-1], edges[1:].copy()
     ends[bins.within.stop - 1] = stretch.stop - 1

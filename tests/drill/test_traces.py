@@ -11,7 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pmg.pipeline.drill.spectrum import MOST, amplitude_spectrum
-from pmg.pipeline.drill.traces import MOST_BINS, MOST_FILTERED, binned, speed_signals, stretch_of, torque_signals
+from pmg.pipeline.drill.traces import (
+    FEWEST_SHOWN,
+    MOST_BINS,
+    MOST_FILTERED,
+    PLENTY,
+    binned,
+    bins_for,
+    speed_signals,
+    stretch_of,
+    torque_signals,
+)
 from pmg.pipeline.reduce import CUTOFF_HZ, end_to_end_speed, low_pass
 from pmg.sim.signals import REVOLUTION, RPM, SPEED_SUN, TORQUE_SUN, Array
 
@@ -186,3 +196,15 @@ def test_a_window_of_hardly_any_samples_is_no_crash(first: int, stop: int, rows:
     assert made.spectrum is None
     assert len(made.filtered) == stretch.stop - stretch.first
     speed_signals(SPEED_SUN, np.arange(rows, dtype=float), stretch, COUNT)
+
+
+def test_very_many_points_share_the_bins_of_a_page() -> None:
+    assert bins_for(1) == bins_for(PLENTY) == MOST_BINS
+    assert bins_for(2 * PLENTY) == MOST_BINS // 2
+    assert bins_for(100 * PLENTY) == FEWEST_SHOWN
+    stretch = stretch_of(1000, 6000, 7000, RATE, most=bins_for(2 * PLENTY))
+    torque, angle = np.sin(np.arange(7000) / 50.0), np.linspace(0.0, 70.0, 7000)
+    made, speed = torque_signals(TORQUE_SUN, torque, stretch), speed_signals(SPEED_SUN, angle, stretch, COUNT)
+    assert sum(made.bins.counts) <= MOST_BINS // 2
+    assert sum(speed.bins.counts) <= MOST_BINS // 2
+    assert np.nanmax(made.high) == torque[stretch.start : stretch.end].max()
