@@ -91,6 +91,31 @@ def leave_crate_of_two(
     return write_crate(results[0].parent, action)
 
 
+def leave_crate_of_files(
+    folder: Path, command: str, taken: tuple[Path, ...], results: tuple[Path, ...], began: datetime, clock: Clock
+) -> Path:
+    """Say the same of results that were made of files alone, such as a scenario.
+
+    Parameters
+    ----------
+    folder : Path
+        Holds the results.
+    command : str
+        Such as ``pmg simulate``.
+    taken, results : tuple of Path
+        Files that went in, and that came out.
+    began : datetime
+        When the stage began.
+    clock : callable
+        Time of day, asked once more for the end.
+    """
+    names = ", ".join(path.name for path in taken)
+    action = CrateAction(
+        command, f"Results of {command}", f"Made of {names}.", began, clock(), tuple(map(source_file, taken)), results
+    )
+    return write_crate(folder, action)
+
+
 def _went_in(store: Path, grid: Grid) -> tuple[SourceFile, ...]:
     """The recordings that a grid was made of; none for published grids."""
     if grid.origin == "published" or not any(Store(store).manifests()):

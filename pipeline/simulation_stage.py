@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from pmg.pipeline.chapters.simulation import simulation_report
 from pmg.pipeline.outcome import Outcome
+from pmg.pipeline.provenance import leave_crate_of_files, now
 from pmg.pipeline.report.write import PAGE
 from pmg.pipeline.scenario_file import read_scenario
 from pmg.pipeline.scenario_mechanisms import switch_on_by_words
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from pmg.pipeline.provenance import Clock
     from pmg.pipeline.simulate import Simulation
 
 
@@ -31,6 +33,7 @@ def run_simulate(
     *,
     model: Path | None = None,
     switched: Sequence[str] = (),
+    clock: Clock = now,
 ) -> Outcome:
     """Simulate a scenario and write what comes out.
 
@@ -46,7 +49,10 @@ def run_simulate(
         A model file to take losses and mechanisms from, instead of the scenario's source of losses.
     switched : sequence of str
         Mechanisms to switch on, as ``id:key=value,key=value``.
+    clock : callable
+        Time of day, for the provenance.
     """
+    began = clock()
     bench = load_bench()
     file = read_scenario(path)
     if campaign:
@@ -69,6 +75,8 @@ def run_simulate(
     report = simulation_report(simulation, scenario, inputs, findings, tuple(provenance))
     summary = summary_document(simulation, scenario, inputs, findings, source)
     written = write_simulation(out, files, report, summary)
+    taken = (path,) if model is None else (path, model)
+    leave_crate_of_files(out, "pmg simulate", taken, tuple(written), began, clock)
     return Outcome(
         data={"out": str(out), "report": str(out / PAGE), "files": list(map(str, written)), "summary": summary},
         lines=(*_lines(simulation), f"report, tables, recordings: {out / PAGE}"),

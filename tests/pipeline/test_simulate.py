@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -16,6 +17,7 @@ from typer.testing import CliRunner
 
 from pmg.pipeline.campaign import choose_campaign, measured_grid
 from pmg.pipeline.cli import app
+from pmg.pipeline.crate import FILE as CRATE
 from pmg.pipeline.recording import read_recording
 from pmg.pipeline.scenario_file import read_scenario
 from pmg.pipeline.simulate import Simulation, simulate
@@ -68,7 +70,9 @@ def done(folder: Path, text: str) -> Simulation:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+    """Bytes of every file but the one that holds the time of day."""
+    files = (p for p in folder.rglob("*") if p.is_file() and p.name != CRATE)
+    return {str(p.relative_to(folder)): p.read_bytes() for p in files}
 
 
 # --- the scenarios that ship ---------------------------------------------------------------------------
@@ -325,6 +329,17 @@ def test_the_same_scenario_gives_the_same_bytes(tmp_path: Path) -> None:
         for folder in ("one", "two", "two"):
             call("simulate", scenario(tmp_path, text), "--out", tmp_path / name / folder, expect=0)
         assert contents(tmp_path / name / "one") == contents(tmp_path / name / "two")
+
+
+def test_a_crate_says_which_scenario_made_the_results(tmp_path: Path) -> None:
+    path = scenario(tmp_path, SMALL)
+    out = tmp_path / "out"
+    call("simulate", path, "--out", out, expect=0)
+    entities = {entity["@id"]: entity for entity in json.loads((out / CRATE).read_text(encoding="utf-8"))["@graph"]}
+    (action,) = (entity for entity in entities.values() if entity["@type"] == "CreateAction")
+    (taken,) = (entities[each["@id"]] for each in action["object"])
+    assert (taken["name"], taken["sha256"]) == (path.name, hashlib.sha256(path.read_bytes()).hexdigest())
+    assert {each["@id"] for each in action["result"]} == set(contents(out))
 
 
 def test_only_the_formats_asked_for_are_written(tmp_path: Path) -> None:
