@@ -14,6 +14,7 @@ from pmg.pipeline.modelfile_read import read_model
 from pmg.pipeline.outcome import Outcome
 from pmg.pipeline.outputs import read_analysis
 from pmg.pipeline.planned import planned_floor, planned_grid
+from pmg.pipeline.provenance import leave_crate_of_files, now, went_in
 from pmg.pipeline.report.document import Facts, Report, Verdict
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.scenario_file import read_scenario
@@ -25,6 +26,7 @@ from pmg.sim.signals import MINUTE
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from pmg.pipeline.crate import SourceFile
     from pmg.pipeline.diagnose.audit import Audit, LookAlike, Visibility
 
 
@@ -48,6 +50,8 @@ def run_design(
     if (plan is None) == (store is None):
         came = "neither" if plan is None else "both"
         raise BenchError("PLAN and --store", came, "one of them", "Name a plan, or a store with an analysed campaign.")
+    began = now()
+    taken: tuple[Path | SourceFile, ...] = () if plan is None else (plan,)
     bench = load_bench()
     remarks: tuple[dict[str, Any], ...] = ()
     whole = None if model_file is None else read_model(model_file)
@@ -68,7 +72,7 @@ def run_design(
         if analysis.calibration is None or analysis.floor is None:
             raise analysis.missing[0]
         grid, floor, model = analysis.grid, analysis.floor, analysis.calibration.model
-        name = f"campaign {grid.campaign}"
+        name, taken = f"campaign {grid.campaign}", went_in(store, grid)
     model = model if whole is None else whole.baseline
     audit = audit_design(grid, bench, model, floor)
     data: dict[str, Any] = {
@@ -90,6 +94,7 @@ def run_design(
             provenance=Facts((("Of", name), ("Versions", versions(PACKAGES)))),
         )
         files = write_report(page, report)
+        leave_crate_of_files(report, "pmg design", taken, files, began)
         data["report"] = str(files[0])
         lines.append(f"report: {files[0]}")
     return Outcome(data, tuple(lines), remarks)

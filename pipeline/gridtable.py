@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
 
+PUBLISHED = ("neutral_grid.csv", "engaged_grid.csv")
+"""Files of the published grids."""
 ROUNDING_PUBLISHED = 0.01
 """Step to which the published torques are rounded [N m]."""
 
@@ -152,8 +154,8 @@ def read_published(folder: Path, bench: BenchParameters) -> Grid:
     GridError
         A file is missing, a column is missing, a cell is empty or not a number.
     """
-    neutral = _read_published_csv(folder / "neutral_grid.csv", _NEUTRAL_COLUMNS)
-    engaged = _read_published_csv(folder / "engaged_grid.csv", _ENGAGED_COLUMNS)
+    neutral = _read_published_csv(folder / PUBLISHED[0], _NEUTRAL_COLUMNS)
+    engaged = _read_published_csv(folder / PUBLISHED[1], _ENGAGED_COLUMNS)
     slip = np.abs(engaged.sun_speed_rpm - bench.gear1.ratio * engaged.ring_speed_rpm)
     stray = (slip > RATIO_TOLERANCE * engaged.sun_speed_rpm) | (engaged.sun_speed_rpm == 0.0)
     if stray.any():

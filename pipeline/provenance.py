@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     Clock = Callable[[], datetime]
 
 
+MANY = 6
+"""Files from which on they are counted instead of named."""
+
+
 def now() -> datetime:
     """The time of day [UTC]."""
     return datetime.now(UTC)
@@ -53,7 +57,7 @@ def leave_crate(
     results : tuple of Path, optional
         The files that came out; all that are in the folder when not given.
     """
-    recordings = _went_in(store, grid)
+    recordings = went_in(store, grid)
     files = (*recordings, *map(source_file, more))
     title = f"Results of {command} for campaign {grid.campaign}"
     action = CrateAction(command, title, f"Made of {_made(recordings)}.", began, clock(), files, results)
@@ -82,7 +86,7 @@ def leave_crate_of_two(
     clock : callable
         Time of day, asked once more for the end.
     """
-    recordings = [_went_in(*side) for side in sides]
+    recordings = [went_in(*side) for side in sides]
     names = " and ".join(grid.campaign for _, grid in sides)
     made = "; ".join(f"{label}: {_made(own)}" for label, own in zip("AB", recordings, strict=True))
     files = tuple(file for own in recordings for file in own)
@@ -92,7 +96,12 @@ def leave_crate_of_two(
 
 
 def leave_crate_of_files(
-    folder: Path, command: str, taken: tuple[Path, ...], results: tuple[Path, ...], began: datetime, clock: Clock
+    folder: Path,
+    command: str,
+    taken: tuple[Path | SourceFile, ...],
+    results: tuple[Path, ...],
+    began: datetime,
+    clock: Clock = now,
 ) -> Path:
     """Say the same of results that were made of files alone, such as a scenario.
 
@@ -102,23 +111,24 @@ def leave_crate_of_files(
         Holds the results.
     command : str
         Such as ``pmg simulate``.
-    taken, results : tuple of Path
-        Files that went in, and that came out.
+    taken : tuple of Path or SourceFile
+        What went in: files that are there, or recordings as a store knows them.
+    results : tuple of Path
+        What came out.
     began : datetime
         When the stage began.
     clock : callable
         Time of day, asked once more for the end.
     """
-    names = ", ".join(path.name for path in taken)
-    action = CrateAction(
-        command, f"Results of {command}", f"Made of {names}.", began, clock(), tuple(map(source_file, taken)), results
-    )
+    files = tuple(each if isinstance(each, SourceFile) else source_file(each) for each in taken)
+    made = ", ".join(file.name for file in files) if len(files) < MANY else f"{len(files)} files"
+    action = CrateAction(command, f"Results of {command}", f"Made of {made}.", began, clock(), files, results)
     return write_crate(folder, action)
 
 
-def _went_in(store: Path, grid: Grid) -> tuple[SourceFile, ...]:
+def went_in(store: Path | None, grid: Grid) -> tuple[SourceFile, ...]:
     """The recordings that a grid was made of; none for published grids."""
-    if grid.origin == "published" or not any(Store(store).manifests()):
+    if store is None or grid.origin == "published" or not any(Store(store).manifests()):
         return ()
     return recordings_of(store, grid.campaign)
 

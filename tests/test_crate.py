@@ -25,6 +25,7 @@ from pmg.pipeline.crate import (
     write_crate,
 )
 from pmg.pipeline.ingest import ingest
+from pmg.pipeline.provenance import leave_crate_of_files
 from pmg.pipeline.store import Store
 from pmg.sim.errors import StoreError
 
@@ -136,3 +137,19 @@ def test_recordings_come_from_the_manifests(campaign: Path, tmp_path: Path) -> N
     assert found == tuple(source_file(path) for path in sorted(campaign.glob("[0-9]*.mcap")))
     assert recordings_of(tmp_path / "s", "made") == found
     assert not recordings_of(tmp_path / "s", "other")
+
+
+def test_results_made_of_files_name_them_and_count_many(tmp_path: Path) -> None:
+    files = [tmp_path / f"{i}.csv" for i in range(7)]
+    for path in files:
+        path.write_text(path.name, encoding="utf-8")
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "report.html").write_text("page", encoding="utf-8")
+    moment = datetime(2026, 1, 2, tzinfo=UTC)
+    for taken, told in ((files[:2], "Made of 0.csv, 1.csv."), (files, "Made of 7 files.")):
+        written = leave_crate_of_files(out, "pmg terms", tuple(taken), (out / "report.html",), moment, lambda: moment)
+        graph = json.loads(written.read_text(encoding="utf-8"))["@graph"]
+        (action,) = (entity for entity in graph if entity["@type"] == "CreateAction")
+        assert action["description"] == told
+        assert len(action["object"]) == len(taken)

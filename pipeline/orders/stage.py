@@ -14,6 +14,7 @@ from pmg.pipeline.aside import write_aside
 from pmg.pipeline.campaign import choose_campaign
 from pmg.pipeline.chapters.orders import orders_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
+from pmg.pipeline.crate import recordings_of
 from pmg.pipeline.orders.band import FALSE_ALARM
 from pmg.pipeline.orders.example import choose_example
 from pmg.pipeline.orders.kept import TYPES, kept_orders, orders_of_manifest
@@ -21,6 +22,7 @@ from pmg.pipeline.orders.loadangle import LoadAngle, wind_up
 from pmg.pipeline.orders.statement import statement, unit_of
 from pmg.pipeline.orders.survey import NOTHING_FOLLOWED, follow_lines
 from pmg.pipeline.outcome import Outcome
+from pmg.pipeline.provenance import leave_crate_of_files, now
 from pmg.pipeline.report.document import Facts, Report, Verdict
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store import Store
@@ -81,6 +83,7 @@ def run_orders(
     StoreError
         No such store, campaign or point.
     """
+    began = now()
     home, bench = Store(store), load_bench()
     name, manifests = choose_campaign(home, campaign)
     found = [(manifest, kept_orders(home, manifest)) for manifest in manifests]
@@ -116,6 +119,7 @@ def run_orders(
     if report is not None:
         section = orders_section(followed, table.filter("accepted"), angles, choose_example(home, manifests))
         files = write_report(_page(name, followed, section, len(manifests)), report)
+        leave_crate_of_files(report, "pmg orders", recordings_of(store, name), files, began)
         data |= {"report": str(files[0])}
         written = (f"report: {files[0]}",)
     return Outcome(data, (*lines, *_angle_lines(angles, law), *written), tuple(findings))

@@ -10,10 +10,11 @@ from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.chapters.structure import structure_section
 from pmg.pipeline.compare_stage import SEED
 from pmg.pipeline.fitdocument import number
-from pmg.pipeline.gridtable import read_published
+from pmg.pipeline.gridtable import PUBLISHED, read_published
 from pmg.pipeline.options import THESIS_OPTIONS
 from pmg.pipeline.outcome import Outcome, told
 from pmg.pipeline.outputs import read_analysis
+from pmg.pipeline.provenance import leave_crate_of_files, now, went_in
 from pmg.pipeline.report.document import Facts, Report, Verdict
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.residuals.covariates import BY_ID
@@ -27,6 +28,7 @@ from pmg.sim.signals import RESIDUAL
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from pmg.pipeline.crate import SourceFile
     from pmg.pipeline.residuals.fitted import Outlier
     from pmg.pipeline.residuals.search import Followed, ResidualStudy, ShaftResidual
 
@@ -75,6 +77,7 @@ def run_residuals(
         raise GridError(
             "--store and --grids", came, "one of them", "Name a store with an analysis, or published grids."
         )
+    began = now()
     draws, seed = DRAWS if draws is None else draws, SEED if seed is None else seed
     if fit is not None and fit not in FITS:
         raise FitError("--fit", repr(fit), ", ".join(FITS), near_miss(fit, FITS) or "Choose one, or leave it out.")
@@ -122,6 +125,10 @@ def run_residuals(
             ),
         )
         files = write_report(page, report)
+        taken: tuple[Path | SourceFile, ...] = went_in(store, grid)
+        if grids is not None:
+            taken = tuple(grids / name for name in PUBLISHED)
+        leave_crate_of_files(report, "pmg residuals", taken, files, began)
         data |= {"report": str(files[0]), "files": [str(path) for path in files]}
         lines.append(f"report: {files[0]}")
     findings = tuple(

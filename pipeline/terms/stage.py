@@ -14,6 +14,7 @@ from pmg.pipeline.chapters.terms import terms_sections
 from pmg.pipeline.compare_stage import SEED
 from pmg.pipeline.diagnose.diagnosis import Verdict
 from pmg.pipeline.outcome import Outcome
+from pmg.pipeline.provenance import leave_crate_of_files, now
 from pmg.pipeline.report.document import Facts, Report
 from pmg.pipeline.report.document import Verdict as Headline
 from pmg.pipeline.report.write import write_report
@@ -48,6 +49,7 @@ def run_terms(case_file: Path, out: Path, data: Path | None = None, seed: int | 
     seed : int, optional
         Seed of synthetic records, resamples and decoys.
     """
+    began = now()
     seed = SEED if seed is None else seed
     case = read_case(case_file, data)
     recorded = read_recording(case.fit, case)
@@ -60,6 +62,7 @@ def run_terms(case_file: Path, out: Path, data: Path | None = None, seed: int | 
     write_aside(out / RESIDUALS, residual_table(diagnosis).encode())
     page = write_report(_page(diagnosis, seed, digests), out)
     written = [str(path) for path in (*page, out / DOCUMENT, out / RESIDUALS)]
+    leave_crate_of_files(out, "pmg terms", tuple(files), (*page, out / DOCUMENT, out / RESIDUALS), began)
     data_out: dict[str, Any] = document | {"report": str(page[0]), "files": written}
     return Outcome(
         data_out,

@@ -9,8 +9,9 @@ import numpy as np
 
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.chapters.validation import validation_section
-from pmg.pipeline.gridtable import read_published
+from pmg.pipeline.gridtable import PUBLISHED, read_published
 from pmg.pipeline.outcome import Outcome
+from pmg.pipeline.provenance import leave_crate_of_files, now
 from pmg.pipeline.report.document import Facts, Report, Verdict
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.validate import verdict
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.validate.verdict import Judged
-
-FILES = ("neutral_grid.csv", "engaged_grid.csv")
-"""What the figures are computed from."""
 
 
 def run_validate(grids: Path, draws: int | None = None, seed: int | None = None, report: Path | None = None) -> Outcome:
@@ -41,12 +39,13 @@ def run_validate(grids: Path, draws: int | None = None, seed: int | None = None,
     report : Path, optional
         Folder of a report; none is written when not given.
     """
+    began = now()
     draws, seed = DRAWS if draws is None else draws, SEED if seed is None else seed
     bench = load_bench()
     grid = read_published(grids, bench)
     judged = verdict.validate(grid, bench, draws, np.random.default_rng(seed))
     counts = verdict.count(judged)
-    digests = {name: hashlib.sha256((grids / name).read_bytes()).hexdigest() for name in FILES}
+    digests = {name: hashlib.sha256((grids / name).read_bytes()).hexdigest() for name in PUBLISHED}
     data: dict[str, Any] = {
         "draws": draws,
         "seed": seed,
@@ -58,6 +57,7 @@ def run_validate(grids: Path, draws: int | None = None, seed: int | None = None,
     lines = [*table_lines(judged), "", f"{summary(judged)} ({draws} draws, seed {seed})"]
     if report is not None:
         files = write_report(_page(judged, draws, seed, digests), report)
+        leave_crate_of_files(report, "pmg validate", tuple(grids / name for name in PUBLISHED), files, began)
         data |= {"report": str(files[0]), "files": [str(path) for path in files]}
         lines.append(f"report: {files[0]}")
     return Outcome(
