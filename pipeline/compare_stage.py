@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.budget.windowfacts import WindowFacts
-    from pmg.pipeline.conditions import Conditions
     from pmg.pipeline.provenance import Clock
     from pmg.pipeline.store import Manifest
     from pmg.sim.bench import BenchParameters
@@ -111,8 +110,8 @@ def run_compare(
         ends=() if judged is None else judged.ends,
         orders=None if grid.origin == "published" else orders_chapter(Store(store), grid.campaign, bench),
         budget=budget,
-        origins=_origins(store, grid),
-        told=_conditions(store, grid),
+        origins=_origins(used),
+        told=conditions(used),
         tolerances={name: Tolerance(*parts) for name, parts in (tolerances or {}).items()},
         signals=None if behind is None else encode(behind.cells),
         faults=faults,
@@ -182,17 +181,6 @@ def _sources(
     return remarks, tuple(inputs), known, failed, tuple(manifests)
 
 
-def _origins(store: Path, grid: Grid) -> tuple[tuple[str, dict[str, Any]], ...]:
-    """Recordings of a campaign that were imported, and what from."""
-    if grid.origin == "published":
-        return ()
-    _, manifests = choose_campaign(Store(store), grid.campaign)
-    return tuple((m.document["file"], m.document["origin"]) for m in manifests if "origin" in m.document)
-
-
-def _conditions(store: Path, grid: Grid) -> Conditions:
-    """Under which conditions the campaign was run, as far as its recordings tell."""
-    if grid.origin == "published":
-        return conditions(())
-    _, manifests = choose_campaign(Store(store), grid.campaign)
-    return conditions(manifests)
+def _origins(used: tuple[Manifest, ...]) -> tuple[tuple[str, dict[str, Any]], ...]:
+    """Recordings that were imported, and what from."""
+    return tuple((m.document["file"], m.document["origin"]) for m in used if "origin" in m.document)

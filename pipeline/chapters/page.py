@@ -122,10 +122,10 @@ def build_report(
         grids_section(analysis.grid, opens=signals is not None),
     ]
     judged = analysis if carried is None else carried.analysis
+    misread = () if analysis.balance is None else misread_items(faults, analysis.balance)
     if analysis.fits is not None:
         sections.append(neutral_section(analysis, analysis.fits))
     if analysis.balance is not None and analysis.calibration is not None:
-        misread = misread_items(faults, analysis.balance)
         sections.append(_behind(losses_section(analysis, analysis.balance, analysis.calibration), misread))
         sections.append(_behind(efficiency_section(analysis.balance, residuals), misread[:1]))
         if analysis.grid.origin != "published":  # its speeds are those that were set
@@ -144,7 +144,7 @@ def build_report(
         gearbox = Gearbox.calibrated(bench, analysis.calibration.model) if carried is None else carried.gearbox
         behind = analysis.calibration, analysis.causes
         flow = flow_section(power_flows(gearbox, residuals.grid, residuals.simulated, bench, *behind))
-        sections.append(_behind(flow, misread_items(faults, analysis.balance)[:1] if analysis.balance else ()))
+        sections.append(_behind(flow, misread[:1]))
     if orders is not None:
         sections.append(orders)
     sections.extend(published_sections(analysis.grid, bench))
