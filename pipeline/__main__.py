@@ -1,6 +1,6 @@
 """``python -m pmg.pipeline`` is the command ``pmg``."""
 
-from pmg.pipeline.cli import main
+from pmg.pipeline.cli.app import main
 
 if __name__ == "__main__":
     main()

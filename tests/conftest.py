@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pmg.pipeline.ingest import ingest
-from pmg.pipeline.store import Store
+from pmg.pipeline.commands.ingest_files import ingest
+from pmg.pipeline.store.store import Store
 from pmg.sim.bench import BenchParameters, load_bench
 
 from .bench.kill import contents

@@ -14,7 +14,13 @@ from pdoc.render import html_index
 
 from tests.api import build, modules
 
-KINDS = ["pmg.sim.gearbox", "pmg.sim.errors", "pmg.sim.mechanisms.base", "pmg.pipeline.outcome", "pmg.pipeline.store"]
+KINDS = [
+    "pmg.sim.steady.gearbox",
+    "pmg.sim.errors",
+    "pmg.sim.mechanisms.base",
+    "pmg.pipeline.wording.outcome",
+    "pmg.pipeline.store.store",
+]
 """Formulas, a tree drawn by signs, a base class, a plain record, a module with files."""
 
 
@@ -50,14 +56,14 @@ def test_pages_are_built_without_a_warning(tmp_path: Path) -> None:
         page = (tmp_path / Path(*name.split("."))).with_suffix(".html").read_text(encoding="utf-8")
         assert f"{name} API documentation" in page
         assert "<h6" in page or "Parameters" not in page
-    gearbox = (tmp_path / "pmg" / "sim" / "gearbox.html").read_text(encoding="utf-8")
+    gearbox = (tmp_path / "pmg" / "sim" / "steady" / "gearbox.html").read_text(encoding="utf-8")
     assert r"\( \omega_r = -\omega_s / i \)" in gearbox
     assert sorted(path.suffix for path in tmp_path.iterdir() if path.is_file()) == [".html", ".js"]
 
 
 def test_every_module_is_listed(tmp_path: Path) -> None:
     names = modules()
-    assert {"pmg.sim", "pmg.sim.mechanisms.base", "pmg.pipeline", "pmg.pipeline.cli", *KINDS} < set(names)
+    assert {"pmg.sim", "pmg.sim.mechanisms.base", "pmg.pipeline", "pmg.pipeline.cli.app", *KINDS} < set(names)
     pages = {name: Module.from_name(name) for name in names}
     index = html_index(pages)
     assert [name for name in names if f'href="{name.replace(".", "/")}.html"' not in index] == []

@@ -9,20 +9,15 @@ from __future__ import annotations
 
 import ast
 import sys
-from dataclasses import dataclass
-from fnmatch import fnmatchcase
-from functools import cached_property
 from graphlib import CycleError, TopologicalSorter
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.house import MODULES, TESTS, Breach, Module, dotted, inside, is_guard, run_on_import
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
-
-ROOT = Path(__file__).resolve().parent.parent
-FOLDERS = {"pmg.sim": ROOT / "sim", "pmg.pipeline": ROOT / "pipeline"}
 
 
 def words(text: str) -> frozenset[str]:
@@ -32,23 +27,23 @@ def words(text: str) -> frozenset[str]:
 
 # --- the table -----------------------------------------------------------------------------------------
 
-COMMAND_LINE = ("pmg.pipeline.cli*", "pmg.pipeline.__main__")
+COMMAND_LINE = ("pmg.pipeline.cli", "pmg.pipeline.__main__")
 
 OWNERS: dict[str, tuple[str, ...]] = {
-    "mcap": ("pmg.pipeline.recording", "pmg.pipeline.exchange.blockfile"),
+    "mcap": ("pmg.pipeline.recording", "pmg.pipeline.importers.block_file"),
     "zstandard": ("pmg.pipeline.recording",),
     "lz4": ("pmg.pipeline.recording",),
     "deflate": ("pmg.pipeline.recording",),
-    "nptdms": ("pmg.pipeline.exchange",),
-    "asammdf": ("pmg.pipeline.exchange",),
-    "distributed": ("pmg.pipeline.executors",),
-    "dask": ("pmg.pipeline.executors",),
+    "nptdms": ("pmg.pipeline.importers",),
+    "asammdf": ("pmg.pipeline.importers",),
+    "distributed": ("pmg.pipeline.files.parallel",),
+    "dask": ("pmg.pipeline.files.parallel",),
     "matplotlib": ("pmg.pipeline.report",),
     "plotly": ("pmg.pipeline.report",),
     "jinja2": ("pmg.pipeline.report",),
     "xlsxwriter": ("pmg.pipeline.report",),
     "sqlite3": ("pmg.pipeline.catalogue",),
-    "pydantic": ("pmg.pipeline.scenario*", "pmg.pipeline.config"),
+    "pydantic": ("pmg.pipeline.files", "pmg.pipeline.settings", "pmg.pipeline.simulate"),
     "typer": COMMAND_LINE,
     "rich": COMMAND_LINE,
 }
@@ -65,7 +60,8 @@ MAY_ASK: dict[str, tuple[str, ...]] = {
     ),
     "pmg.pipeline.report": (
         "pmg.pipeline.report",
-        "pmg.pipeline.aside",
+        "pmg.pipeline.files.atomic",
+        "pmg.pipeline.wording",
         "pmg.sim.errors",
         "pmg.sim.signals",
         "pmg.sim.sources",
@@ -111,115 +107,6 @@ EFFECTS_IN_FULL = frozenset(
 STATE = frozenset({"os.environ", "sys.argv"})
 
 UNITS_HOME = "pmg.sim.signals"
-
-
-# --- reading modules -----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Import:
-    """One imported name, in full: ``from a.b import c`` is ``a.b.c``; relative imports begin with a dot."""
-
-    target: str
-    line: int
-    lazy: bool
-
-
-@dataclass(frozen=True)
-class Breach:
-    """A rule broken by a module."""
-
-    module: str
-    line: int
-    found: str
-    rule: str
-
-    def __str__(self) -> str:
-        return f"{self.module}, line {self.line}: {self.found}; rule: {self.rule}"
-
-
-@dataclass(frozen=True)
-class Module:
-    """Source text under its import name."""
-
-    name: str
-    source: str
-
-    @cached_property
-    def tree(self) -> ast.Module:
-        return ast.parse(self.source, filename=self.name)
-
-    @cached_property
-    def imports(self) -> tuple[Import, ...]:
-        """Every import anywhere in the text; lazy ones are not run when the module is loaded."""
-        at_load = {id(node) for node in run_on_import(self.tree)}
-        found = []
-        for node in ast.walk(self.tree):
-            lazy = id(node) not in at_load
-            if isinstance(node, ast.Import):
-                found += [Import(alias.name, node.lineno, lazy) for alias in node.names]
-            elif isinstance(node, ast.ImportFrom):
-                base = "." * node.level + (node.module or "")
-                joint = "" if base.endswith(".") else "."
-                found += [Import(f"{base}{joint}{alias.name}", node.lineno, lazy) for alias in node.names]
-            elif isinstance(node, ast.Call) and dotted(node.func).split(".")[-1] in (
-                "import_module",
-                "__import__",
-            ):
-                named = [a.value for a in node.args[:1] if isinstance(a, ast.Constant) and isinstance(a.value, str)]
-                found += [Import(name, node.lineno, True) for name in named]
-        return tuple(found)
-
-
-def modules_in(folder: Path, name: str) -> Iterator[Module]:
-    """Every module below a folder, under its import name."""
-    for path in sorted(folder.rglob("*.py")):
-        parts = path.relative_to(folder).with_suffix("").parts
-        parts = parts[:-1] if parts[-1] == "__init__" else parts
-        yield Module(".".join((name, *parts)), path.read_text(encoding="utf-8"))
-
-
-MODULES = tuple(module for name, folder in FOLDERS.items() for module in modules_in(folder, name))
-TESTS = tuple(modules_in(ROOT / "tests", "tests"))
-
-
-def inside(name: str, rooms: Iterable[str]) -> bool:
-    """Whether a module or name lies in one of the rooms."""
-    return any(fnmatchcase(name, room) or fnmatchcase(name, f"{room}.*") for room in rooms)
-
-
-def dotted(node: ast.AST) -> str:
-    """The name ``a.b.c`` of an expression; what is no plain name begins with ``?``."""
-    if isinstance(node, ast.Name):
-        return node.id
-    if isinstance(node, ast.Attribute):
-        return f"{dotted(node.value)}.{node.attr}"
-    return "?"
-
-
-def is_guard(node: ast.AST) -> bool:
-    """``if TYPE_CHECKING`` and ``if __name__ == "__main__"``: not run when the module is imported."""
-    return isinstance(node, ast.If) and (
-        dotted(node.test).split(".")[-1] == "TYPE_CHECKING"
-        or (isinstance(node.test, ast.Compare) and dotted(node.test.left) == "__name__")
-    )
-
-
-def run_on_import(node: ast.AST) -> Iterator[ast.AST]:
-    """What Python runs when it imports the module: all but bodies of functions and of the two guards."""
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef):
-            outside = [*child.decorator_list, *child.args.defaults, *filter(None, child.args.kw_defaults)]
-            for part in outside:
-                yield part
-                yield from run_on_import(part)
-        elif isinstance(child, ast.If) and is_guard(child):
-            for line in child.orelse:
-                yield line
-                yield from run_on_import(line)
-        elif not isinstance(child, ast.Lambda):
-            yield child
-            yield from run_on_import(child)
 
 
 # --- the rules -----------------------------------------------------------------------------------------
@@ -270,7 +157,7 @@ def imports_are_written_in_full(module: Module) -> Iterator[Breach]:
         if found.target.startswith("."):
             yield Breach(module.name, found.line, f"imports {found.target}", "no relative imports")
         elif parts[0] in ("sim", "pipeline") or found.target in ("pmg", "pmg.sim", "pmg.pipeline"):
-            rule = "imports name the module in full, as in `from pmg.sim.gearbox import Gearbox`"
+            rule = "imports name the module in full, as in `from pmg.sim.steady.gearbox import Gearbox`"
             yield Breach(module.name, found.line, f"imports {found.target}", rule)
         elif parts[-1] == "*":
             yield Breach(module.name, found.line, f"imports {found.target}", "names are imported one by one")
@@ -423,64 +310,64 @@ def test_no_module_needs_itself_to_be_loaded() -> None:
 
 def test_the_table_sees_both_rooms_and_lists_no_module_that_is_gone() -> None:
     names = {module.name for module in MODULES}
-    assert {"pmg.sim.signals", "pmg.sim.bench", "pmg.pipeline.fit"} <= names
+    assert {"pmg.sim.signals", "pmg.sim.bench", "pmg.pipeline.fit.loss_fit"} <= names
     assert len(names) == len(MODULES)
     assert set(LONG_WITH_REASON) <= names
 
 
 PLANTED: tuple[tuple[Callable[[Module], Iterator[Breach]], str, str], ...] = (
-    (libraries_keep_to_their_rooms, "pmg.pipeline.fit", "import mcap.reader"),
+    (libraries_keep_to_their_rooms, "pmg.pipeline.fit.loss_fit", "import mcap.reader"),
     (libraries_keep_to_their_rooms, "pmg.pipeline.report.html", "from mcap import reader"),
-    (libraries_keep_to_their_rooms, "pmg.pipeline.fit", "def draw():\n    import matplotlib.pyplot as plt"),
+    (libraries_keep_to_their_rooms, "pmg.pipeline.fit.loss_fit", "def draw():\n    import matplotlib.pyplot as plt"),
     (libraries_keep_to_their_rooms, "pmg.pipeline.reporting", "from jinja2 import Template"),
     (
         libraries_keep_to_their_rooms,
-        "pmg.pipeline.fit",
+        "pmg.pipeline.fit.loss_fit",
         "import importlib\ndef f():\n    importlib.import_module('plotly.io')",
     ),
     (
         libraries_keep_to_their_rooms,
-        "pmg.pipeline.fit",
+        "pmg.pipeline.fit.loss_fit",
         "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import typer",
     ),
-    (rooms_ask_only_those_below, "pmg.sim.solve", "from pmg.pipeline.fit import fit_losses"),
-    (rooms_ask_only_those_below, "pmg.pipeline.report.html", "from pmg.sim.gearbox import Gearbox"),
-    (rooms_ask_only_those_below, "pmg.pipeline.recording.decode", "from pmg.pipeline.store import Store"),
-    (rooms_ask_only_those_below, "pmg.pipeline.store", "from pmg.pipeline.cli import main"),
-    (sim_is_arrays_in_arrays_out, "pmg.sim.solve", "import pandas as pd"),
-    (sim_is_arrays_in_arrays_out, "pmg.sim.solve", "def f():\n    from pathlib import Path"),
-    (sim_is_arrays_in_arrays_out, "pmg.sim.solve", "def f():\n    return open('x')"),
+    (rooms_ask_only_those_below, "pmg.sim.steady.solve", "from pmg.pipeline.fit.loss_fit import fit_losses"),
+    (rooms_ask_only_those_below, "pmg.pipeline.report.html", "from pmg.sim.steady.gearbox import Gearbox"),
+    (rooms_ask_only_those_below, "pmg.pipeline.recording.decode", "from pmg.pipeline.store.store import Store"),
+    (rooms_ask_only_those_below, "pmg.pipeline.store.store", "from pmg.pipeline.cli.app import main"),
+    (sim_is_arrays_in_arrays_out, "pmg.sim.steady.solve", "import pandas as pd"),
+    (sim_is_arrays_in_arrays_out, "pmg.sim.steady.solve", "def f():\n    from pathlib import Path"),
+    (sim_is_arrays_in_arrays_out, "pmg.sim.steady.solve", "def f():\n    return open('x')"),
     (
         sim_is_arrays_in_arrays_out,
-        "pmg.sim.torquemap",
+        "pmg.sim.maps.torque_map",
         "import numpy as np\ndef f(p):\n    return np.loadtxt(p)",
     ),
-    (imports_are_written_in_full, "pmg.pipeline.fit", "import sim"),
-    (imports_are_written_in_full, "pmg.pipeline.fit", "from sim.gearbox import Gearbox"),
-    (imports_are_written_in_full, "pmg.pipeline.fit", "from pmg import sim"),
-    (imports_are_written_in_full, "pmg.sim.solve", "from .grid import Grid"),
-    (imports_are_written_in_full, "pmg.sim.solve", "from . import grid"),
-    (imports_are_written_in_full, "pmg.sim.solve", "from pmg.sim.grid import *"),
+    (imports_are_written_in_full, "pmg.pipeline.fit.loss_fit", "import sim"),
+    (imports_are_written_in_full, "pmg.pipeline.fit.loss_fit", "from sim.gearbox import Gearbox"),
+    (imports_are_written_in_full, "pmg.pipeline.fit.loss_fit", "from pmg import sim"),
+    (imports_are_written_in_full, "pmg.sim.steady.solve", "from .grid import Grid"),
+    (imports_are_written_in_full, "pmg.sim.steady.solve", "from . import grid"),
+    (imports_are_written_in_full, "pmg.sim.steady.solve", "from pmg.sim.grid import *"),
     (modules_are_named_for_what_they_hold, "pmg.pipeline.utils", ""),
     (modules_are_named_for_what_they_hold, "pmg.sim.helpers.arrays", ""),
-    (modules_stay_short, "pmg.sim.solve", "x = 1\n" * 401),
-    (modules_stay_short, "pmg.sim.solve", "x = 1\n" * 301),
-    (only_the_command_line_prints, "pmg.pipeline.fit", "def f():\n    print(1)"),
-    (only_the_command_line_prints, "pmg.sim.solve", "import sys\ndef f():\n    sys.stderr.write('')"),
-    (importing_only_defines, "pmg.sim.solve", "register(1)"),
-    (importing_only_defines, "pmg.sim.solve", "class A:\n    register(1)"),
-    (importing_only_defines, "pmg.sim.solve", "for i in range(3):\n    pass"),
-    (importing_only_defines, "pmg.sim.solve", "KNOWN = {}\nKNOWN['a'] = 1"),
-    (importing_only_defines, "pmg.sim.solve", "from a import b\nb.c = 1"),
-    (importing_only_defines, "pmg.sim.solve", "TABLE = open('x').read()"),
-    (importing_only_defines, "pmg.sim.solve", "TEXT = (HERE / 'x').read_text()"),
-    (importing_only_defines, "pmg.sim.solve", "def f(when=datetime.now()):\n    pass"),
-    (importing_only_defines, "pmg.sim.solve", "import os\nHOME = os.environ['HOME']"),
-    (units_change_hands_in_one_place, "pmg.sim.solve", "import math\nx = n * math.pi / 30"),
-    (units_change_hands_in_one_place, "pmg.sim.solve", "import numpy as np\nx = n * (2.0 * np.pi) / 60.0"),
-    (units_change_hands_in_one_place, "pmg.sim.solve", "from math import pi\nx = omega / (2 * pi)"),
-    (units_change_hands_in_one_place, "pmg.sim.solve", "import math\nx = math.tau"),
-    (units_change_hands_in_one_place, "pmg.pipeline.store", "x = edges * speed_rpm / 60"),
+    (modules_stay_short, "pmg.sim.steady.solve", "x = 1\n" * 401),
+    (modules_stay_short, "pmg.sim.steady.solve", "x = 1\n" * 301),
+    (only_the_command_line_prints, "pmg.pipeline.fit.loss_fit", "def f():\n    print(1)"),
+    (only_the_command_line_prints, "pmg.sim.steady.solve", "import sys\ndef f():\n    sys.stderr.write('')"),
+    (importing_only_defines, "pmg.sim.steady.solve", "register(1)"),
+    (importing_only_defines, "pmg.sim.steady.solve", "class A:\n    register(1)"),
+    (importing_only_defines, "pmg.sim.steady.solve", "for i in range(3):\n    pass"),
+    (importing_only_defines, "pmg.sim.steady.solve", "KNOWN = {}\nKNOWN['a'] = 1"),
+    (importing_only_defines, "pmg.sim.steady.solve", "from a import b\nb.c = 1"),
+    (importing_only_defines, "pmg.sim.steady.solve", "TABLE = open('x').read()"),
+    (importing_only_defines, "pmg.sim.steady.solve", "TEXT = (HERE / 'x').read_text()"),
+    (importing_only_defines, "pmg.sim.steady.solve", "def f(when=datetime.now()):\n    pass"),
+    (importing_only_defines, "pmg.sim.steady.solve", "import os\nHOME = os.environ['HOME']"),
+    (units_change_hands_in_one_place, "pmg.sim.steady.solve", "import math\nx = n * math.pi / 30"),
+    (units_change_hands_in_one_place, "pmg.sim.steady.solve", "import numpy as np\nx = n * (2.0 * np.pi) / 60.0"),
+    (units_change_hands_in_one_place, "pmg.sim.steady.solve", "from math import pi\nx = omega / (2 * pi)"),
+    (units_change_hands_in_one_place, "pmg.sim.steady.solve", "import math\nx = math.tau"),
+    (units_change_hands_in_one_place, "pmg.pipeline.store.store", "x = edges * speed_rpm / 60"),
 )
 
 
@@ -500,21 +387,21 @@ SOUND: tuple[tuple[str, str], ...] = (
     ),
     ("pmg.pipeline.report.html", "import jinja2\nfrom pmg.pipeline.report.table import Table"),
     (
-        "pmg.pipeline.cli_report",
+        "pmg.pipeline.cli.report",
         "import typer\napp = typer.Typer()\n@app.command()\ndef f() -> None:\n    print(1)",
     ),
-    ("pmg.pipeline.fit", "from pmg.sim import signals, sources\nimport math\nAREA = math.pi * 3.0**2"),
-    ("pmg.pipeline.fit", "import math\nSLOPES = (math.pi / 2, 60 * math.pi / 180, 2 * 60, window * 60)"),
-    ("pmg.pipeline.fit", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from pathlib import Path"),
-    ("pmg.pipeline.store", "import re\nNAME = re.compile('x')\ndef f(p):\n    return open(p)"),
-    ("pmg.pipeline.__main__", "from pmg.pipeline.cli import main\nif __name__ == '__main__':\n    main()"),
+    ("pmg.pipeline.fit.loss_fit", "from pmg.sim import signals, sources\nimport math\nAREA = math.pi * 3.0**2"),
+    ("pmg.pipeline.fit.loss_fit", "import math\nSLOPES = (math.pi / 2, 60 * math.pi / 180, 2 * 60, window * 60)"),
+    ("pmg.pipeline.fit.loss_fit", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from pathlib import Path"),
+    ("pmg.pipeline.store.store", "import re\nNAME = re.compile('x')\ndef f(p):\n    return open(p)"),
+    ("pmg.pipeline.__main__", "from pmg.pipeline.cli.app import main\nif __name__ == '__main__':\n    main()"),
     (
         "pmg.sim.bench",
         "import tomllib\nfrom importlib import resources\ndef f():\n    return resources.files('a')",
     ),
     ("pmg.sim.signals", "import math\nRPM = math.pi / 30.0"),
     (
-        "pmg.sim.solve",
+        "pmg.sim.steady.solve",
         '"""Text."""\nx: int = 1\n"""Meaning."""\nclass A:\n    """Text."""\n    y = field(z=1)',
     ),
 )

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.budget.shared import RECTANGULAR, transducer_of
 from pmg.pipeline.catalogue.entries import SPEEDS, TORQUES
+from pmg.pipeline.grid.transducer_uncertainty import RECTANGULAR, transducer_of
 from pmg.pipeline.recording.calibration import SIDES
 from pmg.sim.signals import REVOLUTION
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from pmg.pipeline.catalogue.entries import Cell
-    from pmg.pipeline.catalogue.held import Held
+    from pmg.pipeline.catalogue.find_run import Held
     from pmg.sim.bench import BenchParameters
 
 COVERAGE = 2.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.budget.windowfacts import SIMULATED
+from pmg.pipeline.grid.window_facts import SIMULATED
 from pmg.pipeline.recording.calibration import SIDES
 from pmg.sim.grid import Configuration
 from pmg.sim.signals import SPEED_RING, SPEED_SUN, TORQUE_RING, TORQUE_SUN
@@ -15,7 +15,7 @@ from pmg.sim.signals import SPEED_RING, SPEED_SUN, TORQUE_RING, TORQUE_SUN
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from pmg.pipeline.store import Manifest
+    from pmg.pipeline.store.store import Manifest
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
 

@@ -6,7 +6,6 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.aside import PREFIX
 from pmg.pipeline.catalogue.entries import (
     Cell,
     Entry,
@@ -15,15 +14,16 @@ from pmg.pipeline.catalogue.entries import (
     recording_entry,
     rejected_as_copies,
 )
-from pmg.pipeline.copies import without_copies
-from pmg.pipeline.outcome import told
-from pmg.pipeline.store import SOURCES
+from pmg.pipeline.files.atomic import PREFIX
+from pmg.pipeline.grid.copies import without_copies
+from pmg.pipeline.store.store import SOURCES
+from pmg.pipeline.wording.outcome import told
 from pmg.sim.errors import PmgError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pmg.pipeline.store import Manifest, Store
+    from pmg.pipeline.store.store import Manifest, Store
     from pmg.sim.grid import Grid
 
 Key = tuple[Cell, Cell, Cell]
@@ -82,7 +82,11 @@ def _read(store: Store) -> tuple[list[tuple[Manifest, Entry]], list[dict[str, An
 
 
 def _analysed(store: Store) -> tuple[Grid | None, list[dict[str, Any]]]:
-    from pmg.pipeline.outputs import FOLDER, SUMMARY, read_analysis  # it brings scipy; most calls need no analysis
+    from pmg.pipeline.analysis.outputs import (  # it brings scipy; most calls need no analysis
+        FOLDER,
+        SUMMARY,
+        read_analysis,
+    )
 
     if not (store.path / FOLDER / SUMMARY).is_file():
         return None, []

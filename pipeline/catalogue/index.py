@@ -8,12 +8,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.aside import PREFIX, write_aside
 from pmg.pipeline.catalogue.columns import COLUMNS, Column
 from pmg.pipeline.catalogue.gather import Gathered, gather
 from pmg.pipeline.catalogue.query import compiled
-from pmg.pipeline.outcome import told
-from pmg.pipeline.store import RUNS, SOURCES
+from pmg.pipeline.files.atomic import PREFIX, write_aside
+from pmg.pipeline.store.store import RUNS, SOURCES
+from pmg.pipeline.wording.outcome import told
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.catalogue.entries import Cell, Entry
     from pmg.pipeline.catalogue.expression import Condition
-    from pmg.pipeline.store import Store
+    from pmg.pipeline.store.store import Store
 
 FILE = "catalogue.sqlite"
 SCHEMA = "pmg.catalogue/1"

@@ -6,17 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.completeness import speed_levels
-from pmg.pipeline.report.document import Measured
-from pmg.sim.signals import Array, Mask, Signal
+from pmg.sim.signals import Array
 
 if TYPE_CHECKING:
     import numpy.typing as npt
-
-    from pmg.sim.grid import Grid, OperatingPoints
-
-REVERSED = "reversed flow"
-"""Name of the engaged series in which the ring drives."""
 
 
 def lay_out(x: Array, y: Array, values: Array) -> tuple[Array, Array, Array]:
@@ -57,33 +50,3 @@ def iso_levels(z: Array, lines: int = 6) -> tuple[float, ...]:
 def names_of(names: npt.NDArray[np.str_]) -> tuple[str, ...]:
     """Names of points as plain text."""
     return tuple(map(str, names))
-
-
-def forward_neutral(grid: Grid) -> Mask:
-    """Accepted neutral points with neither shaft reversed."""
-    sun, ring = speed_levels(grid.points)
-    return np.asarray(grid.points.neutral & grid.accepted & (sun >= 0) & (ring >= 0))
-
-
-def by_load(at: OperatingPoints) -> list[tuple[str, Mask]]:
-    """Engaged points by the load asked for, reversed flow after forward flow."""
-    series = []
-    for drive in ("sun", "ring"):
-        rows = at.engaged & (at.drive == drive)
-        for load in np.unique(np.round(np.abs(at.load_set[rows]), 3)):
-            name = f"{load:g} N m" + ("" if drive == "sun" else f", {REVERSED}")
-            series.append((name, np.asarray(rows & (np.round(np.abs(at.load_set), 3) == load))))
-    return series
-
-
-def by_speed(at: OperatingPoints) -> npt.NDArray[np.int64]:
-    """Rows for a table: by configuration, sun speed, ring speed and load."""
-    sun, ring = speed_levels(at)
-    return np.lexsort((np.round(at.load_set, 3), ring, sun, at.configuration))
-
-
-def measured(signal: Signal, value: float, u: float) -> Measured | None:
-    """A table cell in display units; empty where nothing is known."""
-    if not np.isfinite(value):
-        return None
-    return Measured(float(signal.display(value)), abs(float(u)) / signal.scale)

@@ -6,41 +6,41 @@ from dataclasses import replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Literal
 
-from pmg.pipeline.carry import lead
-from pmg.pipeline.chapters.audit import audit_section
-from pmg.pipeline.chapters.carried import ends_table, prediction_table
-from pmg.pipeline.chapters.comparison import comparison_section
-from pmg.pipeline.chapters.conditions import conditions_section, grids_section
-from pmg.pipeline.chapters.diagnosis import diagnosis_section
-from pmg.pipeline.chapters.efficiency import efficiency_section, speed_ratio_section
-from pmg.pipeline.chapters.flow import flow_section
-from pmg.pipeline.chapters.losses import losses_section
-from pmg.pipeline.chapters.misread import misread_items, misread_warning
-from pmg.pipeline.chapters.neutral import neutral_section
-from pmg.pipeline.chapters.quality import data_section
-from pmg.pipeline.chapters.validation import published_sections
-from pmg.pipeline.conditions import conditions
+from pmg.pipeline.analysis.power_flow import power_flows
+from pmg.pipeline.analysis.tolerance import agreements
+from pmg.pipeline.chapters.explained.detectability import audit_section
+from pmg.pipeline.chapters.explained.extended_model import ends_table, prediction_table
+from pmg.pipeline.chapters.explained.verdict import diagnosis_section
+from pmg.pipeline.chapters.measured.conditions import conditions_section, grids_section
+from pmg.pipeline.chapters.measured.efficiency import efficiency_section, speed_ratio_section
+from pmg.pipeline.chapters.measured.flow import flow_section
+from pmg.pipeline.chapters.measured.losses import losses_section
+from pmg.pipeline.chapters.measured.neutral import neutral_section
+from pmg.pipeline.chapters.measured.quality import data_section
+from pmg.pipeline.chapters.measured.sensor_fault import misread_items, misread_warning
+from pmg.pipeline.chapters.simulated.comparison import comparison_section
+from pmg.pipeline.chapters.studies.validation import published_sections
 from pmg.pipeline.diagnose.statement import statement
-from pmg.pipeline.powerflow import power_flows
-from pmg.pipeline.readings import predict
+from pmg.pipeline.grid.conditions import conditions
+from pmg.pipeline.grid.readings import predict
+from pmg.pipeline.model.apply_model import lead
 from pmg.pipeline.report.document import Facts, Report, Section, Signals, Table, Text, Verdict
-from pmg.pipeline.tolerance import agreements
-from pmg.pipeline.wording import counted
-from pmg.sim.gearbox import Gearbox
+from pmg.pipeline.wording.plurals import counted
+from pmg.sim.steady.gearbox import Gearbox
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pmg.pipeline.analyse import Analysis
-    from pmg.pipeline.budget.point import Budget
-    from pmg.pipeline.carry import Carried
-    from pmg.pipeline.compare import Residuals
-    from pmg.pipeline.conditions import Conditions
+    from pmg.pipeline.analysis.comparison import Residuals
+    from pmg.pipeline.analysis.tolerance import Agreements, Tolerance
     from pmg.pipeline.diagnose.diagnosis import Diagnosis
-    from pmg.pipeline.drill.encoded import Encoded
-    from pmg.pipeline.misread import Misread
-    from pmg.pipeline.steady_ends import SteadyEnd
-    from pmg.pipeline.tolerance import Agreements, Tolerance
+    from pmg.pipeline.fit.analysis import Analysis
+    from pmg.pipeline.fit.budget import Budget
+    from pmg.pipeline.grid.conditions import Conditions
+    from pmg.pipeline.model.apply_model import Carried
+    from pmg.pipeline.model.extreme_steady_points import SteadyEnd
+    from pmg.pipeline.model.sensor_fault_correction import Misread
+    from pmg.pipeline.point_signals.encoded import Encoded
     from pmg.sim.bench import BenchParameters
 
 PACKAGES = ("pmg-bench", "numpy", "scipy", "pandas", "polars", "mcap", "matplotlib")

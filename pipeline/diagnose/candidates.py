@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.calibrate import jacobian
-from pmg.pipeline.diagnose.noise import BASELINE_FREE, orthonormal
-from pmg.pipeline.readings import Readings, predict
-from pmg.sim.gearbox import Gearbox
+from pmg.pipeline.fit.calibration import jacobian
+from pmg.pipeline.fit.noise_floor import BASELINE_FREE, orthonormal
+from pmg.pipeline.grid.readings import Readings, predict
 from pmg.sim.mechanisms import CANDIDATES, Instrument
-from pmg.sim.solve import steady
+from pmg.sim.steady.baseline import baseline_mechanisms
+from pmg.sim.steady.gearbox import Gearbox
+from pmg.sim.steady.solve import steady
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.whiten import Whitener
+    from pmg.pipeline.fit.whitening import Whitener
     from pmg.sim.bench import BenchParameters
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.mechanisms import Mechanism, Parameter
@@ -78,7 +79,7 @@ def refinement(candidate: Candidate) -> Candidate | None:
 
 def predict_with(readings: Readings, bench: BenchParameters, model: LossModel, extra: tuple[Mechanism, ...]) -> Array:
     """What the simulator gives for each reading with further mechanisms in [N m]."""
-    gearbox = Gearbox(bench, (*model.mechanisms(bench), *extra))
+    gearbox = Gearbox(bench, (*baseline_mechanisms(model, bench), *extra))
     return readings.of(steady(gearbox, readings.grid.points))
 
 

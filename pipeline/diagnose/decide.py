@@ -8,37 +8,37 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.calibrate import jacobian
-from pmg.pipeline.diagnose.blind import confounded_shafts, slow_changes
+from pmg.pipeline.diagnose.adequacy import make_judge
 from pmg.pipeline.diagnose.candidates import Stage, set_stage
 from pmg.pipeline.diagnose.decoys import offer_decoys
+from pmg.pipeline.diagnose.design.blind import confounded_shafts, slow_changes
+from pmg.pipeline.diagnose.design.next_test import lifting_test, next_test
 from pmg.pipeline.diagnose.diagnosis import Absorbed, Diagnosis, Rival, Verdict
 from pmg.pipeline.diagnose.explanation import explain_with, ids
 from pmg.pipeline.diagnose.form.symbolic import find_shape
 from pmg.pipeline.diagnose.holdout import hold_out
-from pmg.pipeline.diagnose.leftover import make_judge
 from pmg.pipeline.diagnose.locate import find_mismatch, located_families
 from pmg.pipeline.diagnose.naming import MOST_RIVALS, name_mechanisms
-from pmg.pipeline.diagnose.nexttest import lifting_test, next_test
 from pmg.pipeline.diagnose.outliers import without_outliers
 from pmg.pipeline.diagnose.ranking import ENTRY
 from pmg.pipeline.diagnose.refit import about, refit
-from pmg.pipeline.diagnose.whiten import whitener
 from pmg.pipeline.diagnose.withheld import withhold
-from pmg.pipeline.readings import predict
+from pmg.pipeline.fit.calibration import jacobian
+from pmg.pipeline.fit.whitening import whitener
+from pmg.pipeline.grid.readings import predict
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pmg.pipeline.calibrate import Calibration
     from pmg.pipeline.diagnose.explanation import Explanation
     from pmg.pipeline.diagnose.holdout import HeldOut
     from pmg.pipeline.diagnose.locate import Mismatch
-    from pmg.pipeline.diagnose.noise import NoiseFloor
     from pmg.pipeline.diagnose.refit import Refit
-    from pmg.pipeline.fit import LossFits
-    from pmg.pipeline.readings import Readings
+    from pmg.pipeline.fit.calibration import Calibration
+    from pmg.pipeline.fit.loss_fit import LossFits
+    from pmg.pipeline.fit.noise import NoiseFloor
+    from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array

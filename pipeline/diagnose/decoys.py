@@ -9,7 +9,7 @@ import numpy as np
 
 from pmg.pipeline.diagnose.naming import FORM_ERROR
 from pmg.pipeline.diagnose.ranking import ENTRY
-from pmg.pipeline.diagnose.structure import families
+from pmg.pipeline.fit.structure import families
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.candidates import Stage

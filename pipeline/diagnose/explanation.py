@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnose.fitting import fit_candidate, rms
-from pmg.pipeline.diagnose.noise import orthonormal
 from pmg.pipeline.diagnose.ranking import in_detail, leaders, penalty, rank, score
 from pmg.pipeline.diagnose.traces import tangents
-from pmg.pipeline.diagnose.whiten import undo
+from pmg.pipeline.fit.noise_floor import orthonormal
+from pmg.pipeline.fit.whitening import undo
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.candidates import Candidate, Stage

@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.calibrate import jacobian, start_model
 from pmg.pipeline.diagnose.locate import located_families
-from pmg.pipeline.diagnose.noise import BASELINE_FREE
-from pmg.pipeline.diagnose.whiten import floor_scale
-from pmg.pipeline.readings import predict, take_readings
+from pmg.pipeline.fit.calibration import jacobian, start_model
+from pmg.pipeline.fit.noise_floor import BASELINE_FREE
+from pmg.pipeline.fit.whitening import floor_scale
+from pmg.pipeline.grid.readings import predict, take_readings
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.pipeline.diagnose.candidates import Candidate
     from pmg.pipeline.diagnose.locate import Location
-    from pmg.pipeline.diagnose.noise import NoiseFloor
-    from pmg.pipeline.fit import LossFits
-    from pmg.pipeline.readings import Readings
+    from pmg.pipeline.fit.loss_fit import LossFits
+    from pmg.pipeline.fit.noise import NoiseFloor
+    from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array, Mask

@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.calibrate import start_model
 from pmg.pipeline.diagnose.candidates import set_stage
-from pmg.pipeline.diagnose.noise import repeat_contrasts
 from pmg.pipeline.diagnose.scan import Scan, search
-from pmg.pipeline.diagnose.structure import families
 from pmg.pipeline.diagnose.swings import swings
 from pmg.pipeline.diagnose.traces import traces
-from pmg.pipeline.diagnose.whiten import synthetic_noise, undo, whitener
-from pmg.pipeline.readings import take_readings
+from pmg.pipeline.fit.calibration import start_model
+from pmg.pipeline.fit.noise_floor import repeat_contrasts
+from pmg.pipeline.fit.structure import families
+from pmg.pipeline.fit.whitening import synthetic_noise, undo, whitener
+from pmg.pipeline.grid.readings import take_readings
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.noise import NoiseFloor
-    from pmg.pipeline.diagnose.structure import Family
-    from pmg.pipeline.diagnose.whiten import Whitener
-    from pmg.pipeline.fit import LossFits
-    from pmg.pipeline.readings import Readings
+    from pmg.pipeline.fit.loss_fit import LossFits
+    from pmg.pipeline.fit.noise import NoiseFloor
+    from pmg.pipeline.fit.structure import Family
+    from pmg.pipeline.fit.whitening import Whitener
+    from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
     from pmg.sim.lossmodel import LossModel

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import least_squares
 
-from pmg.pipeline.calibrate import CONSTANTS, parameter_names, parameter_values, with_parameters
 from pmg.pipeline.diagnose.candidates import predict_with, set_stage
-from pmg.pipeline.diagnose.noise import BASELINE_FREE, orthonormal
 from pmg.pipeline.diagnose.ranking import ENTRY
+from pmg.pipeline.fit.calibration import CONSTANTS, parameter_names, parameter_values, with_parameters
+from pmg.pipeline.fit.noise_floor import BASELINE_FREE, orthonormal
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.candidates import Candidate, Stage

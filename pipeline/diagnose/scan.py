@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.diagnose.noise import orthonormal
+from pmg.pipeline.fit.noise_floor import orthonormal
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pmg.pipeline.readings import Readings
+    from pmg.pipeline.grid.readings import Readings
     from pmg.sim.signals import Array, Mask
 
 MINIMUM_ROOM = 0.2

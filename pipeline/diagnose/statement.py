@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnose.design.next_test import HIDDEN
 from pmg.pipeline.diagnose.diagnosis import Verdict
-from pmg.pipeline.diagnose.nexttest import HIDDEN
-from pmg.pipeline.report import numerals
-from pmg.pipeline.report.numerals import measured
+from pmg.pipeline.wording import numerals
+from pmg.pipeline.wording.numerals import measured
 from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.signals import MINUTE
 

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.structure import Family
+from pmg.pipeline.fit.structure import Family
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
-    from pmg.pipeline.readings import Readings
+    from pmg.pipeline.grid.readings import Readings
 
 SLOWEST = 3
 """Periods in the campaign of the slowest swing; slower ones are trends."""

@@ -11,10 +11,10 @@ import numpy as np
 
 from pmg.pipeline.diagnose.explanation import take_out
 from pmg.pipeline.diagnose.holdout import HeldOut, deal, gain_interval, solve, touched_blocks
-from pmg.pipeline.diagnose.noise import orthonormal
 from pmg.pipeline.diagnose.ranking import choose
 from pmg.pipeline.diagnose.traces import tangents
-from pmg.pipeline.diagnose.whiten import Whitener
+from pmg.pipeline.fit.noise_floor import orthonormal
+from pmg.pipeline.fit.whitening import Whitener
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from pmg.sim.signals import REVOLUTION
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pmg.pipeline.store import Manifest, Store
+    from pmg.pipeline.store.store import Manifest, Store
     from pmg.sim.signals import Array
 
 FEWEST_TURNS = 5.0

@@ -11,11 +11,11 @@ import numpy as np
 from pmg.pipeline.orders.fit import fit_orders
 from pmg.pipeline.orders.flux import COIL_KINDS, coil_kind, flux_of_lines, linkage_area
 from pmg.pipeline.orders.lines import lines_of, resolve
-from pmg.pipeline.orders.loadangle import load_angle
+from pmg.pipeline.orders.load_angle import load_angle
 from pmg.pipeline.orders.row import Fitted, Made, empty_row, fitted_row
 from pmg.pipeline.recording.calibration import SIDES
-from pmg.pipeline.reduce import end_to_end_speed
-from pmg.pipeline.wording import counted
+from pmg.pipeline.windows.reduce import end_to_end_speed
+from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import FitError
 from pmg.sim.grid import Configuration
 from pmg.sim.signals import REVOLUTION
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.orders.angle import Index
     from pmg.pipeline.orders.lines import Line
-    from pmg.pipeline.orders.loadangle import LoadAngle
+    from pmg.pipeline.orders.load_angle import LoadAngle
     from pmg.pipeline.orders.row import OrderRow
-    from pmg.pipeline.recording.beside import Coil
+    from pmg.pipeline.recording.auxiliary_channels import Coil
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
 

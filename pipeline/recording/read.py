@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import polars as pl
 
-from pmg.pipeline.recording.beside import COILS, Beside, counter_bits, read_beside
-from pmg.pipeline.recording.beside import NOTHING as NOTHING_BESIDE
+from pmg.pipeline.recording.auxiliary_channels import COILS, Beside, counter_bits, read_beside
+from pmg.pipeline.recording.auxiliary_channels import NOTHING as NOTHING_BESIDE
 from pmg.pipeline.recording.calibration import SIDES, read_calibration
 from pmg.pipeline.recording.channels import report_unread
 from pmg.pipeline.recording.checks.clock import mark_offset_s, sound_marks
@@ -22,7 +22,7 @@ from pmg.pipeline.recording.decode import decode_lines
 from pmg.pipeline.recording.events import read_events, read_steps
 from pmg.pipeline.recording.findings import Code, Finding, Findings
 from pmg.pipeline.recording.layouts import wire
-from pmg.pipeline.recording.layouts.takeover import take_over
+from pmg.pipeline.recording.layouts.convert_topics import take_over
 from pmg.pipeline.recording.origin import read_origin
 from pmg.pipeline.recording.run import known_of_run, read_run
 from pmg.pipeline.recording.supplied import NOTHING, Supply

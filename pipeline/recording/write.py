@@ -13,7 +13,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from pmg.pipeline.recording.calibration import ATTACHMENT, NUMBERS, SIDES, Calibration, Transducer, read_calibration
+from pmg.pipeline.recording.calibration import (
+    ATTACHMENT,
+    NUMBERS,
+    SIDES,
+    Calibration,
+    Transducer,
+    read_calibration,
+)
 from pmg.pipeline.recording.channels import ENCODING, LARGEST_RATE, SHARED_CLOCK, encoder, frequency
 from pmg.pipeline.recording.decode import DEFAULT_BITS
 from pmg.pipeline.recording.findings import Findings

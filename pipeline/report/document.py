@@ -6,11 +6,14 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
+import numpy as np
+
 from pmg.pipeline.report.figure import Chart, Figure, PowerFlow, Series, SpeedMap
 from pmg.pipeline.report.names import checked_id
 from pmg.pipeline.report.table import Cell, Column, Measured, Table
 
 if TYPE_CHECKING:
+    from pmg.sim.signals import Signal
     from pmg.sim.sources import Source
 
 __all__ = [
@@ -29,6 +32,7 @@ __all__ = [
     "Table",
     "Text",
     "Verdict",
+    "measured",
 ]
 
 RESERVED = (
@@ -209,3 +213,10 @@ class Report:
     def bibliography(self) -> tuple[Source, ...]:
         """Sources of all sections, each once, in the order of first use."""
         return tuple(dict.fromkeys(source for section in self.sections for source in section.sources))
+
+
+def measured(signal: Signal, value: float, u: float) -> Measured | None:
+    """A table cell in display units; empty where nothing is known."""
+    if not np.isfinite(value):
+        return None
+    return Measured(float(signal.display(value)), abs(float(u)) / signal.scale)

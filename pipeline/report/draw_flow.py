@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.patches import PathPatch, Polygon
 from matplotlib.path import Path
 
-from pmg.pipeline.report import numerals
 from pmg.pipeline.report.flow import balance
 from pmg.pipeline.report.sheet import text_width, wrapped
+from pmg.pipeline.wording import numerals
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

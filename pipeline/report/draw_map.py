@@ -9,9 +9,10 @@ from matplotlib.colors import Normalize, to_rgb
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from pmg.pipeline.report import mapgrid, numerals
+from pmg.pipeline.report import mapgrid
 from pmg.pipeline.report.axes import axes
 from pmg.pipeline.report.sheet import POINTS, text_width
+from pmg.pipeline.wording import numerals
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

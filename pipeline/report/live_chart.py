@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.report import numerals
 from pmg.pipeline.report.figure import COVERAGE
 from pmg.pipeline.report.live_axes import axis, layout, numbers, plain
+from pmg.pipeline.wording import numerals
 
 if TYPE_CHECKING:
     from pmg.pipeline.report.figure import Chart, Series

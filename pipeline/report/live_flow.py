@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.report import numerals
 from pmg.pipeline.report.flow import balance
 from pmg.pipeline.report.live_axes import layout, plain
+from pmg.pipeline.wording import numerals
 
 if TYPE_CHECKING:
     from pmg.pipeline.report.figure import PowerFlow

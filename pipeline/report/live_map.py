@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.colors import to_hex
 
-from pmg.pipeline.report import mapgrid, numerals
+from pmg.pipeline.report import mapgrid
 from pmg.pipeline.report.live_axes import axis, layout, numbers, plain
+from pmg.pipeline.wording import numerals
 
 if TYPE_CHECKING:
     from pmg.pipeline.report.figure import SpeedMap

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import matplotlib
 import numpy as np
 
-from pmg.pipeline.report import numerals
+from pmg.pipeline.wording import numerals
 
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap

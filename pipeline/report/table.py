@@ -12,8 +12,8 @@ from typing import SupportsFloat, TypeAlias
 
 import numpy as np
 
-from pmg.pipeline.report import numerals
 from pmg.pipeline.report.names import checked_id
+from pmg.pipeline.wording import numerals
 
 LONG = 40
 """Rows above which a table scrolls in its own box."""

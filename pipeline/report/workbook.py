@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from xlsxwriter import Workbook
 
-from pmg.pipeline.report import numerals
 from pmg.pipeline.report.document import STATES
 from pmg.pipeline.report.spelled import spelled
 from pmg.pipeline.report.table import Column, Measured, Table, lines, split
 from pmg.pipeline.report.theme import LIGHT
+from pmg.pipeline.wording import numerals
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -6,7 +6,7 @@ import json
 import re
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.aside import write_aside
+from pmg.pipeline.files.atomic import write_aside
 from pmg.pipeline.report.draw import draw_all
 from pmg.pipeline.report.html import html
 from pmg.pipeline.report.summary import summary

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from pmg.sim.errors import BenchError
-from pmg.sim.powerchain import MotorConvention
+from pmg.sim.steady.power_chain import MotorConvention
 
 
 class RotorInertia(StrEnum):

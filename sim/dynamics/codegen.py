@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import sympy
 from sympy.printing.pycode import PythonCodePrinter
 
-from pmg.sim.dynamics import legs, rodas
+from pmg.sim.dynamics import rodas, segments
 from pmg.sim.dynamics.state import STATES
 from pmg.sim.signals import REVOLUTION
 
@@ -163,7 +163,7 @@ def solver_text(given: Formulas, cache: bool) -> str:
         (
             HEAD,
             settings,
-            DECORATOR + inspect.getsource(legs.follow) + "\n\n",
+            DECORATOR + inspect.getsource(segments.follow) + "\n\n",
             _function("rates", "y, a, p, out", indexed, (*y, *a, *p)),
             _function("slopes", "y, p, out", [(f"out[{n}]", e) for n, e in enumerate(jacobian.values())], (*y, *p)),
             _function("drift", "v, p, out", [(f"out[{n}]", e) for n, e in enumerate(drift)], (*map(str, v), *p)),

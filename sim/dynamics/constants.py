@@ -6,7 +6,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple
 
 from pmg.sim.dynamics.assumptions import Assumptions, RotorInertia
-from pmg.sim.powerchain import MotorConvention
+from pmg.sim.steady.power_chain import MotorConvention
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters

@@ -9,25 +9,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.sim.analyticmap import analytic_map
 from pmg.sim.dynamics.assumptions import Assumptions
 from pmg.sim.dynamics.constants import Constants, Control, Side, gather
 from pmg.sim.dynamics.state import STATES, Motion, MotorState, SetPoints, State
 from pmg.sim.errors import BenchError
 from pmg.sim.grid import Configuration
 from pmg.sim.kinematics import Member
+from pmg.sim.maps.analytic import analytic_map
 from pmg.sim.mechanisms import Instrument
 from pmg.sim.mechanisms.base import Instant, Warmth
+from pmg.sim.steady.baseline import baseline_mechanisms
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from pmg.sim.bench import BenchParameters
     from pmg.sim.lossmodel import LossModel
+    from pmg.sim.maps.torque_map import TorqueMap
     from pmg.sim.mechanisms import Mechanism
     from pmg.sim.mechanisms.base import MotionLaw
     from pmg.sim.signals import Array, Number
-    from pmg.sim.torquemap import TorqueMap
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ class Drivetrain:
         cls, bench: BenchParameters, model: LossModel, assumptions: Assumptions | None = None, gear: int = 1
     ) -> Drivetrain:
         """The baseline with the losses of a calibration, engaged, torque-controlled."""
-        return cls(bench, model.mechanisms(bench), assumptions or Assumptions(), gear)
+        return cls(bench, baseline_mechanisms(model, bench), assumptions or Assumptions(), gear)
 
     @cached_property
     def losses(self) -> tuple[MotionLaw, ...]:

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.sim.dynamics.constants import Constants, Side
+    from pmg.sim.maps.torque_map import TorqueMap
     from pmg.sim.signals import Array, Mask, Number
-    from pmg.sim.torquemap import TorqueMap
 
 SPEED_CEILING = 1e4
 """Sun speed up to which a balance is sought [rad/s]; fifty times the fastest test."""

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from types import ModuleType
 
     from pmg.sim.dynamics.drivetrain import Drivetrain
-    from pmg.sim.dynamics.legs import Legs
+    from pmg.sim.dynamics.segments import Legs
     from pmg.sim.signals import Array
 
 __all__ = ["DONE", "NO_STEP", "STOPPED", "TOO_MANY", "Kernel", "Run", "kernel_of"]

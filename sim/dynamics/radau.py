@@ -10,14 +10,14 @@ from scipy.integrate import solve_ivp
 
 from pmg.sim.dynamics.account import integrands
 from pmg.sim.dynamics.jacobian import dense
-from pmg.sim.dynamics.legs import follow
+from pmg.sim.dynamics.segments import follow
 from pmg.sim.dynamics.state import SetPoints, State
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pmg.sim.dynamics.drivetrain import Drivetrain
-    from pmg.sim.dynamics.legs import Legs
+    from pmg.sim.dynamics.segments import Legs
     from pmg.sim.signals import Array
 
 _NODES = np.array([(4.0 - np.sqrt(6.0)) / 10.0, (4.0 + np.sqrt(6.0)) / 10.0, 1.0])

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.sim.dynamics.legs import follow
-from pmg.sim.dynamics.slots import ENTRIES, FACTORS, drift, factor, rates, slip_rate, slopes, solve, sums
+from pmg.sim.dynamics.segments import follow
+from pmg.sim.dynamics.solver_stubs import ENTRIES, FACTORS, drift, factor, rates, slip_rate, slopes, solve, sums
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ from pmg.sim.dynamics import radau
 from pmg.sim.dynamics.account import settle
 from pmg.sim.dynamics.drivetrain import Drivetrain
 from pmg.sim.dynamics.kernel import NO_STEP, STOPPED, TOO_MANY, kernel_of
-from pmg.sim.dynamics.legs import Legs, make_legs
 from pmg.sim.dynamics.linear import check_control
 from pmg.sim.dynamics.radau import Course
+from pmg.sim.dynamics.segments import Legs, make_legs
 from pmg.sim.dynamics.state import STATES, SetPoints, State
 from pmg.sim.dynamics.trace import Trace
 from pmg.sim.errors import BenchError

@@ -7,16 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.sim import signals, sources
 from pmg.sim.grid import Configuration
-from pmg.sim.mechanisms.base import (
-    Component,
-    Experiment,
-    Reveals,
-    RotorLaw,
-    Torques,
-    against,
-    modulus,
-    parameter,
-)
+from pmg.sim.mechanisms.base import Component, Experiment, Reveals, RotorLaw, Torques, against, modulus, parameter
 
 if TYPE_CHECKING:
     from pmg.sim.losscurve import LossCurve

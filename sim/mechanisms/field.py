@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Self
 
 from pmg.sim import signals, sources
 from pmg.sim.grid import Configuration
-from pmg.sim.mechanisms.base import (
-    Component,
-    Experiment,
-    Reveals,
-    RotorLaw,
-    Torques,
-    parameter,
-)
+from pmg.sim.mechanisms.base import Component, Experiment, Reveals, RotorLaw, Torques, parameter
 from pmg.sim.mechanisms.friction import LoadLaw, pole_pairs
 from pmg.sim.mechanisms.magnetic import RotorDamping
 

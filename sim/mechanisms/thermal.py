@@ -10,15 +10,7 @@ from scipy.linalg import solve_banded
 
 from pmg.sim import signals, sources
 from pmg.sim.grid import Configuration
-from pmg.sim.mechanisms.base import (
-    Component,
-    Experiment,
-    Mechanism,
-    Reveals,
-    Torques,
-    Warmth,
-    parameter,
-)
+from pmg.sim.mechanisms.base import Component, Experiment, Mechanism, Reveals, Torques, Warmth, parameter
 from pmg.sim.mechanisms.warmed import WarmingBearings, WarmMagnets, field_left
 
 if TYPE_CHECKING:

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from pmg.pipeline.analyse import analyse
 from pmg.pipeline.diagnose.candidates import set_stage
 from pmg.pipeline.diagnose.holdout import deal
-from pmg.pipeline.diagnose.whiten import whitener
 from pmg.pipeline.diagnose.withheld import FOLDS
-from pmg.pipeline.options import AnalysisOptions
-from pmg.pipeline.prove.nature import measure_case
-from pmg.pipeline.readings import take_readings
+from pmg.pipeline.fit.analysis import analyse
+from pmg.pipeline.fit.options import AnalysisOptions
+from pmg.pipeline.fit.whitening import whitener
+from pmg.pipeline.grid.readings import take_readings
+from pmg.pipeline.trials.nature import measure_case
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.pipeline.diagnose.candidates import Stage
-    from pmg.pipeline.prove.trial.lot import Lot
+    from pmg.pipeline.trials.score.case_list import Lot
     from pmg.sim.signals import Array, Mask
 
 TOUCHED = 0.1

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from pmg.pipeline.fit import THESIS_POWERS_RING, THESIS_POWERS_SUN, fit_losses
-from pmg.pipeline.gridtable import read_published
+from pmg.pipeline.fit.loss_fit import THESIS_POWERS_RING, THESIS_POWERS_SUN, fit_losses
+from pmg.pipeline.grid.tables import read_published
 from pmg.sim.bench import load_bench
 from pmg.sim.dynamics.assumptions import Assumptions
 from pmg.sim.dynamics.drivetrain import Drivetrain
 from pmg.sim.dynamics.programme import Programme
 from pmg.sim.dynamics.state import STATES
 from pmg.sim.dynamics.transient import Task
-from pmg.sim.gearbox import Gearbox
 from pmg.sim.lossmodel import LossModel
-from pmg.sim.solve import steady
+from pmg.sim.steady.gearbox import Gearbox
+from pmg.sim.steady.solve import steady
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -17,13 +17,13 @@ from unittest.mock import patch
 
 import numpy as np
 
-from pmg.pipeline.analyse import analyse
-from pmg.pipeline.compare_stage import SEED
+from pmg.pipeline.commands.compare import SEED
 from pmg.pipeline.diagnose.decide import diagnose
-from pmg.pipeline.diagnose.plans import join_points
-from pmg.pipeline.options import AnalysisOptions
-from pmg.pipeline.prove.nature import draw_case, measure_case
-from pmg.pipeline.prove.strata import find_stratum
+from pmg.pipeline.diagnose.design.plans import join_points
+from pmg.pipeline.fit.analysis import analyse
+from pmg.pipeline.fit.options import AnalysisOptions
+from pmg.pipeline.trials.nature import draw_case, measure_case
+from pmg.pipeline.trials.strata import find_stratum
 from pmg.sim.bench import load_bench
 from pmg.sim.mechanisms import CANDIDATES
 from tests.bench.case import timed
@@ -32,8 +32,8 @@ from tests.bench.speed import report
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pmg.pipeline.analyse import Analysis
     from pmg.pipeline.diagnose.diagnosis import Diagnosis
+    from pmg.pipeline.fit.analysis import Analysis
     from pmg.sim.mechanisms import Mechanism
 
 ROOT = Path(__file__).resolve().parents[2]

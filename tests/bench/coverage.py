@@ -9,24 +9,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.analyse import analyse
-from pmg.pipeline.losses import power_balance
-from pmg.pipeline.options import AnalysisOptions
-from pmg.pipeline.powerflow import BRANCHES, power_flows
+from pmg.pipeline.analysis.power_flow import BRANCHES, power_flows
+from pmg.pipeline.fit.analysis import analyse
+from pmg.pipeline.fit.losses import power_balance
+from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.sim import signals
 from pmg.sim.bench import load_bench
-from pmg.sim.gearbox import Gearbox
 from pmg.sim.losscurve import SPEED_REFERENCE_RING, SPEED_REFERENCE_SUN, LossCurve
 from pmg.sim.lossmodel import LossModel
-from pmg.sim.powerchain import power_chain
-from pmg.sim.solve import steady
+from pmg.sim.steady.gearbox import Gearbox
+from pmg.sim.steady.power_chain import power_chain
+from pmg.sim.steady.solve import steady
 from tests.bench.speed import report
 from tests.bench.windowed import windowed_coverage
 from tests.points import joined, measured, points
 
 if TYPE_CHECKING:
-    from pmg.pipeline.analyse import Analysis
-    from pmg.pipeline.fit import LossFits
+    from pmg.pipeline.fit.analysis import Analysis
+    from pmg.pipeline.fit.loss_fit import LossFits
     from pmg.sim.grid import Grid, OperatingPoints
 
 POWERS = (0.0, 0.5, 1.0, 2.0)

@@ -16,7 +16,7 @@ from typing import Any
 
 import typer
 
-from pmg.pipeline.cli import app
+from pmg.pipeline.cli.app import app
 from tests.bench.kill import ROOT
 
 HEAVY = ("matplotlib", "mcap", "numba", "numpy", "pandas", "plotly", "polars", "scipy", "sympy")

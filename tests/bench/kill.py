@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from pmg.pipeline.aside import PREFIX
+from pmg.pipeline.files.atomic import PREFIX
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 EXAMPLE = ROOT / "raw" / "example"

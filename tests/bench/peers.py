@@ -16,8 +16,8 @@ from scipy.integrate import solve_ivp
 
 from pmg.sim.dynamics.jacobian import dense
 from pmg.sim.dynamics.kernel import kernel_of
-from pmg.sim.dynamics.legs import make_legs
 from pmg.sim.dynamics.radau import asked_at
+from pmg.sim.dynamics.segments import make_legs
 from pmg.sim.dynamics.state import STATES, SetPoints
 from pmg.sim.dynamics.transient import SCALES, Solver, transient
 from tests.bench.case import SPEEDS, drivetrain, programmes

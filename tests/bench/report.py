@@ -18,10 +18,10 @@ from unittest.mock import patch
 
 from matplotlib.backends.backend_pdf import PdfPages
 
-from pmg.pipeline import compare_stage
-from pmg.pipeline.analyse_stage import run_analyse
-from pmg.pipeline.ingest_stage import run_ingest
-from pmg.pipeline.options import AnalysisOptions
+from pmg.pipeline.commands import compare
+from pmg.pipeline.commands.analyse import run_analyse
+from pmg.pipeline.commands.ingest import run_ingest
+from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.report import draw, write
 from tests.bench.case import timed
 from tests.bench.kill import EXAMPLE
@@ -84,8 +84,8 @@ def told(store: Path | None, folder: Path) -> tuple[tuple[Any, ...], dict[str, A
         caught.append((given, named))
         return write.write_report(*given, **named)
 
-    with patch.object(compare_stage, "write_report", catch):
-        compare_stage.run_compare(store, folder / "compared")
+    with patch.object(compare, "write_report", catch):
+        compare.run_compare(store, folder / "compared")
     return caught[0]
 
 

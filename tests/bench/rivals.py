@@ -16,9 +16,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.aside import write_aside
-from pmg.pipeline.prove.trial.lot import CAMPAIGNS, SEED, draw_lots
-from pmg.pipeline.prove.trial.stage import code_digest
+from pmg.pipeline.files.atomic import write_aside
+from pmg.pipeline.trials.score.case_list import CAMPAIGNS, SEED, draw_lots
+from pmg.pipeline.trials.score.stage import code_digest
 from pmg.sim.errors import BenchError, PmgError
 from tests.bench.bout import Answer, Reply, enter
 from tests.bench.contestants import contestants
@@ -28,7 +28,7 @@ from tests.bench.rivalscore import proof_row, rows_of, table
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pmg.pipeline.prove.trial.lot import Lot
+    from pmg.pipeline.trials.score.case_list import Lot
     from tests.bench.bout import Contestant
 
 SCHEMA = "pmg.rivals/1"

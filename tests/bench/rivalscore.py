@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.prove.trial.figures import ABOUT_ONE, Figured, detection, figures
-from pmg.pipeline.prove.trial.rates import count
-from pmg.pipeline.prove.trial.score import Outcome, Score, judge
+from pmg.pipeline.trials.score.figures import ABOUT_ONE, Figured, detection, figures
+from pmg.pipeline.trials.score.rates import count
+from pmg.pipeline.trials.score.score import Outcome, Score, judge
 from tests.bench.bout import Answer, Reply
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class Row:
     figures : tuple of Figured
         Those of `SHOWN`, and the id named right whatever the shaft.
     bins : tuple
-        Detection against size, as in `pmg.pipeline.prove.trial.figures.detection`.
+        Detection against size, as in `pmg.pipeline.trials.score.figures.detection`.
     seconds : float
         Median time of a campaign [s]; NaN where it is not known.
     scores : tuple of Score

@@ -17,7 +17,7 @@ import numpy as np
 
 from pmg.sim.dynamics.equilibrium import equilibrium
 from pmg.sim.dynamics.transient import transients
-from pmg.sim.forward import forward
+from pmg.sim.steady.forward import forward
 from tests.bench import peers
 from tests.bench.case import EQUAL_ERROR, drivetrain, error, steady_grid, tasks, timed
 

@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.analyse import analyse
 from pmg.pipeline.diagnose.locate import find_mismatch
-from pmg.pipeline.gridtable import read_published
-from pmg.pipeline.options import THESIS_OPTIONS, AnalysisOptions
-from pmg.pipeline.prove.nature import draw_case, measure_case
-from pmg.pipeline.prove.strata import find_stratum
-from pmg.pipeline.residuals.fitted import LEVEL
-from pmg.pipeline.residuals.search import study_residuals
+from pmg.pipeline.diagnose.residuals.fitted import LEVEL
+from pmg.pipeline.diagnose.residuals.search import study_residuals
+from pmg.pipeline.fit.analysis import analyse
+from pmg.pipeline.fit.options import THESIS_OPTIONS, AnalysisOptions
+from pmg.pipeline.grid.tables import read_published
+from pmg.pipeline.trials.nature import draw_case, measure_case
+from pmg.pipeline.trials.strata import find_stratum
 from pmg.sim.bench import load_bench
-from pmg.sim.gearbox import Gearbox
 from pmg.sim.lossmodel import LossModel
 from pmg.sim.signals import EFFICIENCY_TOTAL
-from pmg.sim.solve import steady
+from pmg.sim.steady.gearbox import Gearbox
+from pmg.sim.steady.solve import steady
 from tests.bench.case import PUBLISHED
 from tests.bench.coverage import uncertainty_coverage
 from tests.bench.speed import report

@@ -31,7 +31,7 @@ from pmg.pipeline.recording.blocks import read_blocks
 from pmg.pipeline.recording.channels import SPECS, check_channel
 from pmg.pipeline.recording.container.contents import open_container
 from pmg.pipeline.recording.findings import Findings
-from pmg.pipeline.recording.layouts.takeover import take_over
+from pmg.pipeline.recording.layouts.convert_topics import take_over
 from pmg.pipeline.recording.layouts.wire import sample_block, scalar
 from tests.bench.recorded import Column, counted, record
 from tests.recording.foreign import single

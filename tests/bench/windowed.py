@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.prove.trial.rates import count
-from pmg.pipeline.reduce import MEMORY_METHOD, reduce_shaft
-from pmg.pipeline.turned import batch_means
+from pmg.pipeline.trials.score.rates import count
+from pmg.pipeline.windows.reduce import MEMORY_METHOD, reduce_shaft
+from pmg.pipeline.windows.revolutions import batch_means
 from pmg.sim.signals import REVOLUTION, RPM
 from tests.bench.colours import COLOURS, SPAN, Colour, first_order
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from tests.recording.writer import Bench, write
 
-from pmg.pipeline.ingest import ingest
-from pmg.pipeline.store import Store
+from pmg.pipeline.commands.ingest_files import ingest
+from pmg.pipeline.store.store import Store
 
 LOADS = {"a": (600.0, 0.78), "b": (1200.0, 1.56), "c": (1200.0, 1.57), "d": (1800.0, 1.56)}
 

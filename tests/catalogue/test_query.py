@@ -10,7 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pmg.pipeline.catalogue.columns import COLUMNS, Kind
-from pmg.pipeline.catalogue.expression import SIGNS, Comparison, Condition, Flag, Joined, Not, Number, Text, Unknown
+from pmg.pipeline.catalogue.expression import (
+    SIGNS,
+    Comparison,
+    Condition,
+    Flag,
+    Joined,
+    Not,
+    Number,
+    Text,
+    Unknown,
+)
 from pmg.pipeline.catalogue.query import QueryError, compiled, half_last_digit, parse
 
 NUMBERS = st.from_regex(r"\A[+-]?[0-9]{1,5}(\.[0-9]{0,4})?(e[+-]?[0-9])?\Z").map(Number)

@@ -16,15 +16,15 @@ import pytest
 from tests.catalogue.conftest import LOADS, run_of
 from typer.testing import CliRunner
 
-from pmg.pipeline.campaign import choose_campaign, measured_grid
 from pmg.pipeline.catalogue.columns import COLUMNS
 from pmg.pipeline.catalogue.index import FILE, TABLES, open_catalogue
-from pmg.pipeline.cli import app
-from pmg.pipeline.gridtable import grid_frame
-from pmg.pipeline.ingest import ingest
-from pmg.pipeline.limits import Steadiness
-from pmg.pipeline.options import AnalysisOptions
-from pmg.pipeline.store import Store
+from pmg.pipeline.cli.app import app
+from pmg.pipeline.commands.ingest_files import ingest
+from pmg.pipeline.fit.options import AnalysisOptions
+from pmg.pipeline.grid.campaign import choose_campaign, measured_grid
+from pmg.pipeline.grid.tables import grid_frame
+from pmg.pipeline.store.store import Store
+from pmg.pipeline.windows.limits import Steadiness
 from pmg.sim.bench import load_bench
 from pmg.sim.signals import RPM
 
@@ -298,8 +298,8 @@ def test_an_analysis_of_other_recordings_is_told_and_a_damaged_one_left_out(stor
 
 
 def test_a_grid_read_from_tables_is_listed(published_folder: Path, tmp_path: Path) -> None:
-    from pmg.pipeline.analyse_stage import run_analyse
-    from pmg.pipeline.options import chosen_options
+    from pmg.pipeline.commands.analyse import run_analyse
+    from pmg.pipeline.fit.options import chosen_options
 
     options = chosen_options(
         published=True, terms_sun=None, terms_ring=None, correction=None, include_rest=None, robust=False

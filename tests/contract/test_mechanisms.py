@@ -13,12 +13,13 @@ from matplotlib.mathtext import MathTextParser
 from tests.points import joined, points
 
 from pmg.sim.bench import load_bench
-from pmg.sim.gearbox import Gearbox
 from pmg.sim.grid import OperatingPoints
 from pmg.sim.losscurve import LossCurve
 from pmg.sim.lossmodel import LossModel
 from pmg.sim.mechanisms import BASELINE, CANDIDATES, LIBRARY, REFINED, GainError, Instrument, Mechanism
-from pmg.sim.solve import steady
+from pmg.sim.steady.baseline import baseline_mechanisms
+from pmg.sim.steady.gearbox import Gearbox
+from pmg.sim.steady.solve import steady
 
 CURVE = LossCurve((0.0, 0.5, 1.0), np.array([0.01, 0.05, 0.03]), 100.0, 200.0)
 MODEL = LossModel(CURVE, CURVE, 0.8, 5e-4, 2e-4, 1e-3)
@@ -30,7 +31,7 @@ def typical(kind: type[Mechanism]) -> Mechanism:
 
 
 EVERY = (*LIBRARY, *REFINED)
-INSTANCES = (*MODEL.mechanisms(BENCH), *(typical(kind) for kind in EVERY if kind not in BASELINE))
+INSTANCES = (*baseline_mechanisms(MODEL, BENCH), *(typical(kind) for kind in EVERY if kind not in BASELINE))
 BY_TYPE = {type(mechanism): mechanism for mechanism in INSTANCES}
 speeds = st.floats(-3000.0, 3000.0)
 
@@ -119,7 +120,7 @@ def test_a_candidate_changes_what_is_read(kind: type[Mechanism], rng: np.random.
     load = np.tile([0.78, 1.95], 6)
     at = joined(points("neutral", sun, ring), points("engaged", sun, -sun / 2.6, load))
     at = replace(at, started_at=60.0 * np.arange(24.0))
-    baseline = MODEL.mechanisms(BENCH)
+    baseline = baseline_mechanisms(MODEL, BENCH)
     without = steady(Gearbox(BENCH, baseline), at)
     for sizes in kind.by_shaft.values():
         some = replace(kind.of(BENCH, MODEL), **{p.name: p.typical for p in kind.parameters() if p.name in sizes})
@@ -132,7 +133,7 @@ def test_a_candidate_changes_what_is_read(kind: type[Mechanism], rng: np.random.
 def test_a_reading_with_faults_is_that_of_the_true_load() -> None:
     at = points("engaged", [900.0], [-900.0 / 2.6], 1.5)
     faults = (GainError(gain_ring=0.02, gain_sun=-0.01),)
-    baseline = MODEL.mechanisms(BENCH)
+    baseline = baseline_mechanisms(MODEL, BENCH)
     read = steady(Gearbox(BENCH, (*baseline, *faults)), at)
     true = steady(Gearbox(BENCH, baseline), replace(at, torque_ring=at.torque_ring / 1.02))
     assert read.torque_ring == pytest.approx(at.torque_ring, rel=1e-12)

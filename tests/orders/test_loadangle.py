@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from scipy.stats import t as student
 
 from pmg.pipeline.orders.angle import Index
-from pmg.pipeline.orders.loadangle import load_angle, wind_up
+from pmg.pipeline.orders.load_angle import load_angle, wind_up
 from pmg.sim.bench import BenchParameters, load_bench
 from pmg.sim.errors import FitError
 from pmg.sim.signals import REVOLUTION, RPM, Array

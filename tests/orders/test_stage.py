@@ -14,19 +14,20 @@ import pytest
 from tests.recording.writer import Bench, block, write
 from typer.testing import CliRunner
 
-from pmg.pipeline.cli import app
-from pmg.pipeline.limits import Steadiness
+from pmg.pipeline.cli.app import app
+from pmg.pipeline.commands.orders import ANGLES, run_orders
 from pmg.pipeline.orders.flux import linkage_area
-from pmg.pipeline.orders.kept import COLUMNS, kept_orders, orders_of_manifest
-from pmg.pipeline.orders.stage import ANGLES, run_orders
+from pmg.pipeline.orders.stored_lines import COLUMNS, kept_orders, orders_of_manifest
 from pmg.pipeline.recording import Recording, read_recording
-from pmg.pipeline.recording.beside import NOTHING
+from pmg.pipeline.recording.auxiliary_channels import NOTHING
 from pmg.pipeline.recording.container import contents
 from pmg.pipeline.recording.container.gathered import Gathered
 from pmg.pipeline.recording.container.source import Source
 from pmg.pipeline.recording.container.walk import walk_records
-from pmg.pipeline.store import ORDERS, Store
-from pmg.pipeline.windows import Window, find_windows
+from pmg.pipeline.store.store import ORDERS, Store
+from pmg.pipeline.windows.limits import Steadiness
+from pmg.pipeline.windows.window import Window
+from pmg.pipeline.windows.windows import find_windows
 from pmg.sim.bench import BenchParameters
 from pmg.sim.errors import StoreError
 from pmg.sim.signals import RPM
@@ -186,7 +187,7 @@ def test_windows_are_judged_once_for_means_and_lines(
     def none_accepted(recording: Recording, limits: Steadiness) -> tuple[Window, ...]:
         return tuple(replace(window, accepted=False, reasons=("a test",)) for window in find_windows(recording, limits))
 
-    monkeypatch.setattr("pmg.pipeline.ingest.find_windows", none_accepted)
+    monkeypatch.setattr("pmg.pipeline.commands.ingest_files.find_windows", none_accepted)
     store = ingested(tmp_path, engaged(bench))
     (manifest,) = Store(store).manifests()
     kept = kept_orders(Store(store), manifest)

@@ -9,15 +9,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pmg.pipeline.damping import fit_damping
-from pmg.pipeline.fit import THESIS_POWERS_RING, THESIS_POWERS_SUN, LossFits, fit_losses
-from pmg.pipeline.gridtable import read_published
+from pmg.pipeline.fit.damping import fit_damping
+from pmg.pipeline.fit.loss_fit import THESIS_POWERS_RING, THESIS_POWERS_SUN, LossFits, fit_losses
+from pmg.pipeline.grid.tables import read_published
 from pmg.sim.bench import BenchParameters
-from pmg.sim.gearbox import Gearbox
 from pmg.sim.grid import Grid
 from pmg.sim.lossmodel import LossModel
-from pmg.sim.powerchain import MotorConvention, PowerChain, power_chain
-from pmg.sim.solve import steady
+from pmg.sim.steady.gearbox import Gearbox
+from pmg.sim.steady.power_chain import MotorConvention, PowerChain, power_chain
+from pmg.sim.steady.solve import steady
 
 
 @pytest.fixture(scope="module")

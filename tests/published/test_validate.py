@@ -12,18 +12,18 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from pmg.pipeline.chapters.validation import published_sections
-from pmg.pipeline.cli import app
-from pmg.pipeline.crate import FILE as CRATE
-from pmg.pipeline.gridtable import read_published
-from pmg.pipeline.validate.claim import Other, Published, Unit
-from pmg.pipeline.validate.figures import FIGURES, WATT
-from pmg.pipeline.validate.listing import documents, table_lines
-from pmg.pipeline.validate.replicate import replicate
-from pmg.pipeline.validate.rounding import FEWEST_DRAWS, Spread, draw, spreads
-from pmg.pipeline.validate.stage import run_validate
-from pmg.pipeline.validate.tables import LOADS, SPEEDS, TORQUE_RING, TORQUE_SUN, printed
-from pmg.pipeline.validate.verdict import Judged, Verdict, judge, validate
+from pmg.pipeline.chapters.studies.validation import published_sections
+from pmg.pipeline.cli.app import app
+from pmg.pipeline.commands.crate import FILE as CRATE
+from pmg.pipeline.commands.validate import run_validate
+from pmg.pipeline.grid.tables import read_published
+from pmg.pipeline.thesis_figures.claim import Other, Published, Unit
+from pmg.pipeline.thesis_figures.figures import FIGURES, WATT
+from pmg.pipeline.thesis_figures.listing import documents, table_lines
+from pmg.pipeline.thesis_figures.replicate import replicate
+from pmg.pipeline.thesis_figures.rounding import FEWEST_DRAWS, Spread, draw, spreads
+from pmg.pipeline.thesis_figures.tables import LOADS, SPEEDS, TORQUE_RING, TORQUE_SUN, printed
+from pmg.pipeline.thesis_figures.verdict import Judged, Verdict, judge, validate
 from pmg.sim.bench import BenchParameters
 from pmg.sim.errors import FitError, GridError
 from pmg.sim.grid import Grid

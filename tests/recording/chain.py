@@ -16,13 +16,13 @@ import numpy.typing as npt
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from pmg.pipeline.campaign import measured_grid
-from pmg.pipeline.completeness import holes, lack_findings
-from pmg.pipeline.holes import LOSSES
-from pmg.pipeline.ingest import ingest
+from pmg.pipeline.commands.ingest_files import ingest
+from pmg.pipeline.grid.campaign import measured_grid
+from pmg.pipeline.grid.completeness import holes, lack_findings
 from pmg.pipeline.recording import Finding, Severity
 from pmg.pipeline.recording.checks.stretches import stretches
-from pmg.pipeline.store import Manifest, Store
+from pmg.pipeline.store.store import Manifest, Store
+from pmg.pipeline.windows.gaps import LOSSES
 from pmg.sim.bench import load_bench
 from pmg.sim.grid import Grid
 

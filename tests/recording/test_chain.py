@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from pmg.pipeline.recording import Finding
-from pmg.pipeline.steadiness import CHECKS, gaps
+from pmg.pipeline.windows.steadiness import CHECKS, gaps
 
 from .chain import HARMS, Harm, follow
 
@@ -30,11 +30,11 @@ def test_the_chain_from_bytes_to_points_has_no_gap(harm: Harm, cost: str) -> Non
 def test_a_link_that_is_taken_out_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the points not reached, of the window's check, of the samples in the findings, of what analyse tells."""
     harm = BY_NAME["cut between chunks"]
-    monkeypatch.setattr("pmg.pipeline.completeness.unreached_findings", lambda _: ())
+    monkeypatch.setattr("pmg.pipeline.grid.completeness.unreached_findings", lambda _: ())
     assert follow(harm).broken == ("point D is gone, and nothing says so", "point E is gone, and nothing says so")
     monkeypatch.undo()
     harm = BY_NAME["values that are no numbers"]
-    monkeypatch.setattr("pmg.pipeline.windows.CHECKS", tuple(check for check in CHECKS if check is not gaps))
+    monkeypatch.setattr("pmg.pipeline.windows.windows.CHECKS", tuple(check for check in CHECKS if check is not gaps))
     assert any("window C is accepted with 100 samples" in link for link in follow(harm).broken)
     monkeypatch.undo()
     plain = Finding.to_dict

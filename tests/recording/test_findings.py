@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pmg.pipeline.chapters.quality import findings_table
-from pmg.pipeline.ingest import ingest
+from pmg.pipeline.chapters.measured.quality import findings_table
+from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.recording import Code, Finding
 from pmg.pipeline.recording.container.records import HEAD, MAGIC, Op
 from pmg.pipeline.recording.container.source import Source
 from pmg.pipeline.recording.findings import LISTED, LONGEST_TEXT, Findings, Severity
-from pmg.pipeline.store import Store
+from pmg.pipeline.store.store import Store
 
 from .damages import base
 from .readers import kept_by_pmg, records, walked

@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.exchange import written
+from tests.importers import written
 
-from pmg.pipeline.chapters.quality import origins_table
-from pmg.pipeline.exchange.bring import import_recording
-from pmg.pipeline.exchange.channelmap import read_map
-from pmg.pipeline.ingest import ingest
+from pmg.pipeline.chapters.measured.quality import origins_table
+from pmg.pipeline.commands.ingest_files import ingest
+from pmg.pipeline.importers.channel_map import read_map
+from pmg.pipeline.importers.import_recording import import_recording
 from pmg.pipeline.recording import read_recording
 from pmg.pipeline.recording.findings import Code, Finding, Findings, Severity
 from pmg.pipeline.recording.origin import RECORD, read_origin
-from pmg.pipeline.store import Store
+from pmg.pipeline.store.store import Store
 
 from .writer import Bench, write
 

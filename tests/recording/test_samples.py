@@ -22,7 +22,7 @@ from pmg.pipeline.recording.checks.slips import find_slips
 from pmg.pipeline.recording.checks.stretches import LISTED_STRETCHES, joined, stretches
 from pmg.pipeline.recording.counters import unwrap
 from pmg.pipeline.recording.layouts.wire import ClockMark
-from pmg.pipeline.windows import find_windows
+from pmg.pipeline.windows.windows import find_windows
 
 from .writer import (
     COUNTS_PER_REV,

@@ -21,7 +21,7 @@ from pmg.pipeline.recording.calibration import Calibration
 from pmg.pipeline.recording.layouts import wire
 from pmg.pipeline.recording.layouts.schema import CLOCK_MARK, SAMPLE_BLOCK, descriptor_set, encode
 from pmg.pipeline.recording.write import BLOCK, SimulatedRun, rated_calibration, recording_bytes
-from pmg.pipeline.windows import find_windows
+from pmg.pipeline.windows.windows import find_windows
 from pmg.sim.bench import BenchParameters, load_bench
 from pmg.sim.errors import RecordingError
 from pmg.sim.grid import Configuration

@@ -10,16 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.points import points
 
-from pmg.pipeline.analyse import analyse
 from pmg.pipeline.diagnose.candidates import Candidate, Stage, candidates, refinement, set_stage
 from pmg.pipeline.diagnose.explanation import Explanation, all_in_detail, explain_with, ids, swapped
 from pmg.pipeline.diagnose.fitting import fit_candidate
 from pmg.pipeline.diagnose.ranking import FINER, in_detail, rank, score
-from pmg.pipeline.diagnose.whiten import whitener
-from pmg.pipeline.options import AnalysisOptions
-from pmg.pipeline.prove.nature import Case, draw_case, measure_case
-from pmg.pipeline.prove.strata import find_stratum
-from pmg.pipeline.readings import take_readings
+from pmg.pipeline.fit.analysis import analyse
+from pmg.pipeline.fit.options import AnalysisOptions
+from pmg.pipeline.fit.whitening import whitener
+from pmg.pipeline.grid.readings import take_readings
+from pmg.pipeline.trials.nature import Case, draw_case, measure_case
+from pmg.pipeline.trials.strata import find_stratum
 from pmg.sim.bench import BenchParameters
 from pmg.sim.mechanisms.base import Torques
 from pmg.sim.mechanisms.friction import MixedLubrication, MixedLubricationExponent

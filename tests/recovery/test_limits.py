@@ -13,7 +13,7 @@ from pmg.pipeline.diagnose.decide import diagnose
 from pmg.pipeline.diagnose.diagnosis import Diagnosis, Verdict
 from pmg.pipeline.diagnose.document import diagnosis_document
 from pmg.pipeline.diagnose.locate import find_mismatch
-from pmg.pipeline.diagnose.noise import NoiseFloor
+from pmg.pipeline.fit.noise import NoiseFloor
 from pmg.sim.bench import BenchParameters
 from pmg.sim.grid import Grid, OperatingPoints
 

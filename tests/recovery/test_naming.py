@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmg.pipeline.analyse import analyse
 from pmg.pipeline.diagnose.candidates import candidates, set_stage
 from pmg.pipeline.diagnose.decide import diagnose
 from pmg.pipeline.diagnose.diagnosis import Diagnosis, Verdict
@@ -13,11 +12,12 @@ from pmg.pipeline.diagnose.document import diagnosis_document
 from pmg.pipeline.diagnose.explanation import take_out
 from pmg.pipeline.diagnose.fitting import CandidateFit, fit_candidate
 from pmg.pipeline.diagnose.statement import statement
-from pmg.pipeline.diagnose.whiten import whitener
-from pmg.pipeline.options import AnalysisOptions
-from pmg.pipeline.prove.nature import draw_case, measure_case
-from pmg.pipeline.prove.strata import find_stratum
-from pmg.pipeline.readings import take_readings
+from pmg.pipeline.fit.analysis import analyse
+from pmg.pipeline.fit.options import AnalysisOptions
+from pmg.pipeline.fit.whitening import whitener
+from pmg.pipeline.grid.readings import take_readings
+from pmg.pipeline.trials.nature import draw_case, measure_case
+from pmg.pipeline.trials.strata import find_stratum
 from pmg.sim.bench import BenchParameters
 
 

@@ -11,14 +11,14 @@ import pytest
 from tests.conftest import ROOT
 from tests.nature import Nature, campaign_points, measure
 
-from pmg.pipeline.analyse import Analysis, analyse
-from pmg.pipeline.diagnose.blind import confounded_shafts
 from pmg.pipeline.diagnose.decide import diagnose
+from pmg.pipeline.diagnose.design.blind import confounded_shafts
 from pmg.pipeline.diagnose.diagnosis import Verdict
 from pmg.pipeline.diagnose.document import diagnosis_document
 from pmg.pipeline.diagnose.locate import find_mismatch
-from pmg.pipeline.options import AnalysisOptions
-from pmg.pipeline.readings import take_readings
+from pmg.pipeline.fit.analysis import Analysis, analyse
+from pmg.pipeline.fit.options import AnalysisOptions
+from pmg.pipeline.grid.readings import take_readings
 from pmg.sim.bench import BenchParameters
 from pmg.sim.grid import Grid
 

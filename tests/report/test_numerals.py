@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pmg.pipeline.report.numerals import measured, number
+from pmg.pipeline.wording.numerals import measured, number
 
 
 @pytest.mark.parametrize(

@@ -15,17 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from pmg.pipeline.report.document import (
-    Column,
-    Facts,
-    Figure,
-    Measured,
-    Report,
-    Section,
-    Table,
-    Text,
-    Verdict,
-)
+from pmg.pipeline.report.document import Column, Facts, Figure, Measured, Report, Section, Table, Text, Verdict
 from pmg.pipeline.report.html import html
 from pmg.pipeline.report.write import report_files, write_report
 from pmg.sim.errors import StoreError

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pmg.pipeline.drill.cell import Bins, BudgetRow, CellSignals, ChannelSignals, ShaftRows, Spectrum
-from pmg.pipeline.drill.encoded import encode
+from pmg.pipeline.point_signals.cell import Bins, BudgetRow, CellSignals, ChannelSignals, ShaftRows, Spectrum
+from pmg.pipeline.point_signals.encoded import encode
 from pmg.pipeline.report.document import Figure, Section, Signals
 from pmg.pipeline.report.write import write_report
 from pmg.sim import signals

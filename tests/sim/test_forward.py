@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -11,21 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.points import joined, points
 
-from pmg.sim import signals, sources
-from pmg.sim.analyticmap import analytic_map
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import BenchError
-from pmg.sim.forward import SPEED_LIMIT, balancing_torque, forward, locked, torque_slope
-from pmg.sim.gearbox import Gearbox
 from pmg.sim.grid import OperatingPoints
 from pmg.sim.losscurve import LossCurve
 from pmg.sim.lossmodel import LossModel
-from pmg.sim.mechanisms import Component, Experiment, Mechanism, Reveals, Torques
-from pmg.sim.mechanisms.base import nothing, parameter
+from pmg.sim.maps.analytic import analytic_map
 from pmg.sim.roots import rising_root
-from pmg.sim.sensitivity import forward_sensitivity, steady_sensitivity
 from pmg.sim.signals import Array
-from pmg.sim.solve import steady
+from pmg.sim.steady.forward import SPEED_LIMIT, balancing_torque, forward, locked, torque_slope
+from pmg.sim.steady.gearbox import Gearbox
+from pmg.sim.steady.solve import steady
 
 BENCH = load_bench()
 CURVE_SUN = LossCurve((0.0, 1.0, 2.0, 3.0), np.array([0.02, 0.35, -0.3, 0.12]), 196.0, 196.0)
@@ -151,88 +147,6 @@ def test_an_equation_without_a_value_is_named() -> None:
 
 
 # --- derivatives ---------------------------------------------------------------------------------------
-
-
-def disturbed(label: str, step: float) -> Gearbox:
-    """The gearbox with one parameter of one mechanism, or one coefficient of a curve, moved."""
-    mechanism, _, name = label.partition(".")
-    if name.endswith("]"):
-        field, index = name[:-1].split("[")
-        curve = next(getattr(m, field) for m in GEARBOX.mechanisms if m.identifier == mechanism)
-        moved = replace(curve, coefficients=curve.coefficients + step * np.eye(len(curve.coefficients))[int(index)])
-        model = replace(MODEL, curve_sun=moved) if curve is CURVE_SUN else replace(MODEL, curve_ring=moved)
-        return Gearbox.calibrated(BENCH, model)
-    return Gearbox(
-        BENCH,
-        tuple(
-            replace(m, **{name: getattr(m, name) + step}) if m.identifier == mechanism else m
-            for m in GEARBOX.mechanisms
-        ),
-    )
-
-
-EVERYWHERE = joined(
-    engaged([300.0, 1900.0, -800.0], [1.0, -2.0, 0.4]), engaged(1200.0, 1.5, 2), points("neutral", [900.0], [-350.0])
-)
-LABELS = steady_sensitivity(GEARBOX, EVERYWHERE).labels
-
-
-def test_every_parameter_and_every_coefficient_has_one_column() -> None:
-    declared = [f"{m.identifier}.{p.name}" for m in GEARBOX.mechanisms for p in m.parameters()]
-    assert LABELS[: len(declared)] == tuple(declared)
-    assert len(set(LABELS)) == len(LABELS) == len(declared) + 4 + 3
-
-
-@pytest.mark.parametrize("column", range(len(LABELS)), ids=LABELS)
-def test_derivatives_of_steady_torques_match_differences(column: int) -> None:
-    step = 1e-3
-    up, down = (steady(disturbed(LABELS[column], sign * step), EVERYWHERE) for sign in (1.0, -1.0))
-    derived = steady_sensitivity(GEARBOX, EVERYWHERE)
-    np.testing.assert_allclose(derived.torque_sun[:, column], (up.torque_sun - down.torque_sun) / 2e-3, atol=1e-9)
-    np.testing.assert_allclose(derived.torque_ring[:, column], (up.torque_ring - down.torque_ring) / 2e-3, atol=1e-9)
-    moved = np.abs(derived.torque_sun[:, column]).max() + np.abs(derived.torque_ring[:, column]).max()
-    assert moved > 1e-3
-
-
-@pytest.mark.parametrize("column", range(len(LABELS)), ids=LABELS)
-def test_derivatives_of_forward_speeds_match_differences(column: int) -> None:
-    at = EVERYWHERE[EVERYWHERE.engaged]
-    torque = steady(GEARBOX, at).torque_sun
-    step = 1e-6
-    up, down = (forward(disturbed(LABELS[column], sign * step), at, torque).points.speed_sun for sign in (1.0, -1.0))
-    derived = forward_sensitivity(GEARBOX, forward(GEARBOX, at, torque))[:, column]
-    difference = (up - down) / (2.0 * step)
-    np.testing.assert_allclose(derived, difference, rtol=2e-4, atol=1e-5 * max(1.0, float(np.abs(difference).max())))
-
-
-@dataclass(frozen=True)
-class Windage(Mechanism):
-    """A drag that bends with its parameter: an exponent."""
-
-    identifier = "windage"
-    title = "Windage"
-    equation = r"\tau_s = -10^{-4}\,|\omega_s|^n"
-    source = sources.THESIS
-    component = Component.SUN_MOTOR
-    affects = (signals.TORQUE_SUN,)
-    revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "torque grows with a power of speed"),)
-
-    n: float = parameter("1", bounds=(0.5, 2.0), typical=1.5, meaning="exponent")
-
-    def torque(self, at: OperatingPoints) -> Torques:
-        return Torques(-np.sign(at.speed_sun) * 1e-4 * np.abs(at.speed_sun) ** self.n, nothing(at))
-
-
-def test_a_law_that_bends_in_its_parameter_gets_its_true_slope() -> None:
-    at = engaged([600.0, 1800.0], 1.0)
-    derived = steady_sensitivity(Gearbox(BENCH, (Windage(1.4),)), at).torque_sun[:, 0]
-    np.testing.assert_allclose(derived, 1e-4 * at.speed_sun**1.4 * np.log(at.speed_sun), rtol=1e-6)
-
-
-def test_a_gearbox_without_mechanisms_has_no_parameters() -> None:
-    found = steady_sensitivity(Gearbox(BENCH, ()), EVERYWHERE)
-    assert found.labels == ()
-    assert found.torque_sun.shape == found.torque_ring.shape == (len(EVERYWHERE), 0)
 
 
 def test_the_slope_with_speed_is_that_of_the_laws() -> None:

@@ -10,13 +10,13 @@ from tests.points import points
 
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import BenchError
-from pmg.sim.gearbox import Gearbox
 from pmg.sim.grid import OperatingPoints
 from pmg.sim.losscurve import LossCurve
 from pmg.sim.lossmodel import LossModel
-from pmg.sim.powerchain import MotorConvention, motor_electric_power, power_chain
 from pmg.sim.signals import RPM
-from pmg.sim.solve import steady
+from pmg.sim.steady.gearbox import Gearbox
+from pmg.sim.steady.power_chain import MotorConvention, motor_electric_power, power_chain
+from pmg.sim.steady.solve import steady
 
 BENCH = load_bench()
 CURVE = LossCurve((0.0, 0.5, 1.0), np.array([0.01, 0.05, 0.03]), 100.0, 200.0)

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pmg.sim.analyticmap import Cogging, analytic_map
 from pmg.sim.bench import GearParameters, load_bench
 from pmg.sim.errors import BenchError
-from pmg.sim.femtable import FemTable, Tolerances, fit_map
 from pmg.sim.kinematics import Member, ratios
+from pmg.sim.maps.analytic import Cogging, analytic_map
+from pmg.sim.maps.table import FemTable, Tolerances, fit_map
+from pmg.sim.maps.torque_map import TorqueMap
 from pmg.sim.signals import REVOLUTION, Array
-from pmg.sim.torquemap import TorqueMap
 
 BENCH = load_bench()
 GEARS = (BENCH.gear1, BENCH.gear2)

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnose.form.atoms import Covariate, levels
-from pmg.pipeline.diagnose.structure import THERMAL_TIMES, run_history
+from pmg.pipeline.fit.structure import THERMAL_TIMES, run_history
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pmg.pipeline.diagnose.locate import Location
-    from pmg.pipeline.readings import Readings
+    from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.signals import Array, Mask

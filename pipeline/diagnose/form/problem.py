@@ -9,13 +9,13 @@ import numpy as np
 
 from pmg.pipeline.diagnose.form.search import FormFit, Library, View, make_library, search
 from pmg.pipeline.diagnose.holdout import FOLDS, solve
-from pmg.pipeline.diagnose.noise import orthonormal
+from pmg.pipeline.fit.noise_floor import orthonormal
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.pipeline.diagnose.form.atoms import Covariate
-    from pmg.pipeline.diagnose.whiten import Whitener
+    from pmg.pipeline.fit.whitening import Whitener
     from pmg.sim.signals import Array
 
 

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.recording.layouts.wire import BYTES, FIXED64, SAMPLE_FIELDS, VARINT, WireError, sample_block, varint
+from pmg.pipeline.recording.layouts.wire import (
+    BYTES,
+    FIXED64,
+    SAMPLE_FIELDS,
+    VARINT,
+    WireError,
+    sample_block,
+    varint,
+)
 
 if TYPE_CHECKING:
     import numpy.typing as npt

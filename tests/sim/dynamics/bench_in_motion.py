@@ -13,8 +13,8 @@ from pmg.sim.dynamics.drivetrain import Drivetrain
 from pmg.sim.dynamics.state import State
 from pmg.sim.losscurve import LossCurve
 from pmg.sim.lossmodel import LossModel
-from pmg.sim.powerchain import MotorConvention
 from pmg.sim.signals import Array
+from pmg.sim.steady.power_chain import MotorConvention
 
 BENCH = load_bench()
 CURVE = LossCurve((0.0, 0.5, 1.0), np.array([0.01, 0.05, 0.03]), 100.0, 200.0)

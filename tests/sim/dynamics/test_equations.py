@@ -19,8 +19,8 @@ from pmg.sim.dynamics.state import STATES, SetPoints
 from pmg.sim.errors import BenchError
 from pmg.sim.mechanisms import Mechanism, Torques
 from pmg.sim.mechanisms.base import Instant
-from pmg.sim.powerchain import MotorConvention
 from pmg.sim.signals import Array
+from pmg.sim.steady.power_chain import MotorConvention
 
 ASKED = SetPoints(1.0, 2.3, 4.0, -3.0)
 gears = st.sampled_from((1, 2))

@@ -14,9 +14,9 @@ from pmg.sim.dynamics.equilibrium import equilibrium
 from pmg.sim.dynamics.power import powers
 from pmg.sim.dynamics.state import STATES, SetPoints
 from pmg.sim.errors import BenchError
-from pmg.sim.gearbox import Gearbox
 from pmg.sim.signals import RPM
-from pmg.sim.solve import steady
+from pmg.sim.steady.gearbox import Gearbox
+from pmg.sim.steady.solve import steady
 
 
 @pytest.mark.parametrize("gear", [1, 2])

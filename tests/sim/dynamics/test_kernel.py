@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.sim.dynamics.bench_in_motion import BENCH, CURVE, MODEL, SIZES, drivetrain, states
 
-from pmg.sim.analyticmap import Cogging, analytic_map
 from pmg.sim.dynamics import kernelcache
 from pmg.sim.dynamics.account import integrands
 from pmg.sim.dynamics.assumptions import Assumptions
@@ -29,6 +28,7 @@ from pmg.sim.dynamics.transient import OnSlip, Solver, Task, transient, transien
 from pmg.sim.errors import BenchError
 from pmg.sim.grid import Configuration
 from pmg.sim.kinematics import Member
+from pmg.sim.maps.analytic import Cogging, analytic_map
 from pmg.sim.mechanisms import EddyDamping
 from pmg.sim.signals import Array, Number
 

@@ -22,13 +22,14 @@ from pmg.sim.dynamics.programme import Programme
 from pmg.sim.dynamics.state import STATES, SetPoints
 from pmg.sim.dynamics.transient import Solver, transient
 from pmg.sim.errors import BenchError
-from pmg.sim.gearbox import Gearbox
 from pmg.sim.grid import Configuration, OperatingPoints
 from pmg.sim.mechanisms import CANDIDATES, OTHERS, REFINED, GainError, Instrument, LubricantViscosity, Mechanism
 from pmg.sim.mechanisms.base import Torques, Warmth
 from pmg.sim.mechanisms.thermal import MagnetTemperature
-from pmg.sim.solve import steady
-from pmg.sim.warmth import warmth_at
+from pmg.sim.mechanisms.warmth import warmth_at
+from pmg.sim.steady.baseline import baseline_mechanisms
+from pmg.sim.steady.gearbox import Gearbox
+from pmg.sim.steady.solve import steady
 
 KINDS: tuple[type[Mechanism], ...] = (*CANDIDATES, *REFINED)
 BESIDE = tuple(kind for kind in KINDS if not issubclass(kind, Instrument))
@@ -45,7 +46,7 @@ def train(
     *extra: Mechanism, configuration: Configuration = Configuration.ENGAGED, warmth: Warmth = COLD, gear: int = 1
 ) -> Drivetrain:
     ring = Control.SPEED if configuration is Configuration.NEUTRAL else Control.TORQUE
-    beside = (*MODEL.mechanisms(BENCH), *extra)
+    beside = (*baseline_mechanisms(MODEL, BENCH), *extra)
     return Drivetrain(
         BENCH,
         beside,
@@ -83,7 +84,7 @@ def test_the_steady_end_is_that_of_the_steady_solver(
     kind: type[Mechanism], configuration: Configuration, gear: int
 ) -> None:
     mechanism, at = typical(kind), some(configuration, gear)
-    wanted = steady(Gearbox(BENCH, (*MODEL.mechanisms(BENCH), mechanism)), at)
+    wanted = steady(Gearbox(BENCH, (*baseline_mechanisms(MODEL, BENCH), mechanism)), at)
     got = held(mechanism, at=at)
     np.testing.assert_allclose(got.sun, wanted.torque_sun, atol=CLOSE, rtol=0.0)
     np.testing.assert_allclose(got.ring, wanted.torque_ring, atol=CLOSE, rtol=0.0)
@@ -105,7 +106,7 @@ def test_each_mechanism_moves_the_steady_end(kind: type[Mechanism]) -> None:
 def test_all_together_hold_what_the_steady_solver_holds() -> None:
     every = tuple(typical(kind) for kind in BESIDE if kind in CANDIDATES)
     at = some(Configuration.ENGAGED)
-    wanted = steady(Gearbox(BENCH, (*MODEL.mechanisms(BENCH), *every)), at)
+    wanted = steady(Gearbox(BENCH, (*baseline_mechanisms(MODEL, BENCH), *every)), at)
     np.testing.assert_allclose(held(*every, at=at).sun, wanted.torque_sun, atol=CLOSE, rtol=0.0)
 
 

@@ -10,9 +10,8 @@ import pytest
 from tests.points import points
 from tests.sim.dynamics.bench_in_motion import BENCH, MODEL, drivetrain, lossless_bench, total
 
-from pmg.pipeline.fit import THESIS_POWERS_RING, THESIS_POWERS_SUN, fit_losses
-from pmg.pipeline.gridtable import read_published
-from pmg.sim.analyticmap import analytic_map
+from pmg.pipeline.fit.loss_fit import THESIS_POWERS_RING, THESIS_POWERS_SUN, fit_losses
+from pmg.pipeline.grid.tables import read_published
 from pmg.sim.bench import BenchParameters
 from pmg.sim.dynamics.assumptions import Assumptions, RotorInertia
 from pmg.sim.dynamics.drivetrain import Drivetrain
@@ -23,11 +22,12 @@ from pmg.sim.dynamics.state import SetPoints
 from pmg.sim.dynamics.trace import Trace
 from pmg.sim.dynamics.transient import OnSlip, Solver, transient
 from pmg.sim.errors import BenchError
-from pmg.sim.gearbox import Gearbox
 from pmg.sim.lossmodel import LossModel
-from pmg.sim.powerchain import MotorConvention
+from pmg.sim.maps.analytic import analytic_map
 from pmg.sim.signals import RPM
-from pmg.sim.solve import steady
+from pmg.sim.steady.gearbox import Gearbox
+from pmg.sim.steady.power_chain import MotorConvention
+from pmg.sim.steady.solve import steady
 
 SUN, RING = Programme.ramp(1.0, 1.0), Programme.ramp(2.3, 1.0)
 

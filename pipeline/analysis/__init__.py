@@ -1,0 +1,1 @@
+"""What an analysed grid says: comparison with the simulation, tolerances, power flow, documents."""

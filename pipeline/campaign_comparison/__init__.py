@@ -1,0 +1,1 @@
+"""Two campaigns matched point by point, subtracted, judged."""

@@ -1,0 +1,107 @@
+"""The outcome of a comparison of two campaigns, in sentences."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.analysis.comparison import COVERAGE
+from pmg.pipeline.campaign_comparison.verdict import LEVEL
+from pmg.pipeline.wording import numerals
+from pmg.pipeline.wording.probability import told_search
+from pmg.sim import signals
+from pmg.sim.signals import RESIDUAL
+
+if TYPE_CHECKING:
+    from pmg.pipeline.campaign_comparison.difference import Versus
+    from pmg.pipeline.campaign_comparison.verdict import Followed, GroupResult, Judged
+
+ALIKE = 0.1
+"""Two covariates whose lines take up shares of the variance no further apart than this are not told apart."""
+
+FOLLOWED = 0.25
+"""Share of the variance from which a difference is said to follow a covariate."""
+
+
+def statement(versus: Versus, judged: Judged | None) -> str:
+    """The outcome: whether the campaigns differ, by how much, where most, and what the difference follows."""
+    if judged is None:
+        return "No point of A has a partner in B within the tolerances: nothing can be subtracted."
+    p = f"p {told_search(judged.p_value, judged.draws)}"
+    if judged.differ:
+        lead = f"B differs from A by more than noise and transducers let expect ({p})."
+        return " ".join(filter(None, (lead, _loss(versus), _clearest(judged))))
+    if judged.readings_differ:
+        readings = f"p {told_search(judged.p_readings, judged.draws)}"
+        lead = (
+            f"The readings differ beyond noise ({readings}), but by no more than the tolerances of the transducers "
+            f"permit ({p}); the same transducers in both campaigns, or one calibrated against the other, would tell."
+        )
+        return " ".join(filter(None, (lead, _loss(versus), _clearest(judged))))
+    return " ".join(filter(None, (f"No difference beyond noise ({p}).", _loss(versus))))
+
+
+def told(value: float, u: float, unit: str) -> str:
+    """A difference and its U, with unit."""
+    return f"{numerals.measured(value, COVERAGE * u)} {unit}"
+
+
+def _loss(versus: Versus) -> str:
+    """Mean total loss and the point at which it differs most, in units of its uncertainty."""
+    name = signals.LOSS_TOTAL.name
+    if name not in versus.quantities or not versus.quantities[name].compared.any():
+        return ""
+    found = versus.quantities[name]
+    mean, own, common = found.mean(np.ones(len(versus.matching), dtype=bool))
+    u = float(np.hypot(own, common))
+    n, beyond = int(found.compared.sum()), int(found.beyond.sum())
+    if abs(mean) <= COVERAGE * u:
+        lead = f"The mean total loss differs by {told(mean, u, 'W')} (B − A, U = 2u, {n} points)"
+    else:
+        more = "more" if mean > 0.0 else "less"
+        lead = f"Engaged, B loses {told(abs(mean), u, 'W')} {more} than A (mean of {n} points, U = 2u)"
+    if not beyond:
+        return f"{lead}, at no point beyond U."
+    clearest = np.where(found.beyond, np.abs(found.value) / np.where(found.u > 0.0, found.u, np.inf), -1.0)
+    row = int(np.argmax(clearest))
+    where = f"{versus.at.name[row]} ({told(float(found.value[row]), float(found.u[row]), 'W')})"
+    return f"{lead}, beyond U at {beyond} points, most clearly at {where}."
+
+
+def clearest(judged: Judged) -> GroupResult:
+    """The group whose differences are clearest by what is told of it; by chi-square where no mean or slope is clear."""
+
+    def distance(group: GroupResult) -> float:
+        tests = [group.mean, *(one.slope for one in alike(group))]
+        return max(abs(test.value) / test.u if test.u > 0.0 else 0.0 for test in tests)
+
+    best = max(judged.groups, key=distance)
+    return best if distance(best) > COVERAGE else min(judged.groups, key=lambda group: group.p_value)
+
+
+def _clearest(judged: Judged) -> str:
+    """The clearest group: its mean, and the slope that is clearer than that."""
+    group = clearest(judged)
+    lead = f"Clearest in the {group.words} ({group.points} points)"
+    mean = told(group.mean.value / RESIDUAL.scale, group.mean.u / RESIDUAL.scale, RESIDUAL.display_unit)
+    found = alike(group)
+    if not found:
+        share = f"{FOLLOWED:.0%}"
+        return f"{lead}: {mean} on average; no line against speed, torque or time takes up {share} of its variance."
+    best = found[0]
+    slope = told(best.slope.value / RESIDUAL.scale, best.slope.u / RESIDUAL.scale, RESIDUAL.display_unit)
+    names = " or ".join(one.covariate.words for one in found)
+    unit = best.covariate.unit if best.covariate.unit[0].isdigit() else f"1 {best.covariate.unit}"
+    share = f"{best.share:.0%} of its variance"
+    return f"{lead}: it follows the {names}, {slope} per {unit} ({share}), and is {mean} on average."
+
+
+def alike(group: GroupResult) -> tuple[Followed, ...]:
+    """What the difference of a group follows best, with what takes up nearly as much; none where nothing is clear."""
+    if not group.followed:
+        return ()
+    best = group.followed[0]
+    if best.share < FOLLOWED or best.slope.p_value > LEVEL:
+        return ()
+    return tuple(one for one in group.followed if best.share - one.share <= ALIKE)

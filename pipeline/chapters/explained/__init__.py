@@ -1,0 +1,1 @@
+"""Chapters that explain a mismatch: verdict, causes, grounds, next tests."""

@@ -1,0 +1,300 @@
+"""Terms named from the recordings of a machine: the verdict, the models one after the other, the proof."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnose.balance.document import headline, percent, separating_test, title_of
+from pmg.pipeline.diagnose.balance.drive import EMPS
+from pmg.pipeline.diagnose.balance.serial import ANDREWS_MONAHAN
+from pmg.pipeline.report.document import Cell, Chart, Column, Facts, Figure, Measured, Section, Series, Table, Text
+from pmg.sim import sources
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.balance.contest import Stand
+    from pmg.pipeline.diagnose.balance.decide import TermsDiagnosis
+    from pmg.pipeline.diagnose.balance.estimate import Estimate
+    from pmg.sim.signals import Array
+
+RANKED = 8
+"""Terms of a round that the table shows."""
+
+
+def terms_sections(diagnosis: TermsDiagnosis) -> tuple[Section, ...]:
+    """The whole page."""
+    return (_verdict(diagnosis), _models(diagnosis), _parameters(diagnosis), _search(diagnosis), _limits(diagnosis))
+
+
+def _verdict(d: TermsDiagnosis) -> Section:
+    places, left = (
+        "; ".join(f"{p.name} ({p.rms:.2g} times the noise)" for p in test.places) or "none"
+        for test in (d.mismatch, d.left_over)
+    )
+    facts: tuple[tuple[str, Cell], ...] = (
+        ("Samples of the regression", float(len(d.recorded.force))),
+        ("Noise, standard deviation [N]", d.noise.noise.standard_deviation),
+        ("Memory of the noise [samples]", float(d.noise.noise.lags)),
+        (f"p-value of the mismatch, from {d.mismatch.draws} synthetic records", d.mismatch.p_value),
+        ("The mismatch follows", places),
+        ("What is left follows", left),
+    )
+    return Section(
+        "verdict-terms",
+        "Verdict",
+        (Text(headline(d), "finding"), Facts(facts), _residuals(d), _friction(d)),
+        (EMPS, sources.WESTFALL_YOUNG),
+    )
+
+
+def _last(d: TermsDiagnosis) -> Stand:
+    return (d.refinements or d.stands)[-1]
+
+
+def _residuals(d: TermsDiagnosis) -> Figure:
+    truth, time = d.recorded.force + d.recorded.known, d.recorded.time
+    models = [("baseline", d.stands[0]), ("with the named terms", d.stands[-1])]
+    if d.refinements:
+        models.append(("refined", _last(d)))
+    panels = []
+    for i, (name, stand) in enumerate(models):
+        left = truth - stand.fitted.predict(d.recorded)
+        panels.append(
+            Chart("time [s]", "residual [N]", (Series("", time, left, None, "line", i),), title=f"Residual, {name}")
+        )
+    first, named = d.stands[0], d.stands[-1]
+    return Figure(
+        "terms-residuals",
+        "Residual before and after",
+        f"Relative force error {percent(first.error_fit)} before, {percent(named.error_fit)} after. Scales differ.",
+        tuple(panels),
+    )
+
+
+def _friction(d: TermsDiagnosis) -> Figure:
+    """Force less that of inertia, against speed; baseline and named terms in their mean over speed."""
+    recorded, named = d.recorded, d.stands[-1]
+    speed = recorded.thin(recorded.motion.speed[:, None])[:, 0]
+    acceleration = recorded.thin(recorded.motion.acceleration[:, None])[:, 0]
+    inertia = next((e.value for e in named.fitted.estimates if e.term == "inertia"), d.case.fixed.get("inertia", 0.0))
+    truth, pull = recorded.force + recorded.known, inertia * acceleration
+    series = [Series("measured", speed, truth - pull, None, "markers", 0)]
+    for colour, (name, stand) in enumerate((("baseline", d.stands[0]), ("named terms", named)), start=1):
+        x, y = _mean_over(speed, stand.fitted.predict(recorded) - pull)
+        series.append(Series(name, x, y, None, "line", colour))
+    return Figure(
+        "terms-friction",
+        "Friction against speed",
+        f"Force less inertia times acceleration, with {inertia:.4g} kg: measured, and as the models give it.",
+        (Chart("speed [m/s]", "friction [N]", tuple(series)),),
+    )
+
+
+def _mean_over(x: Array, y: Array) -> tuple[Array, Array]:
+    """Means of y in 60 slices of x."""
+    edges = np.linspace(float(x.min()), float(x.max()), 61)
+    which = np.clip(np.searchsorted(edges, x) - 1, 0, 59)
+    filled = np.unique(which)
+    return np.array([x[which == k].mean() for k in filled]), np.array([y[which == k].mean() for k in filled])
+
+
+def _models(d: TermsDiagnosis) -> Section:
+    rows: list[tuple[Cell, ...]] = []
+    for kind, stands in (("named", d.stands), ("refinement", d.refinements)):
+        for stand in stands:
+            name = title_of(d, stand.added) if stand.added else "baseline: " + ", ".join(d.case.baseline)
+            held, (low, high) = stand.held, stand.carried
+            carries = "–" if math.isnan(low) else "yes" if low > 0.0 else "no" if high < 0.0 else "not certain"
+            rows.append(
+                (
+                    name,
+                    kind if stand.added else "baseline",
+                    stand.evidence if stand.added else None,
+                    100.0 * stand.error_fit,
+                    100.0 * stand.error_withheld,
+                    None if held is None else held.rmse_before,
+                    None if held is None else held.rmse_after,
+                    None if held is None else held.gain_interval[0],
+                    None if held is None else held.gain_interval[1],
+                    carries,
+                )
+            )
+    for which, error in d.case.published_errors.items():
+        fit, withheld = (100.0 * error, None) if which == "fit" else (None, 100.0 * error)
+        rows.append((f"published, {which}", "published", None, fit, withheld, None, None, None, None, "–"))
+    table = Table(
+        "terms-models",
+        "One term after the other",
+        "Each line adds a term to the one above. A named term passed every rule; a refinement lowers the error on "
+        "withheld blocks and beats every decoy, but is too small beside the named ones to be told from an error of "
+        "their form.",
+        (
+            Column("model", "Added"),
+            Column("state", "State"),
+            Column("evidence", "Evidence", digits=0),
+            Column("error_fit", "Relative error", "%", digits=2),
+            Column("error_withheld", "Withheld record", "%", digits=2),
+            Column("before", "Withheld blocks, before", "N", digits=3),
+            Column("after", "after", "N", digits=3),
+            Column("low", "gain from", "N", digits=3),
+            Column("high", "gain to", "N", digits=3),
+            Column("carried", "Carries over"),
+        ),
+        tuple(rows),
+    )
+    texts = [
+        "Relative error: root of the sum of squares of what is left, as part of that of the force. Amplitudes and "
+        "shapes are those of the fitted record; the withheld record takes part in no choice and no fit. Blocks of "
+        "neighbours are withheld a quarter at a time; their interval is at 95 %, from resampled blocks."
+    ]
+    if d.held is not None:
+        texts.append(
+            f"Choice made anew for every part: {d.held.split}. {d.held.rmse_before:.3f} N before, "
+            f"{d.held.rmse_after:.3f} N after, gain {d.held.gain_interval[0]:.3f} to {d.held.gain_interval[1]:.3f} N."
+        )
+    gain = max(d.decoys.gains, default=math.nan)
+    texts.append(
+        f"{d.decoys.tried} decoys (columns of the library, phases drawn at random) were offered after the named terms: "
+        f"the best brought evidence {d.decoys.most_evidence:.0f}, which a refinement must exceed"
+        + (
+            "."
+            if math.isnan(gain)
+            else f"; none lowered the error on the withheld record by more than {percent(gain)}."
+        )
+    )
+    return Section("terms-models-section", "Models and their errors", (Text("\n\n".join(texts)), table))
+
+
+def _estimated(e: Estimate) -> tuple[Cell, ...]:
+    white = None if math.isnan(e.whitened) else Measured(e.whitened, e.whitened_error)
+    return (e.term, e.name, e.unit, Measured(e.value, e.standard_error), *e.interval, white)
+
+
+def _parameters(d: TermsDiagnosis) -> Section:
+    published = {(p.term, p.parameter): p.value for p in d.case.published}
+    sets = [("named terms", d.stands[-1].fitted.estimates)]
+    sets += [("refined", _last(d).fitted.estimates)] if d.refinements else []
+    sets += [("beside the named", contest.beside) for contest in d.contests]
+    rows: list[tuple[Cell, ...]] = [
+        (kind, *_estimated(e), published.get((e.term, e.name))) for kind, estimates in sets for e in estimates
+    ]
+    table = Table(
+        "terms-parameters",
+        "Parameters",
+        "Least squares on thinned rows, as published, with errors from the scores over neighbouring samples; and least "
+        "squares on rows freed from serial correlation. The last lines give what a rival's own terms come to beside "
+        "the named ones.",
+        (
+            Column("model", "Model"),
+            Column("term", "Term"),
+            Column("parameter", "Parameter"),
+            Column("unit", "Unit"),
+            Column("value", "Value", uncertain=True),
+            Column("low", "from", format=".5g"),
+            Column("high", "to", format=".5g"),
+            Column("whitened", "Whitened"),
+            Column("published", "Published", format=".6g"),
+        ),
+        tuple(rows),
+    )
+    swallowed = tuple((a.parameter, a.before, Measured(a.after, a.standard_error or math.nan)) for a in d.absorbed)
+    absorbed = Table(
+        "terms-absorbed",
+        "What the baseline had absorbed",
+        "Parameters of the baseline alone and beside the named terms.",
+        (Column("parameter", "Parameter"), Column("before", "Before", format=".5g"), Column("after", "After")),
+        swallowed,
+    )
+    return Section("terms-parameters-section", "Parameters", (table, absorbed), (ANDREWS_MONAHAN,))
+
+
+def _search(d: TermsDiagnosis) -> Section:
+    rows: list[tuple[Cell, ...]] = []
+    for number, step in enumerate(d.found.steps if d.found is not None else (), 1):
+        for fit in step.ranking[:RANKED]:
+            shape = None if fit.term.shape is None else fit.shape
+            state = "entered" if fit.identifier in step.entered.split(" + ") else ", ".join(fit.on_bound)
+            note = f"{state} on its bound" if state and state != "entered" else state
+            rows.append((number, title_of(d, fit.identifier), fit.term.equation, fit.gain, fit.cost, shape, note))
+    table = Table(
+        "terms-ranking",
+        "Ranking, round by round",
+        "Fall of the whitened sum of squares by each term beside what was in already, in noise variances.",
+        (
+            Column("round", "Round"),
+            Column("term", "Term"),
+            Column("equation", "Equation"),
+            Column("gain", "Gain", digits=0),
+            Column("cost", "Cost", digits=0),
+            Column("shape", "Shape", format=".4g"),
+            Column("note", "Note"),
+        ),
+        tuple(rows),
+    )
+    return Section(
+        "terms-search", "Search and rivals", (table, _rivals(d)), tuple(dict.fromkeys(t.source for t in d.case.library))
+    )
+
+
+def _rivals(d: TermsDiagnosis) -> Table:
+    contests: list[tuple[Cell, ...]] = [
+        (
+            " and ".join(title_of(d, fit.identifier) for fit in c.rival.fits),
+            "open" if c.open else "beaten",
+            c.lead,
+            c.margin,
+            c.held.rmse_before,
+            c.held.rmse_after,
+            100.0 * c.error_fit,
+            100.0 * c.error_withheld,
+        )
+        for c in d.contests
+    ]
+    return Table(
+        "terms-rivals",
+        "Rivals",
+        "Sets that came near, each against the named one with the refinements in both: a rival is beaten when the lead "
+        "exceeds the margin (which what is left widens) and withheld blocks are predicted worse with certainty.",
+        (
+            Column("rival", "Rival"),
+            Column("state", "State"),
+            Column("lead", "Lead", digits=0),
+            Column("margin", "Margin", digits=0),
+            Column("blocks_rival", "Blocks, rival", "N", digits=3),
+            Column("blocks_named", "Blocks, named", "N", digits=3),
+            Column("error_fit", "Relative error of the rival", "%", digits=2),
+            Column("error_withheld", "Withheld record", "%", digits=2),
+        ),
+        tuple(contests),
+    )
+
+
+def _limits(d: TermsDiagnosis) -> Section:
+    at_rest = float(np.mean(d.recorded.motion.direction == 0.0))
+    slow = float(np.mean(np.abs(d.recorded.motion.speed) < 1e-3 * float(np.abs(d.recorded.motion.speed).max())))
+    rows: list[tuple[Cell, ...]] = []
+    for twins in d.twins:
+        what = "absorbed whole by the baseline" if len(twins.ids) == 1 else "the same column"
+        names = " and ".join(title_of(d, name) for name in twins.ids)
+        rows.append((names, what, twins.correlation, separating_test(d, twins.ids)))
+    table = Table(
+        "terms-twins",
+        "What this recording cannot tell",
+        "From the design of the recording alone, whatever the size.",
+        (
+            Column("terms", "Terms"),
+            Column("why", "Why"),
+            Column("correlation", "Correlation", format=".6f"),
+            Column("test", "Test that would tell"),
+        ),
+        tuple(rows),
+    )
+    text = (
+        f"The machine is at rest in {percent(at_rest)} of the samples, and slower than a thousandth of its top speed "
+        f"in {percent(slow)}. Coulomb friction with an offset, sign(v) Fc + F0, is F+ forwards and F- backwards: the "
+        "same force as Coulomb friction that depends on direction, at every speed but zero. Only a record at rest, or "
+        "a test that turns one of them around, can tell them apart."
+    )
+    return Section("terms-limits", "What cannot be told", (Text(text), table))

@@ -1,0 +1,1 @@
+"""Chapters on what was measured: data, conditions, losses, efficiency, power flow, orders."""

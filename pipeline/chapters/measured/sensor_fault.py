@@ -1,0 +1,73 @@
+"""What a chapter on losses says where the diagnosis found a fault of a torque reading."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.grid.levels import by_load
+from pmg.pipeline.report.document import Column, Table, Text, measured
+from pmg.pipeline.wording import numerals
+from pmg.sim import signals
+
+if TYPE_CHECKING:
+    from pmg.pipeline.fit.losses import PowerBalance
+    from pmg.pipeline.model.sensor_fault_correction import Misread
+    from pmg.pipeline.report.table import Cell
+
+
+def misread_warning(found: tuple[Misread, ...], balance: PowerBalance) -> str:
+    """The warning in a sentence or two, with the highest loss as read and without the fault."""
+    loss_name = signals.LOSS_TOTAL.name
+    i = int(np.argmax(balance.values[loss_name]))
+    u = float(balance.u(loss_name)[i])
+    as_read = numerals.measured(float(balance.values[loss_name][i]), 2.0 * u)
+    without = [(one.values[loss_name][i], np.hypot(u, one.spread[loss_name][i]), one.told) for one in found]
+    others = "; ".join(
+        f"{numerals.measured(float(v), 2.0 * float(w))} W with {told} taken out" for v, w, told in without
+    )
+    return (
+        "Losses and efficiencies are as the transducers read, and the diagnosis finds a fault in a reading: its error "
+        f"is in them, and their U does not cover it. At {balance.grid.points.name[i]} the total loss is {as_read} W as "
+        f"read (U = 2u); {others}."
+    )
+
+
+def misread_items(found: tuple[Misread, ...], balance: PowerBalance) -> tuple[Text | Table, ...]:
+    """The warning, and the losses by load as read and without the fault, under each explanation that has one."""
+    if not found:
+        return ()
+    at = balance.grid.points
+    total, efficiency = signals.LOSS_TOTAL, signals.EFFICIENCY_TOTAL
+    rows: list[tuple[Cell, ...]] = []
+    for load, chosen in by_load(at):
+        for signal in (total, efficiency):
+            mean = balance.mean(signal.name, chosen)
+            row: list[Cell] = [load, signal.meaning, signal.display_unit, measured(signal, mean.value, mean.u)]
+            for one in found:
+                # A fault moves all points alike: its part of the uncertainty does not average out.
+                u = float(np.mean(one.spread[signal.name][chosen]))
+                row.append(
+                    measured(signal, float(np.mean(one.values[signal.name][chosen])), float(np.hypot(u, mean.u)))
+                )
+            rows.append(tuple(row))
+    columns = [
+        Column("load", "Load"),
+        Column("quantity", "Quantity"),
+        Column("unit", "Unit"),
+        Column("as_read", "As read", "", uncertain=True),
+        *(Column(f"without_{i}", f"Without {one.told}", "", uncertain=True) for i, one in enumerate(found, 1)),
+    ]
+    told = "as many explanations as these recordings leave open" if len(found) > 1 else "the explanation that was found"
+    return (
+        Text(misread_warning(found, balance), kind="warning"),
+        Table(
+            "losses-misread",
+            "Losses with and without the fault",
+            f"Means over the points of each load, as read and with the fault taken out of the readings: {told}. Only a "
+            "calibration of the transducers, or exchanging the two, says which figure holds.",
+            tuple(columns),
+            tuple(rows),
+        ),
+    )

@@ -1,0 +1,1 @@
+"""Chapters on the simulation, and on the comparison with it."""

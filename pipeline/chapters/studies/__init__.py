@@ -1,0 +1,1 @@
+"""Chapters of the studies beside a campaign."""

@@ -1,0 +1,152 @@
+"""Chapter on the published figures: each beside what the published grids give."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, Table, Text
+from pmg.pipeline.thesis_figures.figures import MANY
+from pmg.pipeline.thesis_figures.listing import summary
+from pmg.pipeline.thesis_figures.rounding import DRAWS_IN_REPORT, SEED
+from pmg.pipeline.thesis_figures.tables import printed
+from pmg.pipeline.thesis_figures.verdict import Judged, Verdict, count, validate
+from pmg.sim import sources
+from pmg.sim.errors import GridError
+
+if TYPE_CHECKING:
+    from pmg.pipeline.report.table import Cell
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
+
+SHOWN = 5.0
+"""Half-widths that the drawing reaches to; what lies beyond is counted on it."""
+
+
+def published_sections(grid: Grid, bench: BenchParameters) -> tuple[Section, ...]:
+    """The chapter for a campaign of published grids; none where they are not the thesis's."""
+    if grid.origin != "published":
+        return ()
+    try:
+        printed(grid)
+    except GridError:
+        return ()
+    judged = validate(grid, bench, DRAWS_IN_REPORT, np.random.default_rng(SEED))
+    return (validation_section(judged, DRAWS_IN_REPORT, SEED),)
+
+
+def validation_section(judged: tuple[Judged, ...], draws: int, seed: int) -> Section:
+    """The table of all figures, and how far each lies from what is printed."""
+    return Section(
+        "published-figures",
+        "Published figures",
+        (
+            Text(
+                "Every figure of the thesis that its tables determine, computed anew by its own method: polynomial "
+                "loss curves of degree three and four through all neutral points, K_corr = 0.80, the eddy constant as "
+                "printed, and once more with the one that its power chain implies. Nothing is adjusted.\n\n"
+                "The tables are rounded to 0.01 N m. Each torque was drawn anew within half a unit of its last digit "
+                "and everything computed again; the interval is ours, give or take what 95 % of the draws stay within "
+                "and half a unit of the last digit of the printed figure. A figure that is printed inside it is "
+                "reproduced, or not determined where the interval is wider than a fifth of the figure. Where the "
+                "source states a figure twice, differently, that is said instead."
+            ),
+            Facts(
+                (
+                    *((str(verdict), float(n)) for verdict, n in count(judged).items()),
+                    ("Draws within the rounding", float(draws)),
+                    ("Seed of the draws", str(seed)),
+                )
+            ),
+            _drawing(judged),
+            _table(judged),
+            _places(judged),
+        ),
+        tuple(dict.fromkeys((sources.THESIS, *(j.figure.source for j in judged)))),
+    )
+
+
+def _drawing(judged: tuple[Judged, ...]) -> Figure:
+    numbered = list(enumerate(judged, 1))
+    single = [(n, j) for n, j in numbered if j.figure.group not in MANY]
+    many = [(n, j) for n, j in numbered if j.figure.group in MANY]
+    panels = (_chart(single, "Single figures"), _chart(many, "Sun torques of the 48 simulated points, twice"))
+    outside = sum(abs(j.distance) > 1.0 for j in judged)
+    return Figure(
+        "published-distances",
+        "Distance from the published figures",
+        f"{summary(judged)}. Ours minus published in half-widths of the interval: {outside} lie outside their "
+        "interval, whose ends are at 1 and -1. The number is that of the table.",
+        panels,
+    )
+
+
+def _chart(numbered: list[tuple[int, Judged]], title: str) -> Chart:
+    series = []
+    for colour, verdict in enumerate(Verdict):
+        chosen = [(n, j) for n, j in numbered if j.verdict is verdict]
+        if chosen:
+            x = np.array([n for n, _ in chosen], dtype=np.float64)
+            y = np.array([j.distance for _, j in chosen])
+            series.append(Series(str(verdict), x, y, np.full(len(x), 0.5), "markers", colour))
+    return Chart(
+        "number in the table",
+        "distance [half-widths]",
+        tuple(series),
+        references=(("", 0.0),),
+        title=title,
+        y_limits=(-SHOWN, SHOWN),
+    )
+
+
+def _table(judged: tuple[Judged, ...]) -> Table:
+    rows: list[tuple[Cell, ...]] = [
+        (n, f"{j.figure.what}{_in(j)}", j.figure.text, j.ours, j.low, j.high, str(j.verdict))
+        for n, j in enumerate(judged, 1)
+    ]
+    return Table(
+        "published-figures-table",
+        "Published figures and ours",
+        f"{summary(judged)}. In the unit as printed.",
+        (
+            Column("number", "No."),
+            Column("figure", "Figure"),
+            Column("published", "Published"),
+            Column("ours", "Ours", format=".5g"),
+            Column("low", "from", format=".5g"),
+            Column("high", "to", format=".5g"),
+            Column("verdict", "Verdict"),
+        ),
+        tuple(rows),
+    )
+
+
+def _in(j: Judged) -> str:
+    """The unit of a figure, in brackets."""
+    return f" [{j.figure.unit.name}]" if j.figure.unit.name else ""
+
+
+def _places(judged: tuple[Judged, ...]) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    for n, j in enumerate(judged, 1):
+        figure = j.figure
+        also = "" if figure.other is None else f"{figure.other.value:g} ({figure.other.place})"
+        rows.append((n, figure.id, figure.unit.name, figure.place, also, j.distance, " ".join(j.remarks)))
+    remarked = sum(bool(j.remarks) for j in judged)
+    return Table(
+        "published-figures-places",
+        "Where they are printed, and remarks",
+        f"{remarked} of {len(judged)} figures have a known reason for what comes out. The distance is ours minus "
+        "published, in half-widths.",
+        (
+            Column("number", "No."),
+            Column("id", "Id"),
+            Column("unit", "Unit"),
+            Column("place", "Place"),
+            Column("also", "Also stated as"),
+            Column("distance", "Distance", digits=2),
+            Column("remark", "Remark"),
+        ),
+        tuple(rows),
+    )

@@ -1,0 +1,1 @@
+"""The command line: it parses, calls one stage, and prints what the stage gave."""

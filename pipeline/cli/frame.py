@@ -1,0 +1,163 @@
+"""What all commands share: exit codes, the options on output, and how a stage is carried out and told."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import traceback
+from contextlib import contextmanager
+from enum import IntEnum, StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pmg.sim.errors import PmgError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from pmg.pipeline.wording.outcome import Outcome
+
+SCHEMA = "pmg.result/1"
+RESUMES = ("ingest", "run", "prove")
+"""Commands that go on where an interrupted call of theirs ended."""
+
+
+class ExitCode(IntEnum):
+    """What the exit code says."""
+
+    DONE = 0
+    FINDINGS = 1
+    COULD_NOT_RUN = 2
+    PARTLY_DONE = 3
+    INTERNAL_ERROR = 70
+    INTERRUPTED = 130
+
+
+class FailOn(StrEnum):
+    """What makes a finished command exit with 1."""
+
+    NEVER = "never"
+    MISMATCH = "mismatch"
+    FINDINGS = "findings"
+
+
+JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
+FailOnOption = Annotated[FailOn, typer.Option("--fail-on", help="Exit with 1 on a mismatch, or on any finding.")]
+
+
+def carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on: FailOn) -> None:
+    """Run a stage, print what it gave, and exit with the code that says how it went."""
+    outcome: Outcome | None = None
+    error: dict[str, str] | None = None
+    text = ""
+    try:
+        outcome = stage()
+        code = _exit_code(outcome, fail_on)
+        if as_json:  # a value that JSON cannot hold is a defect like any other
+            text = as_text(command, code, outcome, None)
+    except PmgError as problem:
+        code = ExitCode.COULD_NOT_RUN
+        error = {"where": problem.where, "came": problem.came, "expected": problem.expected, "do": problem.do}
+        _tell_error(command, f"{problem.where}: {problem.came}; expected {problem.expected}.", problem.do)
+    except OSError as problem:
+        code = ExitCode.COULD_NOT_RUN
+        where, came = str(problem.filename or command), problem.strerror or str(problem)
+        error = {"where": where, "came": came, "expected": "a readable, writable place", "do": "Check path and rights."}
+        _tell_error(command, f"{where}: {came}.", "Check path, rights and free space.")
+    except KeyboardInterrupt:
+        code = ExitCode.INTERRUPTED
+        again = "Run it again to resume." if command in RESUMES else "Run it again; it begins anew."
+        error = {
+            "where": command,
+            "came": "interrupted",
+            "expected": "to end by itself",
+            "do": again,
+        }
+        _tell_error(command, "interrupted; what has been written is whole.", again)
+    except Exception as problem:  # the outermost place: a defect of pmg, shown with its trace
+        code = ExitCode.INTERNAL_ERROR
+        do = "Report this as a defect of pmg."
+        error = {"where": command, "came": repr(problem), "expected": "no such error", "do": do}
+        traceback.print_exc()
+        _tell_error(command, "internal error, a defect of pmg.", "Please report it with the lines above.")
+    try:
+        if as_json:
+            typer.echo(text if error is None else as_text(command, code, None, error))
+        elif outcome is not None:
+            for line in outcome.lines:
+                typer.echo(line)
+            _tell_findings(outcome)
+    except BrokenPipeError:  # whoever reads has read enough, such as head; what is left goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if code:
+        raise typer.Exit(int(code))
+
+
+def as_text(command: str, code: int, outcome: Outcome | None, error: dict[str, str] | None) -> str:
+    """The one JSON object that ``--json`` promises."""
+    result: dict[str, Any] = {
+        "schema": SCHEMA,
+        "command": command,
+        "exit_code": int(code),
+        "data": None if outcome is None else outcome.data,
+        "findings": [] if outcome is None else list(outcome.findings),
+        "error": error,
+    }
+    return json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False)
+
+
+def _tell_error(command: str, problem: str, hint: str) -> None:
+    """Print what is wrong, and on a line of its own what can be done about it."""
+    typer.echo(f"pmg {command}: {problem}", err=True)
+    typer.echo(f"hint: {hint}", err=True)
+
+
+FINDINGS_SHOWN = 20
+"""Findings printed before the rest is counted."""
+
+
+def _tell_findings(outcome: Outcome) -> None:
+    told = [finding for finding in outcome.findings if finding["severity"] != "info"]
+    for finding in told[:FINDINGS_SHOWN]:
+        place = f"{finding['file']}: {finding['where']}" if "file" in finding else finding["where"]
+        typer.echo(f"{finding['severity']}: {place}: {finding['message']}", err=True)
+    if len(told) > FINDINGS_SHOWN:
+        typer.echo(f"... and {len(told) - FINDINGS_SHOWN} more; --json and the report list them all.", err=True)
+
+
+def _exit_code(outcome: Outcome, fail_on: FailOn) -> ExitCode:
+    if outcome.failed:
+        return ExitCode.COULD_NOT_RUN
+    if outcome.partial:
+        return ExitCode.PARTLY_DONE
+    if fail_on is not FailOn.NEVER and outcome.mismatch:
+        return ExitCode.FINDINGS
+    if fail_on is FailOn.FINDINGS and outcome.findings:
+        return ExitCode.FINDINGS
+    return ExitCode.DONE
+
+
+@contextmanager
+def progress_line(quiet: bool, what: str = "ingest") -> Iterator[Callable[[int, int, str], None]]:
+    """A progress line on standard error: rewritten on a terminal, one line a tenth elsewhere."""
+    terminal = sys.stderr.isatty()
+    shown = -1
+
+    def show(done: int, total: int, name: str) -> None:
+        nonlocal shown
+        step = done if terminal else (10 * done) // max(total, 1)
+        if step == shown or (quiet and not terminal):
+            return
+        shown = step
+        text = f"{what} {done}/{total} {name}"
+        sys.stderr.write(f"\r\x1b[K{text}" if terminal else f"{text}\n")
+        sys.stderr.flush()
+
+    try:
+        yield show
+    finally:
+        if terminal and shown >= 0:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()

@@ -1,0 +1,190 @@
+"""Commands beside the way from recordings to a report: simulate, validate, residuals, orders, design, prove."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pmg.pipeline.cli.frame import FailOn, FailOnOption, JsonOption, carry_out, progress_line
+from pmg.pipeline.cli.options import CampaignOption, ModelOption, WithOption
+
+if TYPE_CHECKING:
+    from pmg.pipeline.wording.outcome import Outcome
+
+
+def simulate(
+    scenario: Annotated[Path, typer.Argument(help="Scenario in TOML; examples in raw/scenarios.", metavar="SCENARIO")],
+    out: Annotated[Path, typer.Option("--out", help="Folder of tables, recordings, report and summary.json.")],
+    campaign: Annotated[
+        str | None, typer.Option("--campaign", help="Name of the campaign in the recordings, instead of the file's.")
+    ] = None,
+    model: ModelOption = None,
+    switched: WithOption = None,
+    as_json: JsonOption = False,
+    fail_on: FailOnOption = FailOn.NEVER,
+) -> None:
+    """Simulate a scenario: steady points, a run in time, a frequency response; tables, recordings and a report."""
+
+    def stage() -> Outcome:
+        from pmg.pipeline.commands.simulate import run_simulate
+
+        return run_simulate(scenario, out, campaign, model=model, switched=switched or ())
+
+    carry_out("simulate", stage, as_json, fail_on)
+
+
+def validate(
+    grids: Annotated[
+        Path, typer.Option("--grids", help="Folder with the thesis's neutral_grid.csv and engaged_grid.csv.")
+    ] = Path("raw/published"),
+    draws: Annotated[
+        int | None, typer.Option("--draws", help="Draws within the rounding of the grids; 500 if not given.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the draws.")] = None,
+    report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
+    as_json: JsonOption = False,
+    fail_on: FailOnOption = FailOn.NEVER,
+) -> None:
+    """Compute every published figure of the thesis from its rounded grids, and say which come out."""
+
+    def stage() -> Outcome:
+        from pmg.pipeline.commands.validate import run_validate
+
+        return run_validate(grids, draws, seed, report)
+
+    carry_out("validate", stage, as_json, fail_on)
+
+
+def residuals(
+    store: Annotated[Path | None, typer.Option("--store", help="Store with an analysed campaign.")] = None,
+    grids: Annotated[
+        Path | None, typer.Option("--grids", help="Folder with neutral_grid.csv and engaged_grid.csv, instead.")
+    ] = None,
+    fit: Annotated[
+        str | None, typer.Option("--fit", help="curves, plane or baseline; all that apply if not given.")
+    ] = None,
+    draws: Annotated[
+        int | None, typer.Option("--draws", help="Synthetic grids behind the p-values; 1000 if not given.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the synthetic grids.")] = None,
+    report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
+    as_json: JsonOption = False,
+    fail_on: FailOnOption = FailOn.NEVER,
+) -> None:
+    """Say what the residuals of the fits to a campaign follow beyond the known noise, and which points lie out."""
+
+    def stage() -> Outcome:
+        from pmg.pipeline.commands.residuals import run_residuals
+
+        return run_residuals(store, grids, fit=fit, draws=draws, seed=seed, report=report)
+
+    carry_out("residuals", stage, as_json, fail_on)
+
+
+def orders(
+    store: Annotated[Path, typer.Option("--store", help="Store with ingested recordings.")],
+    campaign: CampaignOption = None,
+    point: Annotated[str | None, typer.Option("--point", help="One test point: every line of it.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder of orders.csv, load_angles.csv, orders.json.")
+    ] = None,
+    report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
+    as_json: JsonOption = False,
+    fail_on: FailOnOption = FailOn.NEVER,
+) -> None:
+    """Say what repeats with the turn of a shaft: lines of torque, speed and flux density, and the load angle."""
+
+    def stage() -> Outcome:
+        from pmg.pipeline.commands.orders import run_orders
+
+        return run_orders(store, campaign=campaign, point=point, out=out, report=report)
+
+    carry_out("orders", stage, as_json, fail_on)
+
+
+def design(
+    plan: Annotated[
+        Path | None, typer.Argument(help="TOML file with a [plan] of points to run.", metavar="[PLAN.toml]")
+    ] = None,
+    store: Annotated[Path | None, typer.Option("--store", help="Store with an analysed campaign, instead.")] = None,
+    report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
+    model: ModelOption = None,
+    as_json: JsonOption = False,
+    fail_on: FailOnOption = FailOn.NEVER,
+) -> None:
+    """Say what a campaign's points can tell apart, before or after it is run, and which tests would add to it."""
+
+    def stage() -> Outcome:
+        from pmg.pipeline.commands.design import run_design
+
+        return run_design(plan, store, report, model)
+
+    carry_out("design", stage, as_json, fail_on)
+
+
+def terms(
+    case: Annotated[Path, typer.Argument(help="Case in TOML; an example in raw/emps.", metavar="CASE")],
+    out: Annotated[Path, typer.Option("--out", help="Folder of report.html, tables, terms.json, residuals.csv.")],
+    data: Annotated[
+        Path | None, typer.Option("--data", help="Folder of the recordings, instead of the one the case names.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of synthetic records and decoys.")] = None,
+    as_json: JsonOption = False,
+    fail_on: FailOnOption = FailOn.NEVER,
+) -> None:
+    """Name what the force balance of another machine lacks, by the same rules, from its recordings."""
+
+    def stage() -> Outcome:
+        from pmg.pipeline.commands.terms import run_terms
+
+        return run_terms(case, out, data, seed)
+
+    carry_out("terms", stage, as_json, fail_on)
+
+
+def prove(
+    out: Annotated[Path, typer.Option("--out", help="Folder of seal, results, scores.json, report.html; resumed.")],
+    campaigns: Annotated[
+        int | None, typer.Option("--campaigns", help="How many concealed campaigns; 200 if not given.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Master seed of the campaigns.")] = None,
+    strata: Annotated[
+        str | None, typer.Option("--strata", help="Kinds out of clean,one,outside,two,confounded; all if not given.")
+    ] = None,
+    route: Annotated[str, typer.Option("--route", help="grid (fast), or recordings: through files.")] = "grid",
+    recordings: Annotated[
+        int | None,
+        typer.Option("--recordings", help="So many concealed campaigns, and a third as many clean, go both ways."),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="12 campaigns, one of them both ways, unless told otherwise.")
+    ] = False,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="Processes; all processors if absent.")
+    ] = None,
+    case: Annotated[int | None, typer.Option("--case", help="Run this campaign only, and say what came.")] = None,
+    as_json: JsonOption = False,
+    fail_on: FailOnOption = FailOn.NEVER,
+) -> None:
+    """Try the diagnosis on concealed campaigns with sealed truths, and set each rate beside its aim."""
+
+    def stage() -> Outcome:
+        from pmg.pipeline.trials.score.stage import run_prove
+
+        with progress_line(as_json, "prove") as progress:
+            return run_prove(
+                out,
+                campaigns=campaigns,
+                seed=seed,
+                strata=strata,
+                route=route,
+                recordings=recordings,
+                quick=quick,
+                workers=workers,
+                case=case,
+                progress=progress,
+            )
+
+    carry_out("prove", stage, as_json, fail_on)

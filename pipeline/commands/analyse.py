@@ -1,0 +1,127 @@
+"""pmg analyse: recordings condensed into grids, and grids analysed into the store."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.analysis.outputs import analysed_campaign, analysis_document, analysis_files, write_analysis
+from pmg.pipeline.commands.provenance import leave_crate, now
+from pmg.pipeline.fit.analysis import Analysis, analyse
+from pmg.pipeline.fit.budget import budget_of
+from pmg.pipeline.fit.budget_remarks import budget_remarks
+from pmg.pipeline.fit.options import AnalysisOptions
+from pmg.pipeline.grid.campaign import choose_campaign, measured_grid
+from pmg.pipeline.grid.completeness import earlier_means, lack_findings
+from pmg.pipeline.grid.tables import read_published
+from pmg.pipeline.grid.transducer_remarks import transducer_remarks
+from pmg.pipeline.grid.window_facts import rated, window_facts
+from pmg.pipeline.store.store import Store
+from pmg.pipeline.wording.outcome import Outcome, told
+from pmg.sim.bench import load_bench
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from pmg.pipeline.commands.provenance import Clock
+    from pmg.pipeline.store.store import Manifest
+
+
+def run_analyse(
+    store: Path, options: AnalysisOptions, *, grids: Path | None, campaign: str | None, clock: Clock = now
+) -> Outcome:
+    """Condense the recordings of a store (or read published grids) and analyse them into the store.
+
+    Parameters
+    ----------
+    store : Path
+        Holds the ingested recordings; receives the analysis.
+    options : AnalysisOptions
+        Choices.
+    grids : Path, optional
+        Folder with published grids to analyse instead of recordings.
+    campaign : str, optional
+        Which campaign, where the store holds several.
+    clock : callable
+        Time of day, for the provenance.
+    """
+    began = clock()
+    bench, facts = load_bench(), None
+    failed: tuple[Manifest, ...] = ()
+    manifests: list[Manifest] = []
+    remarks: tuple[dict[str, Any], ...] = ()
+    if grids is not None:
+        grid = read_published(grids, bench)
+        Store(store).prepare()
+    else:
+        name, manifests = choose_campaign(Store(store), campaign)
+        grid, facts, failed = measured_grid(name, manifests, bench), window_facts(manifests), failed_sources(store)
+        bench, remarks = rated(bench, facts), tuple(transducer_remarks(facts, bench))
+    analysis = analyse(grid, options, bench)
+    budget = budget_of(analysis.grid, analysis.floor, bench, facts)
+    before = analysed_campaign(store)
+    folder = write_analysis(analysis, store, budget)
+    leave_crate(folder, store, grid, "pmg analyse", began, clock, results=analysis_files(folder))
+    return Outcome(
+        data={"analysis": analysis_document(analysis, budget), "folder": str(folder)},
+        lines=_analysis_lines(analysis, folder, len(failed)),
+        findings=replaced(folder, before, grid.campaign)
+        + analysis_findings(analysis, failed, manifests)
+        + remarks
+        + tuple(budget_remarks(budget)),
+        partial=bool(failed) or not analysis.complete,
+    )
+
+
+def replaced(folder: Path, before: str | None, campaign: str) -> tuple[dict[str, Any], ...]:
+    """A warning where the analysis of another campaign stood in this folder."""
+    if before is None or before == campaign:
+        return ()
+    message = f"replaces the analysis of {before}; a store holds one analysis: give each campaign a store to keep both"
+    return (told("warning", str(folder), message),)
+
+
+def failed_sources(store: Path) -> tuple[Manifest, ...]:
+    """Sources of a store that are not usable; of which campaign they are is not known."""
+    return tuple(manifest for manifest in Store(store).manifests() if not manifest.ingested)
+
+
+def _analysis_lines(analysis: Analysis, folder: Path, failed: int) -> tuple[str, ...]:
+    grid = analysis.grid
+    left = f"; {failed} of the store's sources not usable" if failed else ""
+    lines = [f"campaign {grid.campaign}: {int(grid.accepted.sum())} of {len(grid)} points accepted{left}"]
+    if analysis.fits is not None:
+        sun, ring = analysis.fits.sun, analysis.fits.ring
+        lines.append(f"loss curves: scatter {sun.rmse * 1e3:.2f} mN m (sun), {ring.rmse * 1e3:.2f} mN m (ring)")
+    if analysis.calibration is not None:
+        shown = []
+        for name in ("K_corr", "b", "c", "d"):
+            error = analysis.calibration.standard_error(name)
+            state = "on its bound" if name in analysis.calibration.on_bound else "held"
+            shown.append(
+                f"{name} = {analysis.calibration.value(name):.4g} ({state if error is None else f'u {error:.2g}'})"
+            )
+        lines.append("calibration: " + ", ".join(shown))
+    lines.append(f"grids, losses, fits: {folder}")
+    return tuple(lines)
+
+
+def analysis_findings(
+    analysis: Analysis, failed: Sequence[Manifest], used: Sequence[Manifest]
+) -> tuple[dict[str, Any], ...]:
+    """Holes, files, points and windows that are missing, steps that could not be made, efficiencies above 1."""
+    found = [*lack_findings(analysis.grid, analysis.lacking, failed, used), *earlier_means(used)]
+    found += [
+        told("warning", error.where, f"{error.came}; expected {error.expected}. {error.do}")
+        for error in analysis.missing
+    ]
+    if analysis.balance is not None:
+        above = analysis.balance.above_one()
+        names = analysis.balance.grid.points.name[above]
+        if len(names):
+            message = (
+                f"magnetic efficiency above 1 at {len(names)} points, at {int(analysis.balance.implausible().sum())} "
+                f"by more than U: {', '.join(map(str, names[:5]))}{' ...' if len(names) > 5 else ''}"
+            )
+            found.append(told("warning", "efficiency", message))
+    return tuple(found)

@@ -1,0 +1,153 @@
+"""An analysed campaign set beside the simulator: residuals, diagnosis, and the model that comes of it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.analysis.comparison import compare
+from pmg.pipeline.analysis.tolerance import Tolerance, agreements
+from pmg.pipeline.diagnose.decide import diagnose
+from pmg.pipeline.diagnose.design.audit import audit_design
+from pmg.pipeline.diagnose.document import mechanism_facts
+from pmg.pipeline.files.atomic import write_aside
+from pmg.pipeline.model.apply_model import carry, found_together
+from pmg.pipeline.model.extreme_steady_points import steady_ends
+from pmg.pipeline.model.model_file import model_of, model_text
+from pmg.sim.steady.baseline import baseline_mechanisms
+from pmg.sim.steady.gearbox import Gearbox
+from pmg.sim.steady.solve import steady
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    import numpy as np
+
+    from pmg.pipeline.analysis.comparison import Residuals
+    from pmg.pipeline.diagnose.diagnosis import Diagnosis
+    from pmg.pipeline.fit.analysis import Analysis
+    from pmg.pipeline.fit.options import AnalysisOptions
+    from pmg.pipeline.model.apply_model import Carried
+    from pmg.pipeline.model.extreme_steady_points import SteadyEnd
+    from pmg.pipeline.model.model_file import Model
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What a campaign says about the simulator.
+
+    Parameters
+    ----------
+    residuals : Residuals
+        Measured less simulated, with the calibrated baseline or with the given model as it came.
+    diagnosis : Diagnosis
+        Of what the baseline leaves, or what the given model with its constants free leaves.
+    model : Model
+        Baseline and mechanisms after this campaign.
+    carried : Carried or None
+        The given model.
+    ends : tuple of SteadyEnd
+        Where the moving bench comes to rest; empty without a mechanism.
+    """
+
+    residuals: Residuals
+    diagnosis: Diagnosis
+    model: Model
+    carried: Carried | None
+    ends: tuple[SteadyEnd, ...]
+
+
+def judge(
+    analysis: Analysis,
+    options: AnalysisOptions,
+    bench: BenchParameters,
+    rng: np.random.Generator,
+    given: Model | None = None,
+) -> Judged | None:
+    """Simulate, compare and diagnose an analysed campaign.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        Of the campaign by itself.
+    options : AnalysisOptions
+        Choices of that analysis.
+    bench : BenchParameters
+        The bench.
+    rng : numpy.random.Generator
+        Draws the synthetic campaigns behind a p-value.
+    given : Model, optional
+        A model to simulate instead of the calibrated baseline. Its mechanisms are then known to be there: the
+        diagnosis looks at what remains, and their parameters are as free in it as those of the baseline.
+
+    Returns
+    -------
+    Judged or None
+        None where the analysis reached no calibration.
+    """
+    if analysis.calibration is None or analysis.fits is None or analysis.floor is None:
+        return None
+    grid, plain = analysis.grid, Gearbox.calibrated(bench, analysis.calibration.model)
+    carried = None if given is None else carry(given, analysis, options, bench)
+    gearbox = plain if carried is None else carried.gearbox
+    residuals = compare(grid, steady(gearbox, grid.points, grid.campaign), bench, analysis.calibration)
+    left = analysis if carried is None else carried.analysis
+    assert left.calibration is not None
+    assert left.fits is not None
+    assert left.floor is not None
+    known = carried.slopes if carried is not None and carried.here.parts else None
+    diagnosis = diagnose(left.grid, left.fits, left.floor, left.calibration, bench, rng, known)
+    audit = audit_design(left.grid, bench, left.calibration.model, left.floor)
+    diagnosis = replace(diagnosis, audit=audit)
+    if carried is None:
+        model = shown = model_of(grid, analysis.calibration, diagnosis)
+    else:
+        model, shown = found_together(carried, analysis, diagnosis), carried.model
+    after = (*baseline_mechanisms(shown.baseline, bench), *shown.beside(bench))
+    ends = steady_ends(grid, bench, plain.mechanisms, after) if shown.parts else ()
+    return Judged(residuals, diagnosis, model, carried, ends)
+
+
+def summary_facts(
+    grid: Grid,
+    judged: Judged | None,
+    bench: BenchParameters,
+    tolerances: Mapping[str, tuple[float, float]] | None = None,
+) -> dict[str, Any]:
+    """What `report.summary` adds for programs: points, the diagnosis's word, mechanisms, counts of the comparison.
+
+    Parameters
+    ----------
+    grid : Grid
+        The analysed grid.
+    judged : Judged or None
+        What it says about the simulator; without it the points alone are told.
+    bench : BenchParameters
+        Data sheets of the transducers.
+    tolerances : mapping, optional
+        Tolerances that were set, by quantity: absolute [SI] and relative.
+    """
+    points = {"accepted": int(grid.accepted.sum()), "rejected": int((~grid.accepted).sum())}
+    if judged is None:
+        return {"points": points}
+    given = {name: Tolerance(*parts) for name, parts in (tolerances or {}).items()}
+    return {
+        "points": points,
+        "diagnosis": str(judged.diagnosis.verdict),
+        "mechanisms": mechanism_facts(judged.diagnosis),
+        "tolerance": agreements(judged.residuals, bench, given).counts,
+    }
+
+
+def leave_model(judged: Judged, path: Path, given: Path | None) -> dict[str, Any]:
+    """Write the model after this campaign, and say where, and what was predicted; a given one is not written over."""
+    found: dict[str, Any] = {"model": None, "prediction": None}
+    if given is None or path.resolve() != given.resolve():
+        write_aside(path, model_text(judged.model).encode())
+        found["model"] = str(path)
+    if judged.carried is not None:
+        found["prediction"] = [asdict(prediction) for prediction in judged.carried.predictions]
+    return found

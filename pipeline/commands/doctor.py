@@ -1,0 +1,145 @@
+"""The stage behind ``pmg doctor``: what a set of recordings permits, told before anything is run."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.commands.design import told_audit
+from pmg.pipeline.importers.supply import read_supply
+from pmg.pipeline.preflight.abilities import NO, Design, abilities
+from pmg.pipeline.preflight.environment import BAD, OK, environment
+from pmg.pipeline.preflight.rehearsal import audit, rehearse
+from pmg.pipeline.preflight.survey import survey
+from pmg.pipeline.recording.supplied import NOTHING
+from pmg.pipeline.wording.outcome import Outcome, told
+from pmg.pipeline.wording.plurals import counted
+from pmg.sim.bench import load_bench
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from pmg.pipeline.diagnose.design.audit import Audit
+    from pmg.pipeline.preflight.found import Survey
+    from pmg.sim.bench import BenchParameters
+
+
+def run_doctor(
+    place: Path,
+    store: Path | None,
+    progress: Callable[[int, int, str], None] | None = None,
+    chart: Path | None = None,
+) -> Outcome:
+    """What recordings, or a store, permit.
+
+    Parameters
+    ----------
+    place : Path
+        A folder of recordings, one recording, or a store.
+    store : Path, optional
+        Where the store would be.
+    progress : callable, optional
+        Told (done, total, name) after each recording.
+    chart : Path, optional
+        File that states what recordings lack: run, calibration, channels under other names.
+
+    Raises
+    ------
+    PmgError
+        There is neither a recording nor a store.
+    """
+    found, bench = survey(place, progress, NOTHING if chart is None else read_supply(chart)), load_bench()
+    size = sum(file.size for file in found.files)
+    checks = environment(place if found.stored else store, 0 if found.stored else size)
+    campaigns = [_campaign(found.of(name), name, bench) for name in found.campaigns]
+    possible = any(row["state"] != NO for part in campaigns for row in part["chapters"])
+    findings = [told("error", f.name, f"unusable: {f.unusable}") for f in found.files if f.unusable and not f.copy]
+    findings += [
+        told("warning", file.name, f"the same bytes as {file.copy}: counts once") for file in found.files if file.copy
+    ]
+    findings += [told("warning", file.name, file.damage) for file in found.files if file.damage]
+    findings += [told("warning", check.what, check.told) for check in checks if check.state != OK]
+    findings += [
+        told("warning", part["campaign"], f"hole in the grid: {hole}") for part in campaigns for hole in part["holes"]
+    ]
+    data: dict[str, Any] = {
+        "place": str(place),
+        "kind": "store" if found.stored else "recordings",
+        "recordings": len(found.files),
+        "usable": len(found.usable),
+        "copies": sum(bool(file.copy) for file in found.files),
+        "damaged": sum(bool(file.damage) for file in found.usable),
+        "bytes": size,
+        "campaigns": campaigns,
+        "environment": [asdict(check) for check in checks],
+    }
+    lines = [_head(found, size)]
+    for part in campaigns:
+        lines += _lines(part)
+    lines += ["this machine", *(f"  {check.state:<8}{check.what:<30}{check.told}" for check in checks)]
+    nothing = not possible or any(check.state == BAD for check in checks)
+    if not possible:
+        lines.append("nothing can be run with these recordings")
+    return Outcome(data, tuple(lines), tuple(findings), failed=nothing)
+
+
+def _head(found: Survey, size: int) -> str:
+    how = "from the manifests of the store" if found.stored else "each read once, checksums compared, no sample decoded"
+    damaged, copies = sum(bool(f.damage) for f in found.usable), sum(bool(f.copy) for f in found.files)
+    unusable = sum(bool(f.unusable) and not f.copy for f in found.files)
+    counts = f"{len(found.usable)} usable, {damaged} of them damaged, {unusable} not usable"
+    counts += f", {copies} copied" if copies else ""
+    return f"{counted(len(found.files), 'recording')}, {size / 1e6:.1f} MB: {counts} ({how})"
+
+
+def _campaign(found: Survey, name: str, bench: BenchParameters) -> dict[str, Any]:
+    points = found.points
+    rehearsed = rehearse(points, bench) if points else None
+    seen = None if rehearsed is None else audit(rehearsed, bench)
+    design = Design.of(points)
+    return {
+        "campaign": name,
+        "points": asdict(design),
+        "design": design.told(),
+        "without_set_points": sum(file.untold for file in found.usable),
+        "chapters": [asdict(ability) for ability in abilities(found, rehearsed, bench)],
+        "holes": [] if rehearsed is None else list(rehearsed.lacking),
+        "mechanisms": None if seen is None else _mechanisms(seen),
+    }
+
+
+def _mechanisms(seen: Audit) -> dict[str, Any]:
+    return {
+        "told": told_audit(seen),
+        "seen": sorted({row.candidate.identifier for row in seen.visible if not row.unseen}),
+        "unseen": sorted({row.candidate.identifier for row in seen.visible if row.unseen}),
+        "look_alikes": [
+            {
+                "ids": [pair.one.identifier, pair.other.identifier],
+                "shafts": [pair.one.shaft, pair.other.shaft],
+                "test": None if pair.plan is None else pair.plan.description,
+            }
+            for pair in seen.alike
+        ],
+    }
+
+
+def _lines(part: dict[str, Any]) -> list[str]:
+    lines = [f"campaign {part['campaign']}: {part['design']}"]
+    if part["without_set_points"]:
+        lines.append(f"  {counted(part['without_set_points'], 'recording')} without set-points: not counted here")
+    for row in part["chapters"]:
+        lines.append(f"  {row['state']:<8}{row['chapter']:<30}{row['why']}")
+        if row["unlock"]:
+            lines.append(
+                f"{'':<40}record: {row['unlock']}" if row["state"] != "unknown" else f"{'':<40}{row['unlock']}"
+            )
+    if part["mechanisms"] is not None:
+        lines.append(f"  mechanisms, by set-points and a noise of 1 mN m: {part['mechanisms']['told']}")
+        lines += [
+            f"{'':<10}{' and '.join(f'{i} ({s})' for i, s in zip(pair['ids'], pair['shafts'], strict=True))}: "
+            + (pair["test"] or "no known test tells them apart")
+            for pair in part["mechanisms"]["look_alikes"]
+        ]
+    return lines

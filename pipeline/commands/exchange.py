@@ -1,0 +1,169 @@
+"""The stages behind pmg import and pmg export."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.importers.channel_map import RUN_KEYS, read_map
+from pmg.pipeline.importers.export import export_recording
+from pmg.pipeline.importers.import_recording import FORMATS, import_recording
+from pmg.pipeline.windows.limits import chosen_limits
+from pmg.pipeline.wording.outcome import Outcome
+from pmg.pipeline.wording.plurals import counted
+from pmg.sim.errors import BenchError, PmgError, RecordingError, near_miss
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from pathlib import Path
+
+    from pmg.pipeline.importers.import_recording import Imported
+
+
+def run_import(
+    place: Path,
+    chart: Path,
+    out: Path,
+    words: Iterable[str],
+    progress: Callable[[int, int, str], None] | None = None,
+) -> Outcome:
+    """Bring a file, or each file of a folder, into layout pmg.v1.
+
+    Parameters
+    ----------
+    place : Path
+        CSV, TDMS or MF4, or a folder of them.
+    chart : Path
+        Channel map.
+    out : Path
+        Folder of the recordings, which are called like their sources.
+    words : iterable of str
+        ``key=value`` for the run, instead of what the map says.
+    progress : callable, optional
+        Told (done, total, name) after each file.
+
+    Raises
+    ------
+    PmgError
+        When the map is at fault, or none of the files could be imported.
+    """
+    channel_map, given = read_map(chart), _words(words)
+    sources = _sources(place)
+    done: list[Imported] = []
+    failed: list[tuple[Path, PmgError]] = []
+    for number, source in enumerate(sources, 1):
+        try:
+            done.append(import_recording(source, channel_map, out / f"{source.stem}.mcap", given))
+        except PmgError as fault:
+            failed.append((source, fault))
+            if len(failed) == len(sources):
+                raise
+        if progress is not None:
+            progress(number, len(sources), source.name)
+    findings = [finding.to_dict() for imported in done for finding in imported.findings]
+    findings += [
+        {"severity": "error", "file": source.name, "where": _place(fault, source), "message": _told_of(fault)}
+        for source, fault in failed
+    ]
+    samples = sum(sum(imported.written.values()) for imported in done)
+    rows = f"{counted(sum(imported.rows for imported in done), 'row')}, {counted(samples, 'sample')} of all channels"
+    head = f"imported {len(done)} of {counted(len(sources), 'file')}, {rows}, into {out}"
+    data = {"out": str(out), "imported": [_told(imported) for imported in done], "failed": len(failed)}
+    return Outcome(data, (head, *_readings(done)), tuple(findings), partial=bool(failed))
+
+
+def _place(fault: PmgError, source: Path) -> str:
+    """Where in a file it failed: its name stands before it."""
+    for name in (str(source), source.name):
+        if fault.where.startswith(name):
+            return fault.where.removeprefix(name).lstrip(":, ") or "file"
+    return fault.where
+
+
+def _told_of(fault: PmgError) -> str:
+    """What is wrong and what to do; the place is told beside it."""
+    return f"{fault.came}; expected {fault.expected}. {fault.do}"
+
+
+def run_export(recording: Path, out: Path, rate_hz: float | None, limits: Path | None = None) -> Outcome:
+    """Write the derived signals of a recording, and a preview; windows are judged by a file of limits, if given."""
+    judged_by = chosen_limits(limits)
+    done = export_recording(recording, out, rate_hz, judged_by)
+    lines = (
+        f"wrote {done.samples} stretches at {done.rate_hz:g} Hz and {done.previews} previews at "
+        f"{done.preview_hz:g} Hz to {out}",
+        f"windows judged by {'the default limits' if limits is None else limits}",
+    )
+    data: dict[str, Any] = {
+        "out": str(out),
+        "rate_hz": done.rate_hz,
+        "preview_hz": done.preview_hz,
+        "stretches": done.samples,
+        "previews": done.previews,
+        "limits": judged_by.document(),
+    }
+    return Outcome(data, lines, tuple(finding.to_dict() for finding in done.findings))
+
+
+def _readings(done: Iterable[Imported]) -> tuple[str, ...]:
+    """How files were read whose format leaves it open, one line for those that were read alike."""
+    alike: dict[str, list[str]] = {}
+    for imported in done:
+        words = ", ".join(f"{name.replace('_', ' ')} {word}" for name, word in imported.reading.items())
+        if words:
+            alike.setdefault(words, []).append(imported.source.name)
+    return tuple(
+        f"read with {words}: {names[0] if len(names) == 1 else counted(len(names), 'file')}"
+        for words, names in alike.items()
+    )
+
+
+def _told(imported: Imported) -> dict[str, Any]:
+    return {
+        "source": imported.source.name,
+        "recording": imported.out.name,
+        "format": imported.format,
+        "reader": imported.reader,
+        "reading": dict(imported.reading),
+        "sha256": imported.sha256,
+        "bytes": imported.size,
+        "rows": imported.rows,
+        "rate_hz": imported.rate_hz,
+        "samples": dict(imported.written),
+    }
+
+
+def _words(given: Iterable[str]) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for text in given:
+        key, sign, value = text.partition("=")
+        if not sign:
+            raise BenchError("--set", f"'{text}'", "key=value", "Write, for example, --set point=P17.")
+        if key.strip() not in RUN_KEYS:
+            raise BenchError("--set", f"key '{key}'", "a key of pmg.run", near_miss(key.strip(), RUN_KEYS))
+        found[key.strip()] = value.strip()
+    return found
+
+
+def _sources(place: Path) -> list[Path]:
+    """The file, or those of the folder that are of a known format.
+
+    Raises
+    ------
+    RecordingError
+        When there is none, or two of them would become one recording.
+    """
+    if not place.is_dir():
+        if not place.is_file():
+            raise RecordingError(str(place), "no such file or folder", "a recording", "Correct the path.")
+        return [place]
+    ends = FORMATS.keys() - {".txt"}
+    found = sorted(path for path in place.iterdir() if path.suffix.lower() in ends and path.is_file())
+    if not found:
+        do = f"Known ends of names: {', '.join(sorted(ends))}."
+        raise RecordingError(str(place), "no file of a known format", "recordings in CSV, TDMS or MF4", do)
+    stems = [path.stem for path in found]
+    twice = [path.name for path in found if stems.count(path.stem) > 1]
+    if twice:
+        came, do = f"{' and '.join(twice[:2])} differ only in their end", "Import them into different folders."
+        raise RecordingError(str(place), came, "one recording for each name", do)
+    return found

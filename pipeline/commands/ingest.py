@@ -1,0 +1,150 @@
+"""The stage behind pmg ingest."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.commands.ingest_files import ingest
+from pmg.pipeline.grid.campaign import campaigns
+from pmg.pipeline.grid.copies import COPY, without_copies
+from pmg.pipeline.grid.missing_points import unreached
+from pmg.pipeline.importers.supply import read_supply
+from pmg.pipeline.recording.supplied import NOTHING
+from pmg.pipeline.store.sources import Shard
+from pmg.pipeline.store.store import Store
+from pmg.pipeline.windows.limits import chosen_limits
+from pmg.pipeline.windows.remarks import window_remarks
+from pmg.pipeline.wording.outcome import Outcome, told
+from pmg.pipeline.wording.plurals import counted
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from pmg.pipeline.grid.missing_points import Unreached
+    from pmg.pipeline.store.store import Manifest
+    from pmg.pipeline.windows.limits import Steadiness
+
+
+def run_ingest(
+    recordings: Path,
+    store: Path,
+    *,
+    workers: int | None,
+    progress: Callable[[int, int, str], None] | None,
+    scheduler: str | None = None,
+    shard: str | None = None,
+    limits: Path | Steadiness | None = None,
+    chart: Path | None = None,
+) -> Outcome:
+    """Decode recordings into a store.
+
+    Parameters
+    ----------
+    recordings : Path
+        Folder of recordings, or one file.
+    store : Path
+        Receives samples and manifests.
+    workers : int, optional
+        Processes of this machine.
+    progress : callable, optional
+        Told (done, total, name) after each file.
+    scheduler : str, optional
+        Address of a dask scheduler whose workers do the work instead.
+    shard : str, optional
+        The part of the recordings to take, as ``i/n``.
+    limits : Path or Steadiness, optional
+        Limits, or the file that holds them, by which windows are found and judged.
+    chart : Path, optional
+        File that states what recordings lack: run, calibration, channels under other names.
+    """
+    report = ingest(
+        recordings,
+        Store(store),
+        workers=workers,
+        scheduler=scheduler,
+        shard=None if shard is None else Shard.of(shard),
+        limits=chosen_limits(limits),
+        supplied=NOTHING if chart is None else read_supply(chart),
+        progress=progress,
+    )
+    manifests = [m for m in Store(store).manifests() if m.ingested]
+    copies, unreached = _copied_windows(manifests, report.sha256), _unreached(manifests, report.sha256)
+    lines = [
+        f"ingested {report.ingested}, already there {report.skipped}, not usable {report.failed}; "
+        f"{counted(report.windows, 'window')}, {report.rejected} rejected"
+    ]
+    if copies:
+        lines.append(f"{counted(len(copies), 'window')} in two files: counted once")
+    if unreached:
+        lines.append(f"{counted(len(unreached), 'point')} not reached by recordings that were cut short")
+    data = {
+        "store": str(store),
+        "ingested": report.ingested,
+        "skipped": report.skipped,
+        "failed": report.failed,
+        "windows": report.windows,
+        "rejected": report.rejected,
+        "copies": len(copies),
+        "not_reached": len(unreached),
+        "campaigns": list(report.campaigns),
+    }
+    findings = tuple(finding.to_dict() for finding in report.findings)
+    judged = _told_windows(manifests, report.sha256)
+    missing = any(not point.instead for point in unreached)
+    return Outcome(
+        data,
+        tuple(lines),
+        findings + judged + copies + tuple(point.finding() for point in unreached),
+        partial=bool(report.failed or report.rejected or missing),
+    )
+
+
+def _told_windows(manifests: list[Manifest], sources: frozenset[str]) -> tuple[dict[str, Any], ...]:
+    """Windows of these sources that failed a check, and remarks on those that did not, as findings."""
+    return tuple(
+        told(
+            "info" if window["accepted"] else "warning",
+            f"{manifest.document['file']}: {window['point']}",
+            ("accepted; " if window["accepted"] else "rejected: ") + "; ".join(words),
+        )
+        for manifest in manifests
+        for window in manifest.document["windows"]
+        if manifest.document["sha256"] in sources and (words := window_remarks(window))
+    )
+
+
+def _of_campaigns(manifests: list[Manifest]) -> list[list[Manifest]]:
+    """Sources of each campaign."""
+    return [[m for m in manifests if m.document["run"]["campaign"] == name] for name in campaigns(manifests)]
+
+
+def _copied_windows(manifests: list[Manifest], sources: frozenset[str]) -> tuple[dict[str, Any], ...]:
+    """Windows in two files of their campaign, one of them of these sources at least, as findings.
+
+    The other may have come in before, as of another shard, which could not tell of this one.
+    """
+    files = _files(manifests, sources)
+    return tuple(
+        told("warning", f"{manifest.document['file']}: {window['point']}", f"{reason}; it counts once, as there")
+        for campaign in _of_campaigns(manifests)
+        for manifest in without_copies(campaign)
+        for window in manifest.document["windows"]
+        for reason in window["reasons"][-1:]
+        if reason.startswith(COPY) and files & {manifest.document["file"], reason.removeprefix(COPY).strip()}
+    )
+
+
+def _unreached(manifests: list[Manifest], sources: frozenset[str]) -> tuple[Unreached, ...]:
+    """Points that these sources lost with their steps, or that they show another one to have lost."""
+    files = _files(manifests, sources)
+    return tuple(
+        point
+        for campaign in _of_campaigns(manifests)
+        for point in unreached(campaign)
+        if files & {point.file, point.like}
+    )
+
+
+def _files(manifests: list[Manifest], sources: frozenset[str]) -> set[str]:
+    return {manifest.document["file"] for manifest in manifests if manifest.document["sha256"] in sources}

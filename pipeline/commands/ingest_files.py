@@ -1,0 +1,297 @@
+"""From recordings to the store: decode each file, find and judge its windows, condense them, keep the findings."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.files.json_values import with_nulls
+from pmg.pipeline.files.parallel import map_over
+from pmg.pipeline.orders.stored_lines import keep_orders
+from pmg.pipeline.recording import Code, Finding, Severity, UnusableRecordingError, read_recording
+from pmg.pipeline.recording.supplied import NOTHING
+from pmg.pipeline.store.sources import take_inventory
+from pmg.pipeline.store.store import Store
+from pmg.pipeline.windows.limits import LIMITS
+from pmg.pipeline.windows.reduce import REDUCTION, reduce_window
+from pmg.pipeline.windows.windows import find_windows
+from pmg.sim.errors import StoreError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+    from pathlib import Path
+
+    from pmg.pipeline.recording import Recording
+    from pmg.pipeline.recording.supplied import Supplied
+    from pmg.pipeline.store.sources import Shard, Source
+    from pmg.pipeline.store.store import Manifest
+    from pmg.pipeline.windows.limits import Steadiness
+    from pmg.pipeline.windows.window import Window
+
+WORTH_A_PROCESS = 64 * 2**20
+"""Bytes of recordings from which a second process pays for its start."""
+
+DONE, FAILED, THERE = "done", "failed", "there"
+"""What became of a file: ingested, not usable, or ingested meanwhile by another process."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One file, the folder of the store, by their full paths, as a worker may stand elsewhere; limits and supply."""
+
+    source: Source
+    store: Path
+    limits: Steadiness = LIMITS
+    supplied: Supplied = NOTHING
+
+
+@dataclass(frozen=True)
+class IngestReport:
+    """What an ingest did.
+
+    Parameters
+    ----------
+    ingested, skipped, failed : int
+        Files decoded now, already in the store, and not usable.
+    windows, rejected : int
+        Windows of all usable files, and those that failed a check.
+    findings : tuple of Finding
+        Of the files of this call, whether decoded now or earlier.
+    sha256 : frozenset of str
+        Content of those files.
+    campaigns : tuple of str
+        Campaigns that they belong to.
+    """
+
+    ingested: int
+    skipped: int
+    failed: int
+    windows: int
+    rejected: int
+    findings: tuple[Finding, ...]
+    sha256: frozenset[str]
+    campaigns: tuple[str, ...]
+
+
+def ingest(
+    place: Path,
+    store: Store,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    shard: Shard | None = None,
+    limits: Steadiness = LIMITS,
+    supplied: Supplied = NOTHING,
+    progress: Callable[[int, int, str], None] | None = None,
+) -> IngestReport:
+    """Decode recordings into the store; what is there already, with the same bytes and limits, is not done again.
+
+    Parameters
+    ----------
+    place : Path
+        Folder of recordings, or one file.
+    store : Store
+        Receives samples and manifests.
+    workers : int, optional
+        Processes; by default as many as there are cores once the recordings are large.
+    scheduler : str, optional
+        Address of a dask scheduler whose workers do the work instead.
+    shard : Shard, optional
+        The part of the recordings that this call takes; several calls may fill one store at the same time.
+    limits : Steadiness
+        By which windows are found and judged.
+    supplied : Supplied
+        What is stated beside the recordings, used where they lack it.
+    progress : callable, optional
+        Told (done, total, name) after each file.
+
+    Raises
+    ------
+    RecordingError
+        There are no recordings.
+    StoreError
+        A worker ended, or wrote where this process cannot see it.
+    """
+    inventory = take_inventory(place, shard)
+    store.prepare()
+    store.sweep()
+    there = {m.document["sha256"] for m in store.manifests(whole=False) if _done(m, limits, supplied)}
+    todo = [source for source in inventory.sources if source.sha256 not in there]
+    if workers is None:
+        large = sum(source.path.stat().st_size for source in todo) >= WORTH_A_PROCESS
+        workers = (os.cpu_count() or 1) if large else 1
+    done = len(inventory.sources) - len(todo)
+    counts = Counter[str]()
+    folder = store.path.absolute()
+    jobs = [Job(replace(source, path=source.path.absolute()), folder, limits, supplied) for source in todo]
+    for job, did in map_over(_ingest_one, jobs, workers, scheduler):
+        done += 1
+        counts[did] += 1
+        if progress is not None:
+            progress(done, len(inventory.sources), job.source.name)
+    store.sweep()
+    supersede(store, inventory.sources)
+    known = {manifest.document["sha256"]: manifest.document for manifest in store.manifests()}
+    if scheduler is not None and any(source.sha256 not in known for source in todo):
+        raise _unseen(store.path)
+    documents = [known[source.sha256] for source in inventory.sources if source.sha256 in known]
+    windows = [window for document in documents for window in document["windows"]]
+    sha256 = frozenset(source.sha256 for source in inventory.sources)
+    told = (Finding.from_dict(plain) for document in documents for plain in document["findings"])
+    return IngestReport(
+        ingested=counts[DONE],
+        skipped=len(inventory.sources) - len(todo) + counts[THERE],
+        failed=counts[FAILED] + inventory.unreadable,
+        windows=len(windows),
+        rejected=sum(not window["accepted"] for window in windows),
+        findings=(*inventory.findings, *told, *_shared_start(known.values(), sha256)),
+        sha256=sha256,
+        campaigns=tuple(sorted({d["run"]["campaign"] for d in documents if d["status"] == "ingested"})),
+    )
+
+
+def supersede(store: Store, sources: tuple[Source, ...]) -> None:
+    """Remove what the store holds of earlier contents of these very files.
+
+    Other bytes at the same place that tell of the same run (campaign and start) are a corrected version; a failed
+    file at the same place was mended; the same bytes under two names came from two processes at once. Were both
+    kept, points would count twice. Another run that was written over an earlier one leaves that one in the store.
+    """
+    current = {source.sha256 for source in sources}
+    manifests = sorted(store.manifests(), key=lambda m: (not m.ingested, m.identifier))
+    runs = {m.document["place"]: _run_of(m) for m in manifests if m.document["sha256"] in current and m.ingested}
+    kept: set[str] = set()
+    for manifest in manifests:
+        place, sha256 = manifest.document["place"], manifest.document["sha256"]
+        twice = sha256 in current and sha256 in kept
+        corrected = sha256 not in current and place in runs and _run_of(manifest) in (None, runs[place])
+        kept.add(sha256)
+        if twice or corrected:
+            store.remove(manifest.identifier)
+
+
+def _run_of(manifest: Manifest) -> tuple[str, str] | None:
+    """Campaign and start of an ingested source."""
+    return (manifest.document["run"]["campaign"], manifest.document["run"]["started_at"]) if manifest.ingested else None
+
+
+def _ingest_one(job: Job) -> str:
+    """Read, judge, condense and store one file; what became of it."""
+    source, store = job.source, Store(job.store)
+    if not store.made:
+        raise _unseen(job.store)
+    common: dict[str, Any] = {"file": source.name, "place": source.place, "sha256": source.sha256}
+    earlier = store.manifest(source.identifier)
+    if earlier is not None and _done(earlier, job.limits, job.supplied):
+        return THERE
+    try:
+        recording = read_recording(source.path, source.name, job.supplied, coils=True)
+        if recording.sha256 != source.sha256:
+            raise UnusableRecordingError((_changed(source),))
+    except UnusableRecordingError as error:
+        common |= {"run": error.run} if error.run else {}
+        findings = [finding.to_dict() for finding in error.findings]
+        store.write(source.identifier, common | {"status": "failed", "findings": findings, "windows": []}, None)
+        return FAILED
+    common["size"] = recording.size
+    judged = find_windows(recording, job.limits)
+    windows = [_window_document(recording, window) for window in judged]
+    keep_orders(store.path, source.identifier, recording, judged)
+    common |= _recording_document(recording)
+    if recording.supplied is None and job.supplied.fields:
+        common["offered"] = job.supplied.hashes()
+    common |= {"reduction": REDUCTION, "limits": job.limits.document(), "windows": windows}
+    store.write(source.identifier, common, recording.samples)
+    return DONE
+
+
+def _done(manifest: Manifest, limits: Steadiness, supplied: Supplied) -> bool:
+    """Whether a source is in the store as it would come in now.
+
+    One that names no limits was judged by the defaults, and one whose means were taken in an earlier way is read anew.
+    What was supplied stays where nothing is supplied now; where something else is, or where a map may name channels
+    that were not offered before, the source is read anew.
+    """
+    document = manifest.document
+    if not manifest.ingested or document.get("limits", LIMITS.document()) != limits.document():
+        return False
+    if document.get("reduction", 1) != REDUCTION:
+        return False
+    if supplied == NOTHING:
+        return True
+    used = document.get("supplied")
+    if used is None:
+        return not supplied.fields or document.get("offered") == supplied.hashes()
+    return {key: value for key, value in used.items() if key != "parts"} == supplied.hashes()
+
+
+def _shared_start(documents: Iterable[Mapping[str, Any]], told: Container[str]) -> Iterator[Finding]:
+    """Recordings beyond the first that took one and the same run from a map; of pairs with one of those to tell of."""
+    first: dict[tuple[str, str], Mapping[str, Any]] = {}
+    for document in documents:
+        if "run" not in document.get("supplied", {}).get("parts", ()):
+            continue
+        run = document["run"]
+        other = first.setdefault((run["campaign"], run["started_at"]), document)
+        if other is not document and (document["sha256"] in told or other["sha256"] in told):
+            came = f"the supplied start {run['started_at']} is that of {other['file']} too; expected one of its own"
+            advice = "The order of the runs is lost, and they may count as copies: ingest each with a map of its own."
+            yield Finding(Code.RUN_VALUE, Severity.WARNING, document["file"], "started_at", came, advice)
+
+
+def _unseen(folder: Path) -> StoreError:
+    came, expected = "workers and this process do not see the same store there", "one folder that all of them share"
+    return StoreError(
+        str(folder), came, expected, "Put store and recordings where every worker finds them by this path."
+    )
+
+
+def _changed(source: Source) -> Finding:
+    message = "its bytes changed between listing and reading; expected a file that is at rest"
+    advice = "Wait until the recorder has closed it, then ingest again."
+    return Finding(Code.UNREADABLE, Severity.ERROR, source.name, "whole file", message, advice)
+
+
+def _recording_document(recording: Recording) -> dict[str, Any]:
+    run, calibration = recording.run, recording.calibration
+    told: dict[str, Any] = {} if recording.origin is None else {"origin": recording.origin.document()}
+    told |= {} if recording.supplied is None else {"supplied": dict(recording.supplied)}
+    told |= {"lacking": dict(recording.lacking)} if recording.lacking else {}
+    return told | {
+        "status": "ingested",
+        "run": {
+            "campaign": run.campaign,
+            "point": run.point,
+            "configuration": str(run.configuration),
+            "gear": run.gear,
+            "drive": run.drive,
+            "started_at": run.started_at.isoformat(),
+            "note": run.note,
+        },
+        "calibration": asdict(calibration),
+        "rate_hz": recording.rate_hz,
+        "first_sample": recording.first_sample,
+        "samples": recording.samples.height,
+        "findings": [finding.to_dict() for finding in recording.findings],
+    }
+
+
+def _window_document(recording: Recording, window: Window) -> dict[str, Any]:
+    means = reduce_window(recording.samples, window, recording.rate_hz)
+    return {
+        "point": window.point,
+        "configuration": str(window.configuration),
+        "gear": window.gear,
+        "drive": window.drive,
+        "started_at_s": window.started_at.timestamp(),
+        "first_sample": window.first_sample,
+        "stop_sample": window.stop_sample,
+        "setpoints": asdict(window.setpoints),
+        "accepted": window.accepted,
+        "reasons": list(window.reasons),
+        "rest_sun": window.rest_sun,
+        "rest_ring": window.rest_ring,
+        "means": with_nulls(asdict(means)),
+    }

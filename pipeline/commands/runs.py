@@ -1,0 +1,272 @@
+"""The stages behind ``pmg runs``: list, show, diff."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.catalogue.columns import BY_NAME, COLUMNS, SHOWN, Column, Kind
+from pmg.pipeline.catalogue.difference import (
+    COVERAGE,
+    MeanDifference,
+    differing,
+    differing_rows,
+    mean_differences,
+    paired,
+)
+from pmg.pipeline.catalogue.expression import Condition, Text, comparisons
+from pmg.pipeline.catalogue.find_run import Held, held
+from pmg.pipeline.catalogue.index import Catalogue, open_catalogue
+from pmg.pipeline.catalogue.listing import aligned, comma_separated, for_json, printable, shown
+from pmg.pipeline.catalogue.query import column_named, parse
+from pmg.pipeline.store.store import RUNS, Store
+from pmg.pipeline.windows.limits import limit_told
+from pmg.pipeline.wording.outcome import Outcome, told
+from pmg.pipeline.wording.plurals import counted
+from pmg.sim.bench import load_bench
+from pmg.sim.errors import near_miss
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+    from pathlib import Path
+
+    from pmg.pipeline.catalogue.entries import Cell
+
+LIMITS = "limits"
+"""Part of a manifest with the limits by which windows were judged."""
+
+
+def run_list(
+    store: Path, where: str | None = None, sort: str | None = None, columns: str | None = None, as_csv: bool = False
+) -> Outcome:
+    """List the runs of a store, one row a window.
+
+    Parameters
+    ----------
+    store : Path
+        The store.
+    where : str, optional
+        Condition, such as ``sun_rpm > 1000 and load = 1.56``.
+    sort : str, optional
+        Column to sort by; a minus before it puts the largest first.
+    columns : str, optional
+        Columns by name, with commas; ``all`` for every one.
+    as_csv : bool
+        Comma-separated values instead of aligned text.
+    """
+    condition = None if where is None else parse(where)
+    chosen = _chosen(columns)
+    by = None if sort is None else (column_named(sort.removeprefix("-"), "--sort"), sort.startswith("-"))
+    catalogue = open_catalogue(Store(store))
+    rows = catalogue.rows(chosen, condition, by)
+    if as_csv:
+        lines = comma_separated(chosen, rows)
+    else:
+        lines = [*(aligned(chosen, rows) if rows else ()), f"{counted(len(rows), 'run')}"]
+    plain = [{column.name: for_json(column, value) for column, value in zip(chosen, row, strict=True)} for row in rows]
+    data = {
+        "where": None if condition is None else str(condition),
+        "columns": [{"name": column.name, "unit": column.unit, "meaning": column.meaning} for column in chosen],
+        "runs": plain,
+    }
+    hints = () if rows or condition is None else tuple(_unmet(catalogue, condition))
+    return Outcome(data, tuple(lines), (*catalogue.remarks, *hints), partial=not catalogue.whole)
+
+
+def _chosen(columns: str | None) -> tuple[Column, ...]:
+    if columns is None:
+        return tuple(BY_NAME[name] for name in SHOWN)
+    if columns == "all":
+        return COLUMNS
+    return tuple(column_named(name.strip(), "--columns") for name in columns.split(","))
+
+
+def _unmet(catalogue: Catalogue, condition: Condition) -> Iterator[dict[str, Any]]:
+    """Words that no run has, with the nearest that one has."""
+    for said in comparisons(condition):
+        if isinstance(said.value, Text) and said.sign == "=" and said.column.kind is Kind.TEXT:
+            known = catalogue.values(said.column)
+            if known and said.value.text not in known:
+                hint = near_miss(said.value.text, known) if len(known) < 20 else _close(said.value.text, known)
+                yield told("warning", said.column.name, f"no run has {said.value.text!r}. {hint}".rstrip())
+
+
+def _close(word: str, known: list[str]) -> str:
+    hint = near_miss(word, known)
+    return hint if hint.startswith("Did") else ""
+
+
+def run_show(store: Path, name: str) -> Outcome:
+    """Show all that a store knows of one recording or test point.
+
+    Parameters
+    ----------
+    store : Path
+        The store.
+    name : str
+        Recording or test point; `held` says by what names.
+    """
+    catalogue = open_catalogue(Store(store))
+    found = held(Store(store), catalogue, name)
+    channels = _channels(store, found)
+    windows = [{column.name: for_json(column, row[column.name]) for column in COLUMNS} for row in found.rows]
+    data = {"recording": dict(found.document), "channels": channels, "windows": windows}
+    lines = [*_head(found), *_section("channels", channels.items())]
+    for row in found.rows:
+        if row["point"] is not None:
+            lines += ["", f"window {printable(str(row['point']))}"]
+            lines += [f"  {label:<18} {value}" for label, value in _window_lines(row)]
+    lines += _finding_lines(found)
+    return Outcome(data, tuple(lines), catalogue.remarks, partial=not catalogue.whole)
+
+
+def _channels(store: Path, found: Held) -> dict[str, str]:
+    """Columns of the samples that are kept, each with its type."""
+    import polars as pl
+
+    if found.document.get("status") != "ingested":
+        return {}
+    schema = pl.read_parquet_schema(store / RUNS / f"{found.rows[0]['name']}.parquet")
+    units = {"torque": "N m", "angle": "rad", "sample": "number since the start", "lines": "a bit for each line"}
+    told = {name: units.get(name.partition("_")[0]) for name in schema}
+    return {name: f"{kind} [{told[name]}]" if told[name] else str(kind) for name, kind in schema.items()}
+
+
+def _head(found: Held) -> Iterator[str]:
+    row, document = found.rows[0], found.document
+    yield printable(str(row["file"] or row["campaign"]))
+    for key in ("name", "status", "sha256", "size", "rate_hz", "samples"):
+        if row[key] is not None:
+            yield f"  {key:<18} {shown(BY_NAME[key], row[key])}"
+    for part in ("origin", "run", "calibration", LIMITS):
+        given = document.get(part, {})
+        yield from _section(part, _limits(given) if part == LIMITS else _flat(given))
+
+
+def _section(title: str, pairs: Iterable[tuple[str, object]]) -> list[str]:
+    lines = [f"  {printable(key):<28} {printable(str(value))}" for key, value in pairs]
+    return ["", title, *lines] if lines else []
+
+
+def _limits(given: Mapping[str, Any]) -> list[tuple[str, object]]:
+    """Limits with the units of a campaign file."""
+    return [(name, limit_told(name, given)) for name in given]
+
+
+def _flat(document: Mapping[str, Any]) -> list[tuple[str, object]]:
+    flat: list[tuple[str, object]] = []
+    for key, value in document.items():
+        flat += (
+            [(f"{key} {name}", inner) for name, inner in _flat(value)] if isinstance(value, dict) else [(key, value)]
+        )
+    return flat
+
+
+def _window_lines(row: Mapping[str, Cell]) -> Iterator[tuple[str, str]]:
+    for name in ("start", "seconds", "configuration", "gear", "drive", "sun_set_rpm", "ring_set_rpm", "load"):
+        column = BY_NAME[name]
+        if row[name] is not None:
+            unit = f" {column.unit}" if column.unit and column.kind is Kind.NUMBER else ""
+            yield name, f"{shown(column, row[name])}{unit}"
+    state = "accepted" if row["accepted"] else f"rejected: {printable(str(row['reasons'] or 'no reason kept'))}"
+    yield "judged", state
+    for side in ("sun", "ring"):
+        torque, u, common = row[f"torque_{side}_Nm"], row[f"u_torque_{side}_Nm"], row[f"common_{side}_Nm"]
+        if isinstance(torque, float):
+            scope = "from point to point" if row["analysed"] else "within the window only: not analysed"
+            own = f", u {u:.2g} ({scope})" if isinstance(u, float) else ""
+            shared = f", shared by all points {common:.2g}" if isinstance(common, float) else ""
+            yield f"torque_{side}", f"{torque:.5f} N m{own}{shared}"
+        if row[f"{side}_rpm"] is not None:
+            yield f"speed_{side}", f"{row[f'{side}_rpm']:.3f} rpm"
+
+
+def _finding_lines(found: Held) -> list[str]:
+    findings = found.document.get("findings", ())
+    lines = ["", counted(len(findings), "finding")] if found.document else []
+    for finding in findings:
+        lines.append(f"  {finding['severity']}: {printable(str(finding['where']))}: {printable(finding['message'])}")
+        lines += [f"    {word}: {printable(finding[word])}" for word in ("kept", "lost", "do") if finding.get(word)]
+    return lines
+
+
+def run_diff(store: Path, a: str, b: str, store_b: Path | None = None) -> Outcome:
+    """Set two recordings or test points side by side.
+
+    Parameters
+    ----------
+    store : Path
+        Holds the first, and the second too where no other store is named.
+    a, b : str
+        Recordings or test points.
+    store_b : Path, optional
+        Holds the second.
+
+    Returns
+    -------
+    Outcome
+        A mismatch where a mean differs beyond U.
+    """
+    catalogue = open_catalogue(Store(store))
+    other = catalogue if store_b is None else open_catalogue(Store(store_b))
+    one, two = held(Store(store), catalogue, a), held(Store(store_b or store), other, b)
+    metadata = differing(one.document, two.document)
+    calibrations = tuple(each.document.get("calibration", {}) for each in (one, two))
+    bench = load_bench()
+    lines = [f"a: {printable(one.name)}", f"b: {printable(two.name)}"]
+    lines += _side_by_side("what is said of the recordings", metadata)
+    windows, beyond, remarks = [], False, list(catalogue.remarks)
+    remarks += other.remarks if other is not catalogue else ()
+    for own, their in paired(one, two):
+        if own is None or their is None:
+            alone = (own or their or {}).get("point")
+            remarks.append(told("warning", str(alone), f"only in {'a' if their is None else 'b'}"))
+            continue
+        said, means = differing_rows(own, their), mean_differences(own, their, calibrations, bench)
+        beyond |= any(mean.beyond for mean in means)
+        title = str(own["point"]) if own["point"] == their["point"] else f"{own['point']} and {their['point']}"
+        whole = bool(own["analysed"] and their["analysed"])
+        lines += _side_by_side(f"window {printable(title)}", said) + _mean_lines(means)
+        if means and not whole:
+            lines.append("  not analysed: U holds what varies within the windows, not what wanders between them")
+            remarks.append(told("info", title, "not analysed: u holds what varies within the windows only"))
+        windows.append({"a": own["point"], "b": their["point"], "differs": _plain(said)} | _documents(means))
+    data = {"a": one.name, "b": two.name, "differs": _plain(metadata), "windows": windows, "beyond_U": beyond}
+    partial = not (catalogue.whole and other.whole)
+    return Outcome(data, tuple(lines), tuple(remarks), partial=partial, mismatch=beyond)
+
+
+def _plain(differing: Mapping[str, tuple[Any, Any]]) -> dict[str, dict[str, Any]]:
+    return {key: {"a": a, "b": b} for key, (a, b) in differing.items()}
+
+
+def _documents(means: tuple[MeanDifference, ...]) -> dict[str, Any]:
+    return {"means": [mean.document() for mean in means]}
+
+
+def _side_by_side(title: str, differing: Mapping[str, tuple[Any, Any]]) -> list[str]:
+    if not differing:
+        return ["", title, "  nothing differs beside the means" if title.startswith("window") else "  nothing differs"]
+    cells = [(key, *(_cell(key, value) for value in pair)) for key, pair in differing.items()]
+    wide = max(len(key) for key, _, _ in cells), max(len(a) for _, a, _ in cells)
+    return ["", title, *(f"  {key:<{wide[0]}}  {a:<{wide[1]}}  {b}" for key, a, b in cells)]
+
+
+def _cell(key: str, value: object) -> str:
+    part, _, limit = key.partition(".")
+    if part == LIMITS and isinstance(value, int | float):
+        return limit_told(limit, {limit: value})
+    column = BY_NAME.get(key)
+    if column is not None and (value is None or isinstance(value, str | int | float)):
+        return shown(column, value)
+    return "-" if value is None else printable(value if isinstance(value, str) else json.dumps(value))
+
+
+def _mean_lines(means: tuple[MeanDifference, ...]) -> list[str]:
+    lines = []
+    for mean in means:
+        judged = {True: "beyond U", False: "within U", None: "U not known"}[mean.beyond]
+        known = "" if mean.u is None else f", U {COVERAGE * mean.u:.2g}"
+        value = f"{round(mean.value, 5) + 0.0:.5f} {mean.unit}"
+        lines.append(f"  {mean.name:<15} {mean.a:.5f} - {mean.b:.5f} = {value}{known}: {judged}")
+    return lines

@@ -1,0 +1,108 @@
+"""The stage behind ``pmg simulate``: from a scenario file to tables, recordings and a report."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.chapters.simulated.simulation import simulation_report
+from pmg.pipeline.commands.provenance import leave_crate_of_files, now
+from pmg.pipeline.report.write import PAGE
+from pmg.pipeline.simulate.files import simulation_files, write_simulation
+from pmg.pipeline.simulate.inputs import gather_inputs
+from pmg.pipeline.simulate.scenario_file import read_scenario
+from pmg.pipeline.simulate.scenario_mechanisms import switch_on_by_words
+from pmg.pipeline.simulate.simulation import findings_of, simulate
+from pmg.pipeline.simulate.tables import summary_document
+from pmg.pipeline.wording.outcome import Outcome
+from pmg.sim.bench import load_bench
+from pmg.sim.signals import REVOLUTION, SPEED_SUN
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from pmg.pipeline.commands.provenance import Clock
+    from pmg.pipeline.simulate.simulation import Simulation
+
+
+def run_simulate(
+    path: Path,
+    out: Path,
+    campaign: str | None = None,
+    *,
+    model: Path | None = None,
+    switched: Sequence[str] = (),
+    clock: Clock = now,
+) -> Outcome:
+    """Simulate a scenario and write what comes out.
+
+    Parameters
+    ----------
+    path : Path
+        The scenario.
+    out : Path
+        Folder of the results; files of other origin in it are left alone.
+    campaign : str, optional
+        Name of the campaign in the recordings, instead of the scenario's.
+    model : Path, optional
+        A model file to take losses and mechanisms from, instead of the scenario's source of losses.
+    switched : sequence of str
+        Mechanisms to switch on, as ``id:key=value,key=value``.
+    clock : callable
+        Time of day, for the provenance.
+    """
+    began = clock()
+    bench = load_bench()
+    file = read_scenario(path)
+    if campaign:
+        output = file.scenario.output.model_copy(update={"campaign": campaign})
+        scenario = file.scenario.model_copy(update={"output": output})
+    else:
+        scenario = file.scenario
+    inputs = gather_inputs(file, bench, model, switch_on_by_words(switched))
+    simulation = simulate(scenario, inputs)
+    files, missing = simulation_files(simulation, scenario, bench)
+    findings = findings_of(simulation, scenario, inputs) + missing
+    digest = hashlib.sha256(file.text.encode()).hexdigest()
+    source = {"file": path.name, "sha256": digest}
+    provenance = [("Scenario", path.name), ("SHA-256 of the scenario", digest), ("Randomness", "none")]
+    if model is not None:
+        source["model"], source["model_sha256"] = model.name, hashlib.sha256(model.read_bytes()).hexdigest()
+        provenance.append((f"SHA-256 of {model.name}", source["model_sha256"]))
+    if switched:
+        source["with"] = "; ".join(switched)
+    report = simulation_report(simulation, scenario, inputs, findings, tuple(provenance))
+    summary = summary_document(simulation, scenario, inputs, findings, source)
+    written = write_simulation(out, files, report, summary)
+    taken = (path,) if model is None else (path, model)
+    leave_crate_of_files(out, "pmg simulate", taken, tuple(written), began, clock)
+    return Outcome(
+        data={"out": str(out), "report": str(out / PAGE), "files": list(map(str, written)), "summary": summary},
+        lines=(*_lines(simulation), f"report, tables, recordings: {out / PAGE}"),
+        findings=findings,
+        partial=simulation.partial or bool(missing),
+    )
+
+
+def _lines(simulation: Simulation) -> tuple[str, ...]:
+    """The results for people."""
+    lines = [simulation.control.statement]
+    points, run, answer = simulation.points, simulation.run, simulation.answer
+    if points is not None:
+        at, eta = points.grid.points, points.values["efficiency_total"]
+        told = f", total efficiency {100.0 * eta[0]:.2f} %" if eta[0] == eta[0] else ""
+        speed = float(SPEED_SUN.display(at.speed_sun[0]))
+        lines.append(
+            f"{len(at)} steady point{'s' if len(at) > 1 else ''}; first {at.name[0]}: sun {speed:.2f} rpm, "
+            f"{points.grid.torque_sun[0]:.4f} N m, ring {points.grid.torque_ring[0]:.4f} N m{told}"
+        )
+    if run is not None:
+        trace = run.trace
+        sun, ring = (float(SPEED_SUN.display(trace[f"speed_{name}_motor"][-1])) for name in ("sun", "ring"))
+        state = "stopped at a slipped pole" if trace.stopped is not None else "done"
+        lines.append(f"run of {trace.time[-1]:g} s {state}: sun {sun:.2f} rpm, ring motor {ring:.2f} rpm")
+    if answer is not None:
+        told = ", ".join(f"{m.kind} {m.frequency / REVOLUTION:.4g} Hz" for m in answer.response.resonances)
+        lines.append(f"resonances: {told or 'none'}")
+    return tuple(lines)

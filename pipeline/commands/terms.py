@@ -1,0 +1,102 @@
+"""The stage behind ``pmg terms``."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pmg.pipeline.chapters.explained.balance import terms_sections
+from pmg.pipeline.chapters.page import PACKAGES, versions
+from pmg.pipeline.commands.compare import SEED
+from pmg.pipeline.commands.provenance import leave_crate_of_files, now
+from pmg.pipeline.diagnose.balance.case_file import read_case
+from pmg.pipeline.diagnose.balance.decide import diagnose_terms
+from pmg.pipeline.diagnose.balance.document import headline, terms_document, terms_lines
+from pmg.pipeline.diagnose.balance.recorded import read_recording
+from pmg.pipeline.diagnose.diagnosis import Verdict
+from pmg.pipeline.files.atomic import write_aside
+from pmg.pipeline.report.document import Facts, Report
+from pmg.pipeline.report.document import Verdict as Headline
+from pmg.pipeline.report.write import write_report
+from pmg.pipeline.wording.outcome import Outcome
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pmg.pipeline.diagnose.balance.decide import TermsDiagnosis
+
+DOCUMENT = "terms.json"
+"""The diagnosis as JSON."""
+
+RESIDUALS = "residuals.csv"
+"""What the models leave, sample by sample."""
+
+
+def run_terms(case_file: Path, out: Path, data: Path | None = None, seed: int | None = None) -> Outcome:
+    """Diagnose the recordings of a case; write page, tables, residuals and JSON.
+
+    Parameters
+    ----------
+    case_file : Path
+        Case in TOML.
+    out : Path
+        Folder of what is written.
+    data : Path, optional
+        Folder of the recordings, instead of the one that the case names.
+    seed : int, optional
+        Seed of synthetic records, resamples and decoys.
+    """
+    began = now()
+    seed = SEED if seed is None else seed
+    case = read_case(case_file, data)
+    recorded = read_recording(case.fit, case)
+    withheld = None if case.withheld is None else read_recording(case.withheld, case)
+    diagnosis = diagnose_terms(case, recorded, withheld, np.random.default_rng(seed))
+    files = [case_file, case.fit, *([] if case.withheld is None else [case.withheld])]
+    digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+    document = terms_document(diagnosis) | {"seed": seed, "sha256": digests}
+    write_aside(out / DOCUMENT, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+    write_aside(out / RESIDUALS, residual_table(diagnosis).encode())
+    page = write_report(_page(diagnosis, seed, digests), out)
+    written = [str(path) for path in (*page, out / DOCUMENT, out / RESIDUALS)]
+    leave_crate_of_files(out, "pmg terms", tuple(files), (*page, out / DOCUMENT, out / RESIDUALS), began)
+    data_out: dict[str, Any] = document | {"report": str(page[0]), "files": written}
+    return Outcome(
+        data_out,
+        (*terms_lines(diagnosis), "", f"report: {page[0]}"),
+        (),
+        mismatch=diagnosis.verdict is not Verdict.CONSISTENT,
+    )
+
+
+def residual_table(diagnosis: TermsDiagnosis) -> str:
+    """Thinned samples of the fitted recording, and what baseline, named terms and refinements leave, as CSV."""
+    recorded = diagnosis.recorded
+    truth = recorded.force + recorded.known
+    last = (diagnosis.refinements or diagnosis.stands)[-1]
+    models = (diagnosis.stands[0], diagnosis.stands[-1], last)
+    motion = recorded.thin(np.c_[recorded.motion.position, recorded.motion.speed, recorded.motion.acceleration])
+    columns = np.c_[recorded.time, motion, truth, *(truth - stand.fitted.predict(recorded) for stand in models)]
+    head = "time [s],position [m],speed [m/s],acceleration [m/s2],force [N],residual_baseline [N],residual_named [N]"
+    rows = "\n".join(",".join(f"{value:.9g}" for value in row) for row in columns)
+    return f"{head},residual_refined [N]\n{rows}\n"
+
+
+def _page(diagnosis: TermsDiagnosis, seed: int, digests: dict[str, str]) -> Report:
+    state = "good" if diagnosis.verdict in (Verdict.CONSISTENT, Verdict.NAMED) else "attention"
+    return Report(
+        title=diagnosis.case.title,
+        subtitle="Terms of its force balance: what the baseline lacks, and the proof",
+        verdict=Headline(headline(diagnosis), "good" if state == "good" else "attention"),
+        sections=terms_sections(diagnosis),
+        provenance=Facts(
+            (
+                *((f"SHA-256 of {name}", digest) for name, digest in digests.items()),
+                ("Seed", str(seed)),
+                ("Versions", versions(PACKAGES)),
+            )
+        ),
+    )

@@ -1,0 +1,94 @@
+"""The stage behind ``pmg validate``."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pmg.pipeline.chapters.page import PACKAGES, versions
+from pmg.pipeline.chapters.studies.validation import validation_section
+from pmg.pipeline.commands.provenance import leave_crate_of_files, now
+from pmg.pipeline.grid.tables import PUBLISHED, read_published
+from pmg.pipeline.report.document import Facts, Report, Verdict
+from pmg.pipeline.report.write import write_report
+from pmg.pipeline.thesis_figures import verdict
+from pmg.pipeline.thesis_figures.listing import documents, summary, table_lines, told
+from pmg.pipeline.thesis_figures.rounding import DRAWS, SEED
+from pmg.pipeline.wording.outcome import Outcome
+from pmg.sim.bench import load_bench
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pmg.pipeline.thesis_figures.verdict import Judged
+
+
+def run_validate(grids: Path, draws: int | None = None, seed: int | None = None, report: Path | None = None) -> Outcome:
+    """Compute every published figure from the published grids, and say whether it comes out.
+
+    Parameters
+    ----------
+    grids : Path
+        Folder of the published grids.
+    draws : int, optional
+        Draws within the rounding of the tables; `DRAWS` when not given.
+    seed : int, optional
+        Seed of the draws; `SEED` when not given.
+    report : Path, optional
+        Folder of a report; none is written when not given.
+    """
+    began = now()
+    draws, seed = DRAWS if draws is None else draws, SEED if seed is None else seed
+    bench = load_bench()
+    grid = read_published(grids, bench)
+    judged = verdict.validate(grid, bench, draws, np.random.default_rng(seed))
+    counts = verdict.count(judged)
+    digests = {name: hashlib.sha256((grids / name).read_bytes()).hexdigest() for name in PUBLISHED}
+    data: dict[str, Any] = {
+        "draws": draws,
+        "seed": seed,
+        "sha256": digests,
+        "counts": {str(name): n for name, n in counts.items()},
+        "figures": documents(judged),
+        "report": None,
+    }
+    lines = [*table_lines(judged), "", f"{summary(judged)} ({draws} draws, seed {seed})"]
+    if report is not None:
+        files = write_report(_page(judged, draws, seed, digests), report)
+        leave_crate_of_files(report, "pmg validate", tuple(grids / name for name in PUBLISHED), files, began)
+        data |= {"report": str(files[0]), "files": [str(path) for path in files]}
+        lines.append(f"report: {files[0]}")
+    return Outcome(
+        data,
+        tuple(lines),
+        _findings(judged),
+        mismatch=bool(counts[verdict.Verdict.NOT_EXPLAINED]),
+    )
+
+
+def _findings(judged: tuple[Judged, ...]) -> tuple[dict[str, Any], ...]:
+    """Every figure that rounding does not explain, or that the source states twice."""
+    kinds = (verdict.Verdict.NOT_EXPLAINED, verdict.Verdict.INCONSISTENT)
+    return tuple(
+        {
+            "severity": "info",
+            "where": j.figure.id,
+            "message": f"{j.figure.what}: {j.figure.text} {j.figure.unit.name}".rstrip() + f" is {told(j)}",
+        }
+        for j in judged
+        if j.verdict in kinds
+    )
+
+
+def _page(judged: tuple[Judged, ...], draws: int, seed: int, digests: dict[str, str]) -> Report:
+    return Report(
+        title="Published figures",
+        subtitle="Planetary magnetic gearbox: the thesis's figures, computed anew from its rounded grids",
+        verdict=Verdict(f"{summary(judged)}.", "neutral"),
+        sections=(validation_section(judged, draws, seed),),
+        provenance=Facts(
+            (*((f"SHA-256 of {name}", d) for name, d in digests.items()), ("Versions", versions(PACKAGES)))
+        ),
+    )

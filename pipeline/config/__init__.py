@@ -1,1 +1,0 @@
-"""What a user chooses: the campaign file, its units, and where each setting in force comes from."""

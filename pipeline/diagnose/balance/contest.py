@@ -1,0 +1,200 @@
+"""Models one after the other, refinements that only help, and rivals set against the named terms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnose.balance.estimate import Estimate, Fitted, fit_together
+from pmg.pipeline.diagnose.balance.fitting import Ground, TermFit, take_out
+from pmg.pipeline.diagnose.balance.proof import held_out, set_against
+from pmg.pipeline.diagnose.balance.search import Search, TermSet, rank
+from pmg.pipeline.diagnose.balance.span import orthonormal
+from pmg.pipeline.diagnose.naming import MARGIN
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pmg.pipeline.diagnose.balance.mismatch import NoiseModel
+    from pmg.pipeline.diagnose.balance.recorded import Recorded
+    from pmg.pipeline.diagnose.balance.term import Term
+    from pmg.pipeline.diagnose.holdout import HeldOut
+    from pmg.pipeline.diagnose.naming import Remainder
+    from pmg.sim.signals import Array
+
+MOST_REFINED = 6
+"""Further terms that are looked at once the named ones are in."""
+
+SHARE_OF_REFINEMENT = 0.25
+"""Part of what is left that a refinement must explain."""
+
+TRIED = 3
+"""Leading terms of a round that are tried as refinement."""
+
+
+@dataclass(frozen=True)
+class Stand:
+    """A model of the force and what it is worth.
+
+    Parameters
+    ----------
+    added : str
+        Id of the term that it has beyond the one before; empty for the baseline.
+    fitted : Fitted
+        Baseline and terms so far, fitted together.
+    error_fit, error_withheld : float
+        Relative force error on the recording it was fitted to and on the withheld one (NaN without one).
+    held : HeldOut or None
+        Withheld blocks of the first recording without and with the added term.
+    evidence : float
+        Evidence that the added term brought.
+    carried : tuple of float
+        95 % interval of the fall of the error on the withheld record by the added term [N]; NaN without one.
+    """
+
+    added: str
+    fitted: Fitted
+    error_fit: float
+    error_withheld: float
+    held: HeldOut | None
+    evidence: float
+    carried: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Contest:
+    """A rival set of terms against the named one, both with the refinements in.
+
+    Parameters
+    ----------
+    rival : TermSet
+        The other set.
+    lead : float
+        Evidence by which the named set is ahead.
+    margin : float
+        Evidence by which it must be: `MARGIN`, and what both leave beyond the noise.
+    held : HeldOut
+        Withheld blocks with the rival and with the named set.
+    beside : tuple of Estimate
+        What the rival's own terms come to beside the named set.
+    error_fit, error_withheld : float
+        Relative force errors of the rival set without refinements.
+    """
+
+    rival: TermSet
+    lead: float
+    margin: float
+    held: HeldOut
+    beside: tuple[Estimate, ...]
+    error_fit: float
+    error_withheld: float
+
+    @property
+    def open(self) -> bool:
+        """Whether the recording cannot tell the two apart: by evidence, or on withheld blocks."""
+        return self.lead <= self.margin or self.held.gain_interval[0] <= 0.0
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What models are fitted to and judged on."""
+
+    recorded: Recorded
+    withheld: Recorded | None
+    noise: NoiseModel
+    free: tuple[Term, ...]
+
+
+def stand_of(scene: Scene, fits: tuple[TermFit, ...], rng: np.random.Generator) -> Stand:
+    """Baseline and terms fitted together, and what the last of them is worth."""
+    fitted = fit_together(scene.recorded, scene.noise.noise, scene.free, fits)
+    carried = (float("nan"), float("nan"))
+    if scene.withheld is not None and fits:
+        before = fit_together(scene.recorded, scene.noise.noise, scene.free, fits[:-1])
+        truth = scene.withheld.force + scene.withheld.known
+        errors = [truth - model.predict(scene.withheld) for model in (before, fitted)]
+        carried = held_out("", errors[0], errors[1], scene.noise.noise, rng).gain_interval
+    return Stand(
+        fits[-1].identifier if fits else "",
+        fitted,
+        fitted.relative_error(scene.recorded),
+        float("nan") if scene.withheld is None else fitted.relative_error(scene.withheld),
+        set_against(scene.recorded, scene.noise.noise, scene.free, (fits[:-1], fits), rng) if fits else None,
+        fits[-1].evidence(len(scene.recorded.force) - scene.noise.noise.lags) if fits else 0.0,
+        carried,
+    )
+
+
+def refine(
+    scene: Scene,
+    best: TermSet,
+    judge: Callable[[Array, Array], Remainder],
+    threshold: float,
+    rng: np.random.Generator,
+) -> tuple[Stand, ...]:
+    """Further terms, one after the other: more than any decoy, a good part of the rest, better on withheld blocks."""
+    current, refined = best, list[Stand]()
+    while len(refined) < MOST_REFINED:
+        samples = len(current.ground.left)
+        rest = judge(current.ground.baseline, current.ground.left)
+        if rest.adequate:
+            break
+        least = max(threshold, SHARE_OF_REFINEMENT * rest.excess)
+        fits = [f for f in rank(current.ground, current.ids) if not f.on_bound and f.evidence(samples) > least]
+        for fit in fits[:TRIED]:
+            stand = stand_of(scene, (*current.fits, fit), rng)
+            if stand.held is not None and stand.held.gain_interval[0] > 0.0:
+                current = TermSet((*current.fits, fit), take_out(current.ground, fit))
+                refined.append(stand)
+                break
+        else:
+            break
+    return tuple(refined)
+
+
+def settled(ground: Ground, fits: tuple[TermFit, ...]) -> Ground:
+    """The ground with the columns of some terms free besides, their shapes kept."""
+    basis = orthonormal(np.hstack([ground.baseline, *(ground.columns_of(fit.term, fit.shape) for fit in fits)]))
+    return replace(ground, baseline=basis, left=ground.left - basis @ (basis.T @ ground.left))
+
+
+def contest(
+    scene: Scene,
+    ground: Ground,
+    found: Search,
+    refinements: tuple[Stand, ...],
+    judge: Callable[[Array, Array], Remainder],
+    rng: np.random.Generator,
+) -> tuple[Contest, ...]:
+    """Every rival against the named set, both with the refinements in."""
+    extra = refinements[-1].fitted.fits[len(found.best.fits) :] if refinements else ()
+
+    mine = settled(ground, (*found.best.fits, *extra))
+    remainder = judge(mine.baseline, mine.left)
+    margin = MARGIN + (0.0 if remainder.adequate else remainder.excess)
+    contests = []
+    for rival in found.rivals:
+        added = tuple(fit for fit in extra if fit.identifier not in rival.ids)
+        other = settled(ground, (*rival.fits, *added))
+        cost = sum(f.cost for f in (*rival.fits, *added)) - sum(f.cost for f in (*found.best.fits, *extra))
+        lead = float(other.left @ other.left - mine.left @ mine.left) + cost * math.log(len(mine.left))
+        pair = (*rival.fits, *added), (*found.best.fits, *extra)
+        held = set_against(scene.recorded, scene.noise.noise, scene.free, pair, rng)
+        new = tuple(fit for fit in rival.fits if fit.identifier not in found.best.ids)
+        both = fit_together(scene.recorded, scene.noise.noise, scene.free, (*found.best.fits, *new))
+        alone = fit_together(scene.recorded, scene.noise.noise, scene.free, rival.fits)
+        contests.append(
+            Contest(
+                rival,
+                lead,
+                margin,
+                held,
+                tuple(e for e in both.estimates if e.term in {fit.identifier for fit in new}),
+                alone.relative_error(scene.recorded),
+                float("nan") if scene.withheld is None else alone.relative_error(scene.withheld),
+            )
+        )
+    return tuple(contests)

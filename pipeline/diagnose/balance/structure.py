@@ -1,0 +1,95 @@
+"""What the residual of a regression may follow, term or no term: families of columns over its covariates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnose.balance.span import orthonormal
+from pmg.pipeline.diagnose.scan import ABSORBED, Scan
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.balance.recorded import Recorded
+    from pmg.sim.signals import Array
+
+KNOTS = 7
+"""Knots of a smooth curve over a covariate, at its quantiles."""
+
+WAVES = 8
+"""Slow waves over position and over time."""
+
+FINE_WAVES = 200
+"""Half-waves over the whole travel at most."""
+
+SAMPLES_PER_WAVE = 16
+"""Samples of the regression that each of them calls for: more would leave too little to tell the noise by."""
+
+RISE = (1e-5, 1e-4, 1e-3)
+"""Lengths after a reversal over which a force may rise [m]."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """Columns that share a covariate.
+
+    Parameters
+    ----------
+    name : str
+        The covariate, in words.
+    columns : (n, k) array
+        Thinned columns.
+    """
+
+    name: str
+    columns: Array
+
+
+def _hats(covariate: Array) -> Array:
+    """Piecewise linear curve over a covariate (n, knots)."""
+    knots = np.unique(np.quantile(covariate, np.linspace(0.0, 1.0, KNOTS)))
+    return np.stack([np.interp(covariate, knots, unit) for unit in np.eye(len(knots))], axis=1)
+
+
+def _waves(covariate: Array, first: int, last: int) -> Array:
+    """Cosines over the range of a covariate, of `first` to `last` half-waves (n, last - first + 1)."""
+    low, high = float(covariate.min()), float(covariate.max())
+    angle = np.pi * (covariate - low) / (high - low)
+    return np.cos(np.arange(first, last + 1) * angle[:, None])
+
+
+def families(recorded: Recorded) -> tuple[Family, ...]:
+    """Families of structure of a recording; a curve, a wave or a rise each for what a machine's force may follow."""
+    m = recorded.motion
+    sign = m.direction[:, None]
+    slow_place, slow_time = _waves(m.position, 1, WAVES), _waves(m.time, 1, WAVES)
+    fine = min(FINE_WAVES, len(recorded.force) // SAMPLES_PER_WAVE)
+    rise = np.stack([np.sign(m.speed) * np.exp(-m.travel / length) for length in RISE], axis=1)
+    drawn = {
+        "speed": sign * _hats(np.abs(m.speed)),
+        "speed, different in the two directions": _hats(np.abs(m.speed)),
+        "position": slow_place,
+        "position, changing sign with direction": sign * slow_place,
+        "position, fine": _waves(m.position, WAVES + 1, fine),
+        "acceleration": _hats(m.acceleration),
+        "acceleration, changing sign with direction": sign * np.abs(m.acceleration)[:, None],
+        "travel since reversal": rise,
+        "time": slow_time,
+        "time, as friction": np.c_[sign * slow_time[:, :4], m.speed[:, None] * slow_time[:, :4]],
+        "rate of the force": np.gradient(m.modelled, m.sample_time)[:, None],
+    }
+    return tuple(Family(name, recorded.thin(columns)) for name, columns in drawn.items())
+
+
+def scan_of(baseline: Array, columns: list[Array]) -> Scan:
+    """Projections for whitened baseline and family columns: one p-value a family; there are no repeated points."""
+    base = orthonormal(baseline)
+    bases = []
+    for block in columns:
+        length = np.linalg.norm(block, axis=0)
+        unit = block[:, length > 0.0] / length[length > 0.0]
+        left = unit - base @ (base.T @ unit)
+        bases.append(orthonormal(left[:, np.linalg.norm(left, axis=0) > ABSORBED], 1e-3))
+    everything = orthonormal(np.hstack([base, *bases]))
+    return Scan(base, everything, tuple(bases), np.ones(len(base), dtype=np.bool_), ())

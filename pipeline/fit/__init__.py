@@ -1,0 +1,1 @@
+"""Fits of a measured grid: loss curves, calibration, noise floor, whitening, losses with their uncertainty."""

@@ -1,0 +1,175 @@
+"""The budget of every point of a grid."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.fit.whitening import NOISY_WINDOW
+from pmg.pipeline.grid.contributions import Contribution, ShaftBudget
+from pmg.pipeline.grid.transducer_uncertainty import (
+    RECTANGULAR,
+    common_parts,
+    nominal_torque,
+    tare_uncertainty,
+    transducer_of,
+    undithered,
+)
+
+if TYPE_CHECKING:
+    from pmg.pipeline.fit.noise import NoiseFloor, ShaftNoise
+    from pmg.pipeline.grid.window_facts import ShaftFacts, WindowFacts
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
+    from pmg.sim.signals import Array
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Both shafts' budgets at the points of a grid.
+
+    Parameters
+    ----------
+    grid : Grid
+        The n points.
+    sun, ring : ShaftBudget
+        The shafts.
+    facts : WindowFacts or None
+        What is known of the windows; None where the grid comes from tables.
+    """
+
+    grid: Grid
+    sun: ShaftBudget
+    ring: ShaftBudget
+    facts: WindowFacts | None
+
+    @property
+    def shafts(self) -> tuple[ShaftBudget, ShaftBudget]:
+        """Sun and ring."""
+        return self.sun, self.ring
+
+
+def budget_of(grid: Grid, floor: NoiseFloor | None, bench: BenchParameters, facts: WindowFacts | None = None) -> Budget:
+    """The budget of every point.
+
+    Parameters
+    ----------
+    grid : Grid
+        With the uncertainty of each point, the wander between points included once `floor` is known.
+    floor : NoiseFloor or None
+        Noise of one point.
+    bench : BenchParameters
+        Tolerances of the transducers.
+    facts : WindowFacts, optional
+        What the store knows of the windows of the grid.
+
+    Notes
+    -----
+    Independent and common parts add up to ``u_sun`` and ``common_sun`` of the grid (ring alike). Where windows are
+    pooled in the noise floor, each stands with the pooled scatter; one that is noisier than the rest with its own, as
+    in `pmg.pipeline.fit.whitening.with_floor`.
+    """
+    sun = _shaft(grid, "sun", None if floor is None else floor.sun, bench, None if facts is None else facts.sun)
+    ring = _shaft(grid, "ring", None if floor is None else floor.ring, bench, None if facts is None else facts.ring)
+    return Budget(grid, sun, ring, facts)
+
+
+def _shaft(
+    grid: Grid, side: str, noise: ShaftNoise | None, bench: BenchParameters, facts: ShaftFacts | None
+) -> ShaftBudget:
+    sun = side == "sun"
+    torque, own, u = (
+        (grid.torque_sun, grid.within_sun, grid.u_sun) if sun else (grid.torque_ring, grid.within_ring, grid.u_ring)
+    )
+    unknown = np.full(len(grid), np.nan)
+    dof = unknown if facts is None else facts.dof
+    within = own
+    if noise is not None:
+        noisy = own > NOISY_WINDOW * noise.within
+        within = np.where(noisy, own, noise.within)
+        dof = np.where(noisy, dof, float(np.nansum(dof[grid.accepted])) or np.nan)
+    within = np.minimum(within, u)
+    steps = unknown if facts is None else facts.resolution
+    rounding = np.zeros(len(grid)) if facts is None else undithered(steps, facts.std)
+    rounding = np.minimum(rounding, within)
+    stated = None if facts is None else facts.nominal
+    parts = common_parts(grid, bench, side, stated)
+    zeros = tare_uncertainty(torque[grid.points.zero & grid.accepted])[1]
+    of = transducer_of(bench, side)
+    contributions = (
+        _scatter(grid, np.sqrt(within**2 - rounding**2), dof),
+        Contribution(
+            key="wander",
+            name="wander from point to point",
+            kind="A",
+            distribution="t",
+            common=False,
+            divisor=1.0,
+            value=np.sqrt(np.maximum(u**2 - within**2, 0.0)),
+            dof=np.full(len(grid), math.inf if noise is None else float(noise.dof)),
+            remark="none estimated" if noise is None else noise.source,
+        ),
+        _half_width(
+            "resolution",
+            "resolution",
+            unknown if facts is None else rounding * RECTANGULAR,
+            "in the rounding" if grid.rounding else "in the scatter, where that is at least half a step",
+            common=False,
+        ),
+        Contribution(
+            key="tare",
+            name="tare",
+            kind="A",
+            distribution="t",
+            common=True,
+            divisor=1.0,
+            value=parts.tare if zeros else unknown,
+            dof=np.full(len(grid), float(zeros) if zeros else math.inf),
+            remark=f"{zeros + 1} zero checks, not subtracted" if zeros else "not known: fewer than two zero checks",
+            signed=False,
+        ),
+        _half_width(
+            "sensitivity",
+            "sensitivity",
+            parts.sensitivity * RECTANGULAR,
+            f"tolerance {float(of.sensitivity_tolerance):.1%} of the reading",
+            common=True,
+        ),
+        _half_width(
+            "linearity",
+            "non-linearity",
+            parts.linearity * RECTANGULAR,
+            f"tolerance {float(of.nonlinearity):.1%} of {_each(nominal_torque(bench, side, stated))} N m",
+            common=True,
+        ),
+        _half_width(
+            "calibration",
+            "calibration",
+            unknown,
+            "recordings state no uncertainty of null and span; the tolerances stand for it",
+            common=True,
+        ),
+    )
+    return ShaftBudget(side, torque, contributions)
+
+
+def _scatter(grid: Grid, within: Array, dof: Array) -> Contribution:
+    """What varies within the window; of a grid from tables, the rounding of their torques."""
+    if grid.rounding:
+        return _half_width("within", "rounding of the table", within * RECTANGULAR, "half a step", common=False)
+    remark = "means over whole revolutions, pooled where windows are alike"
+    return Contribution("within", "scatter within the window", "A", "t", False, 1.0, within, dof, remark)
+
+
+def _each(values: Array) -> str:
+    """Every value that occurs."""
+    return " and ".join(f"{value:g}" for value in np.unique(values))
+
+
+def _half_width(key: str, name: str, value: Array, remark: str, *, common: bool) -> Contribution:
+    """A contribution given by the half-width of a rectangular distribution [N m] (n,)."""
+    known = np.full(len(value), np.inf)
+    return Contribution(key, name, "B", "rectangular", common, RECTANGULAR, value, known, remark)

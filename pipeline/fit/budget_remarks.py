@@ -1,0 +1,48 @@
+"""What a budget calls attention to."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from scipy import stats
+
+from pmg.pipeline.wording.outcome import told
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pmg.pipeline.fit.budget import Budget
+
+NAMED = 5
+"""Points that are named one by one."""
+LEVEL = 0.01
+"""Level of the test whether the zero checks read zero."""
+
+
+def budget_remarks(budget: Budget) -> Iterator[dict[str, Any]]:
+    """Remarks in the plain form of a stage's findings: windows whose noise is slow, a tare off or unknown."""
+    grid, facts = budget.grid, budget.facts
+    if facts is not None and facts.correlated.any():
+        names = grid.points.name[facts.correlated]
+        shown = ", ".join(map(str, names[:NAMED])) + (" ..." if len(names) > NAMED else "")
+        message = (
+            f"the torque noise may be slow for its window at {len(names)} points: {shown}; expected noise that has "
+            "settled within a twentieth of it. Their uncertainty rests on what slow noise may be; longer windows tell."
+        )
+        yield told("warning", "windows", message)
+    checks = int((grid.points.zero & grid.accepted).sum())
+    if grid.origin != "published" and checks < 2:
+        message = (
+            f"{'none' if not checks else 'one'} in this campaign; expected two or more, as they tell how far the "
+            "tares are off. What all points share holds no part for that, and is smaller than it should be; record "
+            "one before and one after the campaign."
+        )
+        yield told("warning", "zero checks", message)
+    for shaft in budget.shafts:
+        zeros = shaft.torque[grid.points.zero & grid.accepted]
+        if len(zeros) > 2 and stats.ttest_1samp(zeros, 0.0).pvalue < LEVEL:
+            message = (
+                f"{len(zeros)} zero checks of the {shaft.side}: {zeros.mean() * 1e3:+.2f} mN m on average; expected "
+                "0 within their scatter. The offset is not subtracted and stands in the budget; tare the transducer."
+            )
+            yield told("warning", "zero checks", message)

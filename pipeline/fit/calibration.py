@@ -1,0 +1,300 @@
+"""Calibration of the baseline: bearing curves, correction factor and damping, fitted together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import stats
+from scipy.optimize import least_squares
+
+from pmg.pipeline.grid.readings import Readings, predict, take_readings
+from pmg.sim.errors import FitError
+from pmg.sim.lossmodel import LossModel
+from pmg.sim.mechanisms import EddyDamping, ExcessDamping, HysteresisDamping, SunBearings
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import numpy.typing as npt
+
+    from pmg.pipeline.fit.loss_fit import LossFits
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
+    from pmg.sim.mechanisms import Parameter
+    from pmg.sim.signals import Array
+
+CONSTANTS: dict[str, Parameter] = {
+    "K_corr": SunBearings.parameters()[0],
+    "b": HysteresisDamping.parameters()[0],
+    "c": EddyDamping.parameters()[0],
+    "d": ExcessDamping.parameters()[0],
+}
+"""The scalar constants of the baseline: unit, bounds, usual size."""
+
+UNDETERMINED = 1e-6
+"""Ratio of singular values (columns of unit length) below which a combination of parameters is not determined."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The baseline that fits the readings best.
+
+    Parameters
+    ----------
+    model : LossModel
+        The calibrated constants.
+    names : tuple of str
+        Free parameters: ``sun[p]`` and ``ring[p]`` for the coefficient of power p, then K_corr, b, c, d as far as
+        free.
+    values : (k,) array
+        Their values.
+    covariance : (k, k) array
+        Their covariance; rows of parameters on a bound are NaN, and the others' hold whether or not those sit there.
+    on_bound : tuple of str
+        Parameters that sit on a bound: no error bar belongs to them.
+    chi_square : float
+        Weighted sum of squares.
+    dof : int
+        Degrees of freedom.
+    message : str
+        Why the solver stopped.
+    moments : (k, k) array
+        The covariance with parameters on a bound in it: what they may still be, as second moments about the bound.
+    """
+
+    model: LossModel
+    names: tuple[str, ...]
+    values: Array
+    covariance: Array
+    on_bound: tuple[str, ...]
+    chi_square: float
+    dof: int
+    message: str
+    moments: Array
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """The constants among K_corr, b, c, d that were fitted."""
+        return tuple(name for name in self.names if name in CONSTANTS)
+
+    def value(self, name: str) -> float:
+        """Value of a constant, free or held."""
+        held = {"K_corr": self.model.correction, "b": self.model.b, "c": self.model.c, "d": self.model.d}
+        return held[name] if name in held else float(self.values[self.names.index(name)])
+
+    def standard_error(self, name: str) -> float | None:
+        """Standard error, or None where the parameter was held or sits on a bound."""
+        if name not in self.names or name in self.on_bound:
+            return None
+        i = self.names.index(name)
+        return float(np.sqrt(self.covariance[i, i]))
+
+
+def parameter_names(model: LossModel, free: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the free parameters, curves first."""
+    sun = tuple(f"sun[{p:g}]" for p in model.curve_sun.powers)
+    ring = tuple(f"ring[{p:g}]" for p in model.curve_ring.powers)
+    return sun + ring + free
+
+
+def parameter_values(model: LossModel, free: tuple[str, ...]) -> Array:
+    """Values of the free parameters, in the order of `parameter_names`."""
+    constants = {"K_corr": model.correction, "b": model.b, "c": model.c, "d": model.d}
+    scalars = [constants[name] for name in free]
+    return np.asarray(np.r_[model.curve_sun.coefficients, model.curve_ring.coefficients, scalars])
+
+
+def with_parameters(model: LossModel, free: tuple[str, ...], values: Array) -> LossModel:
+    """The model with other values of the free parameters."""
+    n_sun, n_ring = len(model.curve_sun.powers), len(model.curve_ring.powers)
+    constants = dict(zip(free, map(float, values[n_sun + n_ring :]), strict=True))
+    return replace(
+        model,
+        curve_sun=replace(model.curve_sun, coefficients=values[:n_sun]),
+        curve_ring=replace(model.curve_ring, coefficients=values[n_sun : n_sun + n_ring]),
+        correction=constants.get("K_corr", model.correction),
+        b=constants.get("b", model.b),
+        c=constants.get("c", model.c),
+        d=constants.get("d", model.d),
+    )
+
+
+def jacobian(readings: Readings, bench: BenchParameters, model: LossModel, free: tuple[str, ...]) -> Array:
+    """Derivatives of the predicted readings to the free parameters (m, k).
+
+    The prediction is linear in every single parameter, so a central difference over the parameter's usual size is
+    exact to rounding.
+    """
+    values = parameter_values(model, free)
+    n_curves = len(values) - len(free)
+    steps = np.r_[np.full(n_curves, 0.01), [CONSTANTS[name].typical for name in free]]
+    columns = []
+    for i, step in enumerate(steps):
+        shift = np.zeros(len(values))
+        shift[i] = step
+        up = predict(readings, bench, with_parameters(model, free, values + shift))
+        down = predict(readings, bench, with_parameters(model, free, values - shift))
+        columns.append((up - down) / (2.0 * step))
+    return np.stack(columns, axis=1)
+
+
+USUAL_CORRECTION = 0.85
+"""Correction factor from which a fit starts: in the middle of those the thesis tried."""
+
+
+def start_model(fits: LossFits) -> LossModel:
+    """Curves of the neutral points with usual constants: where a fit starts, and where the baseline is linearised."""
+    return LossModel(fits.sun.curve, fits.ring.curve, USUAL_CORRECTION, 0.0, CONSTANTS["c"].typical, 0.0)
+
+
+def calibrate(
+    grid: Grid,
+    fits: LossFits,
+    bench: BenchParameters,
+    *,
+    correction: float | None = None,
+    free: tuple[str, ...] = ("K_corr", "b", "c"),
+    held: Mapping[str, float] | None = None,
+) -> Calibration:
+    """Baseline fitted to neutral and engaged readings together, weighted by their uncertainty.
+
+    Parameters
+    ----------
+    grid : Grid
+        Measured grid with its uncertainties.
+    fits : LossFits
+        Curves of the neutral points: their terms and the start values.
+    bench : BenchParameters
+        Ratio and shares.
+    correction : float, optional
+        Hold K_corr at this value instead of fitting it.
+    free : tuple of str
+        Constants to fit among K_corr, b, c, d, less those held. The default leaves d at zero: with a root term in the
+        curves, d and K_corr cannot be told apart by steady points.
+    held : mapping of str to float
+        Values at which b, c or d are held.
+
+    Raises
+    ------
+    FitError
+        There are no engaged points, the points do not determine the constants, or the solver did not converge.
+    """
+    if not (grid.points.engaged & grid.accepted).any():
+        came, expected = "no accepted engaged point", "neutral and engaged points"
+        raise FitError("calibration", came, expected, "Ingest the engaged runs too.")
+    readings = take_readings(grid, bench)
+    held = held or {}
+    start = start_model(fits)
+    start = replace(start, b=held.get("b", start.b), c=held.get("c", start.c), d=held.get("d", start.d))
+    if correction is not None:
+        free = tuple(name for name in free if name != "K_corr")
+        start = replace(start, correction=correction)
+    free = tuple(name for name in free if name not in held)
+    names = parameter_names(start, free)
+    n_curves = len(names) - len(free)
+    lower = np.r_[np.full(n_curves, -np.inf), [CONSTANTS[name].bounds[0] for name in free]]
+    upper = np.r_[np.full(n_curves, np.inf), [CONSTANTS[name].bounds[1] for name in free]]
+
+    def residuals(values: Array) -> Array:
+        model = with_parameters(start, free, values)
+        return (readings.torque - predict(readings, bench, model)) / readings.u
+
+    def slopes(values: Array) -> Array:
+        return -jacobian(readings, bench, with_parameters(start, free, values), free) / readings.u[:, None]
+
+    scale = np.r_[np.full(n_curves, 0.1), [CONSTANTS[name].typical for name in free]]
+    begin = np.clip(parameter_values(start, free), lower + 1e-9 * scale, upper - 1e-9 * scale)
+    found = least_squares(residuals, begin, jac=slopes, bounds=(lower, upper), x_scale=scale, xtol=1e-12, ftol=1e-12)
+    if not found.success:
+        raise FitError("calibration", f"no convergence ({found.message})", "a minimum", "Check the grids for outliers.")
+    margin = 1e-4 * scale
+    bound = (found.x - lower < margin) | (upper - found.x < margin)
+    values = np.where(found.x - lower < margin, lower, np.where(upper - found.x < margin, upper, found.x))
+    inside = np.flatnonzero(~bound)
+    design = slopes(values)[:, inside]
+    length = np.linalg.norm(design, axis=0)
+    _, singular, right = np.linalg.svd(design / np.where(length > 0.0, length, 1.0), full_matrices=False)
+    if (length == 0.0).any() or singular[-1] < UNDETERMINED * singular[0]:
+        weak = np.abs(right[-1]) > 0.1 if (length > 0.0).all() else length == 0.0
+        alike = ", ".join(names[i] for i in inside[weak])
+        raise FitError(
+            "calibration",
+            f"these points do not determine {alike}",
+            "engaged points at several speeds, more than there are free constants",
+            "Measure more engaged speeds, or hold K_corr with --k-corr.",
+        )
+    scaled = right.T / singular
+    moments = np.zeros((len(names), len(names)))
+    moments[np.ix_(inside, inside)] = (scaled @ scaled.T) / np.outer(length, length)
+    if bound.any():
+        upward = np.where(found.x - lower < margin, 1.0, np.where(upper - found.x < margin, -1.0, 0.0))
+        moments = _with_bounds(slopes(values), residuals(values), inside, upward, moments)
+    covariance = moments.copy()
+    covariance[bound, :] = covariance[:, bound] = np.nan
+    final = residuals(values)
+    return Calibration(
+        model=with_parameters(start, free, values),
+        names=names,
+        values=values,
+        covariance=covariance,
+        on_bound=tuple(name for name, at in zip(names, bound, strict=True) if at),
+        chi_square=float(final @ final),
+        dof=len(readings) - len(inside),
+        message=str(found.message),
+        moments=moments,
+    )
+
+
+def _with_bounds(design: Array, left: Array, inside: npt.NDArray[np.intp], upward: Array, conditional: Array) -> Array:
+    r"""Second moments of all parameters when some sit on their bounds.
+
+    Parameters
+    ----------
+    design, left : (m, k), (m,) array
+        Slopes of the weighted residuals, and the residuals, at the solution.
+    inside : array of int
+        Parameters inside their bounds.
+    upward : (k,) array
+        For those on a bound, 1 where they may only grow, -1 where they may only fall.
+    conditional : (k, k) array
+        Covariance of those inside with the others held where they are; zero for the others.
+
+    Notes
+    -----
+    A parameter on its bound is not known to be there: what it may still be, the others have to share. With b held at
+    zero, 95 % intervals of K_corr cover three quarters. So each bounded parameter enters with its second moment about
+    the bound, that of its normal distribution cut off there: :math:`C = C_{|b} + g g^T\,\mathrm{E}[(b-b_0)^2]`,
+    :math:`g = \Sigma_{\cdot b}/\Sigma_{bb}`. Where the points do not determine all of them together, the conditional
+    covariance is all there is.
+    """
+    kept = conditional
+    length = np.linalg.norm(design, axis=0)
+    if (length == 0.0).any():
+        return kept
+    unit, singular, right = np.linalg.svd(design / length, full_matrices=False)
+    if singular[-1] < UNDETERMINED * singular[0]:
+        return kept
+    scaled = right.T / singular
+    whole = (scaled @ scaled.T) / np.outer(length, length)
+    step = -(scaled @ (unit.T @ left)) / length
+    for b in np.flatnonzero(upward):
+        spread = float(np.sqrt(whole[b, b]))
+        beyond = -float(upward[b] * step[b]) / spread
+        cut = stats.truncnorm(a=beyond, b=np.inf)
+        second = float(cut.var() + (cut.mean() - beyond) ** 2) * spread**2
+        lever = np.zeros(len(whole))
+        lever[inside], lever[b] = whole[inside, b] / whole[b, b], 1.0
+        kept = kept + np.outer(lever, lever) * second
+    return np.asarray(kept)
+
+
+def predicted_uncertainty(readings: Readings, bench: BenchParameters, calibration: Calibration) -> Array:
+    """Standard uncertainty of the predicted readings from the calibration alone [N m].
+
+    Parameters on a bound contribute nothing here; the report says which they are.
+    """
+    slopes = jacobian(readings, bench, calibration.model, calibration.free)
+    covariance = np.nan_to_num(calibration.covariance)
+    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance, slopes)))

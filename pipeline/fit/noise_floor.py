@@ -1,0 +1,229 @@
+"""The noise floor: how far two readings of the same thing may lie apart on this bench."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import linalg, stats
+
+from pmg.pipeline.fit.calibration import jacobian, start_model
+from pmg.pipeline.fit.noise import CORRELATIONS, GROWTHS, NO_CORRELATION, NO_GROWTH, Growth, NoiseFloor, ShaftNoise
+from pmg.pipeline.fit.structure import families
+from pmg.pipeline.fit.whitening import chain_of, growth_of, relative_scale
+from pmg.pipeline.grid.readings import predict, take_readings
+
+if TYPE_CHECKING:
+    from pmg.pipeline.fit.loss_fit import LossFits
+    from pmg.pipeline.grid.readings import Readings
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
+    from pmg.sim.lossmodel import LossModel
+    from pmg.sim.signals import Array, Mask
+
+BASELINE_FREE = ("K_corr", "b", "c", "d")
+"""Constants that the baseline may use to absorb a mismatch."""
+
+MORE = 0.01
+"""Level of the test whether repeats scatter more than what follows nothing."""
+
+LESS = 0.001
+"""Level of the test whether repeats scatter less: a mismatch that no family follows is rarer than lucky repeats."""
+
+
+MINIMUM_FOR_CORRELATION = 30
+"""Degrees of freedom below which no correlation between neighbours is estimated."""
+
+
+def repeat_contrasts(readings: Readings) -> Array:
+    """Orthonormal differences between readings of the same set-point (m, r); none without repeats.
+
+    Two points repeat each other when configuration, gear, driving side, load asked for and both speeds (to 1 rad/s)
+    agree.
+    """
+    at = readings.grid.points
+    keys: dict[tuple[object, ...], list[int]] = {}
+    for i, row in enumerate(readings.row):
+        key = (
+            bool(readings.sun[i]),
+            str(at.configuration[row]),
+            int(at.gear[row]),
+            str(at.drive[row]),
+            round(float(at.load_set[row]), 3),
+            round(float(at.speed_sun[row])),
+            round(float(at.speed_ring[row])),
+        )
+        keys.setdefault(key, []).append(i)
+    columns = []
+    for members in keys.values():
+        g = len(members)
+        helmert = np.zeros((len(readings), g - 1))
+        for k in range(1, g):
+            helmert[members[:k], k - 1] = 1.0
+            helmert[members[k], k - 1] = -k
+            helmert[:, k - 1] /= math.sqrt(k * (k + 1))
+        columns.append(helmert)
+    return np.hstack(columns) if columns else np.zeros((len(readings), 0))
+
+
+def orthonormal(columns: Array, tolerance: float = 1e-6) -> Array:
+    """Orthonormal basis of the columns' span (m, r), each column first brought to unit length."""
+    length = np.linalg.norm(columns, axis=0)
+    kept = columns[:, length > 0.0] / length[length > 0.0]
+    if kept.shape[1] == 0:
+        return np.zeros((len(columns), 0))
+    try:
+        left, singular, _ = np.linalg.svd(kept, full_matrices=False)
+    except np.linalg.LinAlgError:  # divide and conquer fails on some columns of low rank; this way does not
+        left, singular, _ = linalg.svd(kept, full_matrices=False, lapack_driver="gesvd")
+    return left[:, singular > tolerance * singular[0]]
+
+
+def _weights(deviance: list[float]) -> Array:
+    """Weights of hypotheses under a flat prior."""
+    weight = np.exp(-0.5 * (np.array(deviance) - min(deviance)))
+    return np.asarray(weight / weight.sum())
+
+
+def _correlation(readings: Readings, residual: Array, basis: Array, sun: bool) -> Array:
+    """Weight of each of `CORRELATIONS`: restricted likelihood with the structured columns taken out, flat prior."""
+    chain = chain_of(readings, sun)
+    design = orthonormal(basis[chain.rows])
+    dof = len(chain.rows) - design.shape[1]
+    if dof < MINIMUM_FOR_CORRELATION:
+        return np.asarray(NO_CORRELATION)
+    deviance = []
+    for rho in CORRELATIONS:
+        whitened = chain.whiten(np.c_[design, residual[chain.rows]], float(rho))
+        deviance.append(_deviance(whitened, dof) + chain.log_determinant(float(rho)))
+    return _weights(deviance)
+
+
+def _deviance(whitened: Array, dof: int) -> float:
+    """Restricted deviance of the last column beside the others, without the determinant of the noise."""
+    q, r = np.linalg.qr(whitened[:, :-1])
+    left = whitened[:, -1] - q @ (q.T @ whitened[:, -1])
+    return float(dof * math.log(left @ left / dof) + 2.0 * np.log(np.abs(np.diag(r))).sum())
+
+
+STRAY = 3.0
+"""Residuals beyond that many standard deviations count as that many where the growth of the noise is estimated: one
+bad reading at high speed is not a noise that grows."""
+
+
+def _growth(readings: Readings, residual: Array, basis: Array, sun: bool) -> Growth:
+    """Growth of one shaft's noise with its speed: restricted likelihood, flat prior; values in units of the floor."""
+    rows = np.flatnonzero(readings.sun == sun)
+    design = orthonormal(basis[rows])
+    dof = len(rows) - design.shape[1]
+    flat = growth_of(readings, sun, NO_GROWTH.weights)
+    if dof < MINIMUM_FOR_CORRELATION or readings.grid.rounding > 0.0 or flat is NO_GROWTH:
+        return flat
+    left = residual[rows] - design @ (design.T @ residual[rows])
+    size = math.sqrt(float(left @ left) / dof)
+    y = np.clip(left, -STRAY * size, STRAY * size)
+    deviance = []
+    for growth in GROWTHS:
+        variance = flat.of(float(growth), readings.speed_own[rows])
+        whitened = np.c_[design, y] / np.sqrt(variance)[:, None]
+        deviance.append(_deviance(whitened, dof) + float(np.sum(np.log(variance))))
+    return replace(flat, weights=_weights(deviance))
+
+
+def structured_columns(readings: Readings, bench: BenchParameters, model: LossModel) -> Array:
+    """What is no noise (m, k) [N m per unit]: slopes of the baseline's constants, and every family of structure."""
+    columns = [family.columns for family in families(readings, bench, model)]
+    return np.hstack([jacobian(readings, bench, model, BASELINE_FREE), *columns])
+
+
+def noise_floor(grid: Grid, fits: LossFits, bench: BenchParameters) -> NoiseFloor:
+    r"""Noise floor of a campaign, from its repeats and from the scatter that follows nothing.
+
+    Parameters
+    ----------
+    grid : Grid
+        Measured grid; uncertainties within the windows are used for comparison only.
+    fits : LossFits
+        Loss curves of the neutral points.
+    bench : BenchParameters
+        Ratio of the stages.
+
+    Notes
+    -----
+    What varies within a window is only part of the noise: between points the bench re-approaches its speed. Two
+    estimates hold all of it: the differences of repeated points, and the part of the residual that is left when the
+    baseline and every family of structure (`pmg.pipeline.fit.structure`) are projected out,
+
+    .. math:: s^2 = \sum_{i \in \mathrm{shaft}} r_i^2 / \mathrm{tr}_\mathrm{shaft}(I - P).
+
+    Where they agree (F test at 1 %, at 0.1 % where the repeats scatter less) they are pooled by degrees of freedom.
+    Repeats that scatter more betray a slow change between them, repeats that scatter less a mismatch that no family
+    follows; in both cases the smaller figure is the noise, and the mismatch test is told.
+    """
+    readings = take_readings(grid, bench)
+    model = start_model(fits)
+    residual = readings.torque - predict(readings, bench, model)
+    structured = structured_columns(readings, bench, model)
+    sigma, rho = {True: 1.0, False: 1.0}, {True: NO_CORRELATION, False: NO_CORRELATION}
+    dof, growth = {True: 0.0, False: 0.0}, {True: NO_GROWTH, False: NO_GROWTH}
+    for step in range(4):
+        scale = relative_scale(readings, bench, sigma, growth)
+        basis = orthonormal(structured / scale[:, None])
+        left = residual / scale - basis @ (basis.T @ (residual / scale))
+        leverage = np.einsum("ij,ij->i", basis, basis)
+        for sun in (True, False):
+            mine = readings.sun == sun
+            dof[sun] = float(np.sum(1.0 - leverage[mine]))
+            if dof[sun] > 1.0:
+                sigma[sun] *= math.sqrt(float(left[mine] @ left[mine]) / dof[sun])
+        if step == 1:
+            flat = relative_scale(readings, bench, sigma)
+            growth = {sun: _growth(readings, residual / flat, structured / flat[:, None], sun) for sun in (True, False)}
+    if grid.points.ordered:
+        scale = relative_scale(readings, bench, sigma, growth)
+        for sun in (True, False):
+            if (readings.sun == sun).any():
+                rho[sun] = _correlation(readings, residual / scale, structured / scale[:, None], sun)
+    contrasts = repeat_contrasts(readings)
+
+    def shaft(sun: bool, within: Array) -> ShaftNoise:
+        even = residual / np.sqrt(growth[sun].variance(readings.speed_own))
+        repeats = _repeat_scatter(readings, even, contrasts, sun)
+        pooled = _pool(within[grid.accepted], repeats, sigma[sun], dof[sun], rho[sun])
+        return replace(pooled, growth=growth[sun])
+
+    return NoiseFloor(sun=shaft(True, grid.within_sun), ring=shaft(False, grid.within_ring))
+
+
+def _repeat_scatter(readings: Readings, residual: Array, contrasts: Array, sun: bool) -> tuple[float, int]:
+    """Standard deviation of the repeats of one shaft [N m] and its degrees of freedom."""
+    mine: Mask = readings.sun == sun
+    engaged = readings.configuration == "engaged"
+    columns = contrasts[:, (contrasts[mine & ~engaged] != 0.0).any(axis=0)]
+    n = columns.shape[1]
+    return (math.sqrt(float(np.mean((columns.T @ residual) ** 2))), n) if n else (math.nan, 0)
+
+
+def _pool(within: Array, repeats: tuple[float, int], unstructured: float, dof: float, rho: Array) -> ShaftNoise:
+    """One figure from repeats and unstructured scatter."""
+    spread, n = repeats
+    inside = float(np.sqrt(np.mean(within**2))) if len(within) else math.nan
+    noise = ShaftNoise(math.nan, 0.0, inside, spread, n, unstructured, dof, rho, "")
+    if n == 0 and dof <= 1.0:
+        return replace(noise, u=inside, source="within-window scatter only: no repeats, no residual to spare")
+    if n == 0:
+        source = "scatter that follows no covariate; the campaign has no repeats: structure is judged against it alone"
+        return replace(noise, u=unstructured, dof=dof, source=source)
+    if dof <= 1.0:
+        return replace(noise, u=spread, dof=float(n), source="repeated points")
+    ratio = (spread / unstructured) ** 2 if unstructured > 0.0 else math.inf
+    if stats.f.sf(ratio, n, dof) < MORE:
+        source = "scatter that follows no covariate; repeats scatter more, so something changed slowly between them"
+        return replace(noise, u=unstructured, dof=dof, source=source)
+    if stats.f.cdf(ratio, n, dof) < LESS:
+        source = "repeated points; the rest scatters more, so something is left that no covariate follows"
+        return replace(noise, u=spread, dof=float(n), source=source)
+    pooled = math.sqrt((n * spread**2 + dof * unstructured**2) / (n + dof))
+    return replace(noise, u=pooled, dof=n + dof, source="repeated points and scatter that follows no covariate, pooled")

@@ -1,0 +1,128 @@
+"""What the user may choose about an analysis, kept beside its results."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
+
+from pmg.pipeline.fit.loss_fit import DEFAULT_POWERS, THESIS_POWERS_RING, THESIS_POWERS_SUN, check_powers
+from pmg.sim.errors import FitError, near_miss
+
+THESIS_CORRECTION = 0.80
+"""Correction factor that the thesis settled on (its section 6.2.2)."""
+
+AUTO = "auto"
+"""Word for terms that are chosen by the data."""
+
+
+@dataclass(frozen=True)
+class AnalysisOptions:
+    """Choices of an analysis.
+
+    Parameters
+    ----------
+    powers_sun, powers_ring : tuple of float
+        Exponents of the speed in the loss curves; where they are chosen by the data, those that were chosen.
+    include_rest : bool
+        Whether readings of a shaft at rest take part in the loss curves.
+    correction : str
+        ``joint``: K_corr is fitted together with the damping constants. ``rule``: the largest value at which no
+        magnetic loss is negative. Or a number.
+    auto_sun, auto_ring : bool
+        Whether the terms are chosen by the data (`pmg.pipeline.fit.term_choice`).
+    robust : bool
+        Huber's M-estimate instead of least squares for the loss curves.
+    """
+
+    powers_sun: tuple[float, ...] = DEFAULT_POWERS
+    powers_ring: tuple[float, ...] = DEFAULT_POWERS
+    include_rest: bool = False
+    correction: str = "joint"
+    auto_sun: bool = False
+    auto_ring: bool = False
+    robust: bool = False
+
+    @property
+    def fixed_correction(self) -> float | None:
+        """The number that was given for K_corr; None for ``joint`` and ``rule``."""
+        if self.correction in ("joint", "rule"):
+            return None
+        try:
+            value = float(self.correction)
+        except ValueError:
+            value = float("nan")
+        if not 0.0 <= value <= 1.0:
+            raise FitError(
+                "--k-corr",
+                self.correction,
+                "joint, rule, or a number from 0 to 1",
+                near_miss(self.correction, ("joint", "rule")),
+            )
+        return value
+
+    def document(self) -> dict[str, Any]:
+        """As JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_document(cls, document: dict[str, Any]) -> AnalysisOptions:
+        """The options that `document` wrote; choices that are younger than the document have their default."""
+        younger = ("auto_sun", "auto_ring", "robust")
+        known = {f.name: document[f.name] for f in fields(cls) if f.name in document or f.name not in younger}
+        for name in ("powers_sun", "powers_ring"):
+            known[name] = tuple(map(float, known[name]))
+        return cls(**known)
+
+
+THESIS_OPTIONS = AnalysisOptions(
+    powers_sun=THESIS_POWERS_SUN,
+    powers_ring=THESIS_POWERS_RING,
+    include_rest=True,
+    correction=str(THESIS_CORRECTION),
+)
+"""The thesis's own choices: what the published grids are analysed with unless told otherwise."""
+
+
+def parse_powers(text: str, option: str) -> tuple[float, ...]:
+    """Exponents from ``0,0.5,1,2``; fractions such as ``1/2`` are understood."""
+    powers = []
+    for word in text.split(","):
+        top, _, bottom = word.strip().partition("/")
+        try:
+            powers.append(float(top) / (float(bottom) if bottom else 1.0))
+        except (ValueError, ZeroDivisionError):
+            raise FitError(
+                option,
+                repr(word.strip()),
+                "exponents separated by commas, such as 0,1/2,1,2, or auto",
+                "Correct the list.",
+            ) from None
+    return tuple(powers)
+
+
+def chosen_options(
+    *,
+    published: bool,
+    terms_sun: str | None = None,
+    terms_ring: str | None = None,
+    correction: str | None = None,
+    include_rest: bool | None = None,
+    robust: bool = False,
+) -> AnalysisOptions:
+    """The options of a call: the thesis's own for published grids, pmg's for recordings, and what the user changed."""
+    options = replace(THESIS_OPTIONS if published else AnalysisOptions(), robust=robust)
+    if terms_sun == AUTO:
+        options = replace(options, auto_sun=True)
+    elif terms_sun is not None:
+        options = replace(options, powers_sun=parse_powers(terms_sun, "--terms-sun"))
+    if terms_ring == AUTO:
+        options = replace(options, auto_ring=True)
+    elif terms_ring is not None:
+        options = replace(options, powers_ring=parse_powers(terms_ring, "--terms-ring"))
+    if correction is not None:
+        options = replace(options, correction=correction)
+    check_powers(options.powers_sun)
+    check_powers(options.powers_ring)
+    if include_rest is not None:
+        options = replace(options, include_rest=include_rest)
+    return options

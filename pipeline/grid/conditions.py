@@ -1,0 +1,98 @@
+"""Under which conditions a campaign was run, as far as its recordings tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.recording.calibration import SIDES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from pmg.pipeline.store.store import Manifest
+
+NOT_RECORDED = "not recorded"
+UNRECORDED = (
+    "Air temperature",
+    "Bearing temperature",
+    "Magnet temperature",
+    "Lubricant",
+    "Running-in before the test",
+)
+"""What a reader asks of such a test and the layout of recordings has no field for, or the bench no sensor."""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What the recordings of a campaign say of how it was run.
+
+    Parameters
+    ----------
+    rows : tuple of (label, value)
+        In the order of a test protocol; a value that nobody wrote down is `NOT_RECORDED`.
+    """
+
+    rows: tuple[tuple[str, str], ...]
+
+
+def conditions(manifests: Sequence[Manifest]) -> Conditions:
+    """The conditions that the manifests of a campaign hold; without manifests nothing but what is not recorded."""
+    documents = [manifest.document for manifest in manifests]
+    runs = [document["run"] for document in documents]
+    windows = [window for document in documents for window in document["windows"]]
+    rows = [
+        ("Campaign", _each(run["campaign"] for run in runs)),
+        ("Time of the test", _span(runs)),
+        ("Recordings", str(len(documents)) if documents else NOT_RECORDED),
+        ("Gear stage", _each(str(run["gear"]) for run in runs)),
+        ("Driving side", _each(str(window["drive"]) for window in windows)),
+        *((f"Transducer, {side}", _transducer(documents, side)) for side in SIDES),
+        ("Encoders", _encoders(documents)),
+        ("Sampling rate", _each(f"{document['rate_hz']:g} Hz" for document in documents)),
+        ("Length of a window", _lengths(windows)),
+        ("Notes of the recorder", _each(run["note"] for run in runs if run.get("note"))),
+    ]
+    return Conditions((*rows, *((label, NOT_RECORDED) for label in UNRECORDED)))
+
+
+def _each(values: Iterable[str]) -> str:
+    """Values that differ, in the order of their first use."""
+    seen = list(dict.fromkeys(values))
+    if len(seen) > 4:
+        return f"{', '.join(seen[:3])} and {len(seen) - 3} more"
+    return ", ".join(seen) or NOT_RECORDED
+
+
+def _span(runs: Sequence[Mapping[str, Any]]) -> str:
+    starts = sorted(datetime.fromisoformat(run["started_at"]) for run in runs)
+    if not starts:
+        return NOT_RECORDED
+    first, last = starts[0], starts[-1]
+    if first == last:
+        return f"{first:%Y-%m-%d %H:%M} UTC"
+    return f"{first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC (starts of the first and the last recording)"
+
+
+def _transducer(documents: Sequence[Mapping[str, Any]], side: str) -> str:
+    found = []
+    for document in documents:
+        of = document["calibration"][side]
+        parts = (f"{of['nominal_torque']:g} N m", f"span {of['span_hz']:g} Hz", of.get("serial") or "no serial number")
+        found.append(", ".join(parts))
+    return _each(found)
+
+
+def _encoders(documents: Sequence[Mapping[str, Any]]) -> str:
+    return _each(
+        ", ".join(f"{document['calibration'][f'counts_per_rev_{side}']} counts a turn ({side})" for side in SIDES)
+        for document in documents
+    )
+
+
+def _lengths(windows: Sequence[Mapping[str, Any]]) -> str:
+    lengths = sorted({round(float(window["means"]["duration"]), 3) for window in windows if window.get("means")})
+    if not lengths:
+        return NOT_RECORDED
+    return f"{lengths[0]:g} s" if len(lengths) == 1 else f"{lengths[0]:g} to {lengths[-1]:g} s"

@@ -1,0 +1,100 @@
+"""The same run in two files: its windows counted once."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, replace
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pmg.pipeline.store.store import Manifest
+
+COPY = "the same run is in"
+"""Start of the reason by which a copy is rejected; the file that is kept follows."""
+DIGITS = 9
+"""Decimals [N m] to which mean torques of the same samples agree."""
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A window, the source it is from, and its place there."""
+
+    manifest: Manifest
+    place: int
+
+    @property
+    def window(self) -> Mapping[str, Any]:
+        window: Mapping[str, Any] = self.manifest.document["windows"][self.place]
+        return window
+
+    @property
+    def fullness(self) -> tuple[bool, int, str]:
+        """Accepted before rejected, more samples before fewer, then by name of the source: the least is kept."""
+        window = self.window
+        return not window["accepted"], window["first_sample"] - window["stop_sample"], self.manifest.identifier
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """Start of the run and point; where nobody named the point, what its samples are in place of the point."""
+        run, window = self.manifest.document["run"], self.window
+        point, stem = str(window["point"]), PurePath(str(self.manifest.document["file"])).stem
+        if run["point"] or not point.startswith(stem):
+            return str(run["started_at"]), point
+        torques = (window["means"][side]["torque"] for side in ("sun", "ring"))
+        return str(run["started_at"]), "", *("" if t is None else f"{t:.{DIGITS}f}" for t in torques)
+
+    def overlaps(self, other: _Held) -> bool:
+        """Whether both are of the same samples, in part at least, in two files."""
+        a, b = self.window, other.window
+        apart = a["stop_sample"] <= b["first_sample"] or b["stop_sample"] <= a["first_sample"]
+        return self.manifest.identifier != other.manifest.identifier and not apart
+
+
+def without_copies(manifests: Sequence[Manifest]) -> list[Manifest]:
+    """These sources of one campaign, with windows rejected that another file holds too.
+
+    Parameters
+    ----------
+    manifests : sequence of Manifest
+        Ingested sources of one campaign.
+
+    Returns
+    -------
+    list of Manifest
+        The same, in the same order. Of copies of a window the accepted one with the most samples stays as it is;
+        the others are rejected, with the name of the file that is kept.
+
+    Notes
+    -----
+    A run has one start. Windows of the same point over the same samples, in two files that state the same start, are
+    one window that was written twice: copied in other chunks, or cut short. Where a file names no point, its name
+    stands for it; its windows are copies where the mean torques agree too, as an import may give many runs one start.
+    """
+    groups: dict[tuple[str, ...], list[_Held]] = defaultdict(list)
+    for manifest in manifests:
+        for place in range(len(manifest.document["windows"])):
+            held = _Held(manifest, place)
+            groups[held.key].append(held)
+    reasons: dict[tuple[str, int], str] = {}
+    for group in groups.values():
+        kept: list[_Held] = []
+        for held in sorted(group, key=lambda each: each.fullness):
+            original = next((other for other in kept if held.overlaps(other)), None)
+            if original is None:
+                kept.append(held)
+            else:
+                reasons[held.manifest.identifier, held.place] = f"{COPY} {original.manifest.document['file']}"
+    return [_rejected(manifest, reasons) for manifest in manifests]
+
+
+def _rejected(manifest: Manifest, reasons: Mapping[tuple[str, int], str]) -> Manifest:
+    windows = [
+        window | {"accepted": False, "reasons": [*window["reasons"], reasons[manifest.identifier, place]]}
+        if (manifest.identifier, place) in reasons
+        else window
+        for place, window in enumerate(manifest.document["windows"])
+    ]
+    return replace(manifest, document=dict(manifest.document) | {"windows": windows})

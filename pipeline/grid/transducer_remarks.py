@@ -1,0 +1,41 @@
+"""Remarks on the transducers of a campaign."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pmg.pipeline.grid.transducer_uncertainty import transducer_of
+from pmg.pipeline.recording.calibration import SIDES
+from pmg.pipeline.wording.outcome import told
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pmg.pipeline.grid.window_facts import WindowFacts
+    from pmg.sim.bench import BenchParameters
+
+
+def transducer_remarks(facts: WindowFacts, bench: BenchParameters) -> Iterator[dict[str, Any]]:
+    """Findings of a stage: transducers whose nominal torque is not that of the bench.
+
+    Parameters
+    ----------
+    facts : WindowFacts
+        With the nominal torques that the calibrations state [N m].
+    bench : BenchParameters
+        As it ships.
+    """
+    for side, shaft in zip(SIDES, (facts.sun, facts.ring), strict=True):
+        ours = float(transducer_of(bench, side).nominal_torque)
+        others = np.unique(shaft.nominal[np.isfinite(shaft.nominal) & (shaft.nominal != ours)])
+        if len(others):
+            count = int(np.isin(shaft.nominal, others).sum())
+            message = (
+                f"the calibration of {count} of {len(shaft.nominal)} windows states a nominal torque of "
+                f"{' and '.join(f'{value:g}' for value in others)} N m; expected {ours:g} N m as in bench.toml. The "
+                "non-linearity is reckoned from the calibration's, with the bench's tolerances; correct whichever is "
+                "wrong."
+            )
+            yield told("warning", f"transducer of the {side}", message)

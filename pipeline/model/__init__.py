@@ -1,0 +1,1 @@
+"""Models with the physics in: kept as TOML, read, applied to a campaign."""

@@ -1,0 +1,168 @@
+"""The lines of each point, kept in the store beside the samples they are from."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import polars as pl
+
+from pmg.pipeline.files.atomic import write_aside
+from pmg.pipeline.files.json_values import with_nulls
+from pmg.pipeline.orders.angle import index_of
+from pmg.pipeline.orders.point import Span, orders_of_point
+from pmg.pipeline.orders.row import OrderRow
+from pmg.pipeline.recording.calibration import SIDES
+from pmg.pipeline.store.store import ORDERS
+from pmg.sim.bench import load_bench
+from pmg.sim.errors import StoreError
+from pmg.sim.signals import REVOLUTION
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
+
+    from pmg.pipeline.orders.angle import Index
+    from pmg.pipeline.orders.point import PointOrders
+    from pmg.pipeline.recording import Recording
+    from pmg.pipeline.store.store import Manifest, Store
+    from pmg.pipeline.windows.window import Window
+
+SCHEMA = "pmg.orders/1"
+KEYS = {"point": pl.String, "configuration": pl.String, "gear": pl.Int64, "first_sample": pl.Int64}
+"""Columns that say which window a line belongs to."""
+TYPES: dict[str, Any] = {"str": pl.String, "int": pl.Int64, "float": pl.Float64, "bool": pl.Boolean}
+COLUMNS: dict[str, Any] = KEYS | {f.name: TYPES[str(f.type)] for f in fields(OrderRow)}
+
+
+@dataclass(frozen=True)
+class SourceOrders:
+    """The lines of one source.
+
+    Parameters
+    ----------
+    table : polars.DataFrame
+        One row a window, signal and line: `KEYS` and the fields of `OrderRow`, SI, null where there is no number.
+    document : dict
+        Places of the index pulses and load angle of each window.
+    """
+
+    table: pl.DataFrame
+    document: dict[str, Any]
+
+
+def orders_of_source(recording: Recording, windows: Iterable[Window]) -> SourceOrders:
+    """The lines of every accepted window of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+        As it was read, with its coils and index pulses.
+    windows : iterable of Window
+        Its windows, judged.
+    """
+    bench = load_bench()
+    steps = {side: REVOLUTION / recording.calibration.counts_per_rev(side) for side in SIDES}
+    index = {side: index_of(recording, side) for side in SIDES}
+    points = [
+        orders_of_point(
+            recording.samples,
+            Span(w.point, str(w.configuration), w.gear, w.first_sample, w.stop_sample),
+            recording.rate_hz,
+            bench,
+            steps=steps,
+            index=index,
+            coils=recording.beside.coils,
+        )
+        for w in windows
+        if w.accepted
+    ]
+    return _source(points, index, [finding.to_dict() for finding in recording.beside.findings])
+
+
+def orders_of_manifest(store: Store, manifest: Manifest) -> SourceOrders:
+    """The lines of a source of which only decoded samples are there: no coils, no index pulses."""
+    document = manifest.document
+    samples, bench = store.samples(manifest.identifier), load_bench()
+    calibration = document["calibration"]
+    steps = {side: REVOLUTION / calibration[f"counts_per_rev_{side}"] for side in SIDES}
+    index: dict[str, Index | None] = dict.fromkeys(SIDES)
+    points = [
+        orders_of_point(
+            samples,
+            Span(w["point"], w["configuration"], w["gear"], w["first_sample"], w["stop_sample"]),
+            document["rate_hz"],
+            bench,
+            steps=steps,
+            index=index,
+        )
+        for w in document["windows"]
+        if w["accepted"]
+    ]
+    return _source(points, index, [])
+
+
+def keep_orders(store: Path, identifier: str, recording: Recording, windows: Sequence[Window]) -> None:
+    """Write the lines of a recording into the store; called before its manifest is written."""
+    write_orders(store, identifier, orders_of_source(recording, windows))
+
+
+def write_orders(store: Path, identifier: str, found: SourceOrders) -> None:
+    """Write the lines of a source: the table first, the document last."""
+    buffer = io.BytesIO()
+    found.table.write_parquet(buffer, compression="zstd", statistics=False)
+    write_aside(store / ORDERS / f"{identifier}.parquet", buffer.getvalue())
+    text = json.dumps({"schema": SCHEMA} | found.document, indent=1, allow_nan=False, ensure_ascii=False)
+    write_aside(store / ORDERS / f"{identifier}.json", (text + "\n").encode())
+
+
+def kept_orders(store: Store, manifest: Manifest) -> SourceOrders | None:
+    """The lines that an ingest kept of a source; None where it kept none.
+
+    Raises
+    ------
+    StoreError
+        What it kept cannot be read.
+    """
+    folder = store.path / ORDERS
+    path = folder / f"{manifest.identifier}.json"
+    if not path.is_file():
+        return None
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        table = pl.read_parquet(folder / f"{manifest.identifier}.parquet")
+    except (OSError, ValueError, pl.exceptions.PolarsError) as error:
+        raise StoreError(str(path), f"unreadable ({error})", SCHEMA, "Remove it: it is made again.") from error
+    if document.get("schema") != SCHEMA or dict(table.schema) != COLUMNS:
+        return None
+    return SourceOrders(table, document)
+
+
+def _source(
+    points: Iterable[PointOrders], index: Mapping[str, Index | None], findings: list[dict[str, Any]]
+) -> SourceOrders:
+    points = tuple(points)
+    rows = [
+        {
+            "point": p.span.point,
+            "configuration": p.span.configuration,
+            "gear": p.span.gear,
+            "first_sample": p.span.first,
+        }
+        | vars(row)
+        for p in points
+        for row in p.rows
+    ]
+    table = pl.DataFrame(rows, schema=COLUMNS).with_columns(pl.col(pl.Float64).fill_nan(None))
+    document: dict[str, Any] = {
+        "index": {side: None if place is None else asdict(place) for side, place in index.items()},
+        "load_angles": [
+            {"point": p.span.point, "first_sample": p.span.first} | with_nulls(asdict(p.load_angle))
+            for p in points
+            if p.load_angle is not None
+        ],
+        "findings": findings,
+    }
+    return SourceOrders(table, document)

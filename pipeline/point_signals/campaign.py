@@ -1,0 +1,241 @@
+"""The signals behind every point of a measured grid, from the store, one recording at a time."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict, deque
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pmg.pipeline.point_signals.cell import BudgetRow, CellSignals, ChannelSignals, ShaftRows
+from pmg.pipeline.point_signals.traces import bins_for, speed_signals, stretch_of, torque_signals
+from pmg.pipeline.recording.calibration import SIDES
+from pmg.pipeline.wording.outcome import told
+from pmg.pipeline.wording.plurals import counted
+from pmg.sim.errors import GridError, StoreError
+from pmg.sim.signals import REVOLUTION, SPEED_RING, SPEED_SUN, TORQUE_RING, TORQUE_SUN
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from pmg.pipeline.fit.budget import Budget
+    from pmg.pipeline.grid.contributions import ShaftBudget
+    from pmg.pipeline.grid.window_facts import ShaftFacts
+    from pmg.pipeline.store.store import Manifest, Store
+    from pmg.sim.grid import Grid
+    from pmg.sim.signals import Array
+
+TORQUES, SPEEDS = (TORQUE_SUN, TORQUE_RING), (SPEED_SUN, SPEED_RING)
+NAMED = 5
+"""Points that a finding names one by one."""
+SAME_START = 3
+"""Decimals of a second to which the start of a window is the same in grid and store."""
+
+
+@dataclass(frozen=True)
+class CampaignSignals:
+    """The signals behind a grid.
+
+    Parameters
+    ----------
+    cells : tuple of CellSignals
+        One a row of the grid, in its order; none of a grid that comes from tables.
+    findings : tuple of dict
+        What is lacking, in the plain form of a stage's findings.
+    """
+
+    cells: tuple[CellSignals, ...]
+    findings: tuple[dict[str, Any], ...] = ()
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A window in the store."""
+
+    manifest: Manifest
+    window: Mapping[str, Any]
+
+
+def campaign_signals(store: Store, grid: Grid, budget: Budget) -> CampaignSignals:
+    """The signals behind every point of a grid.
+
+    Parameters
+    ----------
+    store : Store
+        Holds the recordings of the grid's campaign.
+    grid : Grid
+        Measured; one that is published or simulated has no signals.
+    budget : Budget
+        Of this very grid.
+
+    Returns
+    -------
+    CampaignSignals
+        A point whose samples cannot be had stands with its budget and says why; the finding names the points.
+
+    Raises
+    ------
+    GridError
+        The budget is of another grid.
+    StoreError
+        There is no store.
+    """
+    if not np.array_equal(budget.grid.points.name, grid.points.name):
+        raise GridError(
+            "budget", f"that of {len(budget.grid)} other points", f"the grid's {len(grid)}", "Reckon it anew."
+        )
+    if grid.origin != "measured":
+        message = f"a {grid.origin} grid has no recordings; expected a store of them. Its points show no signals."
+        return CampaignSignals((), (told("info", "signals of the points", message),))
+    rows = [_rows_of(shaft) for shaft in budget.shafts]
+    cells = [_without_signals(grid, budget, row, tuple(shaft(row) for shaft in rows)) for row in range(len(grid))]
+    places = _places(store, grid)
+    runs: dict[str, list[int]] = defaultdict(list)
+    for row, place in places.items():
+        runs[place.manifest.identifier].append(row)
+    for row in set(range(len(grid))) - set(places):
+        cells[row] = replace(cells[row], lacking="no samples of this window are in the store; ingest its recording")
+    for identifier, of_run in runs.items():
+        try:
+            run = _run(store, identifier)
+        except StoreError as error:
+            file = str(places[of_run[0]].manifest.document["file"])
+            for row in of_run:
+                cells[row] = replace(cells[row], file=file, lacking=f"samples {error.came}; ingest {file} again")
+            continue
+        for row in of_run:
+            cells[row] = _with_signals(cells[row], places[row], run, bins_for(len(grid)))
+    return CampaignSignals(tuple(cells), _findings(cells))
+
+
+def _run(store: Store, identifier: str) -> dict[str, Array]:
+    """The columns of a run that are shown, and the numbers of its samples."""
+    samples = store.samples(identifier)
+    needed = ("sample", *(signal.name for signal in TORQUES), *(f"angle_{side}" for side in SIDES))
+    lacking = [name for name in needed if name not in samples.columns]
+    if lacking:
+        raise StoreError(
+            f"run {identifier}", f"without {', '.join(lacking)}", "decoded samples", "Ingest its source again."
+        )
+    return {name: samples[name].to_numpy() for name in needed}
+
+
+def _places(store: Store, grid: Grid) -> dict[int, _Place]:
+    """Where the window of each row of a grid stands; rows without one are left out.
+
+    Rows and windows meet by start and name of the point; copies of a window, which share both, by their order.
+    """
+    found: dict[tuple[float, str], deque[_Place]] = defaultdict(deque)
+    for manifest in store.manifests(whole=False):
+        if manifest.ingested and manifest.document["run"]["campaign"] == grid.campaign:
+            for window in manifest.document["windows"]:
+                key = round(float(window["started_at_s"]), SAME_START), str(window["point"])
+                found[key].append(_Place(manifest, window))
+    places = {}
+    for row, (started, name) in enumerate(zip(grid.points.started_at, grid.points.name, strict=True)):
+        waiting = found.get((round(float(started), SAME_START), str(name)))
+        if waiting:
+            places[row] = waiting.popleft()
+    return places
+
+
+def _without_signals(grid: Grid, budget: Budget, row: int, shafts: tuple[ShaftRows, ...]) -> CellSignals:
+    """What grid and budget say of a point."""
+    at, reason = grid.points, str(grid.reason[row])
+    flags: list[str] = []
+    if budget.facts is not None:
+        for side, facts in zip(SIDES, (budget.facts.sun, budget.facts.ring), strict=True):
+            flags += _flags(side, facts, row)
+    speeds = float(at.speed_sun[row]), float(at.speed_ring[row])
+    return CellSignals(
+        row=row,
+        point=str(at.name[row]),
+        accepted=bool(grid.accepted[row]),
+        reasons=tuple(reason.split("; ")) if reason else (),
+        flags=tuple(flags),
+        turns=(abs(speeds[0]) / REVOLUTION, abs(speeds[1]) / REVOLUTION),
+        shafts=shafts,
+    )
+
+
+def _flags(side: str, facts: ShaftFacts, row: int) -> list[str]:
+    flags = []
+    if facts.correlated[row]:
+        flags.append(f"{side}: the torque noise is slow for the window")
+    if facts.remembered[row]:
+        flags.append(f"{side}: the uncertainty rests on what slow noise may be, not on batches")
+    return flags
+
+
+def _rows_of(shaft: ShaftBudget) -> Callable[[int], ShaftRows]:
+    """The rows of a shaft's budget at a point; what is reckoned over all points is reckoned once."""
+    contributions = [(c, c.u) for c in shaft.contributions]
+    sums = shaft.torque, shaft.independent, shaft.common, shaft.u, shaft.dof, shaft.factor, shaft.expanded
+
+    def at(row: int) -> ShaftRows:
+        torque, independent, common, u, dof, factor, expanded = (float(column[row]) for column in sums)
+        return ShaftRows(
+            side=shaft.side,
+            torque=torque,
+            rows=tuple(
+                BudgetRow(c.key, c.name, c.kind, c.distribution, c.common, float(us[row]), float(c.dof[row]), c.remark)
+                for c, us in contributions
+            ),
+            independent=independent,
+            common=common,
+            u=u,
+            dof=dof,
+            factor=factor,
+            expanded=expanded,
+        )
+
+    return at
+
+
+def _with_signals(cell: CellSignals, place: _Place, run: Mapping[str, Array], most: int) -> CellSignals:
+    """A point with the signals of its window; without, and why, where the run holds none of its samples.
+
+    There are at most `most` bins of each.
+    """
+    document, window = place.manifest.document, place.window
+    rate, rows = float(document["rate_hz"]), len(run["sample"])
+    known = replace(
+        cell,
+        file=str(document["file"]),
+        rate=rate,
+        first_sample=int(window["first_sample"]),
+        stop_sample=int(window["stop_sample"]),
+    )
+    offset = int(run["sample"][0]) if rows else 0
+    stretch = stretch_of(known.first_sample - offset, known.stop_sample - offset, rows, rate, most=most)
+    if stretch.first == stretch.stop:
+        return replace(known, lacking="the recording holds no samples of this window")
+    channels: list[ChannelSignals] = []
+    for signal, shaft in zip(TORQUES, cell.shafts, strict=True):
+        step = window["means"][shaft.side].get("resolution")
+        made = torque_signals(signal, run[signal.name], stretch, math.nan if step is None else float(step))
+        channels.append(replace(made, mean=shaft.torque, u=shaft.u, expanded=shaft.expanded))
+    for signal, side in zip(SPEEDS, SIDES, strict=True):
+        counts = document["calibration"].get(f"counts_per_rev_{side}")
+        count = REVOLUTION / counts if counts else math.nan
+        channels.append(speed_signals(signal, run[f"angle_{side}"], stretch, count))
+    return replace(known, channels=tuple(channels))
+
+
+def _findings(cells: list[CellSignals]) -> tuple[dict[str, Any], ...]:
+    """One finding for each way in which signals are lacking."""
+    lacking: dict[str, list[str]] = defaultdict(list)
+    for cell in cells:
+        if cell.lacking:
+            lacking[cell.lacking].append(cell.point)
+    return tuple(
+        told(
+            "warning",
+            "signals of the points",
+            f"{counted(len(points), 'point')} without signals: {', '.join(points[:NAMED])}"
+            f"{' ...' if len(points) > NAMED else ''}; {why}",
+        )
+        for why, points in lacking.items()
+    )

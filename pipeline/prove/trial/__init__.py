@@ -1,1 +1,0 @@
-"""The trial of the diagnosis: sealed campaigns drawn, diagnosed unseen, opened, scored."""

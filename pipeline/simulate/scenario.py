@@ -1,0 +1,222 @@
+"""A scenario: what to simulate, in the words of its TOML file; units are part of the keys."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import BeforeValidator, Field, InstanceOf, model_validator
+
+from pmg.pipeline.files.strict_tables import Strict, key_of, one_of, refuse, within
+from pmg.pipeline.fit.calibration import CONSTANTS
+from pmg.pipeline.simulate.scenario_mechanisms import Switched, switch_on
+from pmg.pipeline.simulate.scenario_words import Amplitude, Frequency, Length, Motor, Rpm, Torque
+from pmg.sim.dynamics.assumptions import RANGES, Assumptions, RotorInertia
+from pmg.sim.dynamics.constants import Control
+from pmg.sim.dynamics.transient import OUTPUTS, OnSlip, Solver
+from pmg.sim.errors import near_miss
+from pmg.sim.grid import Configuration
+from pmg.sim.kinematics import Member
+from pmg.sim.steady.power_chain import MotorConvention
+
+
+class Bench(Strict):
+    """The bench's mode."""
+
+    gear: Annotated[int, within(1, 2, "")] = 1
+    configuration: Annotated[Configuration, one_of(Configuration.ENGAGED, Configuration.NEUTRAL)] = (
+        Configuration.ENGAGED
+    )
+    held: Annotated[Member, one_of(Member.CARRIER, Member.RING)] = Member.CARRIER
+    control_sun: Annotated[Control, one_of(*Control)] = Control.TORQUE
+    control_ring: Annotated[Control, one_of(*Control)] = Control.TORQUE
+    history: Literal["settled", "run"] = "settled"
+
+
+SOURCES = ("grids", "analysis", "model", "none")
+"""Keys that say where the losses come from."""
+
+
+class Losses(Strict):
+    """Where the losses come from: one source, and what is set by hand."""
+
+    grids: str | None = None
+    analysis: str | None = None
+    model: str | None = None
+    none: bool = False
+    K_corr: Annotated[float, within(*CONSTANTS["K_corr"].bounds, "")] | None = None
+    b: Annotated[float, within(*CONSTANTS["b"].bounds, CONSTANTS["b"].unit)] | None = None
+    c: Annotated[float, within(*CONSTANTS["c"].bounds, CONSTANTS["c"].unit)] | None = None
+    d: Annotated[float, within(*CONSTANTS["d"].bounds, CONSTANTS["d"].unit)] | None = None
+    terms_sun: str | None = None
+    terms_ring: str | None = None
+    robust: bool | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Losses:
+        named = [name for name in SOURCES if getattr(self, name)]
+        if len(named) != 1:
+            came = f"{' and '.join(named)} together" if named else "no source"
+            refuse(came, "exactly one of grids, analysis, model, none = true", "Name one source of the losses.")
+        changed = [name for name in type(self).model_fields if name not in SOURCES]
+        for name in changed:
+            if getattr(self, name) is not None and (self.none or self.model):
+                came = "beside none = true" if self.none else "beside a model, which holds it"
+                refuse(came, "a source of losses to change", "Take it out, or name grids or an analysis.", name)
+        return self
+
+
+class Map(Strict):
+    """The magnetic torques: the analytic map with more in it, or a table of field computations."""
+
+    fem: str | None = None
+    harmonics: dict[str, Annotated[float, within(-10.0, 10.0, "of the fundamental")]] = Field(default_factory=dict)
+    cogging_sun_nm: Amplitude | None = None
+    cogging_sun_order: Annotated[int, within(1, 10_000, "")] | None = None
+    cogging_ring_nm: Amplitude | None = None
+    cogging_ring_order: Annotated[int, within(1, 10_000, "")] | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Map:
+        if self.fem is not None and self.model_fields_set != {"fem"}:
+            other = key_of(min(self.model_fields_set - {"fem"}))
+            refuse("beside fem", "a table, or harmonics and cogging of the analytic map", "Take one out.", other)
+        for order in self.harmonics:
+            if not (order.isdecimal() and 2 <= int(order) <= 100):
+                refuse(f"order '{order}'", "whole orders from 2 to 100, such as 3 = 0.05", "Correct it.", "harmonics")
+        for side in ("sun", "ring"):
+            if getattr(self, f"cogging_{side}_order") is not None and getattr(self, f"cogging_{side}_nm") is None:
+                refuse("an order alone", "an amplitude beside it", "Add it.", f"cogging_{side}_Nm")
+        return self
+
+
+class Point(Strict):
+    """One steady point: two of its four quantities."""
+
+    speed_sun_rpm: Rpm | None = None
+    speed_ring_rpm: Rpm | None = None
+    torque_sun_nm: Torque | None = None
+    torque_ring_nm: Torque | None = None
+
+
+class Levels(Strict):
+    """A grid of steady points: every combination of the levels."""
+
+    speed_sun_rpm: Annotated[list[Rpm], Field(min_length=1)]
+    load_nm: Annotated[list[Amplitude], Field(min_length=1)] | None = None
+    speed_ring_rpm: Annotated[list[Rpm], Field(min_length=1)] | None = None
+    drive: Literal["sun", "ring"] = "sun"
+
+
+class Transient(Strict):
+    """A run in time."""
+
+    duration_s: Length
+    outputs: Annotated[int, within(2, 200_000, "instants")] = OUTPUTS
+    rtol: Annotated[float, within(1e-12, 1e-2, "")] = 1e-6
+    on_slip: Annotated[OnSlip, one_of(*OnSlip)] = OnSlip.STOP
+    solver: Annotated[Solver, one_of(*Solver)] = Solver.COMPILED
+    start: Literal["rest", "steady"] = "rest"
+    sun: Motor | None = None
+    ring: Motor | None = None
+
+
+class Response(Strict):
+    """A frequency response."""
+
+    side: Literal["sun", "ring"] = "sun"
+    from_hz: Frequency = 0.1
+    to_hz: Frequency = 1e4
+    points: Annotated[int, within(2, 100_000, "frequencies")] = 400
+
+    @model_validator(mode="after")
+    def _rising(self) -> Response:
+        if self.to_hz <= self.from_hz:
+            refuse(f"{self.to_hz:g} Hz", f"more than from_Hz = {self.from_hz:g} Hz", "Exchange them.", "to_Hz")
+        return self
+
+
+Format: TypeAlias = Literal["csv", "parquet", "mcap"]
+FORMATS: tuple[Format, ...] = ("csv", "parquet", "mcap")
+
+
+class Output(Strict):
+    """What is written, and how finely."""
+
+    rate_hz: Annotated[float, within(1.0, 100_000.0, "Hz")] = 500.0
+    seconds: Annotated[float, within(1.0, 3_600.0, "s")] = 5.0
+    campaign: Annotated[str, Field(min_length=1)] = "simulated"
+    formats: list[Format] = Field(default_factory=lambda: list(FORMATS))
+    figures: bool = True
+
+
+class Plan(Strict):
+    """A campaign that is to be run, for the design audit."""
+
+    neutral_sun_rpm: Annotated[list[Rpm], Field(min_length=1)]
+    neutral_ring_rpm: Annotated[list[Rpm], Field(min_length=1)]
+    engaged_sun_rpm: list[Rpm] = Field(default_factory=list)
+    engaged_load_nm: list[Amplitude] = Field(default_factory=list)
+    order: Literal["random", "rising", "falling"] = "random"
+    repeats: Annotated[int, Field(ge=0, le=1000)] = 0
+    zero_checks: Annotated[int, Field(ge=0, le=1000)] = 0
+    reversed_flow: bool = False
+    reversed_rotation: bool = False
+    seconds_a_point: Annotated[float, within(1.0, 3_600.0, "s")] = 45.0
+    noise_sun_nm: Annotated[float, within(1e-6, 1.0, "N m")] = 1e-3
+    noise_ring_nm: Annotated[float, within(1e-6, 1.0, "N m")] = 1e-3
+
+
+def _assumptions(table: object) -> Assumptions:
+    """What the thesis leaves open, as a table of the file chooses it."""
+    if not isinstance(table, dict):
+        refuse(repr(table), "a table", "Write [assumptions] above the keys.")
+    known = {f.name: f.default for f in fields(Assumptions)}
+    kinds = {"motor_signs": MotorConvention, "rotor_inertia": RotorInertia}
+    chosen: dict[str, Any] = {}
+    for name, value in table.items():
+        if name not in known:
+            refuse("unknown key", "a known one", near_miss(name, known), name)
+        if name in kinds:
+            words = [kind.value for kind in kinds[name]]
+            if value not in words:
+                names = " or ".join(f'"{word}"' for word in words)
+                refuse(repr(value), names, near_miss(str(value), words), name)
+            chosen[name] = kinds[name](value)
+        elif name in RANGES:
+            low, high, unit = RANGES[name]
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not number or not low <= value <= high:
+                came = f"{value:g} {unit}" if number else repr(value)
+                refuse(came, f"{low:g} to {high:g} {unit}", "Choose a value in that range.", name)
+            chosen[name] = float(value)
+        else:
+            if not isinstance(value, bool):
+                refuse(repr(value), "true or false", "Write it without quotation marks.", name)
+            chosen[name] = value
+    return Assumptions(**chosen)
+
+
+class Scenario(Strict):
+    """All that one file asks for."""
+
+    title: str = ""
+    bench: Bench = Bench()
+    losses: Losses
+    map: Map = Map()
+    mechanism: Annotated[tuple[InstanceOf[Switched], ...], BeforeValidator(switch_on)] = ()
+    assumptions: Annotated[InstanceOf[Assumptions], BeforeValidator(_assumptions)] = Assumptions()
+    point: Point | None = None
+    grid: Levels | None = None
+    transient: Transient | None = None
+    response: Response | None = None
+    plan: Plan | None = None
+    output: Output = Output()
+
+    @model_validator(mode="after")
+    def _whole(self) -> Scenario:
+        if not (self.point or self.grid or self.transient or self.response or self.plan):
+            refuse(
+                "nothing to simulate", "[point], [grid], [transient], [response] or [plan]", "Add one of these tables."
+            )
+        return self

@@ -1,0 +1,86 @@
+"""The words of a scenario: ranges, and what a motor is asked for."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import AliasChoices, Field, model_validator
+
+from pmg.pipeline.files.strict_tables import Strict, refuse, within
+
+Rpm = Annotated[float, within(-20_000.0, 20_000.0, "rpm")]
+Torque = Annotated[float, within(-1e3, 1e3, "N m")]
+Asked = Annotated[float, within(-20_000.0, 20_000.0, "N m or rpm")]
+Instant = Annotated[float, within(-1e6, 1e6, "s")]
+Length = Annotated[float, within(1e-6, 1e6, "s")]
+Frequency = Annotated[float, within(1e-4, 1e6, "Hz")]
+Amplitude = Annotated[float, within(0.0, 1e3, "N m")]
+
+
+def _by_unit(name: str) -> AliasChoices:
+    return AliasChoices(f"{name}_Nm", f"{name}_rpm")
+
+
+class Ramp(Strict):
+    """From one value to another."""
+
+    to: Asked = Field(validation_alias=_by_unit("to"))
+    over_s: Length
+    begin_s: Instant = 0.0
+    start: Asked = Field(default=0.0, validation_alias=_by_unit("start"))
+
+
+class Step(Strict):
+    """A step with a rise time."""
+
+    to: Asked = Field(validation_alias=_by_unit("to"))
+    at_s: Instant
+    rise_s: Length = 1e-3
+    start: Asked = Field(default=0.0, validation_alias=_by_unit("start"))
+
+
+class Knots(Strict):
+    """Straight lines between knots."""
+
+    times_s: Annotated[list[Instant], Field(min_length=1)]
+    values: Annotated[list[Asked], Field(min_length=1)] = Field(validation_alias=_by_unit("values"))
+
+
+class Recorded(Strict):
+    """A programme from a column of a CSV file."""
+
+    file: str
+    time: str = "time_s"
+    value: str
+
+
+class SineSweep(Strict):
+    """A sine on top, its frequency running from one value to another."""
+
+    amplitude: Asked = Field(validation_alias=_by_unit("amplitude"))
+    from_hz: Frequency
+    to_hz: Frequency
+    begin_s: Instant = 0.0
+    over_s: Length
+
+
+_FORMS = ("hold", "ramp", "step", "points", "recorded")
+
+
+class Motor(Strict):
+    """What a motor is asked for: one form, and a sweep on top of it."""
+
+    hold: Asked | None = Field(default=None, validation_alias=_by_unit("hold"))
+    ramp: Ramp | None = None
+    step: Step | None = None
+    points: Knots | None = None
+    recorded: Recorded | None = None
+    sweep: SineSweep | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Motor:
+        given = [name for name in _FORMS if getattr(self, name) is not None]
+        if len(given) != 1:
+            came = f"{' and '.join(given)} together" if given else "nothing that says what is asked for"
+            refuse(came, f"exactly one of {', '.join(_FORMS)}; a sweep comes on top", "Leave one.")
+        return self

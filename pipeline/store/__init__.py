@@ -1,0 +1,1 @@
+"""The store of decoded runs, and the files it is made from."""

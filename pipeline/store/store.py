@@ -1,0 +1,229 @@
+"""The store: decoded runs as Parquet and one manifest a source, written so that a kill at any moment harms nothing."""
+
+from __future__ import annotations
+
+import io
+import json
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import polars as pl
+
+from pmg.pipeline.files.atomic import PREFIX, abandoned, write_aside
+from pmg.pipeline.store.sources import SUFFIX
+from pmg.sim.errors import StoreError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+SCHEMA = "pmg.store/1"
+MARK = "store.json"
+SOURCES = "sources"
+RUNS = "runs"
+ORDERS = "orders"
+STATUSES = ("ingested", "failed")
+REMOVED = f"{PREFIX}removed-"
+"""Start of the names of manifests that are being removed."""
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """What the store knows of one source file.
+
+    Parameters
+    ----------
+    identifier : str
+        Stem of the file and the first eight digits of its hash.
+    document : dict
+        ``file``, ``sha256``, ``size``, ``status`` (``ingested`` or ``failed``), ``run``, ``calibration``,
+        ``rate_hz``, ``first_sample``, ``samples``, ``findings`` and ``windows`` with their means;
+        of an imported recording ``origin``, what it was imported from; ``supplied``, what it lacked and was stated
+        beside it, with names and hashes; ``offered``, a map of which it took nothing; ``lacking``, channels that it
+        does not hold. Of a failed one ``run`` holds
+        what is known of it, ``setpoints`` in SI among it; it is left out where nothing is.
+    """
+
+    identifier: str
+    document: Mapping[str, Any]
+
+    @property
+    def ingested(self) -> bool:
+        """Whether its runs are in the store."""
+        return bool(self.document["status"] == "ingested")
+
+
+class Store:
+    """A folder of ingested recordings.
+
+    Parameters
+    ----------
+    path : Path
+        The folder.
+
+    Raises
+    ------
+    StoreError
+        The folder holds something else, or a store of another schema. Nothing is touched.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open the store; it is made on the first write."""
+        self.path = path
+        mark = path / MARK
+        if path.exists() and not path.is_dir():
+            refuse_recordings(path)
+            raise StoreError(str(path), "a file", "a folder", "Name a folder for the store.")
+        if mark.is_file():
+            schema = _schema_of(mark)
+            if schema != SCHEMA:
+                raise StoreError(str(mark), f"schema {schema!r}", SCHEMA, "Choose another folder, or ingest anew.")
+        elif path.is_dir() and _held_otherwise(path):
+            refuse_recordings(path)
+            raise StoreError(
+                str(path),
+                f"a folder with other things in it and no {MARK}",
+                "a store, or an empty folder",
+                "Choose another folder; nothing was changed.",
+            )
+
+    @property
+    def made(self) -> bool:
+        """Whether the folder is a store by now."""
+        return (self.path / MARK).is_file()
+
+    def prepare(self) -> None:
+        """Make the folder a store."""
+        if not self.made:
+            write_aside(self.path / MARK, _json({"schema": SCHEMA}))
+
+    def require(self) -> None:
+        """Raise a `StoreError` where nothing was ever ingested."""
+        if self.made:
+            return
+        if not self.path.exists():
+            raise StoreError(str(self.path), "no such folder", "a store", "Run 'pmg ingest' first, or check the path.")
+        raise StoreError(str(self.path), "no store there", "ingested recordings", "Run 'pmg ingest' first.")
+
+    def manifest(self, identifier: str) -> Manifest | None:
+        """The manifest of a source; None where there is none that can be read."""
+        path = self.path / SOURCES / f"{identifier}.json"
+        try:
+            document = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+            return None
+        if document.get("status") not in STATUSES:
+            return None
+        if document["status"] == "ingested" and not (self.path / RUNS / f"{identifier}.parquet").is_file():
+            return None
+        return Manifest(identifier, document)
+
+    def manifests(self, *, whole: bool = True) -> list[Manifest]:
+        """Manifests of all sources, by name of the file.
+
+        Parameters
+        ----------
+        whole : bool
+            Whether one that cannot be read is an error; it is left out otherwise, as an ingest writes it anew.
+
+        Raises
+        ------
+        StoreError
+            One of them cannot be read. One that another process removes meanwhile is no longer there.
+        """
+        self.require()
+        found = []
+        for path in sorted((self.path / SOURCES).glob("*.json")):
+            if path.name.startswith(PREFIX):
+                continue
+            manifest = self.manifest(path.stem)
+            if manifest is not None:
+                found.append(manifest)
+            elif whole and path.exists():
+                raise StoreError(
+                    str(path), "unreadable, or its samples are missing", SCHEMA, "Ingest its source again."
+                )
+        return found
+
+    def write(self, identifier: str, document: Mapping[str, Any], samples: pl.DataFrame | None) -> None:
+        """Write a source: samples first, the manifest last, so that a manifest always has its samples."""
+        if samples is not None:
+            buffer = io.BytesIO()
+            samples.write_parquet(buffer, compression="zstd", statistics=False)
+            write_aside(self.path / RUNS / f"{identifier}.parquet", buffer.getvalue())
+        write_aside(self.path / SOURCES / f"{identifier}.json", _json({"schema": SCHEMA} | dict(document)))
+
+    def remove(self, identifier: str) -> None:
+        """Forget a source, so that a kill leaves it whole or leaves what `sweep` clears away."""
+        manifest = self.path / SOURCES / f"{identifier}.json"
+        leaving = manifest.with_name(f"{REMOVED}{identifier}.json")
+        with suppress(FileNotFoundError):
+            manifest.replace(leaving)
+        self._forget(identifier)
+        leaving.unlink(missing_ok=True)
+
+    def _forget(self, identifier: str) -> None:
+        """Remove what is kept of a source beside its manifest: samples, and lines of the shafts' orders."""
+        (self.path / RUNS / f"{identifier}.parquet").unlink(missing_ok=True)
+        for suffix in (".json", ".parquet"):
+            (self.path / ORDERS / f"{identifier}{suffix}").unlink(missing_ok=True)
+
+    def samples(self, identifier: str) -> pl.DataFrame:
+        """Decoded samples of a source: `sample`, `torque_sun`, `torque_ring` [N m], `angle_sun`, `angle_ring` [rad]."""
+        path = self.path / RUNS / f"{identifier}.parquet"
+        try:
+            return pl.read_parquet(path)
+        except (OSError, pl.exceptions.PolarsError) as error:
+            raise StoreError(
+                str(path), f"unreadable ({error})", "decoded samples", "Ingest its source again."
+            ) from error
+
+    def sweep(self) -> None:
+        """Clear away what killed processes left: half-written files, and sources half removed."""
+        for leaving in (self.path / SOURCES).glob(f"{REMOVED}*.json"):
+            self._finish_removal(leaving)
+        for folder in (self.path, *(self.path / name for name in (SOURCES, RUNS, ORDERS))):
+            for left in folder.glob(f"{PREFIX}*"):
+                if not left.name.startswith(REMOVED) and abandoned(left):
+                    with suppress(OSError):
+                        left.unlink()
+
+    def _finish_removal(self, leaving: Path) -> None:
+        """Remove the samples of a source whose manifest is gone; those of one that was ingested again stay."""
+        identifier = leaving.stem.removeprefix(REMOVED)
+        with suppress(OSError):
+            if not (self.path / SOURCES / f"{identifier}.json").exists():
+                self._forget(identifier)
+            leaving.unlink(missing_ok=True)
+
+
+def refuse_recordings(path: Path) -> None:
+    """Raise a `StoreError` where a recording, or a folder of them, is named in place of a store."""
+    if path.is_file() and path.suffix == SUFFIX:
+        came = "a recording"
+    elif path.is_dir() and any(path.glob(f"*{SUFFIX}")):
+        came = "a folder of recordings"
+    else:
+        return
+    do = "Run 'pmg ingest' first: 'pmg ingest RECORDINGS --store STORE' makes a store of them, in a folder of its own."
+    raise StoreError(str(path), came, "a store", do)
+
+
+def _held_otherwise(path: Path) -> bool:
+    """Whether a folder holds things and no mark; one that another process has just made has its mark by now."""
+    return any(not entry.name.startswith(PREFIX) for entry in path.iterdir()) and not (path / MARK).is_file()
+
+
+def _schema_of(mark: Path) -> object:
+    try:
+        document = json.loads(mark.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return "unreadable"
+    return document.get("schema") if isinstance(document, dict) else "unreadable"
+
+
+def _json(document: Mapping[str, Any]) -> bytes:
+    return (json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode()

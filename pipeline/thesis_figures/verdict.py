@@ -1,0 +1,133 @@
+"""Does a published figure come out of the published tables?"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.thesis_figures.figures import FIGURES
+from pmg.pipeline.thesis_figures.remarks import remarks_on
+from pmg.pipeline.thesis_figures.rounding import Spread, spreads
+from pmg.pipeline.thesis_figures.tables import printed
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from pmg.pipeline.thesis_figures.claim import Published
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
+
+WIDE = 0.20
+"""Width of an interval, as part of the figure, above which the tables do not determine it."""
+
+
+class Verdict(StrEnum):
+    """What can be said of a figure.
+
+    ``REPRODUCED``: what is printed lies in our interval. ``NOT_EXPLAINED``: it lies outside. ``NOT_DETERMINED``: it
+    lies inside, but the interval is wider than a fifth of it, or reaches over the limit that is claimed.
+    ``INCONSISTENT``: the source states it twice, differently.
+    """
+
+    REPRODUCED = "reproduced"
+    NOT_EXPLAINED = "rounding does not explain"
+    NOT_DETERMINED = "not determined by the rounded tables"
+    INCONSISTENT = "inconsistent in the source"
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A published figure beside ours, in the unit it is printed in.
+
+    Parameters
+    ----------
+    figure : Published
+        As printed.
+    ours : float
+        From the rounded tables.
+    reach : float
+        Half-width of the interval about ours: what the tables' rounding moves it by, and the figure's own rounding.
+    distance : float
+        Ours minus published, in half-widths; 0 within a range.
+    verdict : Verdict
+        What follows.
+    """
+
+    figure: Published
+    ours: float
+    reach: float
+    distance: float
+    verdict: Verdict
+
+    @property
+    def low(self) -> float:
+        """Lower end of the interval."""
+        return self.ours - self.reach
+
+    @property
+    def high(self) -> float:
+        """Upper end of the interval."""
+        return self.ours + self.reach
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What is known about it."""
+        return remarks_on(self.figure.id, differs=self.verdict is not Verdict.REPRODUCED)
+
+
+def judge(figure: Published, spread: Spread) -> Judged:
+    """The verdict on a figure."""
+    ours, shift = spread.ours / figure.unit.scale, spread.shift / figure.unit.scale
+    value, upper, reach = figure.value, figure.upper, shift + figure.rounding
+    gap = ours - value if ours < value else max(ours - upper, 0.0)
+    if not figure.consistent:
+        verdict = Verdict.INCONSISTENT
+    elif math.isnan(ours) or abs(gap) > reach * (1.0 + 1e-9):
+        verdict = Verdict.NOT_EXPLAINED
+    elif math.isinf(value) or math.isinf(upper):
+        clear = ours - shift >= value - figure.rounding and ours + shift <= upper + figure.rounding
+        verdict = Verdict.REPRODUCED if clear else Verdict.NOT_DETERMINED
+    else:
+        size = abs(value) if figure.size is None else figure.size
+        verdict = Verdict.NOT_DETERMINED if 2.0 * shift > WIDE * size else Verdict.REPRODUCED
+    return Judged(figure, ours, reach, gap / reach, verdict)
+
+
+def validate(
+    grid: Grid,
+    bench: BenchParameters,
+    draws: int,
+    rng: np.random.Generator,
+    figures: tuple[Published, ...] = FIGURES,
+) -> tuple[Judged, ...]:
+    """Every published figure beside what the published grid gives.
+
+    Parameters
+    ----------
+    grid : Grid
+        The published grid.
+    bench : BenchParameters
+        Numbers of the bench.
+    draws : int
+        Draws within the rounding of the tables.
+    rng : Generator
+        Their source.
+    figures : tuple of Published
+        Which figures.
+
+    Raises
+    ------
+    GridError
+        The grid is not the thesis's.
+    FitError
+        Too few draws.
+    """
+    found = spreads(printed(grid), bench, draws, rng)
+    return tuple(judge(figure, found[figure.id]) for figure in figures)
+
+
+def count(judged: tuple[Judged, ...]) -> dict[Verdict, int]:
+    """How many figures have each verdict."""
+    return {verdict: sum(j.verdict is verdict for j in judged) for verdict in Verdict}

@@ -1,0 +1,137 @@
+"""What an effect is, and what a bench with effects reads before any noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from pmg.pipeline.trials.design import ratio_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from pmg.pipeline.trials.design import Design
+    from pmg.pipeline.trials.world import World
+    from pmg.sim.signals import Array
+
+    Knobs: TypeAlias = Mapping[str, float | str]
+    Pair: TypeAlias = tuple[Array, Array]  # sun and ring [N m]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A design run on a world."""
+
+    design: Design
+    world: World
+
+    @cached_property
+    def drags(self) -> Pair:
+        """Drag of both rotors without any effect [N m]."""
+        return self.world.drags(self.design)
+
+    @cached_property
+    def load(self) -> Array:
+        """Torque that the ring motor holds when engaged [N m]."""
+        return self.world.load(self.design)
+
+    @cached_property
+    def carried(self) -> Pair:
+        """Magnitude of the torque that each shaft carries when engaged, without any effect [N m]."""
+        return np.abs(self.load) / ratio_of(self.design.at), np.abs(self.load)
+
+    @property
+    def speeds(self) -> Pair:
+        """Speeds of sun and ring [rad/s]."""
+        return self.design.at.speed_sun, self.design.at.speed_ring
+
+    def part(self, engaged: float) -> Array:
+        """1 in neutral, the given part when engaged, 0 at rest."""
+        at = self.design.at
+        return np.where(at.engaged, engaged, np.where(at.neutral, 1.0, 0.0))
+
+
+@dataclass(frozen=True)
+class Form:
+    """How an effect acts.
+
+    Parameters
+    ----------
+    identifier : str
+        Id of the vocabulary; ``outside_...`` for what no library knows.
+    components : mapping of str to str
+        The shafts it may sit on, each with the component of the bench.
+    unit : str
+        Unit of its size.
+    first : float
+        A size of the usual order, from which scaling starts.
+    knobs : callable
+        Draws its shape.
+    most : float
+        Largest size that a bench could have.
+    drag : callable, optional
+        Drag that it adds to both rotors [N m], with the sign of the torque that the motor applies.
+    reading : callable, optional
+        What it adds to the readings of both transducers [N m], given the torques that are there.
+    """
+
+    identifier: str
+    components: Mapping[str, str]
+    unit: str
+    first: float
+    knobs: Callable[[Scene, np.random.Generator], dict[str, float | str]]
+    most: float = float("inf")
+    drag: Callable[[Scene, Effect], Pair] | None = None
+    reading: Callable[[Scene, Effect, Pair], Pair] | None = None
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A form on a shaft, with its size and shape."""
+
+    form: Form
+    shaft: str
+    size: float
+    knobs: Knobs
+
+    @property
+    def component(self) -> str:
+        """Where it sits on the bench."""
+        return self.form.components[self.shaft]
+
+    def number(self, name: str) -> float:
+        """A knob that is a number."""
+        return float(self.knobs[name])
+
+
+def torques(scene: Scene, effects: Iterable[Effect]) -> tuple[Pair, Pair]:
+    """Torques that both motors apply, and what the transducers show without noise [N m].
+
+    Notes
+    -----
+    Engaged, the ring motor holds its load; ring rotor and gear pass on what friction leaves of it, and the sun motor
+    balances that and the drag of its own rotor. So the loss is the drag's power, whatever the direction of the flow.
+    """
+    listed = list(effects)
+    sun, ring = scene.drags
+    for effect in listed:
+        if effect.form.drag is not None:
+            more_sun, more_ring = effect.form.drag(scene, effect)
+            sun, ring = sun + more_sun, ring + more_ring
+    at = scene.design.at
+    balance = sun + (scene.load - ring) / ratio_of(at)
+    applied = np.where(at.engaged, balance, sun), np.where(at.engaged, scene.load, ring)
+    shown = applied
+    for effect in listed:
+        if effect.form.reading is not None:
+            more_sun, more_ring = effect.form.reading(scene, effect, applied)
+            shown = shown[0] + more_sun, shown[1] + more_ring
+    return applied, shown
+
+
+def on_shaft(shaft: str, sun: Array, ring: Array) -> Pair:
+    """What acts on the shaft named, or on both."""
+    return (sun if shaft in ("sun", "both") else 0.0 * sun, ring if shaft in ("ring", "both") else 0.0 * ring)

@@ -1,0 +1,124 @@
+"""One campaign of a trial: measured, diagnosed unseen, and the further test run that its diagnosis asks for."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pmg.pipeline.analysis.outputs import read_analysis
+from pmg.pipeline.commands.analyse import run_analyse
+from pmg.pipeline.commands.compare import SEED, run_compare
+from pmg.pipeline.commands.ingest import run_ingest
+from pmg.pipeline.diagnose.decide import diagnose
+from pmg.pipeline.diagnose.design.plans import join_points, possible_plans
+from pmg.pipeline.diagnose.document import diagnosis_document
+from pmg.pipeline.fit.analysis import analyse
+from pmg.pipeline.fit.options import AnalysisOptions
+from pmg.pipeline.trials.nature import measure_case
+from pmg.pipeline.trials.record import write_case
+from pmg.sim.bench import load_bench
+
+if TYPE_CHECKING:
+    from pmg.pipeline.trials.nature import Case
+    from pmg.pipeline.trials.score.case_list import Lot
+    from pmg.sim.grid import OperatingPoints
+
+ROUTES = ("grid", "recordings")
+"""Ways from a concealed campaign to its diagnosis."""
+SCHEMA = "pmg.proof-case/1"
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a worker is given: a campaign, the way to go, which state of the program goes it, the sealed hash.
+
+    `further`: the test that its diagnosis asks for is run too.
+    """
+
+    lot: Lot
+    route: str
+    code: str
+    sha256: str
+    further: bool = True
+
+
+def undergo(task: Task) -> dict[str, Any]:
+    """The diagnosis of one campaign, as JSON; of the truth only its hash."""
+    lot, began = task.lot, time.perf_counter()
+    case = lot.draw()
+    try:
+        document, points = diagnosed(case, lot.rng("measure"), task.route)
+        seconds = time.perf_counter() - began
+        further = extended(case, document, points, lot.rng("extend"), task.route) if task.further else None
+    except Exception as defect:
+        defect.add_note(
+            f"campaign {lot.number} of the trial with seed {lot.seed}: run it alone with --case {lot.number}"
+        )
+        raise
+    return {
+        "schema": SCHEMA,
+        "case": lot.number,
+        "campaign": case.campaign,
+        "sha256": task.sha256,
+        "route": task.route,
+        "code": task.code,
+        "seconds": round(seconds, 3),
+        "diagnosis": document,
+        "extended": further,
+    }
+
+
+def diagnosed(case: Case, rng: np.random.Generator, route: str) -> tuple[dict[str, Any] | None, OperatingPoints]:
+    """Diagnosis of a campaign (None where it could not be made) and the points it had."""
+    if route == "recordings":
+        return _by_recordings(case, rng)
+    bench = load_bench()
+    analysis = analyse(measure_case(case, rng), AnalysisOptions(), bench)
+    if analysis.calibration is None or analysis.fits is None or analysis.floor is None:
+        return None, analysis.grid.points
+    draws = np.random.default_rng(SEED)
+    found = diagnose(analysis.grid, analysis.fits, analysis.floor, analysis.calibration, bench, draws)
+    return diagnosis_document(found), analysis.grid.points
+
+
+def _by_recordings(case: Case, rng: np.random.Generator) -> tuple[dict[str, Any] | None, OperatingPoints]:
+    """The very stages of the command line, on files in a folder that goes again."""
+    with tempfile.TemporaryDirectory(prefix="pmg-prove-") as name:
+        recordings, store, report = (Path(name) / part for part in ("recordings", "store", "report"))
+        recordings.mkdir()
+        write_case(case, recordings, rng)
+        run_ingest(recordings, store, workers=1, progress=None)
+        run_analyse(store, AnalysisOptions(), grids=None, campaign=case.campaign)
+        found: dict[str, Any] | None = run_compare(store, report).data["diagnosis"]
+        return found, read_analysis(store)[0].points
+
+
+def extended(
+    case: Case, document: dict[str, Any] | None, points: OperatingPoints, rng: np.random.Generator, route: str
+) -> dict[str, Any] | None:
+    """What the campaign says with the points of the most powerful proposed test added, run anew by the same bench.
+
+    None where the diagnosis is neither ambiguous nor confounded, or proposes nothing.
+    """
+    if document is None or document["verdict"] not in ("ambiguous", "confounded"):
+        return None
+    tests = [test for test in document["next_tests"] if test["power"] is not None]
+    if not tests:
+        return None
+    best = max(tests, key=lambda test: float(test["power"]))
+    plans = {plan.description: plan for plan in possible_plans(points, load_bench())}
+    if best["description"] not in plans:
+        return None
+    longer = join_points(case.design.at, plans[best["description"]].points)
+    again = replace(case, design=replace(case.design, at=longer))
+    return {
+        "test": best["description"],
+        "minutes": best["minutes"],
+        "power": best["power"],
+        "diagnosis": diagnosed(again, rng, route)[0],
+    }

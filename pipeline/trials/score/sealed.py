@@ -1,0 +1,106 @@
+"""Truths under seal: their hashes are published before any diagnosis is made, and checked when they are opened."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.files.atomic import write_aside
+from pmg.pipeline.trials.nature import seal_truth
+from pmg.sim.errors import StoreError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pmg.pipeline.trials.score.case_list import Lot
+
+SCHEMA = "pmg.sealed/1"
+FILE = "sealed.json"
+
+
+def seal(lots: tuple[Lot, ...], folder: Path, *, seed: int, kinds: tuple[str, ...], route: str) -> dict[int, str]:
+    """Publish the hash of every truth; a seal that is there already must be the same.
+
+    Returns
+    -------
+    dict of int to str
+        SHA-256 of each truth by the number of its campaign.
+
+    Raises
+    ------
+    StoreError
+        The folder holds the seal of another trial.
+    """
+    hashes = {lot.number: seal_truth(lot.draw())[1] for lot in lots}
+    document = {
+        "schema": SCHEMA,
+        "seed": seed,
+        "campaigns": len(lots),
+        "strata": list(kinds),
+        "route": route,
+        "sha256": [hashes[lot.number] for lot in lots],
+    }
+    path = folder / FILE
+    if path.exists():
+        there = read_seal(path)
+        for name, value in document.items():
+            if there.get(name) != value:
+                told = "other truths" if name == "sha256" else f"{name} {there.get(name)}"
+                wanted = "the truths of this call" if name == "sha256" else f"{name} {value}"
+                raise StoreError(
+                    str(path),
+                    f"sealed for {told}",
+                    f"a seal for {wanted}, or none",
+                    "Name another folder with --out, or the trial that this one holds.",
+                )
+    else:
+        write_aside(path, (json.dumps(document, indent=1) + "\n").encode())
+    return hashes
+
+
+def read_seal(path: Path) -> dict[str, Any]:
+    """The published hashes and what they are of."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError:
+        document = None
+    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+        raise StoreError(str(path), "not a readable seal", f"a document {SCHEMA}", "Name another folder with --out.")
+    return document
+
+
+def open_truth(text: str, sealed: str, where: str) -> dict[str, Any]:
+    """The truth, if it is the one that was sealed.
+
+    Raises
+    ------
+    StoreError
+        Its hash is another.
+    """
+    found = hashlib.sha256(text.encode("utf-8")).hexdigest()
+    if found != sealed:
+        raise StoreError(
+            where,
+            f"a truth with SHA-256 {found[:12]}...",
+            f"the one sealed beforehand, {sealed[:12]}...",
+            "It was changed after sealing; begin the trial anew in another folder.",
+        )
+    truth: dict[str, Any] = json.loads(text)
+    return truth
+
+
+def open_truths(lots: tuple[Lot, ...], folder: Path) -> dict[int, dict[str, Any]]:
+    """Every truth checked against the seal and laid beside it, in ``truths``; call it when all diagnoses are made.
+
+    A truth that already lies there is the one that is checked.
+    """
+    published = read_seal(folder / FILE)["sha256"]
+    found = {}
+    for lot in lots:
+        path = folder / "truths" / f"{lot.number:04d}.json"
+        text = path.read_text(encoding="utf-8") if path.exists() else seal_truth(lot.draw())[0]
+        found[lot.number] = open_truth(text, published[lot.number], str(path))
+        if not path.exists():
+            write_aside(path, text.encode())
+    return found

@@ -1,1 +1,0 @@
-"""Two campaigns beside each other: matched point by point, subtracted, judged."""

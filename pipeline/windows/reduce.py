@@ -1,0 +1,279 @@
+"""A window of samples reduced to means and what they are uncertain by."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import fft
+
+from pmg.pipeline.windows.revolutions import Turned, turns_of
+from pmg.pipeline.windows.window_mean import serial_mean
+from pmg.sim import sources
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from pmg.pipeline.windows.revolutions import Batches
+    from pmg.pipeline.windows.window import Window
+    from pmg.sim.signals import Array
+
+REDUCTION = 2
+"""How means and their uncertainty are taken, counted up with every change; a store holds which it has."""
+CUTOFF_HZ = 0.5
+"""Cut-off of the brick-wall filter that the bench's evaluation applies to the torques [Hz]."""
+DOUBTED = 0.45
+"""Weight of noise that batches cannot give the uncertainty of, beyond which all forms of noise that fit give it."""
+FLAGGED = 0.3
+"""Weight of noise that is not flat at the lowest frequencies of the window, beyond which the window is flagged."""
+LONG_MEMORY = 0.05
+"""Correlation time, as part of the window, that counts as such where only that is known."""
+
+STILL = 1e-12
+"""Range of a torque, as part of its size or of 1 N m, below which it shows nothing but the rounding of numbers."""
+RESOLVED = 0.5
+"""Correlation time that the finer pieces can tell from none, as part of one of them."""
+BATCH_METHOD, MEMORY_METHOD = "batches", "memory"
+"""Where the uncertainty of a mean comes from."""
+
+FILTER_SOURCE = sources.THESIS.at("evaluation of the tests: FFT low-pass filter at 0.5 Hz")
+UNCERTAINTY_SOURCE = sources.FLEGAL_JONES.at("batch means estimator")
+
+
+@dataclass(frozen=True)
+class ShaftMeans:
+    """One shaft over one window.
+
+    Parameters
+    ----------
+    torque : float
+        Mean torque, over whole revolutions where the shaft turns five times or more [N m].
+    within : float
+        Standard uncertainty of that mean from what varies within the window [N m].
+    dof : float
+        Degrees of freedom of `within`.
+    revolutions_per_batch : int
+        Whole revolutions of each batch; 0 where batches are cut by time.
+    std, std_filtered : float
+        Standard deviation of the torque before and after the filter [N m].
+    correlation_time : float
+        Correlation time of the torque noise, as if it were of first order [s].
+    speed : float
+        Mean speed, from the angle at both ends [rad/s].
+    method : str
+        Where `within` comes from: ``batches``, or ``memory`` where they may not give it (`serial_mean`).
+    correlated : bool
+        The noise may not be flat at the lowest frequencies of the window (`FLAGGED`): of first order, it outlives a
+        twentieth of it. What goes on below them is not seen, and `within` rests on what noise may be.
+    resolution : float
+        Step between neighbouring values of the torque [N m].
+    """
+
+    torque: float
+    within: float
+    dof: float
+    revolutions_per_batch: int
+    std: float
+    std_filtered: float
+    correlation_time: float
+    speed: float
+    method: str = BATCH_METHOD
+    correlated: bool = False
+    resolution: float = math.nan
+
+
+@dataclass(frozen=True)
+class PointMeans:
+    """Both shafts over one window.
+
+    Parameters
+    ----------
+    n : int
+        Samples with a torque of both shafts.
+    duration : float
+        Length of the window [s].
+    sun, ring : ShaftMeans
+        The shafts. A number that cannot be had (a gap, too few samples) is NaN.
+    """
+
+    n: int
+    duration: float
+    sun: ShaftMeans
+    ring: ShaftMeans
+
+
+def reduce_window(samples: pl.DataFrame, window: Window, rate_hz: float) -> PointMeans:
+    """Means of a window.
+
+    Parameters
+    ----------
+    samples : polars.DataFrame
+        Samples of the recording: `sample`, `torque_sun`, `torque_ring`, `angle_sun`, `angle_ring`.
+    window : Window
+        Which of them; accepted or not.
+    rate_hz : float
+        Sample rate [Hz].
+    """
+    offset = int(samples["sample"][0]) if samples.height else 0
+    length = max(0, window.stop_sample - window.first_sample)
+    part = samples.slice(max(0, window.first_sample - offset), length)
+    columns = {name: part[name].to_numpy() for name in ("torque_sun", "torque_ring", "angle_sun", "angle_ring")}
+    both = np.isfinite(columns["torque_sun"]) & np.isfinite(columns["torque_ring"])
+    return PointMeans(
+        n=int(np.count_nonzero(both)),
+        duration=length / rate_hz,
+        sun=reduce_shaft(columns["torque_sun"], columns["angle_sun"], rate_hz),
+        ring=reduce_shaft(columns["torque_ring"], columns["angle_ring"], rate_hz),
+    )
+
+
+def reduce_shaft(torque: Array, angle: Array, rate_hz: float) -> ShaftMeans:
+    r"""Means of one shaft.
+
+    Parameters
+    ----------
+    torque, angle : (n,) array
+        Torque [N m] and angle [rad].
+    rate_hz : float
+        Sample rate [Hz].
+
+    Notes
+    -----
+    The mean is taken over as many whole revolutions as fit: over a part of one, ripple leaves up to its amplitude
+    over the number of radians turned, which may be many times the noise of the mean. The filter is applied to the
+    window alone: applied to the whole record it lets a step next to the window leak into it. It would leave the mean
+    as it is; the scatter after it says nothing about the uncertainty of that mean, since neighbouring values are no
+    longer independent. With the means :math:`y_i` of b batches of L samples, and n samples in the mean,
+
+    .. math:: u^2 = \frac{L}{n} \frac{1}{b-1} \sum_i (y_i - \bar y)^2 .
+
+    The correlation time is learned from finer pieces of whole revolutions (`serial_mean`), and where it is shorter
+    than half of one from :math:`u^2 = 2 s^2 \tau / t`, t the length of the mean and s the scatter that does not
+    repeat from turn to turn. Where batches may miss u (`DOUBTED`), the finer pieces give it and its degrees of
+    freedom. A gap in the torque leaves mean and standard deviation; the rest is NaN. A torque that does not vary
+    (`STILL`) says nothing about its uncertainty: `within` is NaN, with no degrees of freedom, and the resolution too.
+
+    References
+    ----------
+    `FILTER_SOURCE`, `UNCERTAINTY_SOURCE`, `BERGER_YANG` in `pmg.pipeline.windows.window_mean`.
+    """
+    known = torque[np.isfinite(torque)]
+    speed = end_to_end_speed(angle, rate_hz)
+    step = resolution(known)
+    if len(known) < 2 or len(known) < len(torque):
+        mean = float(known.mean()) if len(known) else math.nan
+        std = float(known.std(ddof=1)) if len(known) > 1 else math.nan
+        return ShaftMeans(mean, math.nan, 0, 0, std, math.nan, math.nan, speed, resolution=step)
+    turned = Turned(torque, turns_of(angle))
+    batches = turned.batches()
+    noise = MeanNoise() if _still(torque) else mean_noise(turned, batches, rate_hz)
+    return ShaftMeans(
+        torque=turned.mean(),
+        within=noise.within,
+        dof=noise.dof,
+        revolutions_per_batch=batches.revolutions,
+        std=float(torque.std(ddof=1)),
+        std_filtered=float(low_pass(torque, rate_hz, CUTOFF_HZ).std(ddof=1)),
+        correlation_time=noise.correlation_time,
+        speed=speed,
+        method=noise.method,
+        correlated=noise.uneven,
+        resolution=step,
+    )
+
+
+@dataclass(frozen=True)
+class MeanNoise:
+    """What the mean of a window is uncertain by.
+
+    Parameters
+    ----------
+    within, dof, method, correlation_time
+        As in `ShaftMeans`.
+    uneven : bool
+        The noise may not be flat at the lowest frequencies of the window: `ShaftMeans.correlated`.
+    """
+
+    within: float = math.nan
+    dof: float = 0.0
+    method: str = BATCH_METHOD
+    correlation_time: float = math.nan
+    uneven: bool = False
+
+
+def mean_uncertainty(turned: Turned, batches: Batches, rate_hz: float) -> tuple[float, float, str, float]:
+    """Standard uncertainty of the mean, its degrees of freedom, where both come from, and the correlation time."""
+    found = mean_noise(turned, batches, rate_hz)
+    return found.within, found.dof, found.method, found.correlation_time
+
+
+def mean_noise(turned: Turned, batches: Batches, rate_hz: float) -> MeanNoise:
+    """What the mean of a window is uncertain by, from its batches or from its finer pieces."""
+    if len(batches.means) < 2:
+        return MeanNoise()
+    within = math.sqrt(float(batches.means.var(ddof=1)) * batches.length / turned.used)
+    dof, scatter = float(len(batches.means) - 1), turned.scatter()
+    short = within**2 * turned.used / rate_hz / (2.0 * scatter**2) if scatter > 0.0 else math.nan
+    pieces = turned.pieces()
+    count, found = len(pieces.means), serial_mean(pieces.means)
+    if found is None:
+        return MeanNoise(within, dof, BATCH_METHOD, short, bool(short * rate_hz > LONG_MEMORY * len(turned.torque)))
+    samples = count * pieces.length
+    time = short if found.memory * count < RESOLVED else found.memory * samples / rate_hz
+    if found.unsafe <= DOUBTED:
+        return MeanNoise(within, dof, BATCH_METHOD, time, found.uneven > FLAGGED)
+    u = found.u * math.sqrt(samples / turned.used)
+    return MeanNoise(u, found.dof, MEMORY_METHOD, time, found.uneven > FLAGGED)
+
+
+def _still(torque: Array) -> bool:
+    """Whether a torque [N m] shows nothing but the rounding of numbers."""
+    return len(torque) > 0 and float(np.ptp(torque)) <= STILL * max(1.0, float(np.max(np.abs(torque))))
+
+
+def resolution(torque: Array) -> float:
+    """Step between neighbouring values [N m]: the middle one among those that occur; NaN where none differ."""
+    if _still(torque):
+        return math.nan
+    steps = np.diff(np.unique(torque))
+    return float(np.median(steps)) if len(steps) else math.nan
+
+
+def low_pass(x: Array, rate_hz: float, cutoff_hz: float) -> Array:
+    """Signal without its parts above a frequency: the brick-wall filter of the bench's evaluation.
+
+    Parameters
+    ----------
+    x : (n,) array
+        Signal.
+    rate_hz : float
+        Sample rate [Hz].
+    cutoff_hz : float
+        Highest frequency that is kept [Hz].
+
+    Returns
+    -------
+    (n,) array
+        With the same mean.
+
+    References
+    ----------
+    `FILTER_SOURCE`.
+    """
+    spectrum = fft.rfft(x)
+    spectrum[fft.rfftfreq(len(x), 1.0 / rate_hz) > cutoff_hz] = 0.0
+    return np.asarray(fft.irfft(spectrum, n=len(x)), dtype=np.float64)
+
+
+def end_to_end_speed(angle: Array, rate_hz: float) -> float:
+    """Mean speed [rad/s] from the first and the last known angle [rad]; NaN with fewer than two.
+
+    Between samples, one count is more than a hundred rpm; between the ends of a window it is next to nothing.
+    """
+    known = np.flatnonzero(np.isfinite(angle))
+    if len(known) < 2:
+        return math.nan
+    first, last = known[0], known[-1]
+    return float((angle[last] - angle[first]) * rate_hz / (last - first))

@@ -1,0 +1,1 @@
+"""Torque maps of the magnetic gear: analytic, and from tables of field computations."""

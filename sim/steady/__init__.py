@@ -1,0 +1,1 @@
+"""The bench at rest and at steady speed: gearbox, solution, power chain."""

@@ -1,0 +1,176 @@
+"""What the page and the summary tell of a mechanism that warms: sizes, evidence, temperature, numbers for programs."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+import jsonschema
+import numpy as np
+import pytest
+from tests.report.example import report
+
+from pmg.pipeline.chapters.explained.verdict import diagnosis_section
+from pmg.pipeline.chapters.measured.neutral import neutral_section
+from pmg.pipeline.commands.compare_and_diagnose import Judged, judge, summary_facts
+from pmg.pipeline.diagnose.decide import JUDGE_DRAWS
+from pmg.pipeline.diagnose.diagnosis import Diagnosis
+from pmg.pipeline.diagnose.statement import statement
+from pmg.pipeline.fit.analysis import Analysis, analyse
+from pmg.pipeline.fit.options import AnalysisOptions
+from pmg.pipeline.report.document import Chart, Figure, Measured, Section, Table
+from pmg.pipeline.report.summary import summary
+from pmg.pipeline.trials.nature import draw_case, measure_case
+from pmg.pipeline.trials.strata import find_stratum
+from pmg.sim.bench import load_bench
+from pmg.sim.mechanisms.warmed import WarmingBearings
+
+SCHEMA = Path(__file__).resolve().parents[2] / "pipeline" / "report" / "summary.schema.json"
+
+
+@pytest.fixture(scope="module")
+def analysed() -> Analysis:
+    """A campaign of the proving bench whose ring bearings warm."""
+    rng = np.random.default_rng(1000)
+    grid = measure_case(draw_case(find_stratum("lubricant_viscosity ring 4"), rng), rng)
+    return analyse(grid, AnalysisOptions(), load_bench())
+
+
+@pytest.fixture(scope="module")
+def judged(analysed: Analysis) -> Judged:
+    found = judge(analysed, AnalysisOptions(), load_bench(), np.random.default_rng(7))
+    assert found is not None
+    assert found.diagnosis.naming is not None
+    assert found.diagnosis.refit is not None
+    return found
+
+
+def page(diagnosis: Diagnosis) -> Section:
+    readings = diagnosis.mismatch.readings
+    return diagnosis_section(diagnosis, np.zeros(len(readings.torque)))
+
+
+def table(section: Section, name: str) -> Table:
+    return next(item for item in section.items if isinstance(item, Table) and item.id == name)
+
+
+def test_the_head_leads_with_what_is_left_to_see_and_says_what_the_whole_is_counted_from(judged: Judged) -> None:
+    diagnosis = judged.diagnosis
+    assert diagnosis.naming is not None
+    (fit,) = diagnosis.naming.best.fits
+    visible = diagnosis.naming.best.visible(fit)
+    assert visible == pytest.approx(diagnosis.mismatch.locations[0].size, rel=0.3)
+    assert fit.size > 2.0 * visible
+    said = f"{visible * 1e3:.1f} mN m rms beyond what the baseline takes up, of {fit.size * 1e3:.1f} against bearings"
+    assert said in statement(diagnosis)
+
+
+def test_what_the_baseline_could_take_up_is_not_left_to_see(judged: Judged) -> None:
+    naming = judged.diagnosis.naming
+    assert naming is not None
+    stage, (fit,) = naming.best.stage, naming.best.fits
+    more = fit.effect + stage.columns @ np.full(stage.columns.shape[1], 1e-3)
+    swollen = replace(fit, effect=more, seen=stage.project(more))
+    plain = replace(fit, seen=stage.project(fit.effect), effect=more)
+    assert naming.best.visible(swollen) == pytest.approx(naming.best.visible(plain), rel=1e-6)
+    assert swollen.size != pytest.approx(fit.size, rel=0.01)
+
+
+def test_the_ranking_falls_by_the_column_it_is_sorted_by(judged: Judged) -> None:
+    naming = judged.diagnosis.naming
+    assert naming is not None
+    ranking = table(page(judged.diagnosis), "ranking")
+    names = [column.name for column in ranking.columns]
+    evidence, gain, cost = ([cast("float", row[names.index(n)]) for row in ranking.rows] for n in names[2:5])
+    assert names[2] == "evidence"
+    assert evidence == sorted(evidence, reverse=True)
+    each = math.log(len(naming.best.stage.left))
+    assert evidence == pytest.approx([g - c * each for g, c in zip(gain, cost, strict=True)])
+    assert f"{each:.2f} for each parameter" in ranking.caption
+    smallest = replace(naming, remainder=replace(naming.remainder, p_value=1.0 / (JUDGE_DRAWS + 1.0)))
+    assert "(p ≤ 0.003)" in table(page(replace(judged.diagnosis, naming=smallest)), "ranking").caption
+
+
+def test_the_ranking_names_no_parameter_by_its_field_and_says_where_a_detailed_form_was_named(judged: Judged) -> None:
+    naming = judged.diagnosis.naming
+    assert naming is not None
+    ranking = table(page(judged.diagnosis), "ranking")
+    bounds = {str(row[-1]) for row in ranking.rows}
+    fields = {name for fit in naming.ranking for name in fit.on_bound}
+    assert fields
+    assert not {part for told in bounds for part in told.split(", ")} & fields
+    (named,) = naming.best.fits
+    simple = next(row for row in ranking.rows if row[0] == named.candidate.kind.title)
+    assert named.cost > cast("float", simple[4])
+    assert f"its detailed one, with {named.cost} parameters" in ranking.caption
+
+
+def test_the_clearest_place_is_drawn_above_the_fitted_temperature(judged: Judged) -> None:
+    diagnosis = judged.diagnosis
+    assert diagnosis.naming is not None
+    assert diagnosis.refit is not None
+    figure = next(i for i in page(diagnosis).items if isinstance(i, Figure) and i.id == "located-structure")
+    _, below = figure.panels
+    assert isinstance(below, Chart)
+    (mechanism,) = diagnosis.refit.mechanisms(diagnosis.naming.best.stage)
+    assert isinstance(mechanism, WarmingBearings)
+    at = diagnosis.mismatch.readings.grid.points
+    order = np.argsort(at.started_at, kind="stable")
+    assert below.series[0].y == pytest.approx(mechanism.rises(at)[1][order])
+    assert (np.diff(below.series[0].x) >= 0.0).all()
+    low, high = below.series[0].y.min(), below.series[0].y.max()
+    assert f"{low:.1f} to {high:.1f} K over the campaign" in figure.caption.replace("−", "-")
+
+
+def test_without_a_named_cause_the_clearest_place_stands_alone(judged: Judged) -> None:
+    section = page(replace(judged.diagnosis, refit=None, rivals=(), absorbed=()))
+    figure = next(item for item in section.items if isinstance(item, Figure) and item.id == "located-structure")
+    assert len(figure.panels) == 1
+    assert "Zero is" not in figure.caption
+
+
+def test_constants_carry_their_uncertainty_without_and_with_the_mechanism(analysed: Analysis, judged: Judged) -> None:
+    assert analysed.calibration is not None
+    for row in judged.diagnosis.absorbed:
+        assert row.error_before == analysed.calibration.standard_error(row.parameter)
+    alone = [row[1] for row in table(page(judged.diagnosis), "absorbed").rows]
+    assert any(isinstance(cell, Measured) and cell.u > 0.0 for cell in alone)
+
+
+def test_programs_are_told_the_word_the_mechanism_and_the_counts(analysed: Analysis, judged: Judged) -> None:
+    found = summary(report(), {}, summary_facts(analysed.grid, judged, load_bench()))
+    jsonschema.validate(found, json.loads(SCHEMA.read_text(encoding="utf-8")))
+    assert found["verdict"]["diagnosis"] == str(judged.diagnosis.verdict)
+    (mechanism,) = found["facts"]["mechanisms"]
+    assert (mechanism["id"], mechanism["shaft"]) == ("lubricant_viscosity", "ring")
+    assert judged.diagnosis.refit is not None
+    errors = judged.diagnosis.refit.standard_errors[0]
+    told: list[Any] = [parameter["u"] for parameter in mechanism["parameters"]]
+    assert [u is not None for u in told] == np.isfinite(errors).tolist()
+    counts = found["facts"]["tolerance"]
+    assert all(sum(of.values()) == len(analysed.grid) for of in counts.values())
+    assert counts["torque_ring"]["out"] > 0
+    json.dumps(found, allow_nan=False)
+
+
+def test_a_campaign_that_was_not_compared_tells_its_points_alone(analysed: Analysis) -> None:
+    assert set(summary_facts(analysed.grid, None, load_bench())) == {"points"}
+
+
+def test_probabilities_of_the_neutral_chapter_are_numbers(analysed: Analysis) -> None:
+    assert analysed.fits is not None
+    section = neutral_section(analysed, analysed.fits)
+    known = 0
+    for item in section.items:
+        if not isinstance(item, Table):
+            continue
+        for place, column in enumerate(item.columns):
+            if re.fullmatch(r"p|p_holm|trend_p", column.name):
+                cells = [row[place] for row in item.rows]
+                assert all(cell is None or isinstance(cell, float) for cell in cells)
+                known += sum(cell is not None for cell in cells)
+    assert known

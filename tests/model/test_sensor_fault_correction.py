@@ -1,0 +1,47 @@
+"""Losses without a fault of a reading: what stands behind a faulty transducer is found again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.points import points
+
+from pmg.pipeline.model.sensor_fault_correction import torques_behind
+from pmg.sim.mechanisms.base import Instrument, Torques
+from pmg.sim.mechanisms.instruments import Crosstalk, GainError, ZeroOffset, distorted
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pmg.sim.signals import Array
+
+SMALL = st.floats(-0.05, 0.05)
+
+
+def readings(faults: Sequence[Instrument], sun: Array, ring: Array) -> Torques:
+    at = points("engaged", np.linspace(200, 1800, len(sun)), -np.linspace(80, 700, len(sun)), ring)
+    wrong = distorted(tuple(faults), at, Torques(sun, ring))
+    return Torques(sun + wrong[0], ring + wrong[1])
+
+
+@settings(deadline=None)
+@given(SMALL, SMALL, SMALL, SMALL)
+def test_the_torque_behind_a_faulty_reading_is_found_again(
+    gain: float, other: float, zero: float, cross: float
+) -> None:
+    sun, ring = np.linspace(0.3, 1.2, 9), np.linspace(0.5, 2.5, 9)
+    faults = (GainError(gain_sun=gain, gain_ring=other), ZeroOffset(offset_sun=zero), Crosstalk(part_ring=cross))
+    shown = readings(faults, sun, ring)
+    at = points("engaged", np.linspace(200, 1800, 9), -np.linspace(80, 700, 9), shown.ring)
+    found = torques_behind(faults, at, shown.sun, shown.ring)
+    assert np.allclose(found[0], sun, atol=1e-6)
+    assert np.allclose(found[1], ring, atol=1e-6)
+
+
+def test_a_reading_without_faults_stays_as_it_is() -> None:
+    at = points("engaged", [500.0], [-192.0], 1.0)
+    sun, ring = torques_behind((), at, np.array([0.5]), np.array([1.0]))
+    assert (sun.tolist(), ring.tolist()) == ([0.5], [1.0])

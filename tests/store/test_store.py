@@ -1,0 +1,123 @@
+"""The store survives kills, refuses foreign folders and writes the same bytes twice."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from pmg.pipeline.store.store import Store
+from pmg.sim.errors import StoreError
+
+SAMPLES = pl.DataFrame({"sample": [5, 6], "torque_sun": [0.25, -0.5]})
+DOCUMENT = {"status": "ingested", "file": "a.mcap", "sha256": "0" * 64, "findings": [], "windows": []}
+
+
+def filled(path: Path) -> Store:
+    store = Store(path)
+    store.prepare()
+    store.write("a-00000000", DOCUMENT, SAMPLES)
+    return store
+
+
+def everything(path: Path) -> dict[str, bytes]:
+    return {p.relative_to(path).as_posix(): p.read_bytes() for p in sorted(path.rglob("*")) if p.is_file()}
+
+
+def test_what_was_written_is_read_back(tmp_path: Path) -> None:
+    filled(tmp_path / "s")
+    store = Store(tmp_path / "s")
+    (manifest,) = store.manifests()
+    assert manifest.identifier == "a-00000000"
+    assert manifest.ingested
+    assert manifest.document["sha256"] == "0" * 64
+    assert store.samples("a-00000000").equals(SAMPLES)
+
+
+def test_the_same_source_gives_the_same_bytes(tmp_path: Path) -> None:
+    filled(tmp_path / "one")
+    filled(tmp_path / "two")
+    store = filled(tmp_path / "two")
+    assert everything(tmp_path / "one") == everything(store.path)
+
+
+@pytest.mark.parametrize(
+    "content", [{"schema": "pmg.store/0"}, {"schema": "pmg.store/2", "more": 1}, {}, [], "no JSON"]
+)
+def test_a_store_of_another_schema_is_refused_and_untouched(tmp_path: Path, content: object) -> None:
+    text = content if isinstance(content, str) else json.dumps(content)
+    (tmp_path / "store.json").write_text(text)
+    before = everything(tmp_path)
+    with pytest.raises(StoreError, match=r"pmg\.store/1"):
+        Store(tmp_path)
+    assert everything(tmp_path) == before
+
+
+def test_a_folder_with_other_things_is_refused_and_untouched(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("mine")
+    before = everything(tmp_path)
+    with pytest.raises(StoreError, match="nothing was changed"):
+        Store(tmp_path)
+    assert everything(tmp_path) == before
+    with pytest.raises(StoreError, match="a file"):
+        Store(tmp_path / "thesis.tex")
+
+
+def test_opening_a_store_writes_nothing(tmp_path: Path) -> None:
+    Store(tmp_path / "s")
+    assert not (tmp_path / "s").exists()
+
+
+def test_an_empty_store_is_said_to_be_empty(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="ingest"):
+        Store(tmp_path / "s").manifests()
+
+
+def test_samples_without_a_manifest_do_not_count(tmp_path: Path) -> None:
+    """As a kill between the two leaves them."""
+    store = filled(tmp_path)
+    (tmp_path / "sources" / "a-00000000.json").unlink()
+    assert store.manifest("a-00000000") is None
+    assert store.manifests() == []
+
+
+@pytest.mark.parametrize("text", ["", '{"schema": "pmg.store/1", "stat', '{"schema": "pmg.store/9"}', "[]"])
+def test_a_manifest_that_cannot_be_read_counts_as_absent_for_resuming(tmp_path: Path, text: str) -> None:
+    store = filled(tmp_path)
+    (tmp_path / "sources" / "a-00000000.json").write_text(text)
+    assert store.manifest("a-00000000") is None
+    with pytest.raises(StoreError, match="Ingest its source again"):
+        store.manifests()
+
+
+def test_a_manifest_whose_samples_are_gone_counts_as_absent(tmp_path: Path) -> None:
+    store = filled(tmp_path)
+    (tmp_path / "runs" / "a-00000000.parquet").unlink()
+    assert store.manifest("a-00000000") is None
+    with pytest.raises(StoreError, match="Ingest its source again"):
+        store.samples("a-00000000")
+
+
+def test_damaged_samples_are_named(tmp_path: Path) -> None:
+    store = filled(tmp_path)
+    path = tmp_path / "runs" / "a-00000000.parquet"
+    path.write_bytes(path.read_bytes()[:40])
+    with pytest.raises(StoreError, match=r"a-00000000\.parquet"):
+        store.samples("a-00000000")
+
+
+def test_an_interrupted_write_leaves_the_old_file_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = filled(tmp_path)
+    before = everything(tmp_path)
+
+    def interrupted(self: Path, target: Path) -> Path:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        store.write("a-00000000", DOCUMENT | {"status": "failed"}, SAMPLES.head(1))
+    assert everything(tmp_path) == before
