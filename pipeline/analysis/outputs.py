@@ -12,7 +12,7 @@ import pandas as pd
 import polars as pl
 
 from pmg.pipeline.analysis.power_flow import flow_document, flow_frame, power_flows
-from pmg.pipeline.files.atomic import write_aside
+from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.fit.budget_document import budget_document, budget_frame
 from pmg.pipeline.fit.common_errors import CORRECTION, CURVES, TRANSDUCERS
 from pmg.pipeline.fit.document import damping_document, fit_document, further_document, number
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.pipeline.fit.budget import Budget
     from pmg.pipeline.fit.calibration import Calibration
-    from pmg.pipeline.fit.common_errors import Causes
+    from pmg.pipeline.fit.common_errors import CommonErrorSources
     from pmg.pipeline.fit.losses import PowerBalance
     from pmg.pipeline.fit.noise import ShaftNoise
     from pmg.sim.grid import Grid
@@ -57,11 +57,11 @@ TABLES = (
 
 def _write_frame(frame: pd.DataFrame, stem: Path) -> str:
     """The frame as CSV and as Parquet; returns the hash of the latter."""
-    write_aside(stem.with_suffix(".csv"), frame.to_csv(index=False, lineterminator="\n").encode())
+    write_atomic(stem.with_suffix(".csv"), frame.to_csv(index=False, lineterminator="\n").encode())
     columns = {name: _plain(frame[name]) for name in frame.columns}
     buffer = io.BytesIO()
     pl.DataFrame(columns).write_parquet(buffer, compression="zstd", statistics=False)
-    write_aside(stem.with_suffix(".parquet"), buffer.getvalue())
+    write_atomic(stem.with_suffix(".parquet"), buffer.getvalue())
     return hashlib.sha256(buffer.getvalue()).hexdigest()
 
 
@@ -125,7 +125,7 @@ def _noise_document(noise: ShaftNoise) -> dict[str, Any]:
     }
 
 
-def _calibration_document(calibration: Calibration, causes: Causes | None) -> dict[str, Any]:
+def _calibration_document(calibration: Calibration, causes: CommonErrorSources | None) -> dict[str, Any]:
     errors = causes.standard_errors() if causes is not None else {}
     return {
         "constants": {
@@ -202,7 +202,7 @@ def write_analysis(analysis: Analysis, store: Path, budget: Budget | None = None
     columns = {f"{name}.csv": unstated_columns(table) for name, table in tables.items()}
     document = analysis_document(analysis, budget) | {"columns_without_uncertainty": columns, "grid_sha256": stamp}
     text = json.dumps(document, indent=1, allow_nan=False) + "\n"
-    write_aside(folder / SUMMARY, text.encode())
+    write_atomic(folder / SUMMARY, text.encode())
     return folder
 
 
@@ -234,7 +234,7 @@ def _loss_tables(analysis: Analysis, folder: Path) -> dict[str, pd.DataFrame]:
         flows = power_flows(gearbox, analysis.grid, simulated, bench, analysis.calibration, analysis.causes)
         tables["power_flow"] = flow_frame(flows)
         text = json.dumps(flow_document(flows), allow_nan=False) + "\n"
-        write_aside(folder / "power_flow.json", text.encode())
+        write_atomic(folder / "power_flow.json", text.encode())
     for name in ("losses", "means_by_load", "power_flow"):
         if name in tables:
             _write_frame(tables[name], folder / name)

@@ -10,7 +10,7 @@ import pandas as pd
 
 from pmg.pipeline.analysis.comparison import COVERAGE
 from pmg.pipeline.fit.calibration import CONSTANTS, parameter_values, with_parameters
-from pmg.pipeline.fit.propagation import carry, slope, slopes
+from pmg.pipeline.fit.propagation import propagate_uncertainty, slope, slopes
 from pmg.sim.bench import Quantity
 from pmg.sim.signals import SPEED_SUN
 from pmg.sim.steady.baseline import baseline_mechanisms
@@ -20,7 +20,7 @@ from pmg.sim.steady.solve import steady
 
 if TYPE_CHECKING:
     from pmg.pipeline.fit.calibration import Calibration
-    from pmg.pipeline.fit.common_errors import Causes
+    from pmg.pipeline.fit.common_errors import CommonErrorSources
     from pmg.pipeline.fit.propagation import Spread
     from pmg.sim.bench import BearingParameters, BenchParameters, MotorParameters
     from pmg.sim.grid import Grid
@@ -127,7 +127,7 @@ def power_flows(
     simulated: Grid,
     bench: BenchParameters,
     calibration: Calibration,
-    causes: Causes,
+    causes: CommonErrorSources,
 ) -> tuple[Flow, ...]:
     """Power flows of the accepted engaged points: measured and simulated torques, both conventions of the motors.
 
@@ -168,7 +168,7 @@ def _flow(
     convention: MotorConvention,
     bench: BenchParameters,
     calibration: Calibration,
-    causes: Causes,
+    causes: CommonErrorSources,
 ) -> Flow:
     at = given.points
 
@@ -208,7 +208,7 @@ def _flow(
             continue
         touched = np.abs(derivative).max(axis=1, initial=0.0) * abs(float(getattr(getattr(bench, section), name)))
         without += [(branch, _TOLD[section]) for branch, size in zip(BRANCHES, touched, strict=True) if size > 1e-6]
-    spread = carry(
+    spread = propagate_uncertainty(
         BRANCHES,
         (slope(lambda t: branches(t, ring), sun, _TORQUE_STEP), slope(lambda t: branches(sun, t), ring, _TORQUE_STEP)),
         slopes(with_theta, theta, [CONSTANTS[n].typical if n in CONSTANTS else _CURVE_STEP for n in calibration.names]),

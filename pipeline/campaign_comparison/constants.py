@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.campaign_comparison.difference import Versus
     from pmg.pipeline.campaign_comparison.shared_errors import Sharing
     from pmg.pipeline.fit.calibration import Calibration
-    from pmg.pipeline.fit.common_errors import Causes
+    from pmg.pipeline.fit.common_errors import CommonErrorSources
     from pmg.sim.losscurve import LossCurve
     from pmg.sim.signals import Array
 
@@ -114,7 +114,7 @@ def curve_differences(versus: Versus) -> tuple[CurveDifference, ...]:
     return tuple(found)
 
 
-Fitted = tuple["Calibration", "Causes"]
+Fitted = tuple["Calibration", "CommonErrorSources"]
 
 
 def _fitted(versus: Versus) -> tuple[Fitted | None, Fitted | None]:
@@ -129,7 +129,7 @@ def _curve(calibration: Calibration, shaft: str) -> LossCurve:
     return calibration.model.curve_sun if shaft == "sun" else calibration.model.curve_ring
 
 
-def _by_parameter(curve: LossCurve, causes: Causes, shaft: str, speed: Array) -> Array:
+def _by_parameter(curve: LossCurve, causes: CommonErrorSources, shaft: str, speed: Array) -> Array:
     """Derivatives (n, k) of a curve to all fitted parameters."""
     columns = dict(zip((f"{shaft}[{p:g}]" for p in curve.powers), curve.terms(speed).T, strict=True))
     return np.stack([columns.get(name, np.zeros(len(speed))) for name in causes.parameters], axis=-1)

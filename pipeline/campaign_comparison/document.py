@@ -16,13 +16,15 @@ if TYPE_CHECKING:
     from pmg.pipeline.campaign_comparison.family import Estimate
     from pmg.pipeline.campaign_comparison.matching import Unmatched
     from pmg.pipeline.campaign_comparison.side import Side
-    from pmg.pipeline.campaign_comparison.verdict import GroupResult, Judged
+    from pmg.pipeline.campaign_comparison.verdict import ComparisonVerdict, GroupResult
     from pmg.sim.grid import Grid
 
 SCHEMA = "pmg.versus/1"
 
 
-def versus_document(versus: Versus, judged: Judged | None, constants: tuple[ConstantDifference, ...]) -> dict[str, Any]:
+def versus_document(
+    versus: Versus, judged: ComparisonVerdict | None, constants: tuple[ConstantDifference, ...]
+) -> dict[str, Any]:
     """The comparison in SI units; B minus A throughout, each with both parts of its standard uncertainty."""
     at, partners = versus.at, versus.b.grid.points.name[versus.matching.b]
     points = [

@@ -15,7 +15,7 @@ from pmg.sim.signals import RESIDUAL
 
 if TYPE_CHECKING:
     from pmg.pipeline.campaign_comparison.difference import Versus
-    from pmg.pipeline.campaign_comparison.verdict import Followed, GroupResult, Judged
+    from pmg.pipeline.campaign_comparison.verdict import ComparisonVerdict, Followed, GroupResult
 
 ALIKE = 0.1
 """Two covariates whose lines take up shares of the variance no further apart than this are not told apart."""
@@ -24,7 +24,7 @@ FOLLOWED = 0.25
 """Share of the variance from which a difference is said to follow a covariate."""
 
 
-def statement(versus: Versus, judged: Judged | None) -> str:
+def statement(versus: Versus, judged: ComparisonVerdict | None) -> str:
     """The outcome: whether the campaigns differ, by how much, where most, and what the difference follows."""
     if judged is None:
         return "No point of A has a partner in B within the tolerances: nothing can be subtracted."
@@ -69,7 +69,7 @@ def _loss(versus: Versus) -> str:
     return f"{lead}, beyond U at {beyond} points, most clearly at {where}."
 
 
-def clearest(judged: Judged) -> GroupResult:
+def clearest(judged: ComparisonVerdict) -> GroupResult:
     """The group whose differences are clearest by what is told of it; by chi-square where no mean or slope is clear."""
 
     def distance(group: GroupResult) -> float:
@@ -80,7 +80,7 @@ def clearest(judged: Judged) -> GroupResult:
     return best if distance(best) > COVERAGE else min(judged.groups, key=lambda group: group.p_value)
 
 
-def _clearest(judged: Judged) -> str:
+def _clearest(judged: ComparisonVerdict) -> str:
     """The clearest group: its mean, and the slope that is clearer than that."""
     group = clearest(judged)
     lead = f"Clearest in the {group.words} ({group.points} points)"

@@ -112,7 +112,7 @@ class GroupResult:
 
 
 @dataclass(frozen=True)
-class Judged:
+class ComparisonVerdict:
     """What the tests say.
 
     Parameters
@@ -143,7 +143,7 @@ class Judged:
         return self.p_readings <= LEVEL
 
 
-def judge(versus: Versus, rng: np.random.Generator, draws: int = DRAWS) -> Judged | None:
+def judge(versus: Versus, rng: np.random.Generator, draws: int = DRAWS) -> ComparisonVerdict | None:
     """Test the differences; None where no reading is matched.
 
     Raises
@@ -185,7 +185,7 @@ def judge(versus: Versus, rng: np.random.Generator, draws: int = DRAWS) -> Judge
                 int(points.beyond_own[chosen].sum()),
             )
         )
-    return Judged(tuple(results), p_value, p_readings, draws)
+    return ComparisonVerdict(tuple(results), p_value, p_readings, draws)
 
 
 def _shares(differences: Array, own: Array, slopes: Array) -> list[float]:

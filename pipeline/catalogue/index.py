@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pmg.pipeline.catalogue.columns import COLUMNS, Column
 from pmg.pipeline.catalogue.gather import Gathered, gather
 from pmg.pipeline.catalogue.query import compiled
-from pmg.pipeline.files.atomic import PREFIX, write_aside
+from pmg.pipeline.files.atomic import PREFIX, write_atomic
 from pmg.pipeline.store.store import RUNS, SOURCES
 from pmg.pipeline.wording.outcome import told
 
@@ -132,7 +132,7 @@ def open_catalogue(store: Store) -> Catalogue:
     if connection is None:
         connection = built(gather(store), stamp)
         try:
-            write_aside(path, connection.serialize())
+            write_atomic(path, connection.serialize())
         except OSError as error:
             unwritten = (told("info", str(path), f"not kept ({error.strerror}); made anew at every call"),)
     remarks = connection.execute("SELECT severity, place, message FROM Remark ORDER BY rowid")

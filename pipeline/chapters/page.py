@@ -24,7 +24,7 @@ from pmg.pipeline.diagnose.statement import statement
 from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.readings import predict
 from pmg.pipeline.model.apply_model import lead
-from pmg.pipeline.report.document import Facts, Report, Section, Signals, Table, Text, Verdict
+from pmg.pipeline.report.document import Facts, Headline, Report, Section, Signals, Table, Text
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.steady.gearbox import Gearbox
 
@@ -171,7 +171,7 @@ def _verdict(
     before: str,
     agreed: Agreements | None,
     faults: tuple[Misread, ...],
-) -> Verdict:
+) -> Headline:
     grid = analysis.grid
     warnings = []
     if faults and analysis.balance is not None:
@@ -190,7 +190,7 @@ def _verdict(
     if diagnosis is None:
         reason = str(analysis.missing[0]) if analysis.missing else ""
         text = f"No comparison was possible. {reason}".strip()
-        return Verdict(text, "attention", tuple(figures), tuple(warnings))
+        return Headline(text, "attention", tuple(figures), tuple(warnings))
     figures.append(("Verdict", VERDICT_WORDS.get(diagnosis.verdict, diagnosis.verdict)))
     state: Literal["good", "attention"] = "attention" if diagnosis.verdict != "consistent" or warnings else "good"
-    return Verdict(before + statement(diagnosis), state, tuple(figures), tuple(warnings))
+    return Headline(before + statement(diagnosis), state, tuple(figures), tuple(warnings))

@@ -13,12 +13,12 @@ from pmg.pipeline.analysis.outputs import read_analysis
 from pmg.pipeline.analysis.tolerance import Tolerance
 from pmg.pipeline.chapters.measured.sensor_fault import misread_warning
 from pmg.pipeline.chapters.page import build_report
-from pmg.pipeline.commands.compare_and_diagnose import judge, leave_model, summary_facts
+from pmg.pipeline.commands.compare_and_diagnose import compare_and_diagnose, leave_model, summary_facts
 from pmg.pipeline.commands.orders import orders_chapter
 from pmg.pipeline.commands.provenance import leave_crate, now
 from pmg.pipeline.diagnose.document import diagnosis_document
 from pmg.pipeline.diagnose.statement import statement
-from pmg.pipeline.files.atomic import write_aside
+from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.budget import budget_of
 from pmg.pipeline.grid.campaign import choose_campaign
@@ -29,7 +29,7 @@ from pmg.pipeline.grid.window_facts import SIMULATED, rated, window_facts
 from pmg.pipeline.model.apply_model import lead, remark
 from pmg.pipeline.model.model_file import FILE as MODEL
 from pmg.pipeline.model.read_model import read_model
-from pmg.pipeline.model.sensor_fault_correction import misread
+from pmg.pipeline.model.sensor_fault_correction import correct_sensor_fault
 from pmg.pipeline.point_signals.campaign import campaign_signals
 from pmg.pipeline.point_signals.encoded import encode
 from pmg.pipeline.report.write import write_report
@@ -85,7 +85,7 @@ def run_compare(
     remarks, inputs, facts, failed, used = _sources(store, grid, bench)
     bench = rated(bench, facts)
     analysis = analyse(grid, options, bench)
-    judged = judge(analysis, options, bench, np.random.default_rng(SEED), given)
+    judged = compare_and_diagnose(analysis, options, bench, np.random.default_rng(SEED), given)
     diagnosis = None if judged is None else judged.diagnosis
     if model is not None:
         inputs += ((f"SHA-256 of {model.name}", hashlib.sha256(model.read_bytes()).hexdigest()),)
@@ -93,7 +93,7 @@ def run_compare(
     behind = None if grid.origin == "published" else campaign_signals(Store(store), analysis.grid, budget)
     remarks += () if behind is None else behind.findings
     parts = () if judged is None or judged.carried is None else judged.carried.here.parts
-    faults = misread(diagnosis, analysis, bench, parts)
+    faults = correct_sensor_fault(diagnosis, analysis, bench, parts)
     page = build_report(
         analysis,
         None if judged is None else judged.residuals,
@@ -126,7 +126,7 @@ def run_compare(
     lines = [f"report: {files[0]}"]
     mismatch = False
     if diagnosis is not None:
-        write_aside(report / "diagnosis.json", text.encode())
+        write_atomic(report / "diagnosis.json", text.encode())
         before = "" if judged is None or judged.carried is None else lead(judged.carried)
         said = before + statement(diagnosis)
         data["diagnosis"], data["statement"] = json.loads(text), said

@@ -10,9 +10,9 @@ from pmg.pipeline.analysis.tolerance import Tolerance, agreements
 from pmg.pipeline.diagnose.decide import diagnose
 from pmg.pipeline.diagnose.design.audit import audit_design
 from pmg.pipeline.diagnose.document import mechanism_facts
-from pmg.pipeline.files.atomic import write_aside
-from pmg.pipeline.model.apply_model import carry, found_together
-from pmg.pipeline.model.extreme_steady_points import steady_ends
+from pmg.pipeline.files.atomic import write_atomic
+from pmg.pipeline.model.apply_model import apply_model, found_together
+from pmg.pipeline.model.extreme_steady_points import extreme_steady_points
 from pmg.pipeline.model.model_file import model_of, model_text
 from pmg.sim.steady.baseline import baseline_mechanisms
 from pmg.sim.steady.gearbox import Gearbox
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Judged:
+class ComparedCampaign:
     """What a campaign says about the simulator.
 
     Parameters
@@ -60,13 +60,13 @@ class Judged:
     ends: tuple[SteadyEnd, ...]
 
 
-def judge(
+def compare_and_diagnose(
     analysis: Analysis,
     options: AnalysisOptions,
     bench: BenchParameters,
     rng: np.random.Generator,
     given: Model | None = None,
-) -> Judged | None:
+) -> ComparedCampaign | None:
     """Simulate, compare and diagnose an analysed campaign.
 
     Parameters
@@ -91,7 +91,7 @@ def judge(
     if analysis.calibration is None or analysis.fits is None or analysis.floor is None:
         return None
     grid, plain = analysis.grid, Gearbox.calibrated(bench, analysis.calibration.model)
-    carried = None if given is None else carry(given, analysis, options, bench)
+    carried = None if given is None else apply_model(given, analysis, options, bench)
     gearbox = plain if carried is None else carried.gearbox
     residuals = compare(grid, steady(gearbox, grid.points, grid.campaign), bench, analysis.calibration)
     left = analysis if carried is None else carried.analysis
@@ -107,13 +107,13 @@ def judge(
     else:
         model, shown = found_together(carried, analysis, diagnosis), carried.model
     after = (*baseline_mechanisms(shown.baseline, bench), *shown.beside(bench))
-    ends = steady_ends(grid, bench, plain.mechanisms, after) if shown.parts else ()
-    return Judged(residuals, diagnosis, model, carried, ends)
+    ends = extreme_steady_points(grid, bench, plain.mechanisms, after) if shown.parts else ()
+    return ComparedCampaign(residuals, diagnosis, model, carried, ends)
 
 
 def summary_facts(
     grid: Grid,
-    judged: Judged | None,
+    judged: ComparedCampaign | None,
     bench: BenchParameters,
     tolerances: Mapping[str, tuple[float, float]] | None = None,
 ) -> dict[str, Any]:
@@ -142,11 +142,11 @@ def summary_facts(
     }
 
 
-def leave_model(judged: Judged, path: Path, given: Path | None) -> dict[str, Any]:
+def leave_model(judged: ComparedCampaign, path: Path, given: Path | None) -> dict[str, Any]:
     """Write the model after this campaign, and say where, and what was predicted; a given one is not written over."""
     found: dict[str, Any] = {"model": None, "prediction": None}
     if given is None or path.resolve() != given.resolve():
-        write_aside(path, model_text(judged.model).encode())
+        write_atomic(path, model_text(judged.model).encode())
         found["model"] = str(path)
     if judged.carried is not None:
         found["prediction"] = [asdict(prediction) for prediction in judged.carried.predictions]

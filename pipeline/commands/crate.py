@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from pmg.pipeline.files.atomic import PREFIX, write_aside
+from pmg.pipeline.files.atomic import PREFIX, write_atomic
 from pmg.pipeline.importers.source import sha256_of
 from pmg.pipeline.store.store import Store
 from pmg.sim.errors import StoreError
@@ -132,7 +132,7 @@ def write_crate(folder: Path, action: CrateAction) -> Path:
     """
     path = folder / FILE
     text = json.dumps(crate_document(folder, action), indent=1, ensure_ascii=False) + "\n"
-    write_aside(path, text.encode("utf-8", "backslashreplace"))
+    write_atomic(path, text.encode("utf-8", "backslashreplace"))
     return path
 
 

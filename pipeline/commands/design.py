@@ -13,7 +13,7 @@ from pmg.pipeline.diagnose.design.audit import RESEMBLING, audit_design
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.grid.campaign import recorded_bench
 from pmg.pipeline.model.read_model import read_model
-from pmg.pipeline.report.document import Facts, Report, Verdict
+from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.simulate.inputs import loss_model
 from pmg.pipeline.simulate.planned import planned_floor, planned_grid
@@ -89,7 +89,7 @@ def run_design(
         page = Report(
             title=f"What {name} can tell apart",
             subtitle=f"{len(grid)} points, audited from their design and noise alone",
-            verdict=Verdict(told_audit(audit), "attention" if audit.alike else "good"),
+            verdict=Headline(told_audit(audit), "attention" if audit.alike else "good"),
             sections=(audit_section(audit),),
             provenance=Facts((("Of", name), ("Versions", versions(PACKAGES)))),
         )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.grid.campaign import campaigns
 from pmg.pipeline.grid.copies import COPY, without_copies
-from pmg.pipeline.grid.missing_points import unreached
+from pmg.pipeline.grid.missing_points import missing_points
 from pmg.pipeline.importers.supply import read_supply
 from pmg.pipeline.recording.supplied import NOTHING
 from pmg.pipeline.store.sources import Shard
@@ -69,15 +69,15 @@ def run_ingest(
         progress=progress,
     )
     manifests = [m for m in Store(store).manifests() if m.ingested]
-    copies, unreached = _copied_windows(manifests, report.sha256), _unreached(manifests, report.sha256)
+    copies, missing_points = _copied_windows(manifests, report.sha256), _unreached(manifests, report.sha256)
     lines = [
         f"ingested {report.ingested}, already there {report.skipped}, not usable {report.failed}; "
         f"{counted(report.windows, 'window')}, {report.rejected} rejected"
     ]
     if copies:
         lines.append(f"{counted(len(copies), 'window')} in two files: counted once")
-    if unreached:
-        lines.append(f"{counted(len(unreached), 'point')} not reached by recordings that were cut short")
+    if missing_points:
+        lines.append(f"{counted(len(missing_points), 'point')} not reached by recordings that were cut short")
     data = {
         "store": str(store),
         "ingested": report.ingested,
@@ -86,16 +86,16 @@ def run_ingest(
         "windows": report.windows,
         "rejected": report.rejected,
         "copies": len(copies),
-        "not_reached": len(unreached),
+        "not_reached": len(missing_points),
         "campaigns": list(report.campaigns),
     }
     findings = tuple(finding.to_dict() for finding in report.findings)
     judged = _told_windows(manifests, report.sha256)
-    missing = any(not point.instead for point in unreached)
+    missing = any(not point.instead for point in missing_points)
     return Outcome(
         data,
         tuple(lines),
-        findings + judged + copies + tuple(point.finding() for point in unreached),
+        findings + judged + copies + tuple(point.finding() for point in missing_points),
         partial=bool(report.failed or report.rejected or missing),
     )
 
@@ -141,7 +141,7 @@ def _unreached(manifests: list[Manifest], sources: frozenset[str]) -> tuple[Unre
     return tuple(
         point
         for campaign in _of_campaigns(manifests)
-        for point in unreached(campaign)
+        for point in missing_points(campaign)
         if files & {point.file, point.like}
     )
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.recording import Recording
     from pmg.pipeline.recording.supplied import Supplied
-    from pmg.pipeline.store.sources import Shard, Source
+    from pmg.pipeline.store.sources import Shard, StoredSource
     from pmg.pipeline.store.store import Manifest
     from pmg.pipeline.windows.limits import Steadiness
     from pmg.pipeline.windows.window import Window
@@ -41,7 +41,7 @@ DONE, FAILED, THERE = "done", "failed", "there"
 class Job:
     """One file, the folder of the store, by their full paths, as a worker may stand elsewhere; limits and supply."""
 
-    source: Source
+    source: StoredSource
     store: Path
     limits: Steadiness = LIMITS
     supplied: Supplied = NOTHING
@@ -152,7 +152,7 @@ def ingest(
     )
 
 
-def supersede(store: Store, sources: tuple[Source, ...]) -> None:
+def supersede(store: Store, sources: tuple[StoredSource, ...]) -> None:
     """Remove what the store holds of earlier contents of these very files.
 
     Other bytes at the same place that tell of the same run (campaign and start) are a corrected version; a failed
@@ -248,7 +248,7 @@ def _unseen(folder: Path) -> StoreError:
     )
 
 
-def _changed(source: Source) -> Finding:
+def _changed(source: StoredSource) -> Finding:
     message = "its bytes changed between listing and reading; expected a file that is at rest"
     advice = "Wait until the recorder has closed it, then ingest again."
     return Finding(Code.UNREADABLE, Severity.ERROR, source.name, "whole file", message, advice)

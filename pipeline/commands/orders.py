@@ -14,7 +14,7 @@ from pmg.pipeline.chapters.measured.orders import orders_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.commands.crate import recordings_of
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
-from pmg.pipeline.files.atomic import write_aside
+from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.grid.campaign import choose_campaign
 from pmg.pipeline.orders.band import FALSE_ALARM
 from pmg.pipeline.orders.example import choose_example
@@ -22,7 +22,7 @@ from pmg.pipeline.orders.load_angle import LoadAngle, wind_up
 from pmg.pipeline.orders.statement import statement, unit_of
 from pmg.pipeline.orders.stored_lines import TYPES, kept_orders, orders_of_manifest
 from pmg.pipeline.orders.survey import NOTHING_FOLLOWED, follow_lines
-from pmg.pipeline.report.document import Facts, Report, Verdict
+from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.wording.outcome import Outcome
@@ -141,7 +141,7 @@ def _page(campaign: str, followed: tuple[Followed, ...], section: Section, recor
     return Report(
         title=f"What repeats with the turn of a shaft in campaign {campaign}",
         subtitle="Lines of torque, speed and flux density, and the load angle",
-        verdict=Verdict(f"{_present(followed)}.", "neutral"),
+        verdict=Headline(f"{_present(followed)}.", "neutral"),
         sections=(section,),
         provenance=Facts((("Input", counted(recordings, "recording")), ("Versions", versions(PACKAGES)))),
     )
@@ -291,7 +291,7 @@ def _write(out: Path, table: pl.DataFrame, angles: list[dict[str, Any]], data: d
     """Tables and summary; returns their paths."""
     tables = {"orders.csv": table, "load_angles.csv": pl.DataFrame(angles, schema=ANGLES)}
     for name, frame in tables.items():
-        write_aside(out / name, frame.write_csv().encode())
+        write_atomic(out / name, frame.write_csv().encode())
     text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    write_aside(out / "orders.json", text.encode())
+    write_atomic(out / "orders.json", text.encode())
     return [str(out / name) for name in (*tables, "orders.json")]

@@ -18,7 +18,7 @@ from pmg.pipeline.campaign_comparison.transducers import Transducers
 from pmg.pipeline.campaign_comparison.verdict import SEED, judge
 from pmg.pipeline.chapters.campaigns.page import versus_report
 from pmg.pipeline.commands.provenance import leave_crate_of_two, now
-from pmg.pipeline.files.atomic import write_aside
+from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.wording.outcome import Outcome, told
 from pmg.pipeline.wording.plurals import counted
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.campaign_comparison.difference import Versus
     from pmg.pipeline.campaign_comparison.side import Side
-    from pmg.pipeline.campaign_comparison.verdict import Judged
+    from pmg.pipeline.campaign_comparison.verdict import ComparisonVerdict
     from pmg.pipeline.commands.provenance import Clock
 
 FILE = "versus.json"
@@ -104,7 +104,7 @@ def run_report(
     document = versus_document(versus, judged, constants)
     files = write_report(page, report, {"points": _points(versus)})
     path = report / FILE
-    write_aside(path, (json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode())
+    write_atomic(path, (json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode())
     crate = leave_crate_of_two((*files, path), ((store_a, a.grid), (store_b, b.grid)), "pmg report", began, clock)
     data = {name: value for name, value in document.items() if name != "points"}
     data |= {"report": str(files[0]), "files": [str(file) for file in (*files, path, crate)]}
@@ -123,7 +123,7 @@ def _points(versus: Versus) -> dict[str, int]:
     return {"matched": len(matching), "only_a": len(matching.only_a), "only_b": len(matching.only_b)}
 
 
-def _lines(versus: Versus, judged: Judged | None, page: Path) -> Iterator[str]:
+def _lines(versus: Versus, judged: ComparisonVerdict | None, page: Path) -> Iterator[str]:
     yield statement(versus, judged)
     reach, count = versus.matching.reach, _points(versus)
     yield (

@@ -17,7 +17,7 @@ from pmg.pipeline.fit.document import number
 from pmg.pipeline.fit.options import THESIS_OPTIONS
 from pmg.pipeline.grid.campaign import recorded_bench
 from pmg.pipeline.grid.tables import PUBLISHED, read_published
-from pmg.pipeline.report.document import Facts, Report, Verdict
+from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.wording.outcome import Outcome, told
 from pmg.pipeline.wording.probability import told_nominal, told_search
@@ -113,7 +113,7 @@ def run_residuals(
         page = Report(
             title=f"What the residuals of campaign {grid.campaign} follow",
             subtitle=f"{len(grid)} points; {', '.join(FITS[name] for name in _names(study))}",
-            verdict=Verdict(_summary(study, grid.campaign), "attention" if study.p_value <= LEVEL else "good"),
+            verdict=Headline(_summary(study, grid.campaign), "attention" if study.p_value <= LEVEL else "good"),
             sections=(structure_section(study),),
             provenance=Facts(
                 (

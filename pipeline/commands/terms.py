@@ -17,9 +17,9 @@ from pmg.pipeline.diagnose.balance.decide import diagnose_terms
 from pmg.pipeline.diagnose.balance.document import headline, terms_document, terms_lines
 from pmg.pipeline.diagnose.balance.recorded import read_recording
 from pmg.pipeline.diagnose.diagnosis import Verdict
-from pmg.pipeline.files.atomic import write_aside
+from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.report.document import Facts, Report
-from pmg.pipeline.report.document import Verdict as Headline
+from pmg.pipeline.report.document import Headline as Headline
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.wording.outcome import Outcome
 
@@ -58,8 +58,8 @@ def run_terms(case_file: Path, out: Path, data: Path | None = None, seed: int | 
     files = [case_file, case.fit, *([] if case.withheld is None else [case.withheld])]
     digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
     document = terms_document(diagnosis) | {"seed": seed, "sha256": digests}
-    write_aside(out / DOCUMENT, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
-    write_aside(out / RESIDUALS, residual_table(diagnosis).encode())
+    write_atomic(out / DOCUMENT, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+    write_atomic(out / RESIDUALS, residual_table(diagnosis).encode())
     page = write_report(_page(diagnosis, seed, digests), out)
     written = [str(path) for path in (*page, out / DOCUMENT, out / RESIDUALS)]
     leave_crate_of_files(out, "pmg terms", tuple(files), (*page, out / DOCUMENT, out / RESIDUALS), began)

@@ -11,7 +11,7 @@ from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.chapters.studies.validation import validation_section
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.grid.tables import PUBLISHED, read_published
-from pmg.pipeline.report.document import Facts, Report, Verdict
+from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.thesis_figures import verdict
 from pmg.pipeline.thesis_figures.listing import documents, summary, table_lines, told
@@ -22,7 +22,7 @@ from pmg.sim.bench import load_bench
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pmg.pipeline.thesis_figures.verdict import Judged
+    from pmg.pipeline.thesis_figures.verdict import JudgedFigure
 
 
 def run_validate(grids: Path, draws: int | None = None, seed: int | None = None, report: Path | None = None) -> Outcome:
@@ -64,13 +64,13 @@ def run_validate(grids: Path, draws: int | None = None, seed: int | None = None,
         data,
         tuple(lines),
         _findings(judged),
-        mismatch=bool(counts[verdict.Verdict.NOT_EXPLAINED]),
+        mismatch=bool(counts[verdict.FigureVerdict.NOT_EXPLAINED]),
     )
 
 
-def _findings(judged: tuple[Judged, ...]) -> tuple[dict[str, Any], ...]:
+def _findings(judged: tuple[JudgedFigure, ...]) -> tuple[dict[str, Any], ...]:
     """Every figure that rounding does not explain, or that the source states twice."""
-    kinds = (verdict.Verdict.NOT_EXPLAINED, verdict.Verdict.INCONSISTENT)
+    kinds = (verdict.FigureVerdict.NOT_EXPLAINED, verdict.FigureVerdict.INCONSISTENT)
     return tuple(
         {
             "severity": "info",
@@ -82,11 +82,11 @@ def _findings(judged: tuple[Judged, ...]) -> tuple[dict[str, Any], ...]:
     )
 
 
-def _page(judged: tuple[Judged, ...], draws: int, seed: int, digests: dict[str, str]) -> Report:
+def _page(judged: tuple[JudgedFigure, ...], draws: int, seed: int, digests: dict[str, str]) -> Report:
     return Report(
         title="Published figures",
         subtitle="Planetary magnetic gearbox: the thesis's figures, computed anew from its rounded grids",
-        verdict=Verdict(f"{summary(judged)}.", "neutral"),
+        verdict=Headline(f"{summary(judged)}.", "neutral"),
         sections=(validation_section(judged, draws, seed),),
         provenance=Facts(
             (*((f"SHA-256 of {name}", d) for name, d in digests.items()), ("Versions", versions(PACKAGES)))

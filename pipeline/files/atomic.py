@@ -21,7 +21,7 @@ ABANDONED = 3600.0
 """Age after which such a file belongs to no running process [s], where its process cannot be asked after."""
 
 
-def write_aside(path: Path, data: bytes) -> None:
+def write_atomic(path: Path, data: bytes) -> None:
     """Write a file so that it is either the old one or the new one, never half of it; `opened_aside` says how."""
     with opened_aside(path) as aside:
         aside.write(data)

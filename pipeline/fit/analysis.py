@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.fit.calibration import Calibration, calibrate
-from pmg.pipeline.fit.common_errors import Causes, causes_of_calibration, causes_of_fits
+from pmg.pipeline.fit.common_errors import CommonErrorSources, causes_of_calibration, causes_of_fits
 from pmg.pipeline.fit.correction import CorrectionStudy, study_correction
 from pmg.pipeline.fit.damping import THESIS_CORRECTIONS, DampingFit, fit_damping
 from pmg.pipeline.fit.drift import Drift, find_drift
@@ -78,7 +78,7 @@ class Analysis:
     plane: PlaneFits | None = None
     drift: Drift | None = None
     study: CorrectionStudy | FitError | None = None
-    causes: Causes | None = None
+    causes: CommonErrorSources | None = None
 
     @property
     def complete(self) -> bool:

@@ -36,7 +36,7 @@ class TransducerCause:
 
 
 @dataclass(frozen=True)
-class Causes:
+class CommonErrorSources:
     """Common causes of n points, and how their own readings move what was fitted.
 
     Parameters
@@ -68,7 +68,7 @@ class Causes:
     u: tuple[Array, Array]
     fitted: bool
 
-    def __getitem__(self, rows: Mask | npt.NDArray[np.intp]) -> Causes:
+    def __getitem__(self, rows: Mask | npt.NDArray[np.intp]) -> CommonErrorSources:
         """The same for the chosen points."""
         return replace(
             self,
@@ -121,7 +121,7 @@ def transducer_causes(grid: Grid, bench: BenchParameters | None = None) -> tuple
     return tuple(causes)
 
 
-def causes_of_fits(grid: Grid, fits: LossFits, bench: BenchParameters | None = None) -> Causes:
+def causes_of_fits(grid: Grid, fits: LossFits, bench: BenchParameters | None = None) -> CommonErrorSources:
     """Common causes where K_corr is held and the curves are those of the neutral points.
 
     Parameters
@@ -147,7 +147,7 @@ def causes_of_fits(grid: Grid, fits: LossFits, bench: BenchParameters | None = N
     return _causes(tuple(names), root, influence, grid, transducer_causes(grid, bench), fitted=False)
 
 
-def causes_of_calibration(grid: Grid, calibration: Calibration, bench: BenchParameters) -> Causes:
+def causes_of_calibration(grid: Grid, calibration: Calibration, bench: BenchParameters) -> CommonErrorSources:
     r"""Common causes of the points of the grid that a calibration was made from.
 
     Notes
@@ -194,7 +194,7 @@ def _causes(
     transducers: tuple[TransducerCause, ...],
     *,
     fitted: bool,
-) -> Causes:
+) -> CommonErrorSources:
     # Only of readings that took part: those of a rejected window may be no numbers at all.
     took = tuple(each.any(axis=0) for each in influence)
     shifts = [(np.where(took[0], cause.sun, 0.0), np.where(took[1], cause.ring, 0.0)) for cause in transducers]
@@ -208,7 +208,9 @@ def _causes(
         members = np.array([i for i, name in enumerate(names) if _group(name) == group], dtype=np.intp)
         if len(members):
             groups.append((group, members))
-    return Causes(names, tuple(groups), root, transducers, moved, influence, (grid.u_sun, grid.u_ring), fitted)
+    return CommonErrorSources(
+        names, tuple(groups), root, transducers, moved, influence, (grid.u_sun, grid.u_ring), fitted
+    )
 
 
 def _group(name: str) -> str:

@@ -9,14 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from pmg.pipeline.fit.common_errors import CORRECTION, causes_of_fits
-from pmg.pipeline.fit.propagation import carry
+from pmg.pipeline.fit.propagation import propagate_uncertainty
 from pmg.sim import signals
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pmg.pipeline.fit.common_errors import Causes
+    from pmg.pipeline.fit.common_errors import CommonErrorSources
     from pmg.pipeline.fit.loss_fit import LossFits
     from pmg.pipeline.fit.propagation import Mean, Spread
     from pmg.sim.grid import Grid, OperatingPoints
@@ -124,7 +124,9 @@ def _formulas(inputs: Sequence[AnyArray], w_s: Array, w_r: Array, forward: Mask)
     )
 
 
-def power_balance(grid: Grid, fits: LossFits, correction: float, causes: Causes | None = None) -> PowerBalance:
+def power_balance(
+    grid: Grid, fits: LossFits, correction: float, causes: CommonErrorSources | None = None
+) -> PowerBalance:
     r"""Losses and efficiencies of the accepted engaged points of a grid.
 
     Parameters
@@ -177,7 +179,7 @@ def power_balance(grid: Grid, fits: LossFits, correction: float, causes: Causes 
         moved[i] = moved[i] + 1e-20j
         slopes.append(np.imag(_formulas(moved, w_s, w_r, forward)) / 1e-20)
     shared = (causes if causes is not None else causes_of_fits(grid, fits))[rows]
-    spread = carry(
+    spread = propagate_uncertainty(
         tuple(signal.name for signal in QUANTITIES),
         (slopes[0] * sign_sun, slopes[1] * sign_ring),
         _by_parameter(slopes[2], slopes[3], fits, at, correction, shared),
@@ -188,7 +190,7 @@ def power_balance(grid: Grid, fits: LossFits, correction: float, causes: Causes 
 
 
 def _by_parameter(
-    to_sun: Array, to_ring: Array, fits: LossFits, at: OperatingPoints, correction: float, causes: Causes
+    to_sun: Array, to_ring: Array, fits: LossFits, at: OperatingPoints, correction: float, causes: CommonErrorSources
 ) -> Array:
     """Derivatives (8, n, k) to the fitted parameters, from those to the bearing torques of sun and ring."""
     sun, ring = fits.sun.curve, fits.ring.curve

@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from pmg.pipeline.fit.common_errors import Causes
+    from pmg.pipeline.fit.common_errors import CommonErrorSources
     from pmg.sim.signals import Array, Mask
 
 
@@ -135,11 +135,11 @@ class Spread:
         return np.asarray(sum((part[at] for part in self.shared.values()), np.zeros((*self.own.shape[1:-1], 1))))
 
 
-def carry(
+def propagate_uncertainty(
     names: tuple[str, ...],
     by_torque: tuple[Array, Array],
     by_parameter: Array,
-    causes: Causes,
+    causes: CommonErrorSources,
     constants: tuple[tuple[str, Array], ...] = (),
     without: tuple[tuple[str, str], ...] = (),
 ) -> Spread:

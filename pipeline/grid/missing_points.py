@@ -104,7 +104,7 @@ class _Sequence:
         return tuple(places) if skips <= broken.gaps + late else None
 
 
-def unreached(manifests: Sequence[Manifest]) -> tuple[Unreached, ...]:
+def missing_points(manifests: Sequence[Manifest]) -> tuple[Unreached, ...]:
     """Points that recordings of one campaign should have held, and of which they have not even a step.
 
     Parameters
@@ -216,4 +216,4 @@ def asked(configuration: str, setpoints: Mapping[str, float | None]) -> str:
 
 def unreached_findings(manifests: Sequence[Manifest]) -> Iterator[dict[str, Any]]:
     """Points not reached in these sources of one campaign, as findings of a stage."""
-    return (point.finding() for point in unreached(manifests))
+    return (point.finding() for point in missing_points(manifests))

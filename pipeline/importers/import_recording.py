@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.importers.channel_map import ChannelMap, Mapped
-    from pmg.pipeline.importers.source import Source
+    from pmg.pipeline.importers.source import ForeignSource
     from pmg.pipeline.recording.calibration import Calibration
     from pmg.pipeline.recording.findings import Finding
     from pmg.pipeline.recording.run import RunInfo
@@ -154,7 +154,7 @@ def import_recording(path: Path, chart: ChannelMap, out: Path, words: Mapping[st
     return Imported(path, out, kind, reader, sha256, reading, stat.st_size, count, rate, written, told)
 
 
-def open_source(path: Path, chart: ChannelMap, findings: Findings) -> Source:
+def open_source(path: Path, chart: ChannelMap, findings: Findings) -> ForeignSource:
     """The reader for a file, by the end of its name.
 
     Raises
@@ -173,7 +173,7 @@ def open_source(path: Path, chart: ChannelMap, findings: Findings) -> Source:
     raise RecordingError(str(path), came, "a file in CSV, TDMS or MF4", near_miss(path.suffix, FORMATS))
 
 
-def _run(chart: ChannelMap, source: Source, words: Mapping[str, str]) -> tuple[RunInfo, dict[str, str]]:
+def _run(chart: ChannelMap, source: ForeignSource, words: Mapping[str, str]) -> tuple[RunInfo, dict[str, str]]:
     """The run's metadata, proven by the reader's own check."""
     entries = {"layout": LAYOUT}
     for key, value in {**chart.run, **words}.items():
@@ -209,12 +209,12 @@ def _calibration(chart: ChannelMap) -> tuple[Calibration, bytes]:
     return calibration, data
 
 
-def _conversion(mapped: Mapped, source: Source, calibration: Calibration, findings: Findings) -> Conversion:
+def _conversion(mapped: Mapped, source: ForeignSource, calibration: Calibration, findings: Findings) -> Conversion:
     channel = channel_of(source, mapped.wanted.name, f"{mapped.where}: source")
     return Conversion(mapped, channel.unit, calibration, mapped.wanted.name, source.place, findings)
 
 
-def _timing(timing: Timing, source: Source, wanted: list[Wanted]) -> Timing:
+def _timing(timing: Timing, source: ForeignSource, wanted: list[Wanted]) -> Timing:
     """What the map says about time, filled up with what the file says."""
     if timing.column is not None:
         return timing

@@ -89,7 +89,7 @@ class Block:
     columns: Mapping[Wanted, npt.NDArray[Any]]
 
 
-class Source(Protocol):
+class ForeignSource(Protocol):
     """What every reader gives."""
 
     path: Path
@@ -111,7 +111,7 @@ class Source(Protocol):
         """The wanted columns from the first row to the last, at most `ROWS` rows at a time."""
 
 
-def channel_of(source: Source, name: str, where: str) -> SourceChannel:
+def channel_of(source: ForeignSource, name: str, where: str) -> SourceChannel:
     """The channel of that name.
 
     Raises

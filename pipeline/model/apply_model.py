@@ -111,7 +111,7 @@ SPAN = 1e-3
 """Span of the differences behind a slope, in typical values of the parameter."""
 
 
-def carry(model: Model, analysis: Analysis, options: AnalysisOptions, bench: BenchParameters) -> Carried:
+def apply_model(model: Model, analysis: Analysis, options: AnalysisOptions, bench: BenchParameters) -> Carried:
     """Carry a model to an analysed campaign.
 
     Parameters

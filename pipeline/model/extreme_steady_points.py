@@ -53,7 +53,7 @@ class SteadyEnd:
     after: float
 
 
-def steady_ends(
+def extreme_steady_points(
     grid: Grid, bench: BenchParameters, before: tuple[Mechanism, ...], after: tuple[Mechanism, ...]
 ) -> tuple[SteadyEnd, ...]:
     """Steady ends at set-points spread over the grid: slow and fast in neutral, light and heavy when engaged.

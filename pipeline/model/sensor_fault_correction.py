@@ -66,7 +66,7 @@ class Misread:
         return "; ".join(words)
 
 
-def misread(
+def correct_sensor_fault(
     diagnosis: Diagnosis | None, analysis: Analysis, bench: BenchParameters, parts: tuple[Part, ...] = ()
 ) -> tuple[Misread, ...]:
     """Losses without the faults of readings, under each explanation that has any.

@@ -11,7 +11,7 @@ from scipy.stats import t as student
 
 from pmg.pipeline.orders.fit import CONFIDENCE, wrapped
 from pmg.pipeline.windows.reduce import mean_uncertainty
-from pmg.pipeline.windows.revolutions import Turned, turns_of
+from pmg.pipeline.windows.revolutions import WholeRevolutions, whole_revolutions
 from pmg.sim import sources
 from pmg.sim.errors import FitError
 from pmg.sim.signals import REVOLUTION
@@ -107,7 +107,7 @@ def load_angle(
     half = 0.5 * (p_s * steps["sun"] + p_r * steps["ring"])
     phase = p_s * sun + p_r * ring + half - offset
     middle = float(phase.mean())
-    turned = Turned(phase - middle, turns_of(sun))
+    turned = WholeRevolutions(phase - middle, whole_revolutions(sun))
     u, dof, _, _ = mean_uncertainty(turned, turned.batches(), 1.0)
     u = math.hypot(u, math.hypot(p_s * count_rhythm(sun, steps["sun"]), p_r * count_rhythm(ring, steps["ring"])))
     tenth = max(1, len(phase) // 10)

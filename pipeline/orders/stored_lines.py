@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
-from pmg.pipeline.files.atomic import write_aside
+from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.files.json_values import with_nulls
 from pmg.pipeline.orders.angle import index_of
 from pmg.pipeline.orders.point import Span, orders_of_point
@@ -113,9 +113,9 @@ def write_orders(store: Path, identifier: str, found: SourceOrders) -> None:
     """Write the lines of a source: the table first, the document last."""
     buffer = io.BytesIO()
     found.table.write_parquet(buffer, compression="zstd", statistics=False)
-    write_aside(store / ORDERS / f"{identifier}.parquet", buffer.getvalue())
+    write_atomic(store / ORDERS / f"{identifier}.parquet", buffer.getvalue())
     text = json.dumps({"schema": SCHEMA} | found.document, indent=1, allow_nan=False, ensure_ascii=False)
-    write_aside(store / ORDERS / f"{identifier}.json", (text + "\n").encode())
+    write_atomic(store / ORDERS / f"{identifier}.json", (text + "\n").encode())
 
 
 def kept_orders(store: Store, manifest: Manifest) -> SourceOrders | None:

@@ -22,7 +22,7 @@ from pmg.pipeline.recording.decode import decode_lines
 from pmg.pipeline.recording.events import read_events, read_steps
 from pmg.pipeline.recording.findings import Code, Finding, Findings
 from pmg.pipeline.recording.layouts import wire
-from pmg.pipeline.recording.layouts.convert_topics import take_over
+from pmg.pipeline.recording.layouts.convert_topics import convert_topics
 from pmg.pipeline.recording.origin import read_origin
 from pmg.pipeline.recording.run import known_of_run, read_run
 from pmg.pipeline.recording.supplied import NOTHING, Supply
@@ -150,7 +150,7 @@ def read_recording(
     supply = Supply(supplied, findings)
     container = open_container(path, lambda t: supplied.wanted(t) or (coils and t.startswith(COILS)), findings)
     report_unread((t for t in container.topics.values() if not supplied.maps(t.name)), findings)
-    topics = supply.channel_metadata(take_over(supply.channels(container.topics), findings))
+    topics = supply.channel_metadata(convert_topics(supply.channels(container.topics), findings))
     container = replace(container, topics={})  # what is decoded is let go
     metadata = supply.run(container.metadata, path.stem)
     known = known_of_run(metadata)

@@ -22,6 +22,7 @@ __all__ = [
     "Column",
     "Facts",
     "Figure",
+    "Headline",
     "Measured",
     "PowerFlow",
     "Report",
@@ -31,7 +32,6 @@ __all__ = [
     "SpeedMap",
     "Table",
     "Text",
-    "Verdict",
     "measured",
 ]
 
@@ -125,7 +125,7 @@ STATES = {"good": "Good", "attention": "Needs attention", "neutral": "Result"}
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Headline:
     """The headline of a report.
 
     Parameters
@@ -187,7 +187,7 @@ class Report:
 
     title: str
     subtitle: str
-    verdict: Verdict
+    verdict: Headline
     sections: tuple[Section, ...]
     provenance: Facts
     signals: Signals | None = None

@@ -6,7 +6,7 @@ import json
 import re
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.files.atomic import write_aside
+from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.report.draw import draw_all
 from pmg.pipeline.report.html import html
 from pmg.pipeline.report.summary import summary
@@ -72,12 +72,12 @@ def write_report(
         made[SUMMARY] = _encoded(json.dumps(summed, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
     files = {name: made[name] for name in names}
     # Until all is in place the listing names both reports, so that a broken run leaves nothing unlisted.
-    write_aside(folder / LISTING, _listing(earlier | set(files)))
+    write_atomic(folder / LISTING, _listing(earlier | set(files)))
     for name, data in reversed(files.items()):
-        write_aside(folder / name, data)
+        write_atomic(folder / name, data)
     for name in sorted(earlier - set(files)):
         (folder / name).unlink(missing_ok=True)
-    write_aside(folder / LISTING, _listing(set(files)))
+    write_atomic(folder / LISTING, _listing(set(files)))
     return (*(folder / name for name in files), folder / LISTING)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.files.atomic import write_aside
+from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.recording.write import SimulatedRun, rated_calibration, recording_bytes
 from pmg.pipeline.report.write import SUMMARY, report_files, write_report
 from pmg.pipeline.simulate.simulation import encoder_angles, recordable
@@ -165,18 +165,18 @@ def write_simulation(
         came = f"stands there and was not written by 'pmg simulate' ({len(foreign)} such files)"
         do = "Name another folder for --out; nothing was changed."
         raise StoreError(str(folder / foreign[0]), came, "a folder without files of these names", do)
-    write_aside(folder / LISTING, _listing(earlier | now))
+    write_atomic(folder / LISTING, _listing(earlier | now))
     (folder / SUMMARY).unlink(missing_ok=True)
     for name, data in files.items():
-        write_aside(folder / name, data)
+        write_atomic(folder / name, data)
     write_report(report, folder, summed_up=False)
     for name in sorted(earlier - now):
         if _OURS.fullmatch(name):
             (folder / name).unlink(missing_ok=True)
     with suppress(OSError):  # it stays while anything is in it
         (folder / RECORDINGS).rmdir()
-    write_aside(folder / SUMMARY, _encoded(summary))
-    write_aside(folder / LISTING, _listing(now))
+    write_atomic(folder / SUMMARY, _encoded(summary))
+    write_atomic(folder / LISTING, _listing(now))
     return tuple(folder / name for name in sorted(now))
 
 

@@ -23,7 +23,7 @@ SAMPLED = 1 << 16
 
 
 @dataclass(frozen=True)
-class Source:
+class StoredSource:
     """One file to ingest: where it lies, its name in the campaign, its identity."""
 
     path: Path
@@ -55,7 +55,7 @@ class Inventory:
         Copies, and files that could not be opened.
     """
 
-    sources: tuple[Source, ...]
+    sources: tuple[StoredSource, ...]
     unreadable: int
     findings: tuple[Finding, ...]
 
@@ -157,7 +157,7 @@ def take_inventory(place: Path, shard: Shard | None = None) -> Inventory:
         Nothing is there.
     """
     base = place if place.is_dir() else place.parent
-    sources: dict[str, Source] = {}
+    sources: dict[str, StoredSource] = {}
     findings, unreadable = [], 0
     paths = find_recordings(place)
     for path in paths if shard is None else shard.part(paths):
@@ -177,5 +177,5 @@ def take_inventory(place: Path, shard: Shard | None = None) -> Inventory:
                 Finding(Code.DUPLICATE_FILE, Severity.WARNING, name, "whole file", message, "Remove the copy.")
             )
             continue
-        sources[digest] = Source(path, name, digest)
+        sources[digest] = StoredSource(path, name, digest)
     return Inventory(tuple(sources.values()), unreadable, tuple(findings))

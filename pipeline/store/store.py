@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
-from pmg.pipeline.files.atomic import PREFIX, abandoned, write_aside
+from pmg.pipeline.files.atomic import PREFIX, abandoned, write_atomic
 from pmg.pipeline.store.sources import SUFFIX
 from pmg.sim.errors import StoreError
 
@@ -96,7 +96,7 @@ class Store:
     def prepare(self) -> None:
         """Make the folder a store."""
         if not self.made:
-            write_aside(self.path / MARK, _json({"schema": SCHEMA}))
+            write_atomic(self.path / MARK, _json({"schema": SCHEMA}))
 
     def require(self) -> None:
         """Raise a `StoreError` where nothing was ever ingested."""
@@ -153,8 +153,8 @@ class Store:
         if samples is not None:
             buffer = io.BytesIO()
             samples.write_parquet(buffer, compression="zstd", statistics=False)
-            write_aside(self.path / RUNS / f"{identifier}.parquet", buffer.getvalue())
-        write_aside(self.path / SOURCES / f"{identifier}.json", _json({"schema": SCHEMA} | dict(document)))
+            write_atomic(self.path / RUNS / f"{identifier}.parquet", buffer.getvalue())
+        write_atomic(self.path / SOURCES / f"{identifier}.json", _json({"schema": SCHEMA} | dict(document)))
 
     def remove(self, identifier: str) -> None:
         """Forget a source, so that a kill leaves it whole or leaves what `sweep` clears away."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.fit.document import number
 from pmg.pipeline.thesis_figures.figures import MANY
-from pmg.pipeline.thesis_figures.verdict import Judged, Verdict, count
+from pmg.pipeline.thesis_figures.verdict import FigureVerdict, JudgedFigure, count
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -17,21 +17,21 @@ HEADINGS = ("figure", "published", "ours", "interval", "unit", "verdict")
 """Columns of the table; a number in brackets after a verdict refers to the remarks below it."""
 
 
-def digits(judged: Judged) -> tuple[str, str, str]:
+def digits(judged: JudgedFigure) -> tuple[str, str, str]:
     """Ours and the ends of its interval, one decimal finer than printed."""
     places = max(judged.figure.decimals + 1, 0)
     ours, low, high = (f"{value:.{places}f}" for value in (judged.ours, judged.low, judged.high))
     return ours, low, high
 
 
-def told(judged: Judged) -> str:
+def told(judged: JudgedFigure) -> str:
     """The verdict, with the distance where it is what matters."""
-    if judged.verdict is Verdict.NOT_EXPLAINED:
+    if judged.verdict is FigureVerdict.NOT_EXPLAINED:
         return f"{judged.verdict} ({judged.distance:+.1f})"
     return str(judged.verdict)
 
 
-def table_lines(judged: tuple[Judged, ...]) -> list[str]:
+def table_lines(judged: tuple[JudgedFigure, ...]) -> list[str]:
     """The table as aligned text, the many figures of one kind summed up, remarks below."""
     remarks: dict[str, int] = {}
     rows: list[tuple[str, ...]] = [HEADINGS]
@@ -53,13 +53,13 @@ def table_lines(judged: tuple[Judged, ...]) -> list[str]:
     return [*lines, "", *(f"[{n}] {text}" for text, n in remarks.items())]
 
 
-def _reference(judged: Judged, known: dict[str, int]) -> str:
+def _reference(judged: JudgedFigure, known: dict[str, int]) -> str:
     """Numbers of the remarks on a figure; a new remark gets the next one."""
     numbers = [str(known.setdefault(text, len(known) + 1)) for text in judged.remarks]
     return f" [{', '.join(numbers)}]" if numbers else ""
 
 
-def _summed_up(members: tuple[Judged, ...], remarks: dict[str, int]) -> tuple[str, ...]:
+def _summed_up(members: tuple[JudgedFigure, ...], remarks: dict[str, int]) -> tuple[str, ...]:
     furthest = max(members, key=lambda j: abs(j.distance))
     states = ", ".join(f"{n} {verdict}" for verdict, n in count(members).items() if n)
     ours, low, high = digits(furthest)
@@ -74,14 +74,14 @@ def _summed_up(members: tuple[Judged, ...], remarks: dict[str, int]) -> tuple[st
     )
 
 
-def summary(judged: Iterable[Judged]) -> str:
+def summary(judged: Iterable[JudgedFigure]) -> str:
     """How many figures have which verdict, as a sentence."""
     all_ = tuple(judged)
     parts = [f"{n} {verdict}" for verdict, n in count(all_).items() if n]
     return f"{len(all_)} published figures: {', '.join(parts)}"
 
 
-def documents(judged: tuple[Judged, ...]) -> list[dict[str, Any]]:
+def documents(judged: tuple[JudgedFigure, ...]) -> list[dict[str, Any]]:
     """One object a figure, in the unit as printed; an open end is null."""
     return [
         {
@@ -106,7 +106,7 @@ def documents(judged: tuple[Judged, ...]) -> list[dict[str, Any]]:
     ]
 
 
-def _claim(judged: Judged) -> float | list[float | None]:
+def _claim(judged: JudgedFigure) -> float | list[float | None]:
     figure = judged.figure
     if figure.until is None:
         return figure.value

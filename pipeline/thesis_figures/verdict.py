@@ -23,7 +23,7 @@ WIDE = 0.20
 """Width of an interval, as part of the figure, above which the tables do not determine it."""
 
 
-class Verdict(StrEnum):
+class FigureVerdict(StrEnum):
     """What can be said of a figure.
 
     ``REPRODUCED``: what is printed lies in our interval. ``NOT_EXPLAINED``: it lies outside. ``NOT_DETERMINED``: it
@@ -38,7 +38,7 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedFigure:
     """A published figure beside ours, in the unit it is printed in.
 
     Parameters
@@ -59,7 +59,7 @@ class Judged:
     ours: float
     reach: float
     distance: float
-    verdict: Verdict
+    verdict: FigureVerdict
 
     @property
     def low(self) -> float:
@@ -74,25 +74,25 @@ class Judged:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What is known about it."""
-        return remarks_on(self.figure.id, differs=self.verdict is not Verdict.REPRODUCED)
+        return remarks_on(self.figure.id, differs=self.verdict is not FigureVerdict.REPRODUCED)
 
 
-def judge(figure: Published, spread: Spread) -> Judged:
+def judge(figure: Published, spread: Spread) -> JudgedFigure:
     """The verdict on a figure."""
     ours, shift = spread.ours / figure.unit.scale, spread.shift / figure.unit.scale
     value, upper, reach = figure.value, figure.upper, shift + figure.rounding
     gap = ours - value if ours < value else max(ours - upper, 0.0)
     if not figure.consistent:
-        verdict = Verdict.INCONSISTENT
+        verdict = FigureVerdict.INCONSISTENT
     elif math.isnan(ours) or abs(gap) > reach * (1.0 + 1e-9):
-        verdict = Verdict.NOT_EXPLAINED
+        verdict = FigureVerdict.NOT_EXPLAINED
     elif math.isinf(value) or math.isinf(upper):
         clear = ours - shift >= value - figure.rounding and ours + shift <= upper + figure.rounding
-        verdict = Verdict.REPRODUCED if clear else Verdict.NOT_DETERMINED
+        verdict = FigureVerdict.REPRODUCED if clear else FigureVerdict.NOT_DETERMINED
     else:
         size = abs(value) if figure.size is None else figure.size
-        verdict = Verdict.NOT_DETERMINED if 2.0 * shift > WIDE * size else Verdict.REPRODUCED
-    return Judged(figure, ours, reach, gap / reach, verdict)
+        verdict = FigureVerdict.NOT_DETERMINED if 2.0 * shift > WIDE * size else FigureVerdict.REPRODUCED
+    return JudgedFigure(figure, ours, reach, gap / reach, verdict)
 
 
 def validate(
@@ -101,7 +101,7 @@ def validate(
     draws: int,
     rng: np.random.Generator,
     figures: tuple[Published, ...] = FIGURES,
-) -> tuple[Judged, ...]:
+) -> tuple[JudgedFigure, ...]:
     """Every published figure beside what the published grid gives.
 
     Parameters
@@ -128,6 +128,6 @@ def validate(
     return tuple(judge(figure, found[figure.id]) for figure in figures)
 
 
-def count(judged: tuple[Judged, ...]) -> dict[Verdict, int]:
+def count(judged: tuple[JudgedFigure, ...]) -> dict[FigureVerdict, int]:
     """How many figures have each verdict."""
-    return {verdict: sum(j.verdict is verdict for j in judged) for verdict in Verdict}
+    return {verdict: sum(j.verdict is verdict for j in judged) for verdict in FigureVerdict}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import fft
 
-from pmg.pipeline.windows.revolutions import Turned, turns_of
+from pmg.pipeline.windows.revolutions import WholeRevolutions, whole_revolutions
 from pmg.pipeline.windows.window_mean import serial_mean
 from pmg.sim import sources
 
@@ -166,7 +166,7 @@ def reduce_shaft(torque: Array, angle: Array, rate_hz: float) -> ShaftMeans:
         mean = float(known.mean()) if len(known) else math.nan
         std = float(known.std(ddof=1)) if len(known) > 1 else math.nan
         return ShaftMeans(mean, math.nan, 0, 0, std, math.nan, math.nan, speed, resolution=step)
-    turned = Turned(torque, turns_of(angle))
+    turned = WholeRevolutions(torque, whole_revolutions(angle))
     batches = turned.batches()
     noise = MeanNoise() if _still(torque) else mean_noise(turned, batches, rate_hz)
     return ShaftMeans(
@@ -203,13 +203,13 @@ class MeanNoise:
     uneven: bool = False
 
 
-def mean_uncertainty(turned: Turned, batches: Batches, rate_hz: float) -> tuple[float, float, str, float]:
+def mean_uncertainty(turned: WholeRevolutions, batches: Batches, rate_hz: float) -> tuple[float, float, str, float]:
     """Standard uncertainty of the mean, its degrees of freedom, where both come from, and the correlation time."""
     found = mean_noise(turned, batches, rate_hz)
     return found.within, found.dof, found.method, found.correlation_time
 
 
-def mean_noise(turned: Turned, batches: Batches, rate_hz: float) -> MeanNoise:
+def mean_noise(turned: WholeRevolutions, batches: Batches, rate_hz: float) -> MeanNoise:
     """What the mean of a window is uncertain by, from its batches or from its finer pieces."""
     if len(batches.means) < 2:
         return MeanNoise()

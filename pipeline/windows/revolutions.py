@@ -50,7 +50,7 @@ class Batches:
 
 
 @dataclass(frozen=True)
-class Turned:
+class WholeRevolutions:
     """Torque without gaps, and how far its shaft had turned at each sample.
 
     Parameters
@@ -111,7 +111,7 @@ class Turned:
         if self.whole >= PIECES:
             each = math.ceil(self.whole / PIECES)
             return self._cut(self.whole // each, each)
-        plain = Turned(self.torque - self._average_turn(), self.turns)
+        plain = WholeRevolutions(self.torque - self._average_turn(), self.turns)
         return plain._between(np.linspace(0.0, self.used, PIECES + 1), 0)
 
     def scatter(self) -> float:
@@ -136,7 +136,7 @@ class Turned:
         total = np.bincount(place[inside], self.torque[inside] - self.mean(), count)
         wave = total / np.maximum(np.bincount(place[inside], minlength=count), 1)
         shape = np.interp(turns, (np.arange(count) + 0.5) / count, wave, period=1.0)
-        return np.asarray(shape - Turned(shape, self.turns).mean())
+        return np.asarray(shape - WholeRevolutions(shape, self.turns).mean())
 
     def _in_time(self, count: int) -> Batches:
         n = len(self.torque)
@@ -162,7 +162,7 @@ class Turned:
         return np.concatenate(([0.0], np.cumsum(self.torque)))
 
 
-def turns_of(angle: Array) -> Array:
+def whole_revolutions(angle: Array) -> Array:
     """Revolutions since the first of n samples (n + 1,) from an angle [rad], of either direction.
 
     The last one is where the sample after the last would stand, at the mean speed. Zeros where the angle has gaps.
@@ -176,7 +176,7 @@ def turns_of(angle: Array) -> Array:
 
 def batch_means(torque: Array, angle: Array) -> Batches:
     """Batches of a torque [N m] without gaps over the angle [rad] of the same shaft, (n,) each."""
-    return Turned(torque, turns_of(angle)).batches()
+    return WholeRevolutions(torque, whole_revolutions(angle)).batches()
 
 
 def _whole_revolutions(turns: float) -> tuple[int, int]:

@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.files.atomic import write_aside
+from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.trials.score.case_list import CAMPAIGNS, SEED, draw_lots
 from pmg.pipeline.trials.score.stage import code_digest
 from pmg.sim.errors import BenchError, PmgError
@@ -106,7 +106,7 @@ def answers_of(entry: Entry, asked: Sequence[Contestant], out: Path, stamp: dict
     withheld = entry.part == "trial" and entry.lot.stratum.kind != "clean"
     made = {c.name: None if bout is None else c(bout, withheld=withheld) for c in asked}
     document = {**wanted, "answers": {name: encode(answer) for name, answer in made.items()}}
-    write_aside(path, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+    write_atomic(path, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
     return made
 
 
@@ -155,8 +155,8 @@ def run(
         "calibration": len(calibration),
         "rows": [row.document for row in rows],
     }
-    write_aside(out / "rivals.json", (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
-    write_aside(out / "rivals.md", text.encode())
+    write_atomic(out / "rivals.json", (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+    write_atomic(out / "rivals.md", text.encode())
     return text
 
 

@@ -31,7 +31,7 @@ from pmg.pipeline.recording.blocks import read_blocks
 from pmg.pipeline.recording.channels import SPECS, check_channel
 from pmg.pipeline.recording.container.contents import open_container
 from pmg.pipeline.recording.findings import Findings
-from pmg.pipeline.recording.layouts.convert_topics import take_over
+from pmg.pipeline.recording.layouts.convert_topics import convert_topics
 from pmg.pipeline.recording.layouts.wire import sample_block, scalar
 from tests.bench.recorded import Column, counted, record
 from tests.recording.foreign import single
@@ -165,7 +165,7 @@ def by_blocks(path: Path) -> Callable[[], int]:
 
     def read() -> int:
         findings = Findings(path.name)
-        topics = take_over(open_container(path, lambda topic: True, findings).topics, findings)
+        topics = convert_topics(open_container(path, lambda topic: True, findings).topics, findings)
         return sum(_values(topic, findings).nbytes for topic in topics.values())
 
     return read

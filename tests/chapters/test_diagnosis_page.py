@@ -16,7 +16,7 @@ from tests.report.example import report
 
 from pmg.pipeline.chapters.explained.verdict import diagnosis_section
 from pmg.pipeline.chapters.measured.neutral import neutral_section
-from pmg.pipeline.commands.compare_and_diagnose import Judged, judge, summary_facts
+from pmg.pipeline.commands.compare_and_diagnose import ComparedCampaign, compare_and_diagnose, summary_facts
 from pmg.pipeline.diagnose.decide import JUDGE_DRAWS
 from pmg.pipeline.diagnose.diagnosis import Diagnosis
 from pmg.pipeline.diagnose.statement import statement
@@ -41,8 +41,8 @@ def analysed() -> Analysis:
 
 
 @pytest.fixture(scope="module")
-def judged(analysed: Analysis) -> Judged:
-    found = judge(analysed, AnalysisOptions(), load_bench(), np.random.default_rng(7))
+def judged(analysed: Analysis) -> ComparedCampaign:
+    found = compare_and_diagnose(analysed, AnalysisOptions(), load_bench(), np.random.default_rng(7))
     assert found is not None
     assert found.diagnosis.naming is not None
     assert found.diagnosis.refit is not None
@@ -58,7 +58,9 @@ def table(section: Section, name: str) -> Table:
     return next(item for item in section.items if isinstance(item, Table) and item.id == name)
 
 
-def test_the_head_leads_with_what_is_left_to_see_and_says_what_the_whole_is_counted_from(judged: Judged) -> None:
+def test_the_head_leads_with_what_is_left_to_see_and_says_what_the_whole_is_counted_from(
+    judged: ComparedCampaign,
+) -> None:
     diagnosis = judged.diagnosis
     assert diagnosis.naming is not None
     (fit,) = diagnosis.naming.best.fits
@@ -69,7 +71,7 @@ def test_the_head_leads_with_what_is_left_to_see_and_says_what_the_whole_is_coun
     assert said in statement(diagnosis)
 
 
-def test_what_the_baseline_could_take_up_is_not_left_to_see(judged: Judged) -> None:
+def test_what_the_baseline_could_take_up_is_not_left_to_see(judged: ComparedCampaign) -> None:
     naming = judged.diagnosis.naming
     assert naming is not None
     stage, (fit,) = naming.best.stage, naming.best.fits
@@ -80,7 +82,7 @@ def test_what_the_baseline_could_take_up_is_not_left_to_see(judged: Judged) -> N
     assert swollen.size != pytest.approx(fit.size, rel=0.01)
 
 
-def test_the_ranking_falls_by_the_column_it_is_sorted_by(judged: Judged) -> None:
+def test_the_ranking_falls_by_the_column_it_is_sorted_by(judged: ComparedCampaign) -> None:
     naming = judged.diagnosis.naming
     assert naming is not None
     ranking = table(page(judged.diagnosis), "ranking")
@@ -95,7 +97,9 @@ def test_the_ranking_falls_by_the_column_it_is_sorted_by(judged: Judged) -> None
     assert "(p ≤ 0.003)" in table(page(replace(judged.diagnosis, naming=smallest)), "ranking").caption
 
 
-def test_the_ranking_names_no_parameter_by_its_field_and_says_where_a_detailed_form_was_named(judged: Judged) -> None:
+def test_the_ranking_names_no_parameter_by_its_field_and_says_where_a_detailed_form_was_named(
+    judged: ComparedCampaign,
+) -> None:
     naming = judged.diagnosis.naming
     assert naming is not None
     ranking = table(page(judged.diagnosis), "ranking")
@@ -109,7 +113,7 @@ def test_the_ranking_names_no_parameter_by_its_field_and_says_where_a_detailed_f
     assert f"its detailed one, with {named.cost} parameters" in ranking.caption
 
 
-def test_the_clearest_place_is_drawn_above_the_fitted_temperature(judged: Judged) -> None:
+def test_the_clearest_place_is_drawn_above_the_fitted_temperature(judged: ComparedCampaign) -> None:
     diagnosis = judged.diagnosis
     assert diagnosis.naming is not None
     assert diagnosis.refit is not None
@@ -126,14 +130,16 @@ def test_the_clearest_place_is_drawn_above_the_fitted_temperature(judged: Judged
     assert f"{low:.1f} to {high:.1f} K over the campaign" in figure.caption.replace("−", "-")
 
 
-def test_without_a_named_cause_the_clearest_place_stands_alone(judged: Judged) -> None:
+def test_without_a_named_cause_the_clearest_place_stands_alone(judged: ComparedCampaign) -> None:
     section = page(replace(judged.diagnosis, refit=None, rivals=(), absorbed=()))
     figure = next(item for item in section.items if isinstance(item, Figure) and item.id == "located-structure")
     assert len(figure.panels) == 1
     assert "Zero is" not in figure.caption
 
 
-def test_constants_carry_their_uncertainty_without_and_with_the_mechanism(analysed: Analysis, judged: Judged) -> None:
+def test_constants_carry_their_uncertainty_without_and_with_the_mechanism(
+    analysed: Analysis, judged: ComparedCampaign
+) -> None:
     assert analysed.calibration is not None
     for row in judged.diagnosis.absorbed:
         assert row.error_before == analysed.calibration.standard_error(row.parameter)
@@ -141,7 +147,7 @@ def test_constants_carry_their_uncertainty_without_and_with_the_mechanism(analys
     assert any(isinstance(cell, Measured) and cell.u > 0.0 for cell in alone)
 
 
-def test_programs_are_told_the_word_the_mechanism_and_the_counts(analysed: Analysis, judged: Judged) -> None:
+def test_programs_are_told_the_word_the_mechanism_and_the_counts(analysed: Analysis, judged: ComparedCampaign) -> None:
     found = summary(report(), {}, summary_facts(analysed.grid, judged, load_bench()))
     jsonschema.validate(found, json.loads(SCHEMA.read_text(encoding="utf-8")))
     assert found["verdict"]["diagnosis"] == str(judged.diagnosis.verdict)

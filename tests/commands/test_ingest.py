@@ -15,7 +15,7 @@ from pmg.pipeline.commands.ingest_files import IngestReport, ingest
 from pmg.pipeline.recording import Code, Severity
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.windows.limits import LIMITS
-from pmg.pipeline.windows.revolutions import Turned, turns_of
+from pmg.pipeline.windows.revolutions import WholeRevolutions, whole_revolutions
 from pmg.sim.errors import RecordingError
 from pmg.sim.signals import RPM
 
@@ -67,7 +67,9 @@ def test_the_manifest_holds_the_window_and_its_means(mixed: Path, tmp_path: Path
     assert window["means"]["ring"]["speed"] / RPM == pytest.approx(300.0, abs=0.01)
     samples = store.samples(by_file["neutral.mcap"].identifier)
     assert samples.height == 2500
-    whole = Turned(samples["torque_sun"].to_numpy(), turns_of(samples["angle_sun"].to_numpy())).mean()
+    whole = WholeRevolutions(
+        samples["torque_sun"].to_numpy(), whole_revolutions(samples["angle_sun"].to_numpy())
+    ).mean()
     assert whole == pytest.approx(window["means"]["sun"]["torque"], abs=1e-12)
     assert samples["torque_sun"].mean() == pytest.approx(whole, abs=1e-3)
     (ramp,) = by_file["ramp.mcap"].document["windows"]

@@ -18,10 +18,10 @@ from tests.conftest import FILES
 from tests.recording.writer import CALIBRATION, RUN, Bench, write
 
 from pmg.pipeline.commands.ingest_files import FAILED, Job, _ingest_one, ingest, supersede
-from pmg.pipeline.files.atomic import ABANDONED, PREFIX, abandoned, write_aside
+from pmg.pipeline.files.atomic import ABANDONED, PREFIX, abandoned, write_atomic
 from pmg.pipeline.files.parallel import map_over
 from pmg.pipeline.recording import Code, Severity, read_recording
-from pmg.pipeline.store.sources import Source, take_inventory
+from pmg.pipeline.store.sources import StoredSource, take_inventory
 from pmg.pipeline.store.store import REMOVED, Manifest, Store
 from pmg.sim.errors import StoreError
 
@@ -47,7 +47,7 @@ def test_what_a_dead_process_was_writing_is_cleared_away_at_once_and_what_a_live
     seen: list[Path] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Path, "replace", lambda self, target: seen.append(self))
-        write_aside(path, b"{}")
+        write_atomic(path, b"{}")
     (mine,) = seen
     assert mine.name.startswith(PREFIX)
     assert not abandoned(mine)
@@ -154,7 +154,7 @@ def test_a_file_that_changes_after_it_was_listed_is_not_kept_under_its_old_hash(
     write(tmp_path / "a.mcap", Bench())
     store = Store(tmp_path / "s")
     store.prepare()
-    assert _ingest_one(Job(Source(tmp_path / "a.mcap", "a.mcap", "0" * 64), store.path)) == FAILED
+    assert _ingest_one(Job(StoredSource(tmp_path / "a.mcap", "a.mcap", "0" * 64), store.path)) == FAILED
     (manifest,) = store.manifests()
     (finding,) = manifest.document["findings"]
     assert (finding["code"], finding["severity"]) == (Code.UNREADABLE, Severity.ERROR)

@@ -21,7 +21,7 @@ from pmg.pipeline.analysis.power_flow import BRANCHES, Flow, flow_document, powe
 from pmg.pipeline.chapters.measured.flow import flow_section
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.calibration import Calibration, calibrate, parameter_values, with_parameters
-from pmg.pipeline.fit.common_errors import CORRECTION, Causes, causes_of_calibration, causes_of_fits
+from pmg.pipeline.fit.common_errors import CORRECTION, CommonErrorSources, causes_of_calibration, causes_of_fits
 from pmg.pipeline.fit.loss_fit import LossFits, fit_losses
 from pmg.pipeline.fit.losses import AVERAGED, QUANTITIES, power_balance
 from pmg.pipeline.fit.options import AnalysisOptions
@@ -61,7 +61,7 @@ def campaign(model: LossModel = MODEL) -> Grid:
 
 
 @cache
-def fitted() -> tuple[Grid, LossFits, Calibration, Causes, tuple[Flow, ...]]:
+def fitted() -> tuple[Grid, LossFits, Calibration, CommonErrorSources, tuple[Flow, ...]]:
     grid = campaign()
     fits = fit_losses(grid, POWERS, POWERS)
     calibration = calibrate(grid, fits, BENCH)

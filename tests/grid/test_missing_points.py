@@ -12,7 +12,7 @@ from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.compare import run_compare
 from pmg.pipeline.commands.ingest import run_ingest
 from pmg.pipeline.fit.options import AnalysisOptions
-from pmg.pipeline.grid.missing_points import unreached
+from pmg.pipeline.grid.missing_points import missing_points
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.wording.outcome import Outcome
 
@@ -48,7 +48,7 @@ def stored(folder: Path, **files: bytes) -> tuple[Store, Outcome]:
 def test_points_beyond_a_cut_are_named_with_their_set_points(tmp_path: Path) -> None:
     """At ingest, at analyse, at compare and in the report."""
     store, outcome = stored(tmp_path, whole=session(FIRST), cut=session(LATER, ("A", "B"), 1800))
-    lost = unreached(store.manifests())
+    lost = missing_points(store.manifests())
     assert [(point.file, point.point, point.like, point.instead) for point in lost] == [
         ("cut.mcap", "C", "whole.mcap", ""),
         ("cut.mcap", "D", "whole.mcap", ""),
@@ -70,8 +70,8 @@ def test_a_cut_between_points_is_told_by_what_the_container_lost(tmp_path: Path)
     """Every window there is stands, and ingest is partly done all the same."""
     longer = session(LATER, ("A", "B"), 2500)
     store, outcome = stored(tmp_path, whole=session(FIRST), cut=longer[: of_kind(longer, CHUNK)[-1][1] - 20])
-    assert [point.point for point in unreached(store.manifests())] == ["C", "D"]
-    assert "container.truncated at" in unreached(store.manifests())[0].why
+    assert [point.point for point in missing_points(store.manifests())] == ["C", "D"]
+    assert "container.truncated at" in missing_points(store.manifests())[0].why
     assert outcome.data["rejected"] == 0
     assert outcome.partial
 
@@ -79,14 +79,14 @@ def test_a_cut_between_points_is_told_by_what_the_container_lost(tmp_path: Path)
 def test_points_in_a_gap_are_named_beside_it(tmp_path: Path) -> None:
     gap = dict.fromkeys(TOPICS, (1900, 3000))
     store, _ = stored(tmp_path, whole=session(FIRST), gap=session(LATER, ("A", "B", "D"), drop=gap))
-    (lost,) = unreached(store.manifests())
+    (lost,) = missing_points(store.manifests())
     assert (lost.point, lost.why) == ("C", "lost after B, with samples that are missing")
 
 
 def test_points_before_a_late_beginning_are_named_with_those_beyond_the_end(tmp_path: Path) -> None:
     late = session(LATER, ("B", "C"), 2800, drop=dict.fromkeys(TOPICS, (0, 1000)))
     store, _ = stored(tmp_path, whole=session(FIRST), late=late)
-    lost = unreached(store.manifests())
+    lost = missing_points(store.manifests())
     assert [point.point for point in lost] == ["A", "D"]
     assert lost[0].why == "lost before its first point, with samples that are missing"
 
@@ -95,7 +95,7 @@ def test_points_that_were_run_again_are_told_with_the_file(tmp_path: Path) -> No
     store, outcome = stored(
         tmp_path, whole=session(FIRST), cut=session(LATER, ("A", "B", "C"), 2800), rest=session(LATEST, ("D",))
     )
-    (lost,) = unreached(store.manifests())
+    (lost,) = missing_points(store.manifests())
     assert (lost.point, lost.instead) == ("D", "rest.mcap")
     assert {f["severity"] for f in outcome.findings if "not reached" in f["message"]} == {"info"}
 
@@ -111,7 +111,7 @@ def test_points_that_were_run_again_are_told_with_the_file(tmp_path: Path) -> No
 )
 def test_nothing_is_missing_of_a_copy_or_of_another_sequence(tmp_path: Path, other: bytes) -> None:
     store, outcome = stored(tmp_path, whole=session(FIRST), other=other)
-    assert unreached(store.manifests()) == ()
+    assert missing_points(store.manifests()) == ()
     assert outcome.data["not_reached"] == 0
 
 
@@ -122,7 +122,7 @@ def test_a_point_that_a_whole_sequence_that_begins_alike_does_not_run_may_not_ha
         other=session("2025-04-23T07:00:00Z", ("A", "B", "C"), 3000),
         cut=session(LATER, ("A", "B"), 1800),
     )
-    lost = unreached(store.manifests())
+    lost = missing_points(store.manifests())
     assert [(point.point, point.without) for point in lost] == [("C", ""), ("D", "other.mcap")]
     assert "whole.mcap, which begins as it does, runs it" in lost[0].finding()["message"]
     assert "may not have been meant" not in lost[0].finding()["message"]

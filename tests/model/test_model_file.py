@@ -18,13 +18,13 @@ from typer.testing import CliRunner
 
 from pmg.pipeline.chapters.explained.extended_model import ends_table, prediction_table
 from pmg.pipeline.cli.app import app
-from pmg.pipeline.commands.compare_and_diagnose import judge, leave_model
+from pmg.pipeline.commands.compare_and_diagnose import compare_and_diagnose, leave_model
 from pmg.pipeline.diagnose.locate import find_mismatch
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.readings import take_readings
-from pmg.pipeline.model.apply_model import carry, lead, remark
-from pmg.pipeline.model.extreme_steady_points import spread_over, steady_ends
+from pmg.pipeline.model.apply_model import apply_model, lead, remark
+from pmg.pipeline.model.extreme_steady_points import extreme_steady_points, spread_over
 from pmg.pipeline.model.model_file import Model, Part, grid_digest, model_of, model_text
 from pmg.pipeline.model.read_model import names_on, read_model, with_model
 from pmg.pipeline.simulate.scenario_mechanisms import key_of_parameter, switch_on_by_words
@@ -168,7 +168,7 @@ def friction_model() -> Model:
 
 
 def test_a_true_model_predicts_a_campaign_it_has_not_seen_to_the_noise() -> None:
-    found = carry(friction_model(), analysed(3, FRICTION), OPTIONS, BENCH)
+    found = apply_model(friction_model(), analysed(3, FRICTION), OPTIONS, BENCH)
     engaged = next(p for p in found.predictions if p.kind == "sun torque, engaged")
     assert engaged.count == 32
     assert engaged.as_is < 1.3 * NOISE
@@ -184,14 +184,14 @@ def test_a_model_knows_its_own_campaign() -> None:
     assert analysis.calibration is not None
     model = model_of(analysis.grid, analysis.calibration, None)
     assert model.baseline == analysis.calibration.model
-    assert carry(model, analysis, OPTIONS, BENCH).own
+    assert apply_model(model, analysis, OPTIONS, BENCH).own
     moved = replace(analysis.grid, torque_sun=np.nextafter(analysis.grid.torque_sun, 9.0))
     assert grid_digest(moved) != model.provenance["grid_sha256"]
 
 
 @pytest.mark.parametrize("extra", [(FRICTION,), (FRICTION, TRUTH[1])], ids=["nothing else", "a gain error besides"])
 def test_what_remains_is_judged_with_the_model_in(extra: tuple[Mechanism, ...]) -> None:
-    found = carry(friction_model(), analysed(5, *extra), OPTIONS, BENCH)
+    found = apply_model(friction_model(), analysed(5, *extra), OPTIONS, BENCH)
     left = found.analysis
     assert left.fits is not None
     assert left.floor is not None
@@ -206,7 +206,7 @@ def test_what_remains_is_judged_with_the_model_in(extra: tuple[Mechanism, ...]) 
 
 
 def test_slopes_are_those_of_the_readings() -> None:
-    found = carry(friction_model(), analysed(3, FRICTION), OPTIONS, BENCH)
+    found = apply_model(friction_model(), analysed(3, FRICTION), OPTIONS, BENCH)
     readings = take_readings(found.analysis.grid, BENCH)
     at = readings.grid.points
     load = np.abs(at.torque_ring) / BENCH.gear1.ratio * np.sign(at.speed_sun) * at.engaged
@@ -217,7 +217,7 @@ def test_the_moving_bench_ends_where_the_steady_solver_does() -> None:
     faulty = (FRICTION, GainError(gain_sun=0.01, gain_ring=-0.02))
     grid = campaign(2, *faulty)
     plain = baseline_mechanisms(BASELINE_HERE, BENCH)
-    ends = steady_ends(grid, BENCH, plain, (*plain, *faulty))
+    ends = extreme_steady_points(grid, BENCH, plain, (*plain, *faulty))
     rows = spread_over(grid)
     assert len(rows) == 4
     assert [end.configuration for end in ends] == ["neutral"] * 4 + ["engaged"] * 2
@@ -341,7 +341,7 @@ def test_the_shipped_scenario_with_mechanisms_is_read() -> None:
 
 def test_a_campaign_is_judged_with_the_model_and_leaves_it_as_it_was(tmp_path: Path) -> None:
     given = written(tmp_path, friction_model())
-    found = judge(analysed(5, FRICTION), OPTIONS, BENCH, np.random.default_rng(1), read_model(given))
+    found = compare_and_diagnose(analysed(5, FRICTION), OPTIONS, BENCH, np.random.default_rng(1), read_model(given))
     assert found is not None
     assert found.carried is not None
     assert found.diagnosis.verdict == "consistent"

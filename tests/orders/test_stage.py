@@ -22,7 +22,7 @@ from pmg.pipeline.recording import Recording, read_recording
 from pmg.pipeline.recording.auxiliary_channels import NOTHING
 from pmg.pipeline.recording.container import contents
 from pmg.pipeline.recording.container.gathered import Gathered
-from pmg.pipeline.recording.container.source import Source
+from pmg.pipeline.recording.container.source import ByteSource
 from pmg.pipeline.recording.container.walk import walk_records
 from pmg.pipeline.store.store import ORDERS, Store
 from pmg.pipeline.windows.limits import Steadiness
@@ -202,7 +202,7 @@ def test_an_ingest_reads_a_file_with_coils_once(
     """After the hash of the inventory; and a reading that does not ask for coils holds none."""
     calls: list[int] = []
 
-    def walked(stream: BinaryIO, size: int, gathered: Gathered) -> Source:
+    def walked(stream: BinaryIO, size: int, gathered: Gathered) -> ByteSource:
         calls.append(size)
         return walk_records(stream, size, gathered)
 

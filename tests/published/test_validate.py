@@ -23,7 +23,7 @@ from pmg.pipeline.thesis_figures.listing import documents, table_lines
 from pmg.pipeline.thesis_figures.replicate import replicate
 from pmg.pipeline.thesis_figures.rounding import FEWEST_DRAWS, Spread, draw, spreads
 from pmg.pipeline.thesis_figures.tables import LOADS, SPEEDS, TORQUE_RING, TORQUE_SUN, printed
-from pmg.pipeline.thesis_figures.verdict import Judged, Verdict, judge, validate
+from pmg.pipeline.thesis_figures.verdict import FigureVerdict, JudgedFigure, judge, validate
 from pmg.sim.bench import BenchParameters
 from pmg.sim.errors import FitError, GridError
 from pmg.sim.grid import Grid
@@ -44,22 +44,22 @@ def found(grid: Grid, bench: BenchParameters) -> dict[str, Spread]:
 
 
 @pytest.fixture(scope="module")
-def judged(found: dict[str, Spread]) -> dict[str, Judged]:
+def judged(found: dict[str, Spread]) -> dict[str, JudgedFigure]:
     return {figure.id: judge(figure, found[figure.id]) for figure in FIGURES}
 
 
-def test_every_figure_is_computed_and_has_a_verdict(judged: dict[str, Judged], found: dict[str, Spread]) -> None:
+def test_every_figure_is_computed_and_has_a_verdict(judged: dict[str, JudgedFigure], found: dict[str, Spread]) -> None:
     assert set(judged) == set(found)
     assert len(BY_ID) == len(FIGURES)
     for j in judged.values():
-        assert isinstance(j.verdict, Verdict)
+        assert isinstance(j.verdict, FigureVerdict)
         assert j.low < j.ours < j.high
         assert j.figure.place
         assert j.figure.source.citation.endswith(j.figure.place)
 
 
-def test_every_figure_that_differs_for_a_known_reason_says_it(judged: dict[str, Judged]) -> None:
-    silent = [j.figure.id for j in judged.values() if j.verdict is not Verdict.REPRODUCED and not j.remarks]
+def test_every_figure_that_differs_for_a_known_reason_says_it(judged: dict[str, JudgedFigure]) -> None:
+    silent = [j.figure.id for j in judged.values() if j.verdict is not FigureVerdict.REPRODUCED and not j.remarks]
     assert not silent
 
 
@@ -116,30 +116,30 @@ SIZED = replace(PLAIN, value=0.0, size=1.0)
 @pytest.mark.parametrize(
     ("figure", "ours", "shift", "verdict"),
     [
-        (PLAIN, 10.3, 0.3, Verdict.REPRODUCED),
-        (PLAIN, 10.36, 0.3, Verdict.NOT_EXPLAINED),
-        (PLAIN, 9.6, 0.3, Verdict.NOT_EXPLAINED),
-        (PLAIN, 10.5, 1.1, Verdict.NOT_DETERMINED),
-        (PLAIN, 15.0, 1.1, Verdict.NOT_EXPLAINED),
-        (PLAIN, math.nan, 0.1, Verdict.NOT_EXPLAINED),
-        (LEAST, 11.0, 0.5, Verdict.REPRODUCED),
-        (LEAST, 10.2, 0.5, Verdict.NOT_DETERMINED),
-        (LEAST, 9.0, 0.5, Verdict.NOT_EXPLAINED),
-        (MOST, 9.0, 0.5, Verdict.REPRODUCED),
-        (MOST, 10.2, 0.5, Verdict.NOT_DETERMINED),
-        (MOST, 11.0, 0.5, Verdict.NOT_EXPLAINED),
-        (RANGE, 11.0, 0.5, Verdict.REPRODUCED),
-        (RANGE, 12.7, 0.5, Verdict.NOT_EXPLAINED),
-        (RANGE, 9.3, 0.5, Verdict.NOT_EXPLAINED),
-        (TWICE, 10.0, 0.1, Verdict.INCONSISTENT),
-        (TWICE, 99.0, 0.1, Verdict.INCONSISTENT),
-        (ALIKE, 10.0, 0.1, Verdict.REPRODUCED),
-        (SIZED, 0.0, 0.05, Verdict.REPRODUCED),
-        (SIZED, 0.0, 0.2, Verdict.NOT_DETERMINED),
-        (SIZED, 0.5, 0.2, Verdict.NOT_EXPLAINED),
+        (PLAIN, 10.3, 0.3, FigureVerdict.REPRODUCED),
+        (PLAIN, 10.36, 0.3, FigureVerdict.NOT_EXPLAINED),
+        (PLAIN, 9.6, 0.3, FigureVerdict.NOT_EXPLAINED),
+        (PLAIN, 10.5, 1.1, FigureVerdict.NOT_DETERMINED),
+        (PLAIN, 15.0, 1.1, FigureVerdict.NOT_EXPLAINED),
+        (PLAIN, math.nan, 0.1, FigureVerdict.NOT_EXPLAINED),
+        (LEAST, 11.0, 0.5, FigureVerdict.REPRODUCED),
+        (LEAST, 10.2, 0.5, FigureVerdict.NOT_DETERMINED),
+        (LEAST, 9.0, 0.5, FigureVerdict.NOT_EXPLAINED),
+        (MOST, 9.0, 0.5, FigureVerdict.REPRODUCED),
+        (MOST, 10.2, 0.5, FigureVerdict.NOT_DETERMINED),
+        (MOST, 11.0, 0.5, FigureVerdict.NOT_EXPLAINED),
+        (RANGE, 11.0, 0.5, FigureVerdict.REPRODUCED),
+        (RANGE, 12.7, 0.5, FigureVerdict.NOT_EXPLAINED),
+        (RANGE, 9.3, 0.5, FigureVerdict.NOT_EXPLAINED),
+        (TWICE, 10.0, 0.1, FigureVerdict.INCONSISTENT),
+        (TWICE, 99.0, 0.1, FigureVerdict.INCONSISTENT),
+        (ALIKE, 10.0, 0.1, FigureVerdict.REPRODUCED),
+        (SIZED, 0.0, 0.05, FigureVerdict.REPRODUCED),
+        (SIZED, 0.0, 0.2, FigureVerdict.NOT_DETERMINED),
+        (SIZED, 0.5, 0.2, FigureVerdict.NOT_EXPLAINED),
     ],
 )
-def test_the_verdict_by_table(figure: Published, ours: float, shift: float, verdict: Verdict) -> None:
+def test_the_verdict_by_table(figure: Published, ours: float, shift: float, verdict: FigureVerdict) -> None:
     assert judge(figure, Spread(ours, ours - shift, ours)).verdict is verdict
     assert judge(figure, Spread(ours, ours, ours + shift)).verdict is verdict
 
@@ -171,22 +171,22 @@ def test_rounding_once_more_adds_scatter_and_moves_the_constant_both_ways(grid: 
     assert min(c) < 0.0 < max(c)
 
 
-def test_the_known_disagreements_are_told(judged: dict[str, Judged]) -> None:
+def test_the_known_disagreements_are_told(judged: dict[str, JudgedFigure]) -> None:
     verdicts = {id_: j.verdict for id_, j in judged.items()}
     for id_ in ("chain.mechanical-in", "printed.power-in", "printed.eddy", "steady.torque-share", "steady.user"):
-        assert verdicts[id_] is Verdict.INCONSISTENT
-    assert verdicts["chain.gear"] is Verdict.NOT_EXPLAINED
-    assert verdicts["chain-implied.gear"] is Verdict.REPRODUCED
-    assert verdicts["chain-implied.electric-in"] is Verdict.REPRODUCED
-    assert verdicts["steady.difference-0.78"] is Verdict.NOT_DETERMINED
+        assert verdicts[id_] is FigureVerdict.INCONSISTENT
+    assert verdicts["chain.gear"] is FigureVerdict.NOT_EXPLAINED
+    assert verdicts["chain-implied.gear"] is FigureVerdict.REPRODUCED
+    assert verdicts["chain-implied.electric-in"] is FigureVerdict.REPRODUCED
+    assert verdicts["steady.difference-0.78"] is FigureVerdict.NOT_DETERMINED
 
 
 @pytest.mark.parametrize("id_", ["chain-implied.sun-bearings", "design.ratio-1", "run.loss", "point-implied.1872-1.95"])
 def test_a_planted_wrong_value_is_called_out(id_: str, found: dict[str, Spread]) -> None:
     right = judge(BY_ID[id_], found[id_])
     wrong = judge(replace(BY_ID[id_], value=1.25 * BY_ID[id_].value), found[id_])
-    assert right.verdict is Verdict.REPRODUCED
-    assert wrong.verdict is Verdict.NOT_EXPLAINED
+    assert right.verdict is FigureVerdict.REPRODUCED
+    assert wrong.verdict is FigureVerdict.NOT_EXPLAINED
     assert wrong.distance < -1.0
 
 
@@ -200,7 +200,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(published_f
     assert {p.name for p in files[0]} - same <= {CRATE}  # which holds the time of day
 
 
-def test_json_and_table_hold_every_figure(judged: dict[str, Judged]) -> None:
+def test_json_and_table_hold_every_figure(judged: dict[str, JudgedFigure]) -> None:
     told = documents(tuple(judged.values()))
     assert [entry["id"] for entry in told] == [figure.id for figure in FIGURES]
     needed = {"id", "source", "published", "ours", "low", "high", "unit", "verdict", "remark"}

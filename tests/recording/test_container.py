@@ -14,7 +14,7 @@ from mcap.writer import CompressionType, Writer
 
 from pmg.pipeline.recording import Code, UnusableRecordingError
 from pmg.pipeline.recording.container.contents import Container, open_container
-from pmg.pipeline.recording.container.source import BLOCK, SMALL, ShrunkError, Source
+from pmg.pipeline.recording.container.source import BLOCK, SMALL, ByteSource, ShrunkError
 from pmg.pipeline.recording.container.walk import walk_records
 from pmg.pipeline.recording.findings import Findings
 
@@ -110,7 +110,7 @@ def test_a_file_that_shrinks_while_it_is_read_is_told_or_was_read_whole(
 @pytest.mark.parametrize("length", [1, SMALL, SMALL + 1, BLOCK])
 def test_a_stretch_that_is_gone_is_never_given_shorter(length: int) -> None:
     data = bytes(2 * BLOCK)
-    source = Source(Shrinking(data, BLOCK, 1), len(data))
+    source = ByteSource(Shrinking(data, BLOCK, 1), len(data))
     assert source.read(0, 9) == bytes(9)
     with pytest.raises(ShrunkError):
         source.read(2 * BLOCK - length, 2 * BLOCK)

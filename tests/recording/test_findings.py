@@ -16,7 +16,7 @@ from pmg.pipeline.chapters.measured.quality import findings_table
 from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.recording import Code, Finding
 from pmg.pipeline.recording.container.records import HEAD, MAGIC, Op
-from pmg.pipeline.recording.container.source import Source
+from pmg.pipeline.recording.container.source import ByteSource
 from pmg.pipeline.recording.findings import LISTED, LONGEST_TEXT, Findings, Severity
 from pmg.pipeline.store.store import Store
 
@@ -83,7 +83,7 @@ def test_a_crc_that_goes_on_is_that_of_the_whole_stretch_and_reads_no_byte_twice
             return data
 
     data = bytes(range(256)) * 4000
-    source = Source(Counting(data), len(data))
+    source = ByteSource(Counting(data), len(data))
     for stop in (*range(0, len(data), 50_000), 70_000, len(data)):
         assert source.crc(0, stop) == zlib.crc32(data[:stop])
     assert source.crc(5, 900) == zlib.crc32(data[5:900])

@@ -19,7 +19,7 @@ from pmg.pipeline.recording.container import rounds, trail
 from pmg.pipeline.recording.container.gathered import Gathered
 from pmg.pipeline.recording.container.messages import Messages
 from pmg.pipeline.recording.container.records import HEAD, Channel, Op
-from pmg.pipeline.recording.container.source import BLOCK, Source
+from pmg.pipeline.recording.container.source import BLOCK, ByteSource
 from pmg.pipeline.recording.container.taking import take_inside
 from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.layouts import jsonalike, jsonmessages
@@ -177,7 +177,7 @@ def test_what_is_summed_beside_the_reading_is_summed_before_its_memory_is_taken_
     if slow:
         monkeypatch.setattr(trail.Trail, "_sum", late)
     data = np.random.default_rng(1).bytes(5 * BLOCK + 77)
-    source = Source(BytesIO(data), len(data))
+    source = ByteSource(BytesIO(data), len(data))
     for start in range(0, 4 * BLOCK, BLOCK // 4):
         assert bytes(source.lend(start + 100, start + BLOCK // 4)) == data[start + 100 : start + BLOCK // 4]
     assert source.crc(0, 4 * BLOCK + 5) == zlib.crc32(data[: 4 * BLOCK + 5])
@@ -189,7 +189,7 @@ def test_what_fails_beside_the_reading_is_raised_in_it(monkeypatch: pytest.Monke
         raise MemoryError
 
     monkeypatch.setattr(trail.Trail, "_sum", failing)
-    source = Source(BytesIO(bytes(BLOCK)), BLOCK)
+    source = ByteSource(BytesIO(bytes(BLOCK)), BLOCK)
     source.lend(0, BLOCK)
     with pytest.raises(MemoryError):
         source.digest()

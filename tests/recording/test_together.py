@@ -26,7 +26,7 @@ from pmg.pipeline.recording.container.chunk import Allowance, ChunkError, ChunkH
 from pmg.pipeline.recording.container.gathered import Gathered
 from pmg.pipeline.recording.container.messages import Messages
 from pmg.pipeline.recording.container.records import HEAD, MESSAGE, Channel, Op
-from pmg.pipeline.recording.container.source import Source
+from pmg.pipeline.recording.container.source import ByteSource
 from pmg.pipeline.recording.container.taking import take_inside
 from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.layouts import wire
@@ -149,7 +149,7 @@ def test_a_frame_of_zstd_that_is_cut_is_refused_although_all_its_bytes_came_out(
         path.write_bytes(packed[: len(packed) - cut])
         with path.open("rb") as stream:
             size = len(packed) - cut
-            source, head = Source(stream, size), ChunkHead(0, 0, len(data), zlib.crc32(data), "zstd", 0, size)
+            source, head = ByteSource(stream, size), ChunkHead(0, 0, len(data), zlib.crc32(data), "zstd", 0, size)
             if refused:
                 with pytest.raises(ChunkError, match="past its end"):
                     expand(source, head, size, Allowance.of(size))
@@ -161,7 +161,7 @@ def test_a_frame_of_zstd_that_is_cut_is_refused_although_all_its_bytes_came_out(
     data=st.binary(min_size=1, max_size=400), cuts=st.lists(st.integers(0, 400), max_size=8), stop=st.integers(0, 400)
 )
 def test_the_hash_is_that_of_the_file_in_whatever_order_it_was_read(data: bytes, cuts: list[int], stop: int) -> None:
-    source = Source(BytesIO(data), len(data))
+    source = ByteSource(BytesIO(data), len(data))
     for start, end in zip(cuts[::2], cuts[1::2], strict=False):
         assert bytes(source.lend(start, end)) == data[start : max(start, end)]
     assert source.crc(0, stop) == zlib.crc32(data[:stop])

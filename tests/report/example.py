@@ -9,6 +9,7 @@ from pmg.pipeline.report.document import (
     Column,
     Facts,
     Figure,
+    Headline,
     Measured,
     PowerFlow,
     Report,
@@ -17,7 +18,6 @@ from pmg.pipeline.report.document import (
     SpeedMap,
     Table,
     Text,
-    Verdict,
 )
 from pmg.sim import sources
 
@@ -109,7 +109,7 @@ def report() -> Report:
     return Report(
         "Losses of a gearbox",
         "Campaign of spring",
-        Verdict("A drag that grows with speed is missing.", "attention"),
+        Headline("A drag that grows with speed is missing.", "attention"),
         (found, difference),
         Facts((("Recording", "raw/run_01.mcap"),)),
     )

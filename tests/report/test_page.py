@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from pmg.pipeline.report.document import Column, Facts, Figure, Measured, Report, Section, Table, Text, Verdict
+from pmg.pipeline.report.document import Column, Facts, Figure, Headline, Measured, Report, Section, Table, Text
 from pmg.pipeline.report.html import html
 from pmg.pipeline.report.write import report_files, write_report
 from pmg.sim.errors import StoreError
@@ -55,7 +55,7 @@ class Outline(HTMLParser):
 
 
 def report(*items: Text | Facts | Table | Figure, title: str = "Title") -> Report:
-    return Report(title, "", Verdict("Fine.", "good"), (Section("one", "One", items),), Facts(()))
+    return Report(title, "", Headline("Fine.", "good"), (Section("one", "One", items),), Facts(()))
 
 
 @cache
@@ -69,7 +69,7 @@ def test_hostile_text_stays_text() -> None:
     figure = Figure("figure", HOSTILE, HOSTILE, (replace(example.chart(), title=HOSTILE, y_label=HOSTILE),))
     items = (Text(HOSTILE), Facts(((HOSTILE, HOSTILE),)), table, figure)
     hostile = Report(
-        HOSTILE, HOSTILE, Verdict(HOSTILE), (Section("one", HOSTILE, items, (source,)),), Facts(((HOSTILE, HOSTILE),))
+        HOSTILE, HOSTILE, Headline(HOSTILE), (Section("one", HOSTILE, items, (source,)),), Facts(((HOSTILE, HOSTILE),))
     )
     outline = Outline(html(hostile))
     assert not {"img", "image", "iframe", "object"} & set(outline.tags)
@@ -135,7 +135,7 @@ def test_kinds_of_text_and_paragraphs_are_told_apart() -> None:
 
 @pytest.mark.parametrize("state", ["good", "attention", "neutral"])
 def test_the_verdict_is_told_in_words_as_well_as_colour(state: str) -> None:
-    page = html(replace(report(), verdict=Verdict("It is so.", state)))  # type: ignore[arg-type]
+    page = html(replace(report(), verdict=Headline("It is so.", state)))  # type: ignore[arg-type]
     words = {"good": "Good", "attention": "Needs attention", "neutral": "Result"}[state]
     assert f'class="verdict {state}"' in page
     assert f'<p class="state">{words}</p>' in page

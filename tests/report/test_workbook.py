@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pmg.pipeline.report import workbook as module
-from pmg.pipeline.report.document import Column, Facts, Measured, Report, Section, Table, Verdict
+from pmg.pipeline.report.document import Column, Facts, Headline, Measured, Report, Section, Table
 from pmg.pipeline.report.draw import draw_all
 from pmg.pipeline.report.workbook import LONGEST_NAME, LONGEST_TEXT, number_format, sheet_names, workbook
 
@@ -40,7 +40,7 @@ def read(data: bytes) -> Workbook:
 
 def told(*tables: Table) -> Report:
     section = Section("one", "One", tables)
-    return Report("Title", "", Verdict("Fine.", "good"), (section,), Facts((("Seed", 1),)))
+    return Report("Title", "", Headline("Fine.", "good"), (section,), Facts((("Seed", 1),)))
 
 
 def table(rows: tuple[tuple[Cell, ...], ...], *columns: Column, name: str = "t") -> Table:
@@ -103,7 +103,7 @@ def test_what_is_absent_is_empty_and_infinity_is_told() -> None:
 
 @pytest.mark.parametrize("text", FORMULAS)
 def test_text_stays_text_wherever_it_stands(text: str) -> None:
-    made = replace(told(table(((text,),), Column("x", text, text))), title=text, subtitle=text, verdict=Verdict(text))
+    made = replace(told(table(((text,),), Column("x", text, text))), title=text, subtitle=text, verdict=Headline(text))
     data = workbook(replace(made, provenance=Facts(((text, text),))), {})
     book = read(data)
     cells = [cell for found in book for row in found.iter_rows() for cell in row if cell.value == text]

@@ -133,7 +133,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, str, bool]]:
         kept = {"schema": SCHEMA, "sha256": task.sha256, "route": task.route, "code": task.code}
         return kept | (QUIET if task.lot.stratum.kind == "clean" else NAMED)
 
-    monkeypatch.setattr(stage, "undergo", quick)
+    monkeypatch.setattr(stage, "run_case", quick)
     monkeypatch.setattr(stage, "code_digest", lambda: "0" * 64)
     return gone
 

@@ -356,9 +356,9 @@ def test_a_trial_resumes_and_makes_no_campaign_twice(
 
     def counting(task: run_case.Task) -> dict[str, Any]:
         made.append(task.lot.number)
-        return run_case.undergo(task)
+        return run_case.run_case(task)
 
-    monkeypatch.setattr(stage, "undergo", counting)
+    monkeypatch.setattr(stage, "run_case", counting)
     monkeypatch.setattr(stage, "code_digest", lambda: before["code"])
     again = run_prove(folder, campaigns=6, seed=SEED, workers=1)
     assert made == [2]

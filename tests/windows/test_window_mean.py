@@ -14,7 +14,7 @@ from tests.bench.windowed import NOISE, TORQUE, tally, window
 
 from pmg.pipeline.windows.noise_models import forms, kinds
 from pmg.pipeline.windows.reduce import BATCH_METHOD, MEMORY_METHOD, reduce_shaft, resolution
-from pmg.pipeline.windows.revolutions import SLACK, Turned, turns_of
+from pmg.pipeline.windows.revolutions import SLACK, WholeRevolutions, whole_revolutions
 from pmg.pipeline.windows.window_mean import FEWEST_PIECES, serial_mean
 from pmg.sim.signals import RPM
 
@@ -107,7 +107,7 @@ def test_mean_and_uncertainty_move_with_the_torque(
 def test_whole_revolutions_use_all_but_a_part_of_one(turns: float, seed: int) -> None:
     n = 4000
     angle = 2.0 * math.pi * turns * np.arange(n) / (n - 1)
-    made = Turned(np.random.default_rng(seed).standard_normal(n), turns_of(angle))
+    made = WholeRevolutions(np.random.default_rng(seed).standard_normal(n), whole_revolutions(angle))
     pieces = made.pieces()
     assert turns - 1.0 <= made.whole <= turns * n / (n - 1) + SLACK
     assert n * (1.0 - 1.0 / turns) - 2 <= made.used <= n

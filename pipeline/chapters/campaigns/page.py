@@ -11,7 +11,7 @@ from pmg.pipeline.campaign_comparison.statement import alike, statement
 from pmg.pipeline.chapters.campaigns.figures import curve_figure, follow_figure, load_figure, map_figures
 from pmg.pipeline.chapters.campaigns.tables import conditions_table, constants_table, point_table, unmatched_table
 from pmg.pipeline.chapters.page import PACKAGES, versions
-from pmg.pipeline.report.document import Column, Facts, Figure, Measured, Report, Section, Table, Text, Verdict
+from pmg.pipeline.report.document import Column, Facts, Figure, Headline, Measured, Report, Section, Table, Text
 from pmg.pipeline.wording.plurals import counted
 from pmg.pipeline.wording.probability import told_nominal, told_search
 from pmg.sim import signals
@@ -20,7 +20,7 @@ from pmg.sim.signals import RESIDUAL, RPM, Signal
 if TYPE_CHECKING:
     from pmg.pipeline.campaign_comparison.constants import ConstantDifference, CurveDifference
     from pmg.pipeline.campaign_comparison.difference import Versus
-    from pmg.pipeline.campaign_comparison.verdict import GroupResult, Judged
+    from pmg.pipeline.campaign_comparison.verdict import ComparisonVerdict, GroupResult
     from pmg.pipeline.report.document import Cell
 
 SHOWN: dict[str, Signal] = {
@@ -45,7 +45,7 @@ RULE = (
 
 def versus_report(
     versus: Versus,
-    judged: Judged | None,
+    judged: ComparisonVerdict | None,
     constants: tuple[ConstantDifference, ...],
     curves: tuple[CurveDifference, ...],
     *,
@@ -88,7 +88,7 @@ def versus_report(
     )
 
 
-def _verdict(versus: Versus, judged: Judged | None) -> Verdict:
+def _verdict(versus: Versus, judged: ComparisonVerdict | None) -> Headline:
     matching = versus.matching
     figures = [("Points matched", str(len(matching)))]
     figures += [
@@ -108,10 +108,10 @@ def _verdict(versus: Versus, judged: Judged | None) -> Verdict:
         beyond = sum(group.beyond for group in judged.groups)
         figures.append(("Torques beyond U", f"{beyond} of {sum(group.points for group in judged.groups)}"))
         state = "attention" if judged.readings_differ or warnings else "good"
-    return Verdict(statement(versus, judged), state, tuple(figures), tuple(warnings))
+    return Headline(statement(versus, judged), state, tuple(figures), tuple(warnings))
 
 
-def _differences(versus: Versus, judged: Judged) -> Section:
+def _differences(versus: Versus, judged: ComparisonVerdict) -> Section:
     tests = Facts(
         (
             (
@@ -188,7 +188,7 @@ def _means(versus: Versus) -> Table:
     )
 
 
-def _followed(versus: Versus, judged: Judged) -> Section:
+def _followed(versus: Versus, judged: ComparisonVerdict) -> Section:
     rows: list[tuple[Cell, ...]] = []
     for group in judged.groups:
         best = alike(group)

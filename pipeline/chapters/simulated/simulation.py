@@ -17,6 +17,7 @@ from pmg.pipeline.report.document import (
     Column,
     Facts,
     Figure,
+    Headline,
     PowerFlow,
     Report,
     Section,
@@ -24,7 +25,6 @@ from pmg.pipeline.report.document import (
     SpeedMap,
     Table,
     Text,
-    Verdict,
 )
 from pmg.pipeline.simulate.simulation import ABOVE_ONE
 from pmg.sim import signals, sources
@@ -88,7 +88,7 @@ def _without_figures(section: Section) -> Section:
     return Section(section.id, section.title, kept, section.sources)
 
 
-def _verdict(simulation: Simulation, findings: tuple[dict[str, str], ...]) -> Verdict:
+def _verdict(simulation: Simulation, findings: tuple[dict[str, str], ...]) -> Headline:
     points, run = simulation.points, simulation.run
     told = []
     if points is not None:
@@ -104,7 +104,7 @@ def _verdict(simulation: Simulation, findings: tuple[dict[str, str], ...]) -> Ve
     if simulation.answer is not None:
         told.append(f"Frequency response to the {simulation.answer.side} motor's torque.")
     grave = any(finding["severity"] != "info" for finding in findings)
-    return Verdict(" ".join(told), "attention" if grave else "neutral")
+    return Headline(" ".join(told), "attention" if grave else "neutral")
 
 
 _WORDS = {None: "ideal", True: "yes", False: "no"}

@@ -11,7 +11,7 @@ from pmg.pipeline.thesis_figures.figures import MANY
 from pmg.pipeline.thesis_figures.listing import summary
 from pmg.pipeline.thesis_figures.rounding import DRAWS_IN_REPORT, SEED
 from pmg.pipeline.thesis_figures.tables import printed
-from pmg.pipeline.thesis_figures.verdict import Judged, Verdict, count, validate
+from pmg.pipeline.thesis_figures.verdict import FigureVerdict, JudgedFigure, count, validate
 from pmg.sim import sources
 from pmg.sim.errors import GridError
 
@@ -36,7 +36,7 @@ def published_sections(grid: Grid, bench: BenchParameters) -> tuple[Section, ...
     return (validation_section(judged, DRAWS_IN_REPORT, SEED),)
 
 
-def validation_section(judged: tuple[Judged, ...], draws: int, seed: int) -> Section:
+def validation_section(judged: tuple[JudgedFigure, ...], draws: int, seed: int) -> Section:
     """The table of all figures, and how far each lies from what is printed."""
     return Section(
         "published-figures",
@@ -67,7 +67,7 @@ def validation_section(judged: tuple[Judged, ...], draws: int, seed: int) -> Sec
     )
 
 
-def _drawing(judged: tuple[Judged, ...]) -> Figure:
+def _drawing(judged: tuple[JudgedFigure, ...]) -> Figure:
     numbered = list(enumerate(judged, 1))
     single = [(n, j) for n, j in numbered if j.figure.group not in MANY]
     many = [(n, j) for n, j in numbered if j.figure.group in MANY]
@@ -82,9 +82,9 @@ def _drawing(judged: tuple[Judged, ...]) -> Figure:
     )
 
 
-def _chart(numbered: list[tuple[int, Judged]], title: str) -> Chart:
+def _chart(numbered: list[tuple[int, JudgedFigure]], title: str) -> Chart:
     series = []
-    for colour, verdict in enumerate(Verdict):
+    for colour, verdict in enumerate(FigureVerdict):
         chosen = [(n, j) for n, j in numbered if j.verdict is verdict]
         if chosen:
             x = np.array([n for n, _ in chosen], dtype=np.float64)
@@ -100,7 +100,7 @@ def _chart(numbered: list[tuple[int, Judged]], title: str) -> Chart:
     )
 
 
-def _table(judged: tuple[Judged, ...]) -> Table:
+def _table(judged: tuple[JudgedFigure, ...]) -> Table:
     rows: list[tuple[Cell, ...]] = [
         (n, f"{j.figure.what}{_in(j)}", j.figure.text, j.ours, j.low, j.high, str(j.verdict))
         for n, j in enumerate(judged, 1)
@@ -122,12 +122,12 @@ def _table(judged: tuple[Judged, ...]) -> Table:
     )
 
 
-def _in(j: Judged) -> str:
+def _in(j: JudgedFigure) -> str:
     """The unit of a figure, in brackets."""
     return f" [{j.figure.unit.name}]" if j.figure.unit.name else ""
 
 
-def _places(judged: tuple[Judged, ...]) -> Table:
+def _places(judged: tuple[JudgedFigure, ...]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for n, j in enumerate(judged, 1):
         figure = j.figure

@@ -14,7 +14,7 @@ from pmg.pipeline.recording.container.records import HEAD, LAYOUT, Op, RecordErr
 
 if TYPE_CHECKING:
     from pmg.pipeline.recording.container.records import Frame
-    from pmg.pipeline.recording.container.source import Source
+    from pmg.pipeline.recording.container.source import ByteSource
 
 CHUNK_LIMIT = 256 << 20
 """Largest chunk that is expanded [bytes]; recorders write a few megabytes, so more is damage or a bomb."""
@@ -107,7 +107,7 @@ class ChunkHead:
     end: int
 
 
-def chunk_head(source: Source, frame: Frame) -> ChunkHead:
+def chunk_head(source: ByteSource, frame: Frame) -> ChunkHead:
     """What the chunk at a place declares; its own length of the records counts, not that of the record around them.
 
     Raises
@@ -127,7 +127,7 @@ def chunk_head(source: Source, frame: Frame) -> ChunkHead:
     return ChunkHead(start, end, size, crc, compression, at, at + int.from_bytes(body[known - 8 : known], "little"))
 
 
-def expand(source: Source, head: ChunkHead, end: int, allowance: Allowance) -> memoryview:
+def expand(source: ByteSource, head: ChunkHead, end: int, allowance: Allowance) -> memoryview:
     """Records of a chunk, proven by length and CRC, in memory that the next chunk takes again.
 
     Parameters
@@ -171,7 +171,7 @@ def expand(source: Source, head: ChunkHead, end: int, allowance: Allowance) -> m
     return data
 
 
-def _proven(source: Source, head: ChunkHead, packed: memoryview, size: int) -> memoryview:
+def _proven(source: ByteSource, head: ChunkHead, packed: memoryview, size: int) -> memoryview:
     try:
         data = _expanded(source, head.compression, packed, size)
     except (zstandard.ZstdError, RuntimeError, EOFError) as fault:
@@ -198,7 +198,7 @@ def _claimed(head: ChunkHead, packed: memoryview) -> int:
     return len(packed)
 
 
-def _expanded(source: Source, compression: str, packed: memoryview, size: int) -> memoryview:
+def _expanded(source: ByteSource, compression: str, packed: memoryview, size: int) -> memoryview:
     """At most one byte more than a size, whatever the compressed bytes hold."""
     if compression == "zstd":
         alone = zstandard.get_frame_parameters(packed).content_size == size

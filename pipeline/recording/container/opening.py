@@ -21,7 +21,7 @@ from pmg.pipeline.recording.findings import Code
 if TYPE_CHECKING:
     from pmg.pipeline.recording.container.gathered import Gathered
     from pmg.pipeline.recording.container.records import Frame
-    from pmg.pipeline.recording.container.source import Source
+    from pmg.pipeline.recording.container.source import ByteSource
 
 
 class Opening:
@@ -35,7 +35,7 @@ class Opening:
         Receives their records.
     """
 
-    def __init__(self, source: Source, gathered: Gathered) -> None:
+    def __init__(self, source: ByteSource, gathered: Gathered) -> None:
         self.source = source
         self.gathered = gathered
         self.allowance = Allowance.of(source.size)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.recording.container.chunk import ChunkHead
     from pmg.pipeline.recording.container.records import Frame
-    from pmg.pipeline.recording.container.source import Source
+    from pmg.pipeline.recording.container.source import ByteSource
 
 CHAIN = 3
 """Records in a row that must parse to the byte where no CRC proves the first of them."""
@@ -41,12 +41,12 @@ CRC does not hold."""
 class Search:
     """Searches in one file, with the work they may still do [bytes]."""
 
-    source: Source
+    source: ByteSource
     left: int
     allowance: Allowance
 
     @classmethod
-    def of(cls, source: Source) -> Search:
+    def of(cls, source: ByteSource) -> Search:
         """A search with the work that the size of the file allows."""
         return cls(source, WORK * source.size + BLOCK, Allowance.of(source.size))
 

@@ -42,7 +42,7 @@ class ShrunkError(OSError):
         self.size = size
 
 
-class Source:
+class ByteSource:
     """A file that is read by place.
 
     Parameters

@@ -10,7 +10,7 @@ from pmg.pipeline.recording.findings import Code, Severity
 if TYPE_CHECKING:
     from pmg.pipeline.recording.container.gathered import Gathered
     from pmg.pipeline.recording.container.records import Frame
-    from pmg.pipeline.recording.container.source import Source
+    from pmg.pipeline.recording.container.source import ByteSource
 
 FOOTER_BEFORE_CRC = 16
 """Bytes of the body of a footer that its CRC covers."""
@@ -31,7 +31,7 @@ class Summary:
     Nothing of it is used before the footer has proven it by its CRC, or declared that there is none.
     """
 
-    def __init__(self, source: Source, gathered: Gathered) -> None:
+    def __init__(self, source: ByteSource, gathered: Gathered) -> None:
         self.source = source
         self.gathered = gathered
         self.start: int | None = None

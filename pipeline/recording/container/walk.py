@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, BinaryIO
 from pmg.pipeline.recording.container.opening import Opening
 from pmg.pipeline.recording.container.records import HEAD, LAYOUT, MAGIC, PRIVATE, Frame, Op, RecordError
 from pmg.pipeline.recording.container.salvage import LONGEST_PLAIN, Search
-from pmg.pipeline.recording.container.source import BLOCK, Source
+from pmg.pipeline.recording.container.source import BLOCK, ByteSource
 from pmg.pipeline.recording.container.summary import Summary
 from pmg.pipeline.recording.container.taking import take
 from pmg.pipeline.recording.findings import Code
@@ -30,7 +30,7 @@ SEARCHED_START = 16 * BLOCK
 """How far a recording is searched for in a file that does not begin as one [bytes]."""
 
 
-def walk_records(stream: BinaryIO, size: int, gathered: Gathered) -> Source:
+def walk_records(stream: BinaryIO, size: int, gathered: Gathered) -> ByteSource:
     """Gather what the records of a file say; damage is reported and passed over.
 
     Parameters
@@ -54,7 +54,7 @@ def walk_records(stream: BinaryIO, size: int, gathered: Gathered) -> Source:
     ShrunkError
         When it ends before its length while it is read.
     """
-    source = Source(stream, size)
+    source = ByteSource(stream, size)
     try:
         _Walk(source, gathered).run()
     except BaseException:
@@ -66,7 +66,7 @@ def walk_records(stream: BinaryIO, size: int, gathered: Gathered) -> Source:
 class _Walk:
     """The pass: where it is, and whether the file keeps its messages in chunks."""
 
-    def __init__(self, source: Source, gathered: Gathered) -> None:
+    def __init__(self, source: ByteSource, gathered: Gathered) -> None:
         self.source = source
         self.gathered = gathered
         self.findings = gathered.findings

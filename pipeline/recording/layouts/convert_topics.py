@@ -29,7 +29,7 @@ EARLIEST_NS = 946_684_800 * 1_000_000_000
 """The year 2000 [ns]: stamps before it count from the start of a computer."""
 
 
-def take_over(topics: Mapping[str, Topic], findings: Findings) -> dict[str, Topic]:
+def convert_topics(topics: Mapping[str, Topic], findings: Findings) -> dict[str, Topic]:
     """The topics, with those in other layouts as blocks of samples.
 
     Parameters

@@ -12,12 +12,12 @@ from pmg.pipeline.report.document import (
     Column,
     Facts,
     Figure,
+    Headline,
     Report,
     Section,
     Series,
     Table,
     Text,
-    Verdict,
 )
 from pmg.pipeline.report.figure import COVERAGE
 from pmg.pipeline.trials.score.summary import time_document
@@ -41,7 +41,7 @@ def proof_page(trial: Trial, told: Mapping[str, Any]) -> Report:
         title="Proof of the diagnosis",
         subtitle=f"{len(trial.scores)} synthetic campaigns with sealed truths, from a bench that shares no formula "
         "with the models",
-        verdict=Verdict(
+        verdict=Headline(
             f"{met} of {len(aimed)} aims are met over {len(trial.scores)} campaigns.",
             "good" if met == len(aimed) else "attention",
         ),

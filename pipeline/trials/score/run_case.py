@@ -47,7 +47,7 @@ class Task:
     further: bool = True
 
 
-def undergo(task: Task) -> dict[str, Any]:
+def run_case(task: Task) -> dict[str, Any]:
     """The diagnosis of one campaign, as JSON; of the truth only its hash."""
     lot, began = task.lot, time.perf_counter()
     case = lot.draw()

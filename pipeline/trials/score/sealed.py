@@ -6,7 +6,7 @@ import hashlib
 import json
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.files.atomic import write_aside
+from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.trials.nature import seal_truth
 from pmg.sim.errors import StoreError
 
@@ -55,7 +55,7 @@ def seal(lots: tuple[Lot, ...], folder: Path, *, seed: int, kinds: tuple[str, ..
                     "Name another folder with --out, or the trial that this one holds.",
                 )
     else:
-        write_aside(path, (json.dumps(document, indent=1) + "\n").encode())
+        write_atomic(path, (json.dumps(document, indent=1) + "\n").encode())
     return hashes
 
 
@@ -102,5 +102,5 @@ def open_truths(lots: tuple[Lot, ...], folder: Path) -> dict[int, dict[str, Any]
         text = path.read_text(encoding="utf-8") if path.exists() else seal_truth(lot.draw())[0]
         found[lot.number] = open_truth(text, published[lot.number], str(path))
         if not path.exists():
-            write_aside(path, text.encode())
+            write_atomic(path, text.encode())
     return found

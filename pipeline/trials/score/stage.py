@@ -8,14 +8,14 @@ import os
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.files.atomic import write_aside
+from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.files.parallel import map_over
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.trials.nature import seal_truth
 from pmg.pipeline.trials.score.agreement import both_ways
 from pmg.pipeline.trials.score.case_list import CAMPAIGNS, SEED, chosen_kinds, draw_lots
 from pmg.pipeline.trials.score.chapter import proof_page
-from pmg.pipeline.trials.score.run_case import ROUTES, SCHEMA, Task, undergo
+from pmg.pipeline.trials.score.run_case import ROUTES, SCHEMA, Task, run_case
 from pmg.pipeline.trials.score.score import Outcome as Verdict
 from pmg.pipeline.trials.score.score import judge
 from pmg.pipeline.trials.score.sealed import open_truth, open_truths, seal
@@ -92,8 +92,8 @@ def run_prove(
     tasks = [Task(lot, route, code, hashes[lot.number]) for lot in asked]
     tasks += [Task(lot, ROUTES[1], code, hashes[lot.number], False) for lot in both_ways(lots, recordings)]
     missing = [task for task in tasks if read_case(out, task) is None]
-    for done, (task, result) in enumerate(map_over(undergo, missing, workers or os.cpu_count() or 1), 1):
-        write_aside(case_file(out, task), (json.dumps(result, indent=1, allow_nan=False) + "\n").encode())
+    for done, (task, result) in enumerate(map_over(run_case, missing, workers or os.cpu_count() or 1), 1):
+        write_atomic(case_file(out, task), (json.dumps(result, indent=1, allow_nan=False) + "\n").encode())
         if progress is not None:
             progress(len(tasks) - len(missing) + done, len(tasks), f"case {task.lot.number}")
     results = {task: found for task in tasks if (found := read_case(out, task)) is not None}
@@ -183,7 +183,7 @@ def _all(
     )
     trial = summarise(truths, first, second)
     document = scores_document(trial, told)
-    write_aside(out / SCORES, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+    write_atomic(out / SCORES, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
     files = write_report(proof_page(trial, told), out)
     lines = [*score_lines(trial), f"{made} results made, {there} were there", f"report: {files[0]}"]
     data = {
