@@ -113,8 +113,8 @@ PLANTED: tuple[tuple[Callable[[Sequence[Module]], Iterator[Breach]], str, tuple[
         imports_go_down,
         "an import up",
         (
-            _lines("pmg.pipeline.fit.noise", "from pmg.pipeline.diagnose.scan import scan"),
-            _lines("pmg.pipeline.diagnose.scan", ""),
+            _lines("pmg.pipeline.fit.noise", "from pmg.pipeline.diagnose.engine.scan import scan"),
+            _lines("pmg.pipeline.diagnose.engine.scan", ""),
         ),
     ),
     (

@@ -16,8 +16,8 @@ from pmg.pipeline.chapters.page import build_report
 from pmg.pipeline.commands.compare_and_diagnose import compare_and_diagnose, leave_model, summary_facts
 from pmg.pipeline.commands.orders import orders_chapter
 from pmg.pipeline.commands.provenance import leave_crate, now
-from pmg.pipeline.diagnose.document import diagnosis_document
-from pmg.pipeline.diagnose.statement import statement
+from pmg.pipeline.diagnose.grid.document import diagnosis_document
+from pmg.pipeline.diagnose.grid.statement import statement
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.budget import budget_of

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.fit.calibration import jacobian, parameter_names
-from pmg.pipeline.fit.noise_floor import orthonormal
+from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.grid.readings import take_readings
 from pmg.pipeline.grid.transducer_uncertainty import CommonParts, common_parts
 

@@ -7,10 +7,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg, stats
+from scipy import stats
 
 from pmg.pipeline.fit.calibration import jacobian, start_model
 from pmg.pipeline.fit.noise import CORRELATIONS, GROWTHS, NO_CORRELATION, NO_GROWTH, Growth, NoiseFloor, ShaftNoise
+from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.fit.structure import families
 from pmg.pipeline.fit.whitening import chain_of, growth_of, relative_scale
 from pmg.pipeline.grid.readings import predict, take_readings
@@ -66,19 +67,6 @@ def repeat_contrasts(readings: Readings) -> Array:
             helmert[:, k - 1] /= math.sqrt(k * (k + 1))
         columns.append(helmert)
     return np.hstack(columns) if columns else np.zeros((len(readings), 0))
-
-
-def orthonormal(columns: Array, tolerance: float = 1e-6) -> Array:
-    """Orthonormal basis of the columns' span (m, r), each column first brought to unit length."""
-    length = np.linalg.norm(columns, axis=0)
-    kept = columns[:, length > 0.0] / length[length > 0.0]
-    if kept.shape[1] == 0:
-        return np.zeros((len(columns), 0))
-    try:
-        left, singular, _ = np.linalg.svd(kept, full_matrices=False)
-    except np.linalg.LinAlgError:  # divide and conquer fails on some columns of low rank; this way does not
-        left, singular, _ = linalg.svd(kept, full_matrices=False, lapack_driver="gesvd")
-    return left[:, singular > tolerance * singular[0]]
 
 
 def _weights(deviance: list[float]) -> Array:

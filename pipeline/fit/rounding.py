@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import ndtr
 
-from pmg.pipeline.fit.noise_floor import orthonormal
+from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
     from pmg.pipeline.fit.noise import NoiseFloor

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.candidates import Candidate, predict_with, set_stage
-from pmg.pipeline.diagnose.fitting import CandidateFit
-from pmg.pipeline.diagnose.refit import refit
+from pmg.pipeline.diagnose.grid.candidates import Candidate, predict_with, set_stage
+from pmg.pipeline.diagnose.grid.fitting import CandidateFit
+from pmg.pipeline.diagnose.grid.refit import refit
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import predict, take_readings
@@ -19,8 +19,8 @@ from pmg.sim.steady.baseline import baseline_mechanisms
 from pmg.sim.steady.gearbox import Gearbox
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.diagnosis import Diagnosis
-    from pmg.pipeline.diagnose.refit import Refit
+    from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
+    from pmg.pipeline.diagnose.grid.refit import Refit
     from pmg.pipeline.fit.options import AnalysisOptions
     from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters

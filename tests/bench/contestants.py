@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.diagnose.candidates import candidates
-from pmg.pipeline.diagnose.fitting import fit_candidate
-from pmg.pipeline.diagnose.withheld import withhold
+from pmg.pipeline.diagnose.grid.candidates import candidates
+from pmg.pipeline.diagnose.grid.fitting import fit_candidate
+from pmg.pipeline.diagnose.grid.withheld import withhold
 from pmg.sim.errors import FitError
 from tests.bench.bout import Answer, Reply
 from tests.bench.peers import installed

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.diagnose.locate import find_mismatch
+from pmg.pipeline.diagnose.grid.locate import find_mismatch
 from pmg.pipeline.diagnose.residuals.fitted import LEVEL
 from pmg.pipeline.diagnose.residuals.search import study_residuals
 from pmg.pipeline.fit.analysis import analyse

@@ -10,12 +10,12 @@ import pytest
 
 from pmg.pipeline.chapters.explained.grounds import cannot_tell, decoy_items, noise_words, on_bound, withheld_items
 from pmg.pipeline.chapters.explained.next_tests import next_test_items
-from pmg.pipeline.diagnose.decoys import Decoys
 from pmg.pipeline.diagnose.design.next_test import NextTest
 from pmg.pipeline.diagnose.design.plans import make_points, possible_plans
-from pmg.pipeline.diagnose.diagnosis import Absorbed, Diagnosis, Verdict
-from pmg.pipeline.diagnose.document import set_points
-from pmg.pipeline.diagnose.holdout import HeldOut
+from pmg.pipeline.diagnose.grid.decoys import Decoys
+from pmg.pipeline.diagnose.grid.diagnosis import Absorbed, Diagnosis, Verdict
+from pmg.pipeline.diagnose.grid.document import set_points
+from pmg.pipeline.diagnose.grid.holdout import HeldOut
 from pmg.pipeline.fit.calibration import CONSTANTS
 from pmg.pipeline.fit.noise import GROWTHS, NO_CORRELATION, Growth, ShaftNoise
 from pmg.pipeline.report.document import Facts, Measured, Table

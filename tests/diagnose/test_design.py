@@ -14,7 +14,7 @@ from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.design import run_design
 from pmg.pipeline.diagnose.design.next_test import power_to_separate
 from pmg.pipeline.diagnose.design.plans import possible_plans
-from pmg.pipeline.diagnose.naming import MARGIN
+from pmg.pipeline.diagnose.grid.naming import MARGIN
 from pmg.pipeline.simulate.planned import planned_grid
 from pmg.pipeline.simulate.scenario_file import read_scenario
 from pmg.sim.bench import BenchParameters

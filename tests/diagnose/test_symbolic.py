@@ -18,7 +18,7 @@ from pmg.pipeline.diagnose.form.problem import Problem, placebo_errors, withheld
 from pmg.pipeline.diagnose.form.search import View, make_library
 from pmg.pipeline.diagnose.form.shape import LABEL, Shape
 from pmg.pipeline.diagnose.form.symbolic import hold_up
-from pmg.pipeline.diagnose.holdout import FOLDS
+from pmg.pipeline.diagnose.grid.holdout import FOLDS
 from pmg.pipeline.fit.whitening import Whitener
 from pmg.sim.signals import Array
 

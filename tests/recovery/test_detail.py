@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.points import points
 
-from pmg.pipeline.diagnose.candidates import Candidate, Stage, candidates, refinement, set_stage
-from pmg.pipeline.diagnose.explanation import Explanation, all_in_detail, explain_with, ids, swapped
-from pmg.pipeline.diagnose.fitting import fit_candidate
-from pmg.pipeline.diagnose.ranking import FINER, in_detail, rank, score
+from pmg.pipeline.diagnose.grid.candidates import Candidate, Stage, candidates, refinement, set_stage
+from pmg.pipeline.diagnose.grid.explanation import Explanation, all_in_detail, explain_with, ids, swapped
+from pmg.pipeline.diagnose.grid.fitting import fit_candidate
+from pmg.pipeline.diagnose.grid.ranking import FINER, in_detail, rank, score
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.fit.whitening import whitener

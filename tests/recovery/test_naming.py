@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmg.pipeline.diagnose.candidates import candidates, set_stage
-from pmg.pipeline.diagnose.decide import diagnose
-from pmg.pipeline.diagnose.diagnosis import Diagnosis, Verdict
-from pmg.pipeline.diagnose.document import diagnosis_document
-from pmg.pipeline.diagnose.explanation import take_out
-from pmg.pipeline.diagnose.fitting import CandidateFit, fit_candidate
-from pmg.pipeline.diagnose.statement import statement
+from pmg.pipeline.diagnose.grid.candidates import candidates, set_stage
+from pmg.pipeline.diagnose.grid.decide import diagnose
+from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis, Verdict
+from pmg.pipeline.diagnose.grid.document import diagnosis_document
+from pmg.pipeline.diagnose.grid.explanation import take_out
+from pmg.pipeline.diagnose.grid.fitting import CandidateFit, fit_candidate
+from pmg.pipeline.diagnose.grid.statement import statement
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.fit.whitening import whitener

@@ -11,7 +11,7 @@ from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.design.audit import Audit
-    from pmg.pipeline.diagnose.diagnosis import Absorbed, Diagnosis
+    from pmg.pipeline.diagnose.grid.diagnosis import Absorbed, Diagnosis
     from pmg.pipeline.fit.noise import ShaftNoise
     from pmg.sim.mechanisms import Parameter
 

@@ -11,7 +11,7 @@ from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.design.next_test import NextTest
-    from pmg.pipeline.diagnose.diagnosis import Diagnosis
+    from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
     from pmg.pipeline.report.table import Cell
 
 

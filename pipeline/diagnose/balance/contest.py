@@ -12,8 +12,8 @@ from pmg.pipeline.diagnose.balance.estimate import Estimate, Fitted, fit_togethe
 from pmg.pipeline.diagnose.balance.fitting import Ground, TermFit, take_out
 from pmg.pipeline.diagnose.balance.proof import held_out, set_against
 from pmg.pipeline.diagnose.balance.search import Search, TermSet, rank
-from pmg.pipeline.diagnose.balance.span import orthonormal
-from pmg.pipeline.diagnose.naming import MARGIN
+from pmg.pipeline.diagnose.grid.naming import MARGIN
+from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.mismatch import NoiseModel
     from pmg.pipeline.diagnose.balance.recorded import Recorded
     from pmg.pipeline.diagnose.balance.term import Term
-    from pmg.pipeline.diagnose.holdout import HeldOut
-    from pmg.pipeline.diagnose.naming import Remainder
+    from pmg.pipeline.diagnose.grid.holdout import HeldOut
+    from pmg.pipeline.diagnose.grid.naming import Remainder
     from pmg.sim.signals import Array
 
 MOST_REFINED = 6

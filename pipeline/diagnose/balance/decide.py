@@ -14,9 +14,9 @@ from pmg.pipeline.diagnose.balance.mismatch import DRAWS, find_mismatch, make_ju
 from pmg.pipeline.diagnose.balance.proof import Decoys, try_decoys, withhold
 from pmg.pipeline.diagnose.balance.search import Search, Twins, find_twins, search
 from pmg.pipeline.diagnose.balance.structure import families
-from pmg.pipeline.diagnose.decide import WITHHELD_SHARE
-from pmg.pipeline.diagnose.diagnosis import Absorbed, Verdict
-from pmg.pipeline.diagnose.ranking import ENTRY
+from pmg.pipeline.diagnose.grid.decide import WITHHELD_SHARE
+from pmg.pipeline.diagnose.grid.diagnosis import Absorbed, Verdict
+from pmg.pipeline.diagnose.grid.ranking import ENTRY
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.case_file import Case
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.mismatch import Mismatch, NoiseModel
     from pmg.pipeline.diagnose.balance.recorded import Recorded
     from pmg.pipeline.diagnose.balance.term import Term
-    from pmg.pipeline.diagnose.holdout import HeldOut
+    from pmg.pipeline.diagnose.grid.holdout import HeldOut
 
 
 @dataclass(frozen=True)

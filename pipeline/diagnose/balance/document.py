@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnose.balance.mismatch import LEVEL
-from pmg.pipeline.diagnose.diagnosis import Verdict
+from pmg.pipeline.diagnose.grid.diagnosis import Verdict
 from pmg.pipeline.fit.document import number
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnose.balance.estimate import Estimate
     from pmg.pipeline.diagnose.balance.mismatch import Mismatch
-    from pmg.pipeline.diagnose.holdout import HeldOut
+    from pmg.pipeline.diagnose.grid.holdout import HeldOut
 
 SCHEMA = "pmg.terms-diagnosis/1"
 """Schema of the document."""

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import lsq_linear, minimize_scalar
 
-from pmg.pipeline.diagnose.balance.span import orthonormal
-from pmg.pipeline.diagnose.scan import ABSORBED
+from pmg.pipeline.diagnose.engine.scan import ABSORBED
+from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pmg.pipeline.diagnose.balance.serial import SerialNoise, fit_noise
-from pmg.pipeline.diagnose.balance.span import orthonormal
 from pmg.pipeline.diagnose.balance.structure import scan_of
-from pmg.pipeline.diagnose.naming import Remainder
+from pmg.pipeline.diagnose.grid.naming import Remainder
+from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
     from collections.abc import Callable

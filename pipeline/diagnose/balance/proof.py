@@ -12,9 +12,9 @@ import numpy as np
 from pmg.pipeline.diagnose.balance.estimate import design_of
 from pmg.pipeline.diagnose.balance.fitting import Tabled, fit_term, take_out
 from pmg.pipeline.diagnose.balance.search import rank
-from pmg.pipeline.diagnose.holdout import BLOCKS, HeldOut, gain_interval, solve
-from pmg.pipeline.diagnose.ranking import ENTRY
-from pmg.pipeline.diagnose.withheld import FOLDS
+from pmg.pipeline.diagnose.grid.holdout import BLOCKS, HeldOut, gain_interval, solve
+from pmg.pipeline.diagnose.grid.ranking import ENTRY
+from pmg.pipeline.diagnose.grid.withheld import FOLDS
 
 if TYPE_CHECKING:
     import numpy.typing as npt

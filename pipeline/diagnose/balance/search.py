@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnose.balance.fitting import Ground, TermFit, fit_term, take_out
-from pmg.pipeline.diagnose.naming import (
+from pmg.pipeline.diagnose.grid.naming import (
     FIRST_OF_PAIRS,
     FORM_ERROR,
     MARGIN,
@@ -18,7 +18,7 @@ from pmg.pipeline.diagnose.naming import (
     SHARE_OF_REST,
     Remainder,
 )
-from pmg.pipeline.diagnose.ranking import ENTRY
+from pmg.pipeline.diagnose.grid.ranking import ENTRY
 
 if TYPE_CHECKING:
     from collections.abc import Callable

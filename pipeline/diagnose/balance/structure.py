@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.balance.span import orthonormal
-from pmg.pipeline.diagnose.scan import ABSORBED, Scan
+from pmg.pipeline.diagnose.engine.scan import ABSORBED, Scan
+from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.recorded import Recorded

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.diagnose.candidates import Candidate, Stage, candidates, set_stage
 from pmg.pipeline.diagnose.design.next_test import ENOUGH, distance, longer_stage, power_to_separate
 from pmg.pipeline.diagnose.design.plans import Plan, possible_plans
-from pmg.pipeline.diagnose.explanation import Explanation, take_out
-from pmg.pipeline.diagnose.fitting import CandidateFit
+from pmg.pipeline.diagnose.grid.candidates import Candidate, Stage, candidates, set_stage
+from pmg.pipeline.diagnose.grid.explanation import Explanation, take_out
+from pmg.pipeline.diagnose.grid.fitting import CandidateFit
 from pmg.pipeline.fit.structure import families
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import take_readings

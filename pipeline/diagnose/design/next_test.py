@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.diagnose.candidates import Stage, candidates, set_stage
 from pmg.pipeline.diagnose.design.plans import Plan, join_points, possible_plans
-from pmg.pipeline.diagnose.explanation import take_out
-from pmg.pipeline.diagnose.naming import MARGIN
-from pmg.pipeline.diagnose.ranking import ENTRY
+from pmg.pipeline.diagnose.grid.candidates import Stage, candidates, set_stage
+from pmg.pipeline.diagnose.grid.explanation import take_out
+from pmg.pipeline.diagnose.grid.naming import MARGIN
+from pmg.pipeline.diagnose.grid.ranking import ENTRY
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import take_readings
 from pmg.sim.grid import Grid
 from pmg.sim.mechanisms import Experiment
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.explanation import Explanation
+    from pmg.pipeline.diagnose.grid.explanation import Explanation
     from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters

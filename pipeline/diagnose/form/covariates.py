@@ -12,7 +12,7 @@ from pmg.pipeline.fit.structure import THERMAL_TIMES, run_history
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pmg.pipeline.diagnose.locate import Location
+    from pmg.pipeline.diagnose.grid.locate import Location
     from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters
     from pmg.sim.lossmodel import LossModel

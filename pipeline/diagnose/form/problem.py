@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnose.form.search import FormFit, Library, View, make_library, search
-from pmg.pipeline.diagnose.holdout import FOLDS, solve
-from pmg.pipeline.fit.noise_floor import orthonormal
+from pmg.pipeline.diagnose.grid.holdout import FOLDS, solve
+from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
     import numpy.typing as npt

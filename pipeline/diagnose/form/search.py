@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from scipy.optimize import minimize
 
+from pmg.pipeline.diagnose.engine.scan import ABSORBED
 from pmg.pipeline.diagnose.form.grammar import Form, forms
-from pmg.pipeline.diagnose.scan import ABSORBED
 
 if TYPE_CHECKING:
     import numpy.typing as npt

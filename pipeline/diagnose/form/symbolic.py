@@ -17,12 +17,12 @@ from pmg.pipeline.diagnose.form.grammar import text_of
 from pmg.pipeline.diagnose.form.problem import Problem, choose, placebo_errors, whole_view, withheld_errors
 from pmg.pipeline.diagnose.form.search import FormFit, View, make_library, search
 from pmg.pipeline.diagnose.form.shape import Constant, Shape
-from pmg.pipeline.diagnose.holdout import FOLDS, deal, gain_interval, solve, touched_blocks
-from pmg.pipeline.diagnose.locate import located_families
+from pmg.pipeline.diagnose.grid.holdout import FOLDS, deal, gain_interval, solve, touched_blocks
+from pmg.pipeline.diagnose.grid.locate import located_families
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.candidates import Stage
-    from pmg.pipeline.diagnose.locate import Location
+    from pmg.pipeline.diagnose.grid.candidates import Stage
+    from pmg.pipeline.diagnose.grid.locate import Location
     from pmg.sim.signals import Array
 
 SMOOTH_SHARE = 0.5

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.diagnose.scan import MINIMUM_ROOM
+from pmg.pipeline.diagnose.engine.scan import MINIMUM_ROOM
 from pmg.pipeline.fit.calibration import jacobian
-from pmg.pipeline.fit.noise_floor import orthonormal, repeat_contrasts
+from pmg.pipeline.fit.noise_floor import repeat_contrasts
 from pmg.pipeline.fit.plane_fit import plane_columns
+from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.fit.whitening import floor_scale, relative_scale
 from pmg.pipeline.grid.readings import Readings, predict, take_readings
 

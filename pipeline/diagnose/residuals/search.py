@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from pmg.pipeline.diagnose.locate import same_trace
+from pmg.pipeline.diagnose.engine.scan import look_elsewhere, search
+from pmg.pipeline.diagnose.grid.locate import same_trace
 from pmg.pipeline.diagnose.residuals.covariates import BY_ID, Look, looks, untested
 from pmg.pipeline.diagnose.residuals.fitted import LEVEL, Fitted, lack_of_fit, linear_fits, outliers
-from pmg.pipeline.diagnose.scan import look_elsewhere, search
 from pmg.pipeline.fit.calibration import start_model
 from pmg.pipeline.fit.rounding import unrounded
 from pmg.pipeline.fit.whitening import synthetic_noise, undo, whitener
@@ -19,8 +19,8 @@ from pmg.pipeline.grid.readings import Readings
 from pmg.sim.signals import RESIDUAL
 
 if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.engine.scan import Step
     from pmg.pipeline.diagnose.residuals.fitted import LackOfFit, Outlier
-    from pmg.pipeline.diagnose.scan import Step
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.pipeline.fit.whitening import Whitener

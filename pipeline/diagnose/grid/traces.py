@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.candidates import candidates
-from pmg.pipeline.diagnose.fitting import shapes, signature
+from pmg.pipeline.diagnose.grid.candidates import candidates
+from pmg.pipeline.diagnose.grid.fitting import shapes, signature
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.candidates import Stage
-    from pmg.pipeline.diagnose.fitting import CandidateFit
+    from pmg.pipeline.diagnose.grid.candidates import Stage
+    from pmg.pipeline.diagnose.grid.fitting import CandidateFit
     from pmg.sim.signals import Array
 
 

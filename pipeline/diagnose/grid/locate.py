@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.candidates import set_stage
-from pmg.pipeline.diagnose.scan import Scan, search
-from pmg.pipeline.diagnose.swings import swings
-from pmg.pipeline.diagnose.traces import traces
+from pmg.pipeline.diagnose.engine.scan import Scan, search
+from pmg.pipeline.diagnose.grid.candidates import set_stage
+from pmg.pipeline.diagnose.grid.swings import swings
+from pmg.pipeline.diagnose.grid.traces import traces
 from pmg.pipeline.fit.calibration import start_model
 from pmg.pipeline.fit.noise_floor import repeat_contrasts
 from pmg.pipeline.fit.structure import families

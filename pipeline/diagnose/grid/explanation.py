@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.fitting import fit_candidate, rms
-from pmg.pipeline.diagnose.ranking import in_detail, leaders, penalty, rank, score
-from pmg.pipeline.diagnose.traces import tangents
-from pmg.pipeline.fit.noise_floor import orthonormal
+from pmg.pipeline.diagnose.grid.fitting import fit_candidate, rms
+from pmg.pipeline.diagnose.grid.ranking import in_detail, leaders, penalty, rank, score
+from pmg.pipeline.diagnose.grid.traces import tangents
+from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.fit.whitening import undo
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.candidates import Candidate, Stage
-    from pmg.pipeline.diagnose.fitting import CandidateFit
+    from pmg.pipeline.diagnose.grid.candidates import Candidate, Stage
+    from pmg.pipeline.diagnose.grid.fitting import CandidateFit
 
 SWAPS = 4
 """Mechanisms tried in the place of each one of a set."""

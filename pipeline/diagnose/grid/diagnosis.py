@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 from pmg.sim.mechanisms import Component
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.decoys import Decoys
     from pmg.pipeline.diagnose.design.audit import Audit
     from pmg.pipeline.diagnose.design.next_test import NextTest
-    from pmg.pipeline.diagnose.explanation import Explanation
     from pmg.pipeline.diagnose.form.shape import Shape
-    from pmg.pipeline.diagnose.holdout import HeldOut
-    from pmg.pipeline.diagnose.locate import Location, Mismatch
-    from pmg.pipeline.diagnose.naming import Naming
-    from pmg.pipeline.diagnose.refit import Refit
+    from pmg.pipeline.diagnose.grid.decoys import Decoys
+    from pmg.pipeline.diagnose.grid.explanation import Explanation
+    from pmg.pipeline.diagnose.grid.holdout import HeldOut
+    from pmg.pipeline.diagnose.grid.locate import Location, Mismatch
+    from pmg.pipeline.diagnose.grid.naming import Naming
+    from pmg.pipeline.diagnose.grid.refit import Refit
     from pmg.pipeline.fit.noise import NoiseFloor
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.diagnose.explanation import (
+from pmg.pipeline.diagnose.grid.explanation import (
     Explanation,
     all_in_detail,
     ids,
@@ -14,13 +14,13 @@ from pmg.pipeline.diagnose.explanation import (
     swapped,
     take_out,
 )
-from pmg.pipeline.diagnose.ranking import ENTRY, rank
+from pmg.pipeline.diagnose.grid.ranking import ENTRY, rank
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pmg.pipeline.diagnose.candidates import Stage
-    from pmg.pipeline.diagnose.fitting import CandidateFit
+    from pmg.pipeline.diagnose.grid.candidates import Stage
+    from pmg.pipeline.diagnose.grid.fitting import CandidateFit
 
 MOST = 3
 """Mechanisms named at once at most."""

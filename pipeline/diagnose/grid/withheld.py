@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.explanation import take_out
-from pmg.pipeline.diagnose.holdout import HeldOut, deal, gain_interval, solve, touched_blocks
-from pmg.pipeline.diagnose.ranking import choose
-from pmg.pipeline.diagnose.traces import tangents
-from pmg.pipeline.fit.noise_floor import orthonormal
+from pmg.pipeline.diagnose.grid.explanation import take_out
+from pmg.pipeline.diagnose.grid.holdout import HeldOut, deal, gain_interval, solve, touched_blocks
+from pmg.pipeline.diagnose.grid.ranking import choose
+from pmg.pipeline.diagnose.grid.traces import tangents
+from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.fit.whitening import Whitener
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnose.candidates import Candidate, Stage
-    from pmg.pipeline.diagnose.fitting import CandidateFit
+    from pmg.pipeline.diagnose.grid.candidates import Candidate, Stage
+    from pmg.pipeline.diagnose.grid.fitting import CandidateFit
     from pmg.sim.signals import Array, Mask
 
 FARTHEST = 2.0

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.fit.calibration import jacobian
-from pmg.pipeline.fit.noise_floor import BASELINE_FREE, orthonormal
+from pmg.pipeline.fit.noise_floor import BASELINE_FREE
+from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.grid.readings import Readings, predict
 from pmg.sim.mechanisms import CANDIDATES, Instrument
 from pmg.sim.steady.baseline import baseline_mechanisms

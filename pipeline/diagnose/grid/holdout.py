@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.locate import located_families
+from pmg.pipeline.diagnose.grid.locate import located_families
 from pmg.pipeline.fit.calibration import jacobian, start_model
 from pmg.pipeline.fit.noise_floor import BASELINE_FREE
 from pmg.pipeline.fit.whitening import floor_scale
@@ -17,8 +17,8 @@ from pmg.pipeline.grid.readings import predict, take_readings
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnose.candidates import Candidate
-    from pmg.pipeline.diagnose.locate import Location
+    from pmg.pipeline.diagnose.grid.candidates import Candidate
+    from pmg.pipeline.diagnose.grid.locate import Location
     from pmg.pipeline.fit.loss_fit import LossFits
     from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.pipeline.grid.readings import Readings

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.fit.noise_floor import orthonormal
+from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

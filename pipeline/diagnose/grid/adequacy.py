@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.naming import Remainder
-from pmg.pipeline.diagnose.scan import make_scan
-from pmg.pipeline.diagnose.swings import swings
+from pmg.pipeline.diagnose.engine.scan import make_scan
+from pmg.pipeline.diagnose.grid.naming import Remainder
+from pmg.pipeline.diagnose.grid.swings import swings
 from pmg.pipeline.fit.noise_floor import repeat_contrasts
 from pmg.pipeline.fit.structure import families
 from pmg.pipeline.fit.whitening import synthetic_noise, undo
@@ -16,8 +16,8 @@ from pmg.pipeline.fit.whitening import synthetic_noise, undo
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pmg.pipeline.diagnose.candidates import Stage
-    from pmg.pipeline.diagnose.scan import Scan
+    from pmg.pipeline.diagnose.engine.scan import Scan
+    from pmg.pipeline.diagnose.grid.candidates import Stage
     from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.sim.signals import Array
 

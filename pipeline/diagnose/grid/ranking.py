@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.diagnose.candidates import candidates, refinement
-from pmg.pipeline.diagnose.fitting import fit_candidate
+from pmg.pipeline.diagnose.grid.candidates import candidates, refinement
+from pmg.pipeline.diagnose.grid.fitting import fit_candidate
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from pmg.pipeline.diagnose.candidates import Stage
-    from pmg.pipeline.diagnose.fitting import CandidateFit
+    from pmg.pipeline.diagnose.grid.candidates import Stage
+    from pmg.pipeline.diagnose.grid.fitting import CandidateFit
 
 ENTRY = 10.0
 """Evidence that a mechanism must bring to enter: fall of the sum of squares in noise variances, beyond its cost."""

@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.diagnose.locate import find_mismatch
-from pmg.pipeline.diagnose.scan import MINIMUM_ROOM
+from pmg.pipeline.diagnose.engine.scan import MINIMUM_ROOM
+from pmg.pipeline.diagnose.grid.locate import find_mismatch
 from pmg.pipeline.fit.calibration import start_model
-from pmg.pipeline.fit.noise_floor import noise_floor, orthonormal, structured_columns
+from pmg.pipeline.fit.noise_floor import noise_floor, structured_columns
+from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.fit.whitening import floor_scale
 from pmg.pipeline.grid.readings import predict, take_readings
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pmg.pipeline.diagnose.locate import Mismatch
+    from pmg.pipeline.diagnose.grid.locate import Mismatch
     from pmg.pipeline.fit.loss_fit import LossFits
     from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.pipeline.grid.readings import Readings

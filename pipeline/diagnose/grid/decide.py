@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.adequacy import make_judge
-from pmg.pipeline.diagnose.candidates import Stage, set_stage
-from pmg.pipeline.diagnose.decoys import offer_decoys
 from pmg.pipeline.diagnose.design.blind import confounded_shafts, slow_changes
 from pmg.pipeline.diagnose.design.next_test import lifting_test, next_test
-from pmg.pipeline.diagnose.diagnosis import Absorbed, Diagnosis, Rival, Verdict
-from pmg.pipeline.diagnose.explanation import explain_with, ids
 from pmg.pipeline.diagnose.form.symbolic import find_shape
-from pmg.pipeline.diagnose.holdout import hold_out
-from pmg.pipeline.diagnose.locate import find_mismatch, located_families
-from pmg.pipeline.diagnose.naming import MOST_RIVALS, name_mechanisms
-from pmg.pipeline.diagnose.outliers import without_outliers
-from pmg.pipeline.diagnose.ranking import ENTRY
-from pmg.pipeline.diagnose.refit import about, refit
-from pmg.pipeline.diagnose.withheld import withhold
+from pmg.pipeline.diagnose.grid.adequacy import make_judge
+from pmg.pipeline.diagnose.grid.candidates import Stage, set_stage
+from pmg.pipeline.diagnose.grid.decoys import offer_decoys
+from pmg.pipeline.diagnose.grid.diagnosis import Absorbed, Diagnosis, Rival, Verdict
+from pmg.pipeline.diagnose.grid.explanation import explain_with, ids
+from pmg.pipeline.diagnose.grid.holdout import hold_out
+from pmg.pipeline.diagnose.grid.locate import find_mismatch, located_families
+from pmg.pipeline.diagnose.grid.naming import MOST_RIVALS, name_mechanisms
+from pmg.pipeline.diagnose.grid.outliers import without_outliers
+from pmg.pipeline.diagnose.grid.ranking import ENTRY
+from pmg.pipeline.diagnose.grid.refit import about, refit
+from pmg.pipeline.diagnose.grid.withheld import withhold
 from pmg.pipeline.fit.calibration import jacobian
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import predict
@@ -31,10 +31,10 @@ from pmg.sim.errors import FitError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pmg.pipeline.diagnose.explanation import Explanation
-    from pmg.pipeline.diagnose.holdout import HeldOut
-    from pmg.pipeline.diagnose.locate import Mismatch
-    from pmg.pipeline.diagnose.refit import Refit
+    from pmg.pipeline.diagnose.grid.explanation import Explanation
+    from pmg.pipeline.diagnose.grid.holdout import HeldOut
+    from pmg.pipeline.diagnose.grid.locate import Mismatch
+    from pmg.pipeline.diagnose.grid.refit import Refit
     from pmg.pipeline.fit.calibration import Calibration
     from pmg.pipeline.fit.loss_fit import LossFits
     from pmg.pipeline.fit.noise import NoiseFloor

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.naming import FORM_ERROR
-from pmg.pipeline.diagnose.ranking import ENTRY
+from pmg.pipeline.diagnose.grid.naming import FORM_ERROR
+from pmg.pipeline.diagnose.grid.ranking import ENTRY
 from pmg.pipeline.fit.structure import families
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.candidates import Stage
-    from pmg.pipeline.diagnose.naming import Naming
+    from pmg.pipeline.diagnose.grid.candidates import Stage
+    from pmg.pipeline.diagnose.grid.naming import Naming
 
 COUNT = 200
 """Decoys of a diagnosis."""

@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import least_squares
 
-from pmg.pipeline.diagnose.candidates import predict_with, set_stage
-from pmg.pipeline.diagnose.ranking import ENTRY
+from pmg.pipeline.diagnose.grid.candidates import predict_with, set_stage
+from pmg.pipeline.diagnose.grid.ranking import ENTRY
 from pmg.pipeline.fit.calibration import CONSTANTS, parameter_names, parameter_values, with_parameters
-from pmg.pipeline.fit.noise_floor import BASELINE_FREE, orthonormal
+from pmg.pipeline.fit.noise_floor import BASELINE_FREE
+from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.candidates import Candidate, Stage
-    from pmg.pipeline.diagnose.explanation import Explanation
-    from pmg.pipeline.diagnose.fitting import CandidateFit
+    from pmg.pipeline.diagnose.grid.candidates import Candidate, Stage
+    from pmg.pipeline.diagnose.grid.explanation import Explanation
+    from pmg.pipeline.diagnose.grid.fitting import CandidateFit
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.mechanisms import Mechanism
     from pmg.sim.signals import Array

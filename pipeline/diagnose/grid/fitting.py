@@ -13,7 +13,7 @@ from scipy.optimize import Bounds, least_squares, lsq_linear, minimize, minimize
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pmg.pipeline.diagnose.candidates import Candidate, Stage
+    from pmg.pipeline.diagnose.grid.candidates import Candidate, Stage
     from pmg.sim.signals import Array
 
 SHAPE_STARTS = 4

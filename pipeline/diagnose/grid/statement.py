@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnose.design.next_test import HIDDEN
-from pmg.pipeline.diagnose.diagnosis import Verdict
+from pmg.pipeline.diagnose.grid.diagnosis import Verdict
 from pmg.pipeline.wording import numerals
 from pmg.pipeline.wording.numerals import measured
 from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.signals import MINUTE
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.diagnosis import Diagnosis
-    from pmg.pipeline.diagnose.explanation import Explanation
-    from pmg.pipeline.diagnose.locate import Mismatch
-    from pmg.pipeline.diagnose.naming import Naming
+    from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
+    from pmg.pipeline.diagnose.grid.explanation import Explanation
+    from pmg.pipeline.diagnose.grid.locate import Mismatch
+    from pmg.pipeline.diagnose.grid.naming import Naming
     from pmg.sim.signals import Array
 
 SHAFT_WORDS = {

@@ -1,4 +1,4 @@
-"""The diagnosis as the JSON document ``pmg.diagnosis/1``; its schema lies beside this module."""
+"""The diagnosis as the JSON document ``pmg.diagnosis/1``; its schema lies in the folder above."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.diagnose.diagnosis import component_of
 from pmg.pipeline.diagnose.form.shape import shape_document
+from pmg.pipeline.diagnose.grid.diagnosis import component_of
 from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.diagnosis import Diagnosis, Rival
-    from pmg.pipeline.diagnose.fitting import CandidateFit
+    from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis, Rival
+    from pmg.pipeline.diagnose.grid.fitting import CandidateFit
     from pmg.sim.grid import OperatingPoints
     from pmg.sim.signals import Array
 
