@@ -5,6 +5,7 @@ Lazy imports and imports for type checkers count like any other. The planted fau
 
 from __future__ import annotations
 
+import ast
 from collections import defaultdict
 from graphlib import CycleError, TopologicalSorter
 from typing import TYPE_CHECKING
@@ -19,6 +20,46 @@ if TYPE_CHECKING:
 MOST_IN_A_FOLDER = 25
 DOORS = ("pmg.pipeline", "pmg.pipeline.__main__")
 """Modules that may lie loose in ``pipeline``."""
+
+MOST_LINES = 60
+"""Lines of a function, decorators and docstring aside."""
+
+MOST_PARAMETERS = 8
+
+_OPTIONS = "a command of the terminal: one parameter an option"
+_SPLIT = "to be split into parts with names"
+_GATHERED = "its parameters are to be gathered into values"
+LONG_FUNCTIONS: dict[str, str] = {
+    "pmg.sim.dynamics.rodas.integrate": _SPLIT,
+    "pmg.sim.dynamics.kernel.Kernel.run": _GATHERED,
+    "pmg.sim.dynamics.transient.transient": _GATHERED,
+    "pmg.pipeline.chapters.explained.balance._models": _SPLIT,
+    "pmg.pipeline.chapters.measured.quality.data_section": _SPLIT,
+    "pmg.pipeline.chapters.page.build_report": _GATHERED,
+    "pmg.pipeline.cli.app.analyse": _OPTIONS,
+    "pmg.pipeline.cli.app.ingest": _OPTIONS,
+    "pmg.pipeline.cli.app.run": _OPTIONS,
+    "pmg.pipeline.cli.config.show": _OPTIONS,
+    "pmg.pipeline.cli.report.report": _OPTIONS,
+    "pmg.pipeline.cli.studies.prove": _OPTIONS,
+    "pmg.pipeline.commands.compare.run_compare": _SPLIT,
+    "pmg.pipeline.commands.report.run_report": _GATHERED,
+    "pmg.pipeline.commands.residuals.run_residuals": _SPLIT,
+    "pmg.pipeline.commands.run.run_all": _GATHERED,
+    "pmg.pipeline.diagnose.balance.decide.diagnose_terms": _SPLIT,
+    "pmg.pipeline.diagnose.design.plans._engaged": _GATHERED,
+    "pmg.pipeline.diagnose.design.plans.possible_plans": _SPLIT,
+    "pmg.pipeline.diagnose.grid.refit.refit": _SPLIT,
+    "pmg.pipeline.diagnose.engine.scan.search": _GATHERED,
+    "pmg.pipeline.fit.budget._shaft": _SPLIT,
+    "pmg.pipeline.fit.calibration.calibrate": _SPLIT,
+    "pmg.pipeline.fit.loss_fit._fit_one": _SPLIT,
+    "pmg.pipeline.fit.plane_fit._plane_fit": _SPLIT,
+    "pmg.pipeline.grid.campaign.measured_grid": _SPLIT,
+    "pmg.pipeline.recording.decode._frequency_from_edges": _SPLIT,
+    "pmg.pipeline.trials.score.stage.run_prove": _GATHERED,
+}
+"""Functions beyond a limit, each with its reason; the list may only shrink."""
 
 
 # --- the rules -----------------------------------------------------------------------------------------
@@ -78,12 +119,59 @@ def folders_stay_small(modules: Sequence[Module]) -> Iterator[Breach]:
             yield Breach(folder, 1, f"{number} modules", f"at most {MOST_IN_A_FOLDER} modules in a folder")
 
 
+def functions_of(node: ast.AST, within: str) -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef]]:
+    """Functions and methods at any depth, by their full names."""
+    for child in ast.iter_child_nodes(node):
+        name = f"{within}.{child.name}" if isinstance(child, ast.FunctionDef | ast.ClassDef) else within
+        if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield name, child
+        yield from functions_of(child, name)
+
+
+def lines_of(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Lines from ``def`` to the last one, without those of the docstring."""
+    total = (function.end_lineno or function.lineno) - function.lineno + 1
+    if ast.get_docstring(function, clean=False) is None:
+        return total
+    first = function.body[0]
+    return total - ((first.end_lineno or first.lineno) - first.lineno + 1)
+
+
+def parameters_of(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Parameters of a function; the object or class of a method does not count."""
+    given = function.args
+    named = [one.arg for one in (*given.posonlyargs, *given.args, *given.kwonlyargs)]
+    return len(named) - (named[:1] in (["self"], ["cls"])) + (given.vararg is not None) + (given.kwarg is not None)
+
+
+def functions_stay_small(modules: Sequence[Module]) -> Iterator[Breach]:
+    rule = f"at most {MOST_LINES} lines and {MOST_PARAMETERS} parameters a function, or a reason in LONG_FUNCTIONS"
+    for module in modules:
+        for name, function in functions_of(module.tree, module.name):
+            lines, parameters = lines_of(function), parameters_of(function)
+            if (lines > MOST_LINES or parameters > MOST_PARAMETERS) and not LONG_FUNCTIONS.get(name):
+                found = f"{name} has {lines} lines and {parameters} parameters"
+                yield Breach(module.name, function.lineno, found, rule)
+
+
+def no_reason_is_kept_in_vain(modules: Sequence[Module]) -> Iterator[Breach]:
+    held = {name: one for module in modules for name, one in functions_of(module.tree, module.name)}
+    for module in modules:
+        for name in () if module.name in packages(modules) else LONG_FUNCTIONS:
+            one = held.get(name)
+            short = one is None or (lines_of(one) <= MOST_LINES and parameters_of(one) <= MOST_PARAMETERS)
+            if name.startswith(f"{module.name}.") and short:
+                yield Breach(module.name, 1, f"{name} is within the limits", "LONG_FUNCTIONS lists what is beyond them")
+
+
 RULES: tuple[Callable[[Sequence[Module]], Iterator[Breach]], ...] = (
     imports_go_down,
     every_room_has_a_floor,
     no_circles,
     no_loose_modules,
     folders_stay_small,
+    functions_stay_small,
+    no_reason_is_kept_in_vain,
 )
 
 
@@ -104,8 +192,15 @@ def test_the_floors_are_twelve_and_name_only_rooms_that_exist() -> None:
     assert all((FOLDERS["pmg.sim"].parent / room.replace(".", "/") / "__init__.py").is_file() for room in rooms)
 
 
+def test_the_list_of_long_functions_names_modules_that_exist() -> None:
+    assert all(any(name.startswith(f"{module.name}.") for module in MODULES) for name in LONG_FUNCTIONS)
+
+
 def _lines(name: str, text: str) -> Module:
     return Module(name, text)
+
+
+_LISTED = next(iter(LONG_FUNCTIONS))
 
 
 PLANTED: tuple[tuple[Callable[[Sequence[Module]], Iterator[Breach]], str, tuple[Module, ...]], ...] = (
@@ -156,6 +251,22 @@ PLANTED: tuple[tuple[Callable[[Sequence[Module]], Iterator[Breach]], str, tuple[
         "a folder with too many modules",
         (_lines("pmg.pipeline.fit", ""), *(_lines(f"pmg.pipeline.fit.m{i}", "") for i in range(MOST_IN_A_FOLDER + 1))),
     ),
+    (
+        functions_stay_small,
+        "a method of 61 lines",
+        (_lines("pmg.sim.roots", "class A:\n    def f(self):\n" + "        a = 1\n" * MOST_LINES),),
+    ),
+    (
+        functions_stay_small,
+        "a function within a function, of nine parameters",
+        (_lines("pmg.sim.roots", "def f():\n    def g(a, b, c, /, d, *e, f, g, h, **i):\n        pass"),),
+    ),
+    (
+        no_reason_is_kept_in_vain,
+        "a reason for a short function",
+        (_lines(_LISTED.rpartition(".")[0], f"def {_LISTED.rpartition('.')[2]}():\n    pass"),),
+    ),
+    (no_reason_is_kept_in_vain, "a reason for a function that is gone", (_lines(_LISTED.rpartition(".")[0], ""),)),
 )
 
 
@@ -169,13 +280,15 @@ def test_a_planted_fault_is_found(
 
 
 def test_sound_modules_raise_no_alarm() -> None:
+    longest = '    def f(self, a, b, c, d, e, f, g, h):\n        """One.\n\n        Two.\n        """\n'
+    longest += "        i = 1\n" * (MOST_LINES - 1)
     sound = (
         Module("pmg.pipeline", ""),
-        Module("pmg.pipeline.__main__", "from pmg.pipeline.cli.app import main"),
+        Module("pmg.pipeline.__main__", "from pmg.pipeline.cli.start import main"),
         Module("pmg.pipeline.cli", ""),
-        Module("pmg.pipeline.cli.app", "from pmg.sim import signals\nfrom pmg.sim.roots import a"),
+        Module("pmg.pipeline.cli.start", "from pmg.sim import signals\nfrom pmg.sim.roots import a"),
         Module("pmg.sim", ""),
         Module("pmg.sim.signals", ""),
-        Module("pmg.sim.roots", "from pmg.sim.signals import Array"),
+        Module("pmg.sim.roots", f"from pmg.sim.signals import Array\nclass A:\n{longest}"),
     )
     assert [str(breach) for rule in RULES for breach in rule(sound)] == []
