@@ -12,7 +12,7 @@ from pmg.sim.errors import BenchError, near_miss
 from pmg.sim.sources import THESIS, Source
 
 
-class Quantity(float):
+class SourcedQuantity(float):
     """A number about the bench that remembers its unit, standard uncertainty and source.
 
     It is a float in every formula; `u` is None where no uncertainty is stated.
@@ -42,11 +42,11 @@ class GearParameters:
     With the carrier fixed, `speed_ratio` = w_sun / w_ring = -p_ring / p_sun.
     """
 
-    pole_pairs_sun: Quantity
-    pole_pairs_ring: Quantity
-    pull_out_torque_sun: Quantity
-    pull_out_torque_ring: Quantity
-    pull_out_torque_carrier: Quantity
+    pole_pairs_sun: SourcedQuantity
+    pole_pairs_ring: SourcedQuantity
+    pull_out_torque_sun: SourcedQuantity
+    pull_out_torque_ring: SourcedQuantity
+    pull_out_torque_carrier: SourcedQuantity
 
     @property
     def ratio(self) -> float:
@@ -58,19 +58,19 @@ class GearParameters:
 class CarrierParameters:
     """The iron poles between the rotors."""
 
-    iron_poles: Quantity
+    iron_poles: SourcedQuantity
 
 
 @dataclass(frozen=True)
 class MotorParameters:
     """One of the two equal motors."""
 
-    resistance: Quantity
-    inductance: Quantity
-    torque_constant: Quantity
-    back_emf_constant: Quantity
-    damping: Quantity
-    inertia: Quantity
+    resistance: SourcedQuantity
+    inductance: SourcedQuantity
+    torque_constant: SourcedQuantity
+    back_emf_constant: SourcedQuantity
+    damping: SourcedQuantity
+    inertia: SourcedQuantity
 
 
 @dataclass(frozen=True)
@@ -80,45 +80,45 @@ class ShaftParameters:
     The same joint with its far end fixed holds the carrier (thesis, section 5.5.2).
     """
 
-    inertia_sun: Quantity
-    inertia_ring: Quantity
-    joint_stiffness: Quantity
-    joint_damping: Quantity
+    inertia_sun: SourcedQuantity
+    inertia_ring: SourcedQuantity
+    joint_stiffness: SourcedQuantity
+    joint_damping: SourcedQuantity
 
 
 @dataclass(frozen=True)
 class RotorParameters:
     """Inertias of the gear's three members."""
 
-    inertia_sun: Quantity
-    inertia_carrier: Quantity
-    inertia_ring: Quantity
+    inertia_sun: SourcedQuantity
+    inertia_carrier: SourcedQuantity
+    inertia_ring: SourcedQuantity
 
 
 @dataclass(frozen=True)
 class ControlParameters:
     """Torque loop of either motor: set and feedback gain, PID, amplifier."""
 
-    set_gain: Quantity
-    feedback_gain: Quantity
-    proportional: Quantity
-    integral: Quantity
-    derivative: Quantity
-    amplifier: Quantity
+    set_gain: SourcedQuantity
+    feedback_gain: SourcedQuantity
+    proportional: SourcedQuantity
+    integral: SourcedQuantity
+    derivative: SourcedQuantity
+    amplifier: SourcedQuantity
 
 
 @dataclass(frozen=True)
 class BearingParameters:
     """Shares of the neutral losses by bearing diameter; bearing 3 sits between the shafts."""
 
-    share_sun_1: Quantity
-    share_sun_2: Quantity
-    share_sun_relative: Quantity
-    share_ring_relative: Quantity
-    share_ring_4: Quantity
-    share_ring_5: Quantity
-    share_ring_6: Quantity
-    share_ring_7: Quantity
+    share_sun_1: SourcedQuantity
+    share_sun_2: SourcedQuantity
+    share_sun_relative: SourcedQuantity
+    share_ring_relative: SourcedQuantity
+    share_ring_4: SourcedQuantity
+    share_ring_5: SourcedQuantity
+    share_ring_6: SourcedQuantity
+    share_ring_7: SourcedQuantity
 
     @property
     def sun(self) -> float:
@@ -135,18 +135,18 @@ class BearingParameters:
 class TransducerParameters:
     """A torque transducer: range and the tolerances that all its readings share."""
 
-    nominal_torque: Quantity
-    sensitivity_tolerance: Quantity
-    nonlinearity: Quantity
+    nominal_torque: SourcedQuantity
+    sensitivity_tolerance: SourcedQuantity
+    nonlinearity: SourcedQuantity
 
 
 @dataclass(frozen=True)
 class CoilParameters:
     """The search coils on the iron poles: turns, and the area of a turn of either kind."""
 
-    turns: Quantity
-    area_radial: Quantity
-    area_tangential: Quantity
+    turns: SourcedQuantity
+    area_radial: SourcedQuantity
+    area_tangential: SourcedQuantity
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def _quantities(table: dict[str, Any], kind: type[Any], where: str) -> Any:  # n
             raise BenchError(f"bench.toml: {where}.{name}", "missing", "a value with unit", "Add the key.")
     return kind(
         **{
-            name: Quantity(entry["value"], entry["unit"], entry.get("u"), THESIS.at(entry["place"]))
+            name: SourcedQuantity(entry["value"], entry["unit"], entry.get("u"), THESIS.at(entry["place"]))
             for name, entry in table.items()
         }
     )

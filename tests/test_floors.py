@@ -164,6 +164,22 @@ def no_reason_is_kept_in_vain(modules: Sequence[Module]) -> Iterator[Breach]:
                 yield Breach(module.name, 1, f"{name} is within the limits", "LONG_FUNCTIONS lists what is beyond them")
 
 
+NAMED_TWICE = frozenset({"Column", "Covariate", "Decoys", "Fitted", "Mismatch", "Step", "Text"})
+"""Class names that still stand in two modules; none may join them."""
+
+
+def a_class_name_is_used_once(modules: Sequence[Module]) -> Iterator[Breach]:
+    first: dict[str, str] = {}
+    for module in modules:
+        for node in ast.walk(module.tree):
+            if not isinstance(node, ast.ClassDef) or node.name in NAMED_TWICE:
+                continue
+            other = first.setdefault(node.name, module.name)
+            if other != module.name:
+                rule = "a class name is used once in the product"
+                yield Breach(module.name, node.lineno, f"class {node.name}, which is one of {other} too", rule)
+
+
 RULES: tuple[Callable[[Sequence[Module]], Iterator[Breach]], ...] = (
     imports_go_down,
     every_room_has_a_floor,
@@ -172,6 +188,7 @@ RULES: tuple[Callable[[Sequence[Module]], Iterator[Breach]], ...] = (
     folders_stay_small,
     functions_stay_small,
     no_reason_is_kept_in_vain,
+    a_class_name_is_used_once,
 )
 
 
@@ -267,6 +284,11 @@ PLANTED: tuple[tuple[Callable[[Sequence[Module]], Iterator[Breach]], str, tuple[
         (_lines(_LISTED.rpartition(".")[0], f"def {_LISTED.rpartition('.')[2]}():\n    pass"),),
     ),
     (no_reason_is_kept_in_vain, "a reason for a function that is gone", (_lines(_LISTED.rpartition(".")[0], ""),)),
+    (
+        a_class_name_is_used_once,
+        "a class name in two rooms",
+        (_lines("pmg.sim.bench", "class Quantity: ..."), _lines("pmg.pipeline.fit.a", "class Quantity: ...")),
+    ),
 )
 
 

@@ -11,7 +11,7 @@ from pmg.pipeline.fit.calibration import predicted_uncertainty
 from pmg.pipeline.grid.readings import take_readings
 
 if TYPE_CHECKING:
-    from pmg.pipeline.fit.calibration import Calibration
+    from pmg.pipeline.fit.calibration import FittedBaseline
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array, Mask
@@ -79,7 +79,7 @@ class Residuals:
     efficiency_total: Difference
 
 
-def compare(measured: Grid, simulated: Grid, bench: BenchParameters, calibration: Calibration) -> Residuals:
+def compare(measured: Grid, simulated: Grid, bench: BenchParameters, calibration: FittedBaseline) -> Residuals:
     """Subtract the simulated grid from the measured one.
 
     Parameters
@@ -88,7 +88,7 @@ def compare(measured: Grid, simulated: Grid, bench: BenchParameters, calibration
         The same points.
     bench : BenchParameters
         Ratio of the stages.
-    calibration : Calibration
+    calibration : FittedBaseline
         Its parameter uncertainty enters the uncertainty of the difference, which is that of a new reading; its
         correlation with readings that took part in the fit is left out, so U is slightly too wide there.
     """

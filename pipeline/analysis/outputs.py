@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.pipeline.fit.budget import Budget
-    from pmg.pipeline.fit.calibration import Calibration
+    from pmg.pipeline.fit.calibration import FittedBaseline
     from pmg.pipeline.fit.common_errors import CommonErrorSources
     from pmg.pipeline.fit.losses import PowerBalance
     from pmg.pipeline.fit.noise import ShaftNoise
@@ -125,7 +125,7 @@ def _noise_document(noise: ShaftNoise) -> dict[str, Any]:
     }
 
 
-def _calibration_document(calibration: Calibration, causes: CommonErrorSources | None) -> dict[str, Any]:
+def _calibration_document(calibration: FittedBaseline, causes: CommonErrorSources | None) -> dict[str, Any]:
     errors = causes.standard_errors() if causes is not None else {}
     return {
         "constants": {

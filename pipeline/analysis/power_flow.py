@@ -11,7 +11,7 @@ import pandas as pd
 from pmg.pipeline.analysis.comparison import COVERAGE
 from pmg.pipeline.fit.calibration import CONSTANTS, parameter_values, with_parameters
 from pmg.pipeline.fit.propagation import propagate_uncertainty, slope, slopes
-from pmg.sim.bench import Quantity
+from pmg.sim.bench import SourcedQuantity
 from pmg.sim.signals import SPEED_SUN
 from pmg.sim.steady.baseline import baseline_mechanisms
 from pmg.sim.steady.gearbox import Gearbox
@@ -19,7 +19,7 @@ from pmg.sim.steady.power_chain import MotorConvention, power_chain
 from pmg.sim.steady.solve import steady
 
 if TYPE_CHECKING:
-    from pmg.pipeline.fit.calibration import Calibration
+    from pmg.pipeline.fit.calibration import FittedBaseline
     from pmg.pipeline.fit.common_errors import CommonErrorSources
     from pmg.pipeline.fit.propagation import Spread
     from pmg.sim.bench import BearingParameters, BenchParameters, MotorParameters
@@ -126,7 +126,7 @@ def power_flows(
     measured: Grid,
     simulated: Grid,
     bench: BenchParameters,
-    calibration: Calibration,
+    calibration: FittedBaseline,
     causes: CommonErrorSources,
 ) -> tuple[Flow, ...]:
     """Power flows of the accepted engaged points: measured and simulated torques, both conventions of the motors.
@@ -139,7 +139,7 @@ def power_flows(
         The same points.
     bench : BenchParameters
         Motor constants and bearing shares.
-    calibration : Calibration
+    calibration : FittedBaseline
         The fitted parameters.
     causes : Causes
         What the points share, row by row of the grids.
@@ -167,7 +167,7 @@ def _flow(
     origin: str,
     convention: MotorConvention,
     bench: BenchParameters,
-    calibration: Calibration,
+    calibration: FittedBaseline,
     causes: CommonErrorSources,
 ) -> Flow:
     at = given.points
@@ -191,7 +191,7 @@ def _flow(
         return branches(sun, ring, _with_baseline(gearbox, bench, with_parameters(calibration.model, free, values)))
 
     def with_constant(section: str, name: str) -> tuple[Array, float | None]:
-        number: Quantity = getattr(getattr(bench, section), name)
+        number: SourcedQuantity = getattr(getattr(bench, section), name)
 
         def moved(value: Array) -> Array:
             part = replace(getattr(bench, section), **_moved(getattr(bench, section), name, float(value)))
@@ -219,15 +219,15 @@ def _flow(
     return Flow(grid, origin, convention, chain(sun, ring, gearbox, bench), spread)
 
 
-def _moved(section: MotorParameters | BearingParameters, name: str, value: float) -> dict[str, Quantity]:
+def _moved(section: MotorParameters | BearingParameters, name: str, value: float) -> dict[str, SourcedQuantity]:
     """One constant with another value; shares of a shaft still make up the whole, so the others give way."""
-    old: dict[str, Quantity] = {name: getattr(section, name)}
-    moved = {name: Quantity(value, old[name].unit)}
+    old: dict[str, SourcedQuantity] = {name: getattr(section, name)}
+    moved = {name: SourcedQuantity(value, old[name].unit)}
     shaft = next((shaft for shaft in ("share_sun", "share_ring") if name.startswith(shaft)), None)
     if shaft is not None:
         others = [other for other in section.__dataclass_fields__ if other.startswith(shaft) and other != name]
         factor = (1.0 - value) / (1.0 - float(old[name]))
-        moved |= {other: Quantity(float(getattr(section, other)) * factor, "1") for other in others}
+        moved |= {other: SourcedQuantity(float(getattr(section, other)) * factor, "1") for other in others}
     return moved
 
 

@@ -26,7 +26,7 @@ COMPARED: tuple[tuple[str, Signal], ...] = (
 """Every quantity that is compared: its field in `Residuals`, and its signal."""
 
 
-class State(StrEnum):
+class ToleranceState(StrEnum):
     """How a simulated value stands to the measured one."""
 
     WITHIN = "within tolerance"
@@ -34,9 +34,9 @@ class State(StrEnum):
     NOT_COMPARABLE = "not comparable"
 
 
-def _states(compared: Mask, within: Mask) -> tuple[State, ...]:
+def _states(compared: Mask, within: Mask) -> tuple[ToleranceState, ...]:
     return tuple(
-        State.NOT_COMPARABLE if not known else State.WITHIN if inside else State.OUT
+        ToleranceState.NOT_COMPARABLE if not known else ToleranceState.WITHIN if inside else ToleranceState.OUT
         for known, inside in zip(compared, within, strict=True)
     )
 
@@ -81,8 +81,8 @@ class Agreement:
     rule: str
 
     @property
-    def states(self) -> tuple[State, ...]:
-        """`State` of each point."""
+    def states(self) -> tuple[ToleranceState, ...]:
+        """`ToleranceState` of each point."""
         return _states(self.compared, self.within)
 
 
@@ -110,15 +110,19 @@ class Agreements:
         return np.asarray(self.compared & agreeing)
 
     @property
-    def states(self) -> tuple[State, ...]:
-        """`State` of each point by all that is compared there."""
+    def states(self) -> tuple[ToleranceState, ...]:
+        """`ToleranceState` of each point by all that is compared there."""
         return _states(self.compared, self.within)
 
     @property
     def counts(self) -> dict[str, dict[str, int]]:
         """Points within, out of tolerance and not comparable: over all quantities, as ``points``, and for each."""
         states = {"points": self.states} | {name: one.states for name, one in self.of.items()}
-        words = {"within": State.WITHIN, "out": State.OUT, "not_comparable": State.NOT_COMPARABLE}
+        words = {
+            "within": ToleranceState.WITHIN,
+            "out": ToleranceState.OUT,
+            "not_comparable": ToleranceState.NOT_COMPARABLE,
+        }
         return {name: {word: judged.count(state) for word, state in words.items()} for name, judged in states.items()}
 
     @property

@@ -13,7 +13,7 @@ from pmg.pipeline.fit.calibration import CONSTANTS
 if TYPE_CHECKING:
     from pmg.pipeline.campaign_comparison.difference import Versus
     from pmg.pipeline.campaign_comparison.shared_errors import Sharing
-    from pmg.pipeline.fit.calibration import Calibration
+    from pmg.pipeline.fit.calibration import FittedBaseline
     from pmg.pipeline.fit.common_errors import CommonErrorSources
     from pmg.sim.losscurve import LossCurve
     from pmg.sim.signals import Array
@@ -114,7 +114,7 @@ def curve_differences(versus: Versus) -> tuple[CurveDifference, ...]:
     return tuple(found)
 
 
-Fitted = tuple["Calibration", "CommonErrorSources"]
+Fitted = tuple["FittedBaseline", "CommonErrorSources"]
 
 
 def _fitted(versus: Versus) -> tuple[Fitted | None, Fitted | None]:
@@ -125,7 +125,7 @@ def _fitted(versus: Versus) -> tuple[Fitted | None, Fitted | None]:
     return found[0], found[1]
 
 
-def _curve(calibration: Calibration, shaft: str) -> LossCurve:
+def _curve(calibration: FittedBaseline, shaft: str) -> LossCurve:
     return calibration.model.curve_sun if shaft == "sun" else calibration.model.curve_ring
 
 
@@ -154,7 +154,7 @@ def _constant(name: str, one: Fitted, other: Fitted, shared: Sharing) -> Constan
     return ConstantDifference(name, unit, values[0], values[1], u[0], u[1], own, common, ", ".join(states))
 
 
-def _value(calibration: Calibration, name: str) -> float:
+def _value(calibration: FittedBaseline, name: str) -> float:
     if name in CONSTANTS or name in calibration.names:
         return calibration.value(name)
     shaft, _, power = name.rstrip("]").partition("[")

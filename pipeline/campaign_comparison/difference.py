@@ -18,7 +18,7 @@ from pmg.sim import signals
 if TYPE_CHECKING:
     from pmg.pipeline.campaign_comparison.matching import Matching, Reach
     from pmg.pipeline.campaign_comparison.setpoints import Changes
-    from pmg.pipeline.campaign_comparison.side import Side
+    from pmg.pipeline.campaign_comparison.side import CampaignSide
     from pmg.pipeline.fit.common_errors import TransducerCause
     from pmg.sim.grid import OperatingPoints
     from pmg.sim.signals import Array, Mask, Signal
@@ -106,7 +106,7 @@ class Versus:
 
     Parameters
     ----------
-    a, b : Side
+    a, b : CampaignSide
         The campaigns.
     matching : Matching
         Which points belong together.
@@ -118,8 +118,8 @@ class Versus:
         Whether set-points that differ were corrected for.
     """
 
-    a: Side
-    b: Side
+    a: CampaignSide
+    b: CampaignSide
     matching: Matching
     shared: Sharing
     quantities: dict[str, PointDifference]
@@ -139,12 +139,12 @@ class Versus:
         return f"of the recordings of A and B, the same in both: {len(shared)}" if shared else ""
 
 
-def subtract(a: Side, b: Side, reach: Reach, stated: Transducers = Transducers.AUTO) -> Versus:
+def subtract(a: CampaignSide, b: CampaignSide, reach: Reach, stated: Transducers = Transducers.AUTO) -> Versus:
     r"""Match two campaigns and subtract them.
 
     Parameters
     ----------
-    a, b : Side
+    a, b : CampaignSide
         The campaigns.
     reach : Reach
         How far apart two points may lie.
@@ -171,7 +171,12 @@ def subtract(a: Side, b: Side, reach: Reach, stated: Transducers = Transducers.A
 
 
 def _torque(
-    name: str, sides: tuple[Side, Side], matching: Matching, shared: Sharing, changes: Changes, errors: Changes
+    name: str,
+    sides: tuple[CampaignSide, CampaignSide],
+    matching: Matching,
+    shared: Sharing,
+    changes: Changes,
+    errors: Changes,
 ) -> PointDifference:
     """A torque; shafts at rest are left out, but at the zero checks."""
     values, own, effects = [], [], []
@@ -196,7 +201,12 @@ def _torque(
 
 
 def _derived(
-    name: str, sides: tuple[Side, Side], matching: Matching, shared: Sharing, changes: Changes, errors: Changes
+    name: str,
+    sides: tuple[CampaignSide, CampaignSide],
+    matching: Matching,
+    shared: Sharing,
+    changes: Changes,
+    errors: Changes,
 ) -> PointDifference | None:
     """A loss or efficiency of the engaged points; None where a campaign has no balance or a model lacks."""
     values, own, effects = [], [], []
@@ -235,6 +245,6 @@ def _made(
     return PointDifference(values[0], values[1], correction, own, left, np.linalg.norm(apart, axis=-1))
 
 
-def _transducers(side: Side) -> tuple[TransducerCause, ...]:
+def _transducers(side: CampaignSide) -> tuple[TransducerCause, ...]:
     causes = side.analysis.causes
     return transducer_causes(side.grid, side.bench) if causes is None else causes.transducers

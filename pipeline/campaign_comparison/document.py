@@ -13,9 +13,9 @@ from pmg.pipeline.files.json_values import with_nulls
 if TYPE_CHECKING:
     from pmg.pipeline.campaign_comparison.constants import ConstantDifference
     from pmg.pipeline.campaign_comparison.difference import PointDifference, Versus
-    from pmg.pipeline.campaign_comparison.family import Estimate
+    from pmg.pipeline.campaign_comparison.family import LinearEstimate
     from pmg.pipeline.campaign_comparison.matching import Unmatched
-    from pmg.pipeline.campaign_comparison.side import Side
+    from pmg.pipeline.campaign_comparison.side import CampaignSide
     from pmg.pipeline.campaign_comparison.verdict import ComparisonVerdict, GroupResult
     from pmg.sim.grid import Grid
 
@@ -90,7 +90,7 @@ def mean_document(versus: Versus, name: str, configuration: str) -> dict[str, An
     }
 
 
-def _side(side: Side) -> dict[str, Any]:
+def _side(side: CampaignSide) -> dict[str, Any]:
     grid = side.grid
     return {
         "campaign": grid.campaign,
@@ -113,7 +113,7 @@ def _point(found: PointDifference, i: int) -> dict[str, Any]:
     }
 
 
-def _estimate(one: Estimate) -> dict[str, float]:
+def _estimate(one: LinearEstimate) -> dict[str, float]:
     return {"value": one.value, "u_independent": one.own, "u_common": one.common, "p_value": one.p_value}
 
 

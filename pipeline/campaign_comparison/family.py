@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Block:
+class DifferenceGroup:
     """Differences that are told together, such as the sun torques of the engaged points.
 
     Parameters
@@ -29,7 +29,7 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class LinearEstimate:
     """A linear estimate: its value, independent and common standard uncertainty, and two-sided nominal p-value."""
 
     value: float
@@ -44,7 +44,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Family:
+class DifferenceFamily:
     r"""What is known of m differences where there is none, and the tests that look for one.
 
     Parameters
@@ -53,7 +53,7 @@ class Family:
         Independent sources of noise: the (m, r) effects of unit normal errors, and how well their size is known.
     left : (m, s) array
         What one standard uncertainty of each common error leaves in the differences.
-    blocks : tuple of Block
+    blocks : tuple of DifferenceGroup
         The differences told together, with their linear tests.
 
     Notes
@@ -66,14 +66,14 @@ class Family:
 
     noise: tuple[tuple[Array, float], ...]
     left: Array
-    blocks: tuple[Block, ...]
+    blocks: tuple[DifferenceGroup, ...]
 
     @property
     def covariance(self) -> Array:
         """Covariance of the independent errors (m, m)."""
         return np.asarray(sum(effect @ effect.T for effect, _ in self.noise))
 
-    def estimates(self, differences: Array) -> tuple[tuple[Estimate, ...], ...]:
+    def estimates(self, differences: Array) -> tuple[tuple[LinearEstimate, ...], ...]:
         """Every linear estimate, block by block."""
         covariance, found = self.covariance, []
         for block in self.blocks:
@@ -81,7 +81,7 @@ class Family:
             common = np.linalg.norm(block.weights @ self.left, axis=1)
             values = block.weights @ differences
             p = 2.0 * stats.norm.sf(np.abs(values) / np.hypot(own, common))
-            found.append(tuple(Estimate(*map(float, one)) for one in zip(values, own, common, p, strict=True)))
+            found.append(tuple(LinearEstimate(*map(float, one)) for one in zip(values, own, common, p, strict=True)))
         return tuple(found)
 
     def chi_squares(self, differences: Array) -> tuple[tuple[float, int, float], ...]:

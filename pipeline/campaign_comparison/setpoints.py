@@ -14,19 +14,21 @@ from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import steady
 
 if TYPE_CHECKING:
-    from pmg.pipeline.campaign_comparison.side import Side
+    from pmg.pipeline.campaign_comparison.side import CampaignSide
     from pmg.sim.grid import OperatingPoints
     from pmg.sim.signals import Array
 
 Changes = dict[str, "Array"]
 
 
-def carried(sides: tuple[Side, Side], start: OperatingPoints, end: OperatingPoints) -> tuple[Changes, Changes]:
+def carried(
+    sides: tuple[CampaignSide, CampaignSide], start: OperatingPoints, end: OperatingPoints
+) -> tuple[Changes, Changes]:
     r"""Change of each quantity from one set of n points to another, and one standard uncertainty of it, SI.
 
     Parameters
     ----------
-    sides : tuple of two Side
+    sides : tuple of two CampaignSide
         Campaigns whose models are asked.
     start, end : OperatingPoints
         The n points of both; speeds and, engaged, ring torques as they were.
@@ -56,7 +58,7 @@ def carried(sides: tuple[Side, Side], start: OperatingPoints, end: OperatingPoin
     )
 
 
-def _change(side: Side, start: OperatingPoints, end: OperatingPoints) -> Changes:
+def _change(side: CampaignSide, start: OperatingPoints, end: OperatingPoints) -> Changes:
     analysis = side.analysis
     if analysis.fits is None:
         return {}

@@ -22,7 +22,7 @@ from pmg.pipeline.campaign_comparison.transducers import Transducers
 from pmg.pipeline.recording.calibration import SIDES
 
 if TYPE_CHECKING:
-    from pmg.pipeline.campaign_comparison.side import Side
+    from pmg.pipeline.campaign_comparison.side import CampaignSide
     from pmg.pipeline.fit.common_errors import TransducerCause
     from pmg.sim.signals import Array
 
@@ -40,7 +40,7 @@ class Sharing:
         return self.sun if shaft == "sun" else self.ring
 
 
-def sharing(a: Side, b: Side, stated: Transducers) -> Sharing:
+def sharing(a: CampaignSide, b: CampaignSide, stated: Transducers) -> Sharing:
     """Whether A and B used the same transducers: as stated, else as their calibrations say."""
     if stated is not Transducers.AUTO:
         same = stated is Transducers.SAME

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Transducer:
+class TransducerIdentity:
     """Which transducer it was, as the calibrations of all recordings of a campaign name it."""
 
     serial: str
@@ -34,7 +34,7 @@ class Transducer:
 
 
 @dataclass(frozen=True)
-class Side:
+class CampaignSide:
     """An analysed campaign.
 
     Parameters
@@ -45,7 +45,7 @@ class Side:
         Of the campaign.
     bench : BenchParameters
         With the transducers of the campaign.
-    transducers : mapping of str to Transducer or None
+    transducers : mapping of str to TransducerIdentity or None
         By shaft; None where the recordings name none, or more than one.
     manifests : tuple of Manifest
         Of its recordings; none for published grids.
@@ -54,7 +54,7 @@ class Side:
     label: str
     analysis: Analysis
     bench: BenchParameters
-    transducers: Mapping[str, Transducer | None]
+    transducers: Mapping[str, TransducerIdentity | None]
     manifests: tuple[Manifest, ...] = ()
 
     @property
@@ -73,7 +73,7 @@ class Side:
         return frozenset(str(manifest.document["sha256"]) for manifest in self.manifests)
 
 
-def read_side(label: str, store: Path, campaign: str | None, bench: BenchParameters) -> Side:
+def read_side(label: str, store: Path, campaign: str | None, bench: BenchParameters) -> CampaignSide:
     """A campaign of a store, by the options that its analysis was made with.
 
     A store keeps the analysis of one campaign. Another one that it holds is analysed here, by the options of that
@@ -113,15 +113,15 @@ def read_side(label: str, store: Path, campaign: str | None, bench: BenchParamet
     if manifests:
         bench = rated(bench, window_facts(manifests))
     analysis = analyse(grid, options, bench)
-    return Side(label, analysis, bench, transducers_of(manifests), tuple(manifests))
+    return CampaignSide(label, analysis, bench, transducers_of(manifests), tuple(manifests))
 
 
-def transducers_of(manifests: Sequence[Manifest]) -> dict[str, Transducer | None]:
+def transducers_of(manifests: Sequence[Manifest]) -> dict[str, TransducerIdentity | None]:
     """The transducer of each shaft, where every recording names the same one by its serial number."""
-    found: dict[str, Transducer | None] = {}
+    found: dict[str, TransducerIdentity | None] = {}
     for side in SIDES:
         named = {
-            Transducer(str(of.get("serial") or ""), float(of["nominal_torque"]), float(of["span_hz"]))
+            TransducerIdentity(str(of.get("serial") or ""), float(of["nominal_torque"]), float(of["span_hz"]))
             for of in (manifest.document["calibration"][side] for manifest in manifests)
         }
         only = next(iter(named)) if len(named) == 1 else None

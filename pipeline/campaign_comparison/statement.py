@@ -15,7 +15,7 @@ from pmg.sim.signals import RESIDUAL
 
 if TYPE_CHECKING:
     from pmg.pipeline.campaign_comparison.difference import Versus
-    from pmg.pipeline.campaign_comparison.verdict import ComparisonVerdict, Followed, GroupResult
+    from pmg.pipeline.campaign_comparison.verdict import ComparisonVerdict, DifferenceTrend, GroupResult
 
 ALIKE = 0.1
 """Two covariates whose lines take up shares of the variance no further apart than this are not told apart."""
@@ -97,7 +97,7 @@ def _clearest(judged: ComparisonVerdict) -> str:
     return f"{lead}: it follows the {names}, {slope} per {unit} ({share}), and is {mean} on average."
 
 
-def alike(group: GroupResult) -> tuple[Followed, ...]:
+def alike(group: GroupResult) -> tuple[DifferenceTrend, ...]:
     """What the difference of a group follows best, with what takes up nearly as much; none where nothing is clear."""
     if not group.followed:
         return ()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.campaign_comparison.family import Block, Estimate, Family
+from pmg.pipeline.campaign_comparison.family import DifferenceFamily, DifferenceGroup, LinearEstimate
 from pmg.pipeline.fit.whitening import undo, whitener
 from pmg.pipeline.grid.readings import take_readings
 from pmg.sim.errors import GridError
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.pipeline.campaign_comparison.difference import Versus
-    from pmg.pipeline.campaign_comparison.side import Side
+    from pmg.pipeline.campaign_comparison.side import CampaignSide
     from pmg.pipeline.grid.readings import Readings
     from pmg.sim.signals import Array, Mask
 
@@ -41,7 +41,7 @@ FEWEST = 4
 
 
 @dataclass(frozen=True)
-class Covariate:
+class DifferenceCovariate:
     """What a difference may follow: in words, the unit of one step, and the SI value of that step."""
 
     words: str
@@ -49,29 +49,29 @@ class Covariate:
     step: float
 
 
-OWN_SPEED = Covariate("speed of the shaft", "1000 rpm", 1000.0 * RPM)
-OTHER_SPEED = Covariate("speed of the other shaft", "1000 rpm", 1000.0 * RPM)
-TORQUE = Covariate("torque of the shaft (sensitivity)", "N m", 1.0)
-TIME_A = Covariate("time in A", "h", 60.0 * MINUTE)
-TIME_B = Covariate("time in B", "h", 60.0 * MINUTE)
+OWN_SPEED = DifferenceCovariate("speed of the shaft", "1000 rpm", 1000.0 * RPM)
+OTHER_SPEED = DifferenceCovariate("speed of the other shaft", "1000 rpm", 1000.0 * RPM)
+TORQUE = DifferenceCovariate("torque of the shaft (sensitivity)", "N m", 1.0)
+TIME_A = DifferenceCovariate("time in A", "h", 60.0 * MINUTE)
+TIME_B = DifferenceCovariate("time in B", "h", 60.0 * MINUTE)
 
 
 @dataclass(frozen=True)
-class Followed:
+class DifferenceTrend:
     """How the difference of a group changes with a covariate.
 
     Parameters
     ----------
-    covariate : Covariate
+    covariate : DifferenceCovariate
         What it is followed against.
-    slope : Estimate
+    slope : LinearEstimate
         Torque per step [N m].
     share : float
         Part of the weighted variance of the differences that a straight line against it takes up.
     """
 
-    covariate: Covariate
-    slope: Estimate
+    covariate: DifferenceCovariate
+    slope: LinearEstimate
     share: float
 
 
@@ -85,9 +85,9 @@ class GroupResult:
         Which readings.
     points : int
         How many.
-    mean : Estimate
+    mean : LinearEstimate
         Mean difference of the torque in the direction of rotation [N m].
-    followed : tuple of Followed
+    followed : tuple of DifferenceTrend
         Slopes, that of the largest share first.
     chi_square, p_value : float
         Of all differences of the group together, and its nominal p-value.
@@ -98,8 +98,8 @@ class GroupResult:
     configuration: str
     shaft: str
     points: int
-    mean: Estimate
-    followed: tuple[Followed, ...]
+    mean: LinearEstimate
+    followed: tuple[DifferenceTrend, ...]
     chi_square: float
     p_value: float
     beyond: int
@@ -170,7 +170,7 @@ def judge(versus: Versus, rng: np.random.Generator, draws: int = DRAWS) -> Compa
     for (configuration, shaft, covariates), block, (mean, *slopes), (chi_square, _, p) in kinds:
         points = versus.quantities[f"torque_{shaft}"]
         shares = _shares(differences[block.rows], own[block.rows], block.weights[1:, block.rows])
-        follows = tuple(Followed(*triple) for triple in zip(covariates, slopes, shares, strict=True))
+        follows = tuple(DifferenceTrend(*triple) for triple in zip(covariates, slopes, shares, strict=True))
         chosen = np.asarray(versus.at.configuration == configuration)
         results.append(
             GroupResult(
@@ -197,10 +197,10 @@ def _shares(differences: Array, own: Array, slopes: Array) -> list[float]:
     return [min(float((row @ differences) ** 2 / np.sum(row**2 / weight)) / total, 1.0) for row in slopes]
 
 
-Kind = tuple[Configuration, str, tuple[Covariate, ...]]
+Kind = tuple[Configuration, str, tuple[DifferenceCovariate, ...]]
 
 
-def ready_family(versus: Versus) -> tuple[Family, Array, tuple[Kind, ...]] | None:
+def ready_family(versus: Versus) -> tuple[DifferenceFamily, Array, tuple[Kind, ...]] | None:
     """The family of tests, the differences (m,) in the direction of rotation [N m], and what its blocks are."""
     at = versus.at
     n = len(at)
@@ -224,12 +224,12 @@ def ready_family(versus: Versus) -> tuple[Family, Array, tuple[Kind, ...]] | Non
         if not chosen.any():
             continue
         covariates, weights = _linear_tests(versus, configuration, shaft, chosen, row_of, own)
-        blocks.append(Block(chosen, weights))
+        blocks.append(DifferenceGroup(chosen, weights))
         kinds.append((configuration, shaft, covariates))
-    return Family(tuple(noise), left, tuple(blocks)), differences, tuple(kinds)
+    return DifferenceFamily(tuple(noise), left, tuple(blocks)), differences, tuple(kinds)
 
 
-def _noise(side: Side, rows: npt.NDArray[np.intp], shaft_of: Mask, turn: Array) -> list[tuple[Array, float]]:
+def _noise(side: CampaignSide, rows: npt.NDArray[np.intp], shaft_of: Mask, turn: Array) -> list[tuple[Array, float]]:
     """Effects of unit errors of a campaign's readings on the differences, shaft by shaft."""
     readings = take_readings(side.grid, side.bench)
     root, place = _root(side, readings), {}
@@ -245,7 +245,7 @@ def _noise(side: Side, rows: npt.NDArray[np.intp], shaft_of: Mask, turn: Array) 
     return parts
 
 
-def _root(side: Side, readings: Readings) -> Array:
+def _root(side: CampaignSide, readings: Readings) -> Array:
     """A root of the covariance of a campaign's readings (m, m) [N m]."""
     if side.analysis.floor is None:
         return np.diag(readings.u)
@@ -262,7 +262,7 @@ def _root(side: Side, readings: Readings) -> Array:
 
 def _linear_tests(
     versus: Versus, configuration: Configuration, shaft: str, rows: Mask, row_of: npt.NDArray[np.intp], own: Array
-) -> tuple[tuple[Covariate, ...], Array]:
+) -> tuple[tuple[DifferenceCovariate, ...], Array]:
     """Weights (k, m) of the mean and of the slope of a straight line against each covariate that varies."""
     n = int(rows.sum())
     mean = np.zeros(len(rows))
@@ -283,7 +283,7 @@ def _linear_tests(
 
 def _covariates(
     versus: Versus, configuration: Configuration, shaft: str, rows: npt.NDArray[np.intp]
-) -> list[tuple[Covariate, Array]]:
+) -> list[tuple[DifferenceCovariate, Array]]:
     """What the difference of a group may follow, in steps of each; engaged, the ring's speed is that of the sun."""
     at, there = versus.at[rows], versus.b.grid.points[versus.matching.b[rows]]
     times = [(TIME_A, at.started_at), (TIME_B, there.started_at)]

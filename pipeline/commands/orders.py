@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.orders.stored_lines import SourceOrders
-    from pmg.pipeline.orders.survey import Estimate, Followed
+    from pmg.pipeline.orders.survey import LineSurvey, UncertainValue
     from pmg.pipeline.report.document import Section
     from pmg.pipeline.store.store import Manifest
     from pmg.sim.bench import BenchParameters
@@ -136,7 +136,7 @@ def orders_chapter(store: Store, campaign: str, bench: BenchParameters) -> Secti
     return orders_section(follow_lines(table, bench), table, angles, choose_example(store, manifests))
 
 
-def _page(campaign: str, followed: tuple[Followed, ...], section: Section, recordings: int) -> Report:
+def _page(campaign: str, followed: tuple[LineSurvey, ...], section: Section, recordings: int) -> Report:
     """A report of this chapter alone."""
     return Report(
         title=f"What repeats with the turn of a shaft in campaign {campaign}",
@@ -217,8 +217,8 @@ def _laws(angles: list[dict[str, Any]], bench: BenchParameters) -> list[dict[str
     return laws
 
 
-def _followed_document(line: Followed) -> dict[str, Any]:
-    def estimate(given: Estimate | None) -> dict[str, float] | None:
+def _followed_document(line: LineSurvey) -> dict[str, Any]:
+    def estimate(given: UncertainValue | None) -> dict[str, float] | None:
         return None if given is None or math.isnan(given.value) else asdict(given)
 
     plain = asdict(line) | {"amplitude": estimate(line.amplitude)}
@@ -226,12 +226,12 @@ def _followed_document(line: Followed) -> dict[str, Any]:
     return plain
 
 
-def _campaign_lines(name: str, followed: tuple[Followed, ...]) -> tuple[str, ...]:
+def _campaign_lines(name: str, followed: tuple[LineSurvey, ...]) -> tuple[str, ...]:
     told = (statement(line) for line in followed if line.present)
     return (f"campaign {name}: {_present(followed)}", *told)
 
 
-def _present(followed: tuple[Followed, ...]) -> str:
+def _present(followed: tuple[LineSurvey, ...]) -> str:
     if not followed:
         return NOTHING_FOLLOWED
     present = [line for line in followed if line.present]

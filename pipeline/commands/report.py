@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.campaign_comparison.difference import Versus
-    from pmg.pipeline.campaign_comparison.side import Side
+    from pmg.pipeline.campaign_comparison.side import CampaignSide
     from pmg.pipeline.campaign_comparison.verdict import ComparisonVerdict
     from pmg.pipeline.commands.provenance import Clock
 
@@ -169,7 +169,7 @@ def findings(versus: Versus) -> Iterator[dict[str, Any]]:
         yield told("warning", "set-points", message)
 
 
-def _provenance(side: Side) -> list[tuple[str, str]]:
+def _provenance(side: CampaignSide) -> list[tuple[str, str]]:
     grid = side.grid
     rows = [(f"{side.label}, campaign", f"{grid.campaign} ({grid.origin})")]
     if side.manifests:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.fit.calibration import Calibration, calibrate
+from pmg.pipeline.fit.calibration import FittedBaseline, calibrate
 from pmg.pipeline.fit.common_errors import CommonErrorSources, causes_of_calibration, causes_of_fits
 from pmg.pipeline.fit.correction import CorrectionStudy, study_correction
 from pmg.pipeline.fit.damping import THESIS_CORRECTIONS, DampingFit, fit_damping
@@ -40,7 +40,7 @@ class Analysis:
         Loss curves of the neutral points.
     floor : NoiseFloor or None
         Noise of one point.
-    calibration : Calibration or None
+    calibration : FittedBaseline or None
         The baseline for the simulator.
     balance : PowerBalance or None
         Losses and efficiencies at the K_corr of the calibration.
@@ -68,7 +68,7 @@ class Analysis:
     options: AnalysisOptions
     fits: LossFits | None
     floor: NoiseFloor | None
-    calibration: Calibration | None
+    calibration: FittedBaseline | None
     balance: PowerBalance | None
     rule_correction: float | None
     damping: tuple[DampingFit, ...]
@@ -185,7 +185,7 @@ def fit_curves(grid: Grid, options: AnalysisOptions, *, weighted: bool = False) 
 
 
 def _study(
-    grid: Grid, fits: LossFits, bench: BenchParameters, rule: float, calibration: Calibration
+    grid: Grid, fits: LossFits, bench: BenchParameters, rule: float, calibration: FittedBaseline
 ) -> CorrectionStudy | FitError:
     """The joint fit: the calibration itself where K_corr is free in it, else one of its own, or why there is none."""
     try:

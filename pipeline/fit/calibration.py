@@ -38,7 +38,7 @@ UNDETERMINED = 1e-6
 
 
 @dataclass(frozen=True)
-class Calibration:
+class FittedBaseline:
     """The baseline that fits the readings best.
 
     Parameters
@@ -157,7 +157,7 @@ def calibrate(
     correction: float | None = None,
     free: tuple[str, ...] = ("K_corr", "b", "c"),
     held: Mapping[str, float] | None = None,
-) -> Calibration:
+) -> FittedBaseline:
     """Baseline fitted to neutral and engaged readings together, weighted by their uncertainty.
 
     Parameters
@@ -234,7 +234,7 @@ def calibrate(
     covariance = moments.copy()
     covariance[bound, :] = covariance[:, bound] = np.nan
     final = residuals(values)
-    return Calibration(
+    return FittedBaseline(
         model=with_parameters(start, free, values),
         names=names,
         values=values,
@@ -290,7 +290,7 @@ def _with_bounds(design: Array, left: Array, inside: npt.NDArray[np.intp], upwar
     return np.asarray(kept)
 
 
-def predicted_uncertainty(readings: Readings, bench: BenchParameters, calibration: Calibration) -> Array:
+def predicted_uncertainty(readings: Readings, bench: BenchParameters, calibration: FittedBaseline) -> Array:
     """Standard uncertainty of the predicted readings from the calibration alone [N m].
 
     Parameters on a bound contribute nothing here; the report says which they are.

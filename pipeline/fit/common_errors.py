@@ -16,7 +16,7 @@ from pmg.pipeline.grid.transducer_uncertainty import CommonParts, common_parts
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.fit.calibration import Calibration
+    from pmg.pipeline.fit.calibration import FittedBaseline
     from pmg.pipeline.fit.loss_fit import LossFit, LossFits
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
@@ -42,7 +42,7 @@ class CommonErrorSources:
     Parameters
     ----------
     parameters : tuple of str
-        Names of the k fitted parameters, as `Calibration` names them.
+        Names of the k fitted parameters, as `FittedBaseline` names them.
     groups : tuple of (group, indices)
         Which parameters belong together.
     root : (k, r) array
@@ -147,7 +147,7 @@ def causes_of_fits(grid: Grid, fits: LossFits, bench: BenchParameters | None = N
     return _causes(tuple(names), root, influence, grid, transducer_causes(grid, bench), fitted=False)
 
 
-def causes_of_calibration(grid: Grid, calibration: Calibration, bench: BenchParameters) -> CommonErrorSources:
+def causes_of_calibration(grid: Grid, calibration: FittedBaseline, bench: BenchParameters) -> CommonErrorSources:
     r"""Common causes of the points of the grid that a calibration was made from.
 
     Notes

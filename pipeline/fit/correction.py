@@ -12,7 +12,7 @@ from scipy import stats
 from pmg.pipeline.fit.calibration import CONSTANTS, calibrate
 
 if TYPE_CHECKING:
-    from pmg.pipeline.fit.calibration import Calibration
+    from pmg.pipeline.fit.calibration import FittedBaseline
     from pmg.pipeline.fit.loss_fit import LossFits
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
@@ -34,7 +34,7 @@ class CorrectionStudy:
 
     Parameters
     ----------
-    joint : Calibration
+    joint : FittedBaseline
         The joint fit.
     rule : float
         K_corr by the thesis's rule.
@@ -42,7 +42,7 @@ class CorrectionStudy:
         Factor on every standard error, from chi-square over degrees of freedom; not below 1.
     """
 
-    joint: Calibration
+    joint: FittedBaseline
     rule: float
     inflation: float
 
@@ -112,7 +112,7 @@ class CorrectionStudy:
 
 
 def study_correction(
-    grid: Grid, fits: LossFits, bench: BenchParameters, rule: float, joint: Calibration | None = None
+    grid: Grid, fits: LossFits, bench: BenchParameters, rule: float, joint: FittedBaseline | None = None
 ) -> CorrectionStudy:
     """The joint fit of K_corr, b and c, and what it determines.
 
@@ -126,7 +126,7 @@ def study_correction(
         Ratio and shares.
     rule : float
         K_corr by the thesis's rule.
-    joint : Calibration, optional
+    joint : FittedBaseline, optional
         The joint fit, where it has been made already.
 
     Raises

@@ -30,7 +30,7 @@ MINIMUM_ZERO_CHECKS = 3
 
 
 @dataclass(frozen=True)
-class Family:
+class ResidualStructure:
     """One way in which a residual may be structured.
 
     Parameters
@@ -86,7 +86,7 @@ def run_history(time: Array, power: Array, at: Array, constant: float) -> Array:
     return out[index]
 
 
-def families(readings: Readings, bench: BenchParameters, model: LossModel) -> tuple[Family, ...]:
+def families(readings: Readings, bench: BenchParameters, model: LossModel) -> tuple[ResidualStructure, ...]:
     """Every family that this campaign's points can carry.
 
     Parameters
@@ -98,7 +98,7 @@ def families(readings: Readings, bench: BenchParameters, model: LossModel) -> tu
     model : LossModel
         Bearing curves: warming scales a drag, so its structure is proportional to them.
     """
-    found: list[Family] = []
+    found: list[ResidualStructure] = []
     for shaft, is_sun in (("sun", True), ("ring", False)):
         mine = readings.sun == is_sun
         found += _signal_families(readings, f"torque_{shaft}", mine)
@@ -116,17 +116,21 @@ def place(readings: Readings, rows: Mask, columns: Array) -> Array:
     return whole
 
 
-def _signal_families(readings: Readings, signal: str, rows: Mask) -> Iterator[Family]:
+def _signal_families(readings: Readings, signal: str, rows: Mask) -> Iterator[ResidualStructure]:
     """An offset of the reading: a torque that keeps its sign whatever the direction of rotation."""
     whole = np.zeros((len(readings), 1))
     whole[rows] = 1.0
-    yield Family(signal, "all", ("direction",), whole)
+    yield ResidualStructure(signal, "all", ("direction",), whole)
     drift = rows & (readings.configuration == "zero")
     if drift.sum() >= MINIMUM_ZERO_CHECKS and readings.grid.points.ordered:
-        yield Family(signal, "zero", ("order",), place(readings, drift, _polynomials(_time(readings)[drift], 1)))
+        yield ResidualStructure(
+            signal, "zero", ("order",), place(readings, drift, _polynomials(_time(readings)[drift], 1))
+        )
 
 
-def _neutral_families(readings: Readings, bench: BenchParameters, shaft: str, rows: Mask) -> Iterator[Family]:
+def _neutral_families(
+    readings: Readings, bench: BenchParameters, shaft: str, rows: Mask
+) -> Iterator[ResidualStructure]:
     """In neutral: the shaft's own speed beyond the curve's terms, the other's, their difference, the pole slip."""
     if not rows.any():
         return
@@ -151,10 +155,10 @@ def _neutral_families(readings: Readings, bench: BenchParameters, shaft: str, ro
         (("pole_slip_speed",), np.c_[_polynomials(np.abs(slip), 3), np.sign(slip) * np.sign(own)]),
         ((f"speed_{shaft}", other_name), _products(np.abs(own), np.abs(other))),
     ):
-        yield Family(signal, "neutral", covariates, place(readings, rows, columns))
+        yield ResidualStructure(signal, "neutral", covariates, place(readings, rows, columns))
 
 
-def _engaged_families(readings: Readings, signal: str, rows: Mask) -> Iterator[Family]:
+def _engaged_families(readings: Readings, signal: str, rows: Mask) -> Iterator[ResidualStructure]:
     """Engaged: the speed beyond the baseline's terms, the load as a drag and as a reading error, their product."""
     if not rows.any():
         return
@@ -162,14 +166,14 @@ def _engaged_families(readings: Readings, signal: str, rows: Mask) -> Iterator[F
     load = np.abs(readings.grid.points.torque_ring[readings.row[rows]])
     reading = readings.torque[rows] * readings.direction[rows]
     both_flows = len(np.unique(readings.grid.points.drive[readings.row[rows]])) > 1
-    yield Family(
+    yield ResidualStructure(
         signal,
         "engaged",
         (f"{signal.replace('torque', 'speed')}",),
         place(readings, rows, _polynomials(np.sqrt(own), 6)),
     )
-    yield Family(signal, "engaged", ("load",), place(readings, rows, _polynomials(load, 2)))
-    yield Family(
+    yield ResidualStructure(signal, "engaged", ("load",), place(readings, rows, _polynomials(load, 2)))
+    yield ResidualStructure(
         signal,
         "engaged",
         ("load", f"{signal.replace('torque', 'speed')}"),
@@ -178,10 +182,10 @@ def _engaged_families(readings: Readings, signal: str, rows: Mask) -> Iterator[F
     if both_flows:
         flow = np.where(reading > 0.0, 1.0, -1.0)
         columns = np.c_[flow, flow * load]
-        yield Family(signal, "engaged", ("power_flow", "load"), place(readings, rows, columns))
+        yield ResidualStructure(signal, "engaged", ("power_flow", "load"), place(readings, rows, columns))
 
 
-def _order_families(readings: Readings, model: LossModel, shaft: str, mine: Mask) -> Iterator[Family]:
+def _order_families(readings: Readings, model: LossModel, shaft: str, mine: Mask) -> Iterator[ResidualStructure]:
     """In the order of the test: drift of the reading, drag that warms with time or with the run history."""
     signal = f"torque_{shaft}"
     at = readings.grid.points
@@ -201,8 +205,10 @@ def _order_families(readings: Readings, model: LossModel, shaft: str, mine: Mask
             drag = drag + own_drag["ring"][readings.row[rows]] / 2.0
         drag = drag / max(float(np.sqrt(np.mean(drag**2))), 1e-12)
         trend = _polynomials(time, 5)
-        yield Family(signal, configuration, ("order",), place(readings, rows, trend))
-        yield Family(signal, configuration, ("order", f"speed_{shaft}"), place(readings, rows, trend * drag[:, None]))
+        yield ResidualStructure(signal, configuration, ("order",), place(readings, rows, trend))
+        yield ResidualStructure(
+            signal, configuration, ("order", f"speed_{shaft}"), place(readings, rows, trend * drag[:, None])
+        )
         histories = [
             run_history(at.started_at[order], power[source][order], time, constant)
             for source in ("sun", "ring")
@@ -211,12 +217,12 @@ def _order_families(readings: Readings, model: LossModel, shaft: str, mine: Mask
         memory = np.stack(histories, axis=1)
         spread = memory.std(axis=0)
         memory = (memory - memory.mean(axis=0))[:, spread > 0.0] / spread[spread > 0.0]
-        yield Family(signal, configuration, ("run_history",), place(readings, rows, memory * drag[:, None]))
+        yield ResidualStructure(signal, configuration, ("run_history",), place(readings, rows, memory * drag[:, None]))
         before = np.r_[0.0, np.abs(at.speed_sun[order][:-1])]
         previous = np.empty(len(at))
         previous[order] = before
         columns = _polynomials(previous[readings.row[rows]], 1)
-        yield Family(signal, configuration, ("previous_point",), place(readings, rows, columns))
+        yield ResidualStructure(signal, configuration, ("previous_point",), place(readings, rows, columns))
 
 
 def _time(readings: Readings) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.windows.limits import LIMITS
-from pmg.sim.bench import Quantity
+from pmg.sim.bench import SourcedQuantity
 from pmg.sim.sources import Source
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def _rated(of: TransducerParameters, shaft: ShaftFacts) -> TransducerParameters:
     stated = float(np.max(shaft.nominal, initial=0.0, where=np.isfinite(shaft.nominal)))
     if stated in (0.0, float(of.nominal_torque)):
         return of
-    return replace(of, nominal_torque=Quantity(stated, "N m", None, CALIBRATION))
+    return replace(of, nominal_torque=SourcedQuantity(stated, "N m", None, CALIBRATION))
 
 
 def _of_shaft(means: Sequence[Mapping[str, Any]], transducers: Sequence[Mapping[str, Any]]) -> ShaftFacts:

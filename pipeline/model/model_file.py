@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
     from pmg.pipeline.diagnose.grid.refit import Refit
-    from pmg.pipeline.fit.calibration import Calibration
+    from pmg.pipeline.fit.calibration import FittedBaseline
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
     from pmg.sim.losscurve import LossCurve
@@ -98,7 +98,7 @@ def grid_digest(grid: Grid) -> str:
     return digest.hexdigest()
 
 
-def model_of(grid: Grid, calibration: Calibration, diagnosis: Diagnosis | None) -> Model:
+def model_of(grid: Grid, calibration: FittedBaseline, diagnosis: Diagnosis | None) -> Model:
     """The model that a campaign gives: with the mechanisms where some were named, else the calibrated baseline."""
     provenance = {"campaign": grid.campaign, "pmg": version("pmg-bench"), "grid_sha256": grid_digest(grid)}
     if diagnosis is not None:

@@ -36,7 +36,7 @@ SOURCE = sources.PERCIVAL_WALDEN.at("sections 6.6 and 7.3: distribution of the p
 
 
 @dataclass(frozen=True)
-class Noise:
+class LineNoise:
     """Noise at lines, for each signal.
 
     Parameters
@@ -84,7 +84,7 @@ def emptied(bins: int, lines: Sequence[float]) -> Mask:
     return gone
 
 
-def noise_beside(power: Array, gone: Mask, line: float) -> Noise:
+def noise_beside(power: Array, gone: Mask, line: float) -> LineNoise:
     r"""Noise at a line from the residual's periodogram beside it.
 
     Parameters
@@ -113,7 +113,7 @@ def noise_beside(power: Array, gone: Mask, line: float) -> Noise:
     at = np.sort(at[np.argsort(np.abs(at - line), kind="stable")[:NEIGHBOURS]])
     if len(at) < FEWEST:
         nothing = np.full(len(power), np.nan)
-        return Noise(nothing, nothing)
+        return LineNoise(nothing, nothing)
     x = np.log(at / line)
     y = np.maximum(power[:, at], np.finfo(np.float64).tiny)
     weight = np.ones_like(y)
@@ -131,7 +131,7 @@ def noise_beside(power: Array, gone: Mask, line: float) -> Noise:
     _, _, variance = _weighted_line(x, np.zeros_like(y), weight)
     enough = weight.sum(axis=1) >= FEWEST
     kept = 1.0 + STRAY * np.log(STRAY) / (1.0 - STRAY)  # mean of what is left of noise, relative to that of all
-    return Noise(np.where(enough, np.exp(level) / kept, np.nan), np.where(enough, 2.0 / variance, np.nan))
+    return LineNoise(np.where(enough, np.exp(level) / kept, np.nan), np.where(enough, 2.0 / variance, np.nan))
 
 
 def _weighted_line(x: Array, y: Array, weight: Array) -> tuple[Array, Array, Array]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import t as student
 
-from pmg.pipeline.orders.band import FALSE_ALARM, Noise, emptied, noise_beside, periodogram
+from pmg.pipeline.orders.band import FALSE_ALARM, LineNoise, emptied, noise_beside, periodogram
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
@@ -170,7 +170,7 @@ def _noise(residual: Array, groups: Sequence[Group], rate_hz: float, cost: Array
     beside = [noise_beside(spectrum, gone, place) for place in places]
     power = np.stack([noise.power for noise in beside], axis=1) * cost
     dof = np.stack([noise.dof for noise in beside], axis=1)
-    return power, dof, Noise(power, dof).band(FALSE_ALARM)
+    return power, dof, LineNoise(power, dof).band(FALSE_ALARM)
 
 
 def wrapped(angle: Array) -> Array:

@@ -12,7 +12,7 @@ from pmg.pipeline.orders.fit import fit_orders
 from pmg.pipeline.orders.flux import COIL_KINDS, coil_kind, flux_of_lines, linkage_area
 from pmg.pipeline.orders.lines import lines_of, resolve
 from pmg.pipeline.orders.load_angle import load_angle
-from pmg.pipeline.orders.row import Fitted, Made, empty_row, fitted_row
+from pmg.pipeline.orders.row import LineFit, Made, empty_row, fitted_row
 from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.windows.reduce import end_to_end_speed
 from pmg.pipeline.wording.plurals import counted
@@ -145,7 +145,7 @@ def orders_of_point(
             for at, name in enumerate(whole):
                 counted = steps[name.removeprefix("speed_")] / math.pi if name in SPEEDS else 0.0
                 made = Made(rate, rate / rate_hz, _factor(name, rate, bench), counted, *reference)
-                rows.append(fitted_row(name, group, Fitted.of(orders, at, place), made))
+                rows.append(fitted_row(name, group, LineFit.of(orders, at, place), made))
     engaged = span.configuration == Configuration.ENGAGED
     turning = all(abs(speeds[side]) * len(angle[side]) / rate_hz > REVOLUTION for side in SIDES)
     wound = (

@@ -59,7 +59,7 @@ class OrderRow:
 
 
 @dataclass(frozen=True)
-class Fitted:
+class LineFit:
     """What a fit gives of one line in one signal: amplitude, its uncertainty, interval and band."""
 
     c: complex
@@ -111,7 +111,7 @@ class Made:
     u_zero: float
 
 
-def fitted_row(signal: str, group: Group, found: Fitted, made: Made) -> OrderRow:
+def fitted_row(signal: str, group: Group, found: LineFit, made: Made) -> OrderRow:
     """One line of one signal; without numbers where nothing tells its noise."""
     line = group.lines[0]
     if not math.isfinite(found.band):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
-    from pmg.pipeline.orders.survey import Followed
+    from pmg.pipeline.orders.survey import LineSurvey
 
 UNITS = {"torque": ("mN m", 1e-3), "speed": ("rpm", RPM), "flux": ("mT", 1e-3)}
 """Display unit of each kind of signal, and its SI value."""
@@ -18,7 +18,7 @@ def unit_of(signal: str) -> tuple[str, float]:
     return UNITS[signal.split("_")[0]]
 
 
-def statement(line: Followed) -> str:
+def statement(line: LineSurvey) -> str:
     """One sentence on a line that is present."""
     unit, scale = unit_of(line.signal)
     size = f"{line.amplitude.value / scale:.3g} {unit} (u {line.amplitude.u / scale:.2g})"

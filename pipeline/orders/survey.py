@@ -38,7 +38,7 @@ COGGING, ECCENTRICITY = "cogging", "encoder_eccentricity"
 
 
 @dataclass(frozen=True)
-class Estimate:
+class UncertainValue:
     """A number and its standard uncertainty."""
 
     value: float
@@ -55,18 +55,18 @@ class Belonging:
         Its id in the library.
     parameter, unit : str
         The parameter that the line fixes, and its unit.
-    amplitude : Estimate
+    amplitude : UncertainValue
         Its value.
     """
 
     mechanism: str
     parameter: str
     unit: str
-    amplitude: Estimate
+    amplitude: UncertainValue
 
 
 @dataclass(frozen=True)
-class Followed:
+class LineSurvey:
     """One line of one signal over the points of one configuration and gear.
 
     Parameters
@@ -79,15 +79,15 @@ class Followed:
         Points with a number, and those whose amplitude is beyond its band.
     present : bool
         Whether so many could be beyond by chance is ruled out, all lines looked at paid for.
-    amplitude : Estimate
+    amplitude : UncertainValue
         Mean amplitude over the points, noise taken off; NaN where it is not present.
     lowest, highest : float
         Of the amplitudes.
     band : float
         Median band.
-    exponent : Estimate or None
+    exponent : UncertainValue or None
         Power of the shaft's speed that it grows with.
-    per_load : Estimate or None
+    per_load : UncertainValue or None
         Growth for each N m of the ring's torque.
     belongs : Belonging or None
         What makes such a line.
@@ -102,12 +102,12 @@ class Followed:
     points: int
     beyond: int
     present: bool
-    amplitude: Estimate
+    amplitude: UncertainValue
     lowest: float
     highest: float
     band: float
-    exponent: Estimate | None
-    per_load: Estimate | None
+    exponent: UncertainValue | None
+    per_load: UncertainValue | None
     belongs: Belonging | None
     remark: str
 
@@ -123,7 +123,7 @@ class _Points:
     load: Array
 
 
-def follow_lines(table: pl.DataFrame, bench: BenchParameters) -> tuple[Followed, ...]:
+def follow_lines(table: pl.DataFrame, bench: BenchParameters) -> tuple[LineSurvey, ...]:
     """What each line of a campaign follows, those that are present first.
 
     Parameters
@@ -153,7 +153,7 @@ def follow_lines(table: pl.DataFrame, bench: BenchParameters) -> tuple[Followed,
     return tuple(sorted(found, key=lambda f: (not f.present, f.configuration, f.gear, f.signal, -f.highest / f.band)))
 
 
-def _followed(key: tuple[str, ...], part: pl.DataFrame, tried: int, bench: BenchParameters) -> Followed:
+def _followed(key: tuple[str, ...], part: pl.DataFrame, tried: int, bench: BenchParameters) -> LineSurvey:
     configuration, gear, signal, line = key
     side = _side(signal, line)
     columns = (part[name].to_numpy() for name in ("amplitude", "u", "band", f"speed_{side}", "load"))
@@ -161,13 +161,13 @@ def _followed(key: tuple[str, ...], part: pl.DataFrame, tried: int, bench: Bench
     points = _Points(amplitude, u, band, speed, load)
     beyond = int(np.count_nonzero(points.amplitude > points.band))
     present = bool(binom.sf(beyond - 1, len(points.amplitude), FALSE_ALARM) * tried < LEVEL)
-    mean = _mean(points) if present else Estimate(math.nan, math.nan)
+    mean = _mean(points) if present else UncertainValue(math.nan, math.nan)
     exponent = _exponent(points) if present else None
     per_load = _per_load(points) if present and configuration == "engaged" else None
     belongs, remark = (None, "within the band of the noise")
     if present:
         belongs, remark = _belonging(signal, line, int(gear), points, exponent, bench)
-    return Followed(
+    return LineSurvey(
         signal,
         line,
         configuration,
@@ -201,18 +201,18 @@ def _clean(points: _Points) -> tuple[Array, Mask]:
     return np.asarray(np.sqrt(square[good])), good
 
 
-def _mean(points: _Points) -> Estimate:
+def _mean(points: _Points) -> UncertainValue:
     """Root of the mean square over the points, noise taken off, and its uncertainty from their scatter."""
     square = points.amplitude**2 - 2.0 * points.u**2
     mean = float(square.mean())
     if mean <= 0.0:
-        return Estimate(math.nan, math.nan)
+        return UncertainValue(math.nan, math.nan)
     size = math.sqrt(mean)
     u = float(square.std(ddof=1)) / math.sqrt(len(square)) / (2.0 * size)
-    return Estimate(size, math.hypot(u, float(np.sqrt((points.u**2).mean() / len(square)))))
+    return UncertainValue(size, math.hypot(u, float(np.sqrt((points.u**2).mean() / len(square)))))
 
 
-def _exponent(points: _Points) -> Estimate | None:
+def _exponent(points: _Points) -> UncertainValue | None:
     """Power of the speed in the amplitudes; None where the speeds are too much alike, or too few points beyond."""
     size, good = _clean(points)
     speed = points.speed[good]
@@ -221,7 +221,7 @@ def _exponent(points: _Points) -> Estimate | None:
     return _slope(np.log(speed), np.log(size), points.u[good] / size)
 
 
-def _per_load(points: _Points) -> Estimate | None:
+def _per_load(points: _Points) -> UncertainValue | None:
     """Growth of the amplitude with load; None where the loads are too much alike."""
     size, good = _clean(points)
     load = points.load[good]
@@ -230,7 +230,7 @@ def _per_load(points: _Points) -> Estimate | None:
     return _slope(load, size, points.u[good])
 
 
-def _slope(x: Array, y: Array, u: Array) -> Estimate:
+def _slope(x: Array, y: Array, u: Array) -> UncertainValue:
     """Slope of a weighted straight line; its error is widened by what the line leaves."""
     weight = 1.0 / u**2
     centre = float((weight * x).sum() / weight.sum())
@@ -238,11 +238,11 @@ def _slope(x: Array, y: Array, u: Array) -> Estimate:
     slope = float((weight * (x - centre) * y).sum()) / spread
     rest = y - float((weight * y).sum() / weight.sum()) - slope * (x - centre)
     widening = max(1.0, float((weight * rest**2).sum()) / (len(x) - 2))
-    return Estimate(slope, math.sqrt(widening / spread))
+    return UncertainValue(slope, math.sqrt(widening / spread))
 
 
 def _belonging(
-    signal: str, line: str, gear: int, points: _Points, exponent: Estimate | None, bench: BenchParameters
+    signal: str, line: str, gear: int, points: _Points, exponent: UncertainValue | None, bench: BenchParameters
 ) -> tuple[Belonging | None, str]:
     """The mechanism that makes a line of this order and growth, and why."""
     kind, side = signal.split("_")[0], signal.rpartition("_")[2]
@@ -264,7 +264,7 @@ def _belonging(
 
 
 def _by_law(
-    mechanism: str, parameter: str, unit: str, power: float, points: _Points, exponent: Estimate | None
+    mechanism: str, parameter: str, unit: str, power: float, points: _Points, exponent: UncertainValue | None
 ) -> tuple[Belonging | None, str]:
     """The mechanism, where the growth with speed is that of its law."""
     law = f"its law grows with speed to the power {power:g}"
@@ -280,6 +280,6 @@ def _by_law(
     mean = float((weight * value).sum() / weight.sum())
     widening = max(1.0, float((weight * (value - mean) ** 2).sum()) / max(1, len(value) - 1))
     return (
-        Belonging(mechanism, parameter, unit, Estimate(mean, math.sqrt(widening / float(weight.sum())))),
+        Belonging(mechanism, parameter, unit, UncertainValue(mean, math.sqrt(widening / float(weight.sum())))),
         f"order and growth of {mechanism}: {law}, {told}",
     )

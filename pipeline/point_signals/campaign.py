@@ -51,7 +51,7 @@ class CampaignSignals:
 
 
 @dataclass(frozen=True)
-class _Place:
+class _StoredWindow:
     """A window in the store."""
 
     manifest: Manifest
@@ -122,17 +122,17 @@ def _run(store: Store, identifier: str) -> dict[str, Array]:
     return {name: samples[name].to_numpy() for name in needed}
 
 
-def _places(store: Store, grid: Grid) -> dict[int, _Place]:
+def _places(store: Store, grid: Grid) -> dict[int, _StoredWindow]:
     """Where the window of each row of a grid stands; rows without one are left out.
 
     Rows and windows meet by start and name of the point; copies of a window, which share both, by their order.
     """
-    found: dict[tuple[float, str], deque[_Place]] = defaultdict(deque)
+    found: dict[tuple[float, str], deque[_StoredWindow]] = defaultdict(deque)
     for manifest in store.manifests(whole=False):
         if manifest.ingested and manifest.document["run"]["campaign"] == grid.campaign:
             for window in manifest.document["windows"]:
                 key = round(float(window["started_at_s"]), SAME_START), str(window["point"])
-                found[key].append(_Place(manifest, window))
+                found[key].append(_StoredWindow(manifest, window))
     places = {}
     for row, (started, name) in enumerate(zip(grid.points.started_at, grid.points.name, strict=True)):
         waiting = found.get((round(float(started), SAME_START), str(name)))
@@ -194,7 +194,7 @@ def _rows_of(shaft: ShaftBudget) -> Callable[[int], ShaftRows]:
     return at
 
 
-def _with_signals(cell: CellSignals, place: _Place, run: Mapping[str, Array], most: int) -> CellSignals:
+def _with_signals(cell: CellSignals, place: _StoredWindow, run: Mapping[str, Array], most: int) -> CellSignals:
     """A point with the signals of its window; without, and why, where the run holds none of its samples.
 
     There are at most `most` bins of each.

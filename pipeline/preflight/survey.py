@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.recording.container.contents import Topic
-    from pmg.pipeline.recording.events import Step
+    from pmg.pipeline.recording.events import SequenceStep
     from pmg.pipeline.recording.run import RunInfo
     from pmg.pipeline.recording.supplied import Supplied
     from pmg.pipeline.store.store import Manifest
@@ -122,7 +122,7 @@ def _rate(topics: Mapping[str, Topic]) -> float:
         return 0.0
 
 
-def _points(run: RunInfo, steps: tuple[Step, ...], name: str, rate: float) -> tuple[Asked, ...]:
+def _points(run: RunInfo, steps: tuple[SequenceStep, ...], name: str, rate: float) -> tuple[Asked, ...]:
     begin = run.started_at.timestamp()
 
     def asked(point: str, setpoints: Setpoints, seconds: float = 0.0) -> Asked:

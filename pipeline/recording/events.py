@@ -25,7 +25,7 @@ PHASES = ("START", "SETTLED", "MEASURE", "END")
 
 
 @dataclass(frozen=True)
-class Step:
+class SequenceStep:
     """What the test sequence did from a sample on.
 
     Parameters
@@ -88,9 +88,9 @@ def read_events(
     return tuple(messages)
 
 
-def read_steps(topics: Mapping[str, Topic], findings: Findings) -> tuple[Step, ...]:
+def read_steps(topics: Mapping[str, Topic], findings: Findings) -> tuple[SequenceStep, ...]:
     """Steps of the test sequence in the order of their samples."""
-    steps: list[Step] = []
+    steps: list[SequenceStep] = []
     for raw in read_events(topics, "/test/step", wire.test_step, findings):
         if raw.phase not in PHASES:
             findings.warning(
@@ -101,7 +101,7 @@ def read_steps(topics: Mapping[str, Topic], findings: Findings) -> tuple[Step, .
             )
             continue
         setpoints = step_setpoints(raw.point, raw.setpoint, findings)
-        steps.append(Step(raw.sample, raw.point, raw.phase, setpoints))
+        steps.append(SequenceStep(raw.sample, raw.point, raw.phase, setpoints))
     if steps and not any(step.phase == "MEASURE" for step in steps):
         findings.error(
             Code.STEP_MISSING,

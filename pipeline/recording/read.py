@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.recording.calibration import Calibration
-    from pmg.pipeline.recording.checks.wiring import Stretch
+    from pmg.pipeline.recording.checks.wiring import HeldStretch
     from pmg.pipeline.recording.decode import Decoded
-    from pmg.pipeline.recording.events import Step
+    from pmg.pipeline.recording.events import SequenceStep
     from pmg.pipeline.recording.join import Blemish
     from pmg.pipeline.recording.layouts.wire import ClockMark, LineEvent
     from pmg.pipeline.recording.origin import Origin
@@ -68,7 +68,7 @@ class Recording:
     samples : polars.DataFrame
         `sample` (Int64), `torque_sun`, `torque_ring` [N m], `angle_sun`, `angle_ring` [rad] (Float64, NaN where
         nothing was recorded), `lines` (UInt32, null where nothing was recorded). Rows are equidistant.
-    steps : tuple of Step
+    steps : tuple of SequenceStep
         Test sequence, in order; empty for a file with one point.
     line_events : tuple of LineEvent
         Changes of the digital inputs, in order.
@@ -96,7 +96,7 @@ class Recording:
     rate_hz: float
     first_sample: int
     samples: pl.DataFrame
-    steps: tuple[Step, ...]
+    steps: tuple[SequenceStep, ...]
     line_events: tuple[LineEvent, ...]
     clock_marks: tuple[ClockMark, ...]
     blemishes: tuple[Blemish, ...]
@@ -241,7 +241,9 @@ def _padded(track: Decoded, first: int, stop: int) -> Array:
     return row
 
 
-def _held(samples: pl.DataFrame, first: int, rate_hz: float, run: RunInfo, steps: Sequence[Step]) -> Iterator[Stretch]:
+def _held(
+    samples: pl.DataFrame, first: int, rate_hz: float, run: RunInfo, steps: Sequence[SequenceStep]
+) -> Iterator[HeldStretch]:
     """Where set-points were held: from MEASURE to what follows it; without steps, the whole run."""
     columns = {name: samples[name].to_numpy() for name in COLUMNS}
     stop = first + samples.height

@@ -14,7 +14,7 @@ from pmg.sim.grid import Grid
 from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
-    from pmg.pipeline.simulate.scenario import Plan
+    from pmg.pipeline.simulate.scenario import PlannedCampaign
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import OperatingPoints
     from pmg.sim.signals import Array
@@ -26,7 +26,7 @@ REVERSED_FLOW_SPEEDS, REVERSED_ROTATIONS = 6, 6
 """Points of the extensions: speeds at which the flow is reversed, and points turned backwards."""
 
 
-def planned_grid(plan: Plan, bench: BenchParameters) -> Grid:
+def planned_grid(plan: PlannedCampaign, bench: BenchParameters) -> Grid:
     """The points of a plan in the order they are to be run; torques are placeholders.
 
     Raises
@@ -94,7 +94,12 @@ def _neutral(sun: Array, ring: Array, name: str = "N") -> OperatingPoints:
 
 
 def _extensions(
-    plan: Plan, bench: BenchParameters, neutral: OperatingPoints, speed: Array, load: Array, rng: np.random.Generator
+    plan: PlannedCampaign,
+    bench: BenchParameters,
+    neutral: OperatingPoints,
+    speed: Array,
+    load: Array,
+    rng: np.random.Generator,
 ) -> list[OperatingPoints]:
     """Repeats, reversed flow, reversed rotation, zero checks: after the main part."""
     parts = []
@@ -114,7 +119,7 @@ def _extensions(
     return parts
 
 
-def planned_floor(plan: Plan) -> NoiseFloor:
+def planned_floor(plan: PlannedCampaign) -> NoiseFloor:
     """The noise that a plan reckons with."""
 
     def shaft(u: float) -> ShaftNoise:

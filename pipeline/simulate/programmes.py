@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.simulate.scenario_file import ScenarioFile
-    from pmg.pipeline.simulate.scenario_words import Motor, Recorded
+    from pmg.pipeline.simulate.scenario_words import Motor, RecordedProgramme
     from pmg.sim.signals import Array
 
 
@@ -46,7 +46,7 @@ def programme_of(file: ScenarioFile, side: str, motor: Motor | None, control: Co
     return made
 
 
-def _recorded(path: Path, given: Recorded, where: str) -> tuple[Array, Array]:
+def _recorded(path: Path, given: RecordedProgramme, where: str) -> tuple[Array, Array]:
     """Times [s] and values of two columns of a CSV file."""
     if not path.is_file():
         raise BenchError(f"{where}.file", f"no file {path}", "a CSV file beside the scenario", "Check the path.")

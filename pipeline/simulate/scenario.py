@@ -150,7 +150,7 @@ class Output(Strict):
     figures: bool = True
 
 
-class Plan(Strict):
+class PlannedCampaign(Strict):
     """A campaign that is to be run, for the design audit."""
 
     neutral_sun_rpm: Annotated[list[Rpm], Field(min_length=1)]
@@ -210,7 +210,7 @@ class Scenario(Strict):
     grid: Levels | None = None
     transient: Transient | None = None
     response: Response | None = None
-    plan: Plan | None = None
+    plan: PlannedCampaign | None = None
     output: Output = Output()
 
     @model_validator(mode="after")

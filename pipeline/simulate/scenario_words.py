@@ -30,7 +30,7 @@ class Ramp(Strict):
     start: Asked = Field(default=0.0, validation_alias=_by_unit("start"))
 
 
-class Step(Strict):
+class RampStep(Strict):
     """A step with a rise time."""
 
     to: Asked = Field(validation_alias=_by_unit("to"))
@@ -46,7 +46,7 @@ class Knots(Strict):
     values: Annotated[list[Asked], Field(min_length=1)] = Field(validation_alias=_by_unit("values"))
 
 
-class Recorded(Strict):
+class RecordedProgramme(Strict):
     """A programme from a column of a CSV file."""
 
     file: str
@@ -72,9 +72,9 @@ class Motor(Strict):
 
     hold: Asked | None = Field(default=None, validation_alias=_by_unit("hold"))
     ramp: Ramp | None = None
-    step: Step | None = None
+    step: RampStep | None = None
     points: Knots | None = None
-    recorded: Recorded | None = None
+    recorded: RecordedProgramme | None = None
     sweep: SineSweep | None = None
 
     @model_validator(mode="after")

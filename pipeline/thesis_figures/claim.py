@@ -33,7 +33,7 @@ class Other:
 
 
 @dataclass(frozen=True)
-class Published:
+class PublishedFigure:
     """A figure as printed.
 
     Parameters

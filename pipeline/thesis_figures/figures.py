@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from pmg.pipeline.thesis_figures.claim import Other, Published, Unit
+from pmg.pipeline.thesis_figures.claim import Other, PublishedFigure, Unit
 from pmg.pipeline.thesis_figures.tables import LOADS, SPEEDS, TORQUE_SUN, point_name
 from pmg.sim import signals
 
@@ -20,11 +20,13 @@ EDDY = Unit("1e-4 N m s/rad", 1e-4)
 EXCESS = Unit("1e-3 N m (s/rad)^1/2", 1e-3)
 
 
-def _several(rows: tuple[tuple[str, str, float, int, Unit], ...], group: str, place: str) -> tuple[Published, ...]:
-    return tuple(Published(f"{group}.{id_}", what, v, d, unit, place) for id_, what, v, d, unit in rows)
+def _several(
+    rows: tuple[tuple[str, str, float, int, Unit], ...], group: str, place: str
+) -> tuple[PublishedFigure, ...]:
+    return tuple(PublishedFigure(f"{group}.{id_}", what, v, d, unit, place) for id_, what, v, d, unit in rows)
 
 
-def _again(figures: tuple[Published, ...], group: str, told: str) -> tuple[Published, ...]:
+def _again(figures: tuple[PublishedFigure, ...], group: str, told: str) -> tuple[PublishedFigure, ...]:
     """The same figures under another assumption."""
     return tuple(replace(f, id=f"{group}.{f.id.partition('.')[2]}", what=f"{f.what} ({told})") for f in figures)
 
@@ -48,17 +50,19 @@ DESIGN = (
         "table 3.1",
     ),
     *(
-        Published(f"design.share-{shaft}-{i}", f"bearing {i}: part of the {shaft}'s losses", v, 1, PERCENT, "table 5.2")
+        PublishedFigure(
+            f"design.share-{shaft}-{i}", f"bearing {i}: part of the {shaft}'s losses", v, 1, PERCENT, "table 5.2"
+        )
         for shaft, first, values in (("sun", 1, (31.1, 45.6, 23.3)), ("ring", 3, (6.8, 35.4, 35.4, 13.3, 9.1)))
         for i, v in enumerate(values, first)
     ),
 )
 
 GRIDS = (
-    Published("grids.ratio", "ratio that the measured torques imply, dT_r/dT_s", 2.6, 1, NONE, "section 4.4.1"),
-    Published("grids.sun-624-1.56", "measured sun torque, 624 rpm, 1.56 N m", 0.7141, 4, TORQUE, "table 6.1"),
-    Published("grids.ring-624-1.56", "measured ring torque, 624 rpm, 1.56 N m", 1.5155, 4, TORQUE, "table 6.1"),
-    Published(
+    PublishedFigure("grids.ratio", "ratio that the measured torques imply, dT_r/dT_s", 2.6, 1, NONE, "section 4.4.1"),
+    PublishedFigure("grids.sun-624-1.56", "measured sun torque, 624 rpm, 1.56 N m", 0.7141, 4, TORQUE, "table 6.1"),
+    PublishedFigure("grids.ring-624-1.56", "measured ring torque, 624 rpm, 1.56 N m", 1.5155, 4, TORQUE, "table 6.1"),
+    PublishedFigure(
         "grids.ring-1248-1.56",
         "measured ring torque, 1248 rpm, 1.56 N m",
         1.5500,
@@ -67,11 +71,11 @@ GRIDS = (
         "table 6.3",
         other=Other(1.57, 2, "table A.5"),
     ),
-    Published(
+    PublishedFigure(
         "grids.negative", "points with negative magnetic loss at K_corr = 1", 1, 0, NONE, "section 4.4.2", math.inf
     ),
-    Published("grids.rule", "K_corr by the rule: no negative magnetic loss", 0.90, 2, NONE, "section 4.2.4"),
-    Published(
+    PublishedFigure("grids.rule", "K_corr by the rule: no negative magnetic loss", 0.90, 2, NONE, "section 4.2.4"),
+    PublishedFigure(
         "grids.eta-magnetic",
         "largest measured magnetic efficiency at K_corr = 0.9",
         -math.inf,
@@ -83,14 +87,14 @@ GRIDS = (
 )
 
 
-def _damping(k: str, b: float, c: float, r_squared: float, rmse: float) -> tuple[Published, ...]:
+def _damping(k: str, b: float, c: float, r_squared: float, rmse: float) -> tuple[PublishedFigure, ...]:
     told, group, place = f"at K_corr {k}", f"damping-{k}", "table 6.8"
     return (
-        Published(f"{group}.b", f"hysteresis b {told}", b, 3, HYSTERESIS, place, size=0.570),
-        Published(f"{group}.c", f"eddy c {told}", c, 2, EDDY, place),
-        Published(f"{group}.d", f"excess d {told}", 0.0, 3, EXCESS, place, size=1.0),
-        Published(f"{group}.r-squared", f"R2 {told}", r_squared, 4, NONE, place, size=1.0 - r_squared),
-        Published(f"{group}.rmse", f"RMSE {told}", rmse, 4, WATT, place),
+        PublishedFigure(f"{group}.b", f"hysteresis b {told}", b, 3, HYSTERESIS, place, size=0.570),
+        PublishedFigure(f"{group}.c", f"eddy c {told}", c, 2, EDDY, place),
+        PublishedFigure(f"{group}.d", f"excess d {told}", 0.0, 3, EXCESS, place, size=1.0),
+        PublishedFigure(f"{group}.r-squared", f"R2 {told}", r_squared, 4, NONE, place, size=1.0 - r_squared),
+        PublishedFigure(f"{group}.rmse", f"RMSE {told}", rmse, 4, WATT, place),
     )
 
 
@@ -102,17 +106,19 @@ DAMPING = (
 )
 
 _DIFFERENCES = tuple(
-    Published(f"torques.{name}", f"48 sun torques, {told} difference", 0.0, 4, TORQUE, "tables 6.2, 6.3", size=0.3722)
+    PublishedFigure(
+        f"torques.{name}", f"48 sun torques, {told} difference", 0.0, 4, TORQUE, "tables 6.2, 6.3", size=0.3722
+    )
     for name, told in (("rms", "rms"), ("largest", "largest"))
 )
 TORQUES = (
     *_DIFFERENCES,
     *_again(_DIFFERENCES, "torques-implied", AT_IMPLIED),
-    Published("torques.ratio", "ratio that the 48 printed points imply", 2.6, 1, NONE, "tables 6.2, 6.3"),
+    PublishedFigure("torques.ratio", "ratio that the 48 printed points imply", 2.6, 1, NONE, "tables 6.2, 6.3"),
 )
 
 POINTS = tuple(
-    Published(
+    PublishedFigure(
         f"point.{point_name(speed, load)}",
         f"sun torque at {signals.SPEED_SUN.display(speed):.0f} rpm, load {load:.2f} N m",
         float(TORQUE_SUN[i, j]),
@@ -158,7 +164,7 @@ CHAIN = tuple(
     replace(f, other=Other(190.89, 2, "equation 6.7")) if f.id == "chain.mechanical-in" else f for f in _CHAIN
 )
 PRODUCTS = (
-    Published(
+    PublishedFigure(
         "printed.power-in",
         "product of the printed sun torque and speed",
         190.89,
@@ -167,7 +173,7 @@ PRODUCTS = (
         "equation 6.7",
         other=Other(190.87, 2, "figure 6.18"),
     ),
-    Published(
+    PublishedFigure(
         "printed.eddy",
         "c that the printed loss of the magnetic gear implies",
         2.22,
@@ -190,11 +196,13 @@ STEADY = (
         "steady",
         "section 6.4.1",
     ),
-    Published(
+    PublishedFigure(
         "steady.user", "power at the ring", 147, 0, WATT, "section 6.4.1", other=Other(144.93, 2, "equation 6.8")
     ),
-    Published("steady.input", "power at the sun", 193, 0, WATT, "section 6.4.1", other=Other(190.87, 2, "figure 6.18")),
-    Published(
+    PublishedFigure(
+        "steady.input", "power at the sun", 193, 0, WATT, "section 6.4.1", other=Other(190.87, 2, "figure 6.18")
+    ),
+    PublishedFigure(
         "steady.torque-share",
         "smallest share of the bearings in the loss torque",
         85,
@@ -204,7 +212,7 @@ STEADY = (
         until=math.inf,
         other=Other(83, 0, "the powers of section 6.4.3 over their speeds"),
     ),
-    Published(
+    PublishedFigure(
         "steady.torque-magnetic",
         "largest share of the magnetic gear in the loss torque",
         15,
@@ -213,7 +221,7 @@ STEADY = (
         "section 6.4.1",
         other=Other(17, 0, "the powers of section 6.4.3 over their speeds"),
     ),
-    Published(
+    PublishedFigure(
         "steady.eta-magnetic",
         "smallest magnetic efficiency",
         88,
@@ -222,10 +230,10 @@ STEADY = (
         "section 6.4.2",
         other=Other(89.3, 1, "table 6.2 at 1872 rpm with the losses of section 6.4.3"),
     ),
-    Published(
+    PublishedFigure(
         "steady.eta-magnetic-next", "second smallest magnetic efficiency", 90, 0, PERCENT, "section 6.4.2", math.inf
     ),
-    Published(
+    PublishedFigure(
         "steady.share-least",
         "smallest share of the bearings, motors left out",
         60,
@@ -234,8 +242,10 @@ STEADY = (
         "chapter 7",
         other=Other(78, 0, "what the 22 % of section 6.4.1 leave"),
     ),
-    Published("steady.share-most", "largest share of the bearings, motors left out", 80, -1, PERCENT, "chapter 7"),
-    Published(
+    PublishedFigure(
+        "steady.share-most", "largest share of the bearings, motors left out", 80, -1, PERCENT, "chapter 7"
+    ),
+    PublishedFigure(
         "steady.share-all",
         "share of the bearings at 1872 rpm, 1.95 N m, motors in",
         60,
@@ -245,7 +255,7 @@ STEADY = (
         until=80,
     ),
     *(
-        Published(
+        PublishedFigure(
             f"steady.difference-{load:.2f}",
             f"mean difference of the total efficiency, load {load:.2f} N m",
             value,
@@ -255,23 +265,23 @@ STEADY = (
         )
         for load, value in zip(LOADS, (0.50, 0.33, 0.27, 0.21), strict=True)
     ),
-    Published("steady.difference", "largest of these four", -math.inf, 1, PERCENT, "chapter 7", 0.5),
+    PublishedFigure("steady.difference", "largest of these four", -math.inf, 1, PERCENT, "chapter 7", 0.5),
 )
 
 RUN = (
-    Published("run.sun", "sun speed after 20 s", 485, 0, SPEED, "section 6.3.2"),
-    Published("run.ring", "ring speed after 20 s", -187, 0, SPEED, "section 6.3.2"),
-    Published("run.power-in", "power into the magnetic gear after 20 s", 48.4, 1, WATT, "section 6.3.3"),
-    Published("run.power-out", "power out of the magnetic gear after 20 s", 47.7, 1, WATT, "section 6.3.3"),
-    Published("run.loss", "damping loss after 20 s", 0.7, 1, WATT, "section 6.3.3"),
-    Published("run.settled", "sun speed once it is steady", 485, 0, SPEED, "section 6.3.2"),
-    Published("run.locked", "gear locked from", 0.4, 1, SECOND, "section 6.3.1", 0.6),
+    PublishedFigure("run.sun", "sun speed after 20 s", 485, 0, SPEED, "section 6.3.2"),
+    PublishedFigure("run.ring", "ring speed after 20 s", -187, 0, SPEED, "section 6.3.2"),
+    PublishedFigure("run.power-in", "power into the magnetic gear after 20 s", 48.4, 1, WATT, "section 6.3.3"),
+    PublishedFigure("run.power-out", "power out of the magnetic gear after 20 s", 47.7, 1, WATT, "section 6.3.3"),
+    PublishedFigure("run.loss", "damping loss after 20 s", 0.7, 1, WATT, "section 6.3.3"),
+    PublishedFigure("run.settled", "sun speed once it is steady", 485, 0, SPEED, "section 6.3.2"),
+    PublishedFigure("run.locked", "gear locked from", 0.4, 1, SECOND, "section 6.3.1", 0.6),
 )
 
 MANY = ("point", "point-implied")
 """Groups of many figures of one kind, which a short table sums up."""
 
-FIGURES: tuple[Published, ...] = (
+FIGURES: tuple[PublishedFigure, ...] = (
     *DESIGN,
     *GRIDS,
     *DAMPING,

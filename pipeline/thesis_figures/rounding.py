@@ -32,7 +32,7 @@ OUTER = (0.025, 0.975)
 
 
 @dataclass(frozen=True)
-class Spread:
+class RoundingSpread:
     """A figure from the rounded tables, and where draws within their rounding take it, in SI.
 
     Parameters
@@ -80,7 +80,7 @@ def draw(sample: Sample, rng: np.random.Generator) -> Sample:
 
 def spreads(
     sample: Sample, bench: BenchParameters, draws: int, rng: np.random.Generator, choices: Choices = THESIS
-) -> dict[str, Spread]:
+) -> dict[str, RoundingSpread]:
     """Every figure by id, with its spread over draws.
 
     Parameters
@@ -106,5 +106,5 @@ def spreads(
     found = {}
     for id_, value in ours.items():
         low, high = np.quantile([figures[id_] for figures in drawn], OUTER)
-        found[id_] = Spread(value, float(low), float(high))
+        found[id_] = RoundingSpread(value, float(low), float(high))
     return found

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 from pmg.pipeline.thesis_figures.figures import FIGURES
 from pmg.pipeline.thesis_figures.remarks import remarks_on
-from pmg.pipeline.thesis_figures.rounding import Spread, spreads
+from pmg.pipeline.thesis_figures.rounding import RoundingSpread, spreads
 from pmg.pipeline.thesis_figures.tables import printed
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from pmg.pipeline.thesis_figures.claim import Published
+    from pmg.pipeline.thesis_figures.claim import PublishedFigure
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
 
@@ -43,7 +43,7 @@ class JudgedFigure:
 
     Parameters
     ----------
-    figure : Published
+    figure : PublishedFigure
         As printed.
     ours : float
         From the rounded tables.
@@ -55,7 +55,7 @@ class JudgedFigure:
         What follows.
     """
 
-    figure: Published
+    figure: PublishedFigure
     ours: float
     reach: float
     distance: float
@@ -77,7 +77,7 @@ class JudgedFigure:
         return remarks_on(self.figure.id, differs=self.verdict is not FigureVerdict.REPRODUCED)
 
 
-def judge(figure: Published, spread: Spread) -> JudgedFigure:
+def judge(figure: PublishedFigure, spread: RoundingSpread) -> JudgedFigure:
     """The verdict on a figure."""
     ours, shift = spread.ours / figure.unit.scale, spread.shift / figure.unit.scale
     value, upper, reach = figure.value, figure.upper, shift + figure.rounding
@@ -100,7 +100,7 @@ def validate(
     bench: BenchParameters,
     draws: int,
     rng: np.random.Generator,
-    figures: tuple[Published, ...] = FIGURES,
+    figures: tuple[PublishedFigure, ...] = FIGURES,
 ) -> tuple[JudgedFigure, ...]:
     """Every published figure beside what the published grid gives.
 
@@ -114,7 +114,7 @@ def validate(
         Draws within the rounding of the tables.
     rng : Generator
         Their source.
-    figures : tuple of Published
+    figures : tuple of PublishedFigure
         Which figures.
 
     Raises

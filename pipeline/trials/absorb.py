@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.trials.design import acting, ratio_of
-from pmg.pipeline.trials.effect import Effect, Scene, torques
+from pmg.pipeline.trials.effect import BenchRun, Effect, torques
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pmg.pipeline.trials.design import Design
+    from pmg.pipeline.trials.design import CampaignDesign
     from pmg.pipeline.trials.effect import Pair
     from pmg.pipeline.trials.world import World
     from pmg.sim.signals import Array
@@ -35,7 +35,7 @@ NOTHING = 1e-12
 class Yardstick:
     """The readings of a scene as one vector, and the space of what a generic baseline takes up."""
 
-    scene: Scene
+    scene: BenchRun
 
     def stack(self, shown: Pair) -> Array:
         """Readings of sun and ring in neutral, of the sun less the load engaged, of both at rest [N m]."""
@@ -128,12 +128,14 @@ class Scaled:
         return abs(came - self.asked) > 0.02 * self.asked
 
 
-def scale_effect(world: World, design: Design, effect: Effect, size_sigma: float, basis: str = "absorbed") -> Scaled:
+def scale_effect(
+    world: World, design: CampaignDesign, effect: Effect, size_sigma: float, basis: str = "absorbed"
+) -> Scaled:
     """The effect, as large as asked for.
 
     Parameters
     ----------
-    world, design : World, Design
+    world, design : World, CampaignDesign
         Where it acts.
     effect : Effect
         Its form, shaft and shape; of its size only the order matters.
@@ -147,7 +149,7 @@ def scale_effect(world: World, design: Design, effect: Effect, size_sigma: float
     An effect that a free baseline takes up nearly whole would have to be absurdly large; it stops at `CEILING`
     or at what its form can be at most, and says so.
     """
-    return scale_on(Yardstick(Scene(design, world)), effect, size_sigma, basis)
+    return scale_on(Yardstick(BenchRun(design, world)), effect, size_sigma, basis)
 
 
 def scale_on(yardstick: Yardstick, effect: Effect, size_sigma: float, basis: str = "absorbed") -> Scaled:

@@ -38,7 +38,7 @@ FIRST_START, STARTS_WITHIN = 1.745e9, 2.5e7
 
 
 @dataclass(frozen=True)
-class Design:
+class CampaignDesign:
     """A campaign as planned, in the order in which it is run.
 
     Parameters
@@ -77,7 +77,7 @@ class Design:
 
 def draw_design(
     rng: np.random.Generator, *, order: str | None = None, extended: bool = True, one_way: bool = False
-) -> Design:
+) -> CampaignDesign:
     """A campaign of 255 points, or up to 288 when extended, in the order named or a drawn one."""
     chosen = order or str(rng.choice(ORDERS))
     grid_sun, grid_ring = (axis.ravel() for axis in np.meshgrid(SUN_RPM, RING_RPM, indexing="ij"))
@@ -102,7 +102,7 @@ def draw_design(
     whole = _joined(parts)
     if extended:
         whole = _with_zero_checks(whole)
-    return Design(replace(whole, started_at=_times(whole, rng)), chosen, extended, one_way)
+    return CampaignDesign(replace(whole, started_at=_times(whole, rng)), chosen, extended, one_way)
 
 
 def _order(at: OperatingPoints, order: str, rng: np.random.Generator) -> npt.NDArray[np.int64]:

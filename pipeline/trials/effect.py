@@ -13,7 +13,7 @@ from pmg.pipeline.trials.design import ratio_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
-    from pmg.pipeline.trials.design import Design
+    from pmg.pipeline.trials.design import CampaignDesign
     from pmg.pipeline.trials.world import World
     from pmg.sim.signals import Array
 
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Scene:
+class BenchRun:
     """A design run on a world."""
 
-    design: Design
+    design: CampaignDesign
     world: World
 
     @cached_property
@@ -55,7 +55,7 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class Form:
+class EffectForm:
     """How an effect acts.
 
     Parameters
@@ -82,17 +82,17 @@ class Form:
     components: Mapping[str, str]
     unit: str
     first: float
-    knobs: Callable[[Scene, np.random.Generator], dict[str, float | str]]
+    knobs: Callable[[BenchRun, np.random.Generator], dict[str, float | str]]
     most: float = float("inf")
-    drag: Callable[[Scene, Effect], Pair] | None = None
-    reading: Callable[[Scene, Effect, Pair], Pair] | None = None
+    drag: Callable[[BenchRun, Effect], Pair] | None = None
+    reading: Callable[[BenchRun, Effect, Pair], Pair] | None = None
 
 
 @dataclass(frozen=True)
 class Effect:
     """A form on a shaft, with its size and shape."""
 
-    form: Form
+    form: EffectForm
     shaft: str
     size: float
     knobs: Knobs
@@ -107,7 +107,7 @@ class Effect:
         return float(self.knobs[name])
 
 
-def torques(scene: Scene, effects: Iterable[Effect]) -> tuple[Pair, Pair]:
+def torques(scene: BenchRun, effects: Iterable[Effect]) -> tuple[Pair, Pair]:
     """Torques that both motors apply, and what the transducers show without noise [N m].
 
     Notes

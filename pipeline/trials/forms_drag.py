@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.trials.effect import Effect, Form, on_shaft
+from pmg.pipeline.trials.effect import Effect, EffectForm, on_shaft
 from pmg.pipeline.trials.world import FASTEST_RING, FASTEST_SUN
 
 if TYPE_CHECKING:
-    from pmg.pipeline.trials.effect import Pair, Scene
+    from pmg.pipeline.trials.effect import BenchRun, Pair
     from pmg.sim.signals import Array
 
 BEARINGS = {"sun": "sun_bearings", "ring": "ring_bearings"}
@@ -21,13 +21,13 @@ DIFFERENCE = 100.0
 """Speed difference at which a size is given [rad/s]."""
 
 
-def load_knobs(scene: Scene, rng: np.random.Generator) -> dict[str, float | str]:
+def load_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """A power of the load, or the friction of a radial load that has a part without torque."""
     law = str(rng.choice(["power", "radial"]))
     return {"law": law, "power": rng.uniform(0.9, 1.3), "dead_load": rng.uniform(0.1, 0.5)}
 
 
-def load_friction(scene: Scene, effect: Effect) -> Pair:
+def load_friction(scene: BenchRun, effect: Effect) -> Pair:
     r"""Size times :math:`x^q` or :math:`\sqrt{f^2+x^2}-f`, x the torque carried over a reference one."""
     found = []
     for carried, reference, direction in zip(
@@ -46,12 +46,12 @@ def load_friction(scene: Scene, effect: Effect) -> Pair:
     return on_shaft(effect.shaft, *found)
 
 
-def mixed_knobs(scene: Scene, rng: np.random.Generator) -> dict[str, float | str]:
+def mixed_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """A Lorentz curve, or the cube of a hyperbola."""
     return {"law": str(rng.choice(["lorentz", "rational"])), "speed": rng.uniform(5.0, 25.0)}
 
 
-def mixed_lubrication(scene: Scene, effect: Effect) -> Pair:
+def mixed_lubrication(scene: BenchRun, effect: Effect) -> Pair:
     """Size times 1/(1+x²) or 1/(1+x/2)³, x the speed over a reference one."""
     found = []
     for speed in scene.speeds:
@@ -61,12 +61,12 @@ def mixed_lubrication(scene: Scene, effect: Effect) -> Pair:
     return on_shaft(effect.shaft, *found)
 
 
-def windage_knobs(scene: Scene, rng: np.random.Generator) -> dict[str, float | str]:
+def windage_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """A power of speed, and a laminar part."""
     return {"power": rng.uniform(1.7, 2.3), "laminar": rng.uniform(0.05, 0.3)}
 
 
-def windage(scene: Scene, effect: Effect) -> Pair:
+def windage(scene: BenchRun, effect: Effect) -> Pair:
     """Size times x^q + l x, x the speed over the highest one, in every configuration."""
     found = []
     for speed, fastest in zip(scene.speeds, (FASTEST_SUN, FASTEST_RING), strict=True):
@@ -76,13 +76,13 @@ def windage(scene: Scene, effect: Effect) -> Pair:
     return on_shaft(effect.shaft, *found)
 
 
-def relative_knobs(scene: Scene, rng: np.random.Generator) -> dict[str, float | str]:
+def relative_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """A logarithm or a power of the difference, and the width over which it turns its sign."""
     law = str(rng.choice(["logarithm", "power"]))
     return {"law": law, "power": rng.uniform(0.4, 0.8), "width": rng.uniform(1.0, 6.0), "knee": rng.uniform(10, 40)}
 
 
-def relative_bearing(scene: Scene, effect: Effect) -> Pair:
+def relative_bearing(scene: BenchRun, effect: Effect) -> Pair:
     """Drag between the shafts: on the sun, and its reaction on the ring."""
     difference = scene.speeds[0] - scene.speeds[1]
     x = np.abs(difference)
@@ -95,12 +95,12 @@ def relative_bearing(scene: Scene, effect: Effect) -> Pair:
     return on_sun, -on_sun
 
 
-def rubbing_knobs(scene: Scene, rng: np.random.Generator) -> dict[str, float | str]:
+def rubbing_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """How much the friction falls up to the highest speed."""
     return {"fall": rng.uniform(-0.1, 0.25)}
 
 
-def rubbing(scene: Scene, effect: Effect) -> Pair:
+def rubbing(scene: BenchRun, effect: Effect) -> Pair:
     """Size, falling slightly with speed, when engaged only."""
     found = []
     for speed, fastest in zip(scene.speeds, (FASTEST_SUN, FASTEST_RING), strict=True):
@@ -109,11 +109,13 @@ def rubbing(scene: Scene, effect: Effect) -> Pair:
     return on_shaft(effect.shaft, *found)
 
 
-DRAGS: tuple[Form, ...] = (
-    Form("load_dependent_bearing_friction", BEARINGS, "N m", 0.01, load_knobs, drag=load_friction),
-    Form("stribeck_mixed_lubrication", BEARINGS, "N m", 0.02, mixed_knobs, 0.15, mixed_lubrication),
-    Form("windage", BEARINGS, "N m", 0.02, windage_knobs, 0.04, windage),
-    Form("relative_bearing_drag", {"both": "relative_bearing"}, "N m", 0.01, relative_knobs, drag=relative_bearing),
-    Form("engaged_dry_friction", GEAR_BY_SHAFT, "N m", 5e-3, rubbing_knobs, 0.03, rubbing),
+DRAGS: tuple[EffectForm, ...] = (
+    EffectForm("load_dependent_bearing_friction", BEARINGS, "N m", 0.01, load_knobs, drag=load_friction),
+    EffectForm("stribeck_mixed_lubrication", BEARINGS, "N m", 0.02, mixed_knobs, 0.15, mixed_lubrication),
+    EffectForm("windage", BEARINGS, "N m", 0.02, windage_knobs, 0.04, windage),
+    EffectForm(
+        "relative_bearing_drag", {"both": "relative_bearing"}, "N m", 0.01, relative_knobs, drag=relative_bearing
+    ),
+    EffectForm("engaged_dry_friction", GEAR_BY_SHAFT, "N m", 5e-3, rubbing_knobs, 0.03, rubbing),
 )
 """Forms of drag."""

@@ -7,26 +7,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.trials.design import POLE_PAIRS
-from pmg.pipeline.trials.effect import Effect, Form
+from pmg.pipeline.trials.effect import Effect, EffectForm
 from pmg.pipeline.trials.forms_drag import LOAD_RING
 from pmg.pipeline.trials.world import FASTEST_SUN
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pmg.pipeline.trials.effect import Pair, Scene
+    from pmg.pipeline.trials.effect import BenchRun, Pair
     from pmg.sim.signals import Array
 
 GEAR = {"both": "magnetic_gear"}
 
 
-def residual_knobs(scene: Scene, rng: np.random.Generator) -> dict[str, float | str]:
+def residual_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """Where the coupling is strongest, how it falls beyond, and how much of it belongs to the second stage."""
     law = str(rng.choice(["exponential", "saturating"]))
     return {"law": law, "slip": rng.uniform(300.0, 1200.0), "second_stage": rng.uniform(0.0, 0.4)}
 
 
-def residual_coupling(scene: Scene, effect: Effect) -> Pair:
+def residual_coupling(scene: BenchRun, effect: Effect) -> Pair:
     """Drag of slipping poles in neutral: x exp(1-x), or a hyperbolic tangent that falls again, on both stages."""
     w_s, w_r = scene.speeds
     sun, ring = np.zeros_like(w_s), np.zeros_like(w_r)
@@ -39,12 +39,12 @@ def residual_coupling(scene: Scene, effect: Effect) -> Pair:
     return sun, ring
 
 
-def skin_knobs(scene: Scene, rng: np.random.Generator) -> dict[str, float | str]:
+def skin_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """Speed at which a slab is as thick as the currents reach."""
     return {"corner": rng.uniform(10.0, 50.0)}
 
 
-def skin_effect(scene: Scene, effect: Effect) -> Pair:
+def skin_effect(scene: BenchRun, effect: Effect) -> Pair:
     """More eddy drag, that of a slab: size times w tanh(x)/x, x the root of speed over the corner."""
     return _engaged(scene, effect, _slab)
 
@@ -55,12 +55,12 @@ def _slab(speed: Array, effect: Effect) -> Array:
     return np.asarray(np.abs(speed) / FASTEST_SUN * within)
 
 
-def iron_knobs(scene: Scene, rng: np.random.Generator) -> dict[str, float | str]:
+def iron_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """Powers of speed and load."""
     return {"speed_power": rng.uniform(1.05, 1.3), "load_power": rng.uniform(1.7, 2.1)}
 
 
-def load_iron_loss(scene: Scene, effect: Effect) -> Pair:
+def load_iron_loss(scene: BenchRun, effect: Effect) -> Pair:
     """Size times load squared times speed, nearly."""
     load = (np.abs(scene.load) / LOAD_RING) ** effect.number("load_power")
     sun, ring = _engaged(scene, effect, _speed_power)
@@ -71,7 +71,7 @@ def _speed_power(speed: Array, effect: Effect) -> Array:
     return np.asarray((np.abs(speed) / FASTEST_SUN) ** effect.number("speed_power"))
 
 
-def _engaged(scene: Scene, effect: Effect, shape: Callable[[Array, Effect], Array]) -> Pair:
+def _engaged(scene: BenchRun, effect: Effect, shape: Callable[[Array, Effect], Array]) -> Pair:
     """Size times a shape of each rotor's own speed, against its rotation, when engaged."""
     sun, ring = (
         np.where(scene.design.at.engaged, np.sign(w) * effect.size * shape(w, effect), 0.0) for w in scene.speeds
@@ -79,9 +79,9 @@ def _engaged(scene: Scene, effect: Effect, shape: Callable[[Array, Effect], Arra
     return sun, ring
 
 
-MAGNETICS: tuple[Form, ...] = (
-    Form("residual_magnetic_coupling", GEAR, "N m", 1e-3, residual_knobs, drag=residual_coupling),
-    Form("eddy_skin_effect", GEAR, "N m", 0.02, skin_knobs, 0.1, skin_effect),
-    Form("load_dependent_iron_loss", GEAR, "N m", 0.01, iron_knobs, drag=load_iron_loss),
+MAGNETICS: tuple[EffectForm, ...] = (
+    EffectForm("residual_magnetic_coupling", GEAR, "N m", 1e-3, residual_knobs, drag=residual_coupling),
+    EffectForm("eddy_skin_effect", GEAR, "N m", 0.02, skin_knobs, 0.1, skin_effect),
+    EffectForm("load_dependent_iron_loss", GEAR, "N m", 0.01, iron_knobs, drag=load_iron_loss),
 )
 """Forms of magnetic drag."""

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.trials.effect import Effect, Form, on_shaft
+from pmg.pipeline.trials.effect import Effect, EffectForm, on_shaft
 from pmg.pipeline.trials.forms_magnetic import GEAR
 from pmg.pipeline.trials.world import WINDOW
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
-    from pmg.pipeline.trials.effect import Pair, Scene
+    from pmg.pipeline.trials.effect import BenchRun, Pair
     from pmg.sim.signals import Array
 
 SPEED_UP = 0.35
@@ -39,7 +39,7 @@ LEAST_FLUX = 0.5
 
 
 def two_nodes(
-    scene: Scene,
+    scene: BenchRun,
     power: Array,
     nodes: tuple[float, float, float, float],
     start: float,
@@ -49,7 +49,7 @@ def two_nodes(
 
     Parameters
     ----------
-    scene : Scene
+    scene : BenchRun
         Gives the times.
     power : (n,) array
         Heat put into the inner node while each point is held [W].
@@ -91,7 +91,7 @@ def two_nodes(
     return np.asarray((modes + within) @ vectors[0])
 
 
-def room_drift(scene: Scene) -> Array:
+def room_drift(scene: BenchRun) -> Array:
     """Temperature of the room above that at the start [K]: a drift, and the heating that switches."""
     time = scene.design.elapsed
     whole = max(float(time[-1]), 1.0)
@@ -109,7 +109,7 @@ def viscosity(temperature: Array, law: str) -> Array:
     return np.asarray((10.0**10.0**double - WALTHER_SHIFT) / at_reference)
 
 
-def viscosity_knobs(scene: Scene, rng: np.random.Generator) -> dict[str, float | str]:
+def viscosity_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """The law, two resistances and two time constants, and the heat that crosses from the other shaft's housing."""
     return {
         "law": str(rng.choice(["walther", "exponential"])),
@@ -121,7 +121,7 @@ def viscosity_knobs(scene: Scene, rng: np.random.Generator) -> dict[str, float |
     }
 
 
-def lubricant_viscosity(scene: Scene, effect: Effect) -> Pair:
+def lubricant_viscosity(scene: BenchRun, effect: Effect) -> Pair:
     """Total bearing drag, times the relative viscosity to the power of the size, less the drag itself."""
     nodes = tuple(effect.number(name) for name in ("resistance_inner", "resistance_outer", "time_inner", "time_outer"))
     world = scene.world
@@ -140,7 +140,7 @@ def lubricant_viscosity(scene: Scene, effect: Effect) -> Pair:
     return on_shaft(effect.shaft, *found)
 
 
-def magnet_knobs(scene: Scene, rng: np.random.Generator) -> dict[str, float | str]:
+def magnet_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """Two resistances and two time constants, and how much of the loss warms the magnets."""
     return {
         "resistance_inner": rng.uniform(1.0, 3.0),
@@ -151,7 +151,7 @@ def magnet_knobs(scene: Scene, rng: np.random.Generator) -> dict[str, float | st
     }
 
 
-def magnet_temperature(scene: Scene, effect: Effect) -> Pair:
+def magnet_temperature(scene: BenchRun, effect: Effect) -> Pair:
     """Magnetic drag with the square of a remanence that falls as the magnets warm; the size scales their rise."""
     names = ("resistance_inner", "resistance_outer", "time_inner", "time_outer")
     inner, outer, fast, slow = (effect.number(name) for name in names)
@@ -165,8 +165,8 @@ def magnet_temperature(scene: Scene, effect: Effect) -> Pair:
     return magnetic[0] * (flux**2 - 1.0), magnetic[1] * (flux**2 - 1.0)
 
 
-THERMALS: tuple[Form, ...] = (
-    Form(
+THERMALS: tuple[EffectForm, ...] = (
+    EffectForm(
         "lubricant_viscosity",
         {"sun": "sun_bearings", "ring": "ring_bearings", "both": "both"},
         "1",
@@ -175,6 +175,6 @@ THERMALS: tuple[Form, ...] = (
         1.5,
         lubricant_viscosity,
     ),
-    Form("magnet_temperature", GEAR, "1", 1.0, magnet_knobs, 2.0, magnet_temperature),
+    EffectForm("magnet_temperature", GEAR, "1", 1.0, magnet_knobs, 2.0, magnet_temperature),
 )
 """Forms that have a memory of heat."""

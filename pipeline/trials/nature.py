@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.trials.absorb import Scaled, Yardstick, scale_on
-from pmg.pipeline.trials.design import Design, draw_design
-from pmg.pipeline.trials.effect import Effect, Scene, torques
+from pmg.pipeline.trials.design import CampaignDesign, draw_design
+from pmg.pipeline.trials.effect import BenchRun, Effect, torques
 from pmg.pipeline.trials.strata import Stratum, form_of
 from pmg.pipeline.trials.world import BATCHES, FASTEST_RING, FASTEST_SUN, WINDOW, World, draw_world
 from pmg.sim.grid import Grid
@@ -36,7 +36,7 @@ SPEED_ERROR = 3e-4
 
 
 @dataclass(frozen=True)
-class Case:
+class ConcealedCampaign:
     """A concealed campaign.
 
     Parameters
@@ -45,7 +45,7 @@ class Case:
         Its name, which tells nothing.
     stratum : Stratum
         What kind it is.
-    design, world : Design, World
+    design, world : CampaignDesign, World
         What is run, and on which bench.
     effects : tuple of Scaled
         What is concealed.
@@ -55,15 +55,15 @@ class Case:
 
     campaign: str
     stratum: Stratum
-    design: Design
+    design: CampaignDesign
     world: World
     effects: tuple[Scaled, ...]
     nonce: str
 
     @cached_property
-    def scene(self) -> Scene:
+    def scene(self) -> BenchRun:
         """The design on the world."""
-        return Scene(self.design, self.world)
+        return BenchRun(self.design, self.world)
 
     @cached_property
     def applied(self) -> Pair:
@@ -143,38 +143,42 @@ def _effect_truth(scaled: Scaled) -> dict[str, Any]:
 
 
 def draw_effect(
-    identifier: str, shaft: str, scene: Scene, rng: np.random.Generator, pinned: Iterable[tuple[str, float | str]] = ()
+    identifier: str,
+    shaft: str,
+    scene: BenchRun,
+    rng: np.random.Generator,
+    pinned: Iterable[tuple[str, float | str]] = (),
 ) -> Effect:
     """An effect of that id with a shape drawn, where it is not pinned, and a size of the usual order."""
     form = form_of(identifier)
     return Effect(form, shaft, form.first, form.knobs(scene, rng) | dict(pinned))
 
 
-def draw_case(stratum: Stratum, rng: np.random.Generator) -> Case:
+def draw_case(stratum: Stratum, rng: np.random.Generator) -> ConcealedCampaign:
     """A concealed campaign of that kind."""
     world = draw_world(rng, stratum.outliers)
     design = draw_design(rng, order=stratum.order, extended=stratum.extended, one_way=stratum.one_way)
-    yardstick = Yardstick(Scene(design, world))
+    yardstick = Yardstick(BenchRun(design, world))
     drawn = [draw_effect(*named, yardstick.scene, rng, stratum.pinned) for named in stratum.effects]
     effects = tuple(scale_on(yardstick, effect, stratum.size, stratum.basis) for effect in drawn)
-    return Case(f"campaign-{rng.bytes(4).hex()}", stratum, design, world, effects, rng.bytes(16).hex())
+    return ConcealedCampaign(f"campaign-{rng.bytes(4).hex()}", stratum, design, world, effects, rng.bytes(16).hex())
 
 
-def seal_truth(case: Case) -> tuple[str, str]:
+def seal_truth(case: ConcealedCampaign) -> tuple[str, str]:
     """Text of ``truth.json``, and its SHA-256, which may be published beforehand."""
     text = json.dumps(case.truth, indent=1, sort_keys=True) + "\n"
     return text, hashlib.sha256(text.encode("utf-8")).hexdigest()
 
 
 @dataclass(frozen=True)
-class Held:
+class WindowReadings:
     """What the bench holds through each window: readings with their wander [N m], and speeds [rad/s]."""
 
     torques: Pair
     speeds: Pair
 
 
-def hold_points(case: Case, rng: np.random.Generator) -> Held:
+def hold_points(case: ConcealedCampaign, rng: np.random.Generator) -> WindowReadings:
     """One run of the campaign, up to what varies within the windows."""
     at, world = case.design.at, case.world
     held = []
@@ -186,10 +190,10 @@ def hold_points(case: Case, rng: np.random.Generator) -> Held:
         held.append(shown + reaction + world.noise.wander_of(speed, fastest, rng))
     error = 1.0 + SPEED_ERROR * rng.standard_normal(len(at))
     error_ring = np.where(at.engaged, error, 1.0 + SPEED_ERROR * rng.standard_normal(len(at)))
-    return Held((held[0], held[1]), (at.speed_sun * error, at.speed_ring * error_ring))
+    return WindowReadings((held[0], held[1]), (at.speed_sun * error, at.speed_ring * error_ring))
 
 
-def measure_case(case: Case, rng: np.random.Generator) -> Grid:
+def measure_case(case: ConcealedCampaign, rng: np.random.Generator) -> Grid:
     """The campaign as a measured grid: what reading its recordings would give, without writing them."""
     held, noise, n = hold_points(case, rng), case.world.noise, len(case.design.at)
     means, within = [], []

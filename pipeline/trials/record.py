@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from pmg.pipeline.trials.nature import Case
+    from pmg.pipeline.trials.nature import ConcealedCampaign
     from pmg.sim.signals import Array
 
 
@@ -30,12 +30,12 @@ def bench_calibration() -> Calibration:
     return Calibration(sun, ring, COUNTS_PER_REV, COUNTS_PER_REV)
 
 
-def record_case(case: Case, rng: np.random.Generator) -> Iterator[tuple[str, bytes]]:
+def record_case(case: ConcealedCampaign, rng: np.random.Generator) -> Iterator[tuple[str, bytes]]:
     """Name and content of each recording, in the order in which the points were run.
 
     Parameters
     ----------
-    case : Case
+    case : ConcealedCampaign
         What is recorded.
     rng : numpy.random.Generator
         Noise of this run of the campaign; the same state gives the same bytes.
@@ -73,7 +73,7 @@ def record_case(case: Case, rng: np.random.Generator) -> Iterator[tuple[str, byt
         yield f"{i:04d}.mcap", recording_bytes(run, calibration)
 
 
-def write_case(case: Case, folder: Path, rng: np.random.Generator) -> None:
+def write_case(case: ConcealedCampaign, folder: Path, rng: np.random.Generator) -> None:
     """The recordings, written into a folder that is there already; the truth is not among them."""
     for name, content in record_case(case, rng):
         (folder / name).write_bytes(content)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pmg.pipeline.trials.effect import Form
+from pmg.pipeline.trials.effect import EffectForm
 from pmg.pipeline.trials.forms_drag import DRAGS
 from pmg.pipeline.trials.forms_magnetic import MAGNETICS
 from pmg.pipeline.trials.forms_outside import OUTSIDERS
 from pmg.pipeline.trials.forms_reading import READINGS
 from pmg.pipeline.trials.forms_thermal import THERMALS
 
-LIBRARY_FORMS: tuple[Form, ...] = (*THERMALS, *DRAGS, *MAGNETICS, *READINGS)
+LIBRARY_FORMS: tuple[EffectForm, ...] = (*THERMALS, *DRAGS, *MAGNETICS, *READINGS)
 """One form for each id of the vocabulary that shows in mean torques."""
-FORMS: tuple[Form, ...] = (*LIBRARY_FORMS, *OUTSIDERS)
+FORMS: tuple[EffectForm, ...] = (*LIBRARY_FORMS, *OUTSIDERS)
 """Every form."""
 SIZES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Sizes of one concealed effect [sigma, after absorption]."""
@@ -91,7 +91,7 @@ def find_stratum(name: str) -> Stratum:
     return next(stratum for stratum in strata() if stratum.name == name)
 
 
-def form_of(identifier: str) -> Form:
+def form_of(identifier: str) -> EffectForm:
     """The form with that id."""
     return next(form for form in FORMS if form.identifier == identifier)
 
@@ -107,7 +107,7 @@ def _clean() -> tuple[Stratum, ...]:
     )
 
 
-def _one(forms: tuple[Form, ...], kind: str) -> tuple[Stratum, ...]:
+def _one(forms: tuple[EffectForm, ...], kind: str) -> tuple[Stratum, ...]:
     expected = ("named", "ambiguous") if kind == "one" else ("not_in_library",)
     return tuple(
         Stratum(f"{form.identifier} {shaft} {size:g}", kind, ((form.identifier, shaft),), size, expected)

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from pmg.pipeline.trials.design import acting, ratio_of
 
 if TYPE_CHECKING:
-    from pmg.pipeline.trials.design import Design
+    from pmg.pipeline.trials.design import CampaignDesign
     from pmg.sim.signals import Array
 
 DRAG_SPEED = 70.0
@@ -31,7 +31,7 @@ BATCHES = 10
 
 
 @dataclass(frozen=True)
-class Curve:
+class DragCurve:
     """Drag of a shaft in neutral, :math:`a + b\\,(w/w_0)^p + c\\,w/(w + w_1)` [N m]."""
 
     a: float
@@ -46,7 +46,7 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Noise:
+class ReadingNoise:
     """How readings scatter.
 
     Parameters
@@ -102,7 +102,7 @@ class World:
 
     Parameters
     ----------
-    sun, ring : Curve
+    sun, ring : DragCurve
         Drag in neutral.
     bearing_part : float
         Part of it that is left when engaged.
@@ -120,12 +120,12 @@ class World:
         Change of the room's temperature through the campaign [K].
     reaction : float
         Standard deviation of the static torque of a shaft held at rest [N m].
-    noise : Noise
+    noise : ReadingNoise
         How readings scatter.
     """
 
-    sun: Curve
-    ring: Curve
+    sun: DragCurve
+    ring: DragCurve
     bearing_part: float
     hysteresis: float
     eddy: float
@@ -135,9 +135,9 @@ class World:
     start_rise: float
     drift: float
     reaction: float
-    noise: Noise
+    noise: ReadingNoise
 
-    def drags(self, design: Design) -> tuple[Array, Array]:
+    def drags(self, design: CampaignDesign) -> tuple[Array, Array]:
         """Drag of both rotors without any effect [N m], with the sign of the torque that the motor applies."""
         at = design.at
         part = np.where(at.engaged, self.bearing_part, np.where(at.neutral, 1.0, 0.0))
@@ -147,20 +147,20 @@ class World:
             found.append(part * curve.drag(speed) + np.where(at.engaged, magnetic, 0.0))
         return found[0], found[1]
 
-    def load(self, design: Design) -> Array:
+    def load(self, design: CampaignDesign) -> Array:
         """Torque that the ring motor holds when engaged [N m]; 0 elsewhere."""
         at = design.at
         follows = self.load_follows * np.abs(self.ring.drag(at.speed_ring))
         return np.where(at.engaged, at.load_set * (1.0 + self.load_error) + np.sign(at.load_set) * follows, 0.0)
 
-    def uncertainties(self, design: Design) -> tuple[Array, Array]:
+    def uncertainties(self, design: CampaignDesign) -> tuple[Array, Array]:
         """Standard uncertainty of the loss readings of sun and ring [N m]; engaged, the load's enters the sun's."""
         at, noise = design.at, self.noise
         sun = np.hypot(noise.wander_scale(at.speed_sun, FASTEST_SUN), noise.mean_sun)
         ring = np.hypot(noise.wander_scale(at.speed_ring, FASTEST_RING), noise.mean_ring)
         return np.where(at.engaged, np.hypot(sun, ring / ratio_of(at)), sun), ring
 
-    def sigma(self, design: Design) -> float:
+    def sigma(self, design: CampaignDesign) -> float:
         """Standard uncertainty of one point's mean [N m]: root mean square over the readings that tell a loss."""
         sun, ring = self.uncertainties(design)
         rows_sun, rows_ring = acting(design.at)
@@ -170,19 +170,19 @@ class World:
 def draw_world(rng: np.random.Generator, outliers: int = 0) -> World:
     """A bench whose losses are of the size of the published ones, with that many readings far off."""
     second = rng.random(2) < 0.4
-    sun = Curve(
+    sun = DragCurve(
         a=rng.uniform(0.008, 0.018),
         b=rng.uniform(0.065, 0.085),
         p=rng.uniform(0.45, 0.7),
         c=float(second[0]) * rng.uniform(-4e-3, 4e-3),
     )
-    ring = Curve(
+    ring = DragCurve(
         a=rng.uniform(0.02, 0.045),
         b=rng.uniform(0.21, 0.27),
         p=rng.uniform(0.3, 0.55),
         c=float(second[1]) * rng.uniform(-6e-3, 6e-3),
     )
-    noise = Noise(
+    noise = ReadingNoise(
         white_sun=rng.uniform(0.010, 0.016),
         white_ring=rng.uniform(0.017, 0.026),
         wander=rng.uniform(0.6e-3, 1.2e-3),

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from pmg.pipeline.recording import Finding, Recording
-    from pmg.pipeline.recording.events import Step
+    from pmg.pipeline.recording.events import SequenceStep
 
 LOSSES = (Code.TRUNCATED, Code.CHUNK_LOST, Code.TOO_LARGE, Code.SKIPPED, Code.RECORD_LOST)
 """Findings of the container after which samples may be missing at an end, where no index tells of them."""
@@ -151,9 +151,9 @@ def _unmeasured(recording: Recording) -> Iterator[Hole]:
         yield Hole(first.point, begin, stop, last.setpoints, why)
 
 
-def _together(steps: Sequence[Step]) -> list[list[Step]]:
+def _together(steps: Sequence[SequenceStep]) -> list[list[SequenceStep]]:
     """Steps of one point each, a START beginning a new group."""
-    groups: list[list[Step]] = []
+    groups: list[list[SequenceStep]] = []
     for step in steps:
         if not groups or step.phase == "START" or step.point != groups[-1][-1].point:
             groups.append([])

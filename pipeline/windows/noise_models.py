@@ -50,7 +50,7 @@ BATCHES = 10
 
 
 @dataclass(frozen=True)
-class Kind:
+class NoiseForm:
     r"""Noise whose correlation is a sum of exponentials, with or without independent noise beside it.
 
     Parameters
@@ -125,7 +125,7 @@ class Forms:
     log_weight : (f,) array
         Logarithm of the weight before the data are seen.
     memory : (f,) array
-        `Kind.memory`.
+        `NoiseForm.memory`.
     uneven, unsafe : (f,) array of bool
         Not flat at the lowest frequencies of the stretch (`UNEVEN`); not to be had from batches (`UNSAFE`).
     """
@@ -141,24 +141,24 @@ class Forms:
     unsafe: Mask
 
 
-def kinds() -> tuple[Kind, ...]:
+def kinds() -> tuple[NoiseForm, ...]:
     """Kinds of noise that are weighed; those of first order first, by memory."""
     one = np.ones(1, dtype=np.complex128)
-    found = [Kind(one[:0], one[:0], (0.0,), INDEPENDENT, 0.0)]
+    found = [NoiseForm(one[:0], one[:0], (0.0,), INDEPENDENT, 0.0)]
     memories = np.geomspace(SHORTEST_MEMORY, LONGEST_MEMORY, MEMORIES)
-    found += [Kind(one, one / float(memory), (0.0,), 1.0, float(memory)) for memory in memories]
+    found += [NoiseForm(one, one / float(memory), (0.0,), 1.0, float(memory)) for memory in memories]
     each = SLOW_WEIGHT / len(SLOW) / len(SLOW_WHITE)
-    found += [Kind(one, one / memory, SLOW_WHITE, each, np.nan) for memory in SLOW]
+    found += [NoiseForm(one, one / memory, SLOW_WHITE, each, np.nan) for memory in SLOW]
     times = np.geomspace(FINEST, REACH, TIMES).astype(np.complex128)
     for power in POWERS:
         size = times ** (power - 1.0)
-        found.append(Kind(size / size.sum(), 1.0 / times, (0.0,), POWER_WEIGHT / len(POWERS), np.nan))
+        found.append(NoiseForm(size / size.sum(), 1.0 / times, (0.0,), POWER_WEIGHT / len(POWERS), np.nan))
     each = CYCLES_WEIGHT / len(CYCLES) / len(DAMPING) / len(RING_WHITE)
     for cycles in CYCLES:
         for damping in DAMPING:
             root = np.sqrt(1.0 - damping**2)
             rate = REVOLUTION * cycles * (damping - 1j * root) * one
-            found.append(Kind((1.0 - 1j * damping / root) * one, rate, RING_WHITE, each, np.nan))
+            found.append(NoiseForm((1.0 - 1j * damping / root) * one, rate, RING_WHITE, each, np.nan))
     return tuple(found)
 
 

@@ -19,7 +19,7 @@ from pmg.pipeline.windows.window import Window
 
 if TYPE_CHECKING:
     from pmg.pipeline.recording import Recording
-    from pmg.pipeline.recording.events import Step
+    from pmg.pipeline.recording.events import SequenceStep
     from pmg.pipeline.windows.limits import Steadiness
 
 
@@ -118,7 +118,7 @@ def _whole(recording: Recording) -> _Stretch:
     return _Stretch(point, first, stop, recording.run.setpoints, planned=lost.planned, remark=lost.remark)
 
 
-def _from_steps(steps: tuple[Step, ...]) -> tuple[_Stretch, ...]:
+def _from_steps(steps: tuple[SequenceStep, ...]) -> tuple[_Stretch, ...]:
     stretches = []
     for place, step in enumerate(steps):
         if step.phase != "MEASURE":

@@ -19,7 +19,7 @@ class Control(StrEnum):
     SPEED = "speed"
 
 
-class Side(NamedTuple):
+class MotorConstants(NamedTuple):
     """Constants of one motor and its shaft; `sign` is -1 where the thesis turns the load side's signs."""
 
     sign: float
@@ -60,8 +60,8 @@ class Constants(NamedTuple):
     sensed: bool
     ring_held: bool
     carrier_seen: bool
-    sun: Side
-    ring: Side
+    sun: MotorConstants
+    ring: MotorConstants
 
 
 def gather(
@@ -79,7 +79,9 @@ def gather(
     J_m = 0.0 if given.rotor_inertia is RotorInertia.ABSENT else float(motor.inertia)
     K_e = float(motor.back_emf_constant if thesis else motor.torque_constant)
     sun, ring = (
-        Side(sign, float(inertia), sign * J_m, sign * K_e, sign * float(motor.damping), control is Control.SPEED)
+        MotorConstants(
+            sign, float(inertia), sign * J_m, sign * K_e, sign * float(motor.damping), control is Control.SPEED
+        )
         for sign, inertia, control in (
             (1.0, shafts.inertia_sun, control_sun),
             (-1.0 if thesis else 1.0, shafts.inertia_ring, control_ring),

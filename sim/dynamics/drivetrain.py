@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.sim.dynamics.assumptions import Assumptions
-from pmg.sim.dynamics.constants import Constants, Control, Side, gather
-from pmg.sim.dynamics.state import STATES, Motion, MotorState, SetPoints, State
+from pmg.sim.dynamics.constants import Constants, Control, MotorConstants, gather
+from pmg.sim.dynamics.state import STATES, DrivetrainTorques, MotorState, SetPoints, State
 from pmg.sim.errors import BenchError
 from pmg.sim.grid import Configuration
 from pmg.sim.kinematics import Member
@@ -169,7 +169,9 @@ class Drivetrain:
             found.append((drag.sun, drag.ring, law.carrier_law(x.speed_carrier, q.rest)))
         return tuple(found)
 
-    def _motor(self, side: Side, loop: Sequence[Number], joint: Number, asked: Number, slope: Number) -> MotorState:
+    def _motor(
+        self, side: MotorConstants, loop: Sequence[Number], joint: Number, asked: Number, slope: Number
+    ) -> MotorState:
         """One motor with its torque loop, equations 5.5 to 5.11, and the speed loop around it where there is one."""
         q = self.constants
         w, i, integral, feedback, filtered, angle_lag = loop
@@ -190,7 +192,7 @@ class Drivetrain:
         d_current = (voltage - side.back_emf * w - q.R * i) / q.L
         return MotorState(acceleration, d_current, error, d_feedback, d_filtered, d_angle_lag, torque_out, voltage)
 
-    def motion(self, state: Iterable[Number], asked: SetPoints) -> Motion:
+    def motion(self, state: Iterable[Number], asked: SetPoints) -> DrivetrainTorques:
         """Torques at an instant: plain arithmetic on floats, complex numbers or arrays with further axes."""
         x, q = State(*state), self.constants
         joint_sun, joint_ring, block = self._outside(x)
@@ -205,7 +207,7 @@ class Drivetrain:
             x.filtered_ring,
             x.angle_lag_ring,
         )
-        return Motion(
+        return DrivetrainTorques(
             joint_sun=joint_sun,
             joint_ring=joint_ring,
             block=block,

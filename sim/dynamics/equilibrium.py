@@ -16,7 +16,7 @@ from pmg.sim.roots import rising_root
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.sim.dynamics.constants import Constants, Side
+    from pmg.sim.dynamics.constants import Constants, MotorConstants
     from pmg.sim.maps.torque_map import TorqueMap
     from pmg.sim.signals import Array, Mask, Number
 
@@ -225,7 +225,7 @@ def _locked(
     return np.array(x._replace(**{"speed_carrier" if q.ring_held else "speed_ring": turned}))
 
 
-def _motor_states(q: Constants, side: Side, name: str, torque: Array, speed: Array) -> dict[str, Array]:
+def _motor_states(q: Constants, side: MotorConstants, name: str, torque: Array, speed: Array) -> dict[str, Array]:
     """States of a motor, its loops and its joint at a steady torque and speed."""
     current = (torque + side.friction * speed) / q.K_c
     return {

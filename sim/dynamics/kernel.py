@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from pmg.sim.dynamics.segments import Legs
     from pmg.sim.signals import Array
 
-__all__ = ["DONE", "NO_STEP", "STOPPED", "TOO_MANY", "Kernel", "Run", "kernel_of"]
+__all__ = ["DONE", "NO_STEP", "STOPPED", "TOO_MANY", "Kernel", "SolverRun", "kernel_of"]
 
 MOST_SLIPS = 10_000
 """Slipped poles whose times are kept; more are counted only."""
 
 
-class Run(NamedTuple):
+class SolverRun(NamedTuple):
     """What a run of the compiled solver gave; `ended` is one of the codes of `rodas`."""
 
     ended: int
@@ -104,7 +104,7 @@ class Kernel:
         most: int,
         centre: float = 0.0,
         energy: bool = True,
-    ) -> Run:
+    ) -> SolverRun:
         """Integrate from a start state through the legs; see `rodas.integrate`."""
         last, out = np.array(start, dtype=np.float64), np.empty((instants.size, start.size))
         sums, slips = np.empty(self.number_of_sums if energy else 0), np.empty(MOST_SLIPS if self.coupled else 0)
@@ -126,7 +126,7 @@ class Kernel:
             locked,
             most,
         )
-        return Run(
+        return SolverRun(
             ended,
             steps,
             rejected,

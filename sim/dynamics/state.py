@@ -67,7 +67,7 @@ class MotorState(NamedTuple):
     voltage: Number
 
 
-class Motion(NamedTuple):
+class DrivetrainTorques(NamedTuple):
     """All torques [N m] at an instant, and the two motors."""
 
     joint_sun: Number

@@ -15,7 +15,7 @@ from tests.points import measured as made
 from tests.points import points
 
 from pmg.pipeline.analysis.comparison import Difference, Residuals
-from pmg.pipeline.analysis.tolerance import State, Tolerance, agreements
+from pmg.pipeline.analysis.tolerance import Tolerance, ToleranceState, agreements
 from pmg.pipeline.chapters.measured.conditions import grids_section
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
 from pmg.pipeline.commands.compare import command_told
@@ -51,8 +51,18 @@ def compared(sun: list[float], ring: list[float]) -> Residuals:
 
 def test_each_point_is_judged_by_the_data_sheet_where_nothing_was_set() -> None:
     agreed = agreements(compared([0.004, 0.006, np.nan, np.nan], [0.009, 0.001, 0.011, np.nan]), BENCH)
-    assert agreed.of["torque_sun"].states == (State.WITHIN, State.OUT, State.NOT_COMPARABLE, State.NOT_COMPARABLE)
-    assert agreed.of["torque_ring"].states == (State.WITHIN, State.WITHIN, State.OUT, State.NOT_COMPARABLE)
+    assert agreed.of["torque_sun"].states == (
+        ToleranceState.WITHIN,
+        ToleranceState.OUT,
+        ToleranceState.NOT_COMPARABLE,
+        ToleranceState.NOT_COMPARABLE,
+    )
+    assert agreed.of["torque_ring"].states == (
+        ToleranceState.WITHIN,
+        ToleranceState.WITHIN,
+        ToleranceState.OUT,
+        ToleranceState.NOT_COMPARABLE,
+    )
     assert agreed.compared.tolist() == [True, True, True, False]
     assert agreed.within.tolist() == [True, False, False, False]
     assert agreed.told == "Simulation within tolerance at 1 of 3 points (1 not comparable)."
@@ -61,7 +71,12 @@ def test_each_point_is_judged_by_the_data_sheet_where_nothing_was_set() -> None:
 def test_points_are_counted_and_judged_by_all_their_quantities() -> None:
     residuals = compared([0.004, 0.006, np.nan, np.nan], [0.009, 0.001, 0.011, np.nan])
     agreed = agreements(residuals, BENCH)
-    assert agreed.states == (State.WITHIN, State.OUT, State.OUT, State.NOT_COMPARABLE)
+    assert agreed.states == (
+        ToleranceState.WITHIN,
+        ToleranceState.OUT,
+        ToleranceState.OUT,
+        ToleranceState.NOT_COMPARABLE,
+    )
     assert agreed.counts["points"] == {"within": 1, "out": 2, "not_comparable": 1}
     assert agreed.counts["torque_ring"] == {"within": 2, "out": 1, "not_comparable": 1}
     assert agreed.counts["loss_total"] == {"within": 0, "out": 0, "not_comparable": 4}
@@ -83,7 +98,7 @@ def test_a_zero_check_is_not_a_simulated_point() -> None:
     given = compared([0.001, 0.001, 0.006], [0.001, 0.001, 0.001])
     at = replace(given.grid.points, configuration=np.array(["zero", "neutral", "neutral"]))
     agreed = agreements(replace(given, grid=replace(given.grid, points=at)), BENCH)
-    assert agreed.of["torque_sun"].states == (State.NOT_COMPARABLE, State.WITHIN, State.OUT)
+    assert agreed.of["torque_sun"].states == (ToleranceState.NOT_COMPARABLE, ToleranceState.WITHIN, ToleranceState.OUT)
     assert agreed.told == "Simulation within tolerance at 1 of 2 points (1 not comparable)."
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from pmg.pipeline.trials.score.figures import ABOUT_ONE, Figured, detection, figures
 from pmg.pipeline.trials.score.rates import count
-from pmg.pipeline.trials.score.score import Outcome, Score, judge
+from pmg.pipeline.trials.score.score import DiagnosisScore, Score, judge
 from tests.bench.bout import Answer, Reply
 
 if TYPE_CHECKING:
@@ -103,8 +103,10 @@ def row_of(name: str, setting: str, scores: Sequence[Score], seconds: Sequence[f
     """The figures of one contestant by one setting."""
     every = {figure.id: figure for figure in figures(scores, (), ())}
     chosen = [every[name] for name in SHOWN]
-    large = [s for s in scores if s.kind == "one" and s.reached >= ABOUT_ONE[0] and s.outcome is not Outcome.NOT_MADE]
-    named = (Outcome.RIGHT, Outcome.WRONG_SHAFT)
+    large = [
+        s for s in scores if s.kind == "one" and s.reached >= ABOUT_ONE[0] and s.outcome is not DiagnosisScore.NOT_MADE
+    ]
+    named = (DiagnosisScore.RIGHT, DiagnosisScore.WRONG_SHAFT)
     right = count([s.outcome in named for s in large])
     what = "the same, whatever the shaft"
     chosen.insert(4, Figured("right_id", what, "", right.value, right.interval, right.of, right.hits))
@@ -157,7 +159,7 @@ def proof_row(document: Mapping[str, Any], cases: Sequence[int]) -> Row:
             reached=float(case["reached_sigma"]),
             verdict=case["verdict"],
             named=tuple(case["said"]),
-            outcome=Outcome(case["outcome"]),
+            outcome=DiagnosisScore(case["outcome"]),
             p_value=case["p_value"],
             parameter=None,
             held_out=case["held_out_ratio"] if case["concealed"] else None,

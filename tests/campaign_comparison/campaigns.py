@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from tests.points import joined, measured, points
 
-from pmg.pipeline.campaign_comparison.side import Side, Transducer
+from pmg.pipeline.campaign_comparison.side import CampaignSide, TransducerIdentity
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.transducer_uncertainty import common_uncertainty
@@ -44,14 +44,16 @@ def grid(seed: int, *, shift_sun: float = 0.0, off_rpm: float = 0.5, model: Loss
 
 
 @cache
-def side(label: str, seed: int, serial: str = "one", shift_sun: float = 0.0, off_rpm: float = 0.5) -> Side:
+def side(label: str, seed: int, serial: str = "one", shift_sun: float = 0.0, off_rpm: float = 0.5) -> CampaignSide:
     """The same, analysed, measured with a transducer of that serial number on both shafts."""
     analysis = analyse(grid(seed, shift_sun=shift_sun, off_rpm=off_rpm), OPTIONS, BENCH)
-    transducers = {shaft: Transducer(serial, nominal, 5000.0) for shaft, nominal in (("sun", 5.0), ("ring", 10.0))}
-    return Side(label, analysis, BENCH, transducers)
+    transducers = {
+        shaft: TransducerIdentity(serial, nominal, 5000.0) for shaft, nominal in (("sun", 5.0), ("ring", 10.0))
+    }
+    return CampaignSide(label, analysis, BENCH, transducers)
 
 
-def with_readings(of: Side, torque_sun: Array, torque_ring: Array) -> Side:
+def with_readings(of: CampaignSide, torque_sun: Array, torque_ring: Array) -> CampaignSide:
     """The same campaign, having read other torques."""
     at = replace(of.grid.points, torque_ring=torque_ring)
     found = replace(of.grid, points=at, torque_sun=torque_sun, torque_ring=torque_ring)

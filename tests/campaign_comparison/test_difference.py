@@ -11,9 +11,9 @@ from tests.campaign_comparison.campaigns import BENCH, MODEL, NOISE, OPTIONS, gr
 
 from pmg.pipeline.campaign_comparison.constants import constant_differences, curve_differences
 from pmg.pipeline.campaign_comparison.difference import Versus, subtract
-from pmg.pipeline.campaign_comparison.family import Estimate
+from pmg.pipeline.campaign_comparison.family import LinearEstimate
 from pmg.pipeline.campaign_comparison.matching import Reach
-from pmg.pipeline.campaign_comparison.side import Side
+from pmg.pipeline.campaign_comparison.side import CampaignSide
 from pmg.pipeline.campaign_comparison.statement import alike, clearest, statement
 from pmg.pipeline.campaign_comparison.verdict import LEVEL, judge, ready_family
 from pmg.pipeline.fit.analysis import analyse
@@ -89,19 +89,19 @@ def test_the_group_called_clearest_is_so_by_what_is_told_of_it(rng: np.random.Ge
     judged = judge(subtract(side("A", 1), side("B", 2, shift_sun=2e-3), REACH), rng, 199)
     assert judged is not None
     shifted = next(group for group in judged.groups if group.shaft == "sun" and alike(group) == ())
-    sharp = Estimate(1e-3, 1e-6, 0.0, 0.0)
+    sharp = LinearEstimate(1e-3, 1e-6, 0.0, 0.0)
     followed = tuple(replace(one, share=0.1, slope=sharp) for one in shifted.followed)
-    none = replace(shifted, mean=Estimate(0.0, 1e-3, 0.0, 1.0), followed=followed, p_value=0.0)
+    none = replace(shifted, mean=LinearEstimate(0.0, 1e-3, 0.0, 1.0), followed=followed, p_value=0.0)
     assert clearest(replace(judged, groups=(none, shifted))) is shifted
-    weak = replace(shifted, mean=Estimate(1e-3, 1e-3, 0.0, 0.3), followed=(), p_value=0.2)
+    weak = replace(shifted, mean=LinearEstimate(1e-3, 1e-3, 0.0, 0.3), followed=(), p_value=0.2)
     assert clearest(replace(judged, groups=(weak, none))) is none
 
 
 def test_recordings_that_are_in_both_campaigns_are_told() -> None:
-    def of(label: str, *contents: str) -> Side:
+    def of(label: str, *contents: str) -> CampaignSide:
         return replace(side(label, 1), manifests=tuple(Manifest(c, {"sha256": c}) for c in contents))
 
-    def told(a: Side, b: Side) -> str:
+    def told(a: CampaignSide, b: CampaignSide) -> str:
         return replace(subtract(side("A", 1), side("B", 1), REACH), a=a, b=b).in_both
 
     assert told(of("A", "x", "y"), of("B", "y", "x")) == "A and B are the same recordings"
@@ -109,7 +109,7 @@ def test_recordings_that_are_in_both_campaigns_are_told() -> None:
     assert told(of("A", "x"), of("B", "z")) == told(of("A"), of("B")) == ""
 
 
-def drawn(of: Side, truth: tuple[Array, Array], z: Array, rng: np.random.Generator) -> Side:
+def drawn(of: CampaignSide, truth: tuple[Array, Array], z: Array, rng: np.random.Generator) -> CampaignSide:
     """The campaign read anew: noise, and transducers off by `z` standard uncertainties of each of their errors."""
     n = len(of.grid)
     sun, ring = (torque + NOISE * rng.standard_normal(n) for torque in truth)
@@ -149,7 +149,7 @@ def test_of_pairs_that_differ_by_nothing_five_percent_are_said_to(serial: str, r
         assert stats.binom.ppf(0.001, pairs, rate) <= count <= stats.binom.ppf(0.999, pairs, rate)
 
 
-def exact(of: Side) -> Side:
+def exact(of: CampaignSide) -> CampaignSide:
     """The campaign without noise, its readings known to be uncertain by `NOISE`."""
     made = steady(Gearbox.calibrated(BENCH, MODEL), of.grid.points)
     same = np.full(len(of.grid), NOISE)

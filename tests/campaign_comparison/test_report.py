@@ -16,7 +16,7 @@ from pmg.pipeline.analysis.outputs import write_analysis
 from pmg.pipeline.campaign_comparison.constants import constant_differences, curve_differences
 from pmg.pipeline.campaign_comparison.difference import subtract
 from pmg.pipeline.campaign_comparison.matching import Reach
-from pmg.pipeline.campaign_comparison.side import Transducer, transducers_of
+from pmg.pipeline.campaign_comparison.side import TransducerIdentity, transducers_of
 from pmg.pipeline.campaign_comparison.verdict import judge
 from pmg.pipeline.chapters.campaigns.page import versus_report
 from pmg.pipeline.cli.app import app
@@ -141,7 +141,7 @@ def test_a_transducer_is_known_only_where_every_recording_names_the_same() -> No
         return Manifest("x", {"calibration": {"sun": of, "ring": of | {"serial": "r"}}})
 
     found = transducers_of([recording("s"), recording("s")])
-    assert found == {"sun": Transducer("s", 5.0, 5000.0), "ring": Transducer("r", 5.0, 5000.0)}
+    assert found == {"sun": TransducerIdentity("s", 5.0, 5000.0), "ring": TransducerIdentity("r", 5.0, 5000.0)}
     assert transducers_of([recording("s"), recording("t")])["sun"] is None
     assert transducers_of([recording("s"), recording("s", 10.0)])["sun"] is None
     assert transducers_of([recording("")])["sun"] is None

@@ -20,7 +20,7 @@ from pmg.pipeline.analysis.outputs import FOLDER, write_analysis
 from pmg.pipeline.analysis.power_flow import BRANCHES, Flow, flow_document, power_flows
 from pmg.pipeline.chapters.measured.flow import flow_section
 from pmg.pipeline.fit.analysis import Analysis, analyse
-from pmg.pipeline.fit.calibration import Calibration, calibrate, parameter_values, with_parameters
+from pmg.pipeline.fit.calibration import FittedBaseline, calibrate, parameter_values, with_parameters
 from pmg.pipeline.fit.common_errors import CORRECTION, CommonErrorSources, causes_of_calibration, causes_of_fits
 from pmg.pipeline.fit.loss_fit import LossFits, fit_losses
 from pmg.pipeline.fit.losses import AVERAGED, QUANTITIES, power_balance
@@ -31,7 +31,7 @@ from pmg.pipeline.report.document import Figure, PowerFlow
 from pmg.pipeline.report.draw import draw_svg
 from pmg.pipeline.report.table import Table
 from pmg.sim import signals
-from pmg.sim.bench import BenchParameters, Quantity, load_bench
+from pmg.sim.bench import BenchParameters, SourcedQuantity, load_bench
 from pmg.sim.grid import Grid
 from pmg.sim.losscurve import LossCurve
 from pmg.sim.lossmodel import LossModel
@@ -61,7 +61,7 @@ def campaign(model: LossModel = MODEL) -> Grid:
 
 
 @cache
-def fitted() -> tuple[Grid, LossFits, Calibration, CommonErrorSources, tuple[Flow, ...]]:
+def fitted() -> tuple[Grid, LossFits, FittedBaseline, CommonErrorSources, tuple[Flow, ...]]:
     grid = campaign()
     fits = fit_losses(grid, POWERS, POWERS)
     calibration = calibrate(grid, fits, BENCH)
@@ -227,7 +227,7 @@ def test_a_motor_constant_with_a_stated_uncertainty_counts_and_one_without_is_na
     assert flows[0].spread.lacking("loss_sun_bearings") == ("bearing shares",)
     motor = BENCH.motor
     known = replace(
-        motor, **{f: Quantity(float(getattr(motor, f)), "", abs(getattr(motor, f)) * 0.02) for f in vars(motor)}
+        motor, **{f: SourcedQuantity(float(getattr(motor, f)), "", abs(getattr(motor, f)) * 0.02) for f in vars(motor)}
     )
     bench = replace(BENCH, motor=known)
     gearbox = Gearbox.calibrated(bench, calibration.model)

@@ -21,7 +21,7 @@ from pmg.pipeline.orders.stored_lines import COLUMNS, kept_orders, orders_of_man
 from pmg.pipeline.recording import Recording, read_recording
 from pmg.pipeline.recording.auxiliary_channels import NOTHING
 from pmg.pipeline.recording.container import contents
-from pmg.pipeline.recording.container.gathered import Gathered
+from pmg.pipeline.recording.container.gathered import WholeRecords
 from pmg.pipeline.recording.container.source import ByteSource
 from pmg.pipeline.recording.container.walk import walk_records
 from pmg.pipeline.store.store import ORDERS, Store
@@ -202,7 +202,7 @@ def test_an_ingest_reads_a_file_with_coils_once(
     """After the hash of the inventory; and a reading that does not ask for coils holds none."""
     calls: list[int] = []
 
-    def walked(stream: BinaryIO, size: int, gathered: Gathered) -> ByteSource:
+    def walked(stream: BinaryIO, size: int, gathered: WholeRecords) -> ByteSource:
         calls.append(size)
         return walk_records(stream, size, gathered)
 

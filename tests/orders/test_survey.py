@@ -9,7 +9,7 @@ import polars as pl
 import pytest
 
 from pmg.pipeline.orders.point import Span, orders_of_point
-from pmg.pipeline.orders.survey import COGGING, ECCENTRICITY, MISALIGNMENT, UNBALANCE, Followed, follow_lines
+from pmg.pipeline.orders.survey import COGGING, ECCENTRICITY, MISALIGNMENT, UNBALANCE, LineSurvey, follow_lines
 from pmg.sim.bench import BenchParameters
 from pmg.sim.signals import REVOLUTION, RPM
 
@@ -60,7 +60,7 @@ def campaign(bench: BenchParameters, rng: np.random.Generator, planted: bool) ->
     return pl.concat(parts).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
-def by_name(followed: tuple[Followed, ...]) -> dict[tuple[str, str], Followed]:
+def by_name(followed: tuple[LineSurvey, ...]) -> dict[tuple[str, str], LineSurvey]:
     return {(line.signal, line.line): line for line in followed}
 
 

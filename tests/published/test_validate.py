@@ -17,11 +17,11 @@ from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.crate import FILE as CRATE
 from pmg.pipeline.commands.validate import run_validate
 from pmg.pipeline.grid.tables import read_published
-from pmg.pipeline.thesis_figures.claim import Other, Published, Unit
+from pmg.pipeline.thesis_figures.claim import Other, PublishedFigure, Unit
 from pmg.pipeline.thesis_figures.figures import FIGURES, WATT
 from pmg.pipeline.thesis_figures.listing import documents, table_lines
 from pmg.pipeline.thesis_figures.replicate import replicate
-from pmg.pipeline.thesis_figures.rounding import FEWEST_DRAWS, Spread, draw, spreads
+from pmg.pipeline.thesis_figures.rounding import FEWEST_DRAWS, RoundingSpread, draw, spreads
 from pmg.pipeline.thesis_figures.tables import LOADS, SPEEDS, TORQUE_RING, TORQUE_SUN, printed
 from pmg.pipeline.thesis_figures.verdict import FigureVerdict, JudgedFigure, judge, validate
 from pmg.sim.bench import BenchParameters
@@ -39,16 +39,18 @@ def grid(published_folder: Path, bench: BenchParameters) -> Grid:
 
 
 @pytest.fixture(scope="module")
-def found(grid: Grid, bench: BenchParameters) -> dict[str, Spread]:
+def found(grid: Grid, bench: BenchParameters) -> dict[str, RoundingSpread]:
     return spreads(printed(grid), bench, FEWEST_DRAWS, np.random.default_rng(SEED))
 
 
 @pytest.fixture(scope="module")
-def judged(found: dict[str, Spread]) -> dict[str, JudgedFigure]:
+def judged(found: dict[str, RoundingSpread]) -> dict[str, JudgedFigure]:
     return {figure.id: judge(figure, found[figure.id]) for figure in FIGURES}
 
 
-def test_every_figure_is_computed_and_has_a_verdict(judged: dict[str, JudgedFigure], found: dict[str, Spread]) -> None:
+def test_every_figure_is_computed_and_has_a_verdict(
+    judged: dict[str, JudgedFigure], found: dict[str, RoundingSpread]
+) -> None:
     assert set(judged) == set(found)
     assert len(BY_ID) == len(FIGURES)
     for j in judged.values():
@@ -87,7 +89,7 @@ def test_the_printed_power_chain_adds_up() -> None:
     assert v("chain.electric-in") - v("chain.electric-out") == pytest.approx(v("chain.all"), abs=0.011)
 
 
-def test_ours_add_up_too(found: dict[str, Spread]) -> None:
+def test_ours_add_up_too(found: dict[str, RoundingSpread]) -> None:
     for group in ("chain", "chain-implied"):
         ours = {id_.partition(".")[2]: s.ours for id_, s in found.items() if id_.startswith(f"{group}.")}
         assert sum(v for k, v in ours.items() if k.startswith("share-")) == pytest.approx(1.0)
@@ -104,7 +106,7 @@ def test_the_simulated_points_are_those_that_ship_with_the_grids(published_folde
         np.testing.assert_array_equal(rows.ring_torque_simulation_input_Nm, TORQUE_RING[i])
 
 
-PLAIN = Published("x.plain", "plain", 10.0, 1, WATT, "nowhere")
+PLAIN = PublishedFigure("x.plain", "plain", 10.0, 1, WATT, "nowhere")
 LEAST = replace(PLAIN, until=math.inf)
 MOST = replace(PLAIN, value=-math.inf, until=10.0)
 RANGE = replace(PLAIN, until=12.0)
@@ -139,17 +141,17 @@ SIZED = replace(PLAIN, value=0.0, size=1.0)
         (SIZED, 0.5, 0.2, FigureVerdict.NOT_EXPLAINED),
     ],
 )
-def test_the_verdict_by_table(figure: Published, ours: float, shift: float, verdict: FigureVerdict) -> None:
-    assert judge(figure, Spread(ours, ours - shift, ours)).verdict is verdict
-    assert judge(figure, Spread(ours, ours, ours + shift)).verdict is verdict
+def test_the_verdict_by_table(figure: PublishedFigure, ours: float, shift: float, verdict: FigureVerdict) -> None:
+    assert judge(figure, RoundingSpread(ours, ours - shift, ours)).verdict is verdict
+    assert judge(figure, RoundingSpread(ours, ours, ours + shift)).verdict is verdict
 
 
 def test_distance_is_in_half_widths_of_the_interval() -> None:
-    j = judge(PLAIN, Spread(11.0, 10.55, 11.2))
+    j = judge(PLAIN, RoundingSpread(11.0, 10.55, 11.2))
     assert j.reach == pytest.approx(0.5)
     assert j.distance == pytest.approx(2.0)
     in_milli = replace(PLAIN, unit=Unit("mW", 1e-3))
-    assert judge(in_milli, Spread(0.011, 0.01055, 0.0112)).distance == pytest.approx(2.0)
+    assert judge(in_milli, RoundingSpread(0.011, 0.01055, 0.0112)).distance == pytest.approx(2.0)
 
 
 def test_draws_stay_within_the_rounding_and_round_to_the_tables(grid: Grid, rng: np.random.Generator) -> None:
@@ -182,7 +184,7 @@ def test_the_known_disagreements_are_told(judged: dict[str, JudgedFigure]) -> No
 
 
 @pytest.mark.parametrize("id_", ["chain-implied.sun-bearings", "design.ratio-1", "run.loss", "point-implied.1872-1.95"])
-def test_a_planted_wrong_value_is_called_out(id_: str, found: dict[str, Spread]) -> None:
+def test_a_planted_wrong_value_is_called_out(id_: str, found: dict[str, RoundingSpread]) -> None:
     right = judge(BY_ID[id_], found[id_])
     wrong = judge(replace(BY_ID[id_], value=1.25 * BY_ID[id_].value), found[id_])
     assert right.verdict is FigureVerdict.REPRODUCED

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from mcap.reader import NonSeekingReader, SeekingReader
 
 from pmg.pipeline.recording import Finding, UnusableRecordingError, read_recording
-from pmg.pipeline.recording.container.gathered import Gathered
+from pmg.pipeline.recording.container.gathered import WholeRecords
 from pmg.pipeline.recording.container.records import MESSAGE
 from pmg.pipeline.recording.container.walk import walk_records
 from pmg.pipeline.recording.findings import Findings
@@ -29,7 +29,7 @@ Messages: TypeAlias = "Counter[tuple[str, bytes]]"
 
 
 @dataclass
-class Witness(Gathered):
+class Witness(WholeRecords):
     """Notes each message whole, besides."""
 
     whole: list[tuple[str, bytes]] = field(default_factory=list)

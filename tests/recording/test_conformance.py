@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from pmg.pipeline.recording.container.gathered import Gathered
+from pmg.pipeline.recording.container.gathered import WholeRecords
 from pmg.pipeline.recording.container.records import MESSAGE
 from pmg.pipeline.recording.container.walk import walk_records
 from pmg.pipeline.recording.findings import Code, Findings
@@ -24,7 +24,7 @@ VARIANTS = variants()
 
 
 @dataclass
-class Witness(Gathered):
+class Witness(WholeRecords):
     """Notes each message whole, besides."""
 
     whole: list[bytes] = field(default_factory=list)

@@ -16,9 +16,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pmg.pipeline.recording.container import rounds, trail
-from pmg.pipeline.recording.container.gathered import Gathered
+from pmg.pipeline.recording.container.gathered import WholeRecords
 from pmg.pipeline.recording.container.messages import Messages
-from pmg.pipeline.recording.container.records import HEAD, Channel, Op
+from pmg.pipeline.recording.container.records import HEAD, ChannelRecord, Op
 from pmg.pipeline.recording.container.source import BLOCK, ByteSource
 from pmg.pipeline.recording.container.taking import take_inside
 from pmg.pipeline.recording.findings import Findings
@@ -112,10 +112,10 @@ def test_more_fields_than_are_followed_are_the_first_ones() -> None:
 # --- messages of any length ----------------------------------------------------------------------------
 
 
-def gathered(records: list[bytes]) -> Gathered:
-    found = Gathered(lambda topic: topic != "/c2", Findings("f"))
+def gathered(records: list[bytes]) -> WholeRecords:
+    found = WholeRecords(lambda topic: topic != "/c2", Findings("f"))
     for number in range(3):
-        found.describe(Channel(number, 0, f"/c{number}", "json", {}), 0)
+        found.describe(ChannelRecord(number, 0, f"/c{number}", "json", {}), 0)
     take_inside(found, 0, memoryview(b"".join(records)))
     return found
 
@@ -149,7 +149,7 @@ def test_messages_taken_in_passing_are_those_of_a_walk_from_record_to_record(see
 
 def test_messages_of_many_lengths_are_taken_in_passing(monkeypatch: pytest.MonkeyPatch) -> None:
     alone: list[int] = []
-    monkeypatch.setattr(Gathered, "message", lambda self, data, start, stop: alone.append(start))
+    monkeypatch.setattr(WholeRecords, "message", lambda self, data, start, stop: alone.append(start))
     gathered([message(k % 3, bytes(k * k % 41)) for k in range(20_000)])
     assert len(alone) < 1_000
 

@@ -23,9 +23,9 @@ from tests.bench.throughput import LAYOUTS, RATE_HZ, single_samples
 
 from pmg.pipeline.recording import read_recording
 from pmg.pipeline.recording.container.chunk import Allowance, ChunkError, ChunkHead, expand
-from pmg.pipeline.recording.container.gathered import Gathered
+from pmg.pipeline.recording.container.gathered import WholeRecords
 from pmg.pipeline.recording.container.messages import Messages
-from pmg.pipeline.recording.container.records import HEAD, MESSAGE, Channel, Op
+from pmg.pipeline.recording.container.records import HEAD, MESSAGE, ChannelRecord, Op
 from pmg.pipeline.recording.container.source import ByteSource
 from pmg.pipeline.recording.container.taking import take_inside
 from pmg.pipeline.recording.findings import Findings
@@ -34,7 +34,7 @@ from pmg.pipeline.recording.layouts.manyblocks import many_blocks
 
 from . import writer
 
-CHANNELS = {number: Channel(number, 0, f"/{number}", "", {}) for number in (0, 1, 300)}
+CHANNELS = {number: ChannelRecord(number, 0, f"/{number}", "", {}) for number in (0, 1, 300)}
 
 
 @given(lengths=st.lists(st.sampled_from([0, 1, 7, 7, 7, 40_000]), max_size=40), rows=st.integers(0, 5))
@@ -82,7 +82,7 @@ def test_messages_in_rounds_are_those_of_a_walk_from_record_to_record(data: byte
         start, at = at + HEAD.size, at + HEAD.size + length
         if at <= len(data) and opcode == Op.MESSAGE and length >= MESSAGE.size:
             expected.setdefault(data[start] | data[start + 1] << 8, []).append(data[start:at])
-    gathered = Gathered(lambda topic: topic != "/1", Findings("file"))
+    gathered = WholeRecords(lambda topic: topic != "/1", Findings("file"))
     for channel in CHANNELS.values():
         gathered.describe(channel, 0)
     take_inside(gathered, 0, memoryview(data))

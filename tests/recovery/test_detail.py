@@ -18,7 +18,7 @@ from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import take_readings
-from pmg.pipeline.trials.nature import Case, draw_case, measure_case
+from pmg.pipeline.trials.nature import ConcealedCampaign, draw_case, measure_case
 from pmg.pipeline.trials.strata import find_stratum
 from pmg.sim.bench import BenchParameters
 from pmg.sim.mechanisms.base import Torques
@@ -27,7 +27,7 @@ from pmg.sim.mechanisms.instruments import KNOTS, Crosstalk, CrosstalkBySense, W
 from pmg.sim.mechanisms.thermal import WarmingInTwoSteps
 
 
-def drawn_as(stratum: str, law: str) -> tuple[Case, np.random.Generator]:
+def drawn_as(stratum: str, law: str) -> tuple[ConcealedCampaign, np.random.Generator]:
     """A campaign of a stratum whose effect follows that law."""
     for seed in range(200):
         rng = np.random.default_rng(seed)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import copy
 import pickle
 
-from pmg.sim.bench import BenchParameters, Quantity
+from pmg.sim.bench import BenchParameters, SourcedQuantity
 
 
 def test_a_quantity_goes_to_another_process_with_unit_and_uncertainty() -> None:
-    given = Quantity(2.5, "N m", 0.1)
+    given = SourcedQuantity(2.5, "N m", 0.1)
     for other in (pickle.loads(pickle.dumps(given)), copy.deepcopy(given)):
         assert (float(other), other.unit, other.u, other.source) == (2.5, "N m", 0.1, given.source)
 

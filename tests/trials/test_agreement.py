@@ -15,7 +15,7 @@ from pmg.pipeline.trials.score import stage
 from pmg.pipeline.trials.score.agreement import agree, both_ways
 from pmg.pipeline.trials.score.case_list import draw_lots
 from pmg.pipeline.trials.score.chapter import proof_page
-from pmg.pipeline.trials.score.run_case import SCHEMA, Task
+from pmg.pipeline.trials.score.run_case import SCHEMA, CaseTask
 from pmg.pipeline.trials.score.stage import QUICK, run_prove
 from pmg.pipeline.trials.score.summary import score_lines, scores_document, summarise
 from pmg.sim.errors import StoreError
@@ -128,7 +128,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, str, bool]]:
     """Which campaigns go which way, with diagnoses that say nothing in place of real ones."""
     gone: list[tuple[int, str, bool]] = []
 
-    def quick(task: Task) -> dict[str, Any]:
+    def quick(task: CaseTask) -> dict[str, Any]:
         gone.append((task.lot.number, task.route, task.further))
         kept = {"schema": SCHEMA, "sha256": task.sha256, "route": task.route, "code": task.code}
         return kept | (QUIET if task.lot.stratum.kind == "clean" else NAMED)

@@ -16,10 +16,10 @@ from tests.conftest import ROOT
 from pmg.pipeline.recording import read_recording
 from pmg.pipeline.recording.write import rated_calibration
 from pmg.pipeline.trials.absorb import CEILING, Yardstick, scale_effect
-from pmg.pipeline.trials.design import ORDERS, POLE_PAIRS, RATIO, Design, acting, draw_design
-from pmg.pipeline.trials.effect import Effect, Scene, torques
+from pmg.pipeline.trials.design import ORDERS, POLE_PAIRS, RATIO, CampaignDesign, acting, draw_design
+from pmg.pipeline.trials.effect import BenchRun, Effect, torques
 from pmg.pipeline.trials.forms_thermal import two_nodes
-from pmg.pipeline.trials.nature import Case, draw_case, draw_effect, measure_case, seal_truth
+from pmg.pipeline.trials.nature import ConcealedCampaign, draw_case, draw_effect, measure_case, seal_truth
 from pmg.pipeline.trials.record import bench_calibration, record_case, write_case
 from pmg.pipeline.trials.strata import FORMS, LIBRARY_FORMS, find_stratum, strata
 from pmg.pipeline.trials.world import FASTEST_SUN, World, draw_world
@@ -49,15 +49,15 @@ MOSTLY_ABSORBED = {
 """What a free baseline takes up nearly whole, so that one sigma of it may lie beyond what a bench could have."""
 
 
-def scene_of(rng: np.random.Generator, order: str | None = None) -> Scene:
-    return Scene(draw_design(rng, order=order), draw_world(rng))
+def scene_of(rng: np.random.Generator, order: str | None = None) -> BenchRun:
+    return BenchRun(draw_design(rng, order=order), draw_world(rng))
 
 
-def sized(identifier: str, shaft: str, scene: Scene, rng: np.random.Generator, size: float = 4.0) -> Effect:
+def sized(identifier: str, shaft: str, scene: BenchRun, rng: np.random.Generator, size: float = 4.0) -> Effect:
     return scale_effect(scene.world, scene.design, draw_effect(identifier, shaft, scene, rng), size).effect
 
 
-def changes(scene: Scene, effect: Effect) -> tuple[Array, Array]:
+def changes(scene: BenchRun, effect: Effect) -> tuple[Array, Array]:
     """What an effect changes in the readings of sun and ring [N m]."""
     with_it, without = torques(scene, (effect,))[1], torques(scene, ())[1]
     return with_it[0] - without[0], with_it[1] - without[1]
@@ -100,7 +100,7 @@ def test_losses_stay_positive_with_a_large_effect(identifier: str, shaft: str, r
 
 def test_two_thermal_nodes_follow_their_equations(rng: np.random.Generator) -> None:
     scene = scene_of(rng)
-    still = Scene(scene.design, replace(scene.world, drift=0.0))
+    still = BenchRun(scene.design, replace(scene.world, drift=0.0))
     nodes = (0.5, 0.8, 120.0, 1500.0)
     n = len(scene.design.at)
     rise = two_nodes(still, np.full(n, 20.0), nodes, 10.0)
@@ -155,7 +155,7 @@ def test_crosstalk_and_gain_leave_the_free_bench_at_zero_and_an_offset_does_not(
 # --- sizes ---------------------------------------------------------------------------------------------
 
 
-def left_by_lstsq(scene: Scene, effect: Effect) -> float:
+def left_by_lstsq(scene: BenchRun, effect: Effect) -> float:
     """Size after absorption by another way: least squares on rows written out one by one [N m]."""
     at, world = scene.design.at, scene.world
     d_sun, d_ring = changes(scene, effect)
@@ -290,7 +290,7 @@ def test_power_is_balanced_in_either_stage(rng: np.random.Generator, gear: int) 
     at = case.design.at[rows]
     ratio = (13 / 5, 11 / 7)[gear - 1]
     at = replace(at, gear=np.full(len(at), gear), speed_sun=sun, speed_ring=-sun / ratio)
-    scene = Scene(replace(case.design, at=at), case.world)
+    scene = BenchRun(replace(case.design, at=at), case.world)
     (t_s, t_r), _ = torques(scene, ())
     d_s, d_r = scene.drags
     w_s, w_r = scene.speeds
@@ -301,11 +301,11 @@ def test_power_is_balanced_in_either_stage(rng: np.random.Generator, gear: int) 
 
 
 @pytest.fixture(scope="module")
-def case() -> Case:
+def case() -> ConcealedCampaign:
     return draw_case(find_stratum("lubricant_viscosity ring 4"), np.random.default_rng(5))
 
 
-def test_the_same_seed_gives_the_same_bytes(case: Case) -> None:
+def test_the_same_seed_gives_the_same_bytes(case: ConcealedCampaign) -> None:
     again = draw_case(case.stratum, np.random.default_rng(5))
     other = draw_case(case.stratum, np.random.default_rng(6))
     assert seal_truth(again) == seal_truth(case)
@@ -317,7 +317,7 @@ def test_the_same_seed_gives_the_same_bytes(case: Case) -> None:
     assert next(record_case(case, np.random.default_rng(3))) != first
 
 
-def test_a_truth_is_sealed_and_complete(case: Case) -> None:
+def test_a_truth_is_sealed_and_complete(case: ConcealedCampaign) -> None:
     text, digest = seal_truth(case)
     assert digest == hashlib.sha256(text.encode("utf-8")).hexdigest()
     truth = json.loads(text)
@@ -330,9 +330,9 @@ def test_a_truth_is_sealed_and_complete(case: Case) -> None:
     np.testing.assert_allclose(gone, case.shown[1] - case.bare[1], atol=2e-7)
 
 
-def test_recordings_hold_the_campaign_and_not_its_truth(case: Case, tmp_path: Path) -> None:
+def test_recordings_hold_the_campaign_and_not_its_truth(case: ConcealedCampaign, tmp_path: Path) -> None:
     few = np.flatnonzero(case.design.at.engaged | case.design.at.zero)[:6]
-    part = Design(case.design.at[few], "random", extended=True, one_way=False)
+    part = CampaignDesign(case.design.at[few], "random", extended=True, one_way=False)
     short = replace(case, design=part, effects=())
     write_case(short, tmp_path, np.random.default_rng(4))
     paths = sorted(tmp_path.iterdir())

@@ -19,7 +19,7 @@ from tests.bench.rivalscore import CALIBRATED, Row, calibrated_threshold, cell, 
 
 from pmg.pipeline.trials.score.case_list import SEED, Lot, draw_lots
 from pmg.pipeline.trials.score.figures import Figured
-from pmg.pipeline.trials.score.score import Outcome
+from pmg.pipeline.trials.score.score import DiagnosisScore
 from pmg.pipeline.trials.strata import find_stratum
 from pmg.sim.errors import BenchError, FitError
 
@@ -95,19 +95,19 @@ def test_one_that_never_alarms_sees_nothing_and_is_never_wrong(truths: list[dict
     assert all(rate.value == 0.0 for *_, rate in row.bins)
     assert value(row, "confident_library") == value(row, "confident_outside") == 0.0
     assert value(row, "held_out") is None
-    assert [s.outcome for s in row.scores[2:]] == [Outcome.MISSED] * 5
+    assert [s.outcome for s in row.scores[2:]] == [DiagnosisScore.MISSED] * 5
 
 
 def test_one_that_always_names_the_same_is_right_only_there(truths: list[dict[str, Any]]) -> None:
     (row,) = rows(Fake(alarm=True, said=("torque_zero_offset", "sun")), truths)
     assert [s.outcome for s in row.scores] == [
-        Outcome.FALSE_ALARM,
-        Outcome.FALSE_ALARM,
-        Outcome.RIGHT,
-        Outcome.WRONG_SHAFT,
-        Outcome.WRONG,
-        Outcome.WRONG,
-        Outcome.WRONG,
+        DiagnosisScore.FALSE_ALARM,
+        DiagnosisScore.FALSE_ALARM,
+        DiagnosisScore.RIGHT,
+        DiagnosisScore.WRONG_SHAFT,
+        DiagnosisScore.WRONG,
+        DiagnosisScore.WRONG,
+        DiagnosisScore.WRONG,
     ]
     assert value(row, "named_right_above") == 0.5
     assert value(row, "right_id") == 1.0
@@ -121,7 +121,7 @@ def test_withheld_errors_of_clean_campaigns_do_not_count(truths: list[dict[str, 
 
 
 def test_a_campaign_without_a_baseline_is_not_made(truths: list[dict[str, Any]]) -> None:
-    assert score(truths[2], None).outcome is Outcome.NOT_MADE
+    assert score(truths[2], None).outcome is DiagnosisScore.NOT_MADE
 
 
 def test_calibration_silences_one_that_alarms_as_strongly_without_any_effect(truths: list[dict[str, Any]]) -> None:

@@ -14,12 +14,12 @@ from typer.testing import CliRunner
 
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.diagnose.design.plans import possible_plans
-from pmg.pipeline.trials.nature import Case, measure_case
+from pmg.pipeline.trials.nature import ConcealedCampaign, measure_case
 from pmg.pipeline.trials.score import run_case, stage
 from pmg.pipeline.trials.score.case_list import SHARES, chosen_kinds, draw_lots
 from pmg.pipeline.trials.score.figures import Aim, Figured, figures
 from pmg.pipeline.trials.score.rates import Rate, fit_curve
-from pmg.pipeline.trials.score.score import Outcome, judge, resolution
+from pmg.pipeline.trials.score.score import DiagnosisScore, judge, resolution
 from pmg.pipeline.trials.score.sealed import FILE, open_truth, open_truths, seal
 from pmg.pipeline.trials.score.stage import run_prove
 from pmg.pipeline.trials.score.summary import summarise
@@ -81,32 +81,32 @@ ONE = truth((GAIN, "sun"))
 @pytest.mark.parametrize(
     ("true", "said", "outcome"),
     [
-        (CLEAN, document("consistent"), Outcome.QUIET),
-        (CLEAN, document("confounded"), Outcome.QUIET),
-        (CLEAN, document("named", (GAIN, "sun")), Outcome.FALSE_ALARM),
-        (CLEAN, document("not_in_library"), Outcome.FALSE_ALARM),
-        (ONE, document("consistent"), Outcome.MISSED),
-        (ONE, document("confounded"), Outcome.SAID_CONFOUNDED),
-        (ONE, document("named", (GAIN, "sun")), Outcome.RIGHT),
-        (ONE, document("named", (GAIN, "either")), Outcome.RIGHT),
-        (ONE, document("named", (GAIN, "ring")), Outcome.WRONG_SHAFT),
-        (ONE, document("named", (DRIFT, "sun")), Outcome.WRONG),
-        (ONE, document("named", (GAIN, "sun"), (DRIFT, "sun")), Outcome.WRONG),
-        (ONE, document("ambiguous", (DRIFT, "sun"), rival=GAIN), Outcome.RIGHT_SET),
-        (ONE, document("ambiguous", (DRIFT, "sun"), rival=WIND), Outcome.WRONG_SET),
-        (ONE, document("not_in_library"), Outcome.NOT_IN_LIBRARY),
-        (ONE, None, Outcome.NOT_MADE),
-        (PAIR, document("named", (GAIN, "sun"), (DRIFT, "ring")), Outcome.RIGHT),
-        (PAIR, document("named", (GAIN, "sun")), Outcome.PART),
-        (PAIR, document("named", (GAIN, "sun"), (WIND, "ring")), Outcome.WRONG),
-        (PAIR, document("ambiguous", (GAIN, "sun"), rival=WIND), Outcome.WRONG_SET),
-        (OUTSIDE, document("not_in_library"), Outcome.NOT_IN_LIBRARY),
-        (OUTSIDE, document("named", (DRIFT, "sun")), Outcome.WRONG),
-        (OUTSIDE, document("ambiguous", (DRIFT, "sun"), rival=GAIN), Outcome.WRONG_SET),
+        (CLEAN, document("consistent"), DiagnosisScore.QUIET),
+        (CLEAN, document("confounded"), DiagnosisScore.QUIET),
+        (CLEAN, document("named", (GAIN, "sun")), DiagnosisScore.FALSE_ALARM),
+        (CLEAN, document("not_in_library"), DiagnosisScore.FALSE_ALARM),
+        (ONE, document("consistent"), DiagnosisScore.MISSED),
+        (ONE, document("confounded"), DiagnosisScore.SAID_CONFOUNDED),
+        (ONE, document("named", (GAIN, "sun")), DiagnosisScore.RIGHT),
+        (ONE, document("named", (GAIN, "either")), DiagnosisScore.RIGHT),
+        (ONE, document("named", (GAIN, "ring")), DiagnosisScore.WRONG_SHAFT),
+        (ONE, document("named", (DRIFT, "sun")), DiagnosisScore.WRONG),
+        (ONE, document("named", (GAIN, "sun"), (DRIFT, "sun")), DiagnosisScore.WRONG),
+        (ONE, document("ambiguous", (DRIFT, "sun"), rival=GAIN), DiagnosisScore.RIGHT_SET),
+        (ONE, document("ambiguous", (DRIFT, "sun"), rival=WIND), DiagnosisScore.WRONG_SET),
+        (ONE, document("not_in_library"), DiagnosisScore.NOT_IN_LIBRARY),
+        (ONE, None, DiagnosisScore.NOT_MADE),
+        (PAIR, document("named", (GAIN, "sun"), (DRIFT, "ring")), DiagnosisScore.RIGHT),
+        (PAIR, document("named", (GAIN, "sun")), DiagnosisScore.PART),
+        (PAIR, document("named", (GAIN, "sun"), (WIND, "ring")), DiagnosisScore.WRONG),
+        (PAIR, document("ambiguous", (GAIN, "sun"), rival=WIND), DiagnosisScore.WRONG_SET),
+        (OUTSIDE, document("not_in_library"), DiagnosisScore.NOT_IN_LIBRARY),
+        (OUTSIDE, document("named", (DRIFT, "sun")), DiagnosisScore.WRONG),
+        (OUTSIDE, document("ambiguous", (DRIFT, "sun"), rival=GAIN), DiagnosisScore.WRONG_SET),
     ],
 )
 def test_a_diagnosis_is_worth_what_it_says_of_the_truth(
-    true: dict[str, Any], said: dict[str, Any] | None, outcome: Outcome
+    true: dict[str, Any], said: dict[str, Any] | None, outcome: DiagnosisScore
 ) -> None:
     score = judge(true, said)
     assert score.outcome is outcome
@@ -354,7 +354,7 @@ def test_a_trial_resumes_and_makes_no_campaign_twice(
     lost.write_text("{")
     made: list[int] = []
 
-    def counting(task: run_case.Task) -> dict[str, Any]:
+    def counting(task: run_case.CaseTask) -> dict[str, Any]:
         made.append(task.lot.number)
         return run_case.run_case(task)
 
@@ -384,11 +384,11 @@ def test_results_of_another_state_of_the_program_are_made_anew(
     folder, _ = trial
     result = json.loads((folder / "cases" / "0000.json").read_text())
     lot = draw_lots(6, SEED)[0]
-    task = run_case.Task(lot, "grid", result["code"], result["sha256"])
+    task = run_case.CaseTask(lot, "grid", result["code"], result["sha256"])
     assert stage.read_case(folder, task) == result
     assert len(stage.code_digest()) == len(result["code"]) == 64
-    assert stage.read_case(folder, run_case.Task(lot, "grid", "other", result["sha256"])) is None
-    assert stage.read_case(folder, run_case.Task(lot, "recordings", result["code"], result["sha256"])) is None
+    assert stage.read_case(folder, run_case.CaseTask(lot, "grid", "other", result["sha256"])) is None
+    assert stage.read_case(folder, run_case.CaseTask(lot, "recordings", result["code"], result["sha256"])) is None
 
 
 def test_an_ambiguous_case_is_run_anew_with_the_points_of_the_proposed_test(
@@ -398,7 +398,9 @@ def test_an_ambiguous_case_is_run_anew_with_the_points_of_the_proposed_test(
     case = lot.draw()
     seen: list[int] = []
 
-    def diagnosed(case: Case, rng: np.random.Generator, route: str) -> tuple[dict[str, Any], OperatingPoints]:
+    def diagnosed(
+        case: ConcealedCampaign, rng: np.random.Generator, route: str
+    ) -> tuple[dict[str, Any], OperatingPoints]:
         seen.append(len(case.design.at))
         assert len(measure_case(case, rng)) == seen[-1]
         return document("consistent"), case.design.at

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.campaign_comparison.constants import ConstantDifference
     from pmg.pipeline.campaign_comparison.difference import Versus
     from pmg.pipeline.campaign_comparison.matching import Unmatched
-    from pmg.pipeline.campaign_comparison.side import Side
+    from pmg.pipeline.campaign_comparison.side import CampaignSide
     from pmg.pipeline.report.document import Cell
     from pmg.sim.signals import Signal
 
@@ -140,7 +140,7 @@ def point_table(versus: Versus, shown: Mapping[str, Signal]) -> Table:
     )
 
 
-def unmatched_table(side: Side, other: Side, left: tuple[Unmatched, ...]) -> Table:
+def unmatched_table(side: CampaignSide, other: CampaignSide, left: tuple[Unmatched, ...]) -> Table:
     """Points of one campaign without a partner, each with what comes nearest."""
     at = side.grid.points
     rows: list[tuple[Cell, ...]] = [

@@ -29,11 +29,11 @@ from pmg.sim.signals import SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.fit.analysis import Analysis
-    from pmg.pipeline.fit.calibration import Calibration
+    from pmg.pipeline.fit.calibration import FittedBaseline
     from pmg.pipeline.fit.losses import PowerBalance
 
 
-def losses_section(analysis: Analysis, balance: PowerBalance, calibration: Calibration) -> Section:
+def losses_section(analysis: Analysis, balance: PowerBalance, calibration: FittedBaseline) -> Section:
     """Losses by element, over speed and load, the correction factor, the damping constants, the table by point."""
     at = balance.grid.points
     speed = SPEED_SUN.display(np.abs(at.speed_sun))
@@ -93,7 +93,7 @@ def losses_section(analysis: Analysis, balance: PowerBalance, calibration: Calib
     )
 
 
-def _constants(analysis: Analysis, calibration: Calibration) -> tuple[tuple[str, str | Measured], ...]:
+def _constants(analysis: Analysis, calibration: FittedBaseline) -> tuple[tuple[str, str | Measured], ...]:
     def shown(name: str, factor: float = 1.0) -> str | Measured:
         error = calibration.standard_error(name)
         value = calibration.value(name) * factor
@@ -116,7 +116,7 @@ def _constants(analysis: Analysis, calibration: Calibration) -> tuple[tuple[str,
     )
 
 
-def _uncertainty_told(balance: PowerBalance, calibration: Calibration) -> str:
+def _uncertainty_told(balance: PowerBalance, calibration: FittedBaseline) -> str:
     if not balance.correction_fitted:
         factor = "K_corr is held: what it may be off by is in no figure here."
     elif "K_corr" in calibration.on_bound:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import polars as pl
 
     from pmg.pipeline.orders.example import Example
-    from pmg.pipeline.orders.survey import Estimate, Followed
+    from pmg.pipeline.orders.survey import LineSurvey, UncertainValue
     from pmg.pipeline.report.table import Cell
     from pmg.sim.signals import Array
 
@@ -31,7 +31,7 @@ MILLI = 1e-3
 
 
 def orders_section(
-    followed: Sequence[Followed],
+    followed: Sequence[LineSurvey],
     table: pl.DataFrame,
     angles: Sequence[dict[str, Any]],
     example: Example | None,
@@ -40,7 +40,7 @@ def orders_section(
 
     Parameters
     ----------
-    followed : sequence of Followed
+    followed : sequence of LineSurvey
         Lines of the campaign.
     table : polars.DataFrame
         Lines of all accepted points, with their speeds.
@@ -71,13 +71,13 @@ def orders_section(
     return Section("orders", "What repeats with the turn of a shaft", tuple(items), sources)
 
 
-def _measured(given: Estimate | None, scale: float = 1.0) -> Cell:
+def _measured(given: UncertainValue | None, scale: float = 1.0) -> Cell:
     if given is None or math.isnan(given.value):
         return None
     return Measured(given.value / scale, given.u / scale)
 
 
-def _present(present: Sequence[Followed], tried: int) -> Table:
+def _present(present: Sequence[LineSurvey], tried: int) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for line in present:
         unit, scale = unit_of(line.signal)
@@ -117,7 +117,7 @@ def _present(present: Sequence[Followed], tried: int) -> Table:
     )
 
 
-def _growth(present: Sequence[Followed], table: pl.DataFrame) -> list[Figure]:
+def _growth(present: Sequence[LineSurvey], table: pl.DataFrame) -> list[Figure]:
     """Amplitudes against speed, of the torque lines that are present in most points."""
     import polars as pl
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.analysis.comparison import COVERAGE
-from pmg.pipeline.analysis.tolerance import COMPARED, State
+from pmg.pipeline.analysis.tolerance import COMPARED, ToleranceState
 from pmg.pipeline.chapters.cells import lay_out, names_in_cells, names_of
 from pmg.pipeline.fit.drift import HOUR
 from pmg.pipeline.grid.levels import by_load, by_speed, forward_neutral, speed_levels
@@ -42,8 +42,8 @@ def comparison_section(residuals: Residuals, agreed: Agreements, more: tuple[Tab
             facts.append(
                 (
                     f"{signal.meaning}, {int(known.sum())} points compared",
-                    f"{within} {State.WITHIN}, {int(known.sum()) - within} {State.OUT} ({agreement.rule}); {inside} "
-                    f"within U; rms difference {rms:.3g} {shown.display_unit}",
+                    f"{within} {ToleranceState.WITHIN}, {int(known.sum()) - within} {ToleranceState.OUT} "
+                    f"({agreement.rule}); {inside} within U; rms difference {rms:.3g} {shown.display_unit}",
                 )
             )
     told = (
@@ -208,9 +208,9 @@ def _worst(residuals: Residuals, agreed: Agreements) -> Table | None:
         )
     return Table(
         "out-of-tolerance",
-        f"Furthest {State.OUT}",
-        f"{len(rows)} of {counted(len(beyond), 'point')} {State.OUT}, the furthest first, each by the quantity that is "
-        "furthest out there. All are in the table by point below.",
+        f"Furthest {ToleranceState.OUT}",
+        f"{len(rows)} of {counted(len(beyond), 'point')} {ToleranceState.OUT}, the furthest first, each by the "
+        "quantity that is furthest out there. All are in the table by point below.",
         (
             Column("point", "Point"),
             Column("quantity", "Quantity"),

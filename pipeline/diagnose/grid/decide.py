@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.grid.holdout import HeldOut
     from pmg.pipeline.diagnose.grid.locate import Mismatch
     from pmg.pipeline.diagnose.grid.refit import Refit
-    from pmg.pipeline.fit.calibration import Calibration
+    from pmg.pipeline.fit.calibration import FittedBaseline
     from pmg.pipeline.fit.loss_fit import LossFits
     from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.pipeline.grid.readings import Readings
@@ -64,7 +64,7 @@ def diagnose(
     grid: Grid,
     fits: LossFits,
     floor: NoiseFloor,
-    calibration: Calibration,
+    calibration: FittedBaseline,
     bench: BenchParameters,
     rng: np.random.Generator,
     known: Callable[[Readings], Array] | None = None,
@@ -125,7 +125,7 @@ def diagnose(
 
 
 def _with_causes(
-    said: Diagnosis, stage: Stage, calibration: Calibration, rivals: tuple[Explanation, ...], held: HeldOut
+    said: Diagnosis, stage: Stage, calibration: FittedBaseline, rivals: tuple[Explanation, ...], held: HeldOut
 ) -> Diagnosis:
     """What is said with the leading mechanisms fitted, and a separating test for each rival."""
     assert said.naming is not None
@@ -168,7 +168,7 @@ def _predicts(held: HeldOut) -> bool:
     return held.rmse_after < held.rmse_before and after <= (1.0 - WITHHELD_SHARE) * before + chance
 
 
-def _swallowed(calibration: Calibration, found: Refit) -> tuple[Absorbed, ...]:
+def _swallowed(calibration: FittedBaseline, found: Refit) -> tuple[Absorbed, ...]:
     """Baseline constants alone and with the mechanisms in."""
     after = {"K_corr": found.model.correction, "b": found.model.b, "c": found.model.c, "d": found.model.d}
     rows = []
@@ -179,7 +179,7 @@ def _swallowed(calibration: Calibration, found: Refit) -> tuple[Absorbed, ...]:
     return tuple(rows)
 
 
-def _absorbed(mismatch: Mismatch, calibration: Calibration, bench: BenchParameters) -> tuple[Absorbed, ...]:
+def _absorbed(mismatch: Mismatch, calibration: FittedBaseline, bench: BenchParameters) -> tuple[Absorbed, ...]:
     """Baseline constants without and with the located families in a joint, weighted fit."""
     readings = mismatch.readings
     structure = located_families(readings, bench, calibration.model, mismatch.locations)

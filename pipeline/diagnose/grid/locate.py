@@ -22,7 +22,7 @@ from pmg.sim.signals import SPEED_RING, SPEED_SUN
 if TYPE_CHECKING:
     from pmg.pipeline.fit.loss_fit import LossFits
     from pmg.pipeline.fit.noise import NoiseFloor
-    from pmg.pipeline.fit.structure import Family
+    from pmg.pipeline.fit.structure import ResidualStructure
     from pmg.pipeline.fit.whitening import Whitener
     from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters
@@ -198,7 +198,7 @@ def find_mismatch(
     return Mismatch(p_value, false_alarm_rate, tuple(locations), readings, len(columns), draws)
 
 
-def _carrying(candidates: tuple[Family, ...], scan: Scan, effect_white: Array) -> int:
+def _carrying(candidates: tuple[ResidualStructure, ...], scan: Scan, effect_white: Array) -> int:
     """The family that carries most of an effect."""
     carried = [float(np.sum((basis.T @ effect_white) ** 2)) for basis in scan.bases[: len(candidates)]]
     return int(np.argmax(carried))
@@ -220,7 +220,7 @@ def located_families(
     return np.hstack(chosen) if chosen else np.zeros((len(readings), 0))
 
 
-def same_trace(candidates: tuple[Family, ...], scan: Scan, best: int, effect_white: Array) -> list[int]:
+def same_trace(candidates: tuple[ResidualStructure, ...], scan: Scan, best: int, effect_white: Array) -> list[int]:
     """Other families, of the same signal and configuration, that carry `SAME_TRACE` of a family's effect."""
     family = candidates[best]
     energy = float(effect_white @ effect_white)
@@ -233,7 +233,9 @@ def same_trace(candidates: tuple[Family, ...], scan: Scan, best: int, effect_whi
     return found
 
 
-def _locate(readings: Readings, family: Family, others: tuple[Family, ...], effect: Array, p_value: float) -> Location:
+def _locate(
+    readings: Readings, family: ResidualStructure, others: tuple[ResidualStructure, ...], effect: Array, p_value: float
+) -> Location:
     """The place of an effect that a family shows, and that others carry as well."""
     touched = (family.columns != 0.0).any(axis=1)
     covariates = list(family.covariates)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.fit.structure import Family
+from pmg.pipeline.fit.structure import ResidualStructure
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ POINTS = 4
 """Points in the shortest period."""
 
 
-def swings(readings: Readings) -> tuple[Family, ...]:
+def swings(readings: Readings) -> tuple[ResidualStructure, ...]:
     """Sine and cosine of the time of the test, period by period and shaft by shaft; none where it is not known.
 
     A room's heating, a supply or an amplifier that cycles moves a reading this way whatever the bench does. Each
@@ -44,5 +44,5 @@ def swings(readings: Readings) -> tuple[Family, ...]:
             angle = REVOLUTION * k * turns
             columns = np.where(mine[:, None], np.c_[np.cos(angle), np.sin(angle)], 0.0)
             signal = "torque_sun" if sun else "torque_ring"
-            found.append(Family(signal, "all", ("order", f"period_{whole / k:.0f}_s"), columns))
+            found.append(ResidualStructure(signal, "all", ("order", f"period_{whole / k:.0f}_s"), columns))
     return tuple(found)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.fit.drift import HOUR
-from pmg.pipeline.fit.structure import REST, Family, families, place, run_history
+from pmg.pipeline.fit.structure import REST, ResidualStructure, families, place, run_history
 from pmg.sim.signals import SPEED_SUN
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ class Look:
     ----------
     covariate : Covariate
         What it is.
-    family : Family
+    family : ResidualStructure
         Its columns over the m readings.
     rows : (m,) array of bool
         Readings that are looked at.
@@ -118,7 +118,7 @@ class Look:
     """
 
     covariate: Covariate
-    family: Family
+    family: ResidualStructure
     rows: Mask
     value: Array
 
@@ -137,7 +137,7 @@ class Look:
         return f"{value:.0f} {self.covariate.unit}" if abs(value) >= WHOLE else f"{value:.3g} {self.covariate.unit}"
 
 
-def _id(family: Family, shaft: str) -> str:
+def _id(family: ResidualStructure, shaft: str) -> str:
     """Covariate of a family; empty for one that another covers."""
     own, other = f"speed_{shaft}", "speed_ring" if shaft == "sun" else "speed_sun"
     names = _FAMILIES | {
@@ -181,7 +181,7 @@ def looks(readings: Readings, bench: BenchParameters, model: LossModel) -> tuple
     return tuple(sorted(found, key=lambda look: COVARIATES.index(look.covariate)))
 
 
-def _directions(readings: Readings) -> Iterator[Family]:
+def _directions(readings: Readings) -> Iterator[ResidualStructure]:
     """Families of the signs of rotation and of the approach to the speed."""
     at = readings.grid.points
     own, other = _sign(readings.speed_own), _sign(readings.speed_other)
@@ -209,12 +209,12 @@ def _directions(readings: Readings) -> Iterator[Family]:
 
 def _signs(
     readings: Readings, signal: str, configuration: str, name: str, rows: Mask, columns: Array, *, kept: bool = False
-) -> Family:
+) -> ResidualStructure:
     """A family of signs; without columns where not both signs occur and it is not to be kept."""
     first = columns[rows, 0]
     both = bool((first > 0.0).any() and (first < 0.0).any())
     shown = columns[rows] if kept or both else columns[rows][:, :0]
-    return Family(signal, configuration, (name,), place(readings, rows, shown))
+    return ResidualStructure(signal, configuration, (name,), place(readings, rows, shown))
 
 
 def _sign(values: Array) -> Array:

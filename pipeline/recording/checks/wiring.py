@@ -34,7 +34,7 @@ MOST = 1 << 20
 
 
 @dataclass(frozen=True)
-class Stretch:
+class HeldStretch:
     """Both shafts while the set-points were held.
 
     Parameters
@@ -58,7 +58,7 @@ class Stretch:
 
 def stretch_of(
     columns: Mapping[str, Array], first: int, samples: tuple[int, int], setpoints: Setpoints, rate_hz: float
-) -> Stretch | None:
+) -> HeldStretch | None:
     """Speeds and torques of a stretch of the samples that begin with `first`; None where a channel is unknown in it."""
     part = slice(max(0, samples[0] - first), max(0, samples[1] - first))
     speed, torque = {}, {}
@@ -72,15 +72,15 @@ def stretch_of(
         speed[side] = float((angle[last] - angle[start]) * rate_hz / (last - start))
         middle, mean = float(np.median(reading[:: 1 + len(reading) // MOST])), float(reading.mean())
         torque[side] = min(middle, mean, key=abs) if middle * mean > 0.0 else 0.0
-    return Stretch(samples, setpoints, speed, torque)
+    return HeldStretch(samples, setpoints, speed, torque)
 
 
-def check_wiring(held: Iterable[Stretch], run: RunInfo, calibration: Calibration, findings: Findings) -> None:
+def check_wiring(held: Iterable[HeldStretch], run: RunInfo, calibration: Calibration, findings: Findings) -> None:
     """Tell which channels are reversed or swapped; each once, with the first stretch that shows it.
 
     Parameters
     ----------
-    held : iterable of Stretch
+    held : iterable of HeldStretch
         Where set-points were held.
     run : RunInfo
         Configuration, gear, driving side.
@@ -105,7 +105,7 @@ def check_wiring(held: Iterable[Stretch], run: RunInfo, calibration: Calibration
                 findings.error(code, where, message, do, sample_range=stretch.samples)
 
 
-def _encoders(stretch: Stretch, ratio: float | None) -> list[tuple[Code, str, str]]:
+def _encoders(stretch: HeldStretch, ratio: float | None) -> list[tuple[Code, str, str]]:
     speed, wanted = stretch.speed, {"sun": stretch.setpoints.speed_sun, "ring": stretch.setpoints.speed_ring}
     if ratio is not None:
         sun, ring = wanted["sun"], wanted["ring"]
@@ -138,7 +138,7 @@ def _encoders(stretch: Stretch, ratio: float | None) -> list[tuple[Code, str, st
     return found
 
 
-def _torques(stretch: Stretch, run: RunInfo, calibration: Calibration) -> list[tuple[Code, str, str]]:
+def _torques(stretch: HeldStretch, run: RunInfo, calibration: Calibration) -> list[tuple[Code, str, str]]:
     torque, speed = stretch.torque, stretch.speed
     nominal = {side: calibration.transducer(side).nominal_torque for side in SIDES}
     if run.configuration is Configuration.NEUTRAL:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.recording.container.gathered import Gathered
+from pmg.pipeline.recording.container.gathered import WholeRecords
 from pmg.pipeline.recording.container.messages import Messages
 from pmg.pipeline.recording.container.source import ShrunkError
 from pmg.pipeline.recording.container.walk import walk_records
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from pathlib import Path
 
-    from pmg.pipeline.recording.container.records import Channel
+    from pmg.pipeline.recording.container.records import ChannelRecord
     from pmg.pipeline.recording.findings import Findings
 
 
@@ -91,7 +91,7 @@ def open_container(path: Path, wanted: Callable[[str], bool], findings: Findings
     try:
         with path.open("rb") as stream:
             size = stream.seek(0, 2)
-            gathered = Gathered(wanted, findings)
+            gathered = WholeRecords(wanted, findings)
             sha256 = walk_records(stream, size, gathered).digest()
             if (left := stream.seek(0, 2)) < size:
                 raise ShrunkError(left, size)
@@ -117,7 +117,7 @@ def open_container(path: Path, wanted: Callable[[str], bool], findings: Findings
     return Container(sha256, size, _topics(gathered), tuple(gathered.metadata), attachments)
 
 
-def _topics(gathered: Gathered) -> dict[str, Topic]:
+def _topics(gathered: WholeRecords) -> dict[str, Topic]:
     """Channels by topic; one topic on channels that contradict each other is a finding."""
     for identity, strangers in sorted(gathered.strangers.items()):
         gathered.findings.error(
@@ -127,7 +127,7 @@ def _topics(gathered: Gathered) -> dict[str, Topic]:
             "They cannot be read. The record may have been in a damaged chunk: copy the file again.",
             lost=f"{len(strangers)} messages",
         )
-    first: dict[str, Channel] = {}
+    first: dict[str, ChannelRecord] = {}
     joined: dict[str, list[int]] = {}
     for identity, channel in sorted(gathered.channels.items()):
         known = first.setdefault(channel.topic, channel)
@@ -144,13 +144,13 @@ def _topics(gathered: Gathered) -> dict[str, Topic]:
     return {topic: _topic(gathered, first[topic], identities) for topic, identities in joined.items()}
 
 
-def _description(gathered: Gathered, channel: Channel) -> tuple[str, str, dict[str, str]]:
+def _description(gathered: WholeRecords, channel: ChannelRecord) -> tuple[str, str, dict[str, str]]:
     """Encoding, name of the schema and metadata."""
     schema = gathered.schemas.get(channel.schema_id)
     return channel.message_encoding, "" if schema is None else schema.name, dict(channel.metadata)
 
 
-def _topic(gathered: Gathered, channel: Channel, identities: list[int]) -> Topic:
+def _topic(gathered: WholeRecords, channel: ChannelRecord, identities: list[int]) -> Topic:
     """What the channels of one topic hold together, one after another."""
     schema = gathered.schemas.get(channel.schema_id)
     payloads = gathered.payloads.pop(identities[0], Messages())

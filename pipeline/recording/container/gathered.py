@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.recording.container.messages import Messages
-from pmg.pipeline.recording.container.records import MESSAGE, Attachment, Channel, RecordError, Schema
+from pmg.pipeline.recording.container.records import MESSAGE, Attachment, ChannelRecord, RecordError, Schema
 from pmg.pipeline.recording.findings import Code
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ FIELDS_KEY = "pmg.fields"
 
 
 @dataclass
-class Gathered:
+class WholeRecords:
     """Whole records of a file.
 
     Parameters
@@ -49,7 +49,7 @@ class Gathered:
     wanted: Callable[[str], bool]
     findings: Findings
     schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
+    channels: dict[int, ChannelRecord] = field(default_factory=dict)
     counts: dict[int, int] = field(default_factory=dict)
     payloads: dict[int, Messages] = field(default_factory=dict)
     strangers: dict[int, list[bytes]] = field(default_factory=dict)
@@ -96,7 +96,7 @@ class Gathered:
         if identity in self.payloads:
             self.payloads[identity].extend(rows[:, MESSAGE.size :])
 
-    def describe(self, channel: Channel, at: int) -> None:
+    def describe(self, channel: ChannelRecord, at: int) -> None:
         """Take the description of a channel, and with it the messages that came before it.
 
         A later description that says the same is as good as the first; one that does not is a finding.
@@ -117,5 +117,5 @@ class Gathered:
             self.keep(known.id, memoryview(data), 0, len(data))
 
 
-def _told(channel: Channel) -> str:
+def _told(channel: ChannelRecord) -> str:
     return f"'{channel.topic}' of schema {channel.schema_id} with {dict(channel.metadata)}"

@@ -19,7 +19,7 @@ from pmg.pipeline.recording.container.taking import take_inside
 from pmg.pipeline.recording.findings import Code
 
 if TYPE_CHECKING:
-    from pmg.pipeline.recording.container.gathered import Gathered
+    from pmg.pipeline.recording.container.gathered import WholeRecords
     from pmg.pipeline.recording.container.records import Frame
     from pmg.pipeline.recording.container.source import ByteSource
 
@@ -31,11 +31,11 @@ class Opening:
     ----------
     source : Source
         The file.
-    gathered : Gathered
+    gathered : WholeRecords
         Receives their records.
     """
 
-    def __init__(self, source: ByteSource, gathered: Gathered) -> None:
+    def __init__(self, source: ByteSource, gathered: WholeRecords) -> None:
         self.source = source
         self.gathered = gathered
         self.allowance = Allowance.of(source.size)

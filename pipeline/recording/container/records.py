@@ -89,7 +89,7 @@ class Schema:
 
 
 @dataclass(frozen=True)
-class Channel:
+class ChannelRecord:
     """A stream of messages under one topic."""
 
     id: int

@@ -12,7 +12,7 @@ from pmg.pipeline.recording.container.records import HEAD, MESSAGE, Op
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.recording.container.gathered import Gathered
+    from pmg.pipeline.recording.container.gathered import WholeRecords
 
 MARKED = struct.Struct("<BQH")
 """What a message is known by: its code, its length and its channel."""
@@ -35,7 +35,7 @@ class Round:
 
     Parameters
     ----------
-    gathered : Gathered
+    gathered : WholeRecords
         Receives the messages.
     data : memoryview
         Records of the chunk.
@@ -48,7 +48,7 @@ class Round:
     same order within each channel.
     """
 
-    def __init__(self, gathered: Gathered, data: memoryview) -> None:
+    def __init__(self, gathered: WholeRecords, data: memoryview) -> None:
         self._gathered = gathered
         self._data = data
         self._bytes = np.frombuffer(data, dtype=np.uint8)

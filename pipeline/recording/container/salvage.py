@@ -38,7 +38,7 @@ CRC does not hold."""
 
 
 @dataclass
-class Search:
+class SalvageSearch:
     """Searches in one file, with the work they may still do [bytes]."""
 
     source: ByteSource
@@ -46,7 +46,7 @@ class Search:
     allowance: Allowance
 
     @classmethod
-    def of(cls, source: ByteSource) -> Search:
+    def of(cls, source: ByteSource) -> SalvageSearch:
         """A search with the work that the size of the file allows."""
         return cls(source, WORK * source.size + BLOCK, Allowance.of(source.size))
 

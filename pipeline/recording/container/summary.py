@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.recording.container.records import Channel, Op, Schema, parse
+from pmg.pipeline.recording.container.records import ChannelRecord, Op, Schema, parse
 from pmg.pipeline.recording.findings import Code, Severity
 
 if TYPE_CHECKING:
-    from pmg.pipeline.recording.container.gathered import Gathered
+    from pmg.pipeline.recording.container.gathered import WholeRecords
     from pmg.pipeline.recording.container.records import Frame
     from pmg.pipeline.recording.container.source import ByteSource
 
@@ -23,7 +23,7 @@ class Summary:
     ----------
     source : Source
         The file.
-    gathered : Gathered
+    gathered : WholeRecords
         What was read; receives channels whose first description is lost.
 
     Notes
@@ -31,13 +31,13 @@ class Summary:
     Nothing of it is used before the footer has proven it by its CRC, or declared that there is none.
     """
 
-    def __init__(self, source: ByteSource, gathered: Gathered) -> None:
+    def __init__(self, source: ByteSource, gathered: WholeRecords) -> None:
         self.source = source
         self.gathered = gathered
         self.start: int | None = None
         self.crc_known = False
         self.declared: int | None = None
-        self._waiting: list[tuple[int, Channel | Schema | int]] = []
+        self._waiting: list[tuple[int, ChannelRecord | Schema | int]] = []
 
     @property
     def begun(self) -> bool:
@@ -70,7 +70,7 @@ class Summary:
         if frame.opcode == Op.SCHEMA:
             self._waiting.append((frame.at, Schema(*values)))
         elif frame.opcode == Op.CHANNEL:
-            self._waiting.append((frame.at, Channel(*values)))
+            self._waiting.append((frame.at, ChannelRecord(*values)))
         else:
             self._waiting.append((frame.at, values[0]))
 
@@ -94,7 +94,7 @@ class Summary:
         for at, noted in self._waiting:
             if isinstance(noted, Schema):
                 self.gathered.schemas.setdefault(noted.id, noted)
-            elif isinstance(noted, Channel):
+            elif isinstance(noted, ChannelRecord):
                 self.gathered.describe(noted, at)
             else:
                 self.declared = noted

@@ -11,7 +11,7 @@ from pmg.pipeline.recording.container.records import (
     LAYOUT,
     PRIVATE,
     Attachment,
-    Channel,
+    ChannelRecord,
     Op,
     RecordError,
     Schema,
@@ -21,15 +21,15 @@ from pmg.pipeline.recording.container.rounds import Round
 from pmg.pipeline.recording.findings import Code
 
 if TYPE_CHECKING:
-    from pmg.pipeline.recording.container.gathered import Gathered
+    from pmg.pipeline.recording.container.gathered import WholeRecords
 
 
-def take(gathered: Gathered, at: int, opcode: int, body: bytes) -> None:
+def take(gathered: WholeRecords, at: int, opcode: int, body: bytes) -> None:
     """Keep what a record other than a chunk says.
 
     Parameters
     ----------
-    gathered : Gathered
+    gathered : WholeRecords
         Receives it.
     at : int
         Where its head, or that of its chunk, stands in the file.
@@ -53,7 +53,7 @@ def take(gathered: Gathered, at: int, opcode: int, body: bytes) -> None:
         schema = Schema(*values)
         gathered.schemas.setdefault(schema.id, schema)
     elif opcode == Op.CHANNEL:
-        gathered.describe(Channel(*values), at)
+        gathered.describe(ChannelRecord(*values), at)
     elif opcode == Op.METADATA:
         gathered.metadata.append((values[0], values[1]))
     elif opcode == Op.ATTACHMENT:
@@ -63,7 +63,7 @@ def take(gathered: Gathered, at: int, opcode: int, body: bytes) -> None:
         gathered.attachments.append(attachment)
 
 
-def take_inside(gathered: Gathered, at: int, data: memoryview) -> None:
+def take_inside(gathered: WholeRecords, at: int, data: memoryview) -> None:
     """Keep what the records of an opened chunk say; those that are not whole become findings."""
     place, end = 0, len(data)
     lost, fault = 0, ""

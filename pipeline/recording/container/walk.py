@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from pmg.pipeline.recording.container.opening import Opening
 from pmg.pipeline.recording.container.records import HEAD, LAYOUT, MAGIC, PRIVATE, Frame, Op, RecordError
-from pmg.pipeline.recording.container.salvage import LONGEST_PLAIN, Search
+from pmg.pipeline.recording.container.salvage import LONGEST_PLAIN, SalvageSearch
 from pmg.pipeline.recording.container.source import BLOCK, ByteSource
 from pmg.pipeline.recording.container.summary import Summary
 from pmg.pipeline.recording.container.taking import take
 from pmg.pipeline.recording.findings import Code
 
 if TYPE_CHECKING:
-    from pmg.pipeline.recording.container.gathered import Gathered
+    from pmg.pipeline.recording.container.gathered import WholeRecords
 
 SMALLEST_CHUNK = 40
 """Length of the body of a chunk without records [bytes]."""
@@ -30,7 +30,7 @@ SEARCHED_START = 16 * BLOCK
 """How far a recording is searched for in a file that does not begin as one [bytes]."""
 
 
-def walk_records(stream: BinaryIO, size: int, gathered: Gathered) -> ByteSource:
+def walk_records(stream: BinaryIO, size: int, gathered: WholeRecords) -> ByteSource:
     """Gather what the records of a file say; damage is reported and passed over.
 
     Parameters
@@ -39,7 +39,7 @@ def walk_records(stream: BinaryIO, size: int, gathered: Gathered) -> ByteSource:
         Seekable.
     size : int
         Its length [bytes].
-    gathered : Gathered
+    gathered : WholeRecords
         Receives what is whole.
 
     Returns
@@ -56,21 +56,21 @@ def walk_records(stream: BinaryIO, size: int, gathered: Gathered) -> ByteSource:
     """
     source = ByteSource(stream, size)
     try:
-        _Walk(source, gathered).run()
+        _FileWalk(source, gathered).run()
     except BaseException:
         source.close()
         raise
     return source
 
 
-class _Walk:
+class _FileWalk:
     """The pass: where it is, and whether the file keeps its messages in chunks."""
 
-    def __init__(self, source: ByteSource, gathered: Gathered) -> None:
+    def __init__(self, source: ByteSource, gathered: WholeRecords) -> None:
         self.source = source
         self.gathered = gathered
         self.findings = gathered.findings
-        self.search = Search.of(source)
+        self.search = SalvageSearch.of(source)
         self.opening = Opening(source, gathered)
         self.summary = Summary(source, gathered)
         self.plain_messages = False

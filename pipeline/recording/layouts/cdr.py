@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.recording.layouts.layout import CONTENT, Leaf, Template
-from pmg.pipeline.recording.layouts.rostypes import PRIMITIVES, Member, plain_name, types_of
+from pmg.pipeline.recording.layouts.rostypes import PRIMITIVES, MessageField, plain_name, types_of
 from pmg.pipeline.recording.layouts.wire import WireError
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ class _Walk:
     """A message while it is taken apart: where the walk stands, and what it has found."""
 
     data: bytes
-    types: Mapping[str, tuple[Member, ...]]
+    types: Mapping[str, tuple[MessageField, ...]]
     order: str
     largest: int
     at: int = HEAD
@@ -88,7 +88,7 @@ class _Walk:
         for member in members:
             self.member(member, prefix + member.name, depth)
 
-    def member(self, member: Member, path: str, depth: int) -> None:
+    def member(self, member: MessageField, path: str, depth: int) -> None:
         """Take one field."""
         many = self.length(path) if member.many == 0 else member.many
         if member.kind in PRIMITIVES:

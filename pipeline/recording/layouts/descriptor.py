@@ -6,31 +6,31 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.recording.layouts import schema
 from pmg.pipeline.recording.layouts.layout import CONTENT, DIGITS, Leaf, Template
-from pmg.pipeline.recording.layouts.schema import Field, Kind, Message
+from pmg.pipeline.recording.layouts.schema import Field, Message, ScalarType
 from pmg.pipeline.recording.layouts.wire import BYTES, FIXED32, FIXED64, VARINT, WireError, fields, varint
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-KINDS: dict[int, Kind] = {
+KINDS: dict[int, ScalarType] = {
     kind.number: kind
     for kind in (
         schema.DOUBLE,
         schema.FLOAT,
         schema.INT64,
-        Kind(4, VARINT),
+        ScalarType(4, VARINT),
         schema.INT32,
         schema.FIXED_64,
         schema.FIXED_32,
-        Kind(8, VARINT),
+        ScalarType(8, VARINT),
         schema.STRING,
-        Kind(12, BYTES),
+        ScalarType(12, BYTES),
         schema.UINT32,
         schema.ENUM,
         schema.SFIXED_32,
-        Kind(16, FIXED64, "<q"),
-        Kind(17, VARINT),
-        Kind(18, VARINT),
+        ScalarType(16, FIXED64, "<q"),
+        ScalarType(17, VARINT),
+        ScalarType(18, VARINT),
     )
 }
 """Protobuf types by their number in a descriptor; groups, which proto3 does not have, are left out."""

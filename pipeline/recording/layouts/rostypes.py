@@ -51,7 +51,7 @@ LARGEST_ARRAY = 1 << 20
 
 
 @dataclass(frozen=True)
-class Member:
+class MessageField:
     """A field of a message.
 
     Parameters
@@ -67,7 +67,7 @@ class Member:
     many: int | None = None
 
 
-def types_of(name: str, encoding: str, text: str) -> dict[str, tuple[Member, ...]]:
+def types_of(name: str, encoding: str, text: str) -> dict[str, tuple[MessageField, ...]]:
     """Members of a message and of those within it, by ``package/Name``.
 
     Raises
@@ -93,8 +93,8 @@ def plain_name(name: str) -> str:
     return f"{parts[0]}/{parts[-1]}" if len(parts) > 1 else name
 
 
-def _from_msg(name: str, text: str) -> dict[str, tuple[Member, ...]]:
-    found: dict[str, tuple[Member, ...]] = {}
+def _from_msg(name: str, text: str) -> dict[str, tuple[MessageField, ...]]:
+    found: dict[str, tuple[MessageField, ...]] = {}
     for part in BORDER.split(text):
         lines = part.strip().splitlines()
         own = name
@@ -105,7 +105,7 @@ def _from_msg(name: str, text: str) -> dict[str, tuple[Member, ...]]:
     return found
 
 
-def _members(own: str, definition: str) -> tuple[Member, ...]:
+def _members(own: str, definition: str) -> tuple[MessageField, ...]:
     package = own.partition("/")[0]
     members = []
     for line in definition.splitlines():
@@ -125,15 +125,15 @@ def _members(own: str, definition: str) -> tuple[Member, ...]:
             raise WireError(f"'{name}' of message '{own}' has {many} elements")
         if kind not in PRIMITIVES and kind not in ("string", "wstring"):
             kind = plain_name(kind if "/" in kind else {"Header": "std_msgs/Header"}.get(kind, f"{package}/{kind}"))
-        members.append(Member(name, kind, many))
+        members.append(MessageField(name, kind, many))
     return tuple(members)
 
 
-def _from_idl(text: str) -> dict[str, tuple[Member, ...]]:
+def _from_idl(text: str) -> dict[str, tuple[MessageField, ...]]:
     """Structures, arrays by typedef, sequences; what is beyond that is an error that names it."""
     lines = [line for line in text.splitlines() if not line.startswith(("IDL:", "===="))]
     tokens = IDL_TOKEN.findall(IDL_NOISE.sub(" ", "\n".join(lines)))
-    found: dict[str, tuple[Member, ...]] = {}
+    found: dict[str, tuple[MessageField, ...]] = {}
     typedefs: dict[str, tuple[str, int | None]] = {}
     scope: list[str] = []
     at = 0
@@ -156,7 +156,7 @@ def _from_idl(text: str) -> dict[str, tuple[Member, ...]]:
             while at < len(tokens) and tokens[at] != "}":
                 stop = _end(tokens, at)
                 kind, name, many = _idl_field(tokens[at:stop], scope, typedefs)
-                members.append(Member(name, kind, many))
+                members.append(MessageField(name, kind, many))
                 at = stop + 1
             found[own] = tuple(members)
             at += 2

@@ -22,7 +22,7 @@ Value: TypeAlias = Any
 
 
 @dataclass(frozen=True)
-class Kind:
+class ScalarType:
     """A protobuf type: its number in a descriptor, its wire type, and its little-endian form if of fixed width."""
 
     number: int
@@ -30,17 +30,17 @@ class Kind:
     form: str = ""
 
 
-DOUBLE = Kind(1, FIXED64, "<d")
-FLOAT = Kind(2, FIXED32, "<f")
-INT64 = Kind(3, VARINT)
-INT32 = Kind(5, VARINT)
-FIXED_64 = Kind(6, FIXED64, "<Q")
-FIXED_32 = Kind(7, FIXED32, "<I")
-STRING = Kind(9, BYTES)
-MESSAGE = Kind(11, BYTES)
-UINT32 = Kind(13, VARINT)
-ENUM = Kind(14, VARINT)
-SFIXED_32 = Kind(15, FIXED32, "<i")
+DOUBLE = ScalarType(1, FIXED64, "<d")
+FLOAT = ScalarType(2, FIXED32, "<f")
+INT64 = ScalarType(3, VARINT)
+INT32 = ScalarType(5, VARINT)
+FIXED_64 = ScalarType(6, FIXED64, "<Q")
+FIXED_32 = ScalarType(7, FIXED32, "<I")
+STRING = ScalarType(9, BYTES)
+MESSAGE = ScalarType(11, BYTES)
+UINT32 = ScalarType(13, VARINT)
+ENUM = ScalarType(14, VARINT)
+SFIXED_32 = ScalarType(15, FIXED32, "<i")
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Field:
         On the wire.
     name : str
         In the schema.
-    kind : Kind
+    kind : ScalarType
         Type of the value, or of each element.
     repeated : bool
         Whether it holds any number of elements; those of fixed width are packed.
@@ -63,7 +63,7 @@ class Field:
 
     number: int
     name: str
-    kind: Kind
+    kind: ScalarType
     repeated: bool = False
     message: Message | None = None
 

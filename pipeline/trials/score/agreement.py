@@ -100,7 +100,7 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class Agreement:
+class TrialAgreement:
     """All campaigns that went both ways."""
 
     pairs: tuple[Pair, ...]
@@ -138,7 +138,7 @@ def agree(
     truths: Mapping[int, Mapping[str, Any]],
     results: Mapping[int, Mapping[str, Any]],
     second: Mapping[int, Mapping[str, Any]],
-) -> Agreement | None:
+) -> TrialAgreement | None:
     """Both results of each campaign beside each other, by its number; None where none went both ways.
 
     Parameters
@@ -154,7 +154,7 @@ def agree(
         ways = [results[number]["diagnosis"], second[number]["diagnosis"]]
         grid, recordings = (judge(truth, document) for document in ways)
         pairs.append(Pair(number, grid, recordings, (_leading(ways[0]), _leading(ways[1]))))
-    return Agreement(tuple(pairs)) if pairs else None
+    return TrialAgreement(tuple(pairs)) if pairs else None
 
 
 def _leading(document: Mapping[str, Any] | None) -> tuple[str, ...]:

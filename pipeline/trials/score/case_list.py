@@ -14,7 +14,7 @@ from pmg.sim.errors import BenchError, near_miss
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pmg.pipeline.trials.nature import Case
+    from pmg.pipeline.trials.nature import ConcealedCampaign
     from pmg.pipeline.trials.strata import Stratum
 
 SHARES = {"clean": 0.25, "one": 0.40, "outside": 0.20, "two": 0.10, "confounded": 0.05}
@@ -52,7 +52,7 @@ class Lot:
         own = np.random.SeedSequence(self.seed, spawn_key=(CASES, self.number))
         return np.random.default_rng(own.spawn(len(PURPOSES))[PURPOSES.index(purpose)])
 
-    def draw(self) -> Case:
+    def draw(self) -> ConcealedCampaign:
         """The concealed campaign."""
         return draw_case(self.stratum, self.rng("draw"))
 

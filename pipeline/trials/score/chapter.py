@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pmg.pipeline.report.table import Cell
-    from pmg.pipeline.trials.score.agreement import Agreement
+    from pmg.pipeline.trials.score.agreement import TrialAgreement
     from pmg.pipeline.trials.score.summary import Trial
 
 SIZES_DRAWN = (0.02, 20.0)
@@ -131,7 +131,7 @@ def _detection(trial: Trial) -> Figure:
     return Figure("detection", "Detection against size", caption, (chart,))
 
 
-def _agreement(agreement: Agreement) -> Table:
+def _agreement(agreement: TrialAgreement) -> Table:
     apart = [str(pair.number) for pair in agreement.pairs if not pair.same_verdict]
     caption = (
         f"Campaigns that went by recordings, through files and every stage, as well: {len(agreement.pairs)}. Both "

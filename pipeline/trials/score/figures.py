@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.stats import binom
 
-from pmg.pipeline.trials.score.rates import EDGES, Curve, Rate, count, fit_curve
-from pmg.pipeline.trials.score.score import Outcome, Score
+from pmg.pipeline.trials.score.rates import EDGES, DetectionCurve, Rate, count, fit_curve
+from pmg.pipeline.trials.score.score import DiagnosisScore, Score
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -132,9 +132,11 @@ class Figured:
         }
 
 
-def detection(scores: Sequence[Score]) -> tuple[tuple[tuple[float, float, float, Rate], ...], Curve | None]:
+def detection(scores: Sequence[Score]) -> tuple[tuple[tuple[float, float, float, Rate], ...], DetectionCurve | None]:
     """Detected against size: bins (from, to, mean size, rate), and the likeliest curve; single effects only."""
-    single = [score for score in scores if score.kind in ("one", "outside") and score.outcome is not Outcome.NOT_MADE]
+    single = [
+        score for score in scores if score.kind in ("one", "outside") and score.outcome is not DiagnosisScore.NOT_MADE
+    ]
     size = np.array([score.reached for score in single])
     seen = np.array([score.detected for score in single], dtype=bool)
     bins = []
@@ -147,7 +149,7 @@ def detection(scores: Sequence[Score]) -> tuple[tuple[tuple[float, float, float,
 
 def figures(scores: Sequence[Score], resolutions: Sequence[str], lifts: Sequence[str]) -> tuple[Figured, ...]:
     """Every figure, from the scores and from what further tests made of sets and of confounded designs."""
-    made = [score for score in scores if score.outcome is not Outcome.NOT_MADE]
+    made = [score for score in scores if score.outcome is not DiagnosisScore.NOT_MADE]
     clean = [score for score in made if score.kind == "clean"]
     library = [score for score in made if score.kind in IN_LIBRARY]
     outside = [score for score in made if score.kind == "outside"]
@@ -158,9 +160,9 @@ def figures(scores: Sequence[Score], resolutions: Sequence[str], lifts: Sequence
     unclear = [score for score in made if score.kind == "confounded"]
     seen_outside = [score for score in outside if score.detected]
     curve = detection(made)[1]
-    right, either = (Outcome.RIGHT,), (Outcome.RIGHT, Outcome.RIGHT_SET)
+    right, either = (DiagnosisScore.RIGHT,), (DiagnosisScore.RIGHT, DiagnosisScore.RIGHT_SET)
     tested = [word for word in resolutions if word != "not tested"]
-    wrong, alarm, out = (Outcome.WRONG,), (Outcome.FALSE_ALARM,), (Outcome.NOT_IN_LIBRARY,)
+    wrong, alarm, out = (DiagnosisScore.WRONG,), (DiagnosisScore.FALSE_ALARM,), (DiagnosisScore.NOT_IN_LIBRARY,)
     held = [score.held_out for score in made if score.held_out is not None]
     fitted = [score.parameter for score in made if score.parameter is not None]
     covers = [parameter.covers for parameter in fitted if parameter.covers is not None]
@@ -196,7 +198,7 @@ def figures(scores: Sequence[Score], resolutions: Sequence[str], lifts: Sequence
 
 
 def _rate(
-    identifier: str, what: str, scores: list[Score], outcomes: tuple[Outcome, ...], aim: Aim | None = None
+    identifier: str, what: str, scores: list[Score], outcomes: tuple[DiagnosisScore, ...], aim: Aim | None = None
 ) -> Figured:
     return share(identifier, what, [score.outcome in outcomes for score in scores], aim)
 
@@ -207,7 +209,7 @@ def share(identifier: str, what: str, hits: Sequence[bool], aim: Aim | None = No
     return Figured(identifier, what, "", found.value, found.interval, found.of, found.hits, aim)
 
 
-def _size(identifier: str, curve: Curve | None, probability: float, aim: Aim, of: int) -> Figured:
+def _size(identifier: str, curve: DetectionCurve | None, probability: float, aim: Aim, of: int) -> Figured:
     what = f"size that is detected {probability:.0%} of the time"
     value = None if curve is None else curve.size(probability)
     return Figured(

@@ -96,7 +96,7 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class Curve:
+class DetectionCurve:
     r"""Probability of detection: a logistic function of the logarithm of the size, above alarms by chance.
 
     Parameters
@@ -162,7 +162,7 @@ class Curve:
         return math.log((probability - self.seen.guess) / (1.0 - probability))
 
 
-def fit_curve(size: Array, detected: Mask, guess: float = FALSE_ALARM_RATE) -> Curve | None:
+def fit_curve(size: Array, detected: Mask, guess: float = FALSE_ALARM_RATE) -> DetectionCurve | None:
     """The likeliest curve; None where all, or none, are detected, or where detection does not grow with size.
 
     Parameters
@@ -190,4 +190,4 @@ def fit_curve(size: Array, detected: Mask, guess: float = FALSE_ALARM_RATE) -> C
         for middle in np.quantile(seen.x, STARTS)
     ]
     start, slope = map(float, min(tried, key=lambda found: float(found.fun)).x)
-    return None if slope <= FLATTEST or abs(start) >= BOUNDS[0][1] else Curve(start, slope, seen)
+    return None if slope <= FLATTEST or abs(start) >= BOUNDS[0][1] else DetectionCurve(start, slope, seen)

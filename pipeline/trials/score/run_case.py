@@ -24,7 +24,7 @@ from pmg.pipeline.trials.record import write_case
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
-    from pmg.pipeline.trials.nature import Case
+    from pmg.pipeline.trials.nature import ConcealedCampaign
     from pmg.pipeline.trials.score.case_list import Lot
     from pmg.sim.grid import OperatingPoints
 
@@ -34,7 +34,7 @@ SCHEMA = "pmg.proof-case/1"
 
 
 @dataclass(frozen=True)
-class Task:
+class CaseTask:
     """What a worker is given: a campaign, the way to go, which state of the program goes it, the sealed hash.
 
     `further`: the test that its diagnosis asks for is run too.
@@ -47,7 +47,7 @@ class Task:
     further: bool = True
 
 
-def run_case(task: Task) -> dict[str, Any]:
+def run_case(task: CaseTask) -> dict[str, Any]:
     """The diagnosis of one campaign, as JSON; of the truth only its hash."""
     lot, began = task.lot, time.perf_counter()
     case = lot.draw()
@@ -73,7 +73,9 @@ def run_case(task: Task) -> dict[str, Any]:
     }
 
 
-def diagnosed(case: Case, rng: np.random.Generator, route: str) -> tuple[dict[str, Any] | None, OperatingPoints]:
+def diagnosed(
+    case: ConcealedCampaign, rng: np.random.Generator, route: str
+) -> tuple[dict[str, Any] | None, OperatingPoints]:
     """Diagnosis of a campaign (None where it could not be made) and the points it had."""
     if route == "recordings":
         return _by_recordings(case, rng)
@@ -86,7 +88,7 @@ def diagnosed(case: Case, rng: np.random.Generator, route: str) -> tuple[dict[st
     return diagnosis_document(found), analysis.grid.points
 
 
-def _by_recordings(case: Case, rng: np.random.Generator) -> tuple[dict[str, Any] | None, OperatingPoints]:
+def _by_recordings(case: ConcealedCampaign, rng: np.random.Generator) -> tuple[dict[str, Any] | None, OperatingPoints]:
     """The very stages of the command line, on files in a folder that goes again."""
     with tempfile.TemporaryDirectory(prefix="pmg-prove-") as name:
         recordings, store, report = (Path(name) / part for part in ("recordings", "store", "report"))
@@ -99,7 +101,11 @@ def _by_recordings(case: Case, rng: np.random.Generator) -> tuple[dict[str, Any]
 
 
 def extended(
-    case: Case, document: dict[str, Any] | None, points: OperatingPoints, rng: np.random.Generator, route: str
+    case: ConcealedCampaign,
+    document: dict[str, Any] | None,
+    points: OperatingPoints,
+    rng: np.random.Generator,
+    route: str,
 ) -> dict[str, Any] | None:
     """What the campaign says with the points of the most powerful proposed test added, run anew by the same bench.
 

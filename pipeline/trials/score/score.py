@@ -21,7 +21,7 @@ QUANTILE = 1.96
 """Half-width of a 95 % interval in standard errors."""
 
 
-class Outcome(StrEnum):
+class DiagnosisScore(StrEnum):
     """How a diagnosis came out."""
 
     QUIET = "quiet"
@@ -39,7 +39,7 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True)
-class Parameter:
+class ParameterScore:
     """A fitted parameter beside its true value.
 
     Parameters
@@ -84,11 +84,11 @@ class Score:
         What was said.
     named : tuple of str
         Ids that were said, leading ones first; of a set, all.
-    outcome : Outcome
+    outcome : DiagnosisScore
         What it was worth.
     p_value : float or None
         Of the mismatch.
-    parameter : Parameter or None
+    parameter : ParameterScore or None
         Where one corresponds.
     held_out : float or None
         Error on withheld readings with the mechanisms in, over the noise floor.
@@ -102,16 +102,16 @@ class Score:
     reached: float
     verdict: str
     named: tuple[str, ...]
-    outcome: Outcome
+    outcome: DiagnosisScore
     p_value: float | None
-    parameter: Parameter | None
+    parameter: ParameterScore | None
     held_out: float | None
     recognised: bool | None
 
     @property
     def detected(self) -> bool:
         """Whether a mismatch was claimed."""
-        return self.outcome is not Outcome.NOT_MADE and self.verdict not in SILENT
+        return self.outcome is not DiagnosisScore.NOT_MADE and self.verdict not in SILENT
 
 
 def judge(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Score:
@@ -119,7 +119,7 @@ def judge(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Score
     effects, kind = truth["effects"], str(truth["kind"])
     outcome = naming_outcome(truth, document)
     tested = document is not None and any(rival["separating_test"] for rival in document["rivals"])
-    told = outcome is Outcome.SAID_CONFOUNDED or (outcome is Outcome.RIGHT_SET and tested)
+    told = outcome is DiagnosisScore.SAID_CONFOUNDED or (outcome is DiagnosisScore.RIGHT_SET and tested)
     held = None if document is None else document["held_out"]
     after = document is not None and document["verdict"] in ("named", "ambiguous") and held is not None
     return Score(
@@ -147,38 +147,38 @@ def said_ids(document: Mapping[str, Any] | None) -> tuple[str, ...]:
     return tuple(dict.fromkeys(ids))
 
 
-def naming_outcome(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Outcome:
+def naming_outcome(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> DiagnosisScore:
     """What was said of the cause.
 
-    A mechanism is right with its shaft, or with the shaft left open. `Outcome.WRONG` is a verdict ``named`` with an
-    id that is not true, whatever else it names.
+    A mechanism is right with its shaft, or with the shaft left open. `DiagnosisScore.WRONG` is a verdict ``named``
+    with an id that is not true, whatever else it names.
     """
     if document is None:
-        return Outcome.NOT_MADE
+        return DiagnosisScore.NOT_MADE
     verdict = document["verdict"]
     if not truth["effects"]:
-        return Outcome.QUIET if verdict in SILENT else Outcome.FALSE_ALARM
+        return DiagnosisScore.QUIET if verdict in SILENT else DiagnosisScore.FALSE_ALARM
     if verdict == "consistent":
-        return Outcome.MISSED
+        return DiagnosisScore.MISSED
     if verdict == "confounded":
-        return Outcome.SAID_CONFOUNDED
+        return DiagnosisScore.SAID_CONFOUNDED
     if verdict == "not_in_library":
-        return Outcome.NOT_IN_LIBRARY
+        return DiagnosisScore.NOT_IN_LIBRARY
     true = {effect["id"]: effect["shaft"] for effect in truth["effects"]}
     said = set(said_ids(document))
     if verdict == "ambiguous":
-        return Outcome.RIGHT_SET if set(true) <= said else Outcome.WRONG_SET
+        return DiagnosisScore.RIGHT_SET if set(true) <= said else DiagnosisScore.WRONG_SET
     if said - set(true):
-        return Outcome.WRONG
+        return DiagnosisScore.WRONG
     shafts = {mechanism["id"]: mechanism["shaft"] for mechanism in document["mechanisms"]}
     if any(shaft not in (true[name], "either") for name, shaft in shafts.items()):
-        return Outcome.WRONG_SHAFT
-    return Outcome.RIGHT if said == set(true) else Outcome.PART
+        return DiagnosisScore.WRONG_SHAFT
+    return DiagnosisScore.RIGHT if said == set(true) else DiagnosisScore.PART
 
 
-def parameter_beside(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Parameter | None:
+def parameter_beside(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> ParameterScore | None:
     """The fitted size of a single effect that was named right, where a parameter corresponds to it."""
-    if document is None or len(truth["effects"]) != 1 or naming_outcome(truth, document) is not Outcome.RIGHT:
+    if document is None or len(truth["effects"]) != 1 or naming_outcome(truth, document) is not DiagnosisScore.RIGHT:
         return None
     effect = truth["effects"][0]
     stem, shaft = PARAMETERS.get(effect["id"]), effect["shaft"]
@@ -189,7 +189,7 @@ def parameter_beside(truth: Mapping[str, Any], document: Mapping[str, Any] | Non
     if found is None:
         return None
     true = _least_squares(truth, effect["id"], shaft)
-    return Parameter(effect["id"], true, float(found["value"]), found["standard_error"])
+    return ParameterScore(effect["id"], true, float(found["value"]), found["standard_error"])
 
 
 def _least_squares(truth: Mapping[str, Any], identifier: str, shaft: str) -> float:
@@ -207,10 +207,10 @@ def resolution(truth: Mapping[str, Any], extended: Mapping[str, Any] | None) -> 
     if extended is None:
         return "not tested"
     outcome = naming_outcome(truth, extended["diagnosis"])
-    if outcome in (Outcome.RIGHT, Outcome.WRONG_SHAFT):
+    if outcome in (DiagnosisScore.RIGHT, DiagnosisScore.WRONG_SHAFT):
         return "resolved"
-    if outcome in (Outcome.RIGHT_SET, Outcome.WRONG_SET):
+    if outcome in (DiagnosisScore.RIGHT_SET, DiagnosisScore.WRONG_SET):
         return "still a set"
-    if outcome is Outcome.NOT_IN_LIBRARY and any(not effect["in_library"] for effect in truth["effects"]):
+    if outcome is DiagnosisScore.NOT_IN_LIBRARY and any(not effect["in_library"] for effect in truth["effects"]):
         return "resolved"
-    return "wrong" if outcome in (Outcome.WRONG, Outcome.PART, Outcome.FALSE_ALARM) else "lost"
+    return "wrong" if outcome in (DiagnosisScore.WRONG, DiagnosisScore.PART, DiagnosisScore.FALSE_ALARM) else "lost"

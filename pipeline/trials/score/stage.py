@@ -15,8 +15,8 @@ from pmg.pipeline.trials.nature import seal_truth
 from pmg.pipeline.trials.score.agreement import both_ways
 from pmg.pipeline.trials.score.case_list import CAMPAIGNS, SEED, chosen_kinds, draw_lots
 from pmg.pipeline.trials.score.chapter import proof_page
-from pmg.pipeline.trials.score.run_case import ROUTES, SCHEMA, Task, run_case
-from pmg.pipeline.trials.score.score import Outcome as Verdict
+from pmg.pipeline.trials.score.run_case import ROUTES, SCHEMA, CaseTask, run_case
+from pmg.pipeline.trials.score.score import DiagnosisScore as Verdict
 from pmg.pipeline.trials.score.score import judge
 from pmg.pipeline.trials.score.sealed import open_truth, open_truths, seal
 from pmg.pipeline.trials.score.summary import Trial, case_row, score_lines, scores_document, summarise
@@ -89,8 +89,8 @@ def run_prove(
     hashes = seal(lots, out, seed=seed, kinds=kinds, route=route)
     code = code_digest()
     asked = lots if case is None else (lots[case],)
-    tasks = [Task(lot, route, code, hashes[lot.number]) for lot in asked]
-    tasks += [Task(lot, ROUTES[1], code, hashes[lot.number], False) for lot in both_ways(lots, recordings)]
+    tasks = [CaseTask(lot, route, code, hashes[lot.number]) for lot in asked]
+    tasks += [CaseTask(lot, ROUTES[1], code, hashes[lot.number], False) for lot in both_ways(lots, recordings)]
     missing = [task for task in tasks if read_case(out, task) is None]
     for done, (task, result) in enumerate(map_over(run_case, missing, workers or os.cpu_count() or 1), 1):
         write_atomic(case_file(out, task), (json.dumps(result, indent=1, allow_nan=False) + "\n").encode())
@@ -118,12 +118,12 @@ def _asked_both(recordings: int | None, quick: bool, route: str, case: int | Non
     return recordings
 
 
-def case_file(out: Path, task: Task) -> Path:
+def case_file(out: Path, task: CaseTask) -> Path:
     """Where the result of a campaign is kept; that of the second way beside that of the first."""
     return out / "cases" / f"{task.lot.number:04d}{'' if task.further else '-' + task.route}.json"
 
 
-def read_case(out: Path, task: Task) -> dict[str, Any] | None:
+def read_case(out: Path, task: CaseTask) -> dict[str, Any] | None:
     """A result that is there, if it is of this truth, by this route and by this state of the program."""
     path = case_file(out, task)
     if not path.exists():
@@ -156,7 +156,7 @@ def _sources(folder: Traversable, name: str) -> list[tuple[str, bytes]]:
     return found
 
 
-def _one(task: Task, result: dict[str, Any], out: Path) -> Outcome:
+def _one(task: CaseTask, result: dict[str, Any], out: Path) -> Outcome:
     """What came of one campaign."""
     lot = task.lot
     truth = open_truth(seal_truth(lot.draw())[0], task.sha256, f"campaign {lot.number}")
@@ -171,7 +171,7 @@ def _one(task: Task, result: dict[str, Any], out: Path) -> Outcome:
 
 def _all(
     lots: tuple[Lot, ...],
-    results: dict[Task, dict[str, Any]],
+    results: dict[CaseTask, dict[str, Any]],
     out: Path,
     told: dict[str, Any],
     counted: tuple[int, int],

@@ -14,14 +14,14 @@ from pmg.pipeline.trials.score.agreement import agree
 from pmg.pipeline.trials.score.case_list import SHARES
 from pmg.pipeline.trials.score.figures import detection, figures
 from pmg.pipeline.trials.score.rates import EDGES
-from pmg.pipeline.trials.score.score import Outcome, Score, judge, resolution
+from pmg.pipeline.trials.score.score import DiagnosisScore, Score, judge, resolution
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pmg.pipeline.trials.score.agreement import Agreement
+    from pmg.pipeline.trials.score.agreement import TrialAgreement
     from pmg.pipeline.trials.score.figures import Figured
-    from pmg.pipeline.trials.score.rates import Curve, Rate
+    from pmg.pipeline.trials.score.rates import DetectionCurve, Rate
 
 SCHEMA = "pmg.proof/1"
 TIME_AIM = 60.0
@@ -46,7 +46,7 @@ class Trial:
         Detection against size.
     seconds : tuple of float
         Time of each diagnosis [s].
-    agreement : Agreement or None
+    agreement : TrialAgreement or None
         Of both ways, grid and recordings; None where no campaign went both.
     """
 
@@ -54,9 +54,9 @@ class Trial:
     rows: tuple[dict[str, Any], ...]
     figures: tuple[Figured, ...]
     bins: tuple[tuple[float, float, float, Rate], ...]
-    curve: Curve | None
+    curve: DetectionCurve | None
     seconds: tuple[float, ...]
-    agreement: Agreement | None = None
+    agreement: TrialAgreement | None = None
 
     @property
     def outcomes(self) -> dict[str, dict[str, int]]:
@@ -65,7 +65,7 @@ class Trial:
         for kind in SHARES:
             counted = Counter(score.outcome for score in self.scores if score.kind == kind)
             if counted:
-                found[kind] = {str(outcome): counted[outcome] for outcome in Outcome if counted[outcome]}
+                found[kind] = {str(outcome): counted[outcome] for outcome in DiagnosisScore if counted[outcome]}
         return found
 
     @property
@@ -84,7 +84,7 @@ class Trial:
                 mine = [s.outcome for s in self.scores if s.kind == kind and low <= s.reached < high]
                 if mine:
                     counted = Counter(mine)
-                    found.append((kind, low, high, {str(o): counted[o] for o in Outcome if counted[o]}))
+                    found.append((kind, low, high, {str(o): counted[o] for o in DiagnosisScore if counted[o]}))
         return tuple(found)
 
     @property
@@ -106,7 +106,7 @@ def said(score: Score) -> str:
     if score.verdict == "named":
         return score.named[0]
     if score.verdict == "ambiguous":
-        return A_SET if score.outcome is Outcome.RIGHT_SET else OTHER_SET
+        return A_SET if score.outcome is DiagnosisScore.RIGHT_SET else OTHER_SET
     return NOT_IN if score.verdict == "not_in_library" else NOTHING
 
 

@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 from hypothesis import strategies as st
 
-from pmg.sim.bench import BenchParameters, Quantity, load_bench
+from pmg.sim.bench import BenchParameters, SourcedQuantity, load_bench
 from pmg.sim.dynamics.assumptions import Assumptions, RotorInertia
 from pmg.sim.dynamics.drivetrain import Drivetrain
 from pmg.sim.dynamics.state import State
@@ -42,10 +42,10 @@ def drivetrain(assumptions: Assumptions | None = None, gear: int = 1) -> Drivetr
     return Drivetrain.calibrated(BENCH, MODEL, assumptions, gear)
 
 
-def without(section: object, *names: str) -> dict[str, Quantity]:
+def without(section: object, *names: str) -> dict[str, SourcedQuantity]:
     known = {f.name for f in fields(section)}  # type: ignore[arg-type]
     assert set(names) <= known
-    return {name: Quantity(0.0, getattr(section, name).unit) for name in names}
+    return {name: SourcedQuantity(0.0, getattr(section, name).unit) for name in names}
 
 
 def lossless_bench() -> BenchParameters:
