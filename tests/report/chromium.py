@@ -117,6 +117,12 @@ class Tab:
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
+    def act(self, expression: str) -> Any:  # noqa: ANN401 - JSON as it comes
+        """Value of a JavaScript expression that may do what a page allows a hand alone, such as open a window."""
+        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True, userGesture=True)
+        assert "exceptionDetails" not in answer, answer
+        return answer["result"].get("value")
+
     def noise(self) -> list[dict[str, Any]]:
         """What the browser logged, and what scripts printed or let fall."""
         self.ask("1")

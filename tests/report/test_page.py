@@ -15,8 +15,18 @@ from pathlib import Path
 
 import pytest
 
-from pmg.pipeline.report.document import Column, Facts, Figure, Headline, Measured, Report, Section, Table, Text
-from pmg.pipeline.report.html import html
+from pmg.pipeline.report.document import (
+    Column,
+    Facts,
+    Figure,
+    Headline,
+    Measured,
+    Report,
+    Section,
+    Table,
+    Text,
+)
+from pmg.pipeline.report.html import _library, html
 from pmg.pipeline.report.write import report_files, write_report
 from pmg.sim.errors import StoreError
 from pmg.sim.sources import GUM, THESIS, Source
@@ -88,6 +98,21 @@ def test_nothing_on_the_page_points_to_the_network() -> None:
     assert "@import" not in page
     assert re.findall(r"url\((?!#)", page) == []
     assert ("meta", "content") in {(tag, name) for tag, name, value in outline.attributes if "'none'" in value}
+
+
+def test_what_the_drawing_library_would_send_with_is_off() -> None:
+    """Whatever its settings name for sending charts, and every address it would send them to, is set to nothing."""
+    library = _library()
+    settings = library[library.index("staticPlot:{valType") :].partition("dfltConfig")[0]
+    switches = re.findall(r"(\w*(?:Send|Cloud|Share|Studio)\w*):\{valType:\"boolean\"", settings)
+    addresses = re.findall(r"(\w+URL):\{valType:\"string\",dflt:", settings)
+    assert switches
+    assert addresses
+    body = re.search(r"const config = \{\n(.*?)\n *\};", html(example.report()), re.DOTALL)
+    assert body is not None
+    config = dict(re.findall(r"^ *(\w+): (.*),$", body[1], re.MULTILINE))
+    assert {name: config.get(name) for name in switches} == dict.fromkeys(switches, "false")
+    assert {name: config.get(name) for name in addresses} == dict.fromkeys(addresses, '""')
 
 
 def test_headings_come_in_order_and_figures_are_named() -> None:

@@ -38,6 +38,8 @@
     responsive: true,
     displaylogo: false,
     showTips: false,
+    showSendToCloud: false,
+    plotlyServerURL: "",
     displayModeBar: "hover",
     modeBarButtonsToRemove: ["select2d", "lasso2d"],
     toImageButtonOptions: { format: "png", scale: 2 },
