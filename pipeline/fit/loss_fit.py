@@ -223,8 +223,14 @@ def _fit_one(reading: ShaftDrag, powers: tuple[float, ...], weights: Array | Non
         covariance = sandwich(terms * root[:, None] / length, residuals * root, scale) / np.outer(length, length)
     about_mean = float(weight @ (measured - np.average(measured, weights=weight)) ** 2)
     aicc = math.nan
-    if n > k + 2 and rss > 0.0 and not robust:
-        aicc = n * math.log(rss / n) + 2.0 * (k + 1) + 2.0 * (k + 1) * (k + 2) / (n - k - 2)
+    largest = float(np.abs(residuals).max())
+    if n > k + 2 and largest > 0.0 and not robust:  # the squares of small residuals would underflow
+        mean_square = float(weight @ (residuals / largest) ** 2) / n
+        aicc = (
+            n * (2.0 * math.log(largest) + math.log(mean_square))
+            + 2.0 * (k + 1)
+            + 2.0 * (k + 1) * (k + 2) / (n - k - 2)
+        )
     return LossFit(
         shaft=shaft,
         curve=replace(curve, coefficients=np.asarray(coefficients, dtype=np.float64)),

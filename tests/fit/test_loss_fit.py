@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy import stats
 from tests.points import measured, points
@@ -29,12 +29,22 @@ def torques(coefficients: tuple[float, float, float], rpm: np.ndarray, top: floa
 
 
 @given(st.tuples(st.floats(0.0, 0.1), st.floats(-0.1, 0.3), st.floats(-0.1, 0.3)))
+@example((1e-146, 0.0, 0.0))
+@example((2e-146, 0.0, 0.0))
 def test_a_curve_of_the_chosen_terms_is_found_exactly(truth: tuple[float, float, float]) -> None:
     at = points("neutral", SUN, RING)
     grid = measured(at, torques(truth, SUN, 1872.0), torques(truth, RING, 720.0))
     fits = fit_losses(grid, (0.0, 0.5, 1.0), (0.0, 0.5, 1.0))
     np.testing.assert_allclose(fits.sun.curve.coefficients, truth, atol=1e-10)
     np.testing.assert_allclose(fits.ring.curve.coefficients, truth, atol=1e-10)
+
+
+@pytest.mark.parametrize("scale", [1e-147, 1e-162, 1e-250, 1e3])
+def test_akaikes_criterion_follows_the_unit_of_the_torques(scale: float, rng: np.random.Generator) -> None:
+    at = points("neutral", SUN, RING)
+    sun, ring = (torque + 1e-3 * rng.standard_normal(len(at)) for torque in (SUN * 1e-4, RING * 1e-4))
+    plain, other = (fit_losses(measured(at, sun * by, ring * by)).sun for by in (1.0, scale))
+    assert other.aicc == pytest.approx(plain.aicc + 2.0 * len(plain.residuals) * np.log(scale), rel=1e-6)
 
 
 def test_standard_errors_cover_the_truth_at_the_stated_rate(rng: np.random.Generator) -> None:
