@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pmg.pipeline.recording import Code, Recording, Severity, UnusableRecordingError, read_recording
@@ -363,19 +363,33 @@ def test_a_single_sample_is_read(encoding: str) -> None:
 STRANGE = st.one_of(
     st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=3), st.lists(st.floats(), max_size=3)
 )
+LARGEST = 1.7976931348623157e308
+
+
+@st.composite
+def changes(draw: st.DrawFn) -> list[tuple[int, bool, Any]]:
+    """Messages, whether it is their time that changes or their value, and what stands there then."""
+    return draw(st.lists(st.tuples(st.integers(0, 499), st.booleans(), STRANGE), min_size=1, max_size=6))
 
 
 @settings(max_examples=60, deadline=None)
 @given(
-    data=st.data(),
+    changed=changes(),
     field=st.sampled_from(["sample", "t", "utc_ns", "stamp"]),
     rate=st.sampled_from([None, "500", "1e300", "-1", "nan"]),
 )
-def test_no_numbers_in_the_messages_make_the_reader_stumble(data: st.DataObject, field: str, rate: str | None) -> None:
+@example(changed=[(7, False, LARGEST)], field="sample", rate=None)
+@example(changed=[(7, False, -LARGEST)], field="sample", rate="500")
+@example(changed=[(0, True, 2**63)], field="utc_ns", rate=None)
+@example(changed=[(0, True, -(2**63))], field="utc_ns", rate="500")
+@example(changed=[(0, True, -9e9 + 1), (499, True, 9e9 - 1)], field="t", rate="500")
+def test_no_numbers_in_the_messages_make_the_reader_stumble(
+    changed: list[tuple[int, bool, Any]], field: str, rate: str | None
+) -> None:
     values = tracks(BENCH)[TORQUE][1].tolist()
     rows: list[dict[str, Any]] = [{field: k if field != "t" else k / 500, "value": v} for k, v in enumerate(values)]
-    for _ in range(data.draw(st.integers(1, 6))):
-        rows[data.draw(st.integers(0, 499))][data.draw(st.sampled_from([field, "value"]))] = data.draw(STRANGE)
+    for at, timed, strange in changed:
+        rows[at][field if timed else "value"] = strange
     messages = [json.dumps(row).encode() for row in rows]
     metadata = {} if rate is None else {"rate_hz": rate}
     other = Other("json", ("R", "jsonschema", b""), messages, metadata)

@@ -92,12 +92,12 @@ def check_torques(
 
 def _out_of_band(track: Decoded, transducer: Transducer, findings: Findings) -> None:
     (low, high), nominal = BAND_HZ, transducer.nominal_torque
+    least, most = np.sort(transducer.torque(np.array(BAND_HZ)))
     apart = max(1, round(APART_S * track.rate_hz))
     outside, beyond = (np.zeros(len(track.values), dtype=np.bool_) for _ in range(2))
     for part in pieces(len(track.values)):
         torque = track.values[part]
-        frequency = transducer.frequency(torque)
-        outside[part] = (frequency < low) | (frequency > high)
+        outside[part] = (torque < least) | (torque > most)
         beyond[part] = (np.abs(torque) > nominal) & ~outside[part]
     words = (
         f"lie outside the rated {low / 1e3:g} to {high / 1e3:g} kHz",

@@ -29,6 +29,8 @@ LARGEST_S = 9e9
 """Times beyond this do not fit into a signed count of nanoseconds [s]."""
 FAR = 2.0**60
 """Steps beyond this are taken as this: what is placed so far away is told as damage when blocks are joined."""
+LARGEST_NS = 2**62 - 1
+"""Times and indices beyond this are taken as this, in the year 2116: the difference of two fits a signed integer."""
 LATE = 0.45
 """Part of its length by which the stamp of a message may be off."""
 ROUGH = 0.2
@@ -61,7 +63,7 @@ def moments_of(columns: Columns) -> Moments:
     for path in INDEX_FIELDS:
         values = columns.one(path)
         if values is not None and _whole(values) and (len(values) < 2 or np.any(values != values[0])):
-            return Moments(values.astype(np.int64), None, path)
+            return Moments(_within(values), None, path)
     for stem in STAMP_FIELDS:
         for second in SECOND_FIELDS:
             whole = columns.one(f"{stem}.{second}")
@@ -69,23 +71,31 @@ def moments_of(columns: Columns) -> Moments:
                 for nano in NANO_FIELDS:
                     part = columns.one(f"{stem}.{nano}")
                     if part is not None and _whole(whole) and _whole(part):
-                        stamp = whole.astype(np.int64) * SECOND_NS + part.astype(np.int64)
+                        seconds = _within(whole, LARGEST_NS // SECOND_NS)
+                        stamp = _within(seconds * SECOND_NS + _within(part, LARGEST_NS // 2))
                         if np.any(stamp != stamp[:1]) or len(stamp) < 2:
                             return Moments(None, stamp, stem)
     for path in (*NS_FIELDS, *(stem + TEXT_TIME for stem in STAMP_FIELDS)):
         values = columns.one(path)
         if values is not None and _whole(values):
-            return Moments(None, values.astype(np.int64), path.removesuffix(TEXT_TIME))
+            return Moments(None, _within(values), path.removesuffix(TEXT_TIME))
     for path in S_FIELDS:
         values = columns.one(path)
         if values is not None and np.all(np.abs(values) < LARGEST_S):
-            return Moments(None, np.rint(values.astype(np.float64) * SECOND_NS).astype(np.int64), path)
+            return Moments(None, _within(np.rint(values.astype(np.float64) * SECOND_NS)), path)
     return Moments(None, None, "")
 
 
 def _whole(values: npt.NDArray[Any]) -> bool:
-    """Whether all numbers are whole and fit into a signed integer."""
+    """Whether all numbers are whole; floating-point ones also, whether they fit into a signed integer."""
     return bool(values.dtype.kind != "f" or np.all((values == np.rint(values)) & (np.abs(values) < FAR)))
+
+
+def _within(values: npt.NDArray[Any], largest: int = LARGEST_NS) -> Places:
+    """Whole numbers as signed integers; those beyond the largest magnitude as that, with their sign."""
+    if values.dtype == np.uint64:
+        values = np.minimum(values, np.uint64(largest))
+    return np.clip(values.astype(np.int64), -largest, largest)
 
 
 def is_time(path: str) -> bool:
