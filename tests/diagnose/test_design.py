@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,12 @@ from typer.testing import CliRunner
 
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.design import run_design
+from pmg.pipeline.diagnose.design.audit import audit_design
 from pmg.pipeline.diagnose.design.next_test import power_to_separate
 from pmg.pipeline.diagnose.design.plans import possible_plans
 from pmg.pipeline.diagnose.grid.naming import MARGIN
-from pmg.pipeline.simulate.planned import planned_grid
+from pmg.pipeline.simulate.inputs import loss_model
+from pmg.pipeline.simulate.planned import planned_floor, planned_grid
 from pmg.pipeline.simulate.scenario_file import read_scenario
 from pmg.sim.bench import BenchParameters
 from pmg.sim.errors import BenchError
@@ -82,6 +85,22 @@ def test_every_pair_that_can_be_seen_is_called_alike_or_apart_once(audits: dict[
         named += [pair for pair in (frozenset(p["ids"]) for p in apart) if len(pair) == 2]
         assert len(named) == len(set(named)) == len(seen) * (len(seen) - 1) // 2
         assert all(0.0 <= pair["correlation"] < 0.95 for pair in apart)
+
+
+def test_rounding_decides_neither_which_pair_is_named_nor_the_order(bench: BenchParameters) -> None:
+    file = read_scenario(PLANS / "extended.toml", "a plan")
+    plan, model = file.scenario.plan, loss_model(file, bench)
+    assert plan is not None
+    assert model is not None
+    grid, floor = planned_grid(plan, bench), planned_floor(plan)
+    told = []
+    for by in (1.0, 1.0 - 1e-12, 1.0 + 3e-12):
+        noise = replace(
+            floor, sun=replace(floor.sun, u=floor.sun.u * by), ring=replace(floor.ring, u=floor.ring.u * by)
+        )
+        audit = audit_design(grid, bench, model, noise)
+        told.append([(pair.one, pair.other) for pair in (*audit.alike, *audit.apart)])
+    assert told[0] == told[1] == told[2]
 
 
 def test_what_a_free_baseline_swallows_is_said_by_name(audits: dict[str, dict[str, object]]) -> None:

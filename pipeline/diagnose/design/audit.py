@@ -31,6 +31,10 @@ LEVEL = 0.05
 ALIKE = 0.95
 """Correlation of two signatures, each freed from the baseline, from which on they are look-alikes."""
 
+DIGITS = 6
+"""Decimals of a correlation that count in a comparison: those after them are rounding, which the processor decides, and
+pairs equal to them stand in the order of the catalogue."""
+
 RESEMBLING = 0.5
 """Correlation from which on a pair that can be told apart is shown to people beside the look-alikes."""
 
@@ -192,9 +196,9 @@ def _resembling(stage: Stage, fits: dict[Candidate, CandidateFit]) -> list[LookA
             rest = free[other].project(fit.effect)
             correlation = math.sqrt(max(0.0, 1.0 - float(rest @ rest) / length))
             known = pairs.get(key)
-            if known is None or correlation > known.correlation:
+            if known is None or round(correlation, DIGITS) > round(known.correlation, DIGITS):
                 pairs[key] = LookAlike(one, other, correlation, None, 0.0)
-    return sorted(pairs.values(), key=lambda pair: -pair.correlation)
+    return sorted(pairs.values(), key=lambda pair: -round(pair.correlation, DIGITS))
 
 
 SURE_SIZE = 3.0
