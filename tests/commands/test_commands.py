@@ -55,7 +55,7 @@ class Row:
 NO_STORE = "{tmp}/none"
 TABLE: dict[str, Row] = {
     "ingest": Row(
-        "ingest_stage.run_ingest",
+        "commands.ingest.run_ingest",
         "{campaign} --store {tmp}/s --workers 1",
         (
             Wrong("{tmp}/none --store {tmp}/s", "none"),
@@ -71,7 +71,7 @@ TABLE: dict[str, Row] = {
         ),
     ),
     "analyse": Row(
-        "analyse_stage.run_analyse",
+        "commands.analyse.run_analyse",
         "--grids {grids} --store {tmp}/s --terms-sun 0,1 --terms-ring 0,1",
         (
             Wrong(f"--store {NO_STORE}", "pmg ingest"),
@@ -84,7 +84,7 @@ TABLE: dict[str, Row] = {
         more=(("--grids {holed} --store {tmp}/s --terms-sun 0,1 --terms-ring 0,1", 3),),
     ),
     "compare": Row(
-        "compare_stage.run_compare",
+        "commands.compare.run_compare",
         "--store {analysed} --report {tmp}/r",
         (
             Wrong(f"--store {NO_STORE} --report {{tmp}}/r", "pmg ingest"),
@@ -94,7 +94,7 @@ TABLE: dict[str, Row] = {
         ),
     ),
     "run": Row(
-        "stages.run_all",
+        "commands.run.run_all",
         "--grids {grids} --store {tmp}/s --report {tmp}/r --terms-sun 0,1 --terms-ring 0,1 --fail-on mismatch",
         (
             Wrong("--store {tmp}/s --report {tmp}/r", "one of them"),
@@ -104,7 +104,7 @@ TABLE: dict[str, Row] = {
         code=1,
     ),
     "simulate": Row(
-        "simulation_stage.run_simulate",
+        "commands.simulate.run_simulate",
         "{scenario} --out {tmp}/o",
         (
             Wrong("{tmp}/none.toml --out {tmp}/o", "none.toml"),
@@ -114,12 +114,12 @@ TABLE: dict[str, Row] = {
         ),
     ),
     "validate": Row(
-        "validate.stage.run_validate",
+        "commands.validate.run_validate",
         "--draws 20",
         (Wrong("--grids {tmp}", "no such file"), Wrong("--draws 2", "20 or more"), Wrong("--seed -1", "--seed")),
     ),
     "residuals": Row(
-        "residuals.stage.run_residuals",
+        "commands.residuals.run_residuals",
         "--store {analysed} --draws 20 --fit curves",
         (
             Wrong(f"--store {NO_STORE}", "pmg"),
@@ -128,12 +128,12 @@ TABLE: dict[str, Row] = {
         ),
     ),
     "orders": Row(
-        "orders.stage.run_orders",
+        "commands.orders.run_orders",
         "--store {store}",
         (Wrong(f"--store {NO_STORE}", "pmg ingest"), Wrong("--store {store} --point P9", "P9")),
     ),
     "design": Row(
-        "design_stage.run_design",
+        "commands.design.run_design",
         "{root}/raw/plans/thesis.toml",
         (
             Wrong("{tmp}/none.toml", "none.toml"),
@@ -143,7 +143,7 @@ TABLE: dict[str, Row] = {
         ),
     ),
     "terms": Row(
-        "terms.stage.run_terms",
+        "commands.terms.run_terms",
         "{slide}/case.toml --out {tmp}/o",
         (
             Wrong("{tmp}/none.toml --out {tmp}/o", "none.toml"),
@@ -152,7 +152,7 @@ TABLE: dict[str, Row] = {
         ),
     ),
     "prove": Row(
-        "prove.trial.stage.run_prove",
+        "trials.score.stage.run_prove",
         "--out {tmp}/o --campaigns 1 --strata clean --workers 1",
         (
             Wrong("--out {tmp}/o --strata claen", "claen"),
@@ -161,7 +161,7 @@ TABLE: dict[str, Row] = {
         ),
     ),
     "import": Row(
-        "exchange.stage.run_import",
+        "commands.exchange.run_import",
         "{logs}/E1.csv --map {logs}/map.toml --out {tmp}/o",
         (
             Wrong("{tmp}/none.csv --map {logs}/map.toml --out {tmp}/o", "none.csv"),
@@ -170,7 +170,7 @@ TABLE: dict[str, Row] = {
         ),
     ),
     "export": Row(
-        "exchange.stage.run_export",
+        "commands.exchange.run_export",
         "{campaign}/00.mcap --out {tmp}/o.mcap",
         (
             Wrong("{tmp}/none.mcap --out {tmp}/o.mcap", "none.mcap"),
@@ -179,13 +179,13 @@ TABLE: dict[str, Row] = {
         ),
     ),
     "doctor": Row(
-        "doctor.stage.run_doctor",
+        "commands.doctor.run_doctor",
         "{sound}",
         (Wrong("{tmp}/none", "none"), Wrong("{tmp}", "mcap")),
         more=(("{store}", 0), ("{damaged}", 2)),
     ),
     "report": Row(
-        "versus.stage.run_report",
+        "commands.report.run_report",
         "{analysed} {analysed} --report {tmp}/r",
         (
             Wrong("{analysed} {tmp}/none --report {tmp}/r", "campaign B"),
@@ -196,7 +196,7 @@ TABLE: dict[str, Row] = {
         ),
     ),
     "runs list": Row(
-        "catalogue.stage.run_list",
+        "commands.runs.run_list",
         "{store} --where 'campaign = made and not accepted = no'",
         (
             Wrong(NO_STORE, "pmg ingest"),
@@ -207,12 +207,12 @@ TABLE: dict[str, Row] = {
         more=(("{broken_store}", 3),),
     ),
     "runs show": Row(
-        "catalogue.stage.run_show",
+        "commands.runs.run_show",
         "{store} 05.mcap",
         (Wrong(f"{NO_STORE} 05.mcap", "pmg ingest"), Wrong("{store} 99.mcap", "99.mcap"), Wrong("{store}", "NAME")),
     ),
     "runs diff": Row(
-        "catalogue.stage.run_diff",
+        "commands.runs.run_diff",
         "{store} 00.mcap 05.mcap",
         (
             Wrong(f"{NO_STORE} 00.mcap 05.mcap", "pmg ingest"),
@@ -222,17 +222,17 @@ TABLE: dict[str, Row] = {
         more=(("{store} 00.mcap 05.mcap --fail-on mismatch", 1),),
     ),
     "config show": Row(
-        "config.stage.run_show",
+        "commands.config.run_show",
         "--config {config} --origin",
         (Wrong("--config {bad_config}", "stoer"), Wrong("--config {tmp}/none.toml", "none.toml")),
         fails_on=False,
     ),
     "config check": Row(
-        "config.stage.run_check",
+        "commands.config.run_check",
         "{config}",
         (Wrong("{bad_config}", "stoer"), Wrong("{tmp}/none.toml", "none.toml"), Wrong("{campaign}/00.mcap", "00.mcap")),
     ),
-    "config template": Row("config.stage.run_template", "", (Wrong("{tmp}", "argument"),), fails_on=False),
+    "config template": Row("commands.config.run_template", "", (Wrong("{tmp}", "argument"),), fails_on=False),
 }
 """Every command of pmg by its words."""
 
