@@ -6,10 +6,17 @@ import tomllib
 from dataclasses import dataclass, fields
 from functools import cache
 from importlib import resources
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
 
 from pmg.sim.errors import BenchError, near_miss
 from pmg.sim.sources import THESIS, Source
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from pmg.sim.signals import Array, Number
 
 
 class SourcedQuantity(float):
@@ -33,6 +40,16 @@ class SourcedQuantity(float):
         return float(self), self.unit, self.u, self.source
 
 
+def speed_ratio(pole_pairs_sun: Number, pole_pairs_ring: Number) -> Number:
+    """Magnitude of w_sun / w_ring with the carrier fixed: plain arithmetic on floats and symbols alike."""
+    return pole_pairs_ring / pole_pairs_sun
+
+
+def of_stage(gear: npt.NDArray[np.int64], first: Array | float, second: Array | float) -> Array:
+    """The value of each point's stage: that of stage 1 where `gear` is 1, that of stage 2 elsewhere."""
+    return np.where(gear == 1, first, second)
+
+
 @dataclass(frozen=True)
 class GearParameters:
     """One magnetic stage.
@@ -51,7 +68,11 @@ class GearParameters:
     @property
     def ratio(self) -> float:
         """Magnitude of the speed ratio with the carrier fixed, p_ring / p_sun."""
-        return self.pole_pairs_ring / self.pole_pairs_sun
+        return float(speed_ratio(self.pole_pairs_sun, self.pole_pairs_ring))
+
+    def pole_slip(self, speed_sun: Array, speed_ring: Array) -> Array:
+        """Speed at which the poles slip past each other [rad/s], (n,); 0 while the gear holds."""
+        return self.pole_pairs_sun * speed_sun + self.pole_pairs_ring * speed_ring
 
 
 @dataclass(frozen=True)
@@ -170,6 +191,14 @@ class BenchParameters:
         if number not in (1, 2):
             raise BenchError("gear", str(number), "1 or 2", "Name one of the two stages.")
         return self.gear1 if number == 1 else self.gear2
+
+    def ratio(self, gear: npt.NDArray[np.int64]) -> Array:
+        """Magnitude of the speed ratio of each point's stage (n,)."""
+        return of_stage(gear, self.gear1.ratio, self.gear2.ratio)
+
+    def pole_slip(self, gear: npt.NDArray[np.int64], speed_sun: Array, speed_ring: Array) -> Array:
+        """Speed at which the poles of each point's stage slip past each other [rad/s], (n,)."""
+        return of_stage(gear, self.gear1.pole_slip(speed_sun, speed_ring), self.gear2.pole_slip(speed_sun, speed_ring))
 
 
 def _quantities(table: dict[str, Any], kind: type[Any], where: str) -> Any:  # noqa: ANN401  (any section)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.store.store import Store
@@ -15,6 +16,9 @@ from .recording.writer import Bench, write
 ROOT = Path(__file__).resolve().parent.parent
 FILES = 12
 """Files of `campaign`."""
+
+settings.register_profile("untimed", deadline=None)  # how long an example takes says nothing about the code
+settings.load_profile("untimed")
 
 
 @pytest.fixture

@@ -184,7 +184,7 @@ def _torque(
     for side, rows in zip(sides, (matching.a, matching.b), strict=True):
         grid = side.grid[rows]
         at = grid.points
-        ratio = np.where(at.gear == 1, side.bench.gear1.ratio, side.bench.gear2.ratio)
+        ratio = side.bench.ratio(at.gear)
         by_load = np.where(at.engaged & sun & bool(changes), 1.0 / ratio, 0.0)
         known = ~(at.rest_sun if sun else at.rest_ring) | at.zero
         values.append(np.where(known, grid.torque_sun if sun else grid.torque_ring, np.nan))

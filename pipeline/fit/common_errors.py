@@ -168,7 +168,7 @@ def causes_of_calibration(grid: Grid, calibration: FittedBaseline, bench: BenchP
     response = np.zeros((len(names), len(readings)))
     response[inside] = np.linalg.pinv(weighted / length) / length[:, None] / readings.u
     at, row, sun = grid.points, readings.row, readings.sun
-    ratio = np.where(at.gear == 1, bench.gear1.ratio, bench.gear2.ratio)
+    ratio = bench.ratio(at.gear)
     influence = np.zeros((len(names), len(grid))), np.zeros((len(names), len(grid)))
     influence[0][:, row[sun]] = response[:, sun]
     influence[1][:, row[~sun]] = response[:, ~sun]

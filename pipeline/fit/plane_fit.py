@@ -148,13 +148,7 @@ def plane_columns(grid: Grid, fit: LossFit, bench: BenchParameters) -> Array:
     at = grid.points[fit.rows]
     sun, ring = np.where(at.rest_sun, 0.0, at.speed_sun), np.where(at.rest_ring, 0.0, at.speed_ring)
     own, other = (sun, ring) if fit.shaft == "sun" else (ring, sun)
-    first = at.gear == 1
-    one, two = bench.gear1, bench.gear2
-    slip = np.where(
-        first,
-        one.pole_pairs_sun * sun + one.pole_pairs_ring * ring,
-        two.pole_pairs_sun * sun + two.pole_pairs_ring * ring,
-    )
+    slip = bench.pole_slip(at.gear, sun, ring)
     direction = np.where(own == 0.0, 1.0, np.sign(own))
     difference = own - other
     columns = np.stack(

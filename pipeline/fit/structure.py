@@ -139,11 +139,7 @@ def _neutral_families(
     own, other = readings.speed_own[rows], readings.speed_other[rows]
     at = readings.grid.points[readings.row[rows]]
     difference = at.speed_sun - at.speed_ring
-    slip = np.where(
-        at.gear == 1,
-        bench.gear1.pole_pairs_sun * at.speed_sun + bench.gear1.pole_pairs_ring * at.speed_ring,
-        bench.gear2.pole_pairs_sun * at.speed_sun + bench.gear2.pole_pairs_ring * at.speed_ring,
-    )
+    slip = bench.pole_slip(at.gear, at.speed_sun, at.speed_ring)
     moving_other = np.abs(other) > REST
     for covariates, columns in (
         ((f"speed_{shaft}",), _polynomials(np.sqrt(np.abs(own)), 6)),

@@ -114,7 +114,7 @@ def relative_scale(
 ) -> Array:
     """Standard deviation of each reading [N m] from that of the two transducers' points."""
     at = readings.grid.points
-    ratio = np.where(at.gear == 1, bench.gear1.ratio, bench.gear2.ratio)[readings.row]
+    ratio = bench.ratio(at.gear)[readings.row]
     engaged = readings.configuration == "engaged"
     grows = growth or {True: NO_GROWTH, False: NO_GROWTH}
     sun = sigma[True] * np.sqrt(grows[True].variance(at.speed_sun[readings.row]))

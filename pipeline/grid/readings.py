@@ -87,7 +87,7 @@ def take_readings(grid: Grid, bench: BenchParameters) -> Readings:
     at = grid.points
     rows_sun = np.flatnonzero(grid.accepted & ((at.neutral & ~at.rest_sun) | at.engaged | at.zero))
     rows_ring = np.flatnonzero(grid.accepted & ((at.neutral & ~at.rest_ring) | at.zero))
-    ratio = np.where(at.gear == 1, bench.gear1.ratio, bench.gear2.ratio)
+    ratio = bench.ratio(at.gear)
     u_sun = np.where(at.engaged, np.hypot(grid.u_sun, grid.u_ring / ratio), grid.u_sun)
     return Readings(
         grid=grid,

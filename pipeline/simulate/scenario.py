@@ -16,7 +16,7 @@ from pmg.sim.dynamics.constants import Control
 from pmg.sim.dynamics.transient import OUTPUTS, OnSlip, Solver
 from pmg.sim.errors import near_miss
 from pmg.sim.grid import Configuration
-from pmg.sim.kinematics import Member
+from pmg.sim.shafts import Member
 from pmg.sim.steady.power_chain import MotorConvention
 
 

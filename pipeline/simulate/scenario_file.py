@@ -16,7 +16,7 @@ from pmg.pipeline.simulate.scenario import Scenario
 from pmg.sim.dynamics.constants import Control
 from pmg.sim.errors import BenchError
 from pmg.sim.grid import Configuration
-from pmg.sim.kinematics import Member
+from pmg.sim.shafts import Member
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

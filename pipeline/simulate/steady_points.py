@@ -15,10 +15,10 @@ from pmg.sim.dynamics.power import flows
 from pmg.sim.dynamics.state import STATES, SetPoints
 from pmg.sim.errors import BenchError
 from pmg.sim.grid import Configuration, Grid, OperatingPoints
-from pmg.sim.kinematics import Member
 from pmg.sim.mechanisms import Component, Torques
 from pmg.sim.mechanisms.instruments import distorted
 from pmg.sim.mechanisms.warmth import warmth_at
+from pmg.sim.shafts import Member
 from pmg.sim.steady.forward import forward
 from pmg.sim.steady.power_chain import MotorConvention, power_chain
 from pmg.sim.steady.solve import steady

@@ -124,7 +124,7 @@ def _design(bench: BenchParameters) -> dict[str, float]:
     for number in (1, 2):
         gear = bench.gear(number)
         peak = analytic_map(gear).pull_out.torque_high
-        on_ring = peak * gear.pole_pairs_ring / gear.pole_pairs_sun
+        on_ring = peak * gear.ratio
         values |= {f"ratio-{number}": gear.ratio, f"pull-out-sun-{number}": peak}
         values |= {f"pull-out-ring-{number}": on_ring, f"pull-out-carrier-{number}": peak + on_ring}
     for shaft, first, diameters in (("sun", 1, DIAMETERS_SUN), ("ring", 3, DIAMETERS_RING)):

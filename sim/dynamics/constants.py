@@ -5,11 +5,13 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple
 
+from pmg.sim.bench import speed_ratio
 from pmg.sim.dynamics.assumptions import Assumptions, RotorInertia
 from pmg.sim.steady.power_chain import MotorConvention
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
+    from pmg.sim.signals import Number
 
 
 class Control(StrEnum):
@@ -62,6 +64,11 @@ class Constants(NamedTuple):
     carrier_seen: bool
     sun: MotorConstants
     ring: MotorConstants
+
+    @property
+    def ratio(self) -> Number:
+        """Magnitude of the speed ratio with the carrier fixed."""
+        return speed_ratio(self.p_s, self.p_r)
 
 
 def gather(

@@ -14,10 +14,10 @@ from pmg.sim.dynamics.constants import Constants, Control, MotorConstants, gathe
 from pmg.sim.dynamics.state import STATES, DrivetrainTorques, MotorState, SetPoints, State
 from pmg.sim.errors import BenchError
 from pmg.sim.grid import Configuration
-from pmg.sim.kinematics import Member
 from pmg.sim.maps.analytic import analytic_map
 from pmg.sim.mechanisms import Instrument
 from pmg.sim.mechanisms.base import Instant, Warmth
+from pmg.sim.shafts import Member
 from pmg.sim.steady.baseline import baseline_mechanisms
 
 if TYPE_CHECKING:
@@ -162,7 +162,7 @@ class Drivetrain:
         """Torques of each mechanism on sun, ring and carrier [N m]."""
         x, q = State(*state), self.constants
         _, joint_ring, block = self._outside(x)
-        now = Instant(x.speed_sun, x.speed_ring, block if q.ring_held else joint_ring, q.p_r / q.p_s, q.rest)
+        now = Instant(x.speed_sun, x.speed_ring, block if q.ring_held else joint_ring, q.ratio, q.rest)
         found = []
         for law in self.losses:
             drag = law.at_instant(now)

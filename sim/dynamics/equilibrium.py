@@ -99,7 +99,7 @@ def equilibrium(drivetrain: Drivetrain, sun: Number, ring: Number) -> Equilibriu
         drag_sun, drag_out = _drags(drivetrain, speed, leverage, load)
         torque_sun = leverage * (asked.ring + drag_out) - drag_sun if q.sun.by_speed else asked.sun
         torque_out = (asked.sun + drag_sun) / leverage - drag_out if q.ring.by_speed else asked.ring
-        load = torque_out if not q.ring_held else q.p_r / q.p_s * (torque_sun + drag_sun)
+        load = torque_out if not q.ring_held else q.ratio * (torque_sun + drag_sun)
     state = _locked(drivetrain, coupling, speed, leverage, torque_sun, torque_out, torque_sun + drag_sun)
     return Equilibrium(_polish(drivetrain, asked, state), balances)
 
@@ -124,7 +124,7 @@ def _load(drivetrain: Drivetrain, asked: SetPoints, leverage: float) -> Array:
     """First guess of the torque put on the ring from outside [N m]: that of a gear without drag."""
     q = drivetrain.constants
     if q.ring_held:
-        return np.asarray(-q.p_r / q.Q * asked.ring if q.sun.by_speed else q.p_r / q.p_s * asked.sun)
+        return np.asarray(-q.p_r / q.Q * asked.ring if q.sun.by_speed else q.ratio * asked.sun)
     return np.asarray(asked.sun / leverage if q.ring.by_speed else asked.ring)
 
 
@@ -212,7 +212,7 @@ def _locked(
     """States (20, n) of the rigid, locked gear at that sun speed, in closed form."""
     q, zero = drivetrain.constants, np.zeros_like(speed)
     turned = -leverage * speed
-    on_block = -q.p_r / q.p_s if q.ring_held else q.Q / q.p_s
+    on_block = -q.ratio if q.ring_held else q.Q / q.p_s
     x = State(*[zero] * len(STATES))._replace(
         phase=coupling.load_angle(transmitted),
         angle_block=on_block * transmitted / q.k,

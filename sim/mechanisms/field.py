@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Self
 from pmg.sim import signals, sources
 from pmg.sim.grid import Configuration
 from pmg.sim.mechanisms.base import Component, Experiment, Reveals, RotorLaw, Torques, parameter
-from pmg.sim.mechanisms.friction import LoadLaw, pole_pairs
+from pmg.sim.mechanisms.friction import LoadLaw
 from pmg.sim.mechanisms.magnetic import RotorDamping
 
 if TYPE_CHECKING:
@@ -47,7 +47,8 @@ class CouplingLeftInNeutral(RotorLaw):
     @classmethod
     def of(cls, bench: BenchParameters, model: LossModel) -> Self:
         """Absent."""
-        return cls(pole_pairs(bench))
+        gears = (bench.gear1, bench.gear2)
+        return cls(tuple((round(gear.pole_pairs_sun), round(gear.pole_pairs_ring)) for gear in gears))
 
     @abstractmethod
     def coupling(self) -> tuple[tuple[float, ...], float]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from pmg.sim import signals, sources
+from pmg.sim.bench import of_stage
 from pmg.sim.grid import Configuration
 from pmg.sim.mechanisms.base import (
     Component,
@@ -45,12 +46,12 @@ class LoadLaw(MotionLaw):
 
     acts_in = (Configuration.ENGAGED,)
 
-    pole_pairs: tuple[tuple[int, int], ...]
+    ratios: tuple[float, float]
 
     @classmethod
     def of(cls, bench: BenchParameters, model: LossModel) -> Self:
         """Absent."""
-        return cls(pole_pairs(bench))
+        return cls((bench.gear1.ratio, bench.gear2.ratio))
 
     @abstractmethod
     def law(self, speed_sun: Number, speed_ring: Number, load: Number, ratio: Number, rest: float = 0.0) -> Torques:
@@ -67,7 +68,7 @@ class LoadLaw(MotionLaw):
     def torque(self, at: OperatingPoints) -> Torques:
         """Torques on the rotors at steady points: the ring's load is what its motor applies when engaged."""
         load = np.where(np.isin(at.configuration, self.acts_in), np.abs(at.torque_ring), 0.0)
-        return self.law(at.speed_sun, at.speed_ring, load, ratio_of(self.pole_pairs, at))
+        return self.law(at.speed_sun, at.speed_ring, load, of_stage(at.gear, *self.ratios))
 
 
 @dataclass(frozen=True)
@@ -94,18 +95,6 @@ class LoadFriction(LoadLaw):
         """Friction of both shafts."""
         sun, ring = self.mu_sun * (load / ratio), self.mu_ring * load
         return Torques(against(speed_sun, sun, rest), against(speed_ring, ring, rest))
-
-
-def pole_pairs(bench: BenchParameters) -> tuple[tuple[int, int], ...]:
-    """Pole pairs of sun and ring, stage by stage."""
-    gears = (bench.gear1, bench.gear2)
-    return tuple((round(gear.pole_pairs_sun), round(gear.pole_pairs_ring)) for gear in gears)
-
-
-def ratio_of(pairs: tuple[tuple[int, int], ...], at: OperatingPoints) -> Number:
-    """Magnitude of the speed ratio of each point's stage."""
-    (s1, r1), (s2, r2) = pairs
-    return np.where(at.gear == 1, r1 / s1, r2 / s2)
 
 
 @dataclass(frozen=True)

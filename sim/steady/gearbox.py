@@ -45,7 +45,7 @@ class Gearbox:
 
     def ratio(self, at: OperatingPoints) -> Array:
         """Magnitude of w_sun / w_ring of each point's stage."""
-        return np.where(at.gear == 1, self.bench.gear1.ratio, self.bench.gear2.ratio)
+        return self.bench.ratio(at.gear)
 
     def contributions(self, at: OperatingPoints) -> tuple[Torques, ...]:
         """Torques on the rotors, mechanism by mechanism."""

@@ -20,7 +20,7 @@ from pmg.pipeline.store.store import Store
 from pmg.sim.errors import RecordingError
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     lengths=st.lists(st.integers(0, 400), min_size=1, max_size=25),
     copies=st.lists(st.integers(0, 24), max_size=6),

@@ -139,7 +139,7 @@ def test_fits_that_do_not_apply_are_left_out(rng: np.random.Generator, bench: Be
     assert {part.fit.name for part in study.parts} == {"curves", "plane"}
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(torque=st.floats(-0.3, 0.3), wander=st.floats(5e-4, 2e-2), seed=st.integers(0, 2**31))
 def test_moments_of_rounded_torques_are_those_of_many_draws(torque: float, wander: float, seed: int) -> None:
     drawn = np.random.default_rng(seed).normal(torque, wander, 40000)
@@ -249,7 +249,7 @@ def test_constant_signs_are_not_tested(rng: np.random.Generator, bench: BenchPar
         assert part.untested[name] == "constant on this grid"
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(scale=st.floats(0.2, 5.0), seed=st.integers(0, 2**31))
 def test_p_values_do_not_know_the_unit_of_torque(scale: float, seed: int) -> None:
     """Torque and noise in other units: same order, same nominal p, sizes in proportion."""

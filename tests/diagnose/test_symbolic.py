@@ -184,7 +184,7 @@ FORMS = everything()
     linear=st.lists(st.floats(-5.0, 5.0).filter(lambda v: abs(v) > 1e-6), min_size=2, max_size=2),
     nonlinear=st.lists(st.floats(0.3, 8.0), min_size=2, max_size=2),
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_the_formula_read_by_sympy_gives_the_values_computed(
     form: Form, linear: list[float], nonlinear: list[float]
 ) -> None:
@@ -209,7 +209,7 @@ def test_every_factor_is_tried_and_no_form_twice() -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_gains_are_those_of_least_squares_with_the_baseline_free(seed: int) -> None:
     rng = np.random.default_rng(seed)
     basis = np.linalg.qr(rng.standard_normal((60, 5)))[0]

@@ -178,7 +178,7 @@ def test_runs_that_nobody_named_are_copies_only_where_their_torques_agree() -> N
     assert verdicts(a, manifest("b", named="", point="b-01", means=nothing, accepted=False)) == [True, False]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(lengths=st.lists(st.integers(1, 5), min_size=1, max_size=5), order=st.randoms(use_true_random=False))
 def test_of_any_copies_one_is_kept_whatever_their_order(lengths: list[int], order: Any) -> None:  # noqa: ANN401
     manifests = [manifest(f"m{i}", stop_sample=1000 * length) for i, length in enumerate(lengths)]

@@ -241,7 +241,7 @@ def test_effective_degrees_of_freedom_are_those_of_welch_and_satterthwaite() -> 
     assert known.expanded[0] == pytest.approx(1.96 * math.sqrt(2.0), abs=1e-3)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(copies=st.integers(1, 200))
 def test_common_parts_do_not_average_out(copies: int) -> None:
     base = budget().sun

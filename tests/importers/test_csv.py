@@ -41,7 +41,7 @@ def places(source: CsvSource, name: str) -> list[int]:
 # --- however it is written -----------------------------------------------------------------------------
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     table=st.lists(st.tuples(*[st.floats(-1e6, 1e6).map(lambda x: round(x, 4))] * 3), min_size=1, max_size=12),
     signs=st.sampled_from([(";", ","), (";", "."), ("\t", ","), ("\t", "."), (",", "."), ("|", ",")]),
@@ -170,7 +170,7 @@ def test_points_in_other_columns_do_not_matter() -> None:
 # --- damage --------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     rows=st.integers(3, 40),
     bad=st.data(),
@@ -238,7 +238,7 @@ def test_a_file_without_samples_gives_no_row_or_one_error(data: bytes) -> None:
     assert blocks_of(source, [source.channels[0].name]) == []
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.data())
 def test_damage_gives_an_error_in_four_parts_and_nothing_else(data: st.DataObject) -> None:
     """Bytes changed, cut out or put in: either an error that pmg raises on purpose, or rows."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from tests.points import points
 
@@ -27,7 +27,6 @@ def readings(faults: Sequence[Instrument], sun: Array, ring: Array) -> Torques:
     return Torques(sun + wrong[0], ring + wrong[1])
 
 
-@settings(deadline=None)
 @given(SMALL, SMALL, SMALL, SMALL)
 def test_the_torque_behind_a_faulty_reading_is_found_again(
     gain: float, other: float, zero: float, cross: float

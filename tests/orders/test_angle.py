@@ -35,7 +35,7 @@ def shaft(rpm: Array, rate_hz: float, place: float, latch: str) -> tuple[Array, 
     return np.asarray(count * STEP), pulses
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     place=st.floats(0.0, REVOLUTION),
     speed=st.sampled_from((-620.0, -95.0, 66.0, 730.0)),
@@ -70,7 +70,7 @@ def test_too_few_pulses_or_pulses_without_a_common_place_give_none(rng: np.rando
     assert find_index(angle, FIRST, anywhere, COUNTS, BITS) is None
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(order=st.integers(1, 18), phase=st.floats(-3.0, 3.0), rpm=st.sampled_from((-187.0, 93.1, 611.0)))
 def test_a_turn_over_equal_steps_is_the_signal_there(order: int, phase: float, rpm: float) -> None:
     """With the 5120 counts of the encoder; the error is that of the steps of the count at this order."""

@@ -74,7 +74,7 @@ def test_planted_lines_are_found_and_the_intervals_cover(bench: BenchParameters,
     assert 0.2 < np.mean(shafts) < 0.8
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     shift=st.floats(-math.pi, math.pi),
     order=st.sampled_from((1, 2, 5, 18)),
@@ -98,7 +98,7 @@ def test_another_zero_of_the_angle_turns_the_phase_and_nothing_else(
     assert abs(wrapped(before.phase[0, place] - phase)) < 0.05
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(a=st.floats(-3.0, 3.0), b=st.floats(0.1, 3.0), offset=st.floats(-10.0, 10.0), drift=st.floats(-1.0, 1.0))
 def test_amplitudes_of_a_sum_are_the_sum_and_drift_is_no_line(a: float, b: float, offset: float, drift: float) -> None:
     bench = load_bench()

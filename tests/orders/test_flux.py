@@ -13,7 +13,7 @@ from pmg.sim.errors import BenchError
 from pmg.sim.signals import REVOLUTION
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     density=st.floats(0.01, 2.0),
     order=st.integers(1, 30),

@@ -30,7 +30,7 @@ def locked(wound: Array | float, index: dict[str, Index | None], sun: Array | No
     return counted[0], counted[1]
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(wound=st.floats(-3.0, 3.0), sun=st.floats(0.0, 6.2), ring=st.floats(0.0, 6.2), turns=st.integers(-5, 5))
 def test_the_angle_is_found_wherever_the_encoders_stand(wound: float, sun: float, ring: float, turns: int) -> None:
     index: dict[str, Index | None] = {"sun": Index(sun, 1e-4, 50, 0), "ring": Index(ring, 2e-4, 20, 0)}

@@ -222,7 +222,7 @@ NUMBERS = st.lists(st.one_of(st.floats(-1e30, 1e30), st.just(math.nan)), max_siz
 
 
 @given(NUMBERS, NUMBERS)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_a_quantised_number_is_off_by_half_a_step_at_most(one: list[float], other: list[float]) -> None:
     numbers = Numbers()
     arrays = [np.array(one, dtype=float), np.array(other, dtype=float)]

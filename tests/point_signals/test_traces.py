@@ -37,7 +37,7 @@ SPANS = st.tuples(st.integers(0, 900), st.integers(2, 3000), st.integers(0, 900)
     phase=st.floats(0.0, REVOLUTION),
     mean=st.floats(-5.0, 5.0),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_sine_shows_its_amplitude_at_its_frequency(
     cycles: float, amplitude: float, phase: float, mean: float
 ) -> None:
@@ -55,7 +55,7 @@ def test_a_sine_shows_its_amplitude_at_its_frequency(
 
 
 @given(st.integers(16, 700), st.integers(0, 2**32 - 1))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_spectrum_of_any_length_rises_in_frequency(n: int, seed: int) -> None:
     found = amplitude_spectrum(np.random.default_rng(seed).normal(size=n), RATE)
     assert found is not None
@@ -76,7 +76,7 @@ def test_two_sines_show_both_amplitudes() -> None:
 
 
 @given(SPANS, st.integers(1, 400))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_no_bin_lies_on_both_sides_of_a_border(spans: tuple[int, int, int], most: int) -> None:
     before, inside, after = spans
     stretch = stretch_of(before, before + inside, before + inside + after, RATE)
@@ -94,7 +94,7 @@ def test_no_bin_lies_on_both_sides_of_a_border(spans: tuple[int, int, int], most
 
 
 @given(SPANS, st.floats(-50.0, 50.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_step_outside_of_the_window_stays_outside(spans: tuple[int, int, int], step: float) -> None:
     before, inside, after = spans
     torque = np.r_[np.full(before, step), np.zeros(inside), np.full(after, step)]
@@ -161,7 +161,7 @@ def counted(speed: float, rows: int) -> Array:
 
 
 @given(st.floats(-2000.0, 2000.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_constant_speed_is_shown_to_one_count_over_a_bin(speed_rpm: float) -> None:
     truth = speed_rpm * RPM
     angle = counted(truth, 6500)

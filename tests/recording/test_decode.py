@@ -50,7 +50,7 @@ def times(bench: Bench) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     return np.arange(round(bench.seconds * bench.rate_hz)) / bench.rate_hz
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     torque=st.floats(-4.0, 4.0),
     ripple=st.floats(0.0, 0.9),
@@ -67,7 +67,7 @@ def test_torque_from_frequency_is_the_torque(torque: float, ripple: float, encod
         np.testing.assert_allclose(recording.samples[f"torque_{side}"], truth, atol=resolution)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     torque=st.floats(-4.0, 4.0),
     ripple=st.floats(0.0, 0.9),
@@ -107,7 +107,7 @@ def test_ripple_does_not_bias_torque_from_edges_as_it_does_the_mean_of_periods()
     assert abs(1.0 / by_period / NULL_HZ["sun"] - 1.0) > 1e-3
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     speed=st.floats(-2000.0, 2000.0),
     bits=st.sampled_from([16, 24, 32]),

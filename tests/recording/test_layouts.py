@@ -372,7 +372,7 @@ def changes(draw: st.DrawFn) -> list[tuple[int, bool, Any]]:
     return draw(st.lists(st.tuples(st.integers(0, 499), st.booleans(), STRANGE), min_size=1, max_size=6))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     changed=changes(),
     field=st.sampled_from(["sample", "t", "utc_ns", "stamp"]),
@@ -477,7 +477,7 @@ def leaves(prefix: str, fields: Definition, value: Mapping[str, Any]) -> dict[st
     return found
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(made_of=definitions(), order=st.sampled_from("<>"), largest=st.sampled_from([8, 4]))
 def test_what_is_written_in_cdr_is_read_from_it(
     made_of: tuple[str, Definition, list[dict[str, Any]]], order: str, largest: int
@@ -496,7 +496,7 @@ def test_what_is_written_in_cdr_is_read_from_it(
     assert {path for each in expected for path in each} <= set(columns.values)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(data=st.binary(max_size=60), cut=st.integers(0, 60))
 def test_no_bytes_make_the_readers_stumble(data: bytes, cut: int) -> None:
     whole = cdr(

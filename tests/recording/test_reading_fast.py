@@ -60,7 +60,7 @@ def assert_same(texts: list[str]) -> None:
         assert (found.values[path].dtype, found.values[path].tobytes()) == (values.dtype, values.tobytes())
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(data=st.data(), whole=st.booleans())
 def test_numbers_of_messages_that_stand_alike_are_those_read_one_by_one(data: st.DataObject, whole: bool) -> None:
     values = data.draw(st.lists(WHOLE if whole else st.one_of(REAL, WHOLE), min_size=1, max_size=8))
@@ -72,7 +72,7 @@ def test_numbers_of_messages_that_stand_alike_are_those_read_one_by_one(data: st
         assert_same(texts)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(data=st.data())
 def test_a_message_of_the_same_length_that_is_no_json_is_not_taken_for_one(data: st.DataObject) -> None:
     texts = [f'{{"a": {k}, "b": {{"c": {k / 8:.3f}}}, "s": null}}' for k in range(100, 200)]
@@ -128,7 +128,7 @@ def message(channel: int, payload: bytes) -> bytes:
     return record(Op.MESSAGE, struct.pack("<HIQQ", channel, 0, 0, 0) + payload)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(seed=st.integers(0, 1 << 32), strange=st.integers(0, 6), cut=st.integers(0, 40))
 def test_messages_taken_in_passing_are_those_of_a_walk_from_record_to_record(seed: int, strange: int, cut: int) -> None:
     rng = np.random.default_rng(seed)

@@ -290,7 +290,7 @@ def lost_counts(at: int, counts: int) -> Bench:
     return replace(TURNING, index={"sun": latched}, spoil={COUNT: lambda _: shifted % 2**16})
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(at=st.integers(700, 5300), counts=st.integers(40, 2000), sign=st.sampled_from([-1, 1]))
 def test_lost_counts_are_found_between_the_pulses_around_them(at: int, counts: int, sign: int) -> None:
     finding = only(lost_counts(at, sign * counts), Code.ENCODER_SLIPPED)

@@ -72,7 +72,7 @@ def chunks(draw: st.DrawFn) -> bytes:
     return data[: len(data) - draw(st.sampled_from([0, 0, 0, 1, 20]))]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(data=chunks())
 def test_messages_in_rounds_are_those_of_a_walk_from_record_to_record(data: bytes) -> None:
     expected: dict[int, list[bytes]] = {}
@@ -116,7 +116,7 @@ def block(draw: st.DrawFn) -> bytes:
     return made
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(payloads=st.lists(block(), max_size=12), again=st.integers(1, 4))
 def test_blocks_read_together_are_the_blocks_read_singly(payloads: list[bytes], again: int) -> None:
     payloads = payloads * again

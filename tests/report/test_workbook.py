@@ -83,7 +83,7 @@ def test_headings_stay_in_view_and_filters_leave_the_units_where_they_are() -> N
     assert sheet((1.0,)).freeze_panes == "A3"
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.tuples(NUMBERS, st.floats(0.0, 1e300)), min_size=1, max_size=20))
 def test_numbers_come_back_to_the_last_bit(pairs: list[tuple[float, float]]) -> None:
     found = sheet(*((Measured(value, u),) for value, u in pairs))
@@ -115,7 +115,7 @@ def test_text_stays_text_wherever_it_stands(text: str) -> None:
     assert [links(found) for found in book] == [["'t'!A1"], []]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(TEXTS)
 def test_any_text_comes_back(text: str) -> None:
     assert sheet((text,)).cell(3, 1).value == text

@@ -50,7 +50,7 @@ def test_each_level_of_speed_or_torque_is_a_plateau() -> None:
         assert (stop - start) > (high - low) - 2.0 * LIMITS.step_beside - LIMITS.settle - 0.2
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(noise=st.floats(0.0, 0.1), part=st.floats(0.3, 0.7), seed=st.integers(0, 1000))
 def test_noise_within_a_plateau_moves_no_border(noise: float, part: float, seed: int) -> None:
     """Noise of part of a level only: a rule that looked for quiet stretches would cut there."""
@@ -63,7 +63,7 @@ def test_noise_within_a_plateau_moves_no_border(noise: float, part: float, seed:
     assert found(noisy, angle) == found(torque, angle)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(shift=st.floats(-3.0, 3.0), sign=st.sampled_from([-1.0, 1.0]))
 def test_plateaus_follow_changes_and_not_levels(shift: float, sign: float) -> None:
     torque, angle = levels([6, 7, 8], [600, 900, 900], [0.5, 0.5, 0.9])
@@ -79,7 +79,7 @@ def test_a_gap_shorter_than_the_stretch_beside_is_part_of_its_plateau_and_a_long
     assert len(found(long, angle)) == 2
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(ripple=st.floats(0.1, 0.5), start=st.floats(0.0, 6.0), change=st.sampled_from([0.0, 0.5, -0.5]))
 def test_ripple_of_a_slow_shaft_is_no_change_of_torque(ripple: float, start: float, change: float) -> None:
     """20 rpm: one turn takes 3 s, three times the stretch beside. A change in the middle is found all the same."""
@@ -134,7 +134,7 @@ def test_a_long_recording_without_a_point_gives_numbered_windows_good_or_not(tmp
     assert hurt[2].reasons[0].startswith("samples missing")
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(lengths=st.lists(st.floats(0.5, 8.0), min_size=1, max_size=4), seed=st.integers(0, 100))
 def test_every_sample_of_a_file_without_a_point_lies_in_one_window(lengths: list[float], seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -161,7 +161,7 @@ def test_a_file_that_names_its_point_is_one_window_and_a_step_in_it_rejects_it(t
 BATCHES = 10
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     kind=st.sampled_from(["drift", "step", "stray"]),
     place=st.integers(2, 7),

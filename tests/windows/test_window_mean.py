@@ -54,7 +54,7 @@ def test_noise_without_a_time_of_its_own_is_flagged_and_widens_the_interval() ->
     assert found.held[found.flagged].mean() > 0.8
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(m=st.integers(FEWEST_PIECES, 60), number=st.integers(0, len(kinds()) - 1))
 def test_the_mean_is_as_uncertain_however_the_stretch_is_cut(m: int, number: int) -> None:
     kind = kinds()[number]
@@ -81,7 +81,7 @@ def test_ripple_over_a_part_of_a_turn_stays_out_of_the_mean() -> None:
     assert reduce_shaft(torque, angle, RATE).torque == pytest.approx(1.0, abs=2e-5)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     shift=st.floats(-5.0, 5.0),
     scale=st.floats(0.01, 20.0),
@@ -102,7 +102,7 @@ def test_mean_and_uncertainty_move_with_the_torque(
     assert moved.correlated == plain.correlated
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(turns=st.floats(5.0, 200.0), seed=st.integers(0, 1000))
 def test_whole_revolutions_use_all_but_a_part_of_one(turns: float, seed: int) -> None:
     n = 4000

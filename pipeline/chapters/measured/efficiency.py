@@ -107,7 +107,7 @@ def speed_ratio_section(balance: PowerBalance, bench: BenchParameters) -> Sectio
     """Measured ratio of the speeds against the ratio of the pole pairs: a synchronous gear does not slip."""
     at = balance.grid.points
     ratio = np.abs(at.speed_sun / at.speed_ring)
-    nominal = np.array([bench.gear(int(number)).ratio for number in at.gear])
+    nominal = bench.ratio(at.gear)
     off = (ratio / nominal - 1.0) * PPM
     worst = int(np.argmax(np.abs(off)))
     series = []

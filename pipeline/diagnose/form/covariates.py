@@ -82,12 +82,7 @@ def _named(
         meaning = "sun speed less ring speed, positive in the direction of the shaft's own rotation"
         yield Covariate(name, "Δω", "rad/s", meaning, ((sun - ring)[row]) * sign, signed=True)
     elif name == "pole_slip_speed":
-        first, second = bench.gear1, bench.gear2
-        slip = np.where(
-            at.gear == 1,
-            first.pole_pairs_sun * sun + first.pole_pairs_ring * ring,
-            second.pole_pairs_sun * sun + second.pole_pairs_ring * ring,
-        )
+        slip = bench.pole_slip(at.gear, sun, ring)
         meaning = "speed at which the poles slip, positive in the direction of the shaft's own rotation"
         yield Covariate(name, "ω_p", "rad/s", meaning, slip[row] * sign, signed=True)
     elif name == "load":

@@ -239,12 +239,9 @@ def _values(name: str, shaft: str, readings: Readings, bench: BenchParameters, m
     """A covariate at every reading, in the unit that is shown."""
     at = readings.grid.points
     row, own, other = readings.row, readings.speed_own, readings.speed_other
-    one, two = bench.gear1, bench.gear2
     if name == "pole_slip":
-        first = at.gear[row] == 1
-        sun = np.where(first, one.pole_pairs_sun, two.pole_pairs_sun) * at.speed_sun[row]
-        ring = np.where(first, one.pole_pairs_ring, two.pole_pairs_ring) * at.speed_ring[row]
-        return SPEED_SUN.display(readings.direction * (sun + ring))
+        slip = bench.pole_slip(at.gear, at.speed_sun, at.speed_ring)
+        return SPEED_SUN.display(readings.direction * slip[row])
     if name in ("time", "time_drag"):
         return np.asarray((at.started_at[row] - at.started_at.min()) / HOUR)
     if name == "run_history":

@@ -27,9 +27,9 @@ from pmg.sim.dynamics.tracing import Traced, formulas
 from pmg.sim.dynamics.transient import OnSlip, Solver, Task, transient, transients
 from pmg.sim.errors import BenchError
 from pmg.sim.grid import Configuration
-from pmg.sim.kinematics import Member
 from pmg.sim.maps.analytic import Cogging, analytic_map
 from pmg.sim.mechanisms import EddyDamping
+from pmg.sim.shafts import Member
 from pmg.sim.signals import Array, Number
 
 SUN, RING = Programme.ramp(1.0, 1.0), Programme.ramp(2.3, 1.0)

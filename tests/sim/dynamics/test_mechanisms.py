@@ -144,7 +144,7 @@ def loaded() -> Drivetrain:
     return made
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(state=states)
 def test_the_compiled_equations_are_those_as_written(loaded: Drivetrain, state: np.ndarray) -> None:
     kernel, asked = kernel_of(loaded), np.array([1.0, -2.0, 0.3, 0.1])
