@@ -54,6 +54,11 @@ def files_of(folder: Path) -> Iterator[Path]:
             yield path
 
 
+def is_page(path: Path) -> bool:
+    """Whether a file explains the code to its readers; pages stay in the repository."""
+    return path.suffix == ".md" or path == ROOT / "pipeline" / "map.svg"
+
+
 def folder_of(package: str) -> Path:
     """Folder of a package named in pyproject."""
     root = next(name for name in PACKAGE_DIR if package == name or package.startswith(f"{name}."))
@@ -92,7 +97,7 @@ def test_a_pattern_for_data_matches_files(package: str, pattern: str) -> None:
 def test_the_wheel_holds_the_folders_and_nothing_else(tmp_path: Path) -> None:
     source, out = tmp_path / "source", tmp_path / "out"
     out.mkdir()
-    shipped = {path for folder in PACKAGE_DIR.values() for path in files_of(ROOT / folder)}
+    shipped = {path for folder in PACKAGE_DIR.values() for path in files_of(ROOT / folder) if not is_page(path)}
     for path in [*shipped, *(ROOT / name for name in ("pyproject.toml", "README.md", "LICENSE"))]:
         target = source / path.relative_to(ROOT)
         target.parent.mkdir(parents=True, exist_ok=True)
