@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from pmg.sim.errors import BenchError, near_miss
+from pmg.sim.shafts import PerShaft
 from pmg.sim.sources import THESIS, Source
 
 if TYPE_CHECKING:
@@ -64,6 +65,11 @@ class GearParameters:
     pull_out_torque_sun: SourcedQuantity
     pull_out_torque_ring: SourcedQuantity
     pull_out_torque_carrier: SourcedQuantity
+
+    @property
+    def pole_pairs(self) -> PerShaft[int]:
+        """Pole pairs of the two rotors."""
+        return PerShaft(int(self.pole_pairs_sun), int(self.pole_pairs_ring))
 
     @property
     def ratio(self) -> float:
@@ -185,6 +191,11 @@ class BenchParameters:
     transducer_sun: TransducerParameters
     transducer_ring: TransducerParameters
     coils: CoilParameters
+
+    @property
+    def transducers(self) -> PerShaft[TransducerParameters]:
+        """The torque transducers."""
+        return PerShaft(self.transducer_sun, self.transducer_ring)
 
     def gear(self, number: int) -> GearParameters:
         """The magnetic stage of that number, 1 or 2."""

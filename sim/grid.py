@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.sim.errors import GridError
+from pmg.sim.shafts import PerShaft
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -76,6 +77,16 @@ class OperatingPoints:
     def __getitem__(self, rows: Mask | npt.NDArray[np.int64]) -> OperatingPoints:
         """The chosen rows."""
         return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
+    @property
+    def speed(self) -> PerShaft[Array]:
+        """Speeds of the shafts [rad/s], (n,) each."""
+        return PerShaft(self.speed_sun, self.speed_ring)
+
+    @property
+    def rest(self) -> PerShaft[Mask]:
+        """Where each shaft is held at rest by its motor, (n,) each."""
+        return PerShaft(self.rest_sun, self.rest_ring)
 
     @property
     def engaged(self) -> Mask:
@@ -155,6 +166,26 @@ class Grid:
         """The chosen rows."""
         chosen = {name: getattr(self, name)[rows] for name in ROW_FIELDS}
         return replace(self, points=self.points[rows], **chosen)
+
+    @property
+    def torque(self) -> PerShaft[Array]:
+        """Torques that the motors apply [N m], (n,) each."""
+        return PerShaft(self.torque_sun, self.torque_ring)
+
+    @property
+    def within(self) -> PerShaft[Array]:
+        """Standard uncertainty from what varies within the window [N m], (n,) each."""
+        return PerShaft(self.within_sun, self.within_ring)
+
+    @property
+    def u(self) -> PerShaft[Array]:
+        """Standard uncertainty that is independent from point to point [N m], (n,) each."""
+        return PerShaft(self.u_sun, self.u_ring)
+
+    @property
+    def common(self) -> PerShaft[Array]:
+        """Standard uncertainty that all points share [N m], (n,) each."""
+        return PerShaft(self.common_sun, self.common_ring)
 
 
 ROW_FIELDS = (

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pmg.sim.shafts import PerShaft
+
 if TYPE_CHECKING:
     from pmg.sim.losscurve import LossCurve
 
@@ -29,3 +31,8 @@ class LossModel:
     b: float
     c: float
     d: float
+
+    @property
+    def curves(self) -> PerShaft[LossCurve]:
+        """The neutral loss torques [N m]."""
+        return PerShaft(self.curve_sun, self.curve_ring)

@@ -61,6 +61,11 @@ def per_shaft(function: Callable[[str], U]) -> PerShaft[U]:
     return PerShaft(*map(function, SIDES))
 
 
+def on_side(side: str, value: U, elsewhere: U) -> PerShaft[U]:
+    """A value on the shaft of that name, and another one on the opposite shaft."""
+    return per_shaft(lambda name: value if name == side else elsewhere)
+
+
 def other_side(side: str) -> str:
     """Name of the opposite shaft."""
     return SIDES[1 - SIDES.index(side)]

@@ -375,8 +375,8 @@ def test_an_error_of_one_transducer_leaves_its_difference_and_a_tare_never_cance
     stated: Transducers, left: list[float]
 ) -> None:
     one = np.ones(1)
-    gain = TransducerCause("sensitivity of the sun transducer", one, 0.0 * one)
-    tare = TransducerCause("tare of the sun transducer", one, 0.0 * one)
+    gain = TransducerCause(one, 0.0 * one, "sensitivity of the sun transducer")
+    tare = TransducerCause(one, 0.0 * one, "tare of the sun transducer")
     shared = sharing(side_of("A1"), side_of("B2"), stated)
     found = left_over(shared, ((gain, tare), np.array([[4.0, 3.0]])), ((gain, tare), np.array([[4.5, 2.0]])))
     assert sorted(np.abs(found[0])) == pytest.approx(sorted(np.abs(left)))

@@ -32,6 +32,7 @@ from pmg.sim.bench import BenchParameters
 from pmg.sim.grid import Grid
 from pmg.sim.losscurve import SPEED_REFERENCE_RING, SPEED_REFERENCE_SUN, LossCurve
 from pmg.sim.lossmodel import LossModel
+from pmg.sim.shafts import PerShaft
 from pmg.sim.signals import Array
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import steady
@@ -349,7 +350,7 @@ def test_engaged_the_noise_of_the_input_comes_through_the_ratio(bench: BenchPara
     readings = take_readings(grid, bench)
     through = math.hypot(3e-3, 4e-3 / bench.gear1.ratio)
     assert readings.u == pytest.approx([3e-3, through, 4e-3])
-    assert relative_scale(readings, bench, {True: 3e-3, False: 4e-3}) == pytest.approx([3e-3, through, 4e-3])
+    assert relative_scale(readings, bench, PerShaft(3e-3, 4e-3)) == pytest.approx([3e-3, through, 4e-3])
 
 
 # --- an uncertainty budget -----------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.campaign_comparison.transducers import Transducers
-from pmg.pipeline.recording.calibration import SIDES
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from pmg.pipeline.campaign_comparison.side import CampaignSide

@@ -10,9 +10,9 @@ from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.campaign import choose_campaign, measured_grid
 from pmg.pipeline.grid.window_facts import rated, window_facts
-from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.store.store import Store
 from pmg.sim.errors import StoreError
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -8,8 +8,8 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.catalogue.entries import SPEEDS, TORQUES
-from pmg.pipeline.grid.transducer_uncertainty import RECTANGULAR, transducer_of
-from pmg.pipeline.recording.calibration import SIDES
+from pmg.pipeline.grid.transducer_uncertainty import RECTANGULAR
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def _torque_uncertainty(
     if not all(isinstance(value, float) for value in (*parts, *torques)):
         return None
     own = math.hypot(*(float(value or 0.0) for value in parts))
-    of = transducer_of(bench, side)
+    of = bench.transducers[side]
     held = [calibration.get(side, {}) for calibration in calibrations]
     nominal = [float(each.get("nominal_torque") or of.nominal_torque) for each in held]
     if held[0] == held[1]:

@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.grid.window_facts import SIMULATED
-from pmg.pipeline.recording.calibration import SIDES
 from pmg.sim.grid import Configuration
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import SPEED_RING, SPEED_SUN, TORQUE_RING, TORQUE_SUN
 
 if TYPE_CHECKING:

@@ -15,9 +15,9 @@ from pmg.pipeline.grid.transducer_uncertainty import (
     common_parts,
     nominal_torque,
     tare_uncertainty,
-    transducer_of,
     undithered,
 )
+from pmg.sim.shafts import PerShaft, per_shaft
 
 if TYPE_CHECKING:
     from pmg.pipeline.fit.noise import NoiseFloor, ShaftNoise
@@ -28,28 +28,21 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Budget:
+class Budget(PerShaft[ShaftBudget]):
     """Both shafts' budgets at the points of a grid.
 
     Parameters
     ----------
-    grid : Grid
-        The n points.
     sun, ring : ShaftBudget
         The shafts.
+    grid : Grid
+        The n points.
     facts : WindowFacts or None
         What is known of the windows; None where the grid comes from tables.
     """
 
     grid: Grid
-    sun: ShaftBudget
-    ring: ShaftBudget
     facts: WindowFacts | None
-
-    @property
-    def shafts(self) -> tuple[ShaftBudget, ShaftBudget]:
-        """Sun and ring."""
-        return self.sun, self.ring
 
 
 def budget_of(grid: Grid, floor: NoiseFloor | None, bench: BenchParameters, facts: WindowFacts | None = None) -> Budget:
@@ -72,18 +65,16 @@ def budget_of(grid: Grid, floor: NoiseFloor | None, bench: BenchParameters, fact
     pooled in the noise floor, each stands with the pooled scatter; one that is noisier than the rest with its own, as
     in `pmg.pipeline.fit.whitening.with_floor`.
     """
-    sun = _shaft(grid, "sun", None if floor is None else floor.sun, bench, None if facts is None else facts.sun)
-    ring = _shaft(grid, "ring", None if floor is None else floor.ring, bench, None if facts is None else facts.ring)
-    return Budget(grid, sun, ring, facts)
+    noise: PerShaft[ShaftNoise | None] = floor or PerShaft(None, None)
+    windows: PerShaft[ShaftFacts | None] = facts or PerShaft(None, None)
+    shafts = per_shaft(lambda side: _shaft(grid, side, noise[side], bench, windows[side]))
+    return Budget(shafts.sun, shafts.ring, grid, facts)
 
 
 def _shaft(
     grid: Grid, side: str, noise: ShaftNoise | None, bench: BenchParameters, facts: ShaftFacts | None
 ) -> ShaftBudget:
-    sun = side == "sun"
-    torque, own, u = (
-        (grid.torque_sun, grid.within_sun, grid.u_sun) if sun else (grid.torque_ring, grid.within_ring, grid.u_ring)
-    )
+    torque, own, u = grid.torque[side], grid.within[side], grid.u[side]
     unknown = np.full(len(grid), np.nan)
     dof = unknown if facts is None else facts.dof
     within = own
@@ -98,7 +89,7 @@ def _shaft(
     stated = None if facts is None else facts.nominal
     parts = common_parts(grid, bench, side, stated)
     zeros = tare_uncertainty(torque[grid.points.zero & grid.accepted])[1]
-    of = transducer_of(bench, side)
+    of = bench.transducers[side]
     contributions = (
         _scatter(grid, np.sqrt(within**2 - rounding**2), dof),
         Contribution(

@@ -40,7 +40,7 @@ def median(values: Array) -> float:
 def budget_frame(budget: Budget) -> pd.DataFrame:
     """One row a point: standard uncertainty by contribution, both parts, together, and expanded [N m]."""
     columns: dict[str, Any] = {"point": budget.grid.points.name}
-    for shaft in budget.shafts:
+    for shaft in budget:
         side = shaft.side
         columns[f"torque_{side}_Nm"] = shaft.torque
         for contribution in shaft.contributions:
@@ -58,7 +58,7 @@ def budget_document(budget: Budget) -> dict[str, Any]:
     row, typical = shown_point(budget), typical_rows(budget)
     document: dict[str, Any] = {
         "point": None if row is None else str(budget.grid.points.name[row]),
-        "shafts": {shaft.side: _shaft_document(shaft, row, typical) for shaft in budget.shafts},
+        "shafts": {shaft.side: _shaft_document(shaft, row, typical) for shaft in budget},
     }
     if budget.facts is not None:
         facts = budget.facts

@@ -38,7 +38,7 @@ def budget_remarks(budget: Budget) -> Iterator[dict[str, Any]]:
             "one before and one after the campaign."
         )
         yield told("warning", "zero checks", message)
-    for shaft in budget.shafts:
+    for shaft in budget:
         zeros = shaft.torque[grid.points.zero & grid.accepted]
         if len(zeros) > 2 and stats.ttest_1samp(zeros, 0.0).pvalue < LEVEL:
             message = (

@@ -12,6 +12,7 @@ from pmg.pipeline.fit.calibration import jacobian, parameter_names
 from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.grid.readings import take_readings
 from pmg.pipeline.grid.transducer_uncertainty import CommonParts, common_parts
+from pmg.sim.shafts import PerShaft, on_side
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -27,12 +28,10 @@ TRANSDUCERS, CURVES, CORRECTION, DAMPING = "transducers", "curves", "K_corr", "d
 
 
 @dataclass(frozen=True)
-class TransducerCause:
+class TransducerCause(PerShaft["Array"]):
     """One common error of a transducer: what one standard uncertainty of it adds to the readings [N m], (n,) each."""
 
     name: str
-    sun: Array
-    ring: Array
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ class CommonErrorSources:
         return replace(
             self,
             transducers=tuple(
-                TransducerCause(cause.name, cause.sun[rows], cause.ring[rows]) for cause in self.transducers
+                TransducerCause(cause.sun[rows], cause.ring[rows], cause.name) for cause in self.transducers
             ),
             influence=(self.influence[0][:, rows], self.influence[1][:, rows]),
             u=(self.u[0][rows], self.u[1][rows]),
@@ -102,13 +101,10 @@ def transducer_causes(grid: Grid, bench: BenchParameters | None = None) -> tuple
     hundredths of the range need not share it with those under load. The tare is one error for all, of either sign.
     """
     nothing, causes = np.zeros(len(grid)), []
-    for shaft, torque, common in (
-        ("sun", grid.torque_sun, grid.common_sun),
-        ("ring", grid.torque_ring, grid.common_ring),
-    ):
+    for shaft, torque in grid.torque.items():
         signed = np.sign(torque)
-        nought = np.zeros(len(grid))
-        parts = CommonParts(common, nought, nought) if bench is None else common_parts(grid, bench, shaft)
+        none = CommonParts(grid.common[shaft], nothing, nothing)
+        parts = none if bench is None else common_parts(grid, bench, shaft)
         found = [(f"sensitivity of the {shaft} transducer", signed * parts.sensitivity)]
         for where, rows in (("under load", grid.points.engaged), ("in neutral", ~grid.points.engaged)):
             course = np.where(rows, signed * parts.linearity, 0.0)
@@ -116,8 +112,8 @@ def transducer_causes(grid: Grid, bench: BenchParameters | None = None) -> tuple
         found.append((f"tare of the {shaft} transducer", parts.tare))
         for name, shift in found:
             if shift.any():
-                both = (shift, nothing) if shaft == "sun" else (nothing, shift)
-                causes.append(TransducerCause(name, *both))
+                effect = on_side(shaft, shift, nothing)
+                causes.append(TransducerCause(effect.sun, effect.ring, name))
     return tuple(causes)
 
 

@@ -12,6 +12,7 @@ from scipy import stats
 from pmg.pipeline.fit.loss_fit import shaft_drags
 from pmg.pipeline.fit.noise_floor import repeat_contrasts
 from pmg.pipeline.grid.readings import take_readings
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
@@ -142,7 +143,7 @@ def _two_sided(value: float, u: float, dof: int) -> float:
 
 
 def _order(grid: Grid, shaft: str) -> OrderContrast | None:
-    reading = shaft_drags(grid)[0 if shaft == "sun" else 1]
+    reading = shaft_drags(grid)[shaft]
     at = grid.points
     rows = np.flatnonzero(reading.rows & np.isfinite(at.started_at))
     rows = rows[np.argsort(at.started_at[rows], kind="stable")]
@@ -179,7 +180,7 @@ def _repeats(grid: Grid, bench: BenchParameters) -> tuple[RepeatDrift, ...]:
     time = at.started_at[readings.row]
     time = time - time.min()
     found = []
-    for shaft, mine in (("sun", readings.sun), ("ring", ~readings.sun)):
+    for shaft, mine in readings.of_shaft.items():
         columns = contrasts[:, (contrasts[mine] != 0.0).any(axis=0)]
         used = (columns != 0.0).any(axis=1)
         x, y = columns.T @ time, columns.T @ (readings.direction * readings.torque)
@@ -217,7 +218,7 @@ def find_drift(grid: Grid, bench: BenchParameters) -> Drift:
     """
     if not np.isfinite(grid.points.started_at).any():
         return Drift((), (), "The order of the points is not known, so nothing can be said of drift.")
-    orders = tuple(found for shaft in ("sun", "ring") if (found := _order(grid, shaft)) is not None)
+    orders = tuple(found for shaft in SIDES if (found := _order(grid, shaft)) is not None)
     repeats = _repeats(grid, bench)
     reason = ""
     if not orders and not repeats:

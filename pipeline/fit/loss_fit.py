@@ -11,6 +11,7 @@ import numpy as np
 from pmg.pipeline.fit.robust import huber_weights, sandwich
 from pmg.sim.errors import FitError
 from pmg.sim.losscurve import SPEED_REFERENCE_RING, SPEED_REFERENCE_SUN, LossCurve
+from pmg.sim.shafts import PerShaft, per_shaft
 
 if TYPE_CHECKING:
     from pmg.sim.grid import Grid
@@ -124,11 +125,8 @@ class LossFit:
 
 
 @dataclass(frozen=True)
-class LossFits:
+class LossFits(PerShaft[LossFit]):
     """The two curves that the neutral tests give."""
-
-    sun: LossFit
-    ring: LossFit
 
 
 def check_powers(powers: tuple[float, ...]) -> tuple[float, ...]:
@@ -143,19 +141,19 @@ def check_powers(powers: tuple[float, ...]) -> tuple[float, ...]:
     return tuple(sorted(powers))
 
 
-def shaft_drags(grid: Grid, *, include_rest: bool = False) -> tuple[ShaftDrag, ShaftDrag]:
+def shaft_drags(grid: Grid, *, include_rest: bool = False) -> PerShaft[ShaftDrag]:
     """Drag readings of sun and ring at the accepted neutral rows; readings at rest only where asked for."""
     at = grid.points
     use = at.neutral & grid.accepted
-    found = []
-    for shaft, speed, torque, rest, scale in (
-        ("sun", at.speed_sun, grid.torque_sun, at.rest_sun, SPEED_REFERENCE_SUN),
-        ("ring", at.speed_ring, grid.torque_ring, at.rest_ring, SPEED_REFERENCE_RING),
-    ):
+    reference = PerShaft(SPEED_REFERENCE_SUN, SPEED_REFERENCE_RING)
+
+    def drag(side: str) -> ShaftDrag:
+        speed, rest = at.speed[side], at.rest[side]
         direction = np.where(rest, 1.0, np.sign(speed))
         rows = use if include_rest else use & ~rest
-        found.append(ShaftDrag(shaft, np.where(rest, 0.0, speed), direction * torque, rows, scale))
-    return found[0], found[1]
+        return ShaftDrag(side, np.where(rest, 0.0, speed), direction * grid.torque[side], rows, reference[side])
+
+    return per_shaft(drag)
 
 
 def relative_weights(weights: Array | None, rows: Mask) -> Array:

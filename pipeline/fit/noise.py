@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.sim.shafts import PerShaft
+
 if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
@@ -104,8 +106,5 @@ class ShaftNoise:
 
 
 @dataclass(frozen=True)
-class NoiseFloor:
+class NoiseFloor(PerShaft[ShaftNoise]):
     """Noise of both shafts."""
-
-    sun: ShaftNoise
-    ring: ShaftNoise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,8 +14,9 @@ from pmg.pipeline.fit.calibration import jacobian, start_model
 from pmg.pipeline.fit.noise import CORRELATIONS, GROWTHS, NO_CORRELATION, NO_GROWTH, Growth, NoiseFloor, ShaftNoise
 from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.fit.structure import families
-from pmg.pipeline.fit.whitening import chain_of, growth_of, relative_scale
+from pmg.pipeline.fit.whitening import EVEN, chain_of, growth_of, relative_scale
 from pmg.pipeline.grid.readings import predict, take_readings
+from pmg.sim.shafts import PerShaft, per_shaft
 
 if TYPE_CHECKING:
     from pmg.pipeline.fit.loss_fit import LossFits
@@ -75,9 +77,9 @@ def _weights(deviance: list[float]) -> Array:
     return np.asarray(weight / weight.sum())
 
 
-def _correlation(readings: Readings, residual: Array, basis: Array, sun: bool) -> Array:
+def _correlation(readings: Readings, residual: Array, basis: Array, side: str) -> Array:
     """Weight of each of `CORRELATIONS`: restricted likelihood with the structured columns taken out, flat prior."""
-    chain = chain_of(readings, sun)
+    chain = chain_of(readings, side)
     design = orthonormal(basis[chain.rows])
     dof = len(chain.rows) - design.shape[1]
     if dof < MINIMUM_FOR_CORRELATION:
@@ -101,12 +103,12 @@ STRAY = 3.0
 bad reading at high speed is not a noise that grows."""
 
 
-def _growth(readings: Readings, residual: Array, basis: Array, sun: bool) -> Growth:
+def _growth(readings: Readings, residual: Array, basis: Array, side: str) -> Growth:
     """Growth of one shaft's noise with its speed: restricted likelihood, flat prior; values in units of the floor."""
-    rows = np.flatnonzero(readings.sun == sun)
+    rows = np.flatnonzero(readings.of_shaft[side])
     design = orthonormal(basis[rows])
     dof = len(rows) - design.shape[1]
-    flat = growth_of(readings, sun, NO_GROWTH.weights)
+    flat = growth_of(readings, side, NO_GROWTH.weights)
     if dof < MINIMUM_FOR_CORRELATION or readings.grid.rounding > 0.0 or flat is NO_GROWTH:
         return flat
     left = residual[rows] - design @ (design.T @ residual[rows])
@@ -154,40 +156,48 @@ def noise_floor(grid: Grid, fits: LossFits, bench: BenchParameters) -> NoiseFloo
     model = start_model(fits)
     residual = readings.torque - predict(readings, bench, model)
     structured = structured_columns(readings, bench, model)
-    sigma, rho = {True: 1.0, False: 1.0}, {True: NO_CORRELATION, False: NO_CORRELATION}
-    dof, growth = {True: 0.0, False: 0.0}, {True: NO_GROWTH, False: NO_GROWTH}
+    sigma, dof, growth = PerShaft(1.0, 1.0), PerShaft(0.0, 0.0), EVEN
     for step in range(4):
         scale = relative_scale(readings, bench, sigma, growth)
         basis = orthonormal(structured / scale[:, None])
         left = residual / scale - basis @ (basis.T @ (residual / scale))
         leverage = np.einsum("ij,ij->i", basis, basis)
-        for sun in (True, False):
-            mine = readings.sun == sun
-            dof[sun] = float(np.sum(1.0 - leverage[mine]))
-            if dof[sun] > 1.0:
-                sigma[sun] *= math.sqrt(float(left[mine] @ left[mine]) / dof[sun])
+        dof = readings.of_shaft.map(partial(_left_dof, leverage))
+        sigma = per_shaft(partial(_rescaled, readings, left, sigma, dof))
         if step == 1:
             flat = relative_scale(readings, bench, sigma)
-            growth = {sun: _growth(readings, residual / flat, structured / flat[:, None], sun) for sun in (True, False)}
-    if grid.points.ordered:
-        scale = relative_scale(readings, bench, sigma, growth)
-        for sun in (True, False):
-            if (readings.sun == sun).any():
-                rho[sun] = _correlation(readings, residual / scale, structured / scale[:, None], sun)
+            growth = per_shaft(partial(_growth, readings, residual / flat, structured / flat[:, None]))
+    scale = relative_scale(readings, bench, sigma, growth)
     contrasts = repeat_contrasts(readings)
 
-    def shaft(sun: bool, within: Array) -> ShaftNoise:
-        even = residual / np.sqrt(growth[sun].variance(readings.speed_own))
-        repeats = _repeat_scatter(readings, even, contrasts, sun)
-        pooled = _pool(within[grid.accepted], repeats, sigma[sun], dof[sun], rho[sun])
-        return replace(pooled, growth=growth[sun])
+    def shaft(side: str) -> ShaftNoise:
+        rho = NO_CORRELATION
+        if grid.points.ordered and readings.of_shaft[side].any():
+            rho = _correlation(readings, residual / scale, structured / scale[:, None], side)
+        even = residual / np.sqrt(growth[side].variance(readings.speed_own))
+        repeats = _repeat_scatter(readings, even, contrasts, side)
+        pooled = _pool(grid.within[side][grid.accepted], repeats, sigma[side], dof[side], rho)
+        return replace(pooled, growth=growth[side])
 
-    return NoiseFloor(sun=shaft(True, grid.within_sun), ring=shaft(False, grid.within_ring))
+    return NoiseFloor(*per_shaft(shaft))
 
 
-def _repeat_scatter(readings: Readings, residual: Array, contrasts: Array, sun: bool) -> tuple[float, int]:
+def _left_dof(leverage: Array, mine: Mask) -> float:
+    """Degrees of freedom that a fit of that leverage leaves to some of the readings."""
+    return float(np.sum(1.0 - leverage[mine]))
+
+
+def _rescaled(readings: Readings, left: Array, sigma: PerShaft[float], dof: PerShaft[float], side: str) -> float:
+    """Standard deviation of a shaft's readings [N m] from what is left of them in units of the last one."""
+    if dof[side] <= 1.0:
+        return sigma[side]
+    mine = left[readings.of_shaft[side]]
+    return sigma[side] * math.sqrt(float(mine @ mine) / dof[side])
+
+
+def _repeat_scatter(readings: Readings, residual: Array, contrasts: Array, side: str) -> tuple[float, int]:
     """Standard deviation of the repeats of one shaft [N m] and its degrees of freedom."""
-    mine: Mask = readings.sun == sun
+    mine: Mask = readings.of_shaft[side]
     engaged = readings.configuration == "engaged"
     columns = contrasts[:, (contrasts[mine & ~engaged] != 0.0).any(axis=0)]
     n = columns.shape[1]

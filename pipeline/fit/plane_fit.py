@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
+from pmg.sim.shafts import PerShaft, other_side, per_shaft
+
 if TYPE_CHECKING:
     from pmg.pipeline.fit.loss_fit import LossFit, LossFits
     from pmg.sim.bench import BenchParameters
@@ -117,16 +119,13 @@ class PlaneFit:
 
 
 @dataclass(frozen=True)
-class PlaneFits:
+class PlaneFits(PerShaft[PlaneFit]):
     """Both shafts."""
-
-    sun: PlaneFit
-    ring: PlaneFit
 
     @property
     def found(self) -> tuple[tuple[str, PlaneTerm], ...]:
         """Shaft and term of what is there at 1 %."""
-        return tuple((fit.shaft, term) for fit in (self.sun, self.ring) for term in fit.terms if term.found)
+        return tuple((fit.shaft, term) for fit in self for term in fit.terms if term.found)
 
 
 def holm(p: Array) -> Array:
@@ -146,9 +145,9 @@ def holm(p: Array) -> Array:
 def plane_columns(grid: Grid, fit: LossFit, bench: BenchParameters) -> Array:
     """The terms of `FORMS` as drag at the rows of the fit, each 1 where it is largest (m, 6)."""
     at = grid.points[fit.rows]
-    sun, ring = np.where(at.rest_sun, 0.0, at.speed_sun), np.where(at.rest_ring, 0.0, at.speed_ring)
-    own, other = (sun, ring) if fit.shaft == "sun" else (ring, sun)
-    slip = bench.pole_slip(at.gear, sun, ring)
+    speed = per_shaft(lambda side: np.where(at.rest[side], 0.0, at.speed[side]))
+    own, other = speed[fit.shaft], speed[other_side(fit.shaft)]
+    slip = bench.pole_slip(at.gear, *speed)
     direction = np.where(own == 0.0, 1.0, np.sign(own))
     difference = own - other
     columns = np.stack(
@@ -168,8 +167,7 @@ def plane_columns(grid: Grid, fit: LossFit, bench: BenchParameters) -> Array:
 def _plane_fit(grid: Grid, fit: LossFit, bench: BenchParameters) -> PlaneFit:
     root = np.sqrt(fit.weights)
     at = grid.points
-    own = (at.speed_sun if fit.shaft == "sun" else at.speed_ring)[fit.rows]
-    rest = (at.rest_sun if fit.shaft == "sun" else at.rest_ring)[fit.rows]
+    own, rest = at.speed[fit.shaft][fit.rows], at.rest[fit.shaft][fit.rows]
     line = fit.curve.terms(np.where(rest, 0.0, own)) * root[:, None]
     basis, _ = np.linalg.qr(line / np.linalg.norm(line, axis=0))
     left = fit.residuals * root
@@ -252,11 +250,11 @@ def plane_fits(grid: Grid, fits: LossFits, bench: BenchParameters) -> PlaneFits:
     one, or from the own curve, is named and not tested. For a robust fit the tests take Huber's weights as given and
     are approximate. Readings that wander together in the order of the test make the p-values too small.
     """
-    both = [_plane_fit(grid, fit, bench) for fit in (fits.sun, fits.ring)]
+    both = [_plane_fit(grid, fit, bench) for fit in fits]
     tested = [(i, j) for i, fit in enumerate(both) for j, term in enumerate(fit.terms) if term.tested]
     corrected = holm(np.array([both[i].terms[j].p for i, j in tested]))
     for (i, j), value in zip(tested, corrected, strict=True):
         terms = list(both[i].terms)
         terms[j] = replace(terms[j], p_holm=float(value))
         both[i] = replace(both[i], terms=tuple(terms))
-    return PlaneFits(both[0], both[1])
+    return PlaneFits(*both)

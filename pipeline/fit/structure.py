@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.sim.shafts import SIDES, other_side, per_shaft
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -99,8 +101,7 @@ def families(readings: Readings, bench: BenchParameters, model: LossModel) -> tu
         Bearing curves: warming scales a drag, so its structure is proportional to them.
     """
     found: list[ResidualStructure] = []
-    for shaft, is_sun in (("sun", True), ("ring", False)):
-        mine = readings.sun == is_sun
+    for shaft, mine in readings.of_shaft.items():
         found += _signal_families(readings, f"torque_{shaft}", mine)
         found += _neutral_families(readings, bench, shaft, mine & (readings.configuration == "neutral"))
         found += _engaged_families(readings, f"torque_{shaft}", mine & (readings.configuration == "engaged"))
@@ -135,7 +136,7 @@ def _neutral_families(
     if not rows.any():
         return
     signal = f"torque_{shaft}"
-    other_name = "speed_ring" if shaft == "sun" else "speed_sun"
+    other_name = f"speed_{other_side(shaft)}"
     own, other = readings.speed_own[rows], readings.speed_other[rows]
     at = readings.grid.points[readings.row[rows]]
     difference = at.speed_sun - at.speed_ring
@@ -185,11 +186,8 @@ def _order_families(readings: Readings, model: LossModel, shaft: str, mine: Mask
     """In the order of the test: drift of the reading, drag that warms with time or with the run history."""
     signal = f"torque_{shaft}"
     at = readings.grid.points
-    own_drag = {
-        "sun": model.curve_sun.torque(at.speed_sun),
-        "ring": model.curve_ring.torque(at.speed_ring),
-    }
-    power = {"sun": own_drag["sun"] * np.abs(at.speed_sun), "ring": own_drag["ring"] * np.abs(at.speed_ring)}
+    own_drag = per_shaft(lambda side: model.curves[side].torque(at.speed[side]))
+    power = per_shaft(lambda side: own_drag[side] * np.abs(at.speed[side]))
     order = np.argsort(at.started_at, kind="stable")
     for configuration in ("neutral", "engaged"):
         rows = mine & (readings.configuration == configuration)
@@ -198,7 +196,7 @@ def _order_families(readings: Readings, model: LossModel, shaft: str, mine: Mask
         time = _time(readings)[rows]
         drag = own_drag[shaft][readings.row[rows]]
         if configuration == "engaged":
-            drag = drag + own_drag["ring"][readings.row[rows]] / 2.0
+            drag = drag + own_drag.ring[readings.row[rows]] / 2.0
         drag = drag / max(float(np.sqrt(np.mean(drag**2))), 1e-12)
         trend = _polynomials(time, 5)
         yield ResidualStructure(signal, configuration, ("order",), place(readings, rows, trend))
@@ -207,7 +205,7 @@ def _order_families(readings: Readings, model: LossModel, shaft: str, mine: Mask
         )
         histories = [
             run_history(at.started_at[order], power[source][order], time, constant)
-            for source in ("sun", "ring")
+            for source in SIDES
             for constant in THERMAL_TIMES
         ]
         memory = np.stack(histories, axis=1)

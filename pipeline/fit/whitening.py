@@ -8,21 +8,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.fit.noise import CORRELATIONS, GROWTHS, NO_GROWTH, Growth, NoiseFloor, ShaftNoise
+from pmg.pipeline.fit.noise import CORRELATIONS, GROWTHS, NO_GROWTH, Growth, NoiseFloor
+from pmg.sim.shafts import PerShaft, per_shaft
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.fit.noise import NoiseFloor, ShaftNoise
+    from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
 
 
-def growth_of(readings: Readings, sun: bool, weights: Array) -> Growth:
+def growth_of(readings: Readings, side: str, weights: Array) -> Growth:
     """Growth of that weight over one shaft's readings."""
-    speed = np.abs(readings.speed_own[readings.sun == sun])
+    speed = np.abs(readings.speed_own[readings.of_shaft[side]])
     fastest = float(speed.max(initial=0.0))
     if fastest == 0.0:
         return NO_GROWTH
@@ -69,11 +70,11 @@ class Chain:
         return float(np.sum(np.log1p(-(rho ** (2.0 * self.lag)))))
 
 
-def chain_of(readings: Readings, sun: bool) -> Chain:
+def chain_of(readings: Readings, side: str) -> Chain:
     """The chain of one shaft's readings; the order of the test must be known."""
     position = np.empty(len(readings.grid))
     position[np.argsort(readings.grid.points.started_at, kind="stable")] = np.arange(len(readings.grid))
-    rows = np.flatnonzero(readings.sun == sun)
+    rows = np.flatnonzero(readings.of_shaft[side])
     rows = rows[np.argsort(position[readings.row[rows]], kind="stable")]
     return Chain(rows, np.diff(position[readings.row[rows]]))
 
@@ -109,24 +110,25 @@ def undo(white: Whitener, values: Array) -> Array:
     return np.asarray(out * white.scale[:, None]).reshape(values.shape)
 
 
+EVEN = PerShaft(NO_GROWTH, NO_GROWTH)
+"""Noise of either shaft that does not grow with its speed."""
+
+
 def relative_scale(
-    readings: Readings, bench: BenchParameters, sigma: dict[bool, float], growth: dict[bool, Growth] | None = None
+    readings: Readings, bench: BenchParameters, sigma: PerShaft[float], growth: PerShaft[Growth] = EVEN
 ) -> Array:
     """Standard deviation of each reading [N m] from that of the two transducers' points."""
     at = readings.grid.points
     ratio = bench.ratio(at.gear)[readings.row]
     engaged = readings.configuration == "engaged"
-    grows = growth or {True: NO_GROWTH, False: NO_GROWTH}
-    sun = sigma[True] * np.sqrt(grows[True].variance(at.speed_sun[readings.row]))
-    ring = sigma[False] * np.sqrt(grows[False].variance(at.speed_ring[readings.row]))
+    sun, ring = per_shaft(lambda side: sigma[side] * np.sqrt(growth[side].variance(at.speed[side][readings.row])))
     own = np.where(readings.sun, sun, ring)
     return np.where(engaged, np.hypot(own, ring / ratio), own)
 
 
 def floor_scale(readings: Readings, bench: BenchParameters, floor: NoiseFloor) -> Array:
     """Standard deviation of each reading by a noise floor [N m]."""
-    size = {True: floor.sun.u, False: floor.ring.u}
-    return relative_scale(readings, bench, size, {True: floor.sun.growth, False: floor.ring.growth})
+    return relative_scale(readings, bench, floor.map(lambda noise: noise.u), floor.map(lambda noise: noise.growth))
 
 
 def whitener(readings: Readings, bench: BenchParameters, floor: NoiseFloor) -> Whitener:
@@ -134,8 +136,7 @@ def whitener(readings: Readings, bench: BenchParameters, floor: NoiseFloor) -> W
     scale = floor_scale(readings, bench, floor)
     if not readings.grid.points.ordered:
         return Whitener(scale, ())
-    shafts = ((True, floor.sun), (False, floor.ring))
-    return Whitener(scale, tuple((chain_of(readings, sun), noise.correlation) for sun, noise in shafts))
+    return Whitener(scale, tuple((chain_of(readings, side), noise.correlation) for side, noise in floor.items()))
 
 
 NOISY_WINDOW = 2.5
@@ -152,16 +153,14 @@ def with_floor(grid: Grid, floor: NoiseFloor) -> Grid:
     :math:`u_i^2 = u_\mathrm{floor}^2 - \overline{u_\mathrm{within}^2} + u_{i,\mathrm{within}}^2` instead.
     """
 
-    def point(within: Array, noise: ShaftNoise, speed: Array) -> Array:
-        usual = noise.u * np.sqrt(noise.growth.variance(speed))
+    def point(side: str) -> Array:
+        within, noise = grid.within[side], floor[side]
+        usual = noise.u * np.sqrt(noise.growth.variance(grid.points.speed[side]))
         own = np.sqrt(np.maximum(usual**2 - noise.within**2, 0.0) + within**2)
         return np.where(within > NOISY_WINDOW * noise.within, own, usual)
 
-    return replace(
-        grid,
-        u_sun=point(grid.within_sun, floor.sun, grid.points.speed_sun),
-        u_ring=point(grid.within_ring, floor.ring, grid.points.speed_ring),
-    )
+    u = per_shaft(point)
+    return replace(grid, u_sun=u.sun, u_ring=u.ring)
 
 
 def synthetic_noise(
@@ -184,8 +183,8 @@ def synthetic_noise(
     if step > 0.0 and fitted is not None:
         return white(_rounded(readings, floor, fitted, step, draws, rng))
     out = rng.standard_normal((len(readings), draws))
-    for sun, noise in ((True, floor.sun), (False, floor.ring)):
-        rows = np.flatnonzero(readings.sun == sun)
+    for side, noise in floor.items():
+        rows = np.flatnonzero(readings.of_shaft[side])
         speed = readings.speed_own[rows]
         usual = noise.growth.variance(speed)
         which = rng.choice(len(GROWTHS), size=draws, p=noise.growth.weights)

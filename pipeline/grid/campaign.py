@@ -120,7 +120,7 @@ def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) 
     speed_sun, speed_ring = column("sun", "speed"), column("ring", "speed")
     within_sun, within_ring = (
         np.hypot(_known(column(side, "within"), shaft, facts.simulated), undithered(shaft.resolution, shaft.std))
-        for side, shaft in (("sun", facts.sun), ("ring", facts.ring))
+        for side, shaft in facts.items()
     )
     configuration = words("configuration")
     load = asked("torque_ring")

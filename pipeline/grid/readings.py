@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.sim.grid import Grid
+from pmg.sim.shafts import PerShaft
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import steady
 
@@ -58,6 +59,11 @@ class Readings:
     def configuration(self) -> npt.NDArray[np.str_]:
         """Configuration of each reading."""
         return np.asarray(self.grid.points.configuration[self.row])
+
+    @property
+    def of_shaft(self) -> PerShaft[Mask]:
+        """Which readings are of each shaft's transducer, (m,) each."""
+        return PerShaft(self.sun, ~self.sun)
 
     @property
     def speed_own(self) -> Array:

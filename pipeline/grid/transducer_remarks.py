@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.grid.transducer_uncertainty import transducer_of
-from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.wording.outcome import told
 
 if TYPE_CHECKING:
@@ -27,8 +25,8 @@ def transducer_remarks(facts: WindowFacts, bench: BenchParameters) -> Iterator[d
     bench : BenchParameters
         As it ships.
     """
-    for side, shaft in zip(SIDES, (facts.sun, facts.ring), strict=True):
-        ours = float(transducer_of(bench, side).nominal_torque)
+    for side, shaft in facts.items():
+        ours = float(bench.transducers[side].nominal_torque)
         others = np.unique(shaft.nominal[np.isfinite(shaft.nominal) & (shaft.nominal != ours)])
         if len(others):
             count = int(np.isin(shaft.nominal, others).sum())

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from pmg.sim.bench import BenchParameters, TransducerParameters
+    from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
 
@@ -30,11 +30,6 @@ class CommonParts:
     tare: Array
 
 
-def transducer_of(bench: BenchParameters, side: str) -> TransducerParameters:
-    """The transducer of a shaft, ``sun`` or ``ring``."""
-    return bench.transducer_sun if side == "sun" else bench.transducer_ring
-
-
 def nominal_torque(bench: BenchParameters, side: str, stated: Array | None) -> Array:
     """Nominal torque of the transducer at each point [N m]: as its calibration states it, else the bench's.
 
@@ -47,7 +42,7 @@ def nominal_torque(bench: BenchParameters, side: str, stated: Array | None) -> A
     stated : (n,) array or None
         From the calibrations of the recordings [N m]; NaN where there is none, None for grids from tables.
     """
-    of = float(transducer_of(bench, side).nominal_torque)
+    of = float(bench.transducers[side].nominal_torque)
     return np.asarray(of if stated is None else np.where(np.isfinite(stated), stated, of))
 
 
@@ -76,7 +71,7 @@ def common_uncertainty(
     """
 
     def common(torque: Array, side: str, zero: float, stated: Array | None) -> Array:
-        of = transducer_of(bench, side)
+        of = bench.transducers[side]
         linearity = of.nonlinearity * nominal_torque(bench, side, stated)
         return np.hypot(np.hypot(of.sensitivity_tolerance * torque, linearity) / RECTANGULAR, zero)
 
@@ -90,9 +85,9 @@ def common_parts(grid: Grid, bench: BenchParameters, side: str, nominal: Array |
     Sensitivity is taken first, then non-linearity, of the nominal torques [N m] (n,) that the calibrations state or
     of the bench's; what is left is the tare.
     """
-    of = transducer_of(bench, side)
-    torque, common = (grid.torque_sun, grid.common_sun) if side == "sun" else (grid.torque_ring, grid.common_ring)
-    sensitivity = np.minimum(of.sensitivity_tolerance * np.abs(torque) / RECTANGULAR, common)
+    of = bench.transducers[side]
+    common = grid.common[side]
+    sensitivity = np.minimum(of.sensitivity_tolerance * np.abs(grid.torque[side]) / RECTANGULAR, common)
     rest = common**2 - sensitivity**2
     linearity = np.minimum((of.nonlinearity * nominal_torque(bench, side, nominal) / RECTANGULAR) ** 2, rest)
     left = rest - linearity

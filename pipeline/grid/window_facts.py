@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.windows.limits import LIMITS
 from pmg.sim.bench import SourcedQuantity
+from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 from pmg.sim.sources import Source
 
 if TYPE_CHECKING:
@@ -66,14 +66,12 @@ class LimitSet:
 
 
 @dataclass(frozen=True)
-class WindowFacts:
+class WindowFacts(PerShaft[ShaftFacts]):
     """Both shafts, windows in the order of the grid, and every set of limits by which they were judged.
 
     `simulated` says which windows (n,) are of recordings that their writer marked as simulated.
     """
 
-    sun: ShaftFacts
-    ring: ShaftFacts
     limits: tuple[LimitSet, ...]
     simulated: Mask
 
@@ -132,7 +130,7 @@ def rated(bench: BenchParameters, facts: WindowFacts | None) -> BenchParameters:
     """
     if facts is None:
         return bench
-    sun, ring = _rated(bench.transducer_sun, facts.sun), _rated(bench.transducer_ring, facts.ring)
+    sun, ring = per_shaft(lambda side: _rated(bench.transducers[side], facts[side]))
     if sun is bench.transducer_sun and ring is bench.transducer_ring:
         return bench
     return replace(bench, transducer_sun=sun, transducer_ring=ring)

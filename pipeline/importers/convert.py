@@ -111,7 +111,7 @@ class Conversion:
         found = {"quantity": spec.quantity, "unit": spec.unit, "dtype": self.dtype, "rate_hz": repr(rate_hz)}
         found |= {"clock_id": "0", "imported_from": self.mapped.wanted.name, "imported_unit": self.unit}
         if self.mapped.topic.endswith("/count"):
-            counts = str(self.calibration.counts_per_rev(self.side))
+            counts = str(self.calibration.counts_per_rev[self.side])
             found["counts_per_rev"] = counts
         if "bits" in spec.numbers:
             found["bits"] = str(self.bits)
@@ -144,9 +144,9 @@ class Conversion:
         if self.kind == "frequency":
             return index, si
         if self.kind in ("torque", "electric"):
-            return index, self.calibration.transducer(self.side).frequency(self._torque(values, si))
+            return index, self.calibration[self.side].frequency(self._torque(values, si))
         angle = self._angle(si, index, rate_hz)
-        counts = np.floor(angle / (REVOLUTION / self.calibration.counts_per_rev(self.side))).astype(np.int64)
+        counts = np.floor(angle / (REVOLUTION / self.calibration.counts_per_rev[self.side])).astype(np.int64)
         return index, counts % (1 << DEFAULT_BITS)
 
     def finish(self) -> None:

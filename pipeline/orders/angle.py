@@ -56,7 +56,7 @@ def index_of(recording: Recording, side: str) -> Index | None:
         return None
     angle = recording.samples[f"angle_{side}"].to_numpy()
     pulses, bits = recording.beside.pulses[side], recording.beside.bits[side]
-    return find_index(angle, recording.first_sample, pulses, recording.calibration.counts_per_rev(side), bits)
+    return find_index(angle, recording.first_sample, pulses, recording.calibration.counts_per_rev[side], bits)
 
 
 def find_index(

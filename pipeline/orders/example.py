@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.orders.angle import AverageTurn, average_turn, by_angle, order_amplitudes
-from pmg.pipeline.recording.calibration import SIDES
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:

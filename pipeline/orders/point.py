@@ -13,11 +13,11 @@ from pmg.pipeline.orders.flux import COIL_KINDS, coil_kind, flux_of_lines, linka
 from pmg.pipeline.orders.lines import lines_of, resolve
 from pmg.pipeline.orders.load_angle import load_angle
 from pmg.pipeline.orders.row import LineFit, Made, empty_row, fitted_row
-from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.windows.reduce import end_to_end_speed
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import FitError
 from pmg.sim.grid import Configuration
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:

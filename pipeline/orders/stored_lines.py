@@ -14,10 +14,10 @@ from pmg.pipeline.files.json_values import with_nulls
 from pmg.pipeline.orders.angle import index_of
 from pmg.pipeline.orders.point import Span, orders_of_point
 from pmg.pipeline.orders.row import OrderRow
-from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.store.store import ORDERS
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import StoreError
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def orders_of_source(recording: Recording, windows: Iterable[Window]) -> SourceO
         Its windows, judged.
     """
     bench = load_bench()
-    steps = {side: REVOLUTION / recording.calibration.counts_per_rev(side) for side in SIDES}
+    steps = {side: REVOLUTION / recording.calibration.counts_per_rev[side] for side in SIDES}
     index = {side: index_of(recording, side) for side in SIDES}
     points = [
         orders_of_point(

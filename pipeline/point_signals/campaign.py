@@ -11,10 +11,10 @@ import numpy as np
 
 from pmg.pipeline.point_signals.cell import BudgetRow, CellSignals, ChannelSignals, ShaftRows
 from pmg.pipeline.point_signals.traces import bins_for, speed_signals, stretch_of, torque_signals
-from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.wording.outcome import told
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import GridError, StoreError
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION, SPEED_RING, SPEED_SUN, TORQUE_RING, TORQUE_SUN
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def campaign_signals(store: Store, grid: Grid, budget: Budget) -> CampaignSignal
     if grid.origin != "measured":
         message = f"a {grid.origin} grid has no recordings; expected a store of them. Its points show no signals."
         return CampaignSignals((), (told("info", "signals of the points", message),))
-    rows = [_rows_of(shaft) for shaft in budget.shafts]
+    rows = [_rows_of(shaft) for shaft in budget]
     cells = [_without_signals(grid, budget, row, tuple(shaft(row) for shaft in rows)) for row in range(len(grid))]
     places = _places(store, grid)
     runs: dict[str, list[int]] = defaultdict(list)
@@ -146,7 +146,7 @@ def _without_signals(grid: Grid, budget: Budget, row: int, shafts: tuple[ShaftRo
     at, reason = grid.points, str(grid.reason[row])
     flags: list[str] = []
     if budget.facts is not None:
-        for side, facts in zip(SIDES, (budget.facts.sun, budget.facts.ring), strict=True):
+        for side, facts in budget.facts.items():
             flags += _flags(side, facts, row)
     speeds = float(at.speed_sun[row]), float(at.speed_ring[row])
     return CellSignals(

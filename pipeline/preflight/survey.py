@@ -10,7 +10,7 @@ from pmg.pipeline.grid.copies import without_copies
 from pmg.pipeline.orders.stored_lines import kept_orders
 from pmg.pipeline.preflight.found import Asked, File, Survey
 from pmg.pipeline.recording import Severity, UnusableRecordingError
-from pmg.pipeline.recording.calibration import SIDES, read_calibration
+from pmg.pipeline.recording.calibration import read_calibration
 from pmg.pipeline.recording.container.contents import open_container
 from pmg.pipeline.recording.container.gathered import FIELDS_KEY
 from pmg.pipeline.recording.events import read_steps
@@ -20,6 +20,7 @@ from pmg.pipeline.recording.supplied import NOTHING, Supply
 from pmg.pipeline.store.sources import find_recordings
 from pmg.pipeline.store.store import MARK, Store
 from pmg.sim.grid import Configuration
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.recording.channels import ChannelSpec, check_channel, encoder
 from pmg.pipeline.recording.decode import DEFAULT_BITS
 from pmg.pipeline.recording.events import read_events
@@ -15,6 +14,7 @@ from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.join import join_blocks
 from pmg.pipeline.recording.layouts import wire
 from pmg.pipeline.recording.run import finite
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.recording.run import SUPPLY
 from pmg.sim.errors import near_miss
+from pmg.sim.shafts import SIDES, PerShaft
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 ATTACHMENT = "calibration.toml"
 NUMBERS = ("null_frequency_Hz", "nominal_torque_Nm", "span_Hz")
-SIDES = ("sun", "ring")
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Transducer:
 
 
 @dataclass(frozen=True)
-class Calibration:
+class Calibration(PerShaft[Transducer]):
     """Transducers and encoders of both shafts.
 
     Parameters
@@ -64,18 +64,13 @@ class Calibration:
         Quadrature counts of one revolution.
     """
 
-    sun: Transducer
-    ring: Transducer
     counts_per_rev_sun: int
     counts_per_rev_ring: int
 
-    def transducer(self, side: str) -> Transducer:
-        """The transducer of a shaft, ``sun`` or ``ring``."""
-        return self.sun if side == "sun" else self.ring
-
-    def counts_per_rev(self, side: str) -> int:
-        """Encoder counts per revolution of a shaft, ``sun`` or ``ring``."""
-        return self.counts_per_rev_sun if side == "sun" else self.counts_per_rev_ring
+    @property
+    def counts_per_rev(self) -> PerShaft[int]:
+        """Encoder counts per revolution of each shaft."""
+        return PerShaft(self.counts_per_rev_sun, self.counts_per_rev_ring)
 
 
 def read_calibration(attachments: Iterable[tuple[str, bytes]], findings: Findings) -> Calibration | None:

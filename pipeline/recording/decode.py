@@ -98,7 +98,7 @@ def decode_torque(topics: dict[str, Topic], side: str, calibration: Calibration,
         frequency = _frequency(topics, direct, findings)
     if frequency is None:
         return None
-    torque = calibration.transducer(side).torque(frequency.values)
+    torque = calibration[side].torque(frequency.values)
     return Decoded(frequency.topic, frequency.first, frequency.rate_hz, torque, frequency.present, frequency.blemishes)
 
 
@@ -122,7 +122,7 @@ def decode_angle(
     if joined is None:
         return None
     terms, track = joined
-    counts_per_rev = calibration.counts_per_rev(side)
+    counts_per_rev = calibration.counts_per_rev[side]
     declared = terms.numbers.get("counts_per_rev", counts_per_rev)
     if declared != counts_per_rev:
         findings.error(

@@ -11,7 +11,7 @@ import polars as pl
 
 from pmg.pipeline.recording.auxiliary_channels import COILS, Beside, counter_bits, read_beside
 from pmg.pipeline.recording.auxiliary_channels import NOTHING as NOTHING_BESIDE
-from pmg.pipeline.recording.calibration import SIDES, read_calibration
+from pmg.pipeline.recording.calibration import read_calibration
 from pmg.pipeline.recording.channels import report_unread
 from pmg.pipeline.recording.checks.clock import mark_offset_s, sound_marks
 from pmg.pipeline.recording.checks.lines import check_lines
@@ -27,6 +27,7 @@ from pmg.pipeline.recording.origin import read_origin
 from pmg.pipeline.recording.run import known_of_run, read_run
 from pmg.pipeline.recording.supplied import NOTHING, Supply
 from pmg.pipeline.recording.tracks import COLUMNS, decode_tracks, one_rate, tell_lacking, together
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

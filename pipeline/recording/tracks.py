@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.recording.decode import decode_angle, decode_torque
 from pmg.pipeline.recording.events import read_events
 from pmg.pipeline.recording.findings import Code, Severity
 from pmg.pipeline.recording.layouts import wire
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

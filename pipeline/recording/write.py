@@ -16,7 +16,6 @@ from mcap.writer import CompressionType, Writer
 from pmg.pipeline.recording.calibration import (
     ATTACHMENT,
     NUMBERS,
-    SIDES,
     Calibration,
     Transducer,
     read_calibration,
@@ -28,6 +27,7 @@ from pmg.pipeline.recording.join import SIMULATED
 from pmg.pipeline.recording.layouts.schema import CLOCK_MARK, SAMPLE_BLOCK, descriptor_set, encode
 from pmg.pipeline.recording.run import LAYOUT, RECORD, RUN_KEYS, read_run
 from pmg.sim.errors import RecordingError, near_miss
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
@@ -206,11 +206,11 @@ def _attachment(calibration: Calibration, where: str) -> bytes:
     """The calibration as TOML, proven by the reader's own check."""
     text = ""
     for side in SIDES:
-        t = calibration.transducer(side)
+        t = calibration[side]
         numbers = zip(NUMBERS, (t.null_frequency_hz, t.nominal_torque, t.span_hz), strict=True)
         text += f"[transducer.{side}]\n" + "".join(f"{key} = {float(value)!r}\n" for key, value in numbers)
         text += f"serial = {json.dumps(t.serial, ensure_ascii=False)}\n\n"
-        text += f"[encoder.{side}]\ncounts_per_rev = {calibration.counts_per_rev(side)}\n\n"
+        text += f"[encoder.{side}]\ncounts_per_rev = {calibration.counts_per_rev[side]}\n\n"
     data = text.encode("utf-8")
     findings = Findings(where)
     if read_calibration([(ATTACHMENT, data)], findings) is None:
@@ -231,7 +231,7 @@ def _channels(run: SimulatedRun, calibration: Calibration, where: str) -> dict[s
     clock = {"rate_hz": repr(float(run.rate)), "clock_id": str(SHARED_CLOCK)}
     found: dict[str, _Channel] = {}
     for side in SIDES:
-        transducer, counts = calibration.transducer(side), calibration.counts_per_rev(side)
+        transducer, counts = calibration[side], calibration.counts_per_rev[side]
         torque, angle = columns[f"torque_{side}"], columns[f"angle_{side}"]
         _check(torque, float(transducer.nominal_torque), "N m", f"{where}: torque_{side}")
         _check(angle, LARGEST_COUNT * REVOLUTION / counts, "rad", f"{where}: angle_{side}")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.windows.steadiness import speed_off, speed_unsettled, torque_unsettled
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.recording.checks.lines import EMERGENCY_STOP
 from pmg.pipeline.recording.checks.stretches import stretches
 from pmg.pipeline.recording.join import FLAGS
 from pmg.pipeline.windows.reduce import end_to_end_speed
 from pmg.pipeline.windows.revolutions import batch_means
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION, RPM
 
 if TYPE_CHECKING:
@@ -171,7 +171,7 @@ def speed_unsettled(window: Evidence, limits: Steadiness) -> Reason | None:
             continue
         speed = abs(end_to_end_speed(angle, window.rate_hz))
         limit = max(limits.speed_change, limits.speed_change_relative * speed)
-        count = REVOLUTION / window.calibration.counts_per_rev(side)
+        count = REVOLUTION / window.calibration.counts_per_rev[side]
         halves = _speeds(angle, len(angle) // 2, window.rate_hz)
         change = abs(halves[1] - halves[0])
         coarse = limits.counts * count * window.rate_hz
@@ -205,7 +205,7 @@ def torque_unsettled(window: Evidence, limits: Steadiness) -> Reason | None:
         means = batch_means(torque, window.angle[side]).means
         if len(means) < FEWEST_MEANS:
             continue
-        limit = limits.torque_drift * window.calibration.transducer(side).nominal_torque
+        limit = limits.torque_drift * window.calibration[side].nominal_torque
         for what, change, error in torque_changes(means):
             if abs(change) > limit and abs(change) > limits.torque_drift_sigmas * error:
                 detail = f"{side} {what} {change * 1e3:+.1f} mN m, limit {limit * 1e3:.1f} mN m"
@@ -216,7 +216,7 @@ def torque_unsettled(window: Evidence, limits: Steadiness) -> Reason | None:
 def torque_out_of_range(window: Evidence, limits: Steadiness) -> Reason | None:
     """Torque beyond the nominal range, or a frequency outside the rated band; readings there are bounds."""
     for side in SIDES:
-        transducer = window.calibration.transducer(side)
+        transducer = window.calibration[side]
         torque = window.torque[side][np.isfinite(window.torque[side])]
         if not len(torque):
             continue

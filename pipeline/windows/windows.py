@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.recording.run import Setpoints
 from pmg.pipeline.windows.gaps import holes, lost_end, missing_channels, stem
 from pmg.pipeline.windows.limits import LIMITS
@@ -16,6 +15,7 @@ from pmg.pipeline.windows.reduce import end_to_end_speed
 from pmg.pipeline.windows.remarks import near_limits
 from pmg.pipeline.windows.steadiness import CHECKS, REST_SPEED, Evidence, Reason, gaps
 from pmg.pipeline.windows.window import Window
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from pmg.pipeline.recording import Recording
@@ -76,7 +76,7 @@ def _from_plateaus(recording: Recording, whole: _Stretch, limits: Steadiness) ->
     first, stop = whole.first, whole.stop or whole.first
     part = recording.samples.slice(first - recording.first_sample, stop - first)
     torques = [
-        (part[f"torque_{side}"].to_numpy(), recording.calibration.transducer(side).nominal_torque)
+        (part[f"torque_{side}"].to_numpy(), recording.calibration[side].nominal_torque)
         for side in SIDES
         if f"torque_{side}" in recording.recorded
     ]

@@ -11,6 +11,7 @@ import numpy as np
 
 from pmg.sim.errors import BenchError
 from pmg.sim.grid import Configuration
+from pmg.sim.shafts import PerShaft
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
@@ -90,11 +91,8 @@ def parameter(unit: str, *, bounds: tuple[float, float], typical: float, meaning
 
 
 @dataclass(frozen=True)
-class Torques:
+class Torques(PerShaft["Array"]):
     """Torques that a mechanism puts on the two rotors [N m], positive in the positive direction of rotation."""
-
-    sun: Array
-    ring: Array
 
     def __add__(self, other: Torques) -> Torques:
         """Both together."""

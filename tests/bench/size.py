@@ -41,11 +41,11 @@ def columns(source: Recording, rng: np.random.Generator) -> list[Column]:
         torque = float(source.samples[f"torque_{side}"].mean())  # type: ignore[arg-type]
         angle = source.samples[f"angle_{side}"]
         speeds[side] = (angle[-1] - angle[0]) * source.rate_hz / (len(angle) - 1)
-        frequency = source.calibration.transducer(side).frequency(np.full(rows, torque))
+        frequency = source.calibration[side].frequency(np.full(rows, torque))
         noisy = np.round(frequency + NOISE_HZ * rng.standard_normal(rows), 2)
         made.append(Column(f"/daq/torque_{side}/frequency", "f64", noisy, {"quantity": "frequency", "unit": "Hz"}))
     for side, speed in speeds.items():
-        made.append(counted(side, speed, rows, RATE_HZ, source.calibration.counts_per_rev(side)))
+        made.append(counted(side, speed, rows, RATE_HZ, source.calibration.counts_per_rev[side]))
     phase = POLE_PAIRS * speeds["sun"] * np.arange(rows) / RATE_HZ
     for number, coil in enumerate(COILS):
         codes = 3000.0 * np.sin(phase + number) + 5.0 * rng.standard_normal(rows)

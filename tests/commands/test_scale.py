@@ -234,5 +234,5 @@ def test_a_point_of_the_size_bench_has_the_means_of_the_point_it_is_from(tmp_pat
     assert made.run.point == source.run.point
     for side in ("sun", "ring"):
         means = [float(np.mean(recording.samples[f"torque_{side}"].to_numpy())) for recording in (made, source)]
-        noise = NOISE_HZ / np.sqrt(made.samples.height) * source.calibration.transducer(side).nominal_torque / 5000.0
+        noise = NOISE_HZ / np.sqrt(made.samples.height) * source.calibration[side].nominal_torque / 5000.0
         assert means[0] == pytest.approx(means[1], abs=5.0 * noise)

@@ -22,7 +22,7 @@ def drag(powers: tuple[float, ...], coefficients: tuple[float, ...], noise: Arra
     at = points("neutral", SPEEDS, np.full(len(SPEEDS), 100.0))
     limit = float(at.speed_sun.max())
     clean = LossCurve(powers, np.array(coefficients), SPEED_REFERENCE_SUN, limit).torque(at.speed_sun)
-    return shaft_drags(measured(at, clean + noise, np.ones(len(at))))[0]
+    return shaft_drags(measured(at, clean + noise, np.ones(len(at)))).sun
 
 
 def test_candidates_hold_a_term_that_rises_no_faster_than_speed() -> None:
@@ -70,7 +70,7 @@ def test_errors_at_withheld_speeds_are_those_of_fits_without_them(rng: np.random
 def test_aicc_is_that_of_the_fit_and_weights_sum_to_one(rng: np.random.Generator) -> None:
     at = points("neutral", SPEEDS, SPEEDS / 3.0)
     grid = measured(at, 0.1 + 1e-3 * rng.standard_normal(len(at)), 0.1 + 1e-3 * rng.standard_normal(len(at)))
-    choice = choose_terms(shaft_drags(grid)[0])
+    choice = choose_terms(shaft_drags(grid).sun)
     rank = next(rank for rank in choice.ranking if rank.powers == (0.0, 1.0, 2.0))
     assert rank.aicc == pytest.approx(fit_losses(grid, (0.0, 1.0, 2.0), (0.0,)).sun.aicc)
     assert sum(rank.weight for rank in choice.ranking) == pytest.approx(1.0)
@@ -91,7 +91,7 @@ def test_an_outlier_does_not_choose_the_terms_of_a_robust_fit(rng: np.random.Gen
 def test_three_speeds_are_too_few() -> None:
     at = points("neutral", np.repeat([300.0, 600.0, 900.0], 9), np.full(27, 100.0))
     with pytest.raises(FitError, match="at least 4 speeds"):
-        choose_terms(shaft_drags(measured(at, np.ones(27), np.ones(27)))[0])
+        choose_terms(shaft_drags(measured(at, np.ones(27), np.ones(27))).sun)
 
 
 def test_the_choice_travels_with_the_options() -> None:

@@ -129,7 +129,7 @@ def test_contributions_add_up_to_what_was_put_in_each_counted_once(
     grid = damaged(campaign()) if rejected else campaign()
     found = budget(grid, resolution, std)
     n = len(campaign())
-    for shaft in found.shafts:
+    for shaft in found:
         torque = shaft.torque[:n]
         rounding = resolution / math.sqrt(12.0) if std < resolution / 2 else 0.0
         zero = math.hypot(
@@ -158,7 +158,7 @@ def test_contributions_add_up_to_what_was_put_in_each_counted_once(
 
 def test_a_rejected_window_without_a_mean_leaves_the_mean_of_the_others_alone() -> None:
     whole, hurt = budget(campaign()), budget(damaged(campaign()))
-    for shaft, other in zip(whole.shafts, hurt.shafts, strict=True):
+    for shaft, other in zip(whole, hurt, strict=True):
         rows = whole.grid.points.neutral
         assert other.of_mean(np.r_[rows, [False, False]]) == pytest.approx(shaft.of_mean(rows))
     shown = " ".join(item.body for item in budget_items(hurt) if isinstance(item, Text))
@@ -180,7 +180,7 @@ def test_non_linearity_is_of_the_nominal_torque_of_the_calibration(nominal: tupl
     grid = replace(base, common_sun=common[0], common_ring=common[1])
     known = facts(grid, nominal=nominal)
     found = budget_of(grid, None, BENCH, known)
-    for shaft, of, total in zip(found.shafts, nominal, common, strict=True):
+    for shaft, of, total in zip(found, nominal, common, strict=True):
         np.testing.assert_allclose(named(shaft, "linearity").u, 0.001 * of / math.sqrt(3.0), rtol=1e-9)
         np.testing.assert_allclose(shaft.common, total, rtol=1e-9)
         assert named(shaft, "linearity").remark.endswith(f"of {of:g} N m")

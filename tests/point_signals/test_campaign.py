@@ -141,7 +141,7 @@ def test_the_ripple_of_a_recording_stands_in_its_spectrum(cells: tuple[CellSigna
 def test_the_budget_of_a_point_is_that_of_the_campaign(ingested: Path, cells: tuple[CellSignals, ...]) -> None:
     _, budget = measured(Store(ingested))
     for cell in cells:
-        for shaft, whole in zip(cell.shafts, budget.shafts, strict=True):
+        for shaft, whole in zip(cell.shafts, budget, strict=True):
             assert [row.key for row in shaft.rows] == [c.key for c in whole.contributions]
             assert shaft.expanded == whole.expanded[cell.row]
             total = math.hypot(*(row.u for row in shaft.rows if not math.isnan(row.u)))

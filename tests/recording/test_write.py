@@ -99,10 +99,10 @@ def test_the_rated_calibration_is_that_of_the_bench(bench: BenchParameters, rate
     assert (rated.sun.nominal_torque, rated.ring.nominal_torque) == (5.0, 10.0)
     assert rated.sun.nominal_torque == bench.transducer_sun.nominal_torque
     for side in SIDES:
-        transducer = rated.transducer(side)
+        transducer = rated[side]
         at = transducer.frequency(np.array([-1.0, 0.0, 1.0]) * transducer.nominal_torque)
         np.testing.assert_array_equal(at, [5_000.0, 10_000.0, 15_000.0])
-        assert rated.counts_per_rev(side) == 5120
+        assert rated.counts_per_rev[side] == 5120
 
 
 def test_another_calibration_travels_with_the_recording(tmp_path: Path, rated: Calibration) -> None:

@@ -41,10 +41,10 @@ def _words(budget: Budget, row: int) -> Text:
     at = budget.grid.points
     rows = typical_rows(budget) & (at.engaged == at.engaged[row]) & (at.drive == at.drive[row])
     what = f"engaged points that the {at.drive[row]} drives" if at.engaged[row] else "neutral points"
-    means = [shaft.of_mean(rows) for shaft in budget.shafts]
+    means = [shaft.of_mean(rows) for shaft in budget]
     parts = [
         f"{shaft.side}: independent {independent / MILLI:.2f} mN m, common {common / MILLI:.2f} mN m"
-        for shaft, (independent, common) in zip(budget.shafts, means, strict=True)
+        for shaft, (independent, common) in zip(budget, means, strict=True)
     ]
     return Text(
         "What the mean torque of a point is uncertain by. Independent contributions differ from point to point and "
@@ -54,7 +54,7 @@ def _words(budget: Budget, row: int) -> Text:
 
 
 def _table(budget: Budget, row: int) -> Table:
-    sun, ring = budget.shafts
+    sun, ring = budget
     typical = typical_rows(budget)
     lines: list[tuple[Cell, ...]] = []
     for s, r in zip(sun.contributions, ring.contributions, strict=True):
@@ -104,7 +104,7 @@ def _evaluated(contribution: Contribution, row: int) -> str:
 def _grounds(budget: Budget) -> Facts:
     """Where each contribution comes from."""
     rows = []
-    for s, r in zip(budget.shafts[0].contributions, budget.shafts[1].contributions, strict=True):
+    for s, r in zip(budget.sun.contributions, budget.ring.contributions, strict=True):
         rows.append((s.name.capitalize(), s.remark if s.remark == r.remark else f"{s.remark} (ring: {r.remark})"))
     return Facts(tuple((name, remark) for name, remark in rows if remark))
 

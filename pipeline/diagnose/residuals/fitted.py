@@ -16,6 +16,7 @@ from pmg.pipeline.fit.plane_fit import plane_columns
 from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.fit.whitening import floor_scale, relative_scale
 from pmg.pipeline.grid.readings import Readings, predict, take_readings
+from pmg.sim.shafts import PerShaft
 
 if TYPE_CHECKING:
     from pmg.pipeline.fit.analysis import Analysis
@@ -214,9 +215,9 @@ def lack_of_fit(fit: Fitted, floor: NoiseFloor, bench: BenchParameters, shaft: s
     """
     readings, is_sun = fit.readings, shaft == "sun"
     mine = readings.sun == is_sun
-    noise = floor.sun if is_sun else floor.ring
+    noise = floor[shaft]
     step = readings.grid.rounding
-    relative = relative_scale(readings, bench, {True: 1.0, False: 1.0}) if step else floor_scale(readings, bench, floor)
+    relative = relative_scale(readings, bench, PerShaft(1.0, 1.0)) if step else floor_scale(readings, bench, floor)
     even = np.where(mine, fit.residual / (relative if step else relative / noise.u), 0.0)
     total, free = float(even @ even), float(np.sum(1.0 - fit.leverage()[mine]))
     contrasts = repeat_contrasts(readings)

@@ -66,7 +66,7 @@ def check_torques(
     for side, track, other in (("sun", sun, ring), ("ring", ring, sun)):
         if track is None:
             continue
-        transducer = calibration.transducer(side)
+        transducer = calibration[side]
         _out_of_band(track, transducer, findings)
         if not any(f.code is Code.SIMULATED and f.where == track.topic for f in findings.gathered):
             words = (

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.recording.calibration import SIDES
 from pmg.pipeline.recording.findings import Code
 from pmg.sim.bench import load_bench
 from pmg.sim.grid import Configuration
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def _encoders(stretch: HeldStretch, ratio: float | None) -> list[tuple[Code, str
 
 def _torques(stretch: HeldStretch, run: RunInfo, calibration: Calibration) -> list[tuple[Code, str, str]]:
     torque, speed = stretch.torque, stretch.speed
-    nominal = {side: calibration.transducer(side).nominal_torque for side in SIDES}
+    nominal = {side: calibration[side].nominal_torque for side in SIDES}
     if run.configuration is Configuration.NEUTRAL:
         expected = dict.fromkeys(SIDES, 1)
         least = DRAG
