@@ -43,7 +43,15 @@ OWNERS: dict[str, tuple[str, ...]] = {
     "jinja2": ("pmg.pipeline.report",),
     "xlsxwriter": ("pmg.pipeline.report",),
     "sqlite3": ("pmg.pipeline.catalogue",),
-    "pydantic": ("pmg.pipeline.files", "pmg.pipeline.settings", "pmg.pipeline.simulate"),
+    "pydantic": (
+        "pmg.pipeline.diagnose.balance.case_file",
+        "pmg.pipeline.files",
+        "pmg.pipeline.importers",
+        "pmg.pipeline.model.read_model",
+        "pmg.pipeline.settings",
+        "pmg.pipeline.simulate",
+        "pmg.pipeline.windows.limits",
+    ),
     "typer": COMMAND_LINE,
     "rich": COMMAND_LINE,
 }

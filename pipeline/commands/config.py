@@ -60,7 +60,7 @@ def run_check(path: Path) -> Outcome:
         _ = settings(chosen)
     assert chosen.file is not None  # it was read
     tolerances = {name: list(parts) for name, parts in chosen.tolerance.items()}
-    count = len(chosen.file.values) + len(chosen.file.windows) + len(chosen.tolerance)
+    count = len(chosen.file.values) + chosen.file.count("windows") + len(chosen.tolerance)
     return Outcome(
         {"file": str(path), "settings": count, "tolerance": tolerances, "absent": absent},
         (f"{path}: {counted(count, 'setting')}, sound",),

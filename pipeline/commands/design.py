@@ -57,12 +57,12 @@ def run_design(
     whole = None if model_file is None else read_model(model_file)
     if plan is not None:
         file = read_scenario(plan, "a plan")
-        if file.scenario.plan is None:
+        if file.table.plan is None:
             raise BenchError(str(plan), "no [plan]", "a table [plan]", "Add one.")
         model = loss_model(file, bench) if whole is None else whole.baseline
         if model is None:
             raise BenchError(f"{plan}: losses", "none", "losses to take effects about", "Name grids or an analysis.")
-        grid, floor = planned_grid(file.scenario.plan, bench), planned_floor(file.scenario.plan)
+        grid, floor = planned_grid(file.table.plan, bench), planned_floor(file.table.plan)
         name = f"plan {plan.stem}"
     else:
         assert store is not None  # one of the two is given

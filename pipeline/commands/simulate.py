@@ -56,10 +56,10 @@ def run_simulate(
     bench = load_bench()
     file = read_scenario(path)
     if campaign:
-        output = file.scenario.output.model_copy(update={"campaign": campaign})
-        scenario = file.scenario.model_copy(update={"output": output})
+        output = file.table.output.model_copy(update={"campaign": campaign})
+        scenario = file.table.model_copy(update={"output": output})
     else:
-        scenario = file.scenario
+        scenario = file.table
     inputs = gather_inputs(file, bench, model, switch_on_by_words(switched))
     simulation = simulate(scenario, inputs)
     files, missing = simulation_files(simulation, scenario, bench)

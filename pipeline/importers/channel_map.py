@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import datetime
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
-from pmg.pipeline.files.toml import read_toml
-from pmg.pipeline.files.toml_table import Reader
+from pydantic import AfterValidator, BeforeValidator, Field, InstanceOf, model_validator
+
+from pmg.pipeline.files.strict_tables import Strict, one_of, refuse, refuse_twice, refuse_unknown, refusing, within
+from pmg.pipeline.files.table_file import TableFile, read_table_file
 from pmg.pipeline.importers.csv_dialect import CsvForm
 from pmg.pipeline.importers.source import Wanted
 from pmg.pipeline.recording.channels import LARGEST_RATE, SPECS
 from pmg.pipeline.recording.run import OPTIONAL, REQUIRED
-from pmg.pipeline.wording.units import TIME, declared, kind_of
-from pmg.sim.errors import BenchError, near_miss
+from pmg.pipeline.wording.units import TIME, kind_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from pathlib import Path
 
 SCHEMA = "pmg.import/1"
 """Schema of the file."""
@@ -26,19 +26,23 @@ WIDEST = 62
 """Widest counter [bits]; one of 64 does not wrap within a campaign and is told as this."""
 LARGEST = 1e12
 """Largest number taken where nothing narrower is known."""
-SOMETIMES = ("bits", "columns", "column", "timebase_Hz", "Nm_per_unit", "wraps_at")
-"""Keys of a channel that only some channels take."""
-TIMING = ("rate_Hz", "source", "unit", "ticks", "bits", "frequency_Hz", "columns", "column")
-"""Keys of ``[time]``."""
-BESIDE = {
-    "unit": "'source'",
-    "bits": "'ticks'",
-    "frequency_Hz": "'ticks'",
-    **dict.fromkeys(("columns", "column"), "'source' or 'ticks'"),
-}
-"""Keys of ``[time]`` that another one gives a meaning, and which one."""
 RUN_KEYS = tuple(key for key in (*REQUIRED, *OPTIONAL) if key != "layout")
 """Keys of ``[run]``, which go into the recording as they are."""
+
+BESIDE = {
+    "unit": (("source",), False),
+    "bits": (("ticks",), True),
+    "frequency_Hz": (("ticks",), True),
+    "columns": (("source", "ticks"), False),
+    "column": (("source", "ticks"), False),
+}
+"""Keys of ``[time]`` that others give a meaning: which ones, and whether these need it."""
+
+Topic = Annotated[str, one_of(*SPECS)]
+Bits = Annotated[int, within(1, WIDEST)]
+Rate = Annotated[float, within(1e-6, LARGEST_RATE)]
+Clock = Annotated[float, within(1e-6, LARGEST)]
+Number = Annotated[float, within(-LARGEST, LARGEST)]
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,30 @@ class Lookup:
 
     source: str
     name: str
+
+
+def _word_of_run(value: object) -> str | Lookup:
+    """A word about the run; values and vocabulary are checked by the recording's own reader, for each file."""
+    if isinstance(value, dict) and len(value) == 1:
+        ((source, name),) = value.items()
+        if (source == "property" and isinstance(name, str)) or (source, name) == ("file", "stem"):
+            return Lookup(source, name)
+    if isinstance(value, bool) or not isinstance(value, str | int | float | datetime):
+        do = 'Write it as text, number, { property = "NAME" } or { file = "stem" }.'
+        refuse(repr(value), "text, a number or a time, or where the file has it", do)
+    return value.isoformat() if isinstance(value, datetime) else str(value)
+
+
+def _keys_of_run(given: dict[str, str | Lookup]) -> dict[str, str | Lookup]:
+    refuse_unknown(given, RUN_KEYS, "a key of pmg.run")
+    return given
+
+
+Run: TypeAlias = Annotated[
+    dict[str, Annotated[str | InstanceOf[Lookup], BeforeValidator(_word_of_run)]],
+    AfterValidator(_keys_of_run),
+]
+"""Table ``[run]``."""
 
 
 @dataclass(frozen=True)
@@ -79,18 +107,70 @@ class Timing:
     bits: int | None = None
 
 
-@dataclass(frozen=True)
-class Mapped:
-    """One channel of the file and what becomes of it.
+class Interleaved(Strict):
+    """A table that names a channel of the file, which may hold several columns by turns."""
+
+    columns: Annotated[int, within(1, 10_000)] = 1
+    column: Annotated[int, within(1, 10_000)] | None = None
+
+    @model_validator(mode="after")
+    def _column_is_there(self) -> Interleaved:
+        if self.column is None and self.columns > 1:
+            refuse("missing", f"which of the {self.columns} columns", "Add column.", "column")
+        if self.column is not None and self.column > self.columns:
+            refuse(str(self.column), f"1 to {self.columns}, as columns says", "Correct one of them.", "column")
+        return self
+
+    def _wanted(self, name: str) -> Wanted:
+        return Wanted(name, self.columns, self.column or 1)
+
+
+class TimeTable(Interleaved):
+    """Table ``[time]``: a rate, times, or ticks of a counter."""
+
+    rate_hz: Rate | None = None
+    source: str | None = None
+    unit: Annotated[str, one_of(*TIME)] = "s"
+    ticks: str | None = None
+    bits: Bits | None = None
+    frequency_hz: Clock | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_clock(cls, given: object) -> object:
+        if not isinstance(given, dict):
+            return given
+        if "source" in given and "ticks" in given:
+            refuse("both 'source' and 'ticks'", "times, or ticks of a counter", "Leave one of them out.")
+        for key, (clocks, needed) in BESIDE.items():
+            if key in given and not any(clock in given for clock in clocks):
+                words = " or ".join(f"'{clock}'" for clock in clocks)
+                refuse("no meaning here", f"it beside {words}", f"Add {words}, or leave {key} out.", key)
+            if needed and key not in given and any(clock in given for clock in clocks):
+                refuse("missing", f"this key beside '{clocks[0]}'", f"Add {key}.", key)
+        return given
+
+    @property
+    def timing(self) -> Timing:
+        """The same as a row's way to its time."""
+        if self.source is not None:
+            return Timing(self.rate_hz, self._wanted(self.source), TIME[self.unit])
+        if self.ticks is not None and self.frequency_hz is not None:
+            return Timing(self.rate_hz, self._wanted(self.ticks), 1.0 / self.frequency_hz, self.bits)
+        return Timing(self.rate_hz)
+
+
+class Mapped(Interleaved):
+    """One channel of the file and what becomes of it: a table ``[[channel]]``.
 
     Parameters
     ----------
-    where : str
-        Place in the map, for messages.
     topic : str
         Topic of layout pmg.v1.
-    wanted : Wanted
+    source : str
         Channel of the file.
+    columns, column : int
+        How many columns are interleaved in it, and which is meant.
     unit : str
         Its unit; empty where the map leaves that to the file.
     file_unit : str
@@ -109,48 +189,62 @@ class Mapped:
         Angle at which the source begins anew, in `unit`.
     """
 
-    where: str
-    topic: str
-    wanted: Wanted
+    topic: Topic
+    source: str
     unit: str = ""
     file_unit: str = ""
-    bits: int = 32
-    timebase_hz: float | None = None
-    torque_per_unit: float | None = None
-    zero: float = 0.0
-    sign: int = 1
-    wraps_at: float | None = None
+    bits: Bits = 32
+    timebase_hz: Clock | None = None
+    torque_per_unit: Number | None = Field(default=None, alias="Nm_per_unit")
+    zero: Number = 0.0
+    sign: Annotated[int, within(-1, 1)] = 1
+    wraps_at: Annotated[float, within(1e-9, LARGEST)] | None = None
+
+    @model_validator(mode="after")
+    def _fits_the_topic(self) -> Mapped:
+        if self.sign == 0:
+            refuse("0", "1 or -1", "Write -1 to turn the direction round.", "sign")
+        ticks = self.topic.endswith("/edge_ticks")
+        if ticks and self.timebase_hz is None:
+            refuse("missing", "the rate of the time base", "Add timebase_Hz.", "timebase_Hz")
+        if not ticks and self.timebase_hz is not None:
+            expected = "it beside times of edges"
+            do = "Leave it out, or name a topic that ends with '/edge_ticks'."
+            refuse("no meaning here", expected, do, "timebase_Hz")
+        if self.unit:
+            with refusing("unit"):
+                kind = kind_of(self.topic, self.unit, "")
+            if kind == "electric" and self.torque_per_unit is None:
+                do = "Add the sensitivity of the analogue output."
+                refuse("missing", f"torque [N m] of one {self.unit}", do, "Nm_per_unit")
+        return self
+
+    @property
+    def wanted(self) -> Wanted:
+        """What is asked of the file."""
+        return self._wanted(self.source)
 
 
-@dataclass(frozen=True)
-class ChannelMap:
-    """A checked map.
+class MapTable(Strict):
+    """All tables of a channel map."""
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    text : str
-        What stands in it.
-    calibration : Path
-        Calibration that goes into each recording.
-    run : mapping of str to str or Lookup
-        What is said of the run.
-    timing : Timing
-        How rows find their place in time.
-    csv : CsvForm
-        How a CSV file is written, as far as the map says so.
-    channels : tuple of Mapped
-        At least one.
-    """
+    schema_: Annotated[str, one_of(SCHEMA), Field(alias="schema")]
+    calibration: str
+    run: Run
+    time: TimeTable = TimeTable()
+    csv: CsvForm = CsvForm()
+    channel: list[Mapped] = Field(default_factory=list)
 
-    path: Path
-    text: str
-    calibration: Path
-    run: Mapping[str, str | Lookup]
-    timing: Timing
-    channels: tuple[Mapped, ...]
-    csv: CsvForm = field(default_factory=CsvForm)
+    @model_validator(mode="after")
+    def _topics_once(self) -> MapTable:
+        if not self.channel:
+            refuse("no [[channel]]", "one for each topic", "Map torque and encoders.", "channel")
+        refuse_twice((row.topic for row in self.channel), "channel", "topic")
+        return self
+
+
+ChannelMap: TypeAlias = TableFile[MapTable]
+"""A checked map; what it names is relative to its folder."""
 
 
 def read_map(path: Path) -> ChannelMap:
@@ -161,117 +255,4 @@ def read_map(path: Path) -> ChannelMap:
     BenchError
         When it is no TOML, or a key is missing, unknown or out of its range.
     """
-    file = read_toml(path, "a channel map")
-    reader = Reader(path.name, file.data)
-    reader.word("schema", (SCHEMA,))
-    made = ChannelMap(
-        path=path,
-        text=file.text,
-        calibration=path.parent / reader.text("calibration"),
-        run=read_words(reader.sub("run")),
-        timing=_timing(reader.sub("time", optional=True)),
-        csv=_csv(reader.sub("csv", optional=True)),
-        channels=tuple(_mapped(row) for row in reader.rows("channel")),
-    )
-    reader.done()
-    topics = [mapped.topic for mapped in made.channels]
-    if not topics:
-        raise BenchError(f"{path.name}: channel", "no [[channel]]", "one for each topic", "Map torque and encoders.")
-    twice = sorted({topic for topic in topics if topics.count(topic) > 1})
-    if twice:
-        raise BenchError(f"{path.name}: channel", f"'{twice[0]}' twice", "each topic once", "Leave one of them out.")
-    return made
-
-
-def read_words(reader: Reader) -> dict[str, str | Lookup]:
-    """What is said of the run; values and vocabulary are checked by the recording's own reader, for each file."""
-    found: dict[str, str | Lookup] = {}
-    for key, value in reader.table.items():
-        where = f"{reader.where}: {key}"
-        if key not in RUN_KEYS:
-            raise BenchError(where, "unknown key", "a key of pmg.run", near_miss(key, RUN_KEYS))
-        if isinstance(value, dict):
-            inner = Reader(where, value)
-            source = "property" if "property" in value else "file"
-            found[key] = Lookup(source, inner.word("file", ("stem",)) if source == "file" else inner.text("property"))
-            inner.done()
-        elif isinstance(value, datetime):
-            found[key] = value.isoformat()
-        elif isinstance(value, str | int | float) and not isinstance(value, bool):
-            found[key] = str(value)
-        else:
-            do = 'Write it as text, number or { property = "NAME" }.'
-            raise BenchError(where, repr(value), "text, a number or a time", do)
-    return found
-
-
-def _timing(reader: Reader) -> Timing:
-    reader.asked.update(TIMING)
-    given = reader.table.keys() & {"rate_Hz", "source", "ticks"}
-    rate = reader.number("rate_Hz", 1e-6, LARGEST_RATE) if "rate_Hz" in given else None
-    timing = Timing(rate)
-    if {"source", "ticks"} <= given:
-        do = "Leave one of them out."
-        raise BenchError(reader.where, "both 'source' and 'ticks'", "times, or ticks of a counter", do)
-    if "source" in given:
-        scale = TIME[reader.word("unit", TIME, "s")]
-        timing = Timing(rate, _wanted(reader, "source"), scale)
-    elif "ticks" in given:
-        wanted, bits = _wanted(reader, "ticks"), reader.whole("bits", 1, WIDEST)
-        timing = Timing(rate, wanted, 1.0 / reader.number("frequency_Hz", 1e-6, LARGEST), bits)
-    reader.done(BESIDE)
-    return timing
-
-
-def _wanted(reader: Reader, key: str) -> Wanted:
-    """A channel of the file, with the column where several are interleaved in it."""
-    name = reader.text(key)
-    columns = reader.whole("columns", 1, 10_000, 1)
-    return Wanted(name, columns, reader.whole("column", 1, columns, None if columns > 1 else 1))
-
-
-def _mapped(reader: Reader) -> Mapped:
-    reader.asked.update(SOMETIMES)
-    topic = reader.word("topic", SPECS)
-    wanted, unit = _wanted(reader, "source"), reader.text("unit", "")
-    kind = kind_of(topic, unit, reader.where) if unit else None
-    counters = {"bits": reader.whole("bits", 1, WIDEST, 32)} if "bits" in reader.table else {}
-    mapped = Mapped(
-        where=f"{reader.where} ({topic})",
-        topic=topic,
-        wanted=wanted,
-        unit=declared(unit),
-        file_unit=reader.text("file_unit", ""),
-        timebase_hz=reader.number("timebase_Hz", 1e-6, LARGEST) if topic.endswith("/edge_ticks") else None,
-        torque_per_unit=(
-            reader.number("Nm_per_unit", -LARGEST, LARGEST)
-            if kind == "electric" or "Nm_per_unit" in reader.table
-            else None
-        ),
-        zero=reader.number("zero", -LARGEST, LARGEST, 0.0),
-        sign=reader.whole("sign", -1, 1, 1),
-        wraps_at=reader.number("wraps_at", 1e-9, LARGEST) if "wraps_at" in reader.table else None,
-        **counters,
-    )
-    reader.done({"timebase_Hz": "a topic that ends with '/edge_ticks'"})
-    if mapped.sign == 0:
-        raise BenchError(f"{reader.where}: sign", "0", "1 or -1", "Write -1 to turn the direction round.")
-    return mapped
-
-
-def _csv(reader: Reader) -> CsvForm:
-    reader.asked.add("header_line")
-    form = CsvForm(
-        encoding=reader.word("encoding", ("auto", "utf-8", "utf-16", "cp1252", "latin-1"), "auto"),
-        delimiter=reader.word("delimiter", ("auto", ";", ",", "\t", "|", " "), "auto"),
-        decimal=reader.word("decimal", ("auto", ".", ","), "auto"),
-        comment=reader.text("comment", "#"),
-        header_line=reader.whole("header_line", 0, 1_000_000) if "header_line" in reader.table else None,
-        units_row=reader.word("units_row", ("auto", "yes", "no"), "auto"),
-        bad_rows=reader.whole("bad_rows", 0, 1_000_000, 0),
-    )
-    reader.done()
-    if form.delimiter == form.decimal == ",":
-        do = "Have the recorder write ';' between cells, or leave one of the two keys to 'auto'."
-        raise BenchError(reader.where, "delimiter and decimal are both ','", "two different signs", do)
-    return form
+    return read_table_file(path, "a channel map", MapTable)

@@ -38,6 +38,8 @@ class Conversion:
         Unit that the file declares; empty where it does not.
     calibration : Calibration
         Turns torque into frequency and angle into counts, as it will turn them back.
+    in_map : str
+        Place in the map, for messages.
     where, place : str
         File and channel, and what rows are counted in, for messages.
     findings : Findings
@@ -58,6 +60,7 @@ class Conversion:
     mapped: Mapped
     file_unit: str
     calibration: Calibration
+    in_map: str
     where: str
     place: str
     findings: Findings
@@ -71,21 +74,21 @@ class Conversion:
         mapped = self.mapped
         file_unit = declared(self.file_unit)
         counter = SPECS[mapped.topic].unit == "1"
-        self.unit = mapped.unit or file_unit or ("1" if counter else "")
+        self.unit = declared(mapped.unit) or file_unit or ("1" if counter else "")
         if not self.unit:
             do = f"Add `unit` to [[channel]], such as '{SPECS[mapped.topic].unit}'."
-            raise BenchError(mapped.where, "no unit, neither in the map nor in the file", "one of them", do)
+            raise BenchError(self.in_map, "no unit, neither in the map nor in the file", "one of them", do)
         if file_unit not in ("", self.unit, declared(mapped.file_unit)):
             came = f"unit '{mapped.unit}', but '{self.file_unit}' in the file"
             do = f"Correct the map; or add file_unit = '{self.file_unit}' to say that the file is wrong."
-            raise BenchError(mapped.where, came, "one unit", do)
-        self.kind = kind_of(mapped.topic, self.unit, mapped.where)
+            raise BenchError(self.in_map, came, "one unit", do)
+        self.kind = kind_of(mapped.topic, self.unit, self.in_map)
         if self.kind == "electric" and not mapped.torque_per_unit:
             do = "Add the sensitivity of the analogue output."
-            raise BenchError(f"{mapped.where}: Nm_per_unit", "missing or 0", "N m of one unit", do)
+            raise BenchError(f"{self.in_map}: Nm_per_unit", "missing or 0", "N m of one unit", do)
         if self.kind == "frequency" and mapped.sign < 0:
             do = "Turn the sign of span_Hz in the calibration."
-            raise BenchError(f"{mapped.where}: sign", "-1 for a frequency", "1", do)
+            raise BenchError(f"{self.in_map}: sign", "-1 for a frequency", "1", do)
 
     @property
     def side(self) -> str:

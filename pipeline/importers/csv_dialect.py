@@ -7,8 +7,11 @@ import csv
 import io
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+from pydantic import model_validator
+
+from pmg.pipeline.files.strict_tables import Strict, one_of, refuse, within
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -42,8 +45,7 @@ THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 WITH_COMMA, WITH_POINT = re.compile(r"\d,\d|^,\d"), re.compile(r"\d\.\d|^\.\d")
 
 
-@dataclass(frozen=True)
-class CsvForm:
+class CsvForm(Strict):
     """What the user says about a CSV file; ``auto`` and None are found out.
 
     Parameters
@@ -60,13 +62,20 @@ class CsvForm:
         Rows that may hold something that is no number; they become gaps.
     """
 
-    encoding: str = "auto"
-    delimiter: str = "auto"
-    decimal: str = "auto"
+    encoding: Annotated[str, one_of("auto", "utf-8", "utf-16", "cp1252", "latin-1")] = "auto"
+    delimiter: Annotated[str, one_of("auto", ";", ",", "\t", "|", " ")] = "auto"
+    decimal: Annotated[str, one_of("auto", ".", ",")] = "auto"
     comment: str = "#"
-    header_line: int | None = None
-    units_row: str = "auto"
-    bad_rows: int = 0
+    header_line: Annotated[int, within(0, 1_000_000)] | None = None
+    units_row: Annotated[str, one_of("auto", "yes", "no")] = "auto"
+    bad_rows: Annotated[int, within(0, 1_000_000)] = 0
+
+    @model_validator(mode="after")
+    def _two_signs(self) -> CsvForm:
+        if self.delimiter == self.decimal == ",":
+            do = "Have the recorder write ';' between cells, or leave one of the two keys to 'auto'."
+            refuse("delimiter and decimal are both ','", "two different signs", do)
+        return self
 
 
 @dataclass(frozen=True)

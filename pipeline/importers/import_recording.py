@@ -106,10 +106,15 @@ def import_recording(path: Path, chart: ChannelMap, out: Path, words: Mapping[st
     run, entries = _run(chart, source, words or {})
     _tell_unasked(run, chart, findings)
     calibration, attachment = _calibration(chart)
-    conversions = {m.topic: _conversion(m, source, calibration, findings) for m in chart.channels}
+    conversions = {
+        m.topic: _conversion(m, chart.where("channel", i), source, calibration, findings)
+        for i, m in enumerate(chart.table.channel)
+    }
     _tell_absent(set(conversions), findings)
-    timing = _timing(chart.timing, source, [m.wanted for m in chart.channels])
-    wanted = list(dict.fromkeys([*(m.wanted for m in chart.channels), *([timing.column] if timing.column else [])]))
+    timing = _timing(chart.table.time.timing, source, [m.wanted for m in chart.table.channel])
+    wanted = list(
+        dict.fromkeys([*(m.wanted for m in chart.table.channel), *([timing.column] if timing.column else [])])
+    )
     rows, count = Rows(timing, path.name, source.place, findings, timing.rate_hz), 0
     with ExitStack() as stack:
         file: BlockFile | None = None
@@ -168,7 +173,7 @@ def open_source(path: Path, chart: ChannelMap, findings: Findings) -> ForeignSou
     if kind == "mf4":
         return Mf4Source(path)
     if kind == "csv":
-        return CsvSource(path, chart.csv, findings)
+        return CsvSource(path, chart.table.csv, findings)
     came = f"the ending '{path.suffix}'"
     raise RecordingError(str(path), came, "a file in CSV, TDMS or MF4", near_miss(path.suffix, FORMATS))
 
@@ -176,9 +181,9 @@ def open_source(path: Path, chart: ChannelMap, findings: Findings) -> ForeignSou
 def _run(chart: ChannelMap, source: ForeignSource, words: Mapping[str, str]) -> tuple[RunInfo, dict[str, str]]:
     """The run's metadata, proven by the reader's own check."""
     entries = {"layout": LAYOUT}
-    for key, value in {**chart.run, **words}.items():
+    for key, value in {**chart.table.run, **words}.items():
         if isinstance(value, Lookup) and value.source == "property":
-            where = f"{chart.path.name}: run: {key}"
+            where = chart.where("run", key)
             if value.name not in source.properties:
                 do = (
                     near_miss(value.name, source.properties) if source.properties else "It names none; write the value."
@@ -198,20 +203,24 @@ def _run(chart: ChannelMap, source: ForeignSource, words: Mapping[str, str]) -> 
 
 def _calibration(chart: ChannelMap) -> tuple[Calibration, bytes]:
     """The calibration that the map names, proven by the reader's own check."""
-    if not chart.calibration.is_file():
+    path = chart.beside(chart.table.calibration)
+    if not path.is_file():
         do = "Name the calibration beside the map; raw/LAYOUT.md shows one: transducer.sun, encoder.sun and so on."
-        raise BenchError(f"{chart.path.name}: calibration", f"'{chart.calibration}' is no file", "a TOML file", do)
-    data = chart.calibration.read_bytes()
-    findings = Findings(chart.calibration.name)
+        raise BenchError(chart.where("calibration"), f"'{path}' is no file", "a TOML file", do)
+    data = path.read_bytes()
+    findings = Findings(path.name)
     calibration = read_calibration([(ATTACHMENT, data)], findings)
     if calibration is None:
         raise findings.give_up()
     return calibration, data
 
 
-def _conversion(mapped: Mapped, source: ForeignSource, calibration: Calibration, findings: Findings) -> Conversion:
-    channel = channel_of(source, mapped.wanted.name, f"{mapped.where}: source")
-    return Conversion(mapped, channel.unit, calibration, mapped.wanted.name, source.place, findings)
+def _conversion(
+    mapped: Mapped, in_map: str, source: ForeignSource, calibration: Calibration, findings: Findings
+) -> Conversion:
+    channel = channel_of(source, mapped.source, f"{in_map}.source")
+    place = f"{in_map} ({mapped.topic})"
+    return Conversion(mapped, channel.unit, calibration, place, mapped.source, source.place, findings)
 
 
 def _timing(timing: Timing, source: ForeignSource, wanted: list[Wanted]) -> Timing:

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NoReturn
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field, FiniteFloat, model_validator
 
-from pmg.pipeline.files.toml import read_toml
+from pmg.pipeline.files.strict_tables import (
+    Strict,
+    number_within,
+    one_of,
+    refuse,
+    refuse_twice,
+    refusing,
+    within,
+    word_of,
+)
+from pmg.pipeline.files.table_file import read_table_file
 from pmg.pipeline.fit.calibration import CONSTANTS
 from pmg.pipeline.model.model_file import SCHEMA, Model, Part
 from pmg.sim.errors import BenchError, near_miss
@@ -17,67 +28,162 @@ from pmg.sim.lossmodel import LossModel
 from pmg.sim.mechanisms import CANDIDATES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
     from pmg.pipeline.fit.options import AnalysisOptions
     from pmg.sim.mechanisms import Mechanism, Parameter
 
-TOP = ("schema", "provenance", "baseline", "mechanism")
-PART = ("id", "refined", "shaft", "component", "parameters")
-QUANTITY = ("value", "standard_error", "unit")
-CURVE = (
-    "powers",
-    "coefficients_Nm",
-    "standard_errors_Nm",
-    "speed_reference_rad_per_s",
-    "speed_limit_rad_per_s",
-)
+KIND_OF = {kind.identifier: kind for kind in CANDIDATES}
+Speed = Annotated[float, within(1e-3, 1e6, "rad/s")]
 
 
-@dataclass(frozen=True)
-class _Place:
-    """Where in a file something stands."""
+class StatedQuantity(Strict):
+    """A value, which may be written alone, with its unit and standard error."""
 
-    path: Path
-    key: str = ""
+    value: FiniteFloat
+    standard_error: Annotated[FiniteFloat, Field(ge=0.0)] | None = None
+    unit: str | None = None
 
-    def __truediv__(self, name: object) -> _Place:
-        return _Place(self.path, f"{self.key}.{name}".lstrip("."))
+    @model_validator(mode="before")
+    @classmethod
+    def _alone(cls, given: object) -> object:
+        return given if isinstance(given, dict) else {"value": given}
 
-    def refuse(self, came: str, expected: str, do: str) -> NoReturn:
-        where = f"{self.path}: {self.key}" if self.key else str(self.path)
-        raise BenchError(where, came, expected, do)
+    def checked(self, known: Parameter, *key: str) -> float:
+        """The value, inside the bounds of what it is; `key` leads to it."""
+        with refusing(*key, "value"):
+            number_within(self.value, *known.bounds, known.unit)
+        if self.unit not in (None, known.unit):
+            refuse(repr(self.unit), f'"{known.unit}"', "Convert the value.", *key, "unit")
+        return self.value
 
-    def table(self, given: object, known: Iterable[str]) -> dict[str, Any]:
-        """A table that holds known keys only."""
-        if not isinstance(given, dict):
-            self.refuse(repr(given) if given is not None else "missing", "a table", "Correct the file.")
-        known = tuple(known)
-        for name in given:
+
+def constant(name: str) -> AfterValidator:
+    """A check that a quantity lies inside the bounds of a constant of the baseline."""
+
+    def check(given: StatedQuantity) -> StatedQuantity:
+        given.checked(CONSTANTS[name])
+        return given
+
+    return AfterValidator(check)
+
+
+def _exponents(powers: list[float]) -> list[float]:
+    if not powers or min(powers) < 0.0 or len(set(powers)) != len(powers):
+        refuse(repr(powers), "exponents from 0 up, each once", "Correct the list.")
+    return powers
+
+
+class CurveTable(Strict):
+    """A loss curve: powers of speed and their coefficients; a standard error that is not known is nan."""
+
+    powers: Annotated[list[FiniteFloat], AfterValidator(_exponents)]
+    coefficients_nm: list[FiniteFloat]
+    standard_errors_nm: list[float] | None = None
+    speed_reference_rad_per_s: Speed
+    speed_limit_rad_per_s: Speed
+
+    @model_validator(mode="after")
+    def _one_for_each_power(self) -> CurveTable:
+        for key, numbers in (
+            ("coefficients_Nm", self.coefficients_nm),
+            ("standard_errors_Nm", self.standard_errors_nm or self.powers),
+        ):
+            if len(numbers) != len(self.powers):
+                refuse(f"{len(numbers)} numbers", f"{len(self.powers)}, one for each power", "Complete the list.", key)
+        return self
+
+    def curve(self) -> LossCurve:
+        """The curve."""
+        coefficients = np.array(self.coefficients_nm, dtype=float)
+        return LossCurve(tuple(self.powers), coefficients, self.speed_reference_rad_per_s, self.speed_limit_rad_per_s)
+
+    def errors(self, shaft: str) -> dict[str, float]:
+        """Standard errors of the coefficients [N m], by shaft and power."""
+        pairs = zip(self.powers, self.standard_errors_nm or (), strict=False)
+        return {f"{shaft}[{power:g}]": error for power, error in pairs if math.isfinite(error)}
+
+
+class BaselineTable(Strict):
+    """Table ``[baseline]``."""
+
+    K_corr: Annotated[StatedQuantity, constant("K_corr")]
+    b: Annotated[StatedQuantity, constant("b")]
+    c: Annotated[StatedQuantity, constant("c")]
+    d: Annotated[StatedQuantity, constant("d")]
+    sun: CurveTable
+    ring: CurveTable
+
+    def losses(self) -> LossModel:
+        """The baseline's losses."""
+        magnetic = (self.K_corr.value, self.b.value, self.c.value, self.d.value)
+        return LossModel(self.sun.curve(), self.ring.curve(), *magnetic)
+
+    def errors(self) -> dict[str, float]:
+        """Standard errors, by name of the parameter."""
+        constants = {name: quantity for name, quantity in self if isinstance(quantity, StatedQuantity)}
+        return {**errors_of(constants), **self.sun.errors("sun"), **self.ring.errors("ring")}
+
+
+def errors_of(quantities: Mapping[str, StatedQuantity]) -> dict[str, float]:
+    """Standard errors of those that state one."""
+    return {name: q.standard_error for name, q in quantities.items() if q.standard_error is not None}
+
+
+class MechanismTable(Strict):
+    """A mechanism beside the baseline, as a table ``[[mechanism]]``."""
+
+    id: Annotated[str, one_of(*KIND_OF)]
+    refined: bool = False
+    shaft: str
+    component: str | None = None
+    parameters: dict[str, StatedQuantity]
+
+    @property
+    def kind(self) -> type[Mechanism]:
+        """The mechanism of the catalogue, in more detail where that is asked for."""
+        plain = KIND_OF[self.id]
+        return plain.refined if self.refined and plain.refined is not None else plain
+
+    @model_validator(mode="after")
+    def _fits_the_mechanism(self) -> MechanismTable:
+        if self.refined and KIND_OF[self.id].refined is None:
+            refuse("true", f"false: {self.id} has no more detail", "Take it out.", "refined")
+        kind = self.kind
+        shafts = (*kind.by_shaft, *(("both",) if kind.both_at_once else ()))
+        component = str(kind.component_on(word_of(self.shaft, shafts, "shaft")))
+        if self.component is not None:
+            word_of(self.component, [component], "component")
+        known = {p.name: p for p in kind.parameters() if p.name in names_on(kind, self.shaft)}
+        for name, quantity in self.parameters.items():
             if name not in known:
-                (self / name).refuse("unknown key", "a known one", near_miss(name, known))
-        return given
+                refuse("unknown key", f"a parameter of {self.id}", near_miss(name, known), "parameters", name)
+            quantity.checked(known[name], "parameters", name)
+        sizes = [name for name in known if name not in kind.shape]
+        if not set(sizes) & set(self.parameters):
+            refuse("no size", f"one of {', '.join(sizes)}", "Add it, or take the mechanism out.", "parameters")
+        return self
 
-    def number(self, given: object, low: float = -math.inf, high: float = math.inf, unit: str = "") -> float:
-        """A finite number in a range."""
-        told = f" {unit}" if unit not in ("", "1") else ""
-        if given is None:
-            self.refuse("missing", "a number", "Add the key.")
-        if isinstance(given, bool) or not isinstance(given, int | float) or not math.isfinite(given):
-            self.refuse(repr(given), "a finite number", "Correct the value.")
-        if not low <= given <= high:
-            self.refuse(f"{given:g}{told}", f"{low:g} to {high:g}{told}", "Choose a value in that range.")
-        return float(given)
+    def part(self) -> Part:
+        """The mechanism with its numbers."""
+        given = {name: self.parameters[name] for name in names_on(self.kind, self.shaft) if name in self.parameters}
+        values = {name: quantity.value for name, quantity in given.items()}
+        return Part(self.kind, self.shaft, values, errors_of(given))
 
-    def word(self, given: object, known: Iterable[str]) -> str:
-        """One of some words."""
-        known = tuple(known)
-        if not isinstance(given, str) or given not in known:
-            told = " or ".join(f'"{name}"' for name in known) if len(known) < 5 else "a known one"
-            came = "missing" if given is None else repr(given)
-            self.refuse(came, told, near_miss(str(given), known))
-        return given
+
+class ModelTable(Strict):
+    """All tables of a model file."""
+
+    schema_: Annotated[str, one_of(SCHEMA), Field(alias="schema")]
+    provenance: dict[str, Annotated[str, BeforeValidator(str)]] = Field(default_factory=dict)
+    baseline: BaselineTable
+    mechanism: list[MechanismTable] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _each_once(self) -> ModelTable:
+        refuse_twice((part.id for part in self.mechanism), "mechanism", "id")
+        return self
 
 
 def read_model(path: Path) -> Model:
@@ -88,24 +194,9 @@ def read_model(path: Path) -> Model:
     BenchError
         The file is not there, is no TOML, or holds something unknown, contradictory or out of its bounds.
     """
-    place = _Place(path)
-    data = read_toml(path, "a model that 'pmg compare' wrote,").data
-    schema = data.get("schema")
-    if schema != SCHEMA:
-        (place / "schema").refuse("missing" if schema is None else repr(schema), f'"{SCHEMA}"', "Name a model file.")
-    place.table(data, TOP)
-    provenance = data.get("provenance", {})
-    (place / "provenance").table(provenance, provenance if isinstance(provenance, dict) else ())
-    baseline, errors = _baseline(place / "baseline", data.get("baseline"))
-    parts = data.get("mechanism", [])
-    if not isinstance(parts, list):
-        (place / "mechanism").refuse("a single table", "[[mechanism]], each in double brackets", "Correct the head.")
-    made = tuple(_part(place / f"mechanism[{i}]", part) for i, part in enumerate(parts, start=1))
-    ids = [part.kind.identifier for part in made]
-    for i, name in enumerate(ids):
-        if name in ids[:i]:
-            (place / f"mechanism[{i + 1}]").refuse(f"{name} twice", "each mechanism once", "Join the two tables.")
-    return Model(baseline, errors, made, {name: str(value) for name, value in provenance.items()})
+    given = read_table_file(path, "a model that 'pmg compare' wrote,", ModelTable).table
+    baseline, parts = given.baseline, tuple(part.part() for part in given.mechanism)
+    return Model(baseline.losses(), baseline.errors(), parts, given.provenance)
 
 
 def with_model(options: AnalysisOptions, path: Path, correction: str | None) -> AnalysisOptions:
@@ -115,81 +206,6 @@ def with_model(options: AnalysisOptions, path: Path, correction: str | None) -> 
         came = f"K_corr = {model.baseline.correction:g} of {path} beside --k-corr {correction}"
         raise BenchError("pmg analyse", came, "one of them", "Leave --model or --k-corr out.")
     return replace(options, correction=repr(model.baseline.correction))
-
-
-def _baseline(place: _Place, given: object) -> tuple[LossModel, dict[str, float]]:
-    table = place.table(given, (*CONSTANTS, "sun", "ring"))
-    values: dict[str, float] = {}
-    errors: dict[str, float] = {}
-    for name, known in CONSTANTS.items():
-        values[name] = _quantity(place / name, table.get(name), replace(known, name=name), errors)
-    sun, ring = (_curve(place / shaft, table.get(shaft), shaft, errors) for shaft in ("sun", "ring"))
-    return LossModel(sun, ring, values["K_corr"], values["b"], values["c"], values["d"]), errors
-
-
-def _quantity(place: _Place, given: object, known: Parameter, errors: dict[str, float]) -> float:
-    """A value inside its bounds, written alone or with its unit and standard error."""
-    if not isinstance(given, dict):
-        return place.number(given, *known.bounds, known.unit)
-    table = place.table(given, QUANTITY)
-    value = (place / "value").number(table.get("value"), *known.bounds, known.unit)
-    if table.get("unit", known.unit) != known.unit:
-        (place / "unit").refuse(repr(table["unit"]), f'"{known.unit}"', "Convert the value.")
-    if "standard_error" in table:
-        errors[known.name] = (place / "standard_error").number(table["standard_error"], 0.0)
-    return value
-
-
-def _curve(place: _Place, given: object, shaft: str, errors: dict[str, float]) -> LossCurve:
-    table = place.table(given, CURVE)
-    powers = _list(place / "powers", table.get("powers"))
-    if not powers or min(powers) < 0.0 or len(set(powers)) != len(powers):
-        (place / "powers").refuse(repr(list(powers)), "exponents from 0 up, each once", "Correct the list.")
-    coefficients = _list(place / "coefficients_Nm", table.get("coefficients_Nm"), len(powers))
-    spread = table.get("standard_errors_Nm")
-    if spread is not None:
-        found = _list(place / "standard_errors_Nm", spread, len(powers), holes=True)
-        errors |= {f"{shaft}[{p:g}]": u for p, u in zip(powers, found, strict=True) if math.isfinite(u)}
-    reference, limit = (
-        (place / name).number(table.get(name), 1e-3, 1e6, "rad/s")
-        for name in ("speed_reference_rad_per_s", "speed_limit_rad_per_s")
-    )
-    return LossCurve(powers, np.array(coefficients), reference, limit)
-
-
-def _list(place: _Place, given: object, length: int | None = None, *, holes: bool = False) -> tuple[float, ...]:
-    if not isinstance(given, list):
-        place.refuse("missing" if given is None else repr(given), "a list of numbers", "Correct the value.")
-    if length is not None and len(given) != length:
-        place.refuse(f"{len(given)} numbers", f"{length}, one for each power", "Complete the list.")
-    return tuple(
-        math.nan if holes and isinstance(value, float) and math.isnan(value) else (place / i).number(value)
-        for i, value in enumerate(given, start=1)
-    )
-
-
-def _part(place: _Place, given: object) -> Part:
-    table = place.table(given, PART)
-    kinds = {kind.identifier: kind for kind in CANDIDATES}
-    kind = kinds[(place / "id").word(table.get("id"), kinds)]
-    place = _Place(place.path, f"mechanism {kind.identifier}")
-    refined = table.get("refined", False)
-    if not isinstance(refined, bool) or (refined and kind.refined is None):
-        (place / "refined").refuse(repr(refined), "true or false, where there is more detail", "Take it out.")
-    if refined and kind.refined is not None:
-        kind = kind.refined
-    shafts = (*kind.by_shaft, *(("both",) if kind.both_at_once else ()))
-    shaft = (place / "shaft").word(table.get("shaft"), shafts)
-    (place / "component").word(table.get("component", str(kind.component_on(shaft))), (str(kind.component_on(shaft)),))
-    known = {p.name: p for p in kind.parameters() if p.name in names_on(kind, shaft)}
-    place = place / "parameters"
-    numbers = place.table(table.get("parameters"), known)
-    errors: dict[str, float] = {}
-    values = {name: _quantity(place / name, numbers[name], known[name], errors) for name in known if name in numbers}
-    if not set(values) - set(kind.shape):
-        sizes = [name for name in known if name not in kind.shape]
-        place.refuse("no size", f"one of {', '.join(sizes)}", "Add it, or take the mechanism out.")
-    return Part(kind, shaft, values, errors)
 
 
 def names_on(kind: type[Mechanism], shaft: str) -> tuple[str, ...]:

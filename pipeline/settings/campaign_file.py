@@ -5,22 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BeforeValidator, Field, ValidationError
+from pydantic import BeforeValidator, Field, model_validator
 
-from pmg.pipeline.files.refusals import first_fault, keys_of, refusal
-from pmg.pipeline.files.strict_tables import Strict, refuse
-from pmg.pipeline.files.toml import read_toml
+from pmg.pipeline.files.strict_tables import Strict, refuse, refusing
+from pmg.pipeline.files.table_file import TableFile, read_table_file
 from pmg.pipeline.fit.loss_fit import check_powers
 from pmg.pipeline.fit.options import AUTO, AnalysisOptions, parse_powers
-from pmg.pipeline.settings.tolerance import Tolerances, tolerances
-from pmg.pipeline.windows.limits import limit_of, limits_of
-from pmg.sim.errors import BenchError, FitError
+from pmg.pipeline.settings.tolerance import Tolerances, tolerance
+from pmg.pipeline.windows.limits import WindowsTable
+from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
 
-    from pmg.pipeline.files.toml import TomlFile
+    from pmg.pipeline.windows.limits import Steadiness
 
 
 def _terms(value: object) -> object:
@@ -96,12 +94,28 @@ class AnalysisTable(Strict):
     robust: bool | None = key("Huber's M-estimate instead of least squares", "--robust", "false")
 
 
+def _tolerances(table: object) -> object:
+    """The tolerances of a table, each by its word: name of the signal, and its parts as `tolerance` gives them."""
+    if not isinstance(table, dict):
+        return table
+    found: dict[str, tuple[str, tuple[float, float]]] = {}
+    for word, text in table.items():
+        if not isinstance(text, str):
+            refuse(repr(text), "text in quotation marks", "Correct the value.", word)
+        with refusing(word):
+            name, parts = tolerance(word, text, "")
+        if name in (other for other, _ in found.values()):
+            refuse(f"a second tolerance of {name}", "one", "Leave one of them out.", word)
+        found[word] = (name, parts)
+    return found
+
+
 class CompareTable(Strict):
     """How simulation and bench are compared."""
 
     note: str | None = key("told at the head of the report", "--note", '"first run after the rebuild"')
     model: Place | None = key("model file to simulate", "--model", '"model.toml"')
-    tolerance: dict[str, str] | None = key(
+    tolerance: Annotated[dict[str, tuple[str, tuple[float, float]]], BeforeValidator(_tolerances)] | None = key(
         "by signal: absolute, relative in %, or the larger of both",
         "",
         '{ torque_sun = "10 mN m or 2 %", efficiency = "1 %", loss = "0.5 W" }',
@@ -115,9 +129,24 @@ class Campaign(Strict):
     store: StoreTable = StoreTable()
     report: ReportTable = ReportTable()
     ingest: IngestTable = IngestTable()
-    windows: dict[str, Any] = Field(default_factory=dict, description="What counts as a steady window.")
+    windows: Annotated[WindowsTable | None, BeforeValidator(lambda table: table or None)] = Field(
+        default=None, description="What counts as a steady window."
+    )
     analysis: AnalysisTable = AnalysisTable()
     compare: CompareTable = CompareTable()
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Campaign:
+        if self.recordings.path is not None and self.recordings.grids is not None:
+            refuse("beside recordings.path", "one of the two", "Leave one of them out.", "recordings", "grids")
+        if self.ingest.limits is not None and self.windows is not None:
+            refuse("beside ingest.limits", "one of the two", "Leave one of them out.", "windows")
+        return self
+
+    @property
+    def tolerances(self) -> Tolerances:
+        """Tolerances by signal."""
+        return {} if self.compare.tolerance is None else dict(self.compare.tolerance.values())
 
 
 PATHS = (
@@ -138,27 +167,31 @@ class CampaignFile:
 
     Parameters
     ----------
-    file : TomlFile
+    file : TableFile
         The file.
     values : dict
         What it sets, by full key such as ``analysis.k_corr``; paths are complete.
-    windows : dict
-        Its table ``[windows]``.
-    tolerance : Tolerances
-        By signal.
-    lines : dict of str to int
-        Line of each full key.
     """
 
-    file: TomlFile
+    file: TableFile[Campaign]
     values: dict[str, Any]
-    windows: dict[str, Any]
-    tolerance: Tolerances
-    lines: Mapping[str, int]
+
+    @property
+    def windows(self) -> Steadiness | None:
+        """What its table ``[windows]`` asks for; None without one."""
+        return self.file.table.windows
+
+    def count(self, table: str) -> int:
+        """How many keys a table of the file holds."""
+        return sum(words[0] == table and len(words) == 2 for words in self.file.lines)
+
+    def has(self, name: str) -> bool:
+        """Whether a full key stands in the file."""
+        return tuple(name.split(".")) in self.file.lines
 
     def origin(self, name: str) -> str:
-        """File and line of a key."""
-        return f"{self.file.path}:{self.lines[name]}"
+        """File and line of a full key."""
+        return f"{self.file.path}:{self.file.lines[tuple(name.split('.'))]}"
 
 
 def read_campaign(path: Path) -> CampaignFile:
@@ -168,37 +201,13 @@ def read_campaign(path: Path) -> CampaignFile:
     ------
     BenchError
         The file cannot be read, is no TOML, or holds something unknown, out of range or contradictory; with the line.
-    RecordingError
-        A limit of its windows is none.
     """
-    file = read_toml(path, "a campaign")
-    lines = {".".join(words): number for words, number in file.lines().items()}
-
-    def where(name: str) -> str:
-        words = name.split(".")
-        line = next((lines[".".join(words[:n])] for n in range(len(words), 0, -1) if ".".join(words[:n]) in lines), 0)
-        return f"{path}: line {line}, {name}" if line else str(path)
-
-    try:
-        campaign = Campaign.model_validate(file.data)
-    except ValidationError as error:
-        found = first_fault(error)
-        words = keys_of(found)
-        raise refusal(where(".".join(words)), found, Campaign, words[-1]) from None
-    for name, given in campaign.windows.items():
-        limit_of(name, given, f"{path}: line {lines[f'windows.{name}']}")
-    limits_of(campaign.windows, str(path))
+    file = read_table_file(path, "a campaign", Campaign)
     values = {
         f"{table}.{name}": value
-        for table, part in campaign
+        for table, part in file.table
         if isinstance(part, Strict)
         for name, value in part
         if value is not None and name != "tolerance"
     }
-    for one, other in (("recordings.path", "recordings.grids"), ("ingest.limits", "windows")):
-        if one in values and (other in values or (other == "windows" and campaign.windows)):
-            raise BenchError(where(other), f"beside {one}", "one of the two", "Leave one of them out.")
-    table = campaign.compare.tolerance or {}
-    allowed = tolerances(table, {word: where(f"compare.tolerance.{word}") for word in table})
-    whole = {name: path.parent / value if name in PATHS else value for name, value in values.items()}
-    return CampaignFile(file, whole, campaign.windows, allowed, lines)
+    return CampaignFile(file, {name: path.parent / value if name in PATHS else value for name, value in values.items()})

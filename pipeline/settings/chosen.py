@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.fit.options import chosen_options
 from pmg.pipeline.settings.campaign_file import read_campaign
-from pmg.pipeline.windows.limits import limits_of
 from pmg.sim.errors import BenchError
 
 if TYPE_CHECKING:
@@ -109,9 +108,9 @@ class Chosen:
     @property
     def limits(self) -> Path | Steadiness | None:
         """By which windows are judged: a file, the table of the campaign file, or None for the defaults."""
-        if "limits" in self.values or self.file is None or not self.file.windows:
+        if "limits" in self.values or self.file is None or self.file.windows is None:
             return self.path("limits")
-        return limits_of(self.file.windows, str(self.file.file.path))
+        return self.file.windows
 
     def options(self) -> AnalysisOptions:
         """Choices of the analysis."""
@@ -154,4 +153,4 @@ def choose(config: Path | None, **given: object) -> Chosen:
             origins[name] = flag or (name.upper() if name == "recordings" else f"--{name.replace('_', '-')}")
         elif file is not None and key in file.values and not (named and name in place):
             values[name], origins[name] = file.values[key], file.origin(key)
-    return Chosen(values, origins, file, {} if file is None else file.tolerance)
+    return Chosen(values, origins, file, {} if file is None else file.file.table.tolerances)

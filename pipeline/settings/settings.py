@@ -8,17 +8,17 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.files.toml import read_toml
 from pmg.pipeline.fit.options import AUTO
 from pmg.pipeline.settings.campaign_file import Campaign
 from pmg.pipeline.settings.chosen import KEYS
 from pmg.pipeline.settings.tolerance import SIGNALS
-from pmg.pipeline.windows.limits import DIMENSIONS, TABLE, Steadiness, chosen_limits, limit_told
+from pmg.pipeline.windows.limits import DIMENSIONS, TABLE, Steadiness, chosen_limits, limit_told, limits_file
 from pmg.pipeline.wording.quantities import RATIO
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from pmg.pipeline.files.table_file import TableFile
     from pmg.pipeline.settings.chosen import Chosen
 
 DEFAULT = "default"
@@ -95,12 +95,12 @@ def _power(power: float) -> str:
 def _windows(chosen: Chosen) -> Iterator[Setting]:
     given = chosen.limits
     values = asdict(chosen_limits(given))
-    lines: dict[str, str] = {}
-    if isinstance(given, Path):
-        table = read_toml(given, f"a table [{TABLE}]").lines()
-        lines = {words[1]: f"{given}:{number}" for words, number in table.items() if len(words) > 1}
-    elif chosen.file is not None:
-        lines = {name: chosen.file.origin(f"{TABLE}.{name}") for name in chosen.file.windows}
+    file: TableFile[Any] | None = chosen.file.file if chosen.file is not None else None
+    file = limits_file(given) if isinstance(given, Path) else file
+    lines: dict[str | int, str] = {}
+    if file is not None:
+        places = file.lines.items()
+        lines = {words[1]: f"{file.path}:{n}" for words, n in places if len(words) > 1 and words[0] == TABLE}
     for limit in fields(Steadiness):
         name = limit.name
         origin = lines.get(name) or lines.get(f"{name}_rpm") or DEFAULT
@@ -117,13 +117,12 @@ def limit_written(name: str, values: dict[str, Any] | None = None) -> str:
 def _tolerances(chosen: Chosen) -> Iterator[Setting]:
     if chosen.file is None:
         return
-    lines = chosen.file.lines
     for name, (absolute, relative) in chosen.tolerance.items():
         word, dimension = next((w, SIGNALS[w][1]) for w in SIGNALS if SIGNALS[w][0] == name)
         plain = f"{100.0 * absolute:.10g} %" if dimension is RATIO else f"{absolute:.10g} {dimension.unit}"
         parts = [plain] if absolute else []
         parts += [f"{100.0 * relative:.10g} %"] if relative else []
-        words = [w for w in SIGNALS if SIGNALS[w][0] == name and f"compare.tolerance.{w}" in lines]
+        words = [w for w in SIGNALS if SIGNALS[w][0] == name and chosen.file.has(f"compare.tolerance.{w}")]
         key = f"compare.tolerance.{words[0] if words else word}"
         value = {"absolute": absolute, "relative": relative}
         yield Setting(key, value, dimension.unit, f'"{" or ".join(parts)}"', chosen.file.origin(key))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.files.refusals import table_of
+from pmg.pipeline.files.table_file import table_of
 from pmg.pipeline.settings.campaign_file import Campaign
 from pmg.pipeline.settings.settings import limit_written
 from pmg.pipeline.windows.limits import MEANINGS, Steadiness
@@ -30,7 +30,7 @@ def template() -> str:
 
 def _lines() -> Iterator[str]:
     for table, entry in Campaign.model_fields.items():
-        model = table_of(Campaign, table)
+        model = table_of(entry.annotation)
         about = entry.description or ("" if model is None else (model.__doc__ or "").splitlines()[0])
         yield f"\n[{table}]{' ' * max(1, COLUMN - len(table) - 2)}# {about[:1].lower()}{about[1:].rstrip('.')}"
         if model is None:

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 from pmg.pipeline.wording.quantities import POWER, RATIO, TORQUE_OF_SHAFT, Dimension, quantity
 from pmg.sim.errors import BenchError, near_miss
 from pmg.sim.signals import EFFICIENCY_TOTAL, LOSS_TOTAL, TORQUE_RING, TORQUE_SUN
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 Tolerances = dict[str, tuple[float, float]]
 """By name of the signal: an absolute part [SI], and a part relative to the measured value."""
@@ -63,27 +59,3 @@ def tolerance(word: str, text: str, where: str) -> tuple[str, tuple[float, float
             raise BenchError(where, f'"{text}"', "a tolerance above 0", "Correct it.")
         parts[relative] = value
     return name, (parts.get(False, 0.0), parts.get(True, 0.0))
-
-
-def tolerances(table: Mapping[str, str], where: Mapping[str, str]) -> Tolerances:
-    """The tolerances of a table.
-
-    Parameters
-    ----------
-    table : mapping of str to str
-        Texts by word.
-    where : mapping of str to str
-        Where each stands.
-
-    Raises
-    ------
-    BenchError
-        As `tolerance`, or one signal has two.
-    """
-    found: Tolerances = {}
-    for word, text in table.items():
-        name, parts = tolerance(word, text, where[word])
-        if name in found:
-            raise BenchError(where[word], f"a second tolerance of {name}", "one", "Leave one of them out.")
-        found[name] = parts
-    return found

@@ -90,7 +90,7 @@ def gather_inputs(
     switched : tuple of Switched
         Mechanisms to switch on besides the scenario's.
     """
-    scenario, mode = file.scenario, file.scenario.bench
+    scenario, mode = file.table, file.table.bench
     given = scenario.losses.model
     model_file = model_file or (None if given is None else file.beside(given))
     model: LossModel | None
@@ -148,7 +148,7 @@ def _refuse_twice(file: ScenarioFile, mechanisms: tuple[Mechanism, ...]) -> None
 
 def loss_model(file: ScenarioFile, bench: BenchParameters) -> LossModel | None:
     """The losses: curves fitted to the grids, and what is not set by hand calibrated on them."""
-    given = file.scenario.losses
+    given = file.table.losses
     if given.none:
         return None
     if given.model is not None:
@@ -200,7 +200,7 @@ def _calibrated(grid: Grid, options: AnalysisOptions, bench: BenchParameters, by
 
 
 def _about_losses(file: ScenarioFile, model: LossModel | None) -> tuple[tuple[str, str], ...]:
-    given = file.scenario.losses
+    given = file.table.losses
     if model is None:
         return (("Losses", "none at all"),)
     constants = {"K_corr": model.correction, "b": model.b, "c": model.c, "d": model.d}
@@ -226,7 +226,7 @@ def _about_losses(file: ScenarioFile, model: LossModel | None) -> tuple[tuple[st
 
 def _torque_map(file: ScenarioFile, bench: BenchParameters) -> tuple[TorqueMap | None, str]:
     """The map that the scenario describes, before its scale; None for the plain sine."""
-    given, gear = file.scenario.map, bench.gear(file.scenario.bench.gear)
+    given, gear = file.table.map, bench.gear(file.table.bench.gear)
     if given.fem is not None:
         found, quality = fit_map(read_fem_csv(file.beside(given.fem)), gear)
         return found, f"{given.fem}: {quality.terms} terms, residual {quality.residual_rms:.2g} N m (rms)"

@@ -7,14 +7,23 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Field, InstanceOf, model_validator
 
-from pmg.pipeline.files.strict_tables import Strict, key_of, one_of, refuse, within
+from pmg.pipeline.files.strict_tables import (
+    Strict,
+    key_of,
+    number_within,
+    one_of,
+    refuse,
+    refuse_unknown,
+    refusing,
+    within,
+    word_of,
+)
 from pmg.pipeline.fit.calibration import CONSTANTS
 from pmg.pipeline.simulate.scenario_mechanisms import Switched, switch_on
-from pmg.pipeline.simulate.scenario_words import Amplitude, Frequency, Length, Motor, Rpm, Torque
+from pmg.pipeline.simulate.scenario_words import Amplitude, Frequency, Length, Motor, Rpm, Torque, refuse_foreign_units
 from pmg.sim.dynamics.assumptions import RANGES, Assumptions, RotorInertia
 from pmg.sim.dynamics.constants import Control
 from pmg.sim.dynamics.transient import OUTPUTS, OnSlip, Solver
-from pmg.sim.errors import near_miss
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import Member
 from pmg.sim.steady.power_chain import MotorConvention
@@ -171,29 +180,19 @@ def _assumptions(table: object) -> Assumptions:
     """What the thesis leaves open, as a table of the file chooses it."""
     if not isinstance(table, dict):
         refuse(repr(table), "a table", "Write [assumptions] above the keys.")
-    known = {f.name: f.default for f in fields(Assumptions)}
     kinds = {"motor_signs": MotorConvention, "rotor_inertia": RotorInertia}
+    refuse_unknown(table, [f.name for f in fields(Assumptions)])
     chosen: dict[str, Any] = {}
     for name, value in table.items():
-        if name not in known:
-            refuse("unknown key", "a known one", near_miss(name, known), name)
-        if name in kinds:
-            words = [kind.value for kind in kinds[name]]
-            if value not in words:
-                names = " or ".join(f'"{word}"' for word in words)
-                refuse(repr(value), names, near_miss(str(value), words), name)
-            chosen[name] = kinds[name](value)
-        elif name in RANGES:
-            low, high, unit = RANGES[name]
-            number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not number or not low <= value <= high:
-                came = f"{value:g} {unit}" if number else repr(value)
-                refuse(came, f"{low:g} to {high:g} {unit}", "Choose a value in that range.", name)
-            chosen[name] = float(value)
-        else:
-            if not isinstance(value, bool):
-                refuse(repr(value), "true or false", "Write it without quotation marks.", name)
-            chosen[name] = value
+        with refusing(name):
+            if name in kinds:
+                chosen[name] = kinds[name](word_of(value, [str(kind) for kind in kinds[name]]))
+            elif name in RANGES:
+                chosen[name] = float(number_within(value, *RANGES[name]))
+            elif isinstance(value, bool):
+                chosen[name] = value
+            else:
+                refuse(repr(value), "true or false", "Write it without quotation marks.")
     return Assumptions(**chosen)
 
 
@@ -212,6 +211,12 @@ class Scenario(Strict):
     response: Response | None = None
     plan: PlannedCampaign | None = None
     output: Output = Output()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _units_of_control(cls, given: dict[str, Any]) -> dict[str, Any]:
+        refuse_foreign_units(given)
+        return given
 
     @model_validator(mode="after")
     def _whole(self) -> Scenario:

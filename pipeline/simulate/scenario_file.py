@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeAlias
 
-from pydantic import ValidationError
-
-from pmg.pipeline.files.refusals import first_fault, keys_of, refusal
 from pmg.pipeline.files.strict_tables import key_of
-from pmg.pipeline.files.toml import read_toml
+from pmg.pipeline.files.table_file import TableFile, read_table_file
 from pmg.pipeline.simulate.scenario import Scenario
+from pmg.pipeline.simulate.scenario_words import unit_of_motor
 from pmg.sim.dynamics.constants import Control
-from pmg.sim.errors import BenchError
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import Member
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
     from pathlib import Path
 
 MOST_SAMPLES = 2_000_000
@@ -27,21 +22,8 @@ MOST_SAMPLES = 2_000_000
 MOST_POINTS = 10_000
 """Most steady points of a scenario."""
 
-UNITS = {Control.TORQUE: "Nm", Control.SPEED: "rpm"}
-"""End of the keys of what a motor is asked for, by what it follows."""
-
-
-@dataclass(frozen=True)
-class ScenarioFile:
-    """A scenario and the file it stands in; paths in it are relative to that file's folder."""
-
-    path: Path
-    text: str
-    scenario: Scenario
-
-    def beside(self, name: str) -> Path:
-        """A file or folder that the scenario names."""
-        return self.path.parent / name
+ScenarioFile: TypeAlias = TableFile[Scenario]
+"""A scenario and the file it stands in; paths in it are relative to that file's folder."""
 
 
 def read_scenario(path: Path, what: str = "a scenario") -> ScenarioFile:
@@ -52,50 +34,10 @@ def read_scenario(path: Path, what: str = "a scenario") -> ScenarioFile:
     BenchError
         When the file cannot be read, is not TOML, or asks for something unknown, out of range or contradictory.
     """
-    file = read_toml(path, what)
-    data = file.data
-    for key, name, asked in _foreign_units(data):
-        unit = next(unit for unit in UNITS.values() if not name.endswith(f"_{unit}"))
-        expected = f"{name.rsplit('_', 1)[0]}_{unit}, as control_{key.split('.')[1]} is {asked}"
-        raise BenchError(f"{path}: {key}", "the unit of the other control", expected, "Rename it, or change control.")
-    try:
-        scenario = Scenario.model_validate(data)
-    except ValidationError as error:
-        raise _refusal(path, first_fault(error), data) from None
-    for key, came, expected, do in _contradictions(scenario):
-        raise BenchError(f"{path}: {key}", came, expected, do)
-    return ScenarioFile(path, file.text, scenario)
-
-
-def _control(data: Mapping[str, Any], side: str) -> Control:
-    bench = data.get("bench")
-    by_speed = isinstance(bench, dict) and bench.get(f"control_{side}") == Control.SPEED
-    return Control.SPEED if by_speed else Control.TORQUE
-
-
-def _foreign_units(data: Mapping[str, Any]) -> Iterator[tuple[str, str, Control]]:
-    """Keys of a motor's programme whose unit is that of the other control: full key, name, control."""
-    transient = data.get("transient")
-    for side in ("sun", "ring"):
-        motor = transient.get(side) if isinstance(transient, dict) else None
-        asked = _control(data, side)
-        other = next(unit for control, unit in UNITS.items() if control is not asked)
-        tables = [("", motor)] if isinstance(motor, dict) else []
-        tables += [(f"{name}.", table) for _, whole in tables for name, table in whole.items()]
-        for name, table in tables:
-            for key in table if isinstance(table, dict) else ():
-                if key.endswith(f"_{other}"):
-                    yield f"transient.{side}.{name}{key}", key, asked
-
-
-def _refusal(path: Path, found: Mapping[str, Any], data: Mapping[str, Any]) -> BenchError:
-    """What pydantic says, in four parts; keys of a motor's programme with the unit of what it follows."""
-    keys, unit = keys_of(found), ""
-    if keys[:1] == ["transient"] and len(keys) > 2 and keys[1] in ("sun", "ring"):
-        unit = UNITS[_control(data, keys[1])]
-        keys = [*keys[:2], *(re.sub(r"_(Nm|rpm)$", f"_{unit}", key) for key in keys[2:])]
-    where = f"{path}: {'.'.join(keys)}" if keys else str(path)
-    return refusal(where, found, Scenario, keys[-1] if keys else "", unit)
+    file = read_table_file(path, what, Scenario, unit_of=unit_of_motor)
+    for key, came, expected, do in _contradictions(file.table):
+        raise file.refusal(came, expected, do, *key.split("."))
+    return file
 
 
 def _contradictions(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:

@@ -153,7 +153,7 @@ def switch_on_by_words(texts: Iterable[str]) -> tuple[Switched, ...]:
         try:
             (made,) = switch_on({name.strip(): table})
         except RefusalError as refusal:
-            key = ".".join(refusal.key)
+            key = ".".join(map(str, refusal.key))
             raise BenchError(f"{where}: {key}", refusal.came, refusal.expected, refusal.do) from None
         if made.kind.identifier in found:
             raise BenchError(where, f"{made.kind.identifier} twice", "each once", "Give its keys in one option.")

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import AliasChoices, Field, model_validator
 
 from pmg.pipeline.files.strict_tables import Strict, refuse, within
+from pmg.sim.dynamics.constants import Control
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pmg.pipeline.files.toml import Key
 
 Rpm = Annotated[float, within(-20_000.0, 20_000.0, "rpm")]
 Torque = Annotated[float, within(-1e3, 1e3, "N m")]
@@ -17,8 +23,41 @@ Frequency = Annotated[float, within(1e-4, 1e6, "Hz")]
 Amplitude = Annotated[float, within(0.0, 1e3, "N m")]
 
 
+UNITS = {Control.TORQUE: "Nm", Control.SPEED: "rpm"}
+"""End of the keys of what a motor is asked for, by what it follows."""
+
+
 def _by_unit(name: str) -> AliasChoices:
-    return AliasChoices(f"{name}_Nm", f"{name}_rpm")
+    return AliasChoices(*(f"{name}_{unit}" for unit in UNITS.values()))
+
+
+def _control(data: Mapping[str, Any], side: str) -> Control:
+    bench = data.get("bench")
+    by_speed = isinstance(bench, dict) and bench.get(f"control_{side}") == Control.SPEED
+    return Control.SPEED if by_speed else Control.TORQUE
+
+
+def unit_of_motor(data: Mapping[str, Any], key: Key) -> str:
+    """End of the keys of a motor's programme, by what the motor of that place follows; empty elsewhere."""
+    asked = key[:1] == ("transient",) and len(key) > 2 and key[1] in ("sun", "ring")
+    return UNITS[_control(data, str(key[1]))] if asked else ""
+
+
+def refuse_foreign_units(data: Mapping[str, Any]) -> None:
+    """Refuse a key of a motor's programme whose unit is that of the other control."""
+    transient = data.get("transient")
+    for side in ("sun", "ring"):
+        motor = transient.get(side) if isinstance(transient, dict) else None
+        asked = _control(data, side)
+        other = next(unit for control, unit in UNITS.items() if control is not asked)
+        tables: list[tuple[tuple[str, ...], Any]] = [((), motor)] if isinstance(motor, dict) else []
+        tables += [((name,), table) for _, whole in tables for name, table in whole.items()]
+        for names, table in tables:
+            for key in table if isinstance(table, dict) else ():
+                if key.endswith(f"_{other}"):
+                    expected = f"{key.rsplit('_', 1)[0]}_{UNITS[asked]}, as control_{side} is {asked}"
+                    do = "Rename it, or change control."
+                    refuse("the unit of the other control", expected, do, "transient", side, *names, key)
 
 
 class Ramp(Strict):

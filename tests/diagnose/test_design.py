@@ -89,7 +89,7 @@ def test_every_pair_that_can_be_seen_is_called_alike_or_apart_once(audits: dict[
 
 def test_rounding_decides_neither_which_pair_is_named_nor_the_order(bench: BenchParameters) -> None:
     file = read_scenario(PLANS / "extended.toml", "a plan")
-    plan, model = file.scenario.plan, loss_model(file, bench)
+    plan, model = file.table.plan, loss_model(file, bench)
     assert plan is not None
     assert model is not None
     grid, floor = planned_grid(plan, bench), planned_floor(plan)
@@ -134,7 +134,7 @@ def test_more_noise_hides_in_proportion(tmp_path: Path) -> None:
 def test_a_plan_runs_every_point_once_in_its_order(order: str, bench: BenchParameters, tmp_path: Path) -> None:
     text = (PLANS / "thesis.toml").read_text().replace("../published", str(ROOT / "raw" / "published"))
     (tmp_path / "plan.toml").write_text(text.replace('"falling"', f'"{order}"'))
-    plan = read_scenario(tmp_path / "plan.toml").scenario.plan
+    plan = read_scenario(tmp_path / "plan.toml").table.plan
     assert plan is not None
     at = planned_grid(plan, bench).points
     assert len(at) == 16 * 13 - 1 + 48
@@ -154,7 +154,7 @@ def test_the_power_to_separate_grows_with_distance() -> None:
 
 
 def test_plans_come_after_the_campaign_and_keep_to_its_speeds(bench: BenchParameters) -> None:
-    plan = read_scenario(PLANS / "thesis.toml").scenario.plan
+    plan = read_scenario(PLANS / "thesis.toml").table.plan
     assert plan is not None
     at = planned_grid(plan, bench).points
     for possible in possible_plans(at, bench):

@@ -24,7 +24,7 @@ from pmg.pipeline.grid.campaign import choose_campaign, measured_grid
 from pmg.pipeline.grid.completeness import lack_findings
 from pmg.pipeline.grid.copies import COPY, without_copies
 from pmg.pipeline.store.store import Manifest, Store
-from pmg.pipeline.windows.limits import limits_of
+from pmg.pipeline.windows.limits import read_limits
 from pmg.pipeline.wording.outcome import Outcome
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import RecordingError
@@ -202,11 +202,14 @@ def test_the_nominal_torques_of_the_calibrations_reach_grid_and_findings(tmp_pat
     assert "nominal torque of 50 N m" in (tmp_path / "report" / "report.html").read_text()
 
 
-@pytest.mark.parametrize("table", [{"frequency_low": 16_000.0}, {"frequency_low": 9e3, "frequency_high": 9e3}])
-def test_a_frequency_range_of_nothing_is_refused(table: dict[str, float]) -> None:
+@pytest.mark.parametrize("table", ["frequency_low = 16_000.0", "frequency_low = 9e3\nfrequency_high = 9e3"])
+def test_a_frequency_range_of_nothing_is_refused(tmp_path: Path, table: str) -> None:
+    path = tmp_path / "limits.toml"
+    path.write_text(f"[windows]\n{table}\n", encoding="utf-8")
     with pytest.raises(RecordingError, match="the lower one first"):
-        limits_of(table, "limits.toml")
-    assert limits_of({"frequency_low": 4e3}, "limits.toml").frequency_low == pytest.approx(4e3)
+        read_limits(path)
+    path.write_text("[windows]\nfrequency_low = 4e3\n", encoding="utf-8")
+    assert read_limits(path).frequency_low == pytest.approx(4e3)
 
 
 @pytest.mark.parametrize(("code", "accepted"), [("samples.simulated", True), ("samples.other", False)])

@@ -30,9 +30,14 @@ def test_a_map_says_what_it_says(tmp_path: Path) -> None:
         '[csv]\ndecimal = ","\nbad_rows = 3',
         run=written.RUN.replace('point = "E1"', 'point = { file = "stem" }'),
     )
-    found = read_map(written.write_map(tmp_path, text))
-    assert found.channels[0].wanted == Wanted("AI/all", 4, 2)
-    assert (found.timing.column, found.timing.bits, found.timing.scale) == (Wanted("timer"), 32, 1 / 40e6)
+    found = read_map(written.write_map(tmp_path, text)).table
+    assert found.channel[0].wanted == Wanted("AI/all", 4, 2)
+    timing = found.time.timing
+    assert (timing.column, timing.bits, timing.scale) == (
+        Wanted("timer"),
+        32,
+        1 / 40e6,
+    )
     assert (found.csv.decimal, found.csv.bad_rows, found.csv.delimiter) == (",", 3, "auto")
     assert found.run["point"] == Lookup("file", "stem")
     assert found.run["started_at"] == "2026-03-04T09:30:00.250000+00:00"
@@ -41,28 +46,28 @@ def test_a_map_says_what_it_says(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "where", "hint"),
     [
-        ("schema", "shcema", "map.toml: schema", "shcema"),
-        ("pmg.import/1", "pmg.import/2", "map.toml: schema", "pmg.import/1"),
-        ("calibration =", "calibratoin =", "calibration", "calibratoin"),
-        ("campaign", "campain", "run: campain", "Did you mean 'campaign'?"),
-        ("gear = 2", "gear = true", "run: gear", "Write it as text"),
-        ('point = "E1"', 'point = { file = "stam" }', "run: point", "stem"),
-        ("rate_Hz = 500", "rate_hz = 500", "time: rate_hz", "Did you mean 'rate_Hz'?"),
-        ("rate_Hz = 500", "rate_Hz = -1", "time: rate_Hz", ""),
-        ("rate_Hz = 500", 'source = "t"\nunit = "msec"', "time: unit", "ms"),
+        ("schema", "shcema", "map.toml: line 1, shcema", "Did you mean 'schema'?"),
+        ("pmg.import/1", "pmg.import/2", "map.toml: line 1, schema", "pmg.import/1"),
+        ("calibration =", "calibratoin =", "calibratoin", "Did you mean 'calibration'?"),
+        ("campaign", "campain", "run.campain", "Did you mean 'campaign'?"),
+        ("gear = 2", "gear = true", "run.gear", "Write it as text"),
+        ('point = "E1"', 'point = { file = "stam" }', "run.point", "stem"),
+        ("rate_Hz = 500", "rate_hz = 500", "time.rate_hz", "Did you mean 'rate_Hz'?"),
+        ("rate_Hz = 500", "rate_Hz = -1", "time.rate_Hz", ""),
+        ("rate_Hz = 500", 'source = "t"\nunit = "msec"', "time.unit", "ms"),
         ("rate_Hz = 500", 'source = "t"\nticks = "c"', "time", "Leave one of them out"),
-        ("rate_Hz = 500", "rate_Hz = 500\ncolumn = 2", "time: column", "Add 'source' or 'ticks'"),
-        ("rate_Hz = 500", "rate_Hz = 500\nbits = 32", "time: bits", "Add 'ticks'"),
-        ("source", "timebase_Hz = 1e6\nsource", "channel 1: timebase_Hz", "edge_ticks"),
-        ("rate_Hz = 500", 'ticks = "c"\nbits = 32', "time: frequency_Hz", ""),
-        (FREQUENCY, "/daq/torque_sun/freqency", "channel 1: topic", f"Did you mean '{FREQUENCY}'?"),
-        ("source", "sourze", "channel 1: source", "sourze"),
-        ("source", 'unit = "Hzz"\nsource', "channel 1: unit", "Did you mean 'Hz'?"),
-        ("source", 'unit = "rpm"\nsource', "channel 1: unit", "Known: "),
-        ("source", 'unit = "V"\nsource', "channel 1: Nm_per_unit", ""),
-        ("source", "columns = 4\ncolumn = 5\nsource", "channel 1: column", ""),
-        ("source", "sign = 0\nsource", "channel 1: sign", "-1"),
-        ("source", "bitz = 4\nsource", "channel 1: bitz", "Did you mean 'bits'?"),
+        ("rate_Hz = 500", "rate_Hz = 500\ncolumn = 2", "time.column", "Add 'source' or 'ticks'"),
+        ("rate_Hz = 500", "rate_Hz = 500\nbits = 32", "time.bits", "Add 'ticks'"),
+        ("source", "timebase_Hz = 1e6\nsource", "channel[1].timebase_Hz", "edge_ticks"),
+        ("rate_Hz = 500", 'ticks = "c"\nbits = 32', "time.frequency_Hz", ""),
+        (FREQUENCY, "/daq/torque_sun/freqency", "channel[1].topic", f"Did you mean '{FREQUENCY}'?"),
+        ("source", "sourze", "channel[1].sourze", "Did you mean 'source'?"),
+        ("source", 'unit = "Hzz"\nsource', "channel[1].unit", "Did you mean 'Hz'?"),
+        ("source", 'unit = "rpm"\nsource', "channel[1].unit", "Known: "),
+        ("source", 'unit = "V"\nsource', "channel[1].Nm_per_unit", ""),
+        ("source", "columns = 4\ncolumn = 5\nsource", "channel[1].column", ""),
+        ("source", "sign = 0\nsource", "channel[1].sign", "-1"),
+        ("source", "bitz = 4\nsource", "channel[1].bitz", "Did you mean 'bits'?"),
         ("[[channel]]", "[chanel]", "chanel", "Did you mean 'channel'?"),
     ],
 )
@@ -71,6 +76,7 @@ def test_a_fault_is_told_with_its_place(tmp_path: Path, old: str, new: str, wher
     assert old in text
     fault = fault_of(tmp_path, text.replace(old, new, 1))
     assert where in fault.where
+    assert ": line " in fault.where
     assert hint in fault.do
     assert all((fault.where, fault.came, fault.expected, fault.do))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from hypothesis import strategies as st
 
 from pmg.pipeline.importers.channel_map import Mapped
 from pmg.pipeline.importers.convert import Conversion
-from pmg.pipeline.importers.source import Wanted
 from pmg.pipeline.recording.findings import Code, Findings
 from pmg.sim.errors import BenchError, RecordingError
 from pmg.sim.signals import REVOLUTION, RPM
@@ -25,8 +23,8 @@ RING = "/daq/torque_ring/frequency"
 
 
 def conversion(topic: str, unit: str, **more: Any) -> Conversion:  # noqa: ANN401 - whatever the map may say
-    mapped = Mapped("map", topic, Wanted("x"), unit, **more)
-    return Conversion(mapped, "", written.CALIBRATION, "x", "line", Findings("a.csv"))
+    mapped = Mapped.model_construct(topic=topic, source="x", unit=unit, **more)
+    return Conversion(mapped, "", written.CALIBRATION, "map", "x", "line", Findings("a.csv"))
 
 
 def samples(made: Conversion, values: npt.ArrayLike, parts: int = 1, rate: float = 500.0) -> npt.NDArray[Any]:
@@ -45,7 +43,7 @@ def test_a_torque_comes_back_from_its_frequency(torque: list[float], sign: int) 
 
 @given(zero=st.floats(-2, 2), slope=st.floats(0.01, 5).map(lambda x: round(x, 3)), volts=st.floats(-10, 10))
 def test_a_voltage_is_a_torque_above_its_zero(zero: float, slope: float, volts: float) -> None:
-    found = samples(conversion(RING, "V", torque_per_unit=slope, zero=zero), [volts])
+    found = samples(conversion(RING, "V", Nm_per_unit=slope, zero=zero), [volts])
     assert written.CALIBRATION.ring.torque(found)[0] == pytest.approx((volts - zero) * slope, abs=1e-9)
 
 
@@ -122,8 +120,9 @@ def test_a_channel_that_cannot_be_made_is_refused(topic: str, more: dict[str, An
 
 
 def test_units_of_the_file_are_taken_where_the_map_names_none() -> None:
-    mapped = Mapped("map", RING, Wanted("x"))
-    made = Conversion(mapped, " Nm ", written.CALIBRATION, "x", "line", Findings("a.csv"))
+    mapped = Mapped(topic=RING, source="x")
+    made = Conversion(mapped, " Nm ", written.CALIBRATION, "map", "x", "line", Findings("a.csv"))
     assert (made.unit, made.kind) == ("N m", "torque")
+    wrong = mapped.model_copy(update={"unit": "Hz"})
     with pytest.raises(BenchError, match="one unit"):
-        Conversion(replace(mapped, unit="Hz"), "Nm", written.CALIBRATION, "x", "line", Findings("a.csv"))
+        Conversion(wrong, "Nm", written.CALIBRATION, "map", "x", "line", Findings("a.csv"))

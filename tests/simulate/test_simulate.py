@@ -66,7 +66,7 @@ def scenario(folder: Path, text: str) -> Path:
 
 def done(folder: Path, text: str) -> Simulation:
     file = read_scenario(scenario(folder, text))
-    return simulate(file.scenario, gather_inputs(file, load_bench()))
+    return simulate(file.table, gather_inputs(file, load_bench()))
 
 
 def contents(folder: Path) -> dict[str, bytes]:

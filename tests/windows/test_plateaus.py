@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from tests.recording.writer import Bench, write
 
 from pmg.pipeline.recording import read_recording
-from pmg.pipeline.windows.limits import LIMITS, limits_of, read_limits
+from pmg.pipeline.windows.limits import LIMITS, chosen_limits, read_limits
 from pmg.pipeline.windows.plateaus import plateaus
 from pmg.pipeline.windows.steadiness import torque_changes
 from pmg.pipeline.windows.window import Window
@@ -228,4 +228,4 @@ def test_a_limit_that_is_none_is_refused(tmp_path: Path, text: str, told: str) -
 
 
 def test_no_limit_given_is_the_default() -> None:
-    assert limits_of({}, "here") == LIMITS
+    assert chosen_limits(None) == LIMITS

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import BeforeValidator, Field, model_validator
 
 from pmg.pipeline.diagnose.balance.drive import LIBRARIES
-from pmg.pipeline.files.toml import read_toml
-from pmg.pipeline.files.toml_table import Reader
-from pmg.sim.errors import BenchError, near_miss
+from pmg.pipeline.files.strict_tables import EACH_ONCE, Strict, number_within, one_of, refuse, refusing, within, word_of
+from pmg.pipeline.files.table_file import read_table_file
+from pmg.sim.errors import near_miss
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,36 +28,148 @@ UNITS: dict[str, dict[str, float]] = {
 """Units of each channel, and what one is in SI; a command in V or A needs `newton_per_unit`."""
 
 
-@dataclass(frozen=True)
-class Channel:
-    """A channel of the recordings.
-
-    Parameters
-    ----------
-    name : str
-        Column or variable.
-    unit : str
-        Unit in the file.
-    scale : float
-        SI value of one unit, without `factor`.
-    factor : str or float
-        Newton per unit of the command: a number, or the name of a variable of the file.
-    """
+class Channel(Strict):
+    """A channel of the recordings: column or variable, and its unit there."""
 
     name: str
     unit: str
-    scale: float
-    factor: str | float = 1.0
+
+    @property
+    def scale(self) -> float:
+        """SI value of one unit, without `factor`."""
+        return next(units[self.unit] for units in UNITS.values() if self.unit in units)
+
+    @property
+    def factor(self) -> str | float:
+        """Newton per unit of the command: a number, or the name of a variable of the file."""
+        return 1.0
 
 
-@dataclass(frozen=True)
-class Published:
+class TimeChannel(Channel):
+    """Times of the samples."""
+
+    unit: Annotated[str, one_of(*UNITS["time"])]
+
+
+class PositionChannel(Channel):
+    """Position of the slide."""
+
+    unit: Annotated[str, one_of(*UNITS["position"])]
+
+
+def _newton(value: object) -> object:
+    return value if isinstance(value, str) else number_within(value, -1e9, 1e9, "N")
+
+
+class ForceChannel(Channel):
+    """Force, or the command that makes it."""
+
+    unit: Annotated[str, one_of(*UNITS["force"])]
+    newton_per_unit: Annotated[str | float, BeforeValidator(_newton)] | None = None
+
+    @model_validator(mode="after")
+    def _makes_newton(self) -> ForceChannel:
+        if self.newton_per_unit is None and self.unit in ("V", "A"):
+            refuse("missing", f"newton of one {self.unit}", "Add newton_per_unit.", "newton_per_unit")
+        if self.newton_per_unit == 0.0:
+            refuse("0", "a factor other than zero", "Correct the value.", "newton_per_unit")
+        return self
+
+    @property
+    def factor(self) -> str | float:
+        """Newton per unit of the command: a number, or the name of a variable of the file."""
+        return 1.0 if self.newton_per_unit is None else self.newton_per_unit
+
+
+class ChannelsTable(Strict):
+    """Table ``[channels]``."""
+
+    time: TimeChannel
+    position: PositionChannel
+    force: ForceChannel
+
+
+class RecordTable(Strict):
+    """Table ``[record]``: recordings, in a folder beside the file."""
+
+    folder: str = "."
+    fit: str
+    withheld: str = ""
+
+
+class PrepareTable(Strict):
+    """Table ``[prepare]``."""
+
+    rate_hz: Annotated[float, within(1.0, 1e6, "Hz")]
+    low_pass_hz: float
+    order: Annotated[int, within(1, 8)] = 4
+    drop: Annotated[int, within(1, 100_000)] = 49
+    keep_every: Annotated[int, within(1, 100)] = 1
+    rest_speed_m_s: Annotated[float, within(0.0, 10.0, "m/s")] = 0.0
+
+    @model_validator(mode="after")
+    def _below_half_the_rate(self) -> PrepareTable:
+        with refusing("low_pass_Hz"):
+            number_within(self.low_pass_hz, 0.01, 0.49 * self.rate_hz, "Hz")
+        return self
+
+
+class KnownTermsTable(Strict):
+    """Table ``[baseline]``: terms taken for granted, and amplitudes that are known [SI]."""
+
+    terms: Annotated[list[str], Field(min_length=1), EACH_ONCE]
+    fixed: dict[str, float] = Field(default_factory=dict)
+
+
+class Published(Strict):
     """A published parameter that ours is set beside."""
 
     term: str
     parameter: str
-    value: float
+    value: Annotated[float, within(-1e12, 1e12)]
     unit: str
+
+
+class ErrorsTable(Strict):
+    """Table ``[published_errors]``: relative force errors [%]."""
+
+    fit_percent: Annotated[float, within(0.0, 1e4, "%")] | None = None
+    withheld_percent: Annotated[float, within(0.0, 1e4, "%")] | None = None
+
+
+class CaseTable(Strict):
+    """All tables of a case file."""
+
+    schema_: Annotated[str, one_of(SCHEMA), Field(alias="schema")]
+    title: str
+    library: Annotated[str, one_of(*LIBRARIES)]
+    record: RecordTable
+    channels: ChannelsTable
+    prepare: PrepareTable
+    baseline: KnownTermsTable
+    published: list[Published] = Field(default_factory=list)
+    published_errors: ErrorsTable = ErrorsTable()
+
+    @model_validator(mode="after")
+    def _fits_the_library(self) -> CaseTable:
+        terms = {term.identifier: term for term in LIBRARIES[self.library]}
+        plain = [name for name, term in terms.items() if not term.of_model and term.shape is None]
+        for i, name in enumerate(self.baseline.terms):
+            word_of(name, plain, "baseline", "terms", i)
+        for name, value in self.baseline.fixed.items():
+            if name not in self.baseline.terms:
+                do = near_miss(name, self.baseline.terms)
+                refuse("not in the baseline", "a term of baseline.terms", do, "baseline", "fixed", name)
+            with refusing("baseline", "fixed", name):
+                number_within(value, *terms[name].amplitudes[0].bounds)
+        if len(self.baseline.fixed) == len(self.baseline.terms):
+            refuse("every term is fixed", "at least one free term", "Leave one out.", "baseline", "fixed")
+        for i, row in enumerate(self.published):
+            term = terms[word_of(row.term, terms, "published", i, "term")]
+            quantities = {quantity.name: quantity for quantity in term.parameters}
+            word_of(row.parameter, quantities, "published", i, "parameter")
+            word_of(row.unit, [quantities[row.parameter].unit], "published", i, "unit")
+        return self
 
 
 @dataclass(frozen=True)
@@ -132,97 +246,27 @@ def read_case(path: Path, data: Path | None = None) -> Case:
     BenchError
         When the file cannot be read, or asks for something unknown, out of range or contradictory.
     """
-    file = read_toml(path, "a case")
-    top = Reader(str(path), file.data)
-    schema = top.text("schema")
-    if schema != SCHEMA:
-        raise BenchError(f"{path}: schema", repr(schema), repr(SCHEMA), "Write the case anew for this schema.")
-    title = top.text("title")
-    library = LIBRARIES[top.word("library", LIBRARIES)]
-    record, prepare, baseline = top.sub("record"), top.sub("prepare"), top.sub("baseline")
-    beside = path.parent / record.text("folder", ".")
-    folder = beside if data is None else data
-    withheld = record.text("withheld", "")
-    fit = folder / record.text("fit")
-    columns = top.sub("channels")
-    channels = {name: _channel(columns.sub(name), name) for name in UNITS}
-    names = _terms(baseline, library)
-    fixed = _fixed(baseline.sub("fixed", optional=True), names, library)
-    rate = prepare.number("rate_Hz", 1.0, 1e6)
-    keep = prepare.whole("keep_every", 1, 100, 1)
-    case = Case(
-        path,
-        file.text,
-        title,
-        library,
-        fit,
-        folder / withheld if withheld else None,
-        channels,
-        rate,
-        prepare.number("low_pass_Hz", 0.01, 0.49 * rate),
-        prepare.whole("order", 1, 8, 4),
-        prepare.whole("drop", 1, 100_000, 49),
-        keep,
-        prepare.number("rest_speed_m_s", 0.0, 10.0, 0.0),
-        names,
-        fixed,
-        tuple(_published(row, library) for row in top.rows("published")),
-        _errors(top.sub("published_errors", optional=True)),
+    file = read_table_file(path, "a case", CaseTable)
+    given = file.table
+    record, prepare, errors = given.record, given.prepare, given.published_errors
+    folder = path.parent / record.folder if data is None else data
+    percents = {"fit": errors.fit_percent, "withheld": errors.withheld_percent}
+    return Case(
+        path=path,
+        text=file.text,
+        title=given.title,
+        library=LIBRARIES[given.library],
+        fit=folder / record.fit,
+        withheld=folder / record.withheld if record.withheld else None,
+        channels=dict(given.channels),
+        rate=prepare.rate_hz,
+        low_pass=prepare.low_pass_hz,
+        order=prepare.order,
+        drop=prepare.drop,
+        keep_every=prepare.keep_every,
+        rest_speed=prepare.rest_speed_m_s,
+        baseline=tuple(given.baseline.terms),
+        fixed=given.baseline.fixed,
+        published=tuple(given.published),
+        published_errors={name: value / 100.0 for name, value in percents.items() if value is not None},
     )
-    for reader in (top, record, prepare, baseline, columns):
-        reader.done()
-    return case
-
-
-def _channel(reader: Reader, kind: str) -> Channel:
-    name, unit = reader.text("name"), reader.word("unit", UNITS[kind])
-    factor: str | float = 1.0
-    if kind == "force":
-        given = reader.table.get("newton_per_unit")
-        needs = None if unit in ("V", "A") else 1.0
-        text = isinstance(given, str)
-        factor = reader.text("newton_per_unit") if text else reader.number("newton_per_unit", -1e9, 1e9, needs)
-        if factor == 0.0:
-            raise BenchError(f"{reader.where}: newton_per_unit", "0", "a factor other than zero", "Correct the value.")
-    reader.done()
-    return Channel(name, unit, UNITS[kind][unit], factor)
-
-
-def _terms(reader: Reader, library: tuple[Term, ...]) -> tuple[str, ...]:
-    known = [term.identifier for term in library if not term.of_model and term.shape is None]
-    names = reader.words("terms", known)
-    if len(set(names)) < len(names):
-        raise BenchError(f"{reader.where}: terms", "a term twice", "each term once", "Take one of them out.")
-    return tuple(names)
-
-
-def _fixed(reader: Reader, baseline: tuple[str, ...], library: tuple[Term, ...]) -> dict[str, float]:
-    terms = {term.identifier: term for term in library}
-    fixed = {}
-    for name in list(reader.table):
-        if name not in baseline:
-            do = near_miss(name, baseline)
-            raise BenchError(f"{reader.where}: {name}", "not in the baseline", "a term of baseline.terms", do)
-        fixed[name] = reader.number(name, *terms[name].amplitudes[0].bounds)
-    if len(fixed) == len(baseline):
-        raise BenchError(reader.where, "every term is fixed", "at least one free term", "Leave one out.")
-    return fixed
-
-
-def _published(reader: Reader, library: tuple[Term, ...]) -> Published:
-    terms = {term.identifier: term for term in library}
-    term = terms[reader.word("term", terms)]
-    quantities = {quantity.name: quantity for quantity in term.parameters}
-    quantity = quantities[reader.word("parameter", quantities)]
-    row = Published(
-        term.identifier, quantity.name, reader.number("value", -1e12, 1e12), reader.word("unit", [quantity.unit])
-    )
-    reader.done()
-    return row
-
-
-def _errors(reader: Reader) -> dict[str, float]:
-    names = [name for name in ("fit", "withheld") if f"{name}_percent" in reader.table]
-    given = {name: reader.number(f"{name}_percent", 0.0, 1e4) / 100.0 for name in names}
-    reader.done()
-    return given

@@ -1,0 +1,233 @@
+"""The one reader of TOML files that a user writes: text to a checked model, each fault told with file, line and key."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_args
+
+from pydantic import AliasChoices, BaseModel, ValidationError
+
+from pmg.pipeline.files.strict_tables import RefusalError
+from pmg.pipeline.files.toml import lines_of
+from pmg.sim.errors import BenchError, PmgError, near_miss
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+    from pathlib import Path
+
+    from pydantic.fields import FieldInfo
+
+    from pmg.pipeline.files.toml import Key
+
+Table = TypeVar("Table", bound=BaseModel)
+
+KINDS = {
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "text in quotation marks",
+    "bool_type": "true or false",
+    "list_type": "a list in square brackets",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "too_short": "at least one entry",
+    "string_too_short": "a name",
+}
+"""What was expected, by the kind of fault that pydantic names."""
+
+
+@dataclass(frozen=True)
+class TableFile(Generic[Table]):
+    """A file that was read.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    text : str
+        Its text, lines ended by a line feed.
+    table : Table
+        What it holds.
+    error : type of PmgError
+        What a refusal is raised as.
+    """
+
+    path: Path
+    text: str
+    table: Table
+    error: type[PmgError] = BenchError
+
+    @cached_property
+    def lines(self) -> dict[Key, int]:
+        """Line, from 1, in which each key or table begins."""
+        return lines_of(self.text)
+
+    def beside(self, name: str) -> Path:
+        """A file or folder that the file names, relative to its own folder."""
+        return self.path.parent / name
+
+    def where(self, *key: str | int) -> str:
+        """File, line and key for a message; the line is that of the innermost table that stands in the file."""
+        return place_of(self.path, self.text, key)
+
+    def refusal(self, came: str, expected: str, do: str, *key: str | int) -> PmgError:
+        """A fault of what stands at a key, as an error."""
+        return self.error(self.where(*key), came, expected, do)
+
+
+def read_table_file(
+    path: Path,
+    what: str,
+    model: type[Table],
+    error: type[PmgError] = BenchError,
+    unit_of: Callable[[Mapping[str, Any], Key], str] | None = None,
+) -> TableFile[Table]:
+    """The file at a path, checked by a model.
+
+    Parameters
+    ----------
+    path : Path
+        A TOML file.
+    what : str
+        What it should hold, for the message.
+    model : type of BaseModel
+        What its tables are checked by.
+    error : type of PmgError
+        What a refusal is raised as.
+    unit_of : callable, optional
+        Of keys that exist for several units, the unit that holds at a key of what the file says.
+
+    Raises
+    ------
+    PmgError
+        The file is not there, cannot be read, is no UTF-8 or no TOML, or holds something unknown, out of range or
+        contradictory.
+    """
+    text = _text_of(path, what, error)
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as fault:
+        raise _fault_of_form(path, text, fault, error) from fault
+    try:
+        return TableFile(path, text, model.model_validate(data), error)
+    except ValidationError as invalid:
+        found = min(invalid.errors(include_url=False), key=_rank)
+    refused = found.get("ctx", {}).get("error")
+    unit = unit_of(data, found["loc"]) if unit_of else ""
+    spelled = tuple(word for word, _ in _walk(model, found["loc"], unit))
+    key = _in_file(data, (*spelled, *(refused.key if isinstance(refused, RefusalError) else ())))
+    came, expected, do = _parts(found, key, _known_keys(model, found["loc"][:-1], unit))
+    raise error(place_of(path, text, key), came, expected, do)
+
+
+def place_of(path: Path, text: str, key: Key) -> str:
+    """File, line and key; of a list, entries are counted from 1."""
+    if not key:
+        return str(path)
+    lines = lines_of(text)
+    line = next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), None)
+    words = "".join(f"[{word + 1}]" if isinstance(word, int) else f".{word}" for word in key).lstrip(".")
+    return f"{path}: {words}" if line is None else f"{path}: line {line}, {words}"
+
+
+def _text_of(path: Path, what: str, error: type[PmgError]) -> str:
+    try:
+        return path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
+    except OSError as fault:
+        came = "no such file" if isinstance(fault, FileNotFoundError) else fault.strerror or "cannot be read"
+        raise error(str(path), came, f"{what} in TOML", "Check the path.") from fault
+    except UnicodeDecodeError as fault:
+        raise error(str(path), f"not UTF-8 ({fault.reason})", "a text file", "Save it as UTF-8.") from fault
+
+
+def _fault_of_form(path: Path, text: str, fault: tomllib.TOMLDecodeError, error: type[PmgError]) -> PmgError:
+    """What the parser says, with line and column."""
+    place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", str(fault))
+    line = place[1] if place and place[1] else str(max(1, len(text.splitlines())))
+    came = str(fault)[: place.start()] if place else str(fault)
+    column = f", column {place[2]}" if place and place[2] else ""
+    do = "Correct the line."
+    if "Unescaped '\\'" in came or "hex value" in came:
+        do = 'Between " a backslash begins a sign: write / instead, or put the text between single quotes.'
+    elif came == "Invalid value":
+        do = "Correct the line; text stands in quotation marks."
+    return error(f"{path}: line {line}{column}", came, "TOML", do)
+
+
+def _rank(found: Mapping[str, Any]) -> int:
+    """Which fault is told: another schema, then an unknown key, as either may be the cause of the others."""
+    if found["loc"] == ("schema",) and found["type"] != "missing":
+        return 0
+    return 1 if found["type"] == "extra_forbidden" else 2
+
+
+def _parts(found: Mapping[str, Any], key: Key, known: list[str]) -> tuple[str, str, str]:
+    """What came, what was expected and what to do, of a fault as pydantic tells it."""
+    details, kind = found.get("ctx", {}), found["type"]
+    refused = details.get("error")
+    if isinstance(refused, RefusalError):
+        return refused.came, refused.expected, refused.do
+    if kind == "extra_forbidden":
+        return "unknown key", "a known one", near_miss(str(key[-1]), known)
+    if kind == "missing":
+        return "missing", "this key", f"Add {key[-1]}."
+    came = repr(found["input"])
+    if kind == "list_type" and isinstance(found["input"], dict):
+        return "a single table", f"[[{key[-1]}]], each in double brackets", "Correct the head."
+    if kind == "greater_than_equal":
+        return came, f"{details['ge']:g} or more", "Correct the value."
+    if kind in ("enum", "literal_error"):
+        words = re.findall(r"'([^']*)'", str(details["expected"]))
+        do = near_miss(str(found["input"]), words) if words else "Correct the value."
+        return came, str(details["expected"]), do
+    return came, KINDS.get(kind, found["msg"].lower()), "Correct the value."
+
+
+def _in_file(data: Mapping[str, Any], key: Key) -> Key:
+    """A key without the words below a plain value: a model may take that value for a table."""
+    entry: Any = data
+    for depth, word in enumerate(key):
+        if not isinstance(entry, dict | list):
+            return key[:depth]
+        entries = dict(enumerate(entry)) if isinstance(entry, list) else entry
+        if word not in entries:
+            return key
+        entry = entries[word]
+    return key
+
+
+def _keys(field: FieldInfo) -> list[str]:
+    """Keys under which a field may stand in the file."""
+    alias = field.validation_alias
+    return [str(choice) for choice in alias.choices] if isinstance(alias, AliasChoices) else [str(alias)]
+
+
+def _walk(model: type[BaseModel], place: Key, unit: str) -> Iterator[tuple[str | int, type[BaseModel] | None]]:
+    """Each word of a place as the file spells it, and what the table there is checked by, where it is one."""
+    here: type[BaseModel] | None = model
+    for word in place:
+        fields = here.model_fields.values() if here is not None and isinstance(word, str) else ()
+        field = next((field for field in fields if word in _keys(field)), None)
+        if field is None:  # an entry of a list, or of a table whose keys are free
+            yield word, here
+            continue
+        here = table_of(field.annotation)
+        yield next((key for key in _keys(field) if key.endswith(f"_{unit}")), word), here
+
+
+def _known_keys(model: type[BaseModel], place: Key, unit: str = "") -> list[str]:
+    """Keys that a table of the file may hold; of those that exist for several units, the ones of that unit."""
+    *_, (_, table) = [("", model), *_walk(model, place, unit)]
+    fields = [] if table is None else [_keys(field) for field in table.model_fields.values()]
+    return [key for keys in fields for key in keys if len(keys) == 1 or key.endswith(f"_{unit}")]
+
+
+def table_of(kind: Any) -> type[BaseModel] | None:  # noqa: ANN401 - any annotation
+    """The model within an annotation, such as that of ``list[Row] | None``; None where there is none."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return kind
+    return next((found for part in get_args(kind) if (found := table_of(part)) is not None), None)
