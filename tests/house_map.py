@@ -353,9 +353,9 @@ def room_list(room: Room, rooms: dict[str, Room]) -> str:
     names = {module.name for module in room.modules}
     held = {name for name in names if any(other.startswith(f"{name}.") for other in names)}
     for module in sorted(room.modules, key=lambda module: _sorted_as(module.name, held)):
-        place = module.name.removeprefix(f"pmg.{room.name}").lstrip(".").replace(".", "/")
-        if module is room.package or not place:
+        if not module.name.startswith(f"pmg.{room.name}."):
             continue
+        place = module.name.removeprefix(f"pmg.{room.name}.").replace(".", "/")
         shown = f"**[`{place}/`]({place}/)**" if module.name in held else f"[`{place}.py`]({place}.py)"
         lines.append(f"| {shown} | {first_line(module)} |")
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""What is shipped: the package list, the data beside the code, the wheel, the pins, and the map in the README."""
+"""What is shipped: the package list, the data beside the code, the wheel and the pins."""
 
 from __future__ import annotations
 
@@ -244,73 +244,3 @@ def test_version_and_licence_are_the_same_everywhere() -> None:
     assert cff["version"] == PROJECT["project"]["version"]
     assert cff["license"] == PROJECT["project"]["license"]
     assert (ROOT / "LICENSE").read_text(encoding="utf-8").startswith(f"{cff['license']} License")
-
-
-def map_of_rooms(text: str) -> dict[str, str]:
-    """Places that the README's map names, as paths from the root, each with its meaning."""
-    block = re.search(r"<!-- map -->\n+```[a-z]*\n(.*?)\n```\n+<!-- /map -->", text, re.DOTALL)
-    assert block, "README.md has no fenced block between <!-- map --> and <!-- /map -->"
-    places: dict[str, str] = {}
-    above: list[str] = []
-    for line in block[1].splitlines():
-        entry = re.fullmatch(r"((?:  )*)(\S+)(?:  +(\S.*))?", line)
-        assert entry, f"not a line of the map: {line!r}"
-        depth = len(entry[1]) // 2
-        assert depth <= len(above), f"nothing above {line!r}"
-        above[depth:] = [entry[2]]
-        place = "".join(above)
-        assert place not in places, f"{place} stands twice"
-        places[place] = entry[3] or ""
-    return places
-
-
-def rooms() -> set[str]:
-    """Places that a map has to name: what is on top, and every module."""
-    tops = {f"{path.name}/" if path.is_dir() else path.name for path in ROOT.iterdir() if not ignored(path)}
-    found = {name for name in tops if not name.startswith(".")} | {".ci/", ".typing/"}
-    for folder in PACKAGE_DIR.values():
-        for path in files_of(ROOT / folder):
-            place = path.relative_to(ROOT)
-            if path.suffix == ".py" and path.name != "__init__.py":
-                found.add(place.as_posix())
-            found |= {f"{room.as_posix()}/" for room in place.parents if room.name}
-    return found
-
-
-def test_the_map_names_every_room_and_no_other() -> None:
-    places = map_of_rooms((ROOT / "README.md").read_text(encoding="utf-8"))
-    needed = rooms()
-    hidden = {place for place in places if place.startswith(".") and (ROOT / place).exists()}
-    data = {place for place in places if not place.endswith((".py", "/")) and (ROOT / place).is_file()}
-    assert needed - set(places) == set(), "on disk and not on the map"
-    assert set(places) - needed - hidden - data == set(), "on the map and not on disk"
-    assert [place for place, meaning in places.items() if not meaning] == [], "without a meaning"
-
-
-def test_a_fault_in_the_map_is_seen() -> None:
-    good = "<!-- map -->\n```text\nsim/    physics\n  grid.py  points\n```\n<!-- /map -->\n"
-    assert map_of_rooms(good) == {"sim/": "physics", "sim/grid.py": "points"}
-    with pytest.raises(AssertionError, match="stands twice"):
-        map_of_rooms(good.replace("  grid.py  points", "sim/  physics"))
-    with pytest.raises(AssertionError, match="nothing above"):
-        map_of_rooms(good.replace("  grid.py", "      grid.py"))
-    with pytest.raises(AssertionError, match="no fenced block"):
-        map_of_rooms(good.replace("<!-- /map -->", ""))
-
-
-DOCUMENTS = sorted(path.relative_to(ROOT).as_posix() for path in (*ROOT.glob("*.md"), *ROOT.glob("r*/**/*.md")))
-
-
-@pytest.mark.parametrize(
-    "name", [name for name in DOCUMENTS if not name.startswith(("reports/api", "reports/tutorial/"))]
-)
-def test_links_of_documents_lead_somewhere(name: str) -> None:
-    text = (ROOT / name).read_text(encoding="utf-8")
-    plain = re.sub(r"```.*?```", "", text, flags=re.DOTALL)
-    links = [link for link in re.findall(r"\]\(([^)\s]+)\)", plain) if "://" not in link]
-    headings = re.findall(r"(?m)^#+ (.*)$", plain)
-    anchors = {re.sub(r"[^\w\- ]", "", heading).strip().lower().replace(" ", "-") for heading in headings}
-    for link in links:
-        place, _, anchor = link.partition("#")
-        assert not place or (ROOT / name).parent.joinpath(place).exists(), f"{name}: {link}"
-        assert place or anchor in anchors, f"{name}: {link}"

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def bring(
     source: Annotated[Path, typer.Argument(help="CSV, TDMS or MF4 file, or a folder of them.", metavar="SOURCE")],
-    chart: Annotated[Path, typer.Option("--map", help="Channel map in TOML; see 'Other formats' in the README.")],
+    chart: Annotated[Path, typer.Option("--map", help="Channel map in TOML; see pipeline/importers/README.md.")],
     out: Annotated[Path, typer.Option("--out", help="Folder of the recordings, called like their sources.")],
     words: Annotated[
         list[str] | None, typer.Option("--set", help="Key of the run, such as point=P17, instead of the map's; repeat.")
