@@ -9,6 +9,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from pmg.sim.shafts import PerShaft
+
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
@@ -75,6 +77,9 @@ TORQUE_SUN = Signal("torque_sun", r"T_s", "N m", "N m", 1.0, "sun torque")
 TORQUE_RING = Signal("torque_ring", r"T_r", "N m", "N m", 1.0, "ring torque")
 LOSS_TORQUE_SUN = Signal("loss_torque_sun", r"T_{bs}", "N m", "N m", 1.0, "sun bearing loss torque")
 LOSS_TORQUE_RING = Signal("loss_torque_ring", r"T_{br}", "N m", "N m", 1.0, "ring bearing loss torque")
+SPEEDS = PerShaft(SPEED_SUN, SPEED_RING)
+TORQUES = PerShaft(TORQUE_SUN, TORQUE_RING)
+LOSS_TORQUES = PerShaft(LOSS_TORQUE_SUN, LOSS_TORQUE_RING)
 RESIDUAL = Signal("residual", r"\Delta T", "N m", "mN m", 1e-3, "measured minus simulated torque")
 POWER_SUN = Signal("power_sun", r"P_s", "W", "W", 1.0, "mechanical power that the sun motor puts in")
 POWER_RING = Signal("power_ring", r"P_r", "W", "W", 1.0, "mechanical power that the ring motor puts in")

@@ -364,7 +364,7 @@ def test_transducers_are_the_same_where_serial_number_and_range_are(
     a: tuple[str | None, float], b: tuple[str | None, float], stated: Transducers, same: bool, words: str
 ) -> None:
     found = sharing(side_of(*a), side_of(*b), stated)
-    assert (found.same("sun"), found.same("ring")) == (same, same)
+    assert (found.sun, found.ring) == (same, same)
     assert words in found.told
 
 

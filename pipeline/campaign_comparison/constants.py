@@ -9,6 +9,7 @@ import numpy as np
 
 from pmg.pipeline.campaign_comparison.shared_errors import left_over
 from pmg.pipeline.fit.calibration import CONSTANTS
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from pmg.pipeline.campaign_comparison.difference import Versus
@@ -100,8 +101,8 @@ def curve_differences(versus: Versus) -> tuple[CurveDifference, ...]:
     if one is None or other is None:
         return ()
     found = []
-    for shaft in ("sun", "ring"):
-        curves = [_curve(calibration, shaft) for calibration, _ in (one, other)]
+    for shaft in SIDES:
+        curves = [calibration.model.curves[shaft] for calibration, _ in (one, other)]
         speed = np.linspace(0.0, min(curve.speed_limit for curve in curves), SPEEDS + 1)[1:]
         terms = [
             _by_parameter(curve, causes, shaft, speed) for curve, (_, causes) in zip(curves, (one, other), strict=True)
@@ -123,10 +124,6 @@ def _fitted(versus: Versus) -> tuple[Fitted | None, Fitted | None]:
         of = side.analysis
         found.append(None if of.calibration is None or of.causes is None else (of.calibration, of.causes))
     return found[0], found[1]
-
-
-def _curve(calibration: FittedBaseline, shaft: str) -> LossCurve:
-    return calibration.model.curve_sun if shaft == "sun" else calibration.model.curve_ring
 
 
 def _by_parameter(curve: LossCurve, causes: CommonErrorSources, shaft: str, speed: Array) -> Array:
@@ -158,5 +155,5 @@ def _value(calibration: FittedBaseline, name: str) -> float:
     if name in CONSTANTS or name in calibration.names:
         return calibration.value(name)
     shaft, _, power = name.rstrip("]").partition("[")
-    curve = _curve(calibration, shaft)
+    curve = calibration.model.curves[shaft]
     return float(curve.coefficients[[f"{p:g}" for p in curve.powers].index(power)])

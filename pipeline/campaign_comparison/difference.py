@@ -14,6 +14,7 @@ from pmg.pipeline.campaign_comparison.shared_errors import Sharing, left_over, s
 from pmg.pipeline.campaign_comparison.transducers import Transducers
 from pmg.pipeline.fit.common_errors import transducer_causes
 from pmg.sim import signals
+from pmg.sim.signals import TORQUES
 
 if TYPE_CHECKING:
     from pmg.pipeline.campaign_comparison.matching import Matching, Reach
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from pmg.sim.grid import OperatingPoints
     from pmg.sim.signals import Array, Mask, Signal
 
-TORQUES: tuple[Signal, ...] = (signals.TORQUE_SUN, signals.TORQUE_RING)
 DERIVED: tuple[Signal, ...] = (
     signals.LOSS_TOTAL,
     signals.LOSS_BEARINGS,
@@ -180,14 +180,15 @@ def _torque(
 ) -> PointDifference:
     """A torque; shafts at rest are left out, but at the zero checks."""
     values, own, effects = [], [], []
-    sun = name == signals.TORQUE_SUN.name
+    shaft = name.removeprefix("torque_")
+    sun = shaft == "sun"
     for side, rows in zip(sides, (matching.a, matching.b), strict=True):
         grid = side.grid[rows]
         at = grid.points
         ratio = side.bench.ratio(at.gear)
         by_load = np.where(at.engaged & sun & bool(changes), 1.0 / ratio, 0.0)
-        known = ~(at.rest_sun if sun else at.rest_ring) | at.zero
-        values.append(np.where(known, grid.torque_sun if sun else grid.torque_ring, np.nan))
+        known = ~at.rest[shaft] | at.zero
+        values.append(np.where(known, grid.torque[shaft], np.nan))
         own.append(np.hypot(grid.u_sun, by_load * grid.u_ring) if sun else grid.u_ring)
         causes = _transducers(side)
         columns = [(cause.sun[rows] - by_load * cause.ring[rows]) if sun else cause.ring[rows] for cause in causes]
@@ -241,7 +242,7 @@ def _made(
     effects: tuple[tuple[tuple[TransducerCause, ...], Array], tuple[tuple[TransducerCause, ...], Array]],
 ) -> PointDifference:
     left = np.concatenate([left_over(shared, *effects), error[:, None]], axis=-1)
-    apart = np.concatenate([left_over(Sharing(False, False, ""), *effects), error[:, None]], axis=-1)
+    apart = np.concatenate([left_over(Sharing(sun=False, ring=False, told=""), *effects), error[:, None]], axis=-1)
     return PointDifference(values[0], values[1], correction, own, left, np.linalg.norm(apart, axis=-1))
 
 

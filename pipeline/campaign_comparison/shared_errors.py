@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.campaign_comparison.transducers import Transducers
-from pmg.sim.shafts import SIDES
+from pmg.sim.shafts import SIDES, PerShaft
 
 if TYPE_CHECKING:
     from pmg.pipeline.campaign_comparison.side import CampaignSide
@@ -28,16 +28,10 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Sharing:
+class Sharing(PerShaft[bool]):
     """Whether both campaigns used the same transducer, by shaft, and why that is said."""
 
-    sun: bool
-    ring: bool
     told: str
-
-    def same(self, shaft: str) -> bool:
-        """Whether it is one transducer on that shaft."""
-        return self.sun if shaft == "sun" else self.ring
 
 
 def sharing(a: CampaignSide, b: CampaignSide, stated: Transducers) -> Sharing:
@@ -95,4 +89,4 @@ def left_over(
 
 def _one_error(cause: TransducerCause, shared: Sharing) -> bool:
     shaft = "sun" if cause.sun.any() else "ring"
-    return shared.same(shaft) and not cause.name.startswith("tare")
+    return shared[shaft] and not cause.name.startswith("tare")

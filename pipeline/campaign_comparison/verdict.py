@@ -12,6 +12,7 @@ from pmg.pipeline.fit.whitening import undo, whitener
 from pmg.pipeline.grid.readings import take_readings
 from pmg.sim.errors import GridError
 from pmg.sim.grid import Configuration
+from pmg.sim.shafts import SIDES, other_side
 from pmg.sim.signals import MINUTE, RPM
 
 if TYPE_CHECKING:
@@ -205,7 +206,7 @@ def ready_family(versus: Versus) -> tuple[DifferenceFamily, Array, tuple[Kind, .
     at = versus.at
     n = len(at)
     shaft_of, row_of = np.repeat([True, False], n), np.tile(np.arange(n), 2)
-    both = [versus.quantities[f"torque_{shaft}"] for shaft in ("sun", "ring")]
+    both = [versus.quantities[f"torque_{shaft}"] for shaft in SIDES]
     known = np.concatenate([q.compared for q in both]) & (shaft_of | ~at.engaged[row_of])
     shaft_of, row_of = shaft_of[known], row_of[known]
     if not len(row_of):
@@ -239,9 +240,9 @@ def _noise(side: CampaignSide, rows: npt.NDArray[np.intp], shaft_of: Mask, turn:
     effect = turn[:, None] * root[found]
     floor = side.analysis.floor
     parts = []
-    for sun in (True, False):
-        dof = np.inf if floor is None else (floor.sun if sun else floor.ring).dof
-        parts.append((effect * (readings.sun == sun), float(dof) if dof > 0 else np.inf))
+    for shaft, mine in readings.of_shaft.items():
+        dof = np.inf if floor is None else floor[shaft].dof
+        parts.append((effect * mine, float(dof) if dof > 0 else np.inf))
     return parts
 
 
@@ -290,7 +291,7 @@ def _covariates(
     found = [(covariate, (x - np.nanmin(x)) / covariate.step) for covariate, x in times if np.isfinite(x).all()]
     if configuration == Configuration.ZERO:
         return found
-    own, other = (at.speed_sun, at.speed_ring) if shaft == "sun" else (at.speed_ring, at.speed_sun)
+    own, other = at.speed[shaft], at.speed[other_side(shaft)]
     torque = np.where(own < 0.0, -1.0, 1.0) * versus.quantities[f"torque_{shaft}"].a[rows]
     moving = [(OWN_SPEED, np.abs(own) / OWN_SPEED.step), (TORQUE, torque)]
     if configuration == Configuration.NEUTRAL:

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.catalogue.entries import SPEEDS, TORQUES
 from pmg.pipeline.grid.transducer_uncertainty import RECTANGULAR
 from pmg.sim.shafts import SIDES
-from pmg.sim.signals import REVOLUTION
+from pmg.sim.signals import REVOLUTION, SPEEDS, TORQUES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

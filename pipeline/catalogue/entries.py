@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pmg.pipeline.grid.window_facts import SIMULATED
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import SIDES
-from pmg.sim.signals import SPEED_RING, SPEED_SUN, TORQUE_RING, TORQUE_SUN
+from pmg.sim.signals import SPEED_RING, SPEED_SUN, SPEEDS, TORQUES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 Cell = str | int | float | None
-SPEEDS = {"sun": SPEED_SUN, "ring": SPEED_RING}
-TORQUES = {"sun": TORQUE_SUN, "ring": TORQUE_RING}
 LARGEST = 2**53
 """Whole numbers beyond this are damage."""
 

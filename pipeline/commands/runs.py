@@ -25,6 +25,7 @@ from pmg.pipeline.wording.outcome import Outcome, told
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import near_miss
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -170,7 +171,7 @@ def _window_lines(row: Mapping[str, Cell]) -> Iterator[tuple[str, str]]:
             yield name, f"{shown(column, row[name])}{unit}"
     state = "accepted" if row["accepted"] else f"rejected: {printable(str(row['reasons'] or 'no reason kept'))}"
     yield "judged", state
-    for side in ("sun", "ring"):
+    for side in SIDES:
         torque, u, common = row[f"torque_{side}_Nm"], row[f"u_torque_{side}_Nm"], row[f"common_{side}_Nm"]
         if isinstance(torque, float):
             scope = "from point to point" if row["analysed"] else "within the window only: not analysed"

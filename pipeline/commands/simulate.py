@@ -16,6 +16,7 @@ from pmg.pipeline.simulate.simulation import findings_of, simulate
 from pmg.pipeline.simulate.tables import summary_document
 from pmg.pipeline.wording.outcome import Outcome
 from pmg.sim.bench import load_bench
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION, SPEED_SUN
 
 if TYPE_CHECKING:
@@ -100,7 +101,7 @@ def _lines(simulation: Simulation) -> tuple[str, ...]:
         )
     if run is not None:
         trace = run.trace
-        sun, ring = (float(SPEED_SUN.display(trace[f"speed_{name}_motor"][-1])) for name in ("sun", "ring"))
+        sun, ring = (float(SPEED_SUN.display(trace[f"speed_{name}_motor"][-1])) for name in SIDES)
         state = "stopped at a slipped pole" if trace.stopped is not None else "done"
         lines.append(f"run of {trace.time[-1]:g} s {state}: sun {sun:.2f} rpm, ring motor {ring:.2f} rpm")
     if answer is not None:

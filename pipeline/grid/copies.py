@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
+from pmg.sim.shafts import SIDES
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -43,7 +45,7 @@ class _Held:
         point, stem = str(window["point"]), PurePath(str(self.manifest.document["file"])).stem
         if run["point"] or not point.startswith(stem):
             return str(run["started_at"]), point
-        torques = (window["means"][side]["torque"] for side in ("sun", "ring"))
+        torques = (window["means"][side]["torque"] for side in SIDES)
         return str(run["started_at"]), "", *("" if t is None else f"{t:.{DIGITS}f}" for t in torques)
 
     def overlaps(self, other: _Held) -> bool:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def forward_neutral(grid: Grid) -> Mask:
 def by_load(at: OperatingPoints) -> list[tuple[str, Mask]]:
     """Engaged points by the load asked for, reversed flow after forward flow."""
     series = []
-    for drive in ("sun", "ring"):
+    for drive in SIDES:
         rows = at.engaged & (at.drive == drive)
         for load in np.unique(np.round(np.abs(at.load_set[rows]), 3)):
             name = f"{load:g} N m" + ("" if drive == "sun" else f", {REVERSED}")

@@ -25,6 +25,7 @@ from pmg.pipeline.recording.run import LAYOUT, RECORD, read_run
 from pmg.pipeline.recording.run import RUN_KEYS as SETPOINT_KEYS
 from pmg.sim.errors import BenchError, RecordingError, near_miss
 from pmg.sim.grid import Configuration
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -269,7 +270,7 @@ def _tell_unasked(run: RunInfo, chart: ChannelMap, findings: Findings) -> None:
 
 def _tell_absent(topics: set[str], findings: Findings) -> None:
     """Say which channels are missing without which there is no torque or speed."""
-    for side in ("sun", "ring"):
+    for side in SIDES:
         by_edges = {edges(side).topic, edge_ticks(side).topic} <= topics
         lacking = [] if by_edges or frequency(side).topic in topics else [frequency(side).topic]
         lacking += [] if encoder(side).topic in topics else [encoder(side).topic]

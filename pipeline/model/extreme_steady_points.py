@@ -15,6 +15,7 @@ from pmg.sim.grid import Configuration
 from pmg.sim.mechanisms import Instrument, Torques
 from pmg.sim.mechanisms.instruments import distorted
 from pmg.sim.mechanisms.warmth import warmth_at
+from pmg.sim.shafts import SIDES
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import true_load
 
@@ -86,7 +87,7 @@ def extreme_steady_points(
                 float(getattr(grid, f"u_{shaft}")[row]),
                 *(float(getattr(found, shaft)[i]) for found in shown),
             )
-            for shaft in (("sun", "ring") if neutral else ("sun",))
+            for shaft in (SIDES if neutral else ("sun",))
         ]
     return tuple(ends)
 

@@ -150,7 +150,7 @@ def _lines(model: Model) -> Iterator[str]:
     yield "[baseline]"
     for name, known in CONSTANTS.items():
         yield f"{name} = {_quantity(values[name], model.errors.get(name), known.unit)}"
-    for shaft, curve in (("sun", base.curve_sun), ("ring", base.curve_ring)):
+    for shaft, curve in base.curves.items():
         yield ""
         yield f"[baseline.{shaft}]  # loss torque [N m]: sum of coefficient x (speed / speed_reference)^power"
         yield from _curve(shaft, curve, model.errors)

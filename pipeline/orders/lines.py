@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.sim.shafts import on_side
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
@@ -105,19 +106,18 @@ def lines_of(bench: BenchParameters, gear: int) -> tuple[Line, ...]:
     that pass an iron pole make the order of the iron poles. Pole slip, m = p_sun and n = p_ring, is at rest while
     the gear holds.
     """
-    stage = bench.gear(gear)
     poles = int(bench.carrier.iron_poles)
-    pairs = {"sun": int(stage.pole_pairs_sun), "ring": int(stage.pole_pairs_ring)}
+    pairs = bench.gear(gear).pole_pairs
     found: list[Line] = []
     for side, p in pairs.items():
         meanings = dict.fromkeys(LOW_ORDERS, "mounting")
         meanings |= {1: "unbalance, eccentricity", 2: "coupling out of line"}
         meanings |= {k * p: f"pole pairs x {k}" if k > 1 else "pole pairs" for k in MULTIPLES}
         meanings |= {poles: "iron poles", 2 * poles: "iron poles x 2", math.lcm(2 * p, poles): "cogging"}
-        found += [
-            Line(order, 0, text) if side == "sun" else Line(0, order, text) for order, text in sorted(meanings.items())
-        ]
-    return (*found, Line(pairs["sun"], pairs["ring"], "pole slip"))
+        for order, text in sorted(meanings.items()):
+            orders = on_side(side, order, 0)
+            found.append(Line(orders.sun, orders.ring, text))
+    return (*found, Line(pairs.sun, pairs.ring, "pole slip"))
 
 
 def resolve(

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.stats import binom
 
 from pmg.pipeline.orders.band import FALSE_ALARM
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     import polars as pl
@@ -191,7 +192,7 @@ def _side(signal: str, line: str) -> str:
     names = line.split(" = ")
     own = [name for name in names if name.split()[0] == signal.rpartition("_")[2]]
     first = (own or names)[0].split()[0]
-    return first if first in ("sun", "ring") else "sun"
+    return first if first in SIDES else "sun"
 
 
 def _clean(points: _Points) -> tuple[Array, Mask]:
@@ -248,8 +249,7 @@ def _belonging(
     kind, side = signal.split("_")[0], signal.rpartition("_")[2]
     names = line.split(" = ")
     poles = int(bench.carrier.iron_poles)
-    stage = bench.gear(gear)
-    pairs = {"sun": int(stage.pole_pairs_sun), "ring": int(stage.pole_pairs_ring)}
+    pairs = bench.gear(gear).pole_pairs
     if kind == "torque":
         if f"{side} 1" in names:
             return _by_law(UNBALANCE, "amplitude", "N m s2/rad2", 2.0, points, exponent)

@@ -15,7 +15,7 @@ from pmg.pipeline.wording.outcome import told
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import GridError, StoreError
 from pmg.sim.shafts import SIDES
-from pmg.sim.signals import REVOLUTION, SPEED_RING, SPEED_SUN, TORQUE_RING, TORQUE_SUN
+from pmg.sim.signals import REVOLUTION, SPEEDS, TORQUES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
 
-TORQUES, SPEEDS = (TORQUE_SUN, TORQUE_RING), (SPEED_SUN, SPEED_RING)
 NAMED = 5
 """Points that a finding names one by one."""
 SAME_START = 3
@@ -217,7 +216,7 @@ def _with_signals(cell: CellSignals, place: _StoredWindow, run: Mapping[str, Arr
         step = window["means"][shaft.side].get("resolution")
         made = torque_signals(signal, run[signal.name], stretch, math.nan if step is None else float(step))
         channels.append(replace(made, mean=shaft.torque, u=shaft.u, expanded=shaft.expanded))
-    for signal, side in zip(SPEEDS, SIDES, strict=True):
+    for side, signal in SPEEDS.items():
         counts = document["calibration"].get(f"counts_per_rev_{side}")
         count = REVOLUTION / counts if counts else math.nan
         channels.append(speed_signals(signal, run[f"angle_{side}"], stretch, count))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.recording.run import finite
 from pmg.sim.errors import near_miss
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -84,7 +85,7 @@ EVENT_SCHEMAS = {
 SPECS = {
     spec.topic: spec
     for spec in (
-        *(make(side) for make in (frequency, edges, edge_ticks, encoder) for side in ("sun", "ring")),
+        *(make(side) for make in (frequency, edges, edge_ticks, encoder) for side in SIDES),
         LINES,
     )
 }

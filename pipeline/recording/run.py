@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from pmg.pipeline.recording.findings import Code, Findings
 from pmg.sim.errors import near_miss
 from pmg.sim.grid import Configuration
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ SUPPLY = "a file for 'pmg ingest --map FILE'"
 REQUIRED = ("layout", "campaign", "configuration", "gear", "started_at")
 OPTIONAL = ("point", "drive", "sun_speed_set_rpm", "ring_speed_set_rpm", "ring_torque_set_Nm", "note")
 CONFIGURATIONS = tuple(each.value for each in Configuration)
-DRIVES = ("sun", "ring")
+DRIVES = SIDES
 GEARS = ("1", "2")
 STEP_KEYS = {
     "sun_speed_rpm": ("speed_sun", RPM),

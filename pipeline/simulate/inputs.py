@@ -25,6 +25,7 @@ from pmg.sim.maps.analytic import Cogging, analytic_map
 from pmg.sim.maps.table import fit_map
 from pmg.sim.mechanisms import Instrument
 from pmg.sim.mechanisms.warmth import WARMING, begin_warm
+from pmg.sim.shafts import SIDES
 from pmg.sim.steady.baseline import baseline_mechanisms
 from pmg.sim.steady.gearbox import Gearbox
 
@@ -124,7 +125,7 @@ def gather_inputs(
     run = scenario.transient
     sun, ring = (
         programme_of(file, side, None if run is None else getattr(run, side), getattr(mode, f"control_{side}"))
-        for side in ("sun", "ring")
+        for side in SIDES
     )
     if any(isinstance(m, WARMING) for m in beside):
         held = drivetrain.warmth

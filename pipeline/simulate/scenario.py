@@ -25,7 +25,7 @@ from pmg.sim.dynamics.assumptions import RANGES, Assumptions, RotorInertia
 from pmg.sim.dynamics.constants import Control
 from pmg.sim.dynamics.transient import OUTPUTS, OnSlip, Solver
 from pmg.sim.grid import Configuration
-from pmg.sim.shafts import Member
+from pmg.sim.shafts import SIDES, Member
 from pmg.sim.steady.power_chain import MotorConvention
 
 
@@ -93,7 +93,7 @@ class Map(Strict):
         for order in self.harmonics:
             if not (order.isdecimal() and 2 <= int(order) <= 100):
                 refuse(f"order '{order}'", "whole orders from 2 to 100, such as 3 = 0.05", "Correct it.", "harmonics")
-        for side in ("sun", "ring"):
+        for side in SIDES:
             if getattr(self, f"cogging_{side}_order") is not None and getattr(self, f"cogging_{side}_nm") is None:
                 refuse("an order alone", "an amplitude beside it", "Add it.", f"cogging_{side}_Nm")
         return self

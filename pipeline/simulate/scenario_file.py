@@ -11,7 +11,7 @@ from pmg.pipeline.simulate.scenario import Scenario
 from pmg.pipeline.simulate.scenario_words import unit_of_motor
 from pmg.sim.dynamics.constants import Control
 from pmg.sim.grid import Configuration
-from pmg.sim.shafts import Member
+from pmg.sim.shafts import SIDES, Member
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -94,7 +94,7 @@ _ENGAGED_POINTS = ({"speed_sun_rpm", "torque_ring_nm"}, {"torque_sun_nm", "torqu
 def _knots(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:
     """Programmes whose two columns do not fit."""
     assert scenario.transient is not None
-    for side in ("sun", "ring"):
+    for side in SIDES:
         motor = getattr(scenario.transient, side)
         if motor is None or motor.points is None:
             continue

@@ -8,6 +8,7 @@ from pydantic import AliasChoices, Field, model_validator
 
 from pmg.pipeline.files.strict_tables import Strict, refuse, within
 from pmg.sim.dynamics.constants import Control
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -39,14 +40,14 @@ def _control(data: Mapping[str, Any], side: str) -> Control:
 
 def unit_of_motor(data: Mapping[str, Any], key: Key) -> str:
     """End of the keys of a motor's programme, by what the motor of that place follows; empty elsewhere."""
-    asked = key[:1] == ("transient",) and len(key) > 2 and key[1] in ("sun", "ring")
+    asked = key[:1] == ("transient",) and len(key) > 2 and key[1] in SIDES
     return UNITS[_control(data, str(key[1]))] if asked else ""
 
 
 def refuse_foreign_units(data: Mapping[str, Any]) -> None:
     """Refuse a key of a motor's programme whose unit is that of the other control."""
     transient = data.get("transient")
-    for side in ("sun", "ring"):
+    for side in SIDES:
         motor = transient.get(side) if isinstance(transient, dict) else None
         asked = _control(data, side)
         other = next(unit for control, unit in UNITS.items() if control is not asked)

@@ -12,6 +12,7 @@ from pmg.sim.dynamics.jacobian import STEP, active, dense
 from pmg.sim.dynamics.state import STATES, SetPoints, State
 from pmg.sim.errors import BenchError
 from pmg.sim.roots import rising_root
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -113,7 +114,7 @@ def _apart(drivetrain: Drivetrain, asked: SetPoints) -> Equilibrium:
     zero = np.zeros_like(asked.sun)
     x = State(*[zero] * len(STATES))._replace(speed_sun=asked.sun, speed_ring=asked.ring)
     drags = drivetrain.drags(x)
-    torques = {name: -sum((drag[i] for drag in drags), zero) for i, name in enumerate(("sun", "ring"))}
+    torques = {name: -sum((drag[i] for drag in drags), zero) for i, name in enumerate(SIDES)}
     x = x._replace(speed_sun_motor=asked.sun, speed_ring_motor=asked.ring)
     for side, constants in (("sun", q.sun), ("ring", q.ring)):
         x = x._replace(**_motor_states(q, constants, side, torques[side], getattr(asked, side)))

@@ -13,6 +13,7 @@ from pmg.sim.dynamics.drivetrain import Drivetrain
 from pmg.sim.dynamics.jacobian import active, dense
 from pmg.sim.dynamics.state import STATES, SetPoints, State
 from pmg.sim.errors import BenchError
+from pmg.sim.shafts import SIDES, PerShaft
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -162,10 +163,13 @@ def linearise(drivetrain: Drivetrain, state: Iterable[Number]) -> tuple[Mode, ..
     modes = []
     for value, largest in zip(values, part, strict=True):
         name = STATES[largest]
-        joint = ModeKind.JOINT_SUN if "sun" in name else ModeKind.JOINT_RING
+        joint = next((kind for side, kind in _JOINTS.items() if side in name), ModeKind.JOINT_RING)
         by_speed = joint if abs(value) * q.c > q.k else ModeKind.SPEED
         modes.append(Mode(complex(value), _OWN_KIND.get(name, by_speed)))
     return tuple(sorted(modes, key=lambda mode: (abs(mode.eigenvalue), mode.eigenvalue.imag)))
+
+
+_JOINTS = PerShaft(ModeKind.JOINT_SUN, ModeKind.JOINT_RING)
 
 
 def check_control(drivetrain: Drivetrain) -> ControlVerdict:
@@ -192,7 +196,7 @@ def frequency_response(
     :math:`H(j\omega) = (j\omega I - A)^{-1}(b_0 + j\omega b_1)`; b_1 is how the ideal derivative acts on the rate
     of the set torque.
     """
-    if side not in ("sun", "ring"):
+    if side not in SIDES:
         raise BenchError("frequency response: side", side, "sun or ring", "Name the motor whose torque is varied.")
     x, taking_part = State(*state), active(drivetrain)
     unit = SetPoints(**{side: 1.0}), SetPoints(**{f"slope_{side}": 1.0})

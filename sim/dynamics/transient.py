@@ -20,6 +20,7 @@ from pmg.sim.dynamics.segments import Legs, make_legs
 from pmg.sim.dynamics.state import STATES, SetPoints, State
 from pmg.sim.dynamics.trace import Trace
 from pmg.sim.errors import BenchError
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -251,8 +252,7 @@ def _slipped(task: Task, time: float) -> BenchError:
         for side in (task.drivetrain.constants.sun, task.drivetrain.constants.ring)
     )
     asked = " and ".join(
-        f"{value:.3g} {unit} on the {name}"
-        for value, unit, name in zip((sun, ring), units, ("sun", "ring"), strict=True)
+        f"{value:.3g} {unit} on the {name}" for value, unit, name in zip((sun, ring), units, SIDES, strict=True)
     )
     coupling = task.drivetrain.coupling
     assert coupling is not None  # nothing else slips

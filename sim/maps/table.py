@@ -9,6 +9,7 @@ import numpy as np
 
 from pmg.sim.errors import BenchError
 from pmg.sim.maps.torque_map import TorqueMap
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ def _refuse_unusable(table: FemTable, periods: tuple[float, float]) -> None:
             raise BenchError(f"{table.origin}: {name} at {_place(table, i, j)}", "no number", "one", "Fill the hole.")
         if not torque.any():
             raise BenchError(f"{table.origin}: {name}", "zero everywhere", "a coupling", "Check the columns.")
-    for name, angle, period in zip(("sun", "ring"), (table.angle_sun, table.angle_ring), periods, strict=True):
+    for name, angle, period in zip(SIDES, (table.angle_sun, table.angle_ring), periods, strict=True):
         where = f"{table.origin}: {name} angle"
         if len(angle) < _FEWEST + 1:
             raise BenchError(where, f"{len(angle)} values", f"{_FEWEST + 1} or more", "Compute a finer table.")

@@ -10,6 +10,7 @@ import numpy as np
 
 from pmg.sim import signals, sources
 from pmg.sim.mechanisms.base import Component, Experiment, Instrument, Reveals, Torques, parameter
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
@@ -103,7 +104,7 @@ class WanderingZero(DriftingZero):
         r"\Delta T_k = z_{k,j} + (z_{k,j+1}-z_{k,j})\,\frac{t-j\delta}{\delta},"
         r"\ j\delta \leq t < (j+1)\delta,\ z_{k,0} = 0"
     )
-    by_shaft = {shaft: tuple(f"{shaft}_{knot}" for knot in range(1, KNOTS + 1)) for shaft in ("sun", "ring")}
+    by_shaft = {shaft: tuple(f"{shaft}_{knot}" for knot in range(1, KNOTS + 1)) for shaft in SIDES}
     shape = ("spacing",)
 
     sun_1: float = _zero("sun", 1)
@@ -126,8 +127,7 @@ class WanderingZero(DriftingZero):
         """Straight between the given zeros."""
         knots = self.spacing * np.arange(KNOTS + 1)
         sun, ring = (
-            np.interp(time, knots, [0.0, *(getattr(self, name) for name in self.by_shaft[shaft])])
-            for shaft in ("sun", "ring")
+            np.interp(time, knots, [0.0, *(getattr(self, name) for name in self.by_shaft[shaft])]) for shaft in SIDES
         )
         return Torques(sun, ring)
 

@@ -12,6 +12,7 @@ from pmg.sim import signals, sources
 from pmg.sim.grid import Configuration
 from pmg.sim.mechanisms.base import Component, Experiment, Mechanism, Reveals, Torques, Warmth, parameter
 from pmg.sim.mechanisms.warmed import WarmingBearings, WarmMagnets, field_left
+from pmg.sim.shafts import PerShaft, per_shaft
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
@@ -135,7 +136,7 @@ class WarmingInTwoSteps(WarmingBearings):
         "1", bounds=(0.0, 1.0), typical=0.3, meaning="part of long pauses in which the motors stand still", null=0.3
     )
 
-    def rises(self, at: OperatingPoints) -> tuple[Array, Array]:
+    def rises(self, at: OperatingPoints) -> PerShaft[Array]:
         """Races, housing and room together [K]; a shaft that does not warm feels no room either."""
         elapsed = at.started_at - at.started_at.min() if at.ordered and len(at) else np.zeros(len(at))
         sun, ring = self.heating(at)
@@ -153,7 +154,7 @@ class WarmingInTwoSteps(WarmingBearings):
             rise = temperature_rise(at, resistance * power, self.time_constant, start, self.dwell, self.idle)
             fast = temperature_rise(at, race * power, self.race_time, 0.0, self.dwell, self.idle)
             found.append(rise + fast + self.room * elapsed)
-        return found[0], found[1]
+        return PerShaft(*found)
 
 
 @dataclass(frozen=True)
@@ -213,18 +214,17 @@ class LubricantViscosity(WarmingBearings):
         "1", bounds=(0.0, 1.0), typical=0.3, meaning="part of long pauses in which the motors stand still", null=0.3
     )
 
-    def rises(self, at: OperatingPoints) -> tuple[Array, Array]:
+    def rises(self, at: OperatingPoints) -> PerShaft[Array]:
         """The node of each shaft [K]."""
-        sun, ring = (
-            temperature_rise(at, resistance * power, self.time_constant, start, self.dwell, self.idle)
-            for power, resistance, start in zip(
-                self.heating(at),
-                (self.resistance_sun, self.resistance_ring),
-                (self.start_sun, self.start_ring),
-                strict=True,
-            )
-        )
-        return sun, ring
+        resistance = PerShaft(self.resistance_sun, self.resistance_ring)
+        start = PerShaft(self.start_sun, self.start_ring)
+        power = self.heating(at)
+
+        def rise(side: str) -> Array:
+            heat = resistance[side] * power[side]
+            return temperature_rise(at, heat, self.time_constant, start[side], self.dwell, self.idle)
+
+        return per_shaft(rise)
 
 
 @dataclass(frozen=True)

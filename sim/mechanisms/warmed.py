@@ -12,6 +12,7 @@ from pmg.sim import signals, sources
 from pmg.sim.grid import Configuration
 from pmg.sim.mechanisms.base import Component, Mechanism, RotorLaw, Torques, Warmth, against, modulus
 from pmg.sim.mechanisms.magnetic import RotorDamping
+from pmg.sim.shafts import PerShaft, per_shaft
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
@@ -109,17 +110,14 @@ class WarmingBearings(Mechanism):
         return cls(model.curve_sun, model.curve_ring, model.correction)
 
     @abstractmethod
-    def rises(self, at: OperatingPoints) -> tuple[Array, Array]:
+    def rises(self, at: OperatingPoints) -> PerShaft[Array]:
         """Sun and ring bearings above ambient at each point [K], from the run history."""
 
-    def heating(self, at: OperatingPoints) -> tuple[Array, Array]:
+    def heating(self, at: OperatingPoints) -> PerShaft[Array]:
         """Power that the cold drag of each shaft turns into heat [W]."""
         part = np.where(at.neutral, 1.0, np.where(at.engaged, self.correction, 0.0))
-        sun, ring = (
-            part * curve.torque(speed) * np.abs(speed)
-            for curve, speed in ((self.curve_sun, at.speed_sun), (self.curve_ring, at.speed_ring))
-        )
-        return sun, ring
+        curve = PerShaft(self.curve_sun, self.curve_ring)
+        return per_shaft(lambda side: part * curve[side].torque(at.speed[side]) * np.abs(at.speed[side]))
 
     def torque(self, at: OperatingPoints) -> Torques:
         """What warming takes off the drag."""

@@ -124,7 +124,7 @@ def test_the_clearest_place_is_drawn_above_the_fitted_temperature(judged: Compar
     assert isinstance(mechanism, WarmingBearings)
     at = diagnosis.mismatch.readings.grid.points
     order = np.argsort(at.started_at, kind="stable")
-    assert below.series[0].y == pytest.approx(mechanism.rises(at)[1][order])
+    assert below.series[0].y == pytest.approx(mechanism.rises(at).ring[order])
     assert (np.diff(below.series[0].x) >= 0.0).all()
     low, high = below.series[0].y.min(), below.series[0].y.max()
     assert f"{low:.1f} to {high:.1f} K over the campaign" in figure.caption.replace("−", "-")

@@ -17,7 +17,7 @@ from pmg.pipeline.diagnose.grid.diagnosis import Absorbed, Diagnosis, Verdict
 from pmg.pipeline.diagnose.grid.document import set_points
 from pmg.pipeline.diagnose.grid.holdout import HeldOut
 from pmg.pipeline.fit.calibration import CONSTANTS
-from pmg.pipeline.fit.noise import GROWTHS, NO_CORRELATION, Growth, ShaftNoise
+from pmg.pipeline.fit.noise import GROWTHS, NO_CORRELATION, Growth, NoiseFloor, ShaftNoise
 from pmg.pipeline.report.document import Facts, Measured, Table
 from pmg.sim.bench import load_bench
 from pmg.sim.signals import RPM
@@ -85,9 +85,10 @@ def test_noise_that_grows_says_from_what_to_what() -> None:
     weights = np.zeros(len(GROWTHS))
     weights[-1] = 1.0
     grown = replace(flat, growth=Growth(weights, 1000.0 * RPM, 0.3))
-    assert noise_words(flat, sun=True) == "1.00 mN m: scatter"
+    floor = NoiseFloor(flat, grown)
+    assert noise_words(floor, "sun") == "1.00 mN m: scatter"
     low, high = grown.at(0.0) * 1e3, grown.at(1000.0 * RPM) * 1e3
-    assert noise_words(grown, sun=True) == f"1.00 mN m, from {low:.2f} at rest to {high:.2f} at 1000 rpm: scatter"
+    assert noise_words(floor, "ring") == f"1.00 mN m, from {low:.2f} at rest to {high:.2f} at 1000 rpm: scatter"
 
 
 def test_a_blind_design_is_said_first() -> None:

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from pmg.pipeline.recording import Code, Recording, UnusableRecordingError, read_recording
 from pmg.pipeline.recording.counters import unwrap
 from pmg.pipeline.recording.edges import edge_frequency
+from pmg.sim.shafts import SIDES
 
 from .writer import (
     COUNTS_PER_REV,
@@ -32,8 +33,6 @@ from .writer import (
     true_torque,
     write,
 )
-
-SIDES = ("sun", "ring")
 
 
 def made(bench: Bench) -> Recording:

@@ -25,6 +25,7 @@ from pmg.pipeline.windows.windows import find_windows
 from pmg.sim.bench import BenchParameters, load_bench
 from pmg.sim.errors import RecordingError
 from pmg.sim.grid import Configuration
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION, RPM
 
 from . import writer
@@ -33,7 +34,6 @@ Array = npt.NDArray[np.float64]
 RATE = 500.0
 ONE_COUNT = REVOLUTION / 5120
 START = datetime(2026, 3, 4, 9, 30, 0, 250_001, tzinfo=UTC)
-SIDES = ("sun", "ring")
 
 
 def simulated(samples: int = 2500, **changes: object) -> SimulatedRun:

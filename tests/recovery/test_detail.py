@@ -86,9 +86,9 @@ def test_heat_that_crosses_warms_the_other_shaft(bench: BenchParameters) -> None
     at = stage.readings.grid.points
     warm = replace(WarmingInTwoSteps.of(bench, stage.model), resistance_sun=1.0, resistance_ring=1.0)
     apart, crossed = warm.rises(at), replace(warm, cross=0.5).rises(at)
-    sun, ring = (replace(warm, resistance_ring=0.0).rises(at)[0], replace(warm, resistance_sun=0.0).rises(at)[1])
-    np.testing.assert_allclose(crossed[0] - apart[0], 0.5 * ring, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(crossed[1] - apart[1], 0.5 * sun, rtol=1e-9, atol=1e-9)
+    sun, ring = (replace(warm, resistance_ring=0.0).rises(at).sun, replace(warm, resistance_sun=0.0).rises(at).ring)
+    np.testing.assert_allclose(crossed.sun - apart.sun, 0.5 * ring, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(crossed.ring - apart.ring, 0.5 * sun, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize(

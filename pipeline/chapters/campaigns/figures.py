@@ -11,7 +11,7 @@ from pmg.pipeline.grid.levels import by_load, speed_levels
 from pmg.pipeline.report.document import Chart, Figure, Series, SpeedMap
 from pmg.pipeline.wording import numerals
 from pmg.sim import signals
-from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_RING, SPEED_SUN
+from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_RING, SPEED_SUN, SPEEDS
 
 if TYPE_CHECKING:
     from pmg.pipeline.campaign_comparison.constants import CurveDifference
@@ -146,7 +146,7 @@ def curve_figure(curves: tuple[CurveDifference, ...]) -> Figure:
     """Fitted loss curves, B minus A."""
     panels, told = [], []
     for i, curve in enumerate(curves):
-        signal = SPEED_SUN if curve.shaft == "sun" else SPEED_RING
+        signal = SPEEDS[curve.shaft]
         x, y, u = signal.display(curve.speed), RESIDUAL.display(curve.value), curve.u / RESIDUAL.scale
         series = Series(f"{curve.shaft}, B − A", x, y, u, "line", i)
         panels.append(Chart(signal.label, f"{curve.shaft} loss torque, B − A [mN m]", (series,), (("", 0.0),)))

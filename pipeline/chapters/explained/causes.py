@@ -13,6 +13,7 @@ from pmg.pipeline.diagnose.grid.document import probabilities
 from pmg.pipeline.diagnose.grid.ranking import score
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Series, Table
 from pmg.pipeline.wording.probability import told_search
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_SUN, Array
 
 if TYPE_CHECKING:
@@ -110,8 +111,9 @@ def _before_and_after(diagnosis: Diagnosis, residual: Array) -> Figure:
     assert naming is not None
     assert found is not None
     effect = np.sum([fit.effect for fit in naming.best.fits], axis=0)
-    sun = float(np.sum(effect[readings.sun] ** 2)) >= float(np.sum(effect[~readings.sun] ** 2))
-    rows = np.flatnonzero((readings.sun == sun) & (effect != 0.0))
+    of_shaft = readings.of_shaft
+    shaft = max(SIDES, key=lambda side: float(np.sum(effect[of_shaft[side]] ** 2)))
+    rows = np.flatnonzero(of_shaft[shaft] & (effect != 0.0))
     at = readings.grid.points[readings.row[rows]]
     remembers = any(fit.candidate.kind.memory for fit in naming.best.fits)
     if remembers and at.ordered:
@@ -135,7 +137,6 @@ def _before_and_after(diagnosis: Diagnosis, residual: Array) -> Figure:
         )
         for title, part, colour in (("baseline alone", residual, 0), ("with what was left out", after, 1))
     )
-    shaft = "sun" if sun else "ring"
     return Figure(
         "before-and-after",
         "Before and after",

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 from pmg.pipeline.fit.calibration import CONSTANTS
 from pmg.pipeline.report.document import Column, Facts, Measured, Table
 from pmg.pipeline.wording.numerals import number
-from pmg.sim.signals import SPEED_RING, SPEED_SUN
+from pmg.sim.signals import SPEEDS
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.design.audit import Audit
     from pmg.pipeline.diagnose.grid.diagnosis import Absorbed, Diagnosis
-    from pmg.pipeline.fit.noise import ShaftNoise
+    from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.sim.mechanisms import Parameter
 
 NEAR = 1e-4
@@ -24,10 +24,11 @@ def on_bound(value: float, parameter: Parameter) -> float | None:
     return next((bound for bound in parameter.bounds if abs(value - bound) <= NEAR * abs(parameter.typical)), None)
 
 
-def noise_words(noise: ShaftNoise, *, sun: bool) -> str:
+def noise_words(floor: NoiseFloor, side: str) -> str:
     """Noise of a shaft's points [mN m], how it grows with speed, and where it comes from."""
-    signal, low, high = SPEED_SUN if sun else SPEED_RING, noise.at(0.0), noise.at(noise.growth.fastest)
-    fastest = signal.display(noise.growth.fastest)
+    noise = floor[side]
+    low, high = noise.at(0.0), noise.at(noise.growth.fastest)
+    fastest = SPEEDS[side].display(noise.growth.fastest)
     grows = f", from {low * 1e3:.2f} at rest to {high * 1e3:.2f} at {fastest:.0f} rpm" if high > 1.02 * low else ""
     return f"{noise.u * 1e3:.2f} mN m{grows}: {noise.source}"
 

@@ -49,8 +49,8 @@ def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.
                     "campaigns would raise an alarm",
                 ),
                 *cannot_tell(diagnosis),
-                ("Noise, sun", noise_words(diagnosis.floor.sun, sun=True)),
-                ("Noise, ring", noise_words(diagnosis.floor.ring, sun=False)),
+                ("Noise, sun", noise_words(diagnosis.floor, "sun")),
+                ("Noise, ring", noise_words(diagnosis.floor, "ring")),
             )
         ),
     ]
@@ -198,9 +198,9 @@ def _memory(diagnosis: Diagnosis) -> tuple[str, tuple[Chart, ...]]:
 def _rise(mechanism: Mechanism, place: Location, at: OperatingPoints) -> tuple[str, Array]:
     """What a mechanism warms, and how far above the room it is at each point [K]; NaN where it warms nothing."""
     if isinstance(mechanism, WarmingBearings):
-        sun = place.signal == "torque_sun"
-        rise = mechanism.rises(at)[0 if sun else 1]
-        return f"{'sun' if sun else 'ring'} bearings", rise if rise.any() else np.full(len(at), np.nan)
+        shaft = place.signal.removeprefix("torque_")
+        rise = mechanism.rises(at)[shaft]
+        return f"{shaft} bearings", rise if rise.any() else np.full(len(at), np.nan)
     if isinstance(mechanism, MagnetTemperature):
         return "magnets", mechanism.rise(at)
     return "", np.full(len(at), np.nan)

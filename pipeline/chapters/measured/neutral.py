@@ -40,11 +40,11 @@ def neutral_section(analysis: Analysis, fits: LossFits) -> Section:
     sun, ring = speed_levels(grid.points[rows])
     names = names_in_cells(ring, sun, grid.points.name[rows])
     maps = []
-    for signal, torque in ((signals.TORQUE_SUN, grid.torque_sun), (signals.TORQUE_RING, grid.torque_ring)):
+    for signal, torque in zip(signals.TORQUES, grid.torque, strict=True):
         x, y, z = lay_out(ring, sun, torque[rows])
         labels = SPEED_RING.label, SPEED_SUN.label, signal.label
         maps.append(SpeedMap(x, y, z, *labels, contours=iso_levels(z), title=signal.meaning, points=names))
-    charts = tuple(_curve_chart(grid, fit) for fit in (fits.sun, fits.ring))
+    charts = tuple(_curve_chart(grid, fit) for fit in fits)
     return Section(
         "neutral",
         "Neutral losses",
@@ -86,13 +86,11 @@ def _range(values: signals.Array) -> str:
 
 
 def _curve_chart(grid: Grid, fit: LossFit) -> Chart:
-    is_sun = fit.shaft == "sun"
-    own = SPEED_SUN if is_sun else SPEED_RING
-    speed = grid.points.speed_sun if is_sun else grid.points.speed_ring
+    own, speed = signals.SPEEDS[fit.shaft], grid.points.speed[fit.shaft]
     drag = fit.residuals + fit.curve.torque(speed[fit.rows])
-    u = (grid.u_sun if is_sun else grid.u_ring)[fit.rows]
+    u = grid.u[fit.shaft][fit.rows]
     fine = np.linspace(0.0, fit.curve.speed_limit, 200)
-    label = signals.LOSS_TORQUE_SUN.label if is_sun else signals.LOSS_TORQUE_RING.label
+    label = signals.LOSS_TORQUES[fit.shaft].label
     return Chart(
         own.label,
         label,
@@ -114,11 +112,9 @@ def _curve_chart(grid: Grid, fit: LossFit) -> Chart:
 
 def _coefficients(fits: LossFits) -> Table:
     rows = []
-    for fit in (fits.sun, fits.ring):
+    for fit in fits:
         for power, value, error in zip(fit.curve.powers, fit.curve.coefficients, fit.standard_errors, strict=True):
-            unit = float(
-                (signals.SPEED_SUN if fit.shaft == "sun" else signals.SPEED_RING).display(fit.curve.speed_reference)
-            )
+            unit = float(signals.SPEEDS[fit.shaft].display(fit.curve.speed_reference))
             rows.append(
                 (
                     fit.shaft,
@@ -208,11 +204,11 @@ def _plane(plane: PlaneFits) -> tuple[Table, Text]:
             _known(term.p_holm),
             ("yes" if term.found else "no") if term.tested else f"cannot be told from: {term.alike}",
         )
-        for fit in (plane.sun, plane.ring)
+        for fit in plane
         for term in fit.terms
     )
     found = len(plane.found)
-    tested = sum(term.tested for fit in (plane.sun, plane.ring) for term in fit.terms)
+    tested = sum(term.tested for fit in plane for term in fit.terms)
     table = Table(
         "other-shaft",
         "What the other shaft does",
@@ -235,7 +231,7 @@ def _plane(plane: PlaneFits) -> tuple[Table, Text]:
         f"The {fit.shaft}'s scatter is {fit.rmse_line * MILLI:.2f} mN m about the curve of its own speed and "
         f"{fit.rmse_plane * MILLI:.2f} mN m about the fit in both speeds ({fit.added} terms more, F = {fit.f:.1f}, "
         f"{fit.dof} degrees of freedom, p {told_nominal(fit.p)})."
-        for fit in (plane.sun, plane.ring)
+        for fit in plane
         if fit.added and math.isfinite(fit.f)
     ]
     return table, Text(" ".join(told) or "These speeds carry no test of a fit in both speeds.", kind="note")

@@ -12,7 +12,7 @@ from pmg.pipeline.orders.angle import RESAMPLING_SOURCE
 from pmg.pipeline.orders.statement import unit_of
 from pmg.pipeline.orders.survey import NOTHING_FOLLOWED
 from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Section, Series, Table, Text
-from pmg.sim.signals import SPEED_RING, SPEED_SUN, TORQUE_RING, TORQUE_SUN
+from pmg.sim.signals import SPEED_RING, SPEED_SUN, TORQUES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.report.table import Cell
     from pmg.sim.signals import Array
 
-TORQUES = (TORQUE_SUN, TORQUE_RING)
 SPEEDS = {"torque_sun": SPEED_SUN, "torque_ring": SPEED_RING}
 MILLI = 1e-3
 """SI value of a thousandth, of torques in the figures [N m]."""

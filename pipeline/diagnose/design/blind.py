@@ -31,7 +31,7 @@ def confounded_shafts(readings: Readings) -> tuple[str, ...]:
     if not at.ordered or again.any():
         return ()
     found = []
-    for shaft, mine in (("sun", readings.sun), ("ring", ~readings.sun)):
+    for shaft, mine in readings.of_shaft.items():
         rows = mine & (readings.configuration == "neutral")
         speed, time = np.abs(readings.speed_own[rows]), at.started_at[readings.row[rows]]
         if len(np.unique(speed)) > 2 and abs(stats.spearmanr(np.round(speed), time).statistic) >= ORDER_IS_SPEED:

@@ -129,7 +129,7 @@ def lifting_test(
         touched = effect[effect != 0.0]
         if not touched.size:
             continue
-        noise = floor.sun.u if candidate.shaft == "sun" else floor.ring.u
+        noise = dict(floor.items()).get(candidate.shaft, floor.ring).u
         seen = stage.project(effect * HIDDEN * noise / math.sqrt(float(np.mean(touched**2))))
         needed = ENTRY + len(candidate.parameters) * math.log(len(whole))
         powers.append(float(stats.ncx2.sf(needed, len(candidate.parameters), float(seen @ seen))))

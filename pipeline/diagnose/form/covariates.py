@@ -103,18 +103,16 @@ def _in_order(name: str, own: str, readings: Readings, rows: Mask, model: LossMo
     if name == "order":
         yield Covariate(name, "t", "s", "time since the first point", time[row])
     elif name == "previous_point":
-        for shaft, speed in (("sun", at.speed_sun), ("ring", at.speed_ring))[: 1 if own == "speed_sun" else 2]:
+        for shaft, speed in tuple(at.speed.items())[: 1 if own == "speed_sun" else 2]:
             before = np.empty(len(at))
             before[order] = np.r_[0.0, np.abs(speed[order][:-1])]
             meaning = f"speed of the {shaft} at the point before"
             yield Covariate(name, f"ω_{shaft[0]}before", "rad/s", meaning, before[row])
     elif name == "run_history":
-        for shaft, speed, curve in (("s", at.speed_sun, model.curve_sun), ("r", at.speed_ring, model.curve_ring)):
-            power: Array = np.abs(curve.torque(speed) * speed)
-            mine = own == ("speed_sun" if shaft == "s" else "speed_ring")
+        for shaft, speed in at.speed.items():
+            power: Array = np.abs(model.curves[shaft].torque(speed) * speed)
+            mine = own == f"speed_{shaft}"
             for constant in THERMAL_TIMES if mine else THERMAL_TIMES[1:3]:
                 past = run_history(time[order], power[order], time[row], constant)
-                meaning = (
-                    f"bearing power of the {'sun' if shaft == 's' else 'ring'}, its mean over the past {constant:.0f} s"
-                )
-                yield Covariate(name, f"P_{shaft}{constant:.0f}", "W", meaning, past, memory=True)
+                meaning = f"bearing power of the {shaft}, its mean over the past {constant:.0f} s"
+                yield Covariate(name, f"P_{shaft[0]}{constant:.0f}", "W", meaning, past, memory=True)

@@ -279,7 +279,7 @@ def _without_family(readings: Readings, scan: Scan, y: Array, white: Whitener, w
     ]
     if which < len(tests):
         signal, kind = tests[which]
-        rows = readings.sun if signal == "torque_sun" else ~readings.sun
+        rows = readings.of_shaft[signal.removeprefix("torque_")]
         depends_on: tuple[str, ...] = ("order",) if kind == "time" else ()
     else:
         worst = int(np.argmax(np.abs(residual)))

@@ -37,12 +37,10 @@ def swings(readings: Readings) -> tuple[ResidualStructure, ...]:
         return ()
     turns = (time - time.min()) / whole
     found = []
-    for sun in (True, False):
-        mine = readings.sun == sun
+    for shaft, mine in readings.of_shaft.items():
         fastest = min(FASTEST, int(mine.sum()) // POINTS)
         for k in range(SLOWEST, fastest + 1):
             angle = REVOLUTION * k * turns
             columns = np.where(mine[:, None], np.c_[np.cos(angle), np.sin(angle)], 0.0)
-            signal = "torque_sun" if sun else "torque_ring"
-            found.append(ResidualStructure(signal, "all", ("order", f"period_{whole / k:.0f}_s"), columns))
+            found.append(ResidualStructure(f"torque_{shaft}", "all", ("order", f"period_{whole / k:.0f}_s"), columns))
     return tuple(found)

@@ -9,6 +9,7 @@ import numpy as np
 
 from pmg.pipeline.fit.drift import HOUR
 from pmg.pipeline.fit.structure import REST, ResidualStructure, families, place, run_history
+from pmg.sim.shafts import other_side
 from pmg.sim.signals import SPEED_SUN
 
 if TYPE_CHECKING:
@@ -139,7 +140,7 @@ class Look:
 
 def _id(family: ResidualStructure, shaft: str) -> str:
     """Covariate of a family; empty for one that another covers."""
-    own, other = f"speed_{shaft}", "speed_ring" if shaft == "sun" else "speed_sun"
+    own, other = f"speed_{shaft}", f"speed_{other_side(shaft)}"
     names = _FAMILIES | {
         (own,): "own_speed",
         (other,): "other_speed",
@@ -187,7 +188,7 @@ def _directions(readings: Readings) -> Iterator[ResidualStructure]:
     own, other = _sign(readings.speed_own), _sign(readings.speed_other)
     whole = np.abs(readings.speed_own) / max(float(np.abs(readings.speed_own).max(initial=0.0)), 1e-12)
     neutral = readings.configuration == "neutral"
-    for shaft, mine in (("sun", readings.sun), ("ring", ~readings.sun)):
+    for shaft, mine in readings.of_shaft.items():
         signal = f"torque_{shaft}"
         kinds = np.unique(readings.configuration[mine])
         offset = np.where(own == 0.0, 1.0, own)
@@ -199,12 +200,11 @@ def _directions(readings: Readings) -> Iterator[ResidualStructure]:
         yield _signs(readings, signal, "neutral", "sign_both", rows, np.c_[own * other, own * other * whole])
         if not at.ordered:
             continue
-        sun, ring = (_sign(_change(at, speed))[readings.row] for speed in (at.speed_sun, at.speed_ring))
-        mine_rises, other_rises = (sun, ring) if shaft == "sun" else (ring, sun)
+        rises = at.speed.map(lambda speed: _sign(_change(at, speed))[readings.row])
         for configuration in BOTH:
             rows = mine & (readings.configuration == configuration)
-            yield _signs(readings, signal, configuration, "approach", rows, mine_rises[:, None])
-        yield _signs(readings, signal, "neutral", "approach_other", mine & neutral, other_rises[:, None])
+            yield _signs(readings, signal, configuration, "approach", rows, rises[shaft][:, None])
+        yield _signs(readings, signal, "neutral", "approach_other", mine & neutral, rises[other_side(shaft)][:, None])
 
 
 def _signs(
@@ -246,14 +246,14 @@ def _values(name: str, shaft: str, readings: Readings, bench: BenchParameters, m
         return np.asarray((at.started_at[row] - at.started_at.min()) / HOUR)
     if name == "run_history":
         order = np.argsort(at.started_at, kind="stable")
-        curve, speed = (model.curve_sun, at.speed_sun) if shaft == "sun" else (model.curve_ring, at.speed_ring)
-        power = curve.torque(speed) * np.abs(speed)
+        speed = at.speed[shaft]
+        power = model.curves[shaft].torque(speed) * np.abs(speed)
         return run_history(at.started_at[order], power[order], at.started_at[row], MEMORY)
     if name == "previous_point":
         return SPEED_SUN.display(_preceding(at, np.abs(at.speed_sun))[row])
     if name.startswith("approach"):
-        of_sun = (shaft == "sun") == (name == "approach")
-        return _sign(_change(at, at.speed_sun if of_sun else at.speed_ring))[row]
+        side = shaft if name == "approach" else other_side(shaft)
+        return _sign(_change(at, at.speed[side]))[row]
     load = np.abs(at.torque_ring[row])
     plain: dict[str, Array] = {
         "own_speed": SPEED_SUN.display(np.abs(own)),

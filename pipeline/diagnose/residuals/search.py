@@ -16,6 +16,7 @@ from pmg.pipeline.fit.calibration import start_model
 from pmg.pipeline.fit.rounding import unrounded
 from pmg.pipeline.fit.whitening import synthetic_noise, undo, whitener
 from pmg.pipeline.grid.readings import Readings
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import RESIDUAL
 
 if TYPE_CHECKING:
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
 
 MOST_STEPS = 8
 """Covariates that are taken out one after the other at most."""
-
-SHAFTS = ("sun", "ring")
 
 
 @dataclass(frozen=True)
@@ -204,7 +203,7 @@ def study_residuals(
         found = _followed(trial, steps)
         ranked = [trial.looks[step.best].family.columns for step in steps if step.p_value <= LEVEL]
         explained = np.hstack([trial.fit.design[:, :0], *ranked])
-        lacks = [(shaft, lack_of_fit(trial.fit, floor, bench, shaft)) for shaft in SHAFTS]
+        lacks = [(shaft, lack_of_fit(trial.fit, floor, bench, shaft)) for shaft in SIDES]
         parts += [_part(trial, shaft, found, explained, lack) for shaft, lack in lacks]
     return ResidualStudy(tuple(parts), draws)
 
