@@ -22,8 +22,8 @@ def test_each_has_a_name_of_its_own() -> None:
 
 
 def test_a_text_that_is_gone_or_stands_twice_is_no_kill(tmp_path: Path) -> None:
-    gone = Mutant("gone", "ratios", "no such text", "", ("tests/sim/test_bench.py",))
-    twice = Mutant("twice", "ratios", "weight[fast]", "", ("tests/sim/test_bench.py",))
+    gone = Mutant("gone", "GearParameters.pole_slip", "no such text", "", ("tests/sim/test_bench.py",))
+    twice = Mutant("twice", "GearParameters.pole_slip", "self.pole_pairs_", "", ("tests/sim/test_bench.py",))
     for one, times in ((gone, 0), (twice, 2)):
         outcome = tried(one, tmp_path)
         assert not outcome.killed
@@ -35,17 +35,17 @@ def test_a_copy_of_the_tree_is_tested_by_itself_and_is_as_before_afterwards(tmp_
     assert origin(tree)
     (tree / "tests" / "conftest.py").unlink()  # the probe needs none of it
     (tree / "tests" / "test_probe.py").write_text(
-        "from pmg.sim.kinematics import Member, ratios\n"
         "from pmg.sim.bench import load_bench\n"
-        "def test_ratio():\n"
-        "    assert ratios(load_bench().gear1, Member.CARRIER).speed_ratio < 0.0\n"
+        "def test_slip():\n"
+        "    assert load_bench().gear1.pole_slip(13.0, -5.0) == 0.0\n"
     )
     probe = ("tests/test_probe.py",)
-    seen = tried(Mutant("seen", "ratios", "-weight[fast] / weight[slow]", "weight[fast] / weight[slow]", probe), tree)
-    assert (seen.killed, seen.told) == (True, "test_probe.py::test_ratio")
-    unseen = tried(Mutant("unseen", "ratios", "held: 0.0", "held: 1.0", probe), tree)
+    slip = "GearParameters.pole_slip"
+    seen = tried(Mutant("seen", slip, "+ self.pole", "- self.pole", probe), tree)
+    assert (seen.killed, seen.told) == (True, "test_probe.py::test_slip")
+    unseen = tried(Mutant("unseen", slip, "return self", "return 1.0 * self", probe), tree)
     assert (unseen.killed, unseen.told) == (False, "no test fails")
-    broken = tried(Mutant("broken", "ratios", "held = Member(held)", "held = (", probe), tree)
+    broken = tried(Mutant("broken", slip, "return self", "return (self", probe), tree)
     assert not broken.killed
     assert "SyntaxError" in broken.told
     for path in {path for one in MUTANTS for path, _ in occurrences(one)}:

@@ -41,6 +41,7 @@ DECISIONS = "tests/test_decisions.py"
 LINES = "tests/orders/test_lines.py"
 ORDERS = "tests/orders/test_fit.py"
 STEADY = "tests/sim/test_steady.py"
+BENCH = "tests/sim/test_bench.py"
 MAP = "tests/sim/test_torquemap.py"
 FORWARD = "tests/sim/test_forward.py"
 DRIFT = "tests/fit/test_drift.py"
@@ -242,7 +243,7 @@ STATISTICS = (
     mutant("columns looked for that the baseline absorbs", "make_scan", "> ABSORBED]", "> 0.0]", DECISIONS),
     mutant(
         "noise floor with all readings as degrees of freedom",
-        "noise_floor",
+        "_left_dof",
         "np.sum(1.0 - leverage[mine])",
         "np.sum(mine)",
         DECISIONS,
@@ -402,8 +403,8 @@ PHYSICS = (
     mutant(
         "heat that is not that of the corrected drag",
         "WarmingBearings.heating",
-        "part * curve.torque(speed)",
-        "curve.torque(speed)",
+        "part * curve[side].torque",
+        "curve[side].torque",
         FORMS,
     ),
     mutant("races that are not there", "WarmingInTwoSteps.rises", "rise + fast + self.room", "rise + self.room", FORMS),
@@ -430,9 +431,7 @@ PHYSICS = (
         FORMS,
         STEADY,
     ),
-    mutant(
-        "one ratio for both stages", "Gearbox.ratio", "self.bench.gear2.ratio", "self.bench.gear1.ratio", FORMS, STEADY
-    ),
+    mutant("one ratio for both stages", "BenchParameters.ratio", "self.gear2.ratio", "self.gear1.ratio", FORMS, STEADY),
     mutant(
         "sun without its own drag",
         "steady",
@@ -472,8 +471,8 @@ PHYSICS = (
     mutant(
         "pole slip that is no line",
         "lines_of",
-        'Line(pairs["sun"], pairs["ring"], "pole slip")',
-        'Line(pairs["sun"], -pairs["ring"], "pole slip")',
+        'Line(pairs.sun, pairs.ring, "pole slip")',
+        'Line(pairs.sun, -pairs.ring, "pole slip")',
         WAVES,
     ),
     mutant("lines told apart at half a cycle", "resolve", "* duration < APART", "* duration < 0.0 * APART", LINES),
@@ -485,7 +484,7 @@ PHYSICS = (
         "np.sin(psi) * self.cosine + np.cos(psi) * self.sine",
         MAP,
     ),
-    mutant("carrier of the other sense", "ratios", "Member.CARRIER: -(p_s + p_r)", "Member.CARRIER: p_s + p_r", MAP),
+    mutant("pole slip of a gear that holds", "GearParameters.pole_slip", "+ self.pole", "- self.pole", BENCH),
     mutant(
         "speeds sought the other way",
         "forward",
