@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.catalogue.columns import COLUMNS, Column
 from pmg.pipeline.catalogue.gather import Gathered, gather
-from pmg.pipeline.catalogue.query import compiled
+from pmg.pipeline.catalogue.query import select
 from pmg.pipeline.files.atomic import PREFIX, write_atomic
 from pmg.pipeline.store.store import RUNS, SOURCES
 from pmg.pipeline.wording.outcome import told
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.catalogue.entries import Cell, Entry
-    from pmg.pipeline.catalogue.expression import Condition
     from pmg.pipeline.store.store import Store
 
 FILE = "catalogue.sqlite"
@@ -86,7 +85,7 @@ class Catalogue:
         return all(remark["severity"] != "error" for remark in self.remarks)
 
     def rows(
-        self, columns: Sequence[Column], condition: Condition | None = None, sort: tuple[Column, bool] | None = None
+        self, columns: Sequence[Column], condition: str | None = None, sort: tuple[Column, bool] | None = None
     ) -> list[tuple[Cell, ...]]:
         """One row a window, and one for each recording without any.
 
@@ -94,19 +93,16 @@ class Catalogue:
         ----------
         columns : sequence of Column
             What is given of each.
-        condition : Condition, optional
-            Which rows; all when not given.
+        condition : str, optional
+            Which rows, as a WHERE clause of SQL; all when not given.
         sort : (Column, bool), optional
             By what, and whether the largest comes first; by start when not given. What is not known comes last.
         """
-        where, values = ("1", list[str | float]()) if condition is None else compiled(condition)
         by = "start IS NULL, start, rowid_m, rowid_s"
         if sort is not None:
             column, falling = sort
             by = f"{column.name} IS NULL, {column.name} {'DESC' if falling else 'ASC'}, {by}"
-        names = ", ".join(column.name for column in columns)
-        found = self.connection.execute(f"SELECT {names} FROM runs WHERE {where} ORDER BY {by}", values)
-        return found.fetchall()
+        return select(self.connection, columns, condition, by, (*TABLES, "runs"))
 
     def values(self, column: Column) -> list[str]:
         """What a column of text holds, each once."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,8 +14,12 @@ from pmg.sim.errors import near_miss
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-KINDS = {"integer": "a whole number", "number": "a number"}
-"""What an option takes, by the word for it in typer's message."""
+KINDS = {int: "a whole number", float: "a number"}
+"""What an option takes, by the type of its values."""
+
+
+USAGE = typer.BadParameter.__mro__[1]
+"""What every complaint of typer about the words of a call is; typer gives the class no public name."""
 
 
 class AnswersInJson(TyperGroup):
@@ -35,15 +38,14 @@ class AnswersInJson(TyperGroup):
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, standalone_mode, windows_expand_args, **extra)
         words = list(sys.argv[1:] if args is None else args)
-        usage = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "UsageError")
         try:
             code = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
         except typer.Abort:
             code = 1
         except Exception as problem:
-            if not isinstance(problem, usage):
+            if not isinstance(problem, USAGE):
                 raise
-            code = _told(problem, "--json" in words)
+            code = _told(problem, words)
         sys.exit(code)
 
 
@@ -55,7 +57,7 @@ class _Fault(NamedTuple):
     do: str
 
 
-def _told(problem: Any, as_json: bool) -> int:  # noqa: ANN401 - an error of typer's, whose class has no public name
+def _told(problem: Any, words: Sequence[str]) -> int:  # noqa: ANN401 - an error of typer's, whose class has no public name
     """Tell what is wrong with the words, under ``--json`` on both streams; the exit code."""
     path: list[str] = []
     context = problem.ctx
@@ -63,58 +65,61 @@ def _told(problem: Any, as_json: bool) -> int:  # noqa: ANN401 - an error of typ
         path.insert(0, context.info_name)
         context = context.parent
     called = " ".join(["pmg", *path])
-    fault = _fault(problem, called)
-    if type(problem).__name__ == "NoArgsIsHelpError":
+    named = [word for word in words if not word.startswith("-")][len(path) :]
+    if problem.ctx is not None and hasattr(problem.ctx.command, "list_commands") and not (named or words[len(path) :]):
         problem.show()
+        fault = _Fault("no command", "one of its commands", f"See '{called} --help'.")
     else:
+        fault = _fault(problem, words, named, f"See '{called} --help'.")
         typer.echo(f"{called}: {fault.came}; expected {fault.expected}.", err=True)
         typer.echo(f"hint: {fault.do}", err=True)
     code = int(problem.exit_code)
-    if as_json:
+    if "--json" in words:
         typer.echo(as_text(" ".join(path), code, None, {"where": called} | fault._asdict()))
     return code
 
 
-def _fault(problem: Any, called: str) -> _Fault:  # noqa: ANN401 - as above
+def _fault(problem: Any, words: Sequence[str], named: Sequence[str], see: str) -> _Fault:  # noqa: ANN401 - as above
     """The parts of the message, the best near match first."""
-    kind, see = type(problem).__name__, f"See '{called} --help'."
     command: Any = None if problem.ctx is None else problem.ctx.command
-    if kind == "NoArgsIsHelpError":
-        return _Fault("no command", "one of its commands", see)
-    if kind == "NoSuchOption":
+    if hasattr(problem, "possibilities"):
         known = [name for each in command.get_params(problem.ctx) for name in each.opts if name.startswith("-")]
-        return _Fault(
-            f"no option '{problem.option_name}'", "one of its options", _near(problem.option_name, known, see)
-        )
-    unknown = re.match(r"No such command '(.*?)'", problem.message)
-    if unknown and hasattr(command, "list_commands"):
-        do = near_miss(unknown[1], command.list_commands(problem.ctx))
-        return _Fault(f"no command '{unknown[1]}'", "one of its commands", do)
+        hint = near_miss(problem.option_name, known)
+        came = f"no option '{problem.option_name}'"
+        return _Fault(came, "one of its options", hint if hint.startswith("Did") else see)
     param = getattr(problem, "param", None)
+    if param is None and named and hasattr(command, "list_commands"):
+        do = near_miss(named[0], command.list_commands(problem.ctx))
+        return _Fault(f"no command '{named[0]}'", "one of its commands", do)
     if param is None:
         return _Fault(_lower(problem), "its own arguments and options", see)
     option = next((name for name in param.opts if name.startswith("--")), param.metavar or str(param.name).upper())
-    if kind == "MissingParameter":
+    if hasattr(problem, "param_type"):
         return _Fault(f"{option} is missing", "a value for it", f"Add {option}. {see}")
-    given = re.search(r"'(.*)' is not one of (.*?)\.?$", problem.message)
-    if given:
-        return _Fault(
-            f"{option} '{given[1]}'", f"one of {given[2]}", near_miss(given[1], re.findall(r"'(.*?)'", given[2]))
-        )
-    expected = next(
-        (word for name, word in KINDS.items() if f"valid {name}" in problem.message), "a value that it takes"
-    )
-    came = f"{option} with another value" if expected in KINDS.values() else _lower(problem)
-    return _Fault(came, expected, f"Correct it. {see}")
+    given = _given(param.opts, words)
+    taken: Any = getattr(param, "type_descriptor", None) or param.type
+    choices = [str(getattr(choice, "value", choice)) for choice in getattr(taken, "choices", None) or ()]
+    if choices and given is not None:
+        return _Fault(f"{option} '{given}'", f"one of {', '.join(map(repr, choices))}", near_miss(given, choices))
+    kind = KINDS.get(getattr(taken, "annotation", str))
+    if kind is None or given is None:
+        return _Fault(_lower(problem), kind or "a value that it takes", f"Correct it. {see}")
+    low, high = (getattr(param, bound, None) for bound in ("min", "max"))
+    kind += "" if low is None else f" from {low}"
+    kind += "" if high is None else f" to {high}"
+    return _Fault(f"{option} '{given}'", kind, f"Correct it. {see}")
 
 
-def _near(word: str, known: Sequence[str], otherwise: str) -> str:
-    """The near match, where there is one."""
-    hint = near_miss(word, known)
-    return hint if hint.startswith("Did") else otherwise
+def _given(names: Sequence[str], words: Sequence[str]) -> str | None:
+    """The value that the words give to an option."""
+    for word, following in zip(words, [*words[1:], None], strict=True):
+        name, equals, value = word.partition("=")
+        if name in names:
+            return value if equals else following
+    return None
 
 
 def _lower(problem: Any) -> str:  # noqa: ANN401 - as above
     """Typer's own words, to go on after a colon."""
-    text = str(problem.format_message()).rstrip(".").replace("Input should be", "must be")
+    text = str(problem.format_message()).rstrip(".")
     return text[:1].lower() + text[1:]

@@ -23,7 +23,7 @@ StoreArgument = Annotated[Path, typer.Argument(help="Store with ingested recordi
 def listed(
     store: StoreArgument,
     where: Annotated[
-        str | None, typer.Option("--where", help='Condition, such as "sun_rpm > 1000 and load = 1.56".')
+        str | None, typer.Option("--where", help='Condition in SQL, such as "sun_rpm > 1000 and load = 1.56".')
     ] = None,
     sort: Annotated[str | None, typer.Option("--sort", help="Column; with a minus before it, largest first.")] = None,
     columns: Annotated[str | None, typer.Option("--columns", help="Columns, with commas between; or all.")] = None,

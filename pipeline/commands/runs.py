@@ -14,11 +14,10 @@ from pmg.pipeline.catalogue.difference import (
     mean_differences,
     paired,
 )
-from pmg.pipeline.catalogue.expression import Condition, Text, comparisons
 from pmg.pipeline.catalogue.find_run import Held, held
 from pmg.pipeline.catalogue.index import Catalogue, open_catalogue
 from pmg.pipeline.catalogue.listing import aligned, comma_separated, for_json, printable, shown
-from pmg.pipeline.catalogue.query import column_named, parse
+from pmg.pipeline.catalogue.query import column_named, texts_asked_for
 from pmg.pipeline.store.store import RUNS, Store
 from pmg.pipeline.windows.limits import limit_told
 from pmg.pipeline.wording.outcome import Outcome, told
@@ -47,7 +46,7 @@ def run_list(
     store : Path
         The store.
     where : str, optional
-        Condition, such as ``sun_rpm > 1000 and load = 1.56``.
+        Condition in SQL, such as ``sun_rpm > 1000 and load = 1.56``.
     sort : str, optional
         Column to sort by; a minus before it puts the largest first.
     columns : str, optional
@@ -55,22 +54,21 @@ def run_list(
     as_csv : bool
         Comma-separated values instead of aligned text.
     """
-    condition = None if where is None else parse(where)
     chosen = _chosen(columns)
     by = None if sort is None else (column_named(sort.removeprefix("-"), "--sort"), sort.startswith("-"))
     catalogue = open_catalogue(Store(store))
-    rows = catalogue.rows(chosen, condition, by)
+    rows = catalogue.rows(chosen, where, by)
     if as_csv:
         lines = comma_separated(chosen, rows)
     else:
         lines = [*(aligned(chosen, rows) if rows else ()), f"{counted(len(rows), 'run')}"]
     plain = [{column.name: for_json(column, value) for column, value in zip(chosen, row, strict=True)} for row in rows]
     data = {
-        "where": None if condition is None else str(condition),
+        "where": where,
         "columns": [{"name": column.name, "unit": column.unit, "meaning": column.meaning} for column in chosen],
         "runs": plain,
     }
-    hints = () if rows or condition is None else tuple(_unmet(catalogue, condition))
+    hints = () if rows or where is None else tuple(_unmet(catalogue, where))
     return Outcome(data, tuple(lines), (*catalogue.remarks, *hints), partial=not catalogue.whole)
 
 
@@ -82,14 +80,13 @@ def _chosen(columns: str | None) -> tuple[Column, ...]:
     return tuple(column_named(name.strip(), "--columns") for name in columns.split(","))
 
 
-def _unmet(catalogue: Catalogue, condition: Condition) -> Iterator[dict[str, Any]]:
+def _unmet(catalogue: Catalogue, condition: str) -> Iterator[dict[str, Any]]:
     """Words that no run has, with the nearest that one has."""
-    for said in comparisons(condition):
-        if isinstance(said.value, Text) and said.sign == "=" and said.column.kind is Kind.TEXT:
-            known = catalogue.values(said.column)
-            if known and said.value.text not in known:
-                hint = near_miss(said.value.text, known) if len(known) < 20 else _close(said.value.text, known)
-                yield told("warning", said.column.name, f"no run has {said.value.text!r}. {hint}".rstrip())
+    for column, text in texts_asked_for(condition):
+        known = catalogue.values(column)
+        if known and text not in known:
+            hint = near_miss(text, known) if len(known) < 20 else _close(text, known)
+            yield told("warning", column.name, f"no run has {text!r}. {hint}".rstrip())
 
 
 def _close(word: str, known: list[str]) -> str:

@@ -25,7 +25,7 @@ HEAVY = ("matplotlib", "mcap", "numba", "numpy", "pandas", "plotly", "polars", "
 PROBE = f"""
 import contextlib, io, json, sys
 import typer
-from pmg.pipeline.cli import app
+from pmg.pipeline.cli.app import app
 helped, codes = [], []
 root = typer.main.get_command(app)
 def walk(command, path=()):

@@ -197,7 +197,7 @@ TABLE: dict[str, Row] = {
     ),
     "runs list": Row(
         "commands.runs.run_list",
-        "{store} --where 'campaign = made and not accepted = no'",
+        "{store} --where \"campaign = 'made' and accepted\"",
         (
             Wrong(NO_STORE, "pmg ingest"),
             Wrong("{store} --where 'sun_rmp > 1'", "sun_rmp"),
@@ -378,8 +378,14 @@ def test_words_that_are_no_command_are_told_as_json_too(words: tuple[str, ...]) 
         (("rnu",), "pmg: no command 'rnu'; expected", "Did you mean 'run'?"),
         (("runs", "lsit"), "pmg runs: no command 'lsit'; expected", "Did you mean 'list'?"),
         (("run", "--fail-on", "findngs"), "pmg run: --fail-on 'findngs'; expected", "Did you mean 'findings'?"),
-        (("run", "--workers", "two"), "pmg run: --workers with another value; expected a whole number", "Correct it."),
-        (("run", "--workers", "0"), "pmg run: invalid value for '--workers': must be", "Correct it."),
+        (("run", "--workers", "two"), "pmg run: --workers 'two'; expected a whole number from 1", "Correct it."),
+        (("run", "--workers", "0"), "pmg run: --workers '0'; expected a whole number from 1", "Correct it."),
+        (("run", "--workers=-1"), "pmg run: --workers '-1'; expected a whole number from 1", "Correct it."),
+        (
+            ("run", "--fail-on=findngs"),
+            "pmg run: --fail-on 'findngs'; expected one of 'never'",
+            "Did you mean 'findings'?",
+        ),
         (("config", "check"), "pmg config check: FILE is missing; expected", "Add FILE."),
         (("report", "a", "b"), "pmg report: --report is missing; expected", "Add --report."),
         (("run", "a", "b"), "pmg run: got unexpected extra argument", "See 'pmg run --help'."),
