@@ -42,7 +42,6 @@ LONG_FUNCTIONS: dict[str, str] = {
     "pmg.pipeline.cli.config.show": _OPTIONS,
     "pmg.pipeline.cli.report.report": _OPTIONS,
     "pmg.pipeline.cli.studies.prove": _OPTIONS,
-    "pmg.pipeline.commands.compare.run_compare": _SPLIT,
     "pmg.pipeline.commands.report.run_report": _GATHERED,
     "pmg.pipeline.commands.residuals.run_residuals": _SPLIT,
     "pmg.pipeline.commands.run.run_all": _GATHERED,

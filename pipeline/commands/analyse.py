@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.analysis.outputs import analysed_campaign, analysis_document, analysis_files, write_analysis
@@ -24,7 +25,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.commands.provenance import Clock
+    from pmg.pipeline.grid.window_facts import WindowFacts
     from pmg.pipeline.store.store import Manifest
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
 
 
 def run_analyse(
@@ -46,19 +50,12 @@ def run_analyse(
         Time of day, for the provenance.
     """
     began = clock()
-    bench, facts = load_bench(), None
-    failed: tuple[Manifest, ...] = ()
-    manifests: list[Manifest] = []
-    remarks: tuple[dict[str, Any], ...] = ()
+    gathered = gather(store, grids, campaign)
+    grid, bench, failed = gathered.grid, gathered.bench, gathered.failed
     if grids is not None:
-        grid = read_published(grids, bench)
         Store(store).prepare()
-    else:
-        name, manifests = choose_campaign(Store(store), campaign)
-        grid, facts, failed = measured_grid(name, manifests, bench), window_facts(manifests), failed_sources(store)
-        bench, remarks = rated(bench, facts), tuple(transducer_remarks(facts, bench))
     analysis = analyse(grid, options, bench)
-    budget = budget_of(analysis.grid, analysis.floor, bench, facts)
+    budget = budget_of(analysis.grid, analysis.floor, bench, gathered.facts)
     before = analysed_campaign(store)
     folder = write_analysis(analysis, store, budget)
     leave_crate(folder, store, grid, "pmg analyse", began, clock, results=analysis_files(folder))
@@ -66,10 +63,63 @@ def run_analyse(
         data={"analysis": analysis_document(analysis, budget), "folder": str(folder)},
         lines=_analysis_lines(analysis, folder, len(failed)),
         findings=replaced(folder, before, grid.campaign)
-        + analysis_findings(analysis, failed, manifests)
-        + remarks
+        + analysis_findings(analysis, failed, gathered.used)
+        + gathered.remarks
         + tuple(budget_remarks(budget)),
         partial=bool(failed) or not analysis.complete,
+    )
+
+
+@dataclass(frozen=True)
+class GatheredCampaign:
+    """The grid of a campaign before it is analysed.
+
+    Parameters
+    ----------
+    grid : Grid
+        Of recordings, or as it was published.
+    bench : BenchParameters
+        With the nominal torques that the recordings state.
+    facts : WindowFacts or None
+        Of the windows; None for published grids.
+    used, failed : tuple of Manifest
+        Sources of the campaign, and those of the store that are not usable.
+    remarks : tuple of dict
+        Findings of the transducers.
+    """
+
+    grid: Grid
+    bench: BenchParameters
+    facts: WindowFacts | None = None
+    used: tuple[Manifest, ...] = ()
+    failed: tuple[Manifest, ...] = ()
+    remarks: tuple[dict[str, Any], ...] = ()
+
+
+def gather(store: Path, grids: Path | None, campaign: str | None) -> GatheredCampaign:
+    """The windows of a store, or published grids, as one grid.
+
+    Parameters
+    ----------
+    store : Path
+        Holds the ingested recordings.
+    grids : Path, optional
+        Folder with published grids to take instead.
+    campaign : str, optional
+        Which campaign, where the store holds several.
+    """
+    bench = load_bench()
+    if grids is not None:
+        return GatheredCampaign(read_published(grids, bench), bench)
+    name, manifests = choose_campaign(Store(store), campaign)
+    facts = window_facts(manifests)
+    return GatheredCampaign(
+        measured_grid(name, manifests, bench),
+        rated(bench, facts),
+        facts,
+        tuple(manifests),
+        failed_sources(store),
+        tuple(transducer_remarks(facts, bench)),
     )
 
 

@@ -13,20 +13,17 @@ from pmg.pipeline.analysis.outputs import read_analysis
 from pmg.pipeline.analysis.tolerance import Tolerance
 from pmg.pipeline.chapters.measured.sensor_fault import misread_warning
 from pmg.pipeline.chapters.page import build_report
+from pmg.pipeline.commands.analyse import analysis_findings
 from pmg.pipeline.commands.compare_and_diagnose import compare_and_diagnose, leave_model, summary_facts
 from pmg.pipeline.commands.orders import orders_chapter
 from pmg.pipeline.commands.provenance import leave_crate, now
+from pmg.pipeline.commands.stored_analysis import analysed
 from pmg.pipeline.diagnose.grid.document import diagnosis_document
-from pmg.pipeline.diagnose.grid.statement import statement
 from pmg.pipeline.files.atomic import write_atomic
-from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.budget import budget_of
-from pmg.pipeline.grid.campaign import choose_campaign
 from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.missing_points import unreached_findings
-from pmg.pipeline.grid.transducer_remarks import transducer_remarks
-from pmg.pipeline.grid.window_facts import SIMULATED, rated, window_facts
-from pmg.pipeline.model.apply_model import lead, remark
+from pmg.pipeline.model.apply_model import remark
 from pmg.pipeline.model.model_file import FILE as MODEL
 from pmg.pipeline.model.read_model import read_model
 from pmg.pipeline.model.sensor_fault_correction import correct_sensor_fault
@@ -35,21 +32,25 @@ from pmg.pipeline.point_signals.encoded import encode
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.wording.outcome import Outcome, told
-from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from pmg.pipeline.commands.compare_and_diagnose import ComparedCampaign
     from pmg.pipeline.commands.provenance import Clock
-    from pmg.pipeline.grid.window_facts import WindowFacts
+    from pmg.pipeline.commands.stored_analysis import StoredAnalysis
+    from pmg.pipeline.report.document import Report
     from pmg.pipeline.store.store import Manifest
-    from pmg.sim.bench import BenchParameters
-    from pmg.sim.grid import Grid
-from pmg.pipeline.commands.analyse import analysis_findings, failed_sources
+
+DIAGNOSIS = "diagnosis.json"
+"""Name of the diagnosis beside the report."""
 
 SEED = 20260101
 """Seed of the synthetic campaigns behind a p-value; named in the report."""
+
+SEEDED = ("Seed of the synthetic campaigns", str(SEED))
+"""How the report names it."""
 
 
 def run_compare(
@@ -79,69 +80,90 @@ def run_compare(
         Time of day, for the provenance.
     """
     began = clock()
-    bench = load_bench()
     given = None if model is None else read_model(model)
-    grid, options = read_analysis(store)
-    remarks, inputs, facts, failed, used = _sources(store, grid, bench)
-    bench = rated(bench, facts)
-    analysis = analyse(grid, options, bench)
-    judged = compare_and_diagnose(analysis, options, bench, np.random.default_rng(SEED), given)
+    whole = analysed(store, *read_analysis(store))
+    judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, np.random.default_rng(SEED), given)
+    hashed = () if model is None else ((f"SHA-256 of {model.name}", hashlib.sha256(model.read_bytes()).hexdigest()),)
+    page, remarks = campaign_page(
+        whole, judged, note, tolerances, (*hashed, SEEDED, ("Command", command_told(note, model)))
+    )
+    grid = whole.analysis.grid
+    files = write_report(page, report, summary_facts(grid, judged, whole.bench, tolerances))
+    data: dict[str, Any] = {"report": str(files[0]), "files": [str(path) for path in files], "diagnosis": None}
+    lines = [f"report: {files[0]}"]
+    if judged is not None:
+        text = json.dumps(diagnosis_document(judged.diagnosis), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+        write_atomic(report / DIAGNOSIS, text.encode())
+        data["diagnosis"], data["statement"] = json.loads(text), judged.statement
+        lines.insert(0, f"{judged.diagnosis.verdict}: {judged.statement}")
+        data |= leave_model(judged, report / MODEL, model)
+        lines += [] if judged.carried is None else [remark(judged.carried)]
+    else:
+        (report / DIAGNOSIS).unlink(missing_ok=True)
+    made = ((DIAGNOSIS, judged is not None), (MODEL, bool(data.get("model"))))
+    written = (*files, *(report / name for name, there in made if there))
+    leave_crate(report, store, grid, "pmg compare", began, clock, () if model is None else (model,), written)
+    failed = whole.sources.failed
+    return Outcome(
+        data,
+        tuple(lines),
+        remarks + analysis_findings(whole.analysis, failed, whole.sources.used),
+        partial=bool(failed) or not whole.analysis.complete,
+        mismatch=judged is not None and judged.diagnosis.mismatch.found,
+    )
+
+
+def campaign_page(
+    whole: StoredAnalysis,
+    judged: ComparedCampaign | None,
+    note: str,
+    tolerances: Mapping[str, tuple[float, float]] | None,
+    provenance: tuple[tuple[str, str], ...],
+) -> tuple[Report, tuple[dict[str, Any], ...]]:
+    """The report of a campaign, and the findings that go with it.
+
+    Parameters
+    ----------
+    whole : StoredAnalysis
+        The analysed campaign.
+    judged : ComparedCampaign or None
+        What it says about the simulator.
+    note : str
+        Told at the head of the report.
+    tolerances : mapping or None
+        Tolerances of the comparison that were set, by quantity: absolute [SI] and relative.
+    provenance : tuple of (label, value)
+        What made the report, beside its inputs.
+    """
+    analysis, bench, sources = whole.analysis, whole.bench, whole.sources
+    recorded = analysis.grid.origin != "published"
     diagnosis = None if judged is None else judged.diagnosis
-    if model is not None:
-        inputs += ((f"SHA-256 of {model.name}", hashlib.sha256(model.read_bytes()).hexdigest()),)
-    budget = budget_of(analysis.grid, analysis.floor, bench, facts)
-    behind = None if grid.origin == "published" else campaign_signals(Store(store), analysis.grid, budget)
-    remarks += () if behind is None else behind.findings
-    parts = () if judged is None or judged.carried is None else judged.carried.here.parts
-    faults = correct_sensor_fault(diagnosis, analysis, bench, parts)
+    carried = None if judged is None else judged.carried
+    budget = budget_of(analysis.grid, analysis.floor, bench, sources.facts)
+    behind = campaign_signals(Store(whole.store), analysis.grid, budget) if recorded else None
+    remarks = sources.remarks + (() if behind is None else behind.findings)
+    faults = correct_sensor_fault(diagnosis, analysis, bench, () if carried is None else carried.here.parts)
     page = build_report(
         analysis,
         None if judged is None else judged.residuals,
         diagnosis,
         bench,
         note=note,
-        findings=remarks + tuple(unreached_findings(used)),
-        provenance=(
-            *inputs,
-            ("Seed of the synthetic campaigns", str(SEED)),
-            ("Command", command_told(note, model)),
-        ),
-        carried=None if judged is None else judged.carried,
+        findings=remarks + tuple(unreached_findings(sources.used)),
+        provenance=(*sources.inputs, *provenance),
+        carried=carried,
         ends=() if judged is None else judged.ends,
-        orders=None if grid.origin == "published" else orders_chapter(Store(store), grid.campaign, bench),
+        orders=orders_chapter(Store(whole.store), analysis.grid.campaign, bench) if recorded else None,
         budget=budget,
-        origins=_origins(used),
-        told=conditions(used),
+        origins=_origins(sources.used),
+        told=conditions(sources.used),
         tolerances={name: Tolerance(*parts) for name, parts in (tolerances or {}).items()},
         signals=None if behind is None else encode(behind.cells),
         faults=faults,
     )
-    text = ""
-    if diagnosis is not None:
-        text = json.dumps(diagnosis_document(diagnosis), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    files = write_report(page, report, summary_facts(grid, judged, bench, tolerances))
-    data: dict[str, Any] = {"report": str(files[0]), "files": [str(path) for path in files], "diagnosis": None}
     if faults and analysis.balance is not None:
         remarks += (told("warning", "losses", misread_warning(faults, analysis.balance)),)
-    lines = [f"report: {files[0]}"]
-    mismatch = False
-    if diagnosis is not None:
-        write_atomic(report / "diagnosis.json", text.encode())
-        before = "" if judged is None or judged.carried is None else lead(judged.carried)
-        said = before + statement(diagnosis)
-        data["diagnosis"], data["statement"] = json.loads(text), said
-        lines.insert(0, f"{diagnosis.verdict}: {said}")
-        mismatch = diagnosis.mismatch.found
-    else:
-        (report / "diagnosis.json").unlink(missing_ok=True)
-    if judged is not None:
-        data |= leave_model(judged, report / MODEL, model)
-        lines += [] if judged.carried is None else [remark(judged.carried)]
-    made = (("diagnosis.json", diagnosis is not None), (MODEL, bool(data.get("model"))))
-    written = (*files, *(report / name for name, there in made if there))
-    leave_crate(report, store, grid, "pmg compare", began, clock, () if model is None else (model,), written)
-    found = remarks + analysis_findings(analysis, failed, used)
-    return Outcome(data, tuple(lines), found, bool(failed) or not analysis.complete, mismatch)
+    return page, remarks
 
 
 def command_told(note: str, model: Path | None) -> str:
@@ -149,36 +171,6 @@ def command_told(note: str, model: Path | None) -> str:
     options = (("--model", "" if model is None else model.name), ("--note", note))
     told = " ".join(f"{option} {shlex.quote(value)}" for option, value in options if value)
     return f"pmg compare --store STORE --report REPORT {told}".strip()
-
-
-def _sources(
-    store: Path, grid: Grid, bench: BenchParameters
-) -> tuple[
-    tuple[dict[str, Any], ...],
-    tuple[tuple[str, str], ...],
-    WindowFacts | None,
-    tuple[Manifest, ...],
-    tuple[Manifest, ...],
-]:
-    """Findings of a campaign's sources, words on its inputs, facts of its windows, failed sources, its sources."""
-    if grid.origin == "published":
-        return (), (("Input", "published grids, torques rounded to 0.01 N m"),), None, (), ()
-    _, manifests = choose_campaign(Store(store), grid.campaign)
-    failed = failed_sources(store)
-    remarks = tuple(plain for manifest in (*manifests, *failed) for plain in manifest.document["findings"])
-    joined = "".join(sorted(manifest.document["sha256"] for manifest in manifests))
-    digest = hashlib.sha256(joined.encode()).hexdigest()
-    first = min(manifest.document["run"]["started_at"] for manifest in manifests)
-    simulated = any(plain["code"] == SIMULATED for m in manifests for plain in m.document["findings"])
-    inputs = [
-        ("Input", f"{len(manifests)} recordings" + (", marked as simulated by their writer" if simulated else "")),
-        ("First recording started", first),
-        ("SHA-256 over the sorted SHA-256 of the recordings", digest),
-    ]
-    facts = window_facts(manifests)
-    remarks += tuple(transducer_remarks(facts, bench))
-    known = facts if len(facts.sun.dof) == len(grid) else None
-    return remarks, tuple(inputs), known, failed, tuple(manifests)
 
 
 def _origins(used: tuple[Manifest, ...]) -> tuple[tuple[str, dict[str, Any]], ...]:

@@ -10,8 +10,9 @@ from pmg.pipeline.analysis.tolerance import Tolerance, agreements
 from pmg.pipeline.diagnose.design.audit import audit_design
 from pmg.pipeline.diagnose.grid.decide import diagnose
 from pmg.pipeline.diagnose.grid.document import mechanism_facts
+from pmg.pipeline.diagnose.grid.statement import statement
 from pmg.pipeline.files.atomic import write_atomic
-from pmg.pipeline.model.apply_model import apply_model, found_together
+from pmg.pipeline.model.apply_model import apply_model, found_together, lead
 from pmg.pipeline.model.extreme_steady_points import extreme_steady_points
 from pmg.pipeline.model.model_file import model_of, model_text
 from pmg.sim.steady.baseline import baseline_mechanisms
@@ -33,6 +34,25 @@ if TYPE_CHECKING:
     from pmg.pipeline.model.model_file import Model
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
+
+
+@dataclass(frozen=True)
+class SimulatedCampaign:
+    """A campaign measured and simulated.
+
+    Parameters
+    ----------
+    residuals : Residuals
+        Measured less simulated, with the calibrated baseline or with the given model as it came.
+    carried : Carried or None
+        The given model.
+    plain : Gearbox
+        With the calibrated baseline.
+    """
+
+    residuals: Residuals
+    carried: Carried | None
+    plain: Gearbox
 
 
 @dataclass(frozen=True)
@@ -58,6 +78,11 @@ class ComparedCampaign:
     model: Model
     carried: Carried | None
     ends: tuple[SteadyEnd, ...]
+
+    @property
+    def statement(self) -> str:
+        """The verdict in sentences, after what a given model is told to be."""
+        return ("" if self.carried is None else lead(self.carried)) + statement(self.diagnosis)
 
 
 def compare_and_diagnose(
@@ -85,16 +110,34 @@ def compare_and_diagnose(
 
     Returns
     -------
-    Judged or None
+    ComparedCampaign or None
         None where the analysis reached no calibration.
     """
+    simulated = simulate_campaign(analysis, options, bench, given)
+    return None if simulated is None else diagnose_campaign(analysis, simulated, bench, rng)
+
+
+def simulate_campaign(
+    analysis: Analysis, options: AnalysisOptions, bench: BenchParameters, given: Model | None = None
+) -> SimulatedCampaign | None:
+    """Simulate an analysed campaign, and subtract; None where the analysis reached no calibration."""
     if analysis.calibration is None or analysis.fits is None or analysis.floor is None:
         return None
-    grid, plain = analysis.grid, Gearbox.calibrated(bench, analysis.calibration.model)
+    plain = Gearbox.calibrated(bench, analysis.calibration.model)
     carried = None if given is None else apply_model(given, analysis, options, bench)
     gearbox = plain if carried is None else carried.gearbox
+    grid = analysis.grid
     residuals = compare(grid, steady(gearbox, grid.points, grid.campaign), bench, analysis.calibration)
+    return SimulatedCampaign(residuals, carried, plain)
+
+
+def diagnose_campaign(
+    analysis: Analysis, simulated: SimulatedCampaign, bench: BenchParameters, rng: np.random.Generator
+) -> ComparedCampaign:
+    """Diagnose what a simulated campaign leaves, and make the model that comes of it."""
+    grid, carried = analysis.grid, simulated.carried
     left = analysis if carried is None else carried.analysis
+    assert analysis.calibration is not None
     assert left.calibration is not None
     assert left.fits is not None
     assert left.floor is not None
@@ -107,8 +150,8 @@ def compare_and_diagnose(
     else:
         model, shown = found_together(carried, analysis, diagnosis), carried.model
     after = (*baseline_mechanisms(shown.baseline, bench), *shown.beside(bench))
-    ends = extreme_steady_points(grid, bench, plain.mechanisms, after) if shown.parts else ()
-    return ComparedCampaign(residuals, diagnosis, model, carried, ends)
+    ends = extreme_steady_points(grid, bench, simulated.plain.mechanisms, after) if shown.parts else ()
+    return ComparedCampaign(simulated.residuals, diagnosis, model, carried, ends)
 
 
 def summary_facts(
@@ -123,7 +166,7 @@ def summary_facts(
     ----------
     grid : Grid
         The analysed grid.
-    judged : Judged or None
+    judged : ComparedCampaign or None
         What it says about the simulator; without it the points alone are told.
     bench : BenchParameters
         Data sheets of the transducers.

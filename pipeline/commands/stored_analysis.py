@@ -1,0 +1,113 @@
+"""An analysed campaign with the recordings behind it: what a comparison and its report are made of."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.commands.analyse import failed_sources
+from pmg.pipeline.fit.analysis import analyse
+from pmg.pipeline.grid.campaign import choose_campaign
+from pmg.pipeline.grid.transducer_remarks import transducer_remarks
+from pmg.pipeline.grid.window_facts import SIMULATED, rated, window_facts
+from pmg.pipeline.store.store import Store
+from pmg.sim.bench import load_bench
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pmg.pipeline.fit.analysis import Analysis
+    from pmg.pipeline.fit.options import AnalysisOptions
+    from pmg.pipeline.grid.window_facts import WindowFacts
+    from pmg.pipeline.store.store import Manifest
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
+
+
+@dataclass(frozen=True)
+class SourceFacts:
+    """What is known of the sources of a grid.
+
+    Parameters
+    ----------
+    remarks : tuple of dict
+        Findings of the recordings and of their transducers.
+    inputs : tuple of (label, value)
+        What the report says of its inputs: their number, first start, hash.
+    facts : WindowFacts or None
+        Of the windows, where each point has one.
+    failed, used : tuple of Manifest
+        Sources of the store that are not usable, and those of the campaign.
+    """
+
+    remarks: tuple[dict[str, Any], ...]
+    inputs: tuple[tuple[str, str], ...]
+    facts: WindowFacts | None
+    failed: tuple[Manifest, ...]
+    used: tuple[Manifest, ...]
+
+
+@dataclass(frozen=True)
+class StoredAnalysis:
+    """An analysed campaign and the store of its recordings.
+
+    Parameters
+    ----------
+    store : Path
+        Holds the samples behind the points.
+    options : AnalysisOptions
+        Choices of the analysis.
+    bench : BenchParameters
+        With the nominal torques that the recordings state.
+    analysis : Analysis
+        Fits, calibration, balance.
+    sources : SourceFacts
+        What is known of the recordings.
+    """
+
+    store: Path
+    options: AnalysisOptions
+    bench: BenchParameters
+    analysis: Analysis
+    sources: SourceFacts
+
+
+def analysed(store: Path, grid: Grid, options: AnalysisOptions) -> StoredAnalysis:
+    """A grid analysed on the bench that its recordings state.
+
+    Parameters
+    ----------
+    store : Path
+        Holds the recordings of the grid, if it is of recordings.
+    grid : Grid
+        Of one campaign.
+    options : AnalysisOptions
+        Choices.
+    """
+    bench = load_bench()
+    sources = read_sources(store, grid, bench)
+    bench = rated(bench, sources.facts)
+    return StoredAnalysis(store, options, bench, analyse(grid, options, bench), sources)
+
+
+def read_sources(store: Path, grid: Grid, bench: BenchParameters) -> SourceFacts:
+    """What is known of the sources of a grid: recordings of a store, or published tables."""
+    if grid.origin == "published":
+        return SourceFacts((), (("Input", "published grids, torques rounded to 0.01 N m"),), None, (), ())
+    _, manifests = choose_campaign(Store(store), grid.campaign)
+    failed = failed_sources(store)
+    remarks = tuple(plain for manifest in (*manifests, *failed) for plain in manifest.document["findings"])
+    joined = "".join(sorted(manifest.document["sha256"] for manifest in manifests))
+    digest = hashlib.sha256(joined.encode()).hexdigest()
+    first = min(manifest.document["run"]["started_at"] for manifest in manifests)
+    simulated = any(plain["code"] == SIMULATED for m in manifests for plain in m.document["findings"])
+    inputs = [
+        ("Input", f"{len(manifests)} recordings" + (", marked as simulated by their writer" if simulated else "")),
+        ("First recording started", first),
+        ("SHA-256 over the sorted SHA-256 of the recordings", digest),
+    ]
+    facts = window_facts(manifests)
+    remarks += tuple(transducer_remarks(facts, bench))
+    known = facts if len(facts.sun.dof) == len(grid) else None
+    return SourceFacts(remarks, tuple(inputs), known, failed, tuple(manifests))
