@@ -74,7 +74,16 @@ def budget_of(grid: Grid, floor: NoiseFloor | None, bench: BenchParameters, fact
 def _shaft(
     grid: Grid, side: str, noise: ShaftNoise | None, bench: BenchParameters, facts: ShaftFacts | None
 ) -> ShaftBudget:
-    torque, own, u = grid.torque[side], grid.within[side], grid.u[side]
+    return ShaftBudget(
+        side, grid.torque[side], (*_independent(grid, side, noise, facts), *_common(grid, side, bench, facts))
+    )
+
+
+def _independent(
+    grid: Grid, side: str, noise: ShaftNoise | None, facts: ShaftFacts | None
+) -> tuple[Contribution, Contribution, Contribution]:
+    """What differs from point to point: scatter, wander, resolution."""
+    own, u = grid.within[side], grid.u[side]
     unknown = np.full(len(grid), np.nan)
     dof = unknown if facts is None else facts.dof
     within = own
@@ -86,11 +95,7 @@ def _shaft(
     steps = unknown if facts is None else facts.resolution
     rounding = np.zeros(len(grid)) if facts is None else undithered(steps, facts.std)
     rounding = np.minimum(rounding, within)
-    stated = None if facts is None else facts.nominal
-    parts = common_parts(grid, bench, side, stated)
-    zeros = tare_uncertainty(torque[grid.points.zero & grid.accepted])[1]
-    of = bench.transducers[side]
-    contributions = (
+    return (
         _scatter(grid, np.sqrt(within**2 - rounding**2), dof),
         Contribution(
             key="wander",
@@ -110,6 +115,17 @@ def _shaft(
             "in the rounding" if grid.rounding else "in the scatter, where that is at least half a step",
             common=False,
         ),
+    )
+
+
+def _common(grid: Grid, side: str, bench: BenchParameters, facts: ShaftFacts | None) -> tuple[Contribution, ...]:
+    """What all points of a transducer share: tare, sensitivity, non-linearity, calibration."""
+    unknown = np.full(len(grid), np.nan)
+    stated = None if facts is None else facts.nominal
+    parts = common_parts(grid, bench, side, stated)
+    zeros = tare_uncertainty(grid.torque[side][grid.points.zero & grid.accepted])[1]
+    of = bench.transducers[side]
+    return (
         Contribution(
             key="tare",
             name="tare",
@@ -144,7 +160,6 @@ def _shaft(
             common=True,
         ),
     )
-    return ShaftBudget(side, torque, contributions)
 
 
 def _scatter(grid: Grid, within: Array, dof: Array) -> Contribution:

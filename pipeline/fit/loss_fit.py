@@ -177,6 +177,41 @@ def point_weights(grid: Grid) -> tuple[Array, Array] | None:
     return safe[0] ** -2.0, safe[1] ** -2.0
 
 
+def _solved(shaft: str, design: Array, measured: Array) -> tuple[Array, Array, Array]:
+    """Coefficients of least squares, a root of their moments beside it, and the lengths of the columns (k,).
+
+    The moments are those of columns of length 1, for unit variance.
+    """
+    k = design.shape[1]
+    coefficients, _, rank, _ = np.linalg.lstsq(design, measured, rcond=None)
+    if rank < k:
+        raise FitError(
+            f"loss fit of the {shaft}",
+            f"rank {rank}",
+            f"rank {k}",
+            "Choose fewer terms: these are alike here.",
+        )
+    length = np.linalg.norm(design, axis=0)
+    _, singular, right = np.linalg.svd(design / length, full_matrices=False)
+    if singular[-1] < ALIKE * singular[0]:
+        raise FitError(
+            f"loss fit of the {shaft}",
+            f"{k} terms that are alike over these speeds",
+            "terms that can be told apart",
+            "Choose fewer terms, or powers further apart.",
+        )
+    return np.asarray(coefficients, dtype=np.float64), right.T / singular, length
+
+
+def _aicc(residuals: Array, weight: Array, k: int) -> float:
+    """Akaike's criterion, corrected for few readings, of a fit of k terms; NaN where the readings do not give it."""
+    n, largest = len(residuals), float(np.abs(residuals).max())
+    if n <= k + 2 or largest <= 0.0:
+        return math.nan
+    mean_square = float(weight @ (residuals / largest) ** 2) / n  # the squares of small residuals would underflow
+    return n * (2.0 * math.log(largest) + math.log(mean_square)) + 2.0 * (k + 1) + 2.0 * (k + 1) * (k + 2) / (n - k - 2)
+
+
 def _fit_one(reading: ShaftDrag, powers: tuple[float, ...], weights: Array | None, robust: bool) -> LossFit:
     shaft, speed, rows = reading.shaft, reading.speed, reading.rows
     n, k = int(rows.sum()), len(powers)
@@ -194,24 +229,7 @@ def _fit_one(reading: ShaftDrag, powers: tuple[float, ...], weights: Array | Non
     factors, scale = huber_weights(terms, measured, weight) if robust else (np.ones(n), 0.0)
     root = np.sqrt(weight * factors)
     design = terms * root[:, None]
-    coefficients, _, rank, _ = np.linalg.lstsq(design, measured * root, rcond=None)
-    if rank < k:
-        raise FitError(
-            f"loss fit of the {shaft}",
-            f"rank {rank}",
-            f"rank {k}",
-            "Choose fewer terms: these are alike here.",
-        )
-    length = np.linalg.norm(design, axis=0)
-    _, singular, right = np.linalg.svd(design / length, full_matrices=False)
-    if singular[-1] < ALIKE * singular[0]:
-        raise FitError(
-            f"loss fit of the {shaft}",
-            f"{k} terms that are alike over these speeds",
-            "terms that can be told apart",
-            "Choose fewer terms, or powers further apart.",
-        )
-    inverse = right.T / singular
+    coefficients, inverse, length = _solved(shaft, design, measured * root)
     covariance = (inverse @ inverse.T) / np.outer(length, length)
     residuals = measured - terms @ coefficients
     rss = float(weight @ residuals**2)
@@ -220,25 +238,16 @@ def _fit_one(reading: ShaftDrag, powers: tuple[float, ...], weights: Array | Non
         root = np.sqrt(weight)
         covariance = sandwich(terms * root[:, None] / length, residuals * root, scale) / np.outer(length, length)
     about_mean = float(weight @ (measured - np.average(measured, weights=weight)) ** 2)
-    aicc = math.nan
-    largest = float(np.abs(residuals).max())
-    if n > k + 2 and largest > 0.0 and not robust:  # the squares of small residuals would underflow
-        mean_square = float(weight @ (residuals / largest) ** 2) / n
-        aicc = (
-            n * (2.0 * math.log(largest) + math.log(mean_square))
-            + 2.0 * (k + 1)
-            + 2.0 * (k + 1) * (k + 2) / (n - k - 2)
-        )
     return LossFit(
         shaft=shaft,
-        curve=replace(curve, coefficients=np.asarray(coefficients, dtype=np.float64)),
+        curve=replace(curve, coefficients=coefficients),
         covariance=covariance,
         residuals=residuals,
         rows=rows,
         r_squared=1.0 - rss / about_mean if about_mean > 0.0 else math.nan,
         rmse=math.sqrt(rss / (n - k)),
         error_thesis=math.sqrt(float(residuals @ residuals)) / n,
-        aicc=aicc,
+        aicc=math.nan if robust else _aicc(residuals, weight, k),
         weights=weight * factors,
         weighted=bool(np.ptp(weight) > 1e-9),
         robust=robust,

@@ -176,10 +176,45 @@ def _plane_fit(grid: Grid, fit: LossFit, bench: BenchParameters) -> PlaneFit:
     columns = plane_columns(grid, fit, bench) * root[:, None]
     length = np.linalg.norm(columns, axis=0)
     beyond = columns - basis @ (basis.T @ columns)
-    remains = np.linalg.norm(beyond, axis=0)
+    terms, kept = _alone(beyond, length, left, n - k - 1)
+    left_over, added = rss, 0
+    if kept:
+        remains = np.linalg.norm(beyond, axis=0)
+        vectors, singular, _ = np.linalg.svd(beyond[:, kept] / remains[kept], full_matrices=False)
+        joint = vectors[:, singular > 1e-6 * singular[0]]
+        added = joint.shape[1]
+        left_over = max(rss - float(np.sum((joint.T @ left) ** 2)), 1e-300)
+    rest_dof = n - k - added
+    together = ((rss - left_over) / added) / (left_over / rest_dof) if added and rest_dof >= MINIMUM_DOF else math.nan
+    return PlaneFit(
+        fit.shaft,
+        terms,
+        rmse_line=math.sqrt(rss / (n - k)),
+        rmse_plane=math.sqrt(left_over / rest_dof) if rest_dof > 0 else math.nan,
+        f=together,
+        p=float(stats.f.sf(together, added, rest_dof)) if math.isfinite(together) else math.nan,
+        added=added,
+        dof=rest_dof,
+    )
+
+
+def _alone(beyond: Array, length: Array, left: Array, dof: int) -> tuple[tuple[PlaneTerm, ...], list[int]]:
+    """Each term of `FORMS` tested by itself, and which of them these speeds tell from the curve and from one another.
+
+    Parameters
+    ----------
+    beyond : (m, 6) array
+        What the own curve leaves of the terms, weighted.
+    length : (6,) array
+        Length of the terms before.
+    left : (m,) array
+        What the own curve leaves of the readings, weighted.
+    dof : int
+        Degrees of freedom with one term more.
+    """
+    remains, rss, n = np.linalg.norm(beyond, axis=0), float(left @ left), len(left)
     kept: list[int] = []
     terms = []
-    dof = n - k - 1
     for i, (name, form) in enumerate(FORMS):
         alike = "own curve" if remains[i] <= NOTHING_LEFT * max(length[i], 1e-300) or dof < MINIMUM_DOF else ""
         for j in kept if not alike else ():
@@ -194,37 +229,9 @@ def _plane_fit(grid: Grid, fit: LossFit, bench: BenchParameters) -> PlaneFit:
         explained = size**2 * remains[i] ** 2
         noise = max(rss - explained, 1e-300) / dof
         f = explained / noise
-        terms.append(
-            PlaneTerm(
-                name,
-                form,
-                size,
-                math.sqrt(noise) / remains[i],
-                abs(size) * remains[i] / math.sqrt(n),
-                f,
-                dof,
-                float(stats.f.sf(f, 1, dof)),
-                math.nan,
-            )
-        )
-    left_over, added = rss, 0
-    if kept:
-        vectors, singular, _ = np.linalg.svd(beyond[:, kept] / remains[kept], full_matrices=False)
-        joint = vectors[:, singular > 1e-6 * singular[0]]
-        added = joint.shape[1]
-        left_over = max(rss - float(np.sum((joint.T @ left) ** 2)), 1e-300)
-    rest_dof = n - k - added
-    together = ((rss - left_over) / added) / (left_over / rest_dof) if added and rest_dof >= MINIMUM_DOF else math.nan
-    return PlaneFit(
-        fit.shaft,
-        tuple(terms),
-        rmse_line=math.sqrt(rss / (n - k)),
-        rmse_plane=math.sqrt(left_over / rest_dof) if rest_dof > 0 else math.nan,
-        f=together,
-        p=float(stats.f.sf(together, added, rest_dof)) if math.isfinite(together) else math.nan,
-        added=added,
-        dof=rest_dof,
-    )
+        u, share = math.sqrt(noise) / remains[i], abs(size) * remains[i] / math.sqrt(n)
+        terms.append(PlaneTerm(name, form, size, u, share, f, dof, float(stats.f.sf(f, 1, dof)), math.nan))
+    return tuple(terms), kept
 
 
 def plane_fits(grid: Grid, fits: LossFits, bench: BenchParameters) -> PlaneFits:

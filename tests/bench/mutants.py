@@ -148,8 +148,8 @@ STATISTICS = (
         "rmse=math.sqrt(rss / n)",
         ESTIMATORS,
     ),
-    mutant("AICc without its correction", "_fit_one", "+ 2.0 * (k + 1) * (k + 2) / (n - k - 2)", "", ESTIMATORS),
-    mutant("AICc that forgets the variance", "_fit_one", "+ 2.0 * (k + 1)\n", "+ 2.0 * k\n", ESTIMATORS),
+    mutant("AICc without its correction", "_aicc", "+ 2.0 * (k + 1) * (k + 2) / (n - k - 2)", "", ESTIMATORS),
+    mutant("AICc that forgets the variance", "_aicc", "+ 2.0 * (k + 1) + 2.0", "+ 2.0 * k + 2.0", ESTIMATORS),
     mutant("outliers not paid for", "outliers", "2.0 * n * stats.t.sf", "2.0 * stats.t.sf", ESTIMATORS),
     mutant(
         "outliers judged by a scatter with them in it",
