@@ -263,3 +263,11 @@ def test_what_is_written_can_be_told_instead_of_found(tmp_path: Path) -> None:
     path.write_bytes("a b\nx y\n1 2\n".encode("utf-16"))
     head = read_head(path, CsvForm(encoding="utf-16", delimiter=" ", decimal=".", units_row="yes"))
     assert (head.names, head.units, head.data_line) == (("a", "b"), ("x", "y"), 3)
+
+
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_commas_in_the_names_of_columns_do_not_part_them(decimal: str) -> None:
+    rows = "".join(f"{n}{decimal}5;{n}{decimal}25\n" for n in range(30))
+    source = source_of(f"time, after the start, in s;torque, sun\n{rows}".encode(), CsvForm())
+    assert [channel.name for channel in source.channels] == ["time, after the start, in s", "torque, sun"]
+    assert (source.head.delimiter, source.head.decimal) == (";", decimal)
