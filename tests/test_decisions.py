@@ -365,7 +365,7 @@ def test_transducers_are_the_same_where_serial_number_and_range_are(
 ) -> None:
     found = sharing(side_of(*a), side_of(*b), stated)
     assert (found.sun, found.ring) == (same, same)
-    assert words in found.told
+    assert words in found.description
 
 
 @pytest.mark.parametrize(

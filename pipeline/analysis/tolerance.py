@@ -126,7 +126,7 @@ class Agreements:
         return {name: {word: judged.count(state) for word, state in words.items()} for name, judged in states.items()}
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """The count as a sentence."""
         compared = int(self.compared.sum())
         if not compared:

@@ -242,7 +242,8 @@ def _made(
     effects: tuple[tuple[tuple[TransducerCause, ...], Array], tuple[tuple[TransducerCause, ...], Array]],
 ) -> PointDifference:
     left = np.concatenate([left_over(shared, *effects), error[:, None]], axis=-1)
-    apart = np.concatenate([left_over(Sharing(sun=False, ring=False, told=""), *effects), error[:, None]], axis=-1)
+    none = Sharing(sun=False, ring=False, description="")
+    apart = np.concatenate([left_over(none, *effects), error[:, None]], axis=-1)
     return PointDifference(values[0], values[1], correction, own, left, np.linalg.norm(apart, axis=-1))
 
 

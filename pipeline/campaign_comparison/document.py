@@ -41,12 +41,13 @@ def versus_document(
         }
         for i in range(len(at))
     ]
+    shared = versus.shared
     return {
         "schema": SCHEMA,
         "a": _side(versus.a),
         "b": _side(versus.b),
         "tolerances": {"speed": versus.matching.reach.speed, "load": versus.matching.reach.load},
-        "transducers": {"sun_same": versus.shared.sun, "ring_same": versus.shared.ring, "told": versus.shared.told},
+        "transducers": {"sun_same": shared.sun, "ring_same": shared.ring, "told": shared.description},
         "set_points_corrected": versus.corrected,
         "statement": statement(versus, judged),
         "p_value": None if judged is None else judged.p_value,

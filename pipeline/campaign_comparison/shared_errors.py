@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 class Sharing(PerShaft[bool]):
     """Whether both campaigns used the same transducer, by shaft, and why that is said."""
 
-    told: str
+    description: str
 
 
 def sharing(a: CampaignSide, b: CampaignSide, stated: Transducers) -> Sharing:

@@ -130,7 +130,7 @@ def _lines(versus: Versus, judged: ComparisonVerdict | None, page: Path) -> Iter
         f"matched: {counted(count['matched'], 'point')} within {reach.speed / RPM:g} rpm and {reach.load:g} N m; "
         f"{count['only_a']} only in {versus.a.name}, {count['only_b']} only in {versus.b.name}"
     )
-    yield f"transducers: {versus.shared.told}"
+    yield f"transducers: {versus.shared.description}"
     for name, kind in kinds_compared(versus):
         if kind == "engaged" and name in ("loss_total", "loss_magnetic"):
             mean = mean_document(versus, name, kind)

@@ -221,7 +221,7 @@ def _predictions(readings: Readings, as_is: Array, recalibrated: Array, refitted
 
 def lead(carried: Carried) -> str:
     """What the verdict is about, to stand before it."""
-    return f"Beside the model as fitted here ({carried.model.told}): "
+    return f"Beside the model as fitted here ({carried.model.description}): "
 
 
 def remark(carried: Carried) -> str:

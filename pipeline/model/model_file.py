@@ -83,7 +83,7 @@ class Model:
         return tuple(part.mechanism(bench, baseline or self.baseline) for part in self.parts)
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """The mechanisms by name, for people."""
         return ", ".join(f"{part.kind.title} ({part.shaft})" for part in self.parts) or "baseline alone"
 

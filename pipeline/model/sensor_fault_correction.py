@@ -55,7 +55,7 @@ class Misread:
     spread: dict[str, Array]
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """The faults in words."""
         words = []
         for part in self.parts:

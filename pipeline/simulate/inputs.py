@@ -100,7 +100,7 @@ def gather_inputs(
     if model_file is not None:
         whole = read_model(model_file)
         model, beside = whole.baseline, whole.beside(bench)
-        about = (("Losses", f"model {model_file.name}"), ("Mechanisms of the model", whole.told))
+        about = (("Losses", f"model {model_file.name}"), ("Mechanisms of the model", whole.description))
     else:
         model, beside = loss_model(file, bench), ()
         about = _about_losses(file, model)
@@ -108,7 +108,7 @@ def gather_inputs(
     beside += tuple(one.mechanism(bench, model or NO_LOSSES) for one in extra)
     _refuse_twice(file, beside)
     if extra:
-        about = (*about, ("Mechanisms switched on", "; ".join(one.told for one in extra)))
+        about = (*about, ("Mechanisms switched on", "; ".join(one.description for one in extra)))
     torque_map, about_map = _torque_map(file, bench)
     drivetrain = Drivetrain(
         bench,

@@ -41,7 +41,7 @@ class Switched:
         return replace(self.kind.of(bench, model), **dict(self.values))
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """Id and what is not at its null, for people."""
         nulls = {p.name: p for p in self.kind.parameters()}
         numbers = ", ".join(

@@ -65,7 +65,7 @@ def test_each_point_is_judged_by_the_data_sheet_where_nothing_was_set() -> None:
     )
     assert agreed.compared.tolist() == [True, True, True, False]
     assert agreed.within.tolist() == [True, False, False, False]
-    assert agreed.told == "Simulation within tolerance at 1 of 3 points (1 not comparable)."
+    assert agreed.description == "Simulation within tolerance at 1 of 3 points (1 not comparable)."
 
 
 def test_points_are_counted_and_judged_by_all_their_quantities() -> None:
@@ -99,7 +99,7 @@ def test_a_zero_check_is_not_a_simulated_point() -> None:
     at = replace(given.grid.points, configuration=np.array(["zero", "neutral", "neutral"]))
     agreed = agreements(replace(given, grid=replace(given.grid, points=at)), BENCH)
     assert agreed.of["torque_sun"].states == (ToleranceState.NOT_COMPARABLE, ToleranceState.WITHIN, ToleranceState.OUT)
-    assert agreed.told == "Simulation within tolerance at 1 of 2 points (1 not comparable)."
+    assert agreed.description == "Simulation within tolerance at 1 of 2 points (1 not comparable)."
 
 
 def test_the_points_furthest_out_of_tolerance_are_listed_first() -> None:

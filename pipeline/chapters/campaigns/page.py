@@ -119,7 +119,7 @@ def _differences(versus: Versus, judged: ComparisonVerdict) -> Section:
                 f"p {told_search(judged.p_value, judged.draws)}, noise and what the transducers leave allowed for",
             ),
             ("The same for the readings alone", f"p {told_search(judged.p_readings, judged.draws)}, noise only"),
-            ("Transducers", versus.shared.told),
+            ("Transducers", versus.shared.description),
             ("Set-points that differ within tolerance", _corrected(versus)),
         )
     )

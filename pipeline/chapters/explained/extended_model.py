@@ -24,7 +24,7 @@ def prediction_table(carried: Carried) -> Table:
     return Table(
         "prediction",
         "Prediction of a campaign not seen" if not carried.own else "The model at its own campaign",
-        f"{remark(carried)} The model: {carried.model.told}. Errors are root mean squares.",
+        f"{remark(carried)} The model: {carried.model.description}. Errors are root mean squares.",
         (
             Column("readings", "Readings"),
             Column("count", "Number", "", digits=0),

@@ -23,7 +23,7 @@ def misread_warning(found: tuple[Misread, ...], balance: PowerBalance) -> str:
     i = int(np.argmax(balance.values[loss_name]))
     u = float(balance.u(loss_name)[i])
     as_read = numerals.measured(float(balance.values[loss_name][i]), 2.0 * u)
-    without = [(one.values[loss_name][i], np.hypot(u, one.spread[loss_name][i]), one.told) for one in found]
+    without = [(one.values[loss_name][i], np.hypot(u, one.spread[loss_name][i]), one.description) for one in found]
     others = "; ".join(
         f"{numerals.measured(float(v), 2.0 * float(w))} W with {told} taken out" for v, w, told in without
     )
@@ -57,7 +57,7 @@ def misread_items(found: tuple[Misread, ...], balance: PowerBalance) -> tuple[Te
         Column("quantity", "Quantity"),
         Column("unit", "Unit"),
         Column("as_read", "As read", "", uncertain=True),
-        *(Column(f"without_{i}", f"Without {one.told}", "", uncertain=True) for i, one in enumerate(found, 1)),
+        *(Column(f"without_{i}", f"Without {one.description}", "", uncertain=True) for i, one in enumerate(found, 1)),
     ]
     told = "as many explanations as these recordings leave open" if len(found) > 1 else "the explanation that was found"
     return (

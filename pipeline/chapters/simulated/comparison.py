@@ -52,7 +52,7 @@ def comparison_section(residuals: Residuals, agreed: Agreements, more: tuple[Tab
         "shift whole columns alike and is in the uncertainties of losses and efficiencies above."
     )
     items: list[Facts | Figure | Table | Text] = [
-        Text(agreed.told, kind="finding"),
+        Text(agreed.description, kind="finding"),
         Facts(tuple(facts)),
         Text(told, kind="note"),
     ]
