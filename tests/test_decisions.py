@@ -33,7 +33,9 @@ from pmg.pipeline.fit.whitening import floor_scale
 from pmg.pipeline.grid.conditions import NOT_RECORDED, UNRECORDED, conditions
 from pmg.pipeline.grid.readings import Readings, predict, take_readings
 from pmg.pipeline.orders.band import FALSE_ALARM, FEWEST, emptied, noise_beside, periodogram
-from pmg.pipeline.store.store import Manifest
+from pmg.pipeline.recording.calibration import Calibration, Transducer
+from pmg.pipeline.recording.run import RunRecord
+from pmg.pipeline.store.manifest import Manifest
 from pmg.pipeline.thesis_figures.remarks import remarks_on
 from pmg.pipeline.windows.revolutions import WholeRevolutions
 from pmg.pipeline.wording.units import declared, kind_of
@@ -45,6 +47,7 @@ from pmg.sim.grid import Grid
 from pmg.sim.losscurve import SPEED_REFERENCE_RING, SPEED_REFERENCE_SUN, LossCurve
 from pmg.sim.signals import RPM, Array
 from tests.points import joined, measured, points
+from tests.store.records import WINDOW
 
 RPM_SUN = np.array([150.0, 400.0, 700.0, 1000.0, 1300.0, 1600.0, 1850.0])
 
@@ -418,8 +421,9 @@ def window(torque: float, u: float = 1e-3) -> dict[str, Any]:
 
 
 def difference_of(apart: float, *, same: bool, bench: BenchParameters) -> MeanDifference:
-    sun = {"nominal_torque": 5.0, "serial": "A1"}
-    calibrations = ({"sun": sun}, {"sun": sun if same else {**sun, "serial": "B2"}})
+    sun = Transducer(10_000.0, 5.0, 5000.0, "A1")
+    one = Calibration(sun, sun, 5120, 5120)
+    calibrations = one, one if same else replace(one, sun=replace(sun, serial="B2"))
     found = mean_differences(window(1.0 + apart), window(1.0), calibrations, bench)
     return next(each for each in found if "torque" in each.name.lower())
 
@@ -460,18 +464,14 @@ def test_windows_are_paired_by_their_point_and_documents_by_their_paths() -> Non
 
 
 def manifest(day: int, gear: int, seconds: float) -> Manifest:
-    document = {
-        "run": {"campaign": "c", "started_at": f"2025-04-{day:02}T09:00:00+00:00", "gear": gear, "note": ""},
-        "rate_hz": 500.0,
-        "windows": [{"drive": "sun", "means": {"duration": seconds}}, {"drive": "sun", "means": None}],
-        "calibration": {
-            "sun": {"nominal_torque": 5.0, "span_hz": 5000.0, "serial": "A1"},
-            "ring": {"nominal_torque": 5.0, "span_hz": 5000.0, "serial": ""},
-            "counts_per_rev_sun": 5120,
-            "counts_per_rev_ring": 5120,
-        },
-    }
-    return cast("Manifest", SimpleNamespace(document=document))
+    transducer = Transducer(10_000.0, 5.0, 5000.0, "A1")
+    return Manifest(
+        "x",
+        run=RunRecord("c", gear=gear, started_at=f"2025-04-{day:02}T09:00:00+00:00", note=""),
+        calibration=Calibration(transducer, replace(transducer, serial=""), 5120, 5120),
+        rate_hz=500.0,
+        windows=(replace(WINDOW, means=replace(WINDOW.means, duration=seconds)),),
+    )
 
 
 def test_conditions_tell_what_differs_and_what_nobody_wrote_down() -> None:

@@ -176,6 +176,34 @@ def a_class_name_is_used_once(modules: Sequence[Module]) -> Iterator[Breach]:
                 yield Breach(module.name, node.lineno, f"class {node.name}, which is one of {other} too", rule)
 
 
+def root_of(node: ast.AST) -> str:
+    """The name at which a chain of attributes, calls and subscripts begins."""
+    while isinstance(node, ast.Attribute | ast.Subscript | ast.Call):
+        node = node.func if isinstance(node, ast.Call) else node.value
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def key_of(node: ast.AST) -> str | None:
+    """The text by which a subscript, or a call of ``get``, asks for a value."""
+    if isinstance(node, ast.Subscript):
+        key: ast.expr | None = node.slice
+    elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "get":
+        key = next(iter(node.args), None)
+    else:
+        return None
+    return key.value if isinstance(key, ast.Constant) and isinstance(key.value, str) else None
+
+
+def a_manifest_is_a_record(modules: Sequence[Module]) -> Iterator[Breach]:
+    for module in modules:
+        if room_of(module.name) == "pipeline.store":
+            continue
+        for node in ast.walk(module.tree):
+            if (key := key_of(node)) is not None and root_of(node) in ("manifest", "m", "window", "w"):
+                rule = "a manifest and its windows are records: no subscripts by key outside pipeline.store"
+                yield Breach(module.name, getattr(node, "lineno", 1), f"{root_of(node)} is asked for {key!r}", rule)
+
+
 RULES: tuple[Callable[[Sequence[Module]], Iterator[Breach]], ...] = (
     imports_go_down,
     every_room_has_a_floor,
@@ -185,6 +213,7 @@ RULES: tuple[Callable[[Sequence[Module]], Iterator[Breach]], ...] = (
     functions_stay_small,
     no_reason_is_kept_in_vain,
     a_class_name_is_used_once,
+    a_manifest_is_a_record,
 )
 
 
@@ -280,6 +309,16 @@ PLANTED: tuple[tuple[Callable[[Sequence[Module]], Iterator[Breach]], str, tuple[
         (_lines(_LISTED.rpartition(".")[0], f"def {_LISTED.rpartition('.')[2]}():\n    pass"),),
     ),
     (no_reason_is_kept_in_vain, "a reason for a function that is gone", (_lines(_LISTED.rpartition(".")[0], ""),)),
+    (
+        a_manifest_is_a_record,
+        "a window's mean by its key",
+        (_lines("pmg.pipeline.grid.a", "def f(window):\n    return window.document()['means']['sun']"),),
+    ),
+    (
+        a_manifest_is_a_record,
+        "a limit asked of a manifest's document",
+        (_lines("pmg.pipeline.fit.a", "def f(manifest):\n    return manifest.document().get('limits', 1)"),),
+    ),
     (
         a_class_name_is_used_once,
         "a class name in two rooms",

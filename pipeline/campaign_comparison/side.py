@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.fit.analysis import Analysis
-    from pmg.pipeline.store.store import Manifest
+    from pmg.pipeline.store.manifest import Manifest
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
 
@@ -70,7 +70,7 @@ class CampaignSide:
     @property
     def contents(self) -> frozenset[str]:
         """SHA-256 of its recordings."""
-        return frozenset(str(manifest.document["sha256"]) for manifest in self.manifests)
+        return frozenset(manifest.sha256 for manifest in self.manifests)
 
 
 def read_side(label: str, store: Path, campaign: str | None, bench: BenchParameters) -> CampaignSide:
@@ -121,8 +121,8 @@ def transducers_of(manifests: Sequence[Manifest]) -> dict[str, TransducerIdentit
     found: dict[str, TransducerIdentity | None] = {}
     for side in SIDES:
         named = {
-            TransducerIdentity(str(of.get("serial") or ""), float(of["nominal_torque"]), float(of["span_hz"]))
-            for of in (manifest.document["calibration"][side] for manifest in manifests)
+            TransducerIdentity(of.serial, of.nominal_torque, of.span_hz)
+            for of in (manifest.calibration[side] for manifest in manifests)
         }
         only = next(iter(named)) if len(named) == 1 else None
         found[side] = only if only is not None and only.serial else None

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.catalogue.entries import Cell
     from pmg.pipeline.catalogue.find_run import Held
+    from pmg.pipeline.recording.calibration import Calibration
     from pmg.sim.bench import BenchParameters
 
 COVERAGE = 2.0
@@ -99,7 +100,7 @@ def _leaves(document: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, 
 
 
 def mean_differences(
-    a: Mapping[str, Cell], b: Mapping[str, Cell], calibrations: tuple[Mapping[str, Any], ...], bench: BenchParameters
+    a: Mapping[str, Cell], b: Mapping[str, Cell], calibrations: tuple[Calibration | None, ...], bench: BenchParameters
 ) -> tuple[MeanDifference, ...]:
     """Differences of mean torques and speeds of two windows, with their uncertainty.
 
@@ -107,8 +108,8 @@ def mean_differences(
     ----------
     a, b : dict
         Both windows as the catalogue has them.
-    calibrations : tuple of two dicts
-        Calibrations of both recordings, as their manifests hold them; empty where there are none.
+    calibrations : tuple of two Calibration or None
+        Of both recordings; None where there is none.
     bench : BenchParameters
         Tolerances of the transducers.
 
@@ -145,7 +146,7 @@ def _torque_uncertainty(
     a: Mapping[str, Cell],
     b: Mapping[str, Cell],
     side: str,
-    calibrations: tuple[Mapping[str, Any], ...],
+    calibrations: tuple[Calibration | None, ...],
     bench: BenchParameters,
 ) -> float | None:
     """Standard uncertainty of the difference of two mean torques [N m]."""
@@ -155,8 +156,11 @@ def _torque_uncertainty(
         return None
     own = math.hypot(*(float(value or 0.0) for value in parts))
     of = bench.transducers[side]
-    held = [calibration.get(side, {}) for calibration in calibrations]
-    nominal = [float(each.get("nominal_torque") or of.nominal_torque) for each in held]
+    held = [None if calibration is None else calibration[side] for calibration in calibrations]
+    nominal = [
+        each.nominal_torque if each is not None and each.nominal_torque > 0.0 else float(of.nominal_torque)
+        for each in held
+    ]
     if held[0] == held[1]:
         apart = abs(float(torques[0] or 0.0) - float(torques[1] or 0.0))
         linear = float(of.nonlinearity) * min(SINE * apart, math.sqrt(2.0) * nominal[0])
@@ -169,9 +173,9 @@ def _torque_uncertainty(
     return math.hypot(own, *shared)
 
 
-def _speed_step(row: Mapping[str, Cell], side: str, calibration: Mapping[str, Any]) -> float | None:
+def _speed_step(row: Mapping[str, Cell], side: str, calibration: Calibration | None) -> float | None:
     """Standard uncertainty of a mean speed from the step of its encoder [rad/s]."""
-    counts, seconds = calibration.get(f"counts_per_rev_{side}"), row["seconds"]
+    counts, seconds = 0 if calibration is None else calibration.counts_per_rev[side], row["seconds"]
     if not counts or not isinstance(seconds, float) or seconds <= 0.0:
         return None
     return REVOLUTION / float(counts) / seconds / ENDS

@@ -5,17 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from pmg.pipeline.grid.window_facts import SIMULATED
+from pmg.pipeline.grid.window_facts import marked_as_simulated
+from pmg.pipeline.recording.codes import Severity
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import SPEED_RING, SPEED_SUN, SPEEDS, TORQUES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
-    from pmg.pipeline.store.store import Manifest
+    from pmg.pipeline.recording.means import ShaftMeans
+    from pmg.pipeline.store.manifest import Manifest, StoredWindow
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
 
@@ -48,68 +50,66 @@ def recording_entry(manifest: Manifest) -> Entry:
     KeyError, TypeError, ValueError, AttributeError
         The manifest is damaged.
     """
-    document = manifest.document
-    run = document["run"] if manifest.ingested else document.get("run", {})
-    findings = document["findings"]
-    kinds = [str(finding["severity"]) for finding in findings]
+    run, origin = manifest.run, manifest.origin
+    severities = [finding.severity for finding in manifest.findings]
     fields: dict[str, Cell] = {
-        "campaign": text(run["campaign"]) if run else None,
+        "campaign": text(run.campaign),
         "name": text(manifest.identifier),
-        "file": text(document["file"]),
-        "status": text(document["status"]),
-        "point": text(run.get("point")),
-        "configuration": text(run.get("configuration")),
-        "gear": whole(run.get("gear")),
-        "drive": text(run.get("drive")),
-        "measurement_begin": text(run.get("started_at")),
-        "findings": len(findings),
-        "errors": kinds.count("error"),
-        "simulated": int(any(finding["code"] == SIMULATED for finding in findings)),
-        "rate_hz": number(document.get("rate_hz")),
-        "samples": whole(document.get("samples")),
-        "size": whole(document.get("size")),
-        "sha256": text(document["sha256"]),
-        "origin": text(document["origin"]["source"]) if "origin" in document else None,
-        "note": text(run.get("note")),
+        "file": text(manifest.file),
+        "status": text(manifest.status),
+        "point": text(run.point),
+        "configuration": text(run.configuration),
+        "gear": whole(run.gear),
+        "drive": text(run.drive),
+        "measurement_begin": text(run.started_at),
+        "findings": len(manifest.findings),
+        "errors": severities.count(Severity.ERROR),
+        "simulated": int(marked_as_simulated(manifest)),
+        "rate_hz": number(manifest.rate_hz),
+        "samples": whole(manifest.samples),
+        "size": whole(manifest.size),
+        "sha256": text(manifest.sha256),
+        "origin": None if origin is None else text(origin.source),
+        "note": text(run.note),
     }
-    return Entry(fields, tuple(_window(window) for window in document["windows"]))
+    return Entry(fields, tuple(_window(window) for window in manifest.windows))
 
 
-def _window(window: Mapping[str, Any]) -> Entry:
-    means, asked = window["means"], window["setpoints"]
-    load = number(asked["torque_ring"])
-    if window["configuration"] != Configuration.ENGAGED:
+def _window(window: StoredWindow) -> Entry:
+    means, asked = window.means, window.setpoints
+    load = number(asked.torque_ring)
+    if window.configuration is not Configuration.ENGAGED:
         load = 0.0
-    elif load is None and means["ring"]["torque"] is not None:
-        load = round(float(means["ring"]["torque"]), 1)
-    begin = number(window["started_at_s"])
+    elif load is None and not math.isnan(means.ring.torque):
+        load = round(means.ring.torque, 1)
+    begin = number(window.started_at_s)
     fields: dict[str, Cell] = {
-        "name": text(window["point"]),
-        "configuration": text(window["configuration"]),
-        "gear": whole(window["gear"]),
-        "drive": text(window["drive"]),
+        "name": text(window.point),
+        "configuration": text(window.configuration.value),
+        "gear": whole(window.gear),
+        "drive": text(window.drive),
         "measurement_begin": None if begin is None else moment(begin),
         "begin_s": begin,
-        "seconds": number(means["duration"]),
-        "number_of_rows": whole(window["stop_sample"] - window["first_sample"]),
-        "sun_set": _shown(SPEED_SUN.display, asked["speed_sun"]),
-        "ring_set": _shown(SPEED_RING.display, asked["speed_ring"]),
+        "seconds": number(means.duration),
+        "number_of_rows": whole(window.stop_sample - window.first_sample),
+        "sun_set": _shown(SPEED_SUN.display, asked.speed_sun),
+        "ring_set": _shown(SPEED_RING.display, asked.speed_ring),
         "load": load,
-        "accepted": int(window["accepted"]),
-        "reasons": text("; ".join(window["reasons"])),
-        "rest_sun": int(window["rest_sun"]),
-        "rest_ring": int(window["rest_ring"]),
+        "accepted": int(window.accepted),
+        "reasons": text("; ".join(window.reasons)),
+        "rest_sun": int(window.rest_sun),
+        "rest_ring": int(window.rest_ring),
         "analysed": 0,
     }
     return Entry(fields, tuple(entry for side in SIDES for entry in _quantities(side, means[side])))
 
 
-def _quantities(side: str, means: Mapping[str, Any]) -> tuple[Entry, Entry]:
+def _quantities(side: str, means: ShaftMeans) -> tuple[Entry, Entry]:
     """Torque and speed of a shaft over a window; the uncertainty is that from within the window."""
     speed, torque = SPEEDS[side], TORQUES[side]
     return (
-        Entry(_quantity(torque.name, torque.unit, means["torque"]) | {"u": number(means["within"])} | _scatter(means)),
-        Entry(_quantity(speed.name, speed.display_unit, _shown(speed.display, means["speed"]))),
+        Entry(_quantity(torque.name, torque.unit, means.torque) | {"u": number(means.within)} | _scatter(means)),
+        Entry(_quantity(speed.name, speed.display_unit, _shown(speed.display, means.speed))),
     )
 
 
@@ -117,8 +117,8 @@ def _quantity(name: str, unit: str, average: object) -> dict[str, Cell]:
     return {"name": name, "unit": unit, "average": number(average)}
 
 
-def _scatter(means: Mapping[str, Any]) -> dict[str, Cell]:
-    return {"standard_deviation": number(means["std"])}
+def _scatter(means: ShaftMeans) -> dict[str, Cell]:
+    return {"standard_deviation": number(means.std)}
 
 
 def grid_entry(grid: Grid) -> Entry:
@@ -209,10 +209,10 @@ def rejected_as_copies(entries: Sequence[Entry], manifests: Sequence[Manifest]) 
             entry.fields,
             tuple(
                 Entry(
-                    part.fields | {"accepted": int(window["accepted"]), "reasons": text("; ".join(window["reasons"]))},
+                    part.fields | {"accepted": int(window.accepted), "reasons": text("; ".join(window.reasons))},
                     part.parts,
                 )
-                for part, window in zip(entry.parts, manifest.document["windows"], strict=True)
+                for part, window in zip(entry.parts, manifest.windows, strict=True)
             ),
         )
         for entry, manifest in zip(entries, manifests, strict=True)

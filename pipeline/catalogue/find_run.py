@@ -11,10 +11,9 @@ from pmg.pipeline.catalogue.query import QueryError
 from pmg.sim.errors import StoreError, near_miss
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from pmg.pipeline.catalogue.entries import Cell
     from pmg.pipeline.catalogue.index import Catalogue
+    from pmg.pipeline.store.manifest import Manifest
     from pmg.pipeline.store.store import Store
 
 LISTED = 6
@@ -27,14 +26,19 @@ class Held:
 
     Parameters
     ----------
-    document : dict
-        Manifest of the recording; empty for a grid that was read from tables.
+    manifest : Manifest or None
+        Of the recording; None for a grid that was read from tables.
     rows : tuple of dict
         Its windows as the catalogue has them, by column; of a test point that one only.
     """
 
-    document: Mapping[str, Any]
+    manifest: Manifest | None
     rows: tuple[dict[str, Cell], ...]
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The manifest as JSON; empty where there is none."""
+        return {} if self.manifest is None else self.manifest.document()
 
     @property
     def name(self) -> str:
@@ -85,11 +89,11 @@ def held(store: Store, catalogue: Catalogue, name: str) -> Held:
         came = f"{name!r} is in {len(recordings)} recordings: {', '.join(recordings[:LISTED])}{more}"
         raise QueryError(str(store.path), came, "one", "Name the recording.")
     if found[0]["status"] == "table":
-        return Held({}, tuple(found))
+        return Held(None, tuple(found))
     manifest = store.manifest(recordings[0])
     if manifest is None:
         raise StoreError(str(store.path), f"{recordings[0]} is unreadable", "its manifest", "Ingest its source again.")
-    return Held(manifest.document, tuple(found))
+    return Held(manifest, tuple(found))
 
 
 def _nearest(name: str, known: set[str]) -> str:

@@ -23,7 +23,8 @@ from pmg.sim.errors import PmgError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pmg.pipeline.store.store import Manifest, Store
+    from pmg.pipeline.store.manifest import Manifest
+    from pmg.pipeline.store.store import Store
     from pmg.sim.grid import Grid
 
 Key = tuple[Cell, Cell, Cell]
@@ -63,10 +64,8 @@ def _read(store: Store) -> tuple[list[tuple[Manifest, Entry]], list[dict[str, An
     for path in sorted((store.path / SOURCES).glob("*.json")):
         if path.name.startswith(PREFIX):
             continue
-        manifest = store.manifest(path.stem)
         try:
-            if manifest is None:
-                raise ValueError("no manifest, or its samples are missing")
+            manifest = store.read_manifest(path.stem)
             found.append((manifest, recording_entry(manifest)))
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             if path.exists():
@@ -104,12 +103,12 @@ def _with_grid(entries: Sequence[Entry], grid: Grid) -> tuple[list[Entry], list[
         rows[grid.campaign, str(at.name[row]), float(at.started_at[row])].append(row)
     found = []
     for entry in entries:
-        windows = tuple(_analysed_window(entry.fields["campaign"], window, rows, grid) for window in entry.parts)
+        windows = tuple(_analysed_window(entry.fields["campaign"], part, rows, grid) for part in entry.parts)
         found.append(Entry(entry.fields, windows))
     without = sum(
-        not window.fields["analysed"]
+        not part.fields["analysed"]
         for entry in found
-        for window in entry.parts
+        for part in entry.parts
         if entry.fields["campaign"] == grid.campaign
     )
     left = sum(map(len, rows.values()))
@@ -119,19 +118,19 @@ def _with_grid(entries: Sequence[Entry], grid: Grid) -> tuple[list[Entry], list[
     return found, [told("warning", f"campaign {grid.campaign}", message)]
 
 
-def _analysed_window(campaign: Cell, window: Entry, rows: dict[Key, list[int]], grid: Grid) -> Entry:
+def _analysed_window(campaign: Cell, part: Entry, rows: dict[Key, list[int]], grid: Grid) -> Entry:
     """A window with the row of the grid that is its own taken out of ``rows``; copies have rows alike."""
-    held = rows.get((campaign, window.fields["name"], window.fields["begin_s"]), [])
-    own = next((row for row in held if bool(grid.accepted[row]) == bool(window.fields["accepted"])), None)
+    held = rows.get((campaign, part.fields["name"], part.fields["begin_s"]), [])
+    own = next((row for row in held if bool(grid.accepted[row]) == bool(part.fields["accepted"])), None)
     row = own if own is not None else (held[0] if held else None)
     if row is None:
-        return window
+        return part
     held.remove(row)
     parts = tuple(
         Entry(quantity.fields | grid_uncertainty(grid, str(quantity.fields["name"]).removeprefix("torque_"), row))
         if str(quantity.fields["name"]).startswith("torque_")
         else quantity
-        for quantity in window.parts
+        for quantity in part.parts
     )
     taken: dict[str, Cell] = {"analysed": 1, "accepted": int(grid.accepted[row]), "reasons": str(grid.reason[row])}
-    return Entry(window.fields | taken, parts)
+    return Entry(part.fields | taken, parts)

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.model.extreme_steady_points import SteadyEnd
     from pmg.pipeline.model.sensor_fault_correction import Misread
     from pmg.pipeline.point_signals.encoded import Encoded
+    from pmg.pipeline.recording.origin import ImportRecord
     from pmg.sim.bench import BenchParameters
 
 PACKAGES = ("pmg-bench", "numpy", "scipy", "pandas", "polars", "mcap", "matplotlib")
@@ -74,7 +75,7 @@ def build_report(
     ends: tuple[SteadyEnd, ...] = (),
     orders: Section | None = None,
     budget: Budget | None = None,
-    origins: tuple[tuple[str, Mapping[str, Any]], ...] = (),
+    origins: tuple[tuple[str, ImportRecord], ...] = (),
     told: Conditions | None = None,
     tolerances: Mapping[str, Tolerance] | None = None,
     signals: Encoded | None = None,

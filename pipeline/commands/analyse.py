@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.commands.provenance import Clock
     from pmg.pipeline.grid.window_facts import WindowFacts
-    from pmg.pipeline.store.store import Manifest
+    from pmg.pipeline.store.manifest import Manifest
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
 

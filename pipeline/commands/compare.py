@@ -40,8 +40,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.commands.compare_and_diagnose import ComparedCampaign
     from pmg.pipeline.commands.provenance import Clock
     from pmg.pipeline.commands.stored_analysis import StoredAnalysis
+    from pmg.pipeline.recording.origin import ImportRecord
     from pmg.pipeline.report.document import Report
-    from pmg.pipeline.store.store import Manifest
+    from pmg.pipeline.store.manifest import Manifest
 
 DIAGNOSIS = "diagnosis.json"
 """Name of the diagnosis beside the report."""
@@ -173,6 +174,6 @@ def command_told(note: str, model: Path | None) -> str:
     return f"pmg compare --store STORE --report REPORT {told}".strip()
 
 
-def _origins(used: tuple[Manifest, ...]) -> tuple[tuple[str, dict[str, Any]], ...]:
+def _origins(used: tuple[Manifest, ...]) -> tuple[tuple[str, ImportRecord], ...]:
     """Recordings that were imported, and what from."""
-    return tuple((m.document["file"], m.document["origin"]) for m in used if "origin" in m.document)
+    return tuple((m.file, m.origin) for m in used if m.origin is not None)

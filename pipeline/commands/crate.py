@@ -21,8 +21,10 @@ from pmg.pipeline.store.store import Store
 from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
     from datetime import datetime
+
+    from pmg.pipeline.recording.origin import ImportRecord
 
 FILE = "ro-crate-metadata.json"
 SPECIFICATION = "https://w3id.org/ro/crate/1.1"
@@ -194,11 +196,10 @@ def recordings_of(store: Path, campaign: str | None = None) -> tuple[SourceFile,
     StoreError
         A manifest cannot be read.
     """
-    found = [manifest.document for manifest in Store(store).manifests() if manifest.ingested]
     return tuple(
-        SourceFile(str(each["file"]), str(each["sha256"]), each.get("size"), _imported(each))
-        for each in found
-        if campaign is None or each["run"]["campaign"] == campaign
+        SourceFile(manifest.file, manifest.sha256, manifest.size, _imported(manifest.origin))
+        for manifest in Store(store).manifests()
+        if manifest.ingested and campaign in (None, manifest.campaign)
     )
 
 
@@ -207,13 +208,11 @@ def source_file(path: Path) -> SourceFile:
     return SourceFile(path.name, sha256_of(path), path.stat().st_size)
 
 
-def _imported(document: Mapping[str, Any]) -> SourceFile | None:
+def _imported(origin: ImportRecord | None) -> SourceFile | None:
     """What a recording was imported from; None where it was not, or its hash is none."""
-    origin = document.get("origin") or {}
-    sha256, size = str(origin.get("sha256", "")), str(origin.get("size", ""))
-    if len(sha256) != 64 or not set(sha256) <= set("0123456789abcdef"):
+    if origin is None or len(origin.sha256) != 64 or not set(origin.sha256) <= set("0123456789abcdef"):
         return None
-    return SourceFile(str(origin.get("source", "")), sha256, int(size) if size.isdecimal() else None)
+    return SourceFile(origin.source, origin.sha256, int(origin.size) if origin.size.isdecimal() else None)
 
 
 def _results(folder: Path, given: tuple[Path, ...] | None) -> list[Path]:

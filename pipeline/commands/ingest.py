@@ -8,12 +8,12 @@ from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.grid.campaign import campaigns
 from pmg.pipeline.grid.copies import COPY, without_copies
 from pmg.pipeline.grid.missing_points import missing_points
+from pmg.pipeline.grid.window_facts import window_remarks
 from pmg.pipeline.importers.supply import read_supply
 from pmg.pipeline.recording.supplied import NOTHING
 from pmg.pipeline.store.sources import Shard
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.windows.limits import chosen_limits
-from pmg.pipeline.windows.remarks import window_remarks
 from pmg.pipeline.wording.outcome import Outcome, told
 from pmg.pipeline.wording.plurals import counted
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.grid.missing_points import Unreached
-    from pmg.pipeline.store.store import Manifest
+    from pmg.pipeline.store.manifest import Manifest
     from pmg.pipeline.windows.limits import Steadiness
 
 
@@ -104,19 +104,19 @@ def _told_windows(manifests: list[Manifest], sources: frozenset[str]) -> tuple[d
     """Windows of these sources that failed a check, and remarks on those that did not, as findings."""
     return tuple(
         told(
-            "info" if window["accepted"] else "warning",
-            f"{manifest.document['file']}: {window['point']}",
-            ("accepted; " if window["accepted"] else "rejected: ") + "; ".join(words),
+            "info" if window.accepted else "warning",
+            f"{manifest.file}: {window.point}",
+            ("accepted; " if window.accepted else "rejected: ") + "; ".join(words),
         )
         for manifest in manifests
-        for window in manifest.document["windows"]
-        if manifest.document["sha256"] in sources and (words := window_remarks(window))
+        for window in manifest.windows
+        if manifest.sha256 in sources and (words := window_remarks(window))
     )
 
 
 def _of_campaigns(manifests: list[Manifest]) -> list[list[Manifest]]:
     """Sources of each campaign."""
-    return [[m for m in manifests if m.document["run"]["campaign"] == name] for name in campaigns(manifests)]
+    return [[m for m in manifests if m.campaign == name] for name in campaigns(manifests)]
 
 
 def _copied_windows(manifests: list[Manifest], sources: frozenset[str]) -> tuple[dict[str, Any], ...]:
@@ -126,12 +126,12 @@ def _copied_windows(manifests: list[Manifest], sources: frozenset[str]) -> tuple
     """
     files = _files(manifests, sources)
     return tuple(
-        told("warning", f"{manifest.document['file']}: {window['point']}", f"{reason}; it counts once, as there")
+        told("warning", f"{manifest.file}: {window.point}", f"{reason}; it counts once, as there")
         for campaign in _of_campaigns(manifests)
         for manifest in without_copies(campaign)
-        for window in manifest.document["windows"]
-        for reason in window["reasons"][-1:]
-        if reason.startswith(COPY) and files & {manifest.document["file"], reason.removeprefix(COPY).strip()}
+        for window in manifest.windows
+        for reason in window.reasons[-1:]
+        if reason.startswith(COPY) and files & {manifest.file, reason.removeprefix(COPY).strip()}
     )
 
 
@@ -147,4 +147,4 @@ def _unreached(manifests: list[Manifest], sources: frozenset[str]) -> tuple[Unre
 
 
 def _files(manifests: list[Manifest], sources: frozenset[str]) -> set[str]:
-    return {manifest.document["file"] for manifest in manifests if manifest.document["sha256"] in sources}
+    return {manifest.file for manifest in manifests if manifest.sha256 in sources}

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
 
-from pmg.pipeline.files.json_values import with_nulls
 from pmg.pipeline.files.parallel import map_over
 from pmg.pipeline.orders.stored_lines import keep_orders
 from pmg.pipeline.recording import Code, Finding, Severity, UnusableRecordingError, read_recording
+from pmg.pipeline.recording.run import RunRecord
 from pmg.pipeline.recording.supplied import NOTHING
+from pmg.pipeline.store.manifest import FAILED as UNUSABLE
+from pmg.pipeline.store.manifest import INGESTED, Manifest, StoredWindow
 from pmg.pipeline.store.sources import take_inventory
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.windows.limits import LIMITS
@@ -20,13 +22,12 @@ from pmg.pipeline.windows.windows import find_windows
 from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Container, Iterable, Iterator, Sequence
     from pathlib import Path
 
     from pmg.pipeline.recording import Recording
     from pmg.pipeline.recording.supplied import Supplied
     from pmg.pipeline.store.sources import Shard, StoredSource
-    from pmg.pipeline.store.store import Manifest
     from pmg.pipeline.windows.limits import Steadiness
     from pmg.pipeline.windows.window import Window
 
@@ -117,7 +118,7 @@ def ingest(
     inventory = take_inventory(place, shard)
     store.prepare()
     store.sweep()
-    there = {m.document["sha256"] for m in store.manifests(whole=False) if _done(m, limits, supplied)}
+    there = {m.sha256 for m in store.manifests(whole=False) if _done(m, limits, supplied)}
     todo = [source for source in inventory.sources if source.sha256 not in there]
     if workers is None:
         large = sum(source.path.stat().st_size for source in todo) >= WORTH_A_PROCESS
@@ -133,22 +134,22 @@ def ingest(
             progress(done, len(inventory.sources), job.source.name)
     store.sweep()
     supersede(store, inventory.sources)
-    known = {manifest.document["sha256"]: manifest.document for manifest in store.manifests()}
+    known = {manifest.sha256: manifest for manifest in store.manifests()}
     if scheduler is not None and any(source.sha256 not in known for source in todo):
         raise _unseen(store.path)
-    documents = [known[source.sha256] for source in inventory.sources if source.sha256 in known]
-    windows = [window for document in documents for window in document["windows"]]
+    manifests = [known[source.sha256] for source in inventory.sources if source.sha256 in known]
+    windows = [window for manifest in manifests for window in manifest.windows]
     sha256 = frozenset(source.sha256 for source in inventory.sources)
-    told = (Finding.from_dict(plain) for document in documents for plain in document["findings"])
+    found = (finding for manifest in manifests for finding in manifest.findings)
     return IngestReport(
         ingested=counts[DONE],
         skipped=len(inventory.sources) - len(todo) + counts[THERE],
         failed=counts[FAILED] + inventory.unreadable,
         windows=len(windows),
-        rejected=sum(not window["accepted"] for window in windows),
-        findings=(*inventory.findings, *told, *_shared_start(known.values(), sha256)),
+        rejected=sum(not window.accepted for window in windows),
+        findings=(*inventory.findings, *found, *_shared_start(known.values(), sha256)),
         sha256=sha256,
-        campaigns=tuple(sorted({d["run"]["campaign"] for d in documents if d["status"] == "ingested"})),
+        campaigns=tuple(sorted({manifest.campaign for manifest in manifests if manifest.ingested})),
     )
 
 
@@ -161,10 +162,10 @@ def supersede(store: Store, sources: tuple[StoredSource, ...]) -> None:
     """
     current = {source.sha256 for source in sources}
     manifests = sorted(store.manifests(), key=lambda m: (not m.ingested, m.identifier))
-    runs = {m.document["place"]: _run_of(m) for m in manifests if m.document["sha256"] in current and m.ingested}
+    runs = {m.place: _run_of(m) for m in manifests if m.sha256 in current and m.ingested}
     kept: set[str] = set()
     for manifest in manifests:
-        place, sha256 = manifest.document["place"], manifest.document["sha256"]
+        place, sha256 = manifest.place, manifest.sha256
         twice = sha256 in current and sha256 in kept
         corrected = sha256 not in current and place in runs and _run_of(manifest) in (None, runs[place])
         kept.add(sha256)
@@ -174,7 +175,7 @@ def supersede(store: Store, sources: tuple[StoredSource, ...]) -> None:
 
 def _run_of(manifest: Manifest) -> tuple[str, str] | None:
     """Campaign and start of an ingested source."""
-    return (manifest.document["run"]["campaign"], manifest.document["run"]["started_at"]) if manifest.ingested else None
+    return (manifest.campaign, manifest.started_at) if manifest.ingested else None
 
 
 def _ingest_one(job: Job) -> str:
@@ -182,7 +183,6 @@ def _ingest_one(job: Job) -> str:
     source, store = job.source, Store(job.store)
     if not store.made:
         raise _unseen(job.store)
-    common: dict[str, Any] = {"file": source.name, "place": source.place, "sha256": source.sha256}
     earlier = store.manifest(source.identifier)
     if earlier is not None and _done(earlier, job.limits, job.supplied):
         return THERE
@@ -191,19 +191,14 @@ def _ingest_one(job: Job) -> str:
         if recording.sha256 != source.sha256:
             raise UnusableRecordingError((_changed(source),))
     except UnusableRecordingError as error:
-        common |= {"run": error.run} if error.run else {}
-        findings = [finding.to_dict() for finding in error.findings]
-        store.write(source.identifier, common | {"status": "failed", "findings": findings, "windows": []}, None)
+        run = RunRecord(**error.run)
+        names = source.identifier, source.name, source.place, source.sha256
+        store.write(Manifest(*names, UNUSABLE, run, error.findings), None)
         return FAILED
-    common["size"] = recording.size
-    judged = find_windows(recording, job.limits)
-    windows = [_window_document(recording, window) for window in judged]
-    keep_orders(store.path, source.identifier, recording, judged)
-    common |= _recording_document(recording)
-    if recording.supplied is None and job.supplied.fields:
-        common["offered"] = job.supplied.hashes()
-    common |= {"reduction": REDUCTION, "limits": job.limits.document(), "windows": windows}
-    store.write(source.identifier, common, recording.samples)
+    windows = find_windows(recording, job.limits)
+    manifest = _manifest(source, recording, windows, job)
+    keep_orders(store.path, source.identifier, recording, windows)
+    store.write(manifest, recording.samples)
     return DONE
 
 
@@ -214,31 +209,27 @@ def _done(manifest: Manifest, limits: Steadiness, supplied: Supplied) -> bool:
     What was supplied stays where nothing is supplied now; where something else is, or where a map may name channels
     that were not offered before, the source is read anew.
     """
-    document = manifest.document
-    if not manifest.ingested or document.get("limits", LIMITS.document()) != limits.document():
-        return False
-    if document.get("reduction", 1) != REDUCTION:
+    judged_by = LIMITS.document() if manifest.limits is None else manifest.limits
+    if not manifest.ingested or judged_by != limits.document() or manifest.reduction != REDUCTION:
         return False
     if supplied == NOTHING:
         return True
-    used = document.get("supplied")
-    if used is None:
-        return not supplied.fields or document.get("offered") == supplied.hashes()
-    return {key: value for key, value in used.items() if key != "parts"} == supplied.hashes()
+    if manifest.supplied is None:
+        return not supplied.fields or manifest.offered == supplied.hashes()
+    return manifest.supplied.hashes == supplied.hashes()
 
 
-def _shared_start(documents: Iterable[Mapping[str, Any]], told: Container[str]) -> Iterator[Finding]:
+def _shared_start(manifests: Iterable[Manifest], asked: Container[str]) -> Iterator[Finding]:
     """Recordings beyond the first that took one and the same run from a map; of pairs with one of those to tell of."""
-    first: dict[tuple[str, str], Mapping[str, Any]] = {}
-    for document in documents:
-        if "run" not in document.get("supplied", {}).get("parts", ()):
+    first: dict[tuple[str, str], Manifest] = {}
+    for manifest in manifests:
+        if manifest.supplied is None or "run" not in manifest.supplied.parts:
             continue
-        run = document["run"]
-        other = first.setdefault((run["campaign"], run["started_at"]), document)
-        if other is not document and (document["sha256"] in told or other["sha256"] in told):
-            came = f"the supplied start {run['started_at']} is that of {other['file']} too; expected one of its own"
+        other = first.setdefault((manifest.campaign, manifest.started_at), manifest)
+        if other is not manifest and (manifest.sha256 in asked or other.sha256 in asked):
+            came = f"the supplied start {manifest.started_at} is that of {other.file} too; expected one of its own"
             advice = "The order of the runs is lost, and they may count as copies: ingest each with a map of its own."
-            yield Finding(Code.RUN_VALUE, Severity.WARNING, document["file"], "started_at", came, advice)
+            yield Finding(Code.RUN_VALUE, Severity.WARNING, manifest.file, "started_at", came, advice)
 
 
 def _unseen(folder: Path) -> StoreError:
@@ -254,44 +245,36 @@ def _changed(source: StoredSource) -> Finding:
     return Finding(Code.UNREADABLE, Severity.ERROR, source.name, "whole file", message, advice)
 
 
-def _recording_document(recording: Recording) -> dict[str, Any]:
-    run, calibration = recording.run, recording.calibration
-    told: dict[str, Any] = {} if recording.origin is None else {"origin": recording.origin.document()}
-    told |= {} if recording.supplied is None else {"supplied": dict(recording.supplied)}
-    told |= {"lacking": dict(recording.lacking)} if recording.lacking else {}
-    return told | {
-        "status": "ingested",
-        "run": {
-            "campaign": run.campaign,
-            "point": run.point,
-            "configuration": str(run.configuration),
-            "gear": run.gear,
-            "drive": run.drive,
-            "started_at": run.started_at.isoformat(),
-            "note": run.note,
-        },
-        "calibration": asdict(calibration),
-        "rate_hz": recording.rate_hz,
-        "first_sample": recording.first_sample,
-        "samples": recording.samples.height,
-        "findings": [finding.to_dict() for finding in recording.findings],
-    }
+def _manifest(source: StoredSource, recording: Recording, windows: Sequence[Window], job: Job) -> Manifest:
+    """The manifest of a usable recording."""
+    run, supplied, origin = recording.run, recording.supplied, recording.origin
+    return Manifest(
+        source.identifier,
+        source.name,
+        source.place,
+        source.sha256,
+        INGESTED,
+        RunRecord(
+            run.campaign, run.point, str(run.configuration), run.gear, run.drive, run.started_at.isoformat(), run.note
+        ),
+        recording.findings,
+        tuple(_window(recording, window) for window in windows),
+        recording.calibration,
+        recording.rate_hz,
+        recording.first_sample,
+        recording.samples.height,
+        recording.size,
+        None if origin is None else origin.record,
+        supplied=supplied,
+        offered=job.supplied.hashes() if supplied is None and job.supplied.fields else None,
+        lacking=recording.lacking,
+        reduction=REDUCTION,
+        limits=job.limits.document(),
+    )
 
 
-def _window_document(recording: Recording, window: Window) -> dict[str, Any]:
+def _window(recording: Recording, window: Window) -> StoredWindow:
+    """A window with its means."""
+    judged = {each.name: getattr(window, each.name) for each in fields(window) if each.name != "started_at"}
     means = reduce_window(recording.samples, window, recording.rate_hz)
-    return {
-        "point": window.point,
-        "configuration": str(window.configuration),
-        "gear": window.gear,
-        "drive": window.drive,
-        "started_at_s": window.started_at.timestamp(),
-        "first_sample": window.first_sample,
-        "stop_sample": window.stop_sample,
-        "setpoints": asdict(window.setpoints),
-        "accepted": window.accepted,
-        "reasons": list(window.reasons),
-        "rest_sun": window.rest_sun,
-        "rest_ring": window.rest_ring,
-        "means": with_nulls(asdict(means)),
-    }
+    return StoredWindow(**judged, started_at_s=window.started_at.timestamp(), means=means)

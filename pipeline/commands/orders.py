@@ -15,12 +15,13 @@ from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.commands.crate import recordings_of
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.files.atomic import write_atomic
+from pmg.pipeline.files.json_values import with_nulls
 from pmg.pipeline.grid.campaign import choose_campaign
 from pmg.pipeline.orders.band import FALSE_ALARM
 from pmg.pipeline.orders.example import choose_example
 from pmg.pipeline.orders.load_angle import LoadAngle, wind_up
 from pmg.pipeline.orders.statement import statement, unit_of
-from pmg.pipeline.orders.stored_lines import TYPES, kept_orders, orders_of_manifest
+from pmg.pipeline.orders.stored_lines import SCHEMA, TYPES, kept_orders, orders_of_manifest
 from pmg.pipeline.orders.survey import NOTHING_FOLLOWED, follow_lines
 from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
@@ -36,10 +37,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.orders.stored_lines import SourceOrders
     from pmg.pipeline.orders.survey import LineSurvey, UncertainValue
     from pmg.pipeline.report.document import Section
-    from pmg.pipeline.store.store import Manifest
+    from pmg.pipeline.store.manifest import Manifest
     from pmg.sim.bench import BenchParameters
 
-SCHEMA = "pmg.orders/1"
 SLIPPED = 0.5
 """Poles lost over a window from which on it has no load angle."""
 TINY = 1e-12
@@ -150,16 +150,16 @@ def _page(campaign: str, followed: tuple[LineSurvey, ...], section: Section, rec
 def _with_points(manifest: Manifest, orders: SourceOrders) -> pl.DataFrame:
     """Lines of a source beside speeds, load and acceptance of their windows."""
     rows = [
-        {
-            "point": window["point"],
-            "first_sample": window["first_sample"],
-            "source": manifest.identifier,
-            "accepted": bool(window["accepted"]),
-            "speed_sun": window["means"]["sun"]["speed"],
-            "speed_ring": window["means"]["ring"]["speed"],
-            "load": window["means"]["ring"]["torque"],
-        }
-        for window in manifest.document["windows"]
+        (
+            w.point,
+            w.first_sample,
+            manifest.identifier,
+            w.accepted,
+            w.means.sun.speed,
+            w.means.ring.speed,
+            w.means.ring.torque,
+        )
+        for w in manifest.windows
     ]
     schema = {
         "point": pl.String,
@@ -170,23 +170,26 @@ def _with_points(manifest: Manifest, orders: SourceOrders) -> pl.DataFrame:
         "speed_ring": pl.Float64,
         "load": pl.Float64,
     }
-    return orders.table.join(pl.DataFrame(rows, schema=schema), on=["point", "first_sample"], how="inner")
+    windows = pl.DataFrame(rows, schema=schema, orient="row").fill_nan(None)
+    return orders.table.join(windows, on=["point", "first_sample"], how="inner")
 
 
 def _load_angles(manifest: Manifest, orders: SourceOrders) -> list[dict[str, Any]]:
     """Load angles of the accepted windows of a source, with their load."""
-    windows = {(w["point"], w["first_sample"]): w for w in manifest.document["windows"] if w["accepted"]}
+    windows = {(w.point, w.first_sample): w for w in manifest.windows if w.accepted}
     found = []
     for angle in orders.document["load_angles"]:
         window = windows.get((angle["point"], angle["first_sample"]))
         if window is not None:
             found.append(
-                {
-                    "source": manifest.identifier,
-                    "gear": window["gear"],
-                    "torque_ring_Nm": window["means"]["ring"]["torque"],
-                    "speed_sun_rad_s": window["means"]["sun"]["speed"],
-                }
+                with_nulls(
+                    {
+                        "source": manifest.identifier,
+                        "gear": window.gear,
+                        "torque_ring_Nm": window.means.ring.torque,
+                        "speed_sun_rad_s": window.means.sun.speed,
+                    }
+                )
                 | angle
             )
     return found

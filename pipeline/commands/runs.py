@@ -108,7 +108,7 @@ def run_show(store: Path, name: str) -> Outcome:
     found = held(Store(store), catalogue, name)
     channels = _channels(store, found)
     windows = [{column.name: for_json(column, row[column.name]) for column in COLUMNS} for row in found.rows]
-    data = {"recording": dict(found.document), "channels": channels, "windows": windows}
+    data = {"recording": found.document, "channels": channels, "windows": windows}
     lines = [*_head(found), *_section("channels", channels.items())]
     for row in found.rows:
         if row["point"] is not None:
@@ -122,7 +122,7 @@ def _channels(store: Path, found: Held) -> dict[str, str]:
     """Columns of the samples that are kept, each with its type."""
     import polars as pl
 
-    if found.document.get("status") != "ingested":
+    if found.manifest is None or not found.manifest.ingested:
         return {}
     schema = pl.read_parquet_schema(store / RUNS / f"{found.rows[0]['name']}.parquet")
     units = {"torque": "N m", "angle": "rad", "sample": "number since the start", "lines": "a bit for each line"}
@@ -180,11 +180,13 @@ def _window_lines(row: Mapping[str, Cell]) -> Iterator[tuple[str, str]]:
 
 
 def _finding_lines(found: Held) -> list[str]:
-    findings = found.document.get("findings", ())
-    lines = ["", counted(len(findings), "finding")] if found.document else []
-    for finding in findings:
-        lines.append(f"  {finding['severity']}: {printable(str(finding['where']))}: {printable(finding['message'])}")
-        lines += [f"    {word}: {printable(finding[word])}" for word in ("kept", "lost", "do") if finding.get(word)]
+    if found.manifest is None:
+        return []
+    lines = ["", counted(len(found.manifest.findings), "finding")]
+    for finding in found.manifest.findings:
+        lines.append(f"  {finding.severity}: {printable(finding.where)}: {printable(finding.message)}")
+        words = (("kept", finding.kept), ("lost", finding.lost), ("do", finding.do))
+        lines += [f"    {word}: {printable(text)}" for word, text in words if text]
     return lines
 
 
@@ -209,7 +211,7 @@ def run_diff(store: Path, a: str, b: str, store_b: Path | None = None) -> Outcom
     other = catalogue if store_b is None else open_catalogue(Store(store_b))
     one, two = held(Store(store), catalogue, a), held(Store(store_b or store), other, b)
     metadata = differing(one.document, two.document)
-    calibrations = tuple(each.document.get("calibration", {}) for each in (one, two))
+    calibrations = tuple(None if each.manifest is None else each.manifest.calibration for each in (one, two))
     bench = load_bench()
     lines = [f"a: {printable(one.name)}", f"b: {printable(two.name)}"]
     lines += _side_by_side("what is said of the recordings", metadata)

@@ -10,7 +10,7 @@ from pmg.pipeline.commands.analyse import failed_sources
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.grid.campaign import choose_campaign
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
-from pmg.pipeline.grid.window_facts import SIMULATED, rated, window_facts
+from pmg.pipeline.grid.window_facts import marked_as_simulated, rated, window_facts
 from pmg.pipeline.store.store import Store
 from pmg.sim.bench import load_bench
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.pipeline.fit.options import AnalysisOptions
     from pmg.pipeline.grid.window_facts import WindowFacts
-    from pmg.pipeline.store.store import Manifest
+    from pmg.pipeline.store.manifest import Manifest
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
 
@@ -97,11 +97,11 @@ def read_sources(store: Path, grid: Grid, bench: BenchParameters) -> SourceFacts
         return SourceFacts((), (("Input", "published grids, torques rounded to 0.01 N m"),), None, (), ())
     _, manifests = choose_campaign(Store(store), grid.campaign)
     failed = failed_sources(store)
-    remarks = tuple(plain for manifest in (*manifests, *failed) for plain in manifest.document["findings"])
-    joined = "".join(sorted(manifest.document["sha256"] for manifest in manifests))
+    remarks = tuple(finding.to_dict() for manifest in (*manifests, *failed) for finding in manifest.findings)
+    joined = "".join(sorted(manifest.sha256 for manifest in manifests))
     digest = hashlib.sha256(joined.encode()).hexdigest()
-    first = min(manifest.document["run"]["started_at"] for manifest in manifests)
-    simulated = any(plain["code"] == SIMULATED for m in manifests for plain in m.document["findings"])
+    first = min(manifest.started_at for manifest in manifests)
+    simulated = any(map(marked_as_simulated, manifests))
     inputs = [
         ("Input", f"{len(manifests)} recordings" + (", marked as simulated by their writer" if simulated else "")),
         ("First recording started", first),

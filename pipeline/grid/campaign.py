@@ -9,18 +9,16 @@ import numpy as np
 from pmg.pipeline.grid.copies import without_copies
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
 from pmg.pipeline.grid.transducer_uncertainty import common_uncertainty, tare_uncertainty, undithered
-from pmg.pipeline.grid.window_facts import rated, sorted_windows, window_facts
+from pmg.pipeline.grid.window_facts import rated, sorted_windows, window_facts, window_remarks
 from pmg.pipeline.store.store import Store
-from pmg.pipeline.windows.remarks import window_remarks
 from pmg.sim.errors import StoreError, near_miss
 from pmg.sim.grid import Configuration, Grid, OperatingPoints
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
 
     from pmg.pipeline.grid.window_facts import ShaftFacts
-    from pmg.pipeline.store.store import Manifest
+    from pmg.pipeline.store.manifest import Manifest, StoredWindow
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array, Mask
 
@@ -30,7 +28,7 @@ STILL = 1e-12
 
 def campaigns(manifests: list[Manifest]) -> list[str]:
     """Names of the campaigns that a store holds."""
-    return sorted({manifest.document["run"]["campaign"] for manifest in manifests if manifest.ingested})
+    return sorted({manifest.campaign for manifest in manifests if manifest.ingested})
 
 
 def choose_campaign(store: Store, name: str | None) -> tuple[str, list[Manifest]]:
@@ -54,7 +52,7 @@ def choose_campaign(store: Store, name: str | None) -> tuple[str, list[Manifest]
     if name is not None and name not in known:
         raise StoreError(str(store.path), f"no campaign '{name}'", "one of the store's", near_miss(name, known))
     chosen = name or known[0]
-    return chosen, without_copies([m for m in manifests if m.ingested and m.document["run"]["campaign"] == chosen])
+    return chosen, without_copies([m for m in manifests if m.ingested and m.campaign == chosen])
 
 
 def recorded_bench(
@@ -78,7 +76,7 @@ def recorded_bench(
     """
     if grid.origin == "published":
         return bench, ()
-    known = [m for m in Store(store).manifests() if m.ingested and m.document["run"]["campaign"] == grid.campaign]
+    known = [m for m in Store(store).manifests() if m.ingested and m.campaign == grid.campaign]
     if not known:
         return bench, ()
     facts = window_facts(known)
@@ -103,18 +101,17 @@ def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) 
         )
 
     def column(shaft: str, key: str) -> Array:
-        values = [window["means"][shaft][key] for window in windows]
-        return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+        return np.array([getattr(window.means[shaft], key) for window in windows], dtype=np.float64)
 
     def asked(key: str) -> Array:
-        values = [window["setpoints"][key] for window in windows]
+        values = [getattr(window.setpoints, key) for window in windows]
         return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
 
     def flags(key: str) -> Mask:
-        return np.array([bool(window[key]) for window in windows], dtype=bool)
+        return np.array([getattr(window, key) for window in windows], dtype=bool)
 
     def words(key: str) -> np.ndarray[tuple[int], np.dtype[np.str_]]:
-        return np.array([str(window[key]) for window in windows], dtype=np.str_)
+        return np.array([str(getattr(window, key)) for window in windows], dtype=np.str_)
 
     torque_sun, torque_ring = column("sun", "torque"), column("ring", "torque")
     speed_sun, speed_ring = column("sun", "speed"), column("ring", "speed")
@@ -135,13 +132,13 @@ def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) 
     points = OperatingPoints(
         name=words("point"),
         configuration=configuration,
-        gear=np.array([window["gear"] for window in windows], dtype=np.int64),
+        gear=np.array([window.gear for window in windows], dtype=np.int64),
         drive=words("drive"),
         speed_sun=np.where(np.isfinite(speed_sun), speed_sun, asked("speed_sun")),
         speed_ring=np.where(np.isfinite(speed_ring), speed_ring, asked("speed_ring")),
         torque_ring=np.where(engaged & np.isnan(torque_ring), load, torque_ring),
         load_set=np.where(engaged, np.where(np.isfinite(load), load, np.round(torque_ring, 1)), 0.0),
-        started_at=np.array([window["started_at_s"] for window in windows], dtype=np.float64),
+        started_at=np.array([window.started_at_s for window in windows], dtype=np.float64),
         rest_sun=flags("rest_sun"),
         rest_ring=flags("rest_ring"),
     )
@@ -167,8 +164,8 @@ def _known(within: Array, shaft: ShaftFacts, simulated: Mask) -> Array:
     return np.where(simulated & np.isnan(within) & (shaft.std < STILL), 0.0, within)
 
 
-def _reason(window: Mapping[str, Any], complete: bool) -> str:
+def _reason(window: StoredWindow, complete: bool) -> str:
     reasons = list(window_remarks(window))
-    if not complete and (window["accepted"] or not reasons):
+    if not complete and (window.accepted or not reasons):
         reasons.append("no mean can be formed")
     return "; ".join(reasons)

@@ -9,6 +9,7 @@ import numpy as np
 
 from pmg.pipeline.grid.levels import speed_levels
 from pmg.pipeline.grid.missing_points import lost_data, unreached_findings
+from pmg.pipeline.recording.codes import Severity
 from pmg.pipeline.windows.reduce import REDUCTION
 from pmg.pipeline.wording.outcome import told
 from pmg.pipeline.wording.plurals import counted
@@ -17,7 +18,7 @@ from pmg.sim.signals import SPEED_RING, SPEED_SUN
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pmg.pipeline.store.store import Manifest
+    from pmg.pipeline.store.manifest import Manifest
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array, Mask
 
@@ -105,8 +106,8 @@ def lack_findings(
     A hole is told with the rejected windows at its speeds and load. Where there are none, with the files that are not
     usable, and with those that are and lost data.
     """
-    files = [str(manifest.document["file"]) for manifest in failed]
-    short = [str(manifest.document["file"]) for manifest in used if lost_data(manifest)]
+    files = [manifest.file for manifest in failed]
+    short = [manifest.file for manifest in used if lost_data(manifest)]
     rejected = _rejected_at(grid) if lacking else {}
     found = []
     for cell in lacking:
@@ -123,8 +124,8 @@ def lack_findings(
             words += f"; it may be in what was lost of {_listed(short)}" if short else ""
         found.append(told("warning", "grid", f"no accepted point at {cell}{words}"))
     for manifest, file in zip(failed, files, strict=True):
-        why = next((f for f in manifest.document["findings"] if f["severity"] == "error"), None)
-        words = "" if why is None else f": {why['where']}: {why['message']}. {why['do']}"
+        why = next((f for f in manifest.findings if f.severity is Severity.ERROR), None)
+        words = "" if why is None else f": {why.where}: {why.message}. {why.do}"
         cell = _asked_cell(manifest, grid)
         run = f" at {cell}" if cell else ""
         found.append(told("warning", file, f"not usable, so not in the grid{run}{words}"))
@@ -140,7 +141,7 @@ def lack_findings(
 
 def earlier_means(used: Sequence[Manifest]) -> tuple[dict[str, Any], ...]:
     """Sources whose means were taken in an earlier way than those of today, as a finding of a stage."""
-    files = [str(m.document["file"]) for m in used if m.ingested and m.document.get("reduction", 1) != REDUCTION]
+    files = [m.file for m in used if m.ingested and m.reduction != REDUCTION]
     if not files:
         return ()
     message = f"the means of {counted(len(files), 'recording')} were taken in an earlier way: {_listed(files)}"
@@ -149,14 +150,13 @@ def earlier_means(used: Sequence[Manifest]) -> tuple[dict[str, Any], ...]:
 
 def _asked_cell(manifest: Manifest, grid: Grid) -> str:
     """The cell of a campaign at which a file that is not usable was run; empty where too little is known of its run."""
-    run = manifest.document.get("run", {})
-    if run.get("campaign") != grid.campaign:
+    run = manifest.run
+    if run.campaign != grid.campaign:
         return ""
-    asked = run.get("setpoints", {})
-    sun, ring, load = (asked.get(key) for key in ("speed_sun", "speed_ring", "torque_ring"))
-    if run.get("configuration") == "neutral" and sun is not None and ring is not None:
+    sun, ring, load = run.setpoints.speed_sun, run.setpoints.speed_ring, run.setpoints.torque_ring
+    if run.configuration == "neutral" and sun is not None and ring is not None:
         return _neutral(round(float(SPEED_SUN.display(sun))), round(float(SPEED_RING.display(ring))))
-    if run.get("configuration") == "engaged" and sun is not None and load is not None:
+    if run.configuration == "engaged" and sun is not None and load is not None:
         return _engaged(round(float(SPEED_SUN.display(sun))), round(load, 3))
     return ""
 

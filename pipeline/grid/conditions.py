@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Sequence
 
-    from pmg.pipeline.store.store import Manifest
+    from pmg.pipeline.recording.run import RunRecord
+    from pmg.pipeline.store.manifest import Manifest, StoredWindow
 
 NOT_RECORDED = "not recorded"
 UNRECORDED = (
@@ -39,20 +40,19 @@ class Conditions:
 
 def conditions(manifests: Sequence[Manifest]) -> Conditions:
     """The conditions that the manifests of a campaign hold; without manifests nothing but what is not recorded."""
-    documents = [manifest.document for manifest in manifests]
-    runs = [document["run"] for document in documents]
-    windows = [window for document in documents for window in document["windows"]]
+    runs = [manifest.run for manifest in manifests]
+    windows = [window for manifest in manifests for window in manifest.windows]
     rows = [
-        ("Campaign", _each(run["campaign"] for run in runs)),
+        ("Campaign", _each(manifest.campaign for manifest in manifests)),
         ("Time of the test", _span(runs)),
-        ("Recordings", str(len(documents)) if documents else NOT_RECORDED),
-        ("Gear stage", _each(str(run["gear"]) for run in runs)),
-        ("Driving side", _each(str(window["drive"]) for window in windows)),
-        *((f"Transducer, {side}", _transducer(documents, side)) for side in SIDES),
-        ("Encoders", _encoders(documents)),
-        ("Sampling rate", _each(f"{document['rate_hz']:g} Hz" for document in documents)),
+        ("Recordings", str(len(manifests)) if manifests else NOT_RECORDED),
+        ("Gear stage", _each(str(run.gear) for run in runs)),
+        ("Driving side", _each(window.drive for window in windows)),
+        *((f"Transducer, {side}", _transducer(manifests, side)) for side in SIDES),
+        ("Encoders", _encoders(manifests)),
+        ("Sampling rate", _each(f"{manifest.rate_hz:g} Hz" for manifest in manifests)),
         ("Length of a window", _lengths(windows)),
-        ("Notes of the recorder", _each(run["note"] for run in runs if run.get("note"))),
+        ("Notes of the recorder", _each(run.note for run in runs if run.note)),
     ]
     return Conditions((*rows, *((label, NOT_RECORDED) for label in UNRECORDED)))
 
@@ -65,8 +65,8 @@ def _each(values: Iterable[str]) -> str:
     return ", ".join(seen) or NOT_RECORDED
 
 
-def _span(runs: Sequence[Mapping[str, Any]]) -> str:
-    starts = sorted(datetime.fromisoformat(run["started_at"]) for run in runs)
+def _span(runs: Sequence[RunRecord]) -> str:
+    starts = sorted(datetime.fromisoformat(run.started_at) for run in runs if run.started_at)
     if not starts:
         return NOT_RECORDED
     first, last = starts[0], starts[-1]
@@ -75,24 +75,24 @@ def _span(runs: Sequence[Mapping[str, Any]]) -> str:
     return f"{first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC (starts of the first and the last recording)"
 
 
-def _transducer(documents: Sequence[Mapping[str, Any]], side: str) -> str:
+def _transducer(manifests: Sequence[Manifest], side: str) -> str:
     found = []
-    for document in documents:
-        of = document["calibration"][side]
-        parts = (f"{of['nominal_torque']:g} N m", f"span {of['span_hz']:g} Hz", of.get("serial") or "no serial number")
+    for manifest in manifests:
+        of = manifest.calibration[side]
+        parts = (f"{of.nominal_torque:g} N m", f"span {of.span_hz:g} Hz", of.serial or "no serial number")
         found.append(", ".join(parts))
     return _each(found)
 
 
-def _encoders(documents: Sequence[Mapping[str, Any]]) -> str:
+def _encoders(manifests: Sequence[Manifest]) -> str:
     return _each(
-        ", ".join(f"{document['calibration'][f'counts_per_rev_{side}']} counts a turn ({side})" for side in SIDES)
-        for document in documents
+        ", ".join(f"{manifest.calibration.counts_per_rev[side]} counts a turn ({side})" for side in SIDES)
+        for manifest in manifests
     )
 
 
-def _lengths(windows: Sequence[Mapping[str, Any]]) -> str:
-    lengths = sorted({round(float(window["means"]["duration"]), 3) for window in windows if window.get("means")})
+def _lengths(windows: Sequence[StoredWindow]) -> str:
+    lengths = sorted({round(window.means.duration, 3) for window in windows})
     if not lengths:
         return NOT_RECORDED
     return f"{lengths[0]:g} s" if len(lengths) == 1 else f"{lengths[0]:g} to {lengths[-1]:g} s"

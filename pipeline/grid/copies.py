@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
-
-from pmg.sim.shafts import SIDES
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pmg.pipeline.store.store import Manifest
+    from pmg.pipeline.store.manifest import Manifest, StoredWindow
 
 COPY = "the same run is in"
 """Start of the reason by which a copy is rejected; the file that is kept follows."""
@@ -28,30 +27,28 @@ class _Held:
     place: int
 
     @property
-    def window(self) -> Mapping[str, Any]:
-        window: Mapping[str, Any] = self.manifest.document["windows"][self.place]
-        return window
+    def window(self) -> StoredWindow:
+        return self.manifest.windows[self.place]
 
     @property
     def fullness(self) -> tuple[bool, int, str]:
         """Accepted before rejected, more samples before fewer, then by name of the source: the least is kept."""
         window = self.window
-        return not window["accepted"], window["first_sample"] - window["stop_sample"], self.manifest.identifier
+        return not window.accepted, window.first_sample - window.stop_sample, self.manifest.identifier
 
     @property
     def key(self) -> tuple[str, ...]:
         """Start of the run and point; where nobody named the point, what its samples are in place of the point."""
-        run, window = self.manifest.document["run"], self.window
-        point, stem = str(window["point"]), PurePath(str(self.manifest.document["file"])).stem
-        if run["point"] or not point.startswith(stem):
-            return str(run["started_at"]), point
-        torques = (window["means"][side]["torque"] for side in SIDES)
-        return str(run["started_at"]), "", *("" if t is None else f"{t:.{DIGITS}f}" for t in torques)
+        manifest, window = self.manifest, self.window
+        if manifest.run.point or not window.point.startswith(PurePath(manifest.file).stem):
+            return manifest.started_at, window.point
+        torques = (mean.torque for mean in window.means)
+        return manifest.started_at, "", *("" if math.isnan(t) else f"{t:.{DIGITS}f}" for t in torques)
 
     def overlaps(self, other: _Held) -> bool:
         """Whether both are of the same samples, in part at least, in two files."""
         a, b = self.window, other.window
-        apart = a["stop_sample"] <= b["first_sample"] or b["stop_sample"] <= a["first_sample"]
+        apart = a.stop_sample <= b.first_sample or b.stop_sample <= a.first_sample
         return self.manifest.identifier != other.manifest.identifier and not apart
 
 
@@ -77,7 +74,7 @@ def without_copies(manifests: Sequence[Manifest]) -> list[Manifest]:
     """
     groups: dict[tuple[str, ...], list[_Held]] = defaultdict(list)
     for manifest in manifests:
-        for place in range(len(manifest.document["windows"])):
+        for place in range(len(manifest.windows)):
             held = _Held(manifest, place)
             groups[held.key].append(held)
     reasons: dict[tuple[str, int], str] = {}
@@ -88,15 +85,15 @@ def without_copies(manifests: Sequence[Manifest]) -> list[Manifest]:
             if original is None:
                 kept.append(held)
             else:
-                reasons[held.manifest.identifier, held.place] = f"{COPY} {original.manifest.document['file']}"
+                reasons[held.manifest.identifier, held.place] = f"{COPY} {original.manifest.file}"
     return [_rejected(manifest, reasons) for manifest in manifests]
 
 
 def _rejected(manifest: Manifest, reasons: Mapping[tuple[str, int], str]) -> Manifest:
-    windows = [
-        window | {"accepted": False, "reasons": [*window["reasons"], reasons[manifest.identifier, place]]}
+    windows = tuple(
+        replace(window, accepted=False, reasons=(*window.reasons, reasons[manifest.identifier, place]))
         if (manifest.identifier, place) in reasons
         else window
-        for place, window in enumerate(manifest.document["windows"])
-    ]
-    return replace(manifest, document=dict(manifest.document) | {"windows": windows})
+        for place, window in enumerate(manifest.windows)
+    )
+    return replace(manifest, windows=windows)

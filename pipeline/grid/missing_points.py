@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+from pmg.pipeline.recording.codes import Severity
 from pmg.pipeline.windows.gaps import GAP, LOSSES
 from pmg.pipeline.wording.outcome import told
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
-    from pmg.pipeline.store.store import Manifest
+    from pmg.pipeline.recording.run import Setpoints
+    from pmg.pipeline.store.manifest import Manifest, StoredWindow
 
-LOST = frozenset(code.value for code in LOSSES)
 HOLLOW = (GAP, "not measured", "window not closed")
 """Starts of reasons of windows with or after which points may be lost; one that has its END lost none with samples."""
 CUT_REASONS = ("window not closed", "window too short", "not measured")
@@ -72,12 +73,12 @@ class _Sequence:
     """The points of one recording in their order, without stretches that nobody named."""
 
     manifest: Manifest
-    windows: tuple[Mapping[str, Any], ...]
+    windows: tuple[StoredWindow, ...]
     gaps: int
 
     @property
     def file(self) -> str:
-        return str(self.manifest.document["file"])
+        return self.manifest.file
 
     @property
     def keys(self) -> tuple[Key, ...]:
@@ -100,7 +101,7 @@ class _Sequence:
                 return None
             places.append(at - 1)
         skips = sum(b > a + 1 for a, b in pairwise((-1, *places)))
-        late = broken.manifest.document["first_sample"] > self.manifest.document["first_sample"]
+        late = broken.manifest.first_sample > self.manifest.first_sample
         return tuple(places) if skips <= broken.gaps + late else None
 
 
@@ -122,9 +123,9 @@ def missing_points(manifests: Sequence[Manifest]) -> tuple[Unreached, ...]:
     sequences = [found for manifest in manifests if (found := _sequence(manifest)) is not None]
     held = defaultdict(list)
     for manifest in manifests:
-        for window in manifest.document["windows"]:
-            if window["accepted"]:
-                held[_key(window)].append(str(manifest.document["file"]))
+        for window in manifest.windows:
+            if window.accepted:
+                held[_key(window)].append(manifest.file)
     lost: list[Unreached] = []
     for broken in sequences:
         why = _broken_off(broken)
@@ -135,8 +136,8 @@ def missing_points(manifests: Sequence[Manifest]) -> tuple[Unreached, ...]:
             for other in sequences
             if len(other.windows) > len(broken.windows) and (places := other.places_of(broken)) is not None
         ]
-        start = broken.manifest.document["run"]["started_at"]
-        if not others or any(other.manifest.document["run"]["started_at"] == start for other, _ in others):
+        start = broken.manifest.started_at
+        if not others or any(other.manifest.started_at == start for other, _ in others):
             continue
         like, places = max(others, key=lambda pair: (len(pair[0].windows), pair[0].file))
         alike = [each for each in sequences if each.whole and each.places_of(broken) is not None]
@@ -146,7 +147,7 @@ def missing_points(manifests: Sequence[Manifest]) -> tuple[Unreached, ...]:
             inside = len(before) < len(places)
             if not inside and not why:
                 continue
-            last = f"after {broken.windows[before[-1]]['point']}" if before else "before its first point"
+            last = f"after {broken.windows[before[-1]].point}" if before else "before its first point"
             where = f"lost {last}, with samples that are missing" if inside else f"{why}, {last}"
             key = _key(window)
             instead = next((file for file in held[key] if file not in (broken.file, like.file)), "")
@@ -154,8 +155,8 @@ def missing_points(manifests: Sequence[Manifest]) -> tuple[Unreached, ...]:
             lost.append(
                 Unreached(
                     broken.file,
-                    str(window["point"]),
-                    asked(str(window["configuration"]), window["setpoints"]),
+                    window.point,
+                    asked(window.configuration, window.setpoints),
                     like.file,
                     where,
                     instead,
@@ -167,40 +168,40 @@ def missing_points(manifests: Sequence[Manifest]) -> tuple[Unreached, ...]:
 
 def _sequence(manifest: Manifest) -> _Sequence | None:
     """The sequence of a source; None where its file is one point, or is cut into plateaus."""
-    windows = sorted(manifest.document["windows"], key=lambda window: window["first_sample"])
-    named = tuple(w for w in windows if not any(str(reason).startswith(GAP) for reason in w["reasons"]))
-    stem = str(manifest.document["file"]).rsplit("/", 1)[-1].removesuffix(".mcap")
-    alone = [window["point"] for window in named] == [manifest.document["run"]["point"]]
-    if not named or alone or any(str(window["point"]).startswith(stem) for window in named):
+    windows = sorted(manifest.windows, key=lambda window: window.first_sample)
+    named = tuple(w for w in windows if not any(reason.startswith(GAP) for reason in w.reasons))
+    stem = manifest.file.rsplit("/", 1)[-1].removesuffix(".mcap")
+    alone = [window.point for window in named] == [manifest.run.point]
+    if not named or alone or any(window.point.startswith(stem) for window in named):
         return None
-    hollow = sum(any(str(reason).startswith(HOLLOW) for reason in window["reasons"]) for window in windows)
+    hollow = sum(any(reason.startswith(HOLLOW) for reason in window.reasons) for window in windows)
     return _Sequence(manifest, named, hollow)
 
 
-def _key(window: Mapping[str, Any]) -> Key:
+def _key(window: StoredWindow) -> Key:
     """What tells a point again in another file: its set-points, or its name where none is stated."""
-    asked = window["setpoints"]
+    asked = asdict(window.setpoints)
     stated = [f"{name} {value:.{DIGITS}f}" for name, value in sorted(asked.items()) if value is not None]
-    return (str(window["configuration"]), str(window["gear"]), str(window["drive"]), *(stated or [window["point"]]))
+    return (str(window.configuration), str(window.gear), window.drive, *(stated or [window.point]))
 
 
 def lost_data(manifest: Manifest) -> str:
     """Where the container of a source lost data; empty where it did not."""
-    found = (f for f in manifest.document["findings"] if f["severity"] == "error" and f["code"] in LOST)
-    return next((f"{plain['code']} at {plain['where']}" for plain in found), "")
+    found = (f for f in manifest.findings if f.severity is Severity.ERROR and f.code in LOSSES)
+    return next((f"{finding.code} at {finding.where}" for finding in found), "")
 
 
 def _broken_off(sequence: _Sequence) -> str:
     """Where a recording lost data or was broken off; empty where it is whole."""
-    document = sequence.manifest.document
-    end = f"the recording ends at sample {document['first_sample'] + document['samples']}"
-    if lost := lost_data(sequence.manifest):
+    manifest = sequence.manifest
+    end = f"the recording ends at sample {manifest.first_sample + (manifest.samples or 0)}"
+    if lost := lost_data(manifest):
         return f"{end} ({lost})"
-    last = next((str(reason) for reason in sequence.windows[-1]["reasons"]), "")
+    last = next(iter(sequence.windows[-1].reasons), "")
     return f"{end} ({last})" if last.startswith(CUT_REASONS) else ""
 
 
-def asked(configuration: str, setpoints: Mapping[str, float | None]) -> str:
+def asked(configuration: str, setpoints: Setpoints) -> str:
     """Configuration and the set-points that are stated, in words."""
     words = [
         f"{name} {display(value):.5g} {unit}"
@@ -209,7 +210,7 @@ def asked(configuration: str, setpoints: Mapping[str, float | None]) -> str:
             ("speed_ring", "ring", SPEED_RING.display, "rpm"),
             ("torque_ring", "load", float, "N m"),
         )
-        if (value := setpoints.get(key)) is not None
+        if (value := getattr(setpoints, key)) is not None
     ]
     return ", ".join([*([configuration] if configuration else []), *words])
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.recording.codes import Code
+from pmg.pipeline.recording.means import MEMORY_METHOD
 from pmg.pipeline.windows.limits import LIMITS
+from pmg.pipeline.windows.remarks import REMARK
 from pmg.sim.bench import SourcedQuantity
 from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 from pmg.sim.sources import Source
@@ -15,12 +18,12 @@ from pmg.sim.sources import Source
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pmg.pipeline.store.store import Manifest
+    from pmg.pipeline.recording.calibration import Transducer
+    from pmg.pipeline.recording.means import ShaftMeans
+    from pmg.pipeline.store.manifest import Manifest, StoredWindow
     from pmg.sim.bench import BenchParameters, TransducerParameters
     from pmg.sim.signals import Array, Mask
 
-SIMULATED = "samples.simulated"
-"""Code of the finding that a recording is marked as simulated."""
 CALIBRATION = Source("calibration", "the calibration that the recordings carry")
 """Where the nominal torque of another transducer is from."""
 
@@ -81,16 +84,28 @@ class WindowFacts(PerShaft[ShaftFacts]):
         return self.sun.correlated | self.ring.correlated
 
 
-def sorted_windows(manifests: Sequence[Manifest]) -> list[dict[str, Any]]:
+def sorted_windows(manifests: Sequence[Manifest]) -> list[StoredWindow]:
     """The windows of a campaign in the order in which they were run."""
     return [window for window, _ in _with_source(manifests)]
 
 
-def _with_source(manifests: Sequence[Manifest]) -> list[tuple[dict[str, Any], Mapping[str, Any]]]:
-    """The same, each with the document of its recording."""
+def _with_source(manifests: Sequence[Manifest]) -> list[tuple[StoredWindow, Manifest]]:
+    """The same, each with the manifest of its recording."""
     return sorted(
-        ((window, manifest.document) for manifest in manifests for window in manifest.document["windows"]),
-        key=lambda pair: (pair[0]["started_at_s"], pair[0]["point"]),
+        ((window, manifest) for manifest in manifests for window in manifest.windows),
+        key=lambda pair: (pair[0].started_at_s, pair[0].point),
+    )
+
+
+def window_remarks(window: StoredWindow) -> tuple[str, ...]:
+    """Reasons of a window as the store holds it; of an accepted one also that a torque's noise may be slow."""
+    if not window.accepted:
+        return window.reasons
+    return window.reasons + tuple(
+        f"{REMARK}: the noise of the torque of the {side} may not be flat at the lowest frequencies of the window; "
+        "what goes on below them is not seen"
+        for side in SIDES
+        if window.means[side].correlated
     )
 
 
@@ -99,13 +114,18 @@ def window_facts(manifests: Sequence[Manifest]) -> WindowFacts:
     pairs = _with_source(manifests)
     sun, ring = (
         _of_shaft(
-            [window["means"][side] for window, _ in pairs],
-            [source.get("calibration", {}).get(side, {}) for _, source in pairs],
+            [window.means[side] for window, _ in pairs],
+            [source.calibration[side] for _, source in pairs],
         )
         for side in SIDES
     )
-    simulated = [any(plain["code"] == SIMULATED for plain in source.get("findings", ())) for _, source in pairs]
+    simulated = [marked_as_simulated(source) for _, source in pairs]
     return WindowFacts(sun, ring, limit_sets(manifests), np.array(simulated, dtype=bool))
+
+
+def marked_as_simulated(manifest: Manifest) -> bool:
+    """Whether the writer of a recording marked it as simulated."""
+    return any(finding.code is Code.SIMULATED for finding in manifest.findings)
 
 
 def limit_sets(manifests: Sequence[Manifest]) -> tuple[LimitSet, ...]:
@@ -115,10 +135,10 @@ def limit_sets(manifests: Sequence[Manifest]) -> tuple[LimitSet, ...]:
     """
     found: dict[tuple[tuple[str, float], ...], LimitSet] = {}
     for manifest in manifests:
-        limits = manifest.document.get("limits", LIMITS.document())
+        limits = LIMITS.document() if manifest.limits is None else manifest.limits
         key = tuple(sorted(limits.items()))
         earlier = found.get(key, LimitSet(limits, 0, 0))
-        windows = earlier.windows + len(manifest.document["windows"])
+        windows = earlier.windows + len(manifest.windows)
         found[key] = LimitSet(limits, windows, earlier.recordings + 1)
     return tuple(found[key] for key in sorted(found, key=lambda key: (-found[key].windows, key)))
 
@@ -144,17 +164,13 @@ def _rated(of: TransducerParameters, shaft: ShaftFacts) -> TransducerParameters:
     return replace(of, nominal_torque=SourcedQuantity(stated, "N m", None, CALIBRATION))
 
 
-def _of_shaft(means: Sequence[Mapping[str, Any]], transducers: Sequence[Mapping[str, Any]]) -> ShaftFacts:
-    def numbers(key: str, of: Sequence[Mapping[str, Any]] = means) -> Array:
-        values = [each.get(key) for each in of]
-        return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
-
+def _of_shaft(means: Sequence[ShaftMeans], transducers: Sequence[Transducer]) -> ShaftFacts:
     return ShaftFacts(
-        dof=numbers("dof"),
-        correlation_time=numbers("correlation_time"),
-        correlated=np.array([bool(mean.get("correlated")) for mean in means], dtype=bool),
-        remembered=np.array([mean.get("method") == "memory" for mean in means], dtype=bool),
-        resolution=numbers("resolution"),
-        std=numbers("std"),
-        nominal=numbers("nominal_torque", transducers),
+        dof=np.array([mean.dof for mean in means], dtype=np.float64),
+        correlation_time=np.array([mean.correlation_time for mean in means], dtype=np.float64),
+        correlated=np.array([mean.correlated for mean in means], dtype=bool),
+        remembered=np.array([mean.method == MEMORY_METHOD for mean in means], dtype=bool),
+        resolution=np.array([mean.resolution for mean in means], dtype=np.float64),
+        std=np.array([mean.std for mean in means], dtype=np.float64),
+        nominal=np.array([transducer.nominal_torque for transducer in transducers], dtype=np.float64),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,8 @@ from pmg.sim.signals import REVOLUTION
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pmg.pipeline.store.store import Manifest, Store
+    from pmg.pipeline.store.manifest import Manifest
+    from pmg.pipeline.store.store import Store
     from pmg.sim.signals import Array
 
 FEWEST_TURNS = 5.0
@@ -61,22 +63,22 @@ def choose_example(store: Store, manifests: Iterable[Manifest]) -> Example | Non
     """
     found = []
     for manifest in manifests:
-        for window in manifest.document["windows"]:
-            speeds = [window["means"][side]["speed"] for side in SIDES]
-            if not window["accepted"] or None in speeds:
+        for window in manifest.windows:
+            speeds = window.means.sun.speed, window.means.ring.speed
+            if not window.accepted or any(map(math.isnan, speeds)):
                 continue
             slowest = min(map(abs, speeds))
-            turns = slowest * window["means"]["duration"] / REVOLUTION
+            turns = slowest * window.means.duration / REVOLUTION
             if turns >= FEWEST_TURNS:
-                found.append((window["configuration"] != "engaged", slowest, window["first_sample"], manifest, window))
+                found.append((window.configuration != "engaged", slowest, window.first_sample, manifest, window))
     if not found:
         return None
     _, _, _, manifest, window = min(found, key=lambda item: (*item[:3], item[3].identifier))
     samples = store.samples(manifest.identifier)
     offset = int(samples["sample"][0])
-    part = samples.slice(window["first_sample"] - offset, window["stop_sample"] - window["first_sample"])
+    part = samples.slice(window.first_sample - offset, window.stop_sample - window.first_sample)
     shafts = [_shaft(side, part[f"torque_{side}"].to_numpy(), part[f"angle_{side}"].to_numpy()) for side in SIDES]
-    return Example(window["point"], tuple(shafts))
+    return Example(window.point, tuple(shafts))
 
 
 def _shaft(side: str, torque: Array, angle: Array) -> ShaftExample:

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.orders.angle import Index
     from pmg.pipeline.orders.point import PointOrders
     from pmg.pipeline.recording import Recording
-    from pmg.pipeline.store.store import Manifest, Store
+    from pmg.pipeline.store.manifest import Manifest
+    from pmg.pipeline.store.store import Store
     from pmg.pipeline.windows.window import Window
 
 SCHEMA = "pmg.orders/1"
@@ -84,22 +85,20 @@ def orders_of_source(recording: Recording, windows: Iterable[Window]) -> SourceO
 
 def orders_of_manifest(store: Store, manifest: Manifest) -> SourceOrders:
     """The lines of a source of which only decoded samples are there: no coils, no index pulses."""
-    document = manifest.document
     samples, bench = store.samples(manifest.identifier), load_bench()
-    calibration = document["calibration"]
-    steps = {side: REVOLUTION / calibration[f"counts_per_rev_{side}"] for side in SIDES}
+    steps = {side: REVOLUTION / manifest.calibration.counts_per_rev[side] for side in SIDES}
     index: dict[str, Index | None] = dict.fromkeys(SIDES)
     points = [
         orders_of_point(
             samples,
-            Span(w["point"], w["configuration"], w["gear"], w["first_sample"], w["stop_sample"]),
-            document["rate_hz"],
+            Span(w.point, str(w.configuration), w.gear, w.first_sample, w.stop_sample),
+            manifest.rate_hz,
             bench,
             steps=steps,
             index=index,
         )
-        for w in document["windows"]
-        if w["accepted"]
+        for w in manifest.windows
+        if w.accepted
     ]
     return _source(points, index, [])
 

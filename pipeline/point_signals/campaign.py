@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.fit.budget import Budget
     from pmg.pipeline.grid.contributions import ShaftBudget
     from pmg.pipeline.grid.window_facts import ShaftFacts
-    from pmg.pipeline.store.store import Manifest, Store
+    from pmg.pipeline.store.manifest import Manifest, StoredWindow
+    from pmg.pipeline.store.store import Store
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
 
@@ -50,11 +51,11 @@ class CampaignSignals:
 
 
 @dataclass(frozen=True)
-class _StoredWindow:
+class _WindowPlace:
     """A window in the store."""
 
     manifest: Manifest
-    window: Mapping[str, Any]
+    window: StoredWindow
 
 
 def campaign_signals(store: Store, grid: Grid, budget: Budget) -> CampaignSignals:
@@ -100,7 +101,7 @@ def campaign_signals(store: Store, grid: Grid, budget: Budget) -> CampaignSignal
         try:
             run = _run(store, identifier)
         except StoreError as error:
-            file = str(places[of_run[0]].manifest.document["file"])
+            file = places[of_run[0]].manifest.file
             for row in of_run:
                 cells[row] = replace(cells[row], file=file, lacking=f"samples {error.came}; ingest {file} again")
             continue
@@ -121,17 +122,17 @@ def _run(store: Store, identifier: str) -> dict[str, Array]:
     return {name: samples[name].to_numpy() for name in needed}
 
 
-def _places(store: Store, grid: Grid) -> dict[int, _StoredWindow]:
+def _places(store: Store, grid: Grid) -> dict[int, _WindowPlace]:
     """Where the window of each row of a grid stands; rows without one are left out.
 
     Rows and windows meet by start and name of the point; copies of a window, which share both, by their order.
     """
-    found: dict[tuple[float, str], deque[_StoredWindow]] = defaultdict(deque)
+    found: dict[tuple[float, str], deque[_WindowPlace]] = defaultdict(deque)
     for manifest in store.manifests(whole=False):
-        if manifest.ingested and manifest.document["run"]["campaign"] == grid.campaign:
-            for window in manifest.document["windows"]:
-                key = round(float(window["started_at_s"]), SAME_START), str(window["point"])
-                found[key].append(_StoredWindow(manifest, window))
+        if manifest.ingested and manifest.campaign == grid.campaign:
+            for window in manifest.windows:
+                key = round(window.started_at_s, SAME_START), window.point
+                found[key].append(_WindowPlace(manifest, window))
     places = {}
     for row, (started, name) in enumerate(zip(grid.points.started_at, grid.points.name, strict=True)):
         waiting = found.get((round(float(started), SAME_START), str(name)))
@@ -193,19 +194,19 @@ def _rows_of(shaft: ShaftBudget) -> Callable[[int], ShaftRows]:
     return at
 
 
-def _with_signals(cell: CellSignals, place: _StoredWindow, run: Mapping[str, Array], most: int) -> CellSignals:
+def _with_signals(cell: CellSignals, place: _WindowPlace, run: Mapping[str, Array], most: int) -> CellSignals:
     """A point with the signals of its window; without, and why, where the run holds none of its samples.
 
     There are at most `most` bins of each.
     """
-    document, window = place.manifest.document, place.window
-    rate, rows = float(document["rate_hz"]), len(run["sample"])
+    manifest, window = place.manifest, place.window
+    rate, rows = manifest.rate_hz, len(run["sample"])
     known = replace(
         cell,
-        file=str(document["file"]),
+        file=manifest.file,
         rate=rate,
-        first_sample=int(window["first_sample"]),
-        stop_sample=int(window["stop_sample"]),
+        first_sample=window.first_sample,
+        stop_sample=window.stop_sample,
     )
     offset = int(run["sample"][0]) if rows else 0
     stretch = stretch_of(known.first_sample - offset, known.stop_sample - offset, rows, rate, most=most)
@@ -213,11 +214,10 @@ def _with_signals(cell: CellSignals, place: _StoredWindow, run: Mapping[str, Arr
         return replace(known, lacking="the recording holds no samples of this window")
     channels: list[ChannelSignals] = []
     for signal, shaft in zip(TORQUES, cell.shafts, strict=True):
-        step = window["means"][shaft.side].get("resolution")
-        made = torque_signals(signal, run[signal.name], stretch, math.nan if step is None else float(step))
+        made = torque_signals(signal, run[signal.name], stretch, window.means[shaft.side].resolution)
         channels.append(replace(made, mean=shaft.torque, u=shaft.u, expanded=shaft.expanded))
     for side, signal in SPEEDS.items():
-        counts = document["calibration"].get(f"counts_per_rev_{side}")
+        counts = manifest.calibration.counts_per_rev[side]
         count = REVOLUTION / counts if counts else math.nan
         channels.append(speed_signals(signal, run[f"angle_{side}"], stretch, count))
     return replace(known, channels=tuple(channels))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pmg.pipeline.grid.campaign import campaigns
 from pmg.pipeline.grid.copies import without_copies
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.events import SequenceStep
     from pmg.pipeline.recording.run import RunInfo
     from pmg.pipeline.recording.supplied import Supplied
-    from pmg.pipeline.store.store import Manifest
+    from pmg.pipeline.store.manifest import Manifest, StoredWindow
 
 STEPS = "/test/step"
 TEMPERATURES = "/daq/temperature/"
@@ -148,45 +149,48 @@ def _held(store: Store) -> tuple[File, ...]:
     manifests = tuple(store.manifests())
     ingested = [m for m in manifests if m.ingested]
     named = campaigns(ingested)
-    once = [m for n in named for m in without_copies([m for m in ingested if m.document["run"]["campaign"] == n])]
+    once = [m for n in named for m in without_copies([m for m in ingested if m.campaign == n])]
     return tuple(_stored(store, manifest) for manifest in (*once, *(m for m in manifests if not m.ingested)))
 
 
 def _stored(store: Store, manifest: Manifest) -> File:
     """A recording of a store, from its manifest and from the lines that the ingest kept."""
-    document: Mapping[str, Any] = manifest.document
-    errors = [f for f in document["findings"] if f["severity"] == Severity.ERROR]
-    first = f"{errors[0]['where']}: {errors[0]['message']}" if errors else ""
+    errors = [finding for finding in manifest.findings if finding.severity is Severity.ERROR]
+    first = f"{errors[0].where}: {errors[0].message}" if errors else ""
     if not manifest.ingested:
-        return File(document["file"], 0, unusable=first or "not usable")
-    run, kept = document["run"], kept_orders(store, manifest)
+        return File(manifest.file, 0, unusable=first or "not usable")
+    kept = kept_orders(store, manifest)
     channels: tuple[str, ...] = ()
     if kept is not None:
         index = [f"/daq/encoder_{side}{INDEX}" for side, place in kept.document["index"].items() if place is not None]
         channels = (*kept.table["signal"].unique().sort().to_list(), *index)
     points = tuple(
         Asked(
-            run["campaign"],
-            document["file"],
-            window["point"],
-            window["configuration"],
-            window["drive"],
-            window["gear"],
+            manifest.campaign,
+            manifest.file,
+            window.point,
+            window.configuration,
+            window.drive,
+            window.gear,
             _asked_or_measured(window),
-            window["started_at_s"],
-            window["accepted"],
+            window.started_at_s,
+            window.accepted,
         )
-        for window in document["windows"]
+        for window in manifest.windows
     )
-    return File(document["file"], document["size"], points, "", first, channels, not points, run["campaign"])
+    return File(manifest.file, manifest.size or 0, points, "", first, channels, not points, manifest.campaign)
 
 
-def _asked_or_measured(window: Mapping[str, Any]) -> Setpoints:
+def _asked_or_measured(window: StoredWindow) -> Setpoints:
     """Set-points of a window, with its means where it names none."""
-    given, means = window["setpoints"], window["means"]
-    found = {
-        "speed_sun": means["sun"]["speed"],
-        "speed_ring": means["ring"]["speed"],
-        "torque_ring": means["ring"]["torque"] if window["configuration"] == Configuration.ENGAGED else None,
-    }
-    return Setpoints(**{name: found[name] if given[name] is None else given[name] for name in found})
+    asked, sun, ring = window.setpoints, window.means.sun, window.means.ring
+    load = ring.torque if window.configuration is Configuration.ENGAGED else None
+    return Setpoints(
+        _known(sun.speed) if asked.speed_sun is None else asked.speed_sun,
+        _known(ring.speed) if asked.speed_ring is None else asked.speed_ring,
+        _known(load) if asked.torque_ring is None else asked.torque_ring,
+    )
+
+
+def _known(value: float | None) -> float | None:
+    return None if value is None or math.isnan(value) else value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pmg.pipeline.recording.findings import Code, Finding
 
@@ -15,6 +15,18 @@ if TYPE_CHECKING:
 
 RECORD = "pmg.import"
 """Metadata record in which an import names its source."""
+
+
+@dataclass(frozen=True)
+class ImportRecord:
+    """What a recording was imported from: name, SHA-256, bytes, format, reader, and how many findings that gave."""
+
+    source: str = ""
+    sha256: str = ""
+    size: str = ""
+    format: str = ""
+    reader: str = ""
+    findings: int = 0
 
 
 @dataclass(frozen=True)
@@ -36,16 +48,10 @@ class Origin:
     reader: str
     findings: tuple[Finding, ...] = ()
 
-    def document(self) -> dict[str, Any]:
+    @property
+    def record(self) -> ImportRecord:
         """The same for a manifest; the findings stand among those of the recording."""
-        return {
-            "source": self.source,
-            "sha256": self.sha256,
-            "size": self.size,
-            "format": self.format,
-            "reader": self.reader,
-            "findings": len(self.findings),
-        }
+        return ImportRecord(self.source, self.sha256, self.size, self.format, self.reader, len(self.findings))
 
 
 def read_origin(metadata: Sequence[tuple[str, Mapping[str, str]]], findings: Findings) -> Origin | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.layouts.wire import ClockMark, LineEvent
     from pmg.pipeline.recording.origin import Origin
     from pmg.pipeline.recording.run import RunInfo
-    from pmg.pipeline.recording.supplied import Supplied
+    from pmg.pipeline.recording.supplied import Supplied, SuppliedRecord
     from pmg.sim.signals import Array
 
 
@@ -104,7 +104,7 @@ class Recording:
     findings: tuple[Finding, ...]
     origin: Origin | None = None
     lacking: Mapping[str, str] = field(default_factory=dict)
-    supplied: Mapping[str, Any] | None = None
+    supplied: SuppliedRecord | None = None
     beside: Beside = NOTHING_BESIDE
 
     @property
@@ -195,7 +195,7 @@ def read_recording(
         findings=(() if origin is None else origin.findings) + findings.told(),
         origin=origin,
         lacking=lacking,
-        supplied=supply.document(),
+        supplied=supply.record(),
         beside=read_beside(topics, bits, findings.file) if coils else NOTHING_BESIDE,
     )
 

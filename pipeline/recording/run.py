@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -58,6 +58,39 @@ class Setpoints:
     speed_sun: float | None = None
     speed_ring: float | None = None
     torque_ring: float | None = None
+
+
+NO_SETPOINTS = Setpoints()
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """The run of a source; of one that is not usable what is known of it.
+
+    Parameters
+    ----------
+    campaign, point : str or None
+        Names; the point is None for a sequence.
+    configuration, drive : str or None
+        ``neutral``, ``engaged`` or ``zero``, and the driving side.
+    gear : int or None
+        1 or 2.
+    started_at : str or None
+        Start, ISO 8601.
+    note : str or None
+        Free text.
+    setpoints : Setpoints
+        Set-points of the whole run; kept of a source that is not usable, whose windows cannot say them.
+    """
+
+    campaign: str | None = None
+    point: str | None = None
+    configuration: str | None = None
+    gear: int | None = None
+    drive: str | None = None
+    started_at: str | None = None
+    note: str | None = None
+    setpoints: Setpoints = NO_SETPOINTS
 
 
 @dataclass(frozen=True)
@@ -163,7 +196,7 @@ def _checked(entries: Mapping[str, str], findings: Findings) -> RunInfo | None:
 
 
 def known_of_run(records: Iterable[tuple[str, Mapping[str, str]]]) -> dict[str, Any]:
-    """What is known of the run of a recording that cannot be used: sound keys, and set-points in SI; for a manifest."""
+    """What is known of the run of a recording that cannot be used: sound keys, and its `Setpoints`."""
     found = [entries for name, entries in records if name == RECORD]
     if not found or any(entries != found[0] for entries in found):
         return {}
@@ -174,8 +207,8 @@ def known_of_run(records: Iterable[tuple[str, Mapping[str, str]]]) -> dict[str, 
             known[key] = int(word) if key == "gear" else word
     if (started := _parsed(entries, "started_at", utc, "a time", told)) is not None:
         known["started_at"] = started.isoformat()
-    asked = {key: value for key, value in asdict(_setpoints(entries, told)).items() if value is not None}
-    return known | ({"setpoints": asked} if asked else {})
+    asked = _setpoints(entries, told)
+    return known | ({"setpoints": asked} if asked != NO_SETPOINTS else {})
 
 
 def _setpoints(entries: Mapping[str, str], findings: Findings) -> Setpoints:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pmg.pipeline.recording.calibration import ATTACHMENT, read_calibration
 from pmg.pipeline.recording.channels import wanted
@@ -67,7 +67,7 @@ class Supplied:
     calibration_sha256: str = ""
     fields: tuple[MappedField, ...] = ()
 
-    def hashes(self) -> dict[str, Any]:
+    def hashes(self) -> dict[str, str]:
         """Names and hashes for a manifest."""
         calibration = {"calibration": self.calibration_file, "calibration_sha256": self.calibration_sha256}
         return {"file": self.file, "sha256": self.sha256} | (calibration if self.calibration is not None else {})
@@ -79,6 +79,14 @@ class Supplied:
     def wanted(self, topic: str) -> bool:
         """Whether the messages of a topic are needed, by the layout or by the map."""
         return wanted(topic) or self.maps(topic)
+
+
+@dataclass(frozen=True)
+class SuppliedRecord:
+    """What a recording lacked and took from files beside it: their names and hashes, and which parts it took."""
+
+    hashes: Mapping[str, str]
+    parts: tuple[str, ...]
 
 
 NOTHING = Supplied("", "", {})
@@ -106,9 +114,9 @@ class Supply:
     taken: list[str] = field(default_factory=list)
     own: dict[str, dict[str, str]] = field(default_factory=dict)
 
-    def document(self) -> dict[str, Any] | None:
-        """What was taken, for a manifest; None where nothing was."""
-        return self.given.hashes() | {"parts": list(self.taken)} if self.taken else None
+    def record(self) -> SuppliedRecord | None:
+        """What was taken; None where nothing was."""
+        return SuppliedRecord(self.given.hashes(), tuple(self.taken)) if self.taken else None
 
     def run(self, records: Records, stem: str) -> Records:
         """Metadata records with the run, where the file has none, or with those required keys of it that it lacks."""

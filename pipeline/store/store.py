@@ -5,12 +5,12 @@ from __future__ import annotations
 import io
 import json
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
 from pmg.pipeline.files.atomic import PREFIX, abandoned, write_atomic
+from pmg.pipeline.store.manifest import FAILED, INGESTED, SCHEMA, Manifest, manifest_of
 from pmg.pipeline.store.sources import SUFFIX
 from pmg.sim.errors import StoreError
 
@@ -18,40 +18,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-SCHEMA = "pmg.store/1"
 MARK = "store.json"
 SOURCES = "sources"
 RUNS = "runs"
 ORDERS = "orders"
-STATUSES = ("ingested", "failed")
+STATUSES = (INGESTED, FAILED)
 REMOVED = f"{PREFIX}removed-"
 """Start of the names of manifests that are being removed."""
-
-
-@dataclass(frozen=True)
-class Manifest:
-    """What the store knows of one source file.
-
-    Parameters
-    ----------
-    identifier : str
-        Stem of the file and the first eight digits of its hash.
-    document : dict
-        ``file``, ``sha256``, ``size``, ``status`` (``ingested`` or ``failed``), ``run``, ``calibration``,
-        ``rate_hz``, ``first_sample``, ``samples``, ``findings`` and ``windows`` with their means;
-        of an imported recording ``origin``, what it was imported from; ``supplied``, what it lacked and was stated
-        beside it, with names and hashes; ``offered``, a map of which it took nothing; ``lacking``, channels that it
-        does not hold. Of a failed one ``run`` holds
-        what is known of it, ``setpoints`` in SI among it; it is left out where nothing is.
-    """
-
-    identifier: str
-    document: Mapping[str, Any]
-
-    @property
-    def ingested(self) -> bool:
-        """Whether its runs are in the store."""
-        return bool(self.document["status"] == "ingested")
 
 
 class Store:
@@ -108,18 +81,31 @@ class Store:
 
     def manifest(self, identifier: str) -> Manifest | None:
         """The manifest of a source; None where there is none that can be read."""
-        path = self.path / SOURCES / f"{identifier}.json"
         try:
-            document = json.loads(path.read_text(encoding="utf-8"))
+            return self.read_manifest(identifier)
+        except (OSError, KeyError, TypeError, ValueError, AttributeError):
+            return None
+
+    def read_manifest(self, identifier: str) -> Manifest:
+        """The manifest of a source.
+
+        Raises
+        ------
+        OSError, KeyError, TypeError, ValueError, AttributeError
+            There is none, or it is damaged.
+        """
+        absent = ValueError("no manifest, or its samples are missing")
+        try:
+            document = json.loads((self.path / SOURCES / f"{identifier}.json").read_text(encoding="utf-8"))
         except (OSError, ValueError):
-            return None
+            raise absent from None
         if not isinstance(document, dict) or document.get("schema") != SCHEMA:
-            return None
+            raise absent
         if document.get("status") not in STATUSES:
-            return None
-        if document["status"] == "ingested" and not (self.path / RUNS / f"{identifier}.parquet").is_file():
-            return None
-        return Manifest(identifier, document)
+            raise absent
+        if document["status"] == INGESTED and not (self.path / RUNS / f"{identifier}.parquet").is_file():
+            raise absent
+        return manifest_of(identifier, document)
 
     def manifests(self, *, whole: bool = True) -> list[Manifest]:
         """Manifests of all sources, by name of the file.
@@ -148,13 +134,13 @@ class Store:
                 )
         return found
 
-    def write(self, identifier: str, document: Mapping[str, Any], samples: pl.DataFrame | None) -> None:
+    def write(self, manifest: Manifest, samples: pl.DataFrame | None) -> None:
         """Write a source: samples first, the manifest last, so that a manifest always has its samples."""
         if samples is not None:
             buffer = io.BytesIO()
             samples.write_parquet(buffer, compression="zstd", statistics=False)
-            write_atomic(self.path / RUNS / f"{identifier}.parquet", buffer.getvalue())
-        write_atomic(self.path / SOURCES / f"{identifier}.json", _json({"schema": SCHEMA} | dict(document)))
+            write_atomic(self.path / RUNS / f"{manifest.identifier}.parquet", buffer.getvalue())
+        write_atomic(self.path / SOURCES / f"{manifest.identifier}.json", _json(manifest.document()))
 
     def remove(self, identifier: str) -> None:
         """Forget a source, so that a kill leaves it whole or leaves what `sweep` clears away."""

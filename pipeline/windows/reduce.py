@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import fft
 
+from pmg.pipeline.recording.means import BATCH_METHOD, MEMORY_METHOD, PointMeans, ShaftMeans
 from pmg.pipeline.windows.revolutions import WholeRevolutions, whole_revolutions
 from pmg.pipeline.windows.window_mean import serial_mean
 from pmg.sim import sources
@@ -35,73 +36,9 @@ STILL = 1e-12
 """Range of a torque, as part of its size or of 1 N m, below which it shows nothing but the rounding of numbers."""
 RESOLVED = 0.5
 """Correlation time that the finer pieces can tell from none, as part of one of them."""
-BATCH_METHOD, MEMORY_METHOD = "batches", "memory"
-"""Where the uncertainty of a mean comes from."""
 
 FILTER_SOURCE = sources.THESIS.at("evaluation of the tests: FFT low-pass filter at 0.5 Hz")
 UNCERTAINTY_SOURCE = sources.FLEGAL_JONES.at("batch means estimator")
-
-
-@dataclass(frozen=True)
-class ShaftMeans:
-    """One shaft over one window.
-
-    Parameters
-    ----------
-    torque : float
-        Mean torque, over whole revolutions where the shaft turns five times or more [N m].
-    within : float
-        Standard uncertainty of that mean from what varies within the window [N m].
-    dof : float
-        Degrees of freedom of `within`.
-    revolutions_per_batch : int
-        Whole revolutions of each batch; 0 where batches are cut by time.
-    std, std_filtered : float
-        Standard deviation of the torque before and after the filter [N m].
-    correlation_time : float
-        Correlation time of the torque noise, as if it were of first order [s].
-    speed : float
-        Mean speed, from the angle at both ends [rad/s].
-    method : str
-        Where `within` comes from: ``batches``, or ``memory`` where they may not give it (`serial_mean`).
-    correlated : bool
-        The noise may not be flat at the lowest frequencies of the window (`FLAGGED`): of first order, it outlives a
-        twentieth of it. What goes on below them is not seen, and `within` rests on what noise may be.
-    resolution : float
-        Step between neighbouring values of the torque [N m].
-    """
-
-    torque: float
-    within: float
-    dof: float
-    revolutions_per_batch: int
-    std: float
-    std_filtered: float
-    correlation_time: float
-    speed: float
-    method: str = BATCH_METHOD
-    correlated: bool = False
-    resolution: float = math.nan
-
-
-@dataclass(frozen=True)
-class PointMeans:
-    """Both shafts over one window.
-
-    Parameters
-    ----------
-    n : int
-        Samples with a torque of both shafts.
-    duration : float
-        Length of the window [s].
-    sun, ring : ShaftMeans
-        The shafts. A number that cannot be had (a gap, too few samples) is NaN.
-    """
-
-    n: int
-    duration: float
-    sun: ShaftMeans
-    ring: ShaftMeans
 
 
 def reduce_window(samples: pl.DataFrame, window: Window, rate_hz: float) -> PointMeans:

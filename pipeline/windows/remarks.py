@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pmg.pipeline.windows.steadiness import speed_off, speed_unsettled, torque_unsettled
-from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from pmg.pipeline.windows.limits import Steadiness
     from pmg.pipeline.windows.steadiness import Evidence
 
@@ -32,16 +29,3 @@ def near_limits(window: Evidence, limits: Steadiness) -> tuple[str, ...]:
     )
     found = (check(window, part) for check in (speed_unsettled, speed_off, torque_unsettled))
     return tuple(f"{REMARK}: half the limits would reject it: {reason}" for reason in found if reason is not None)
-
-
-def window_remarks(window: Mapping[str, Any]) -> tuple[str, ...]:
-    """Reasons of a window as the store holds it; of an accepted one also that a torque's noise may be slow."""
-    reasons = tuple(map(str, window["reasons"]))
-    if not window["accepted"]:
-        return reasons
-    uneven = [side for side in SIDES if window["means"][side].get("correlated")]
-    return reasons + tuple(
-        f"{REMARK}: the noise of the torque of the {side} may not be flat at the lowest frequencies of the window; "
-        "what goes on below them is not seen"
-        for side in uneven
-    )

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
+from pmg.pipeline.recording.means import MEMORY_METHOD
 from pmg.pipeline.trials.score.rates import count
-from pmg.pipeline.windows.reduce import MEMORY_METHOD, reduce_shaft
+from pmg.pipeline.windows.reduce import reduce_shaft
 from pmg.pipeline.windows.revolutions import batch_means
 from pmg.sim.signals import REVOLUTION, RPM
 from tests.bench.colours import COLOURS, SPAN, Colour, first_order

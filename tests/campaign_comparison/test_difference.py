@@ -17,7 +17,7 @@ from pmg.pipeline.campaign_comparison.side import CampaignSide
 from pmg.pipeline.campaign_comparison.statement import alike, clearest, statement
 from pmg.pipeline.campaign_comparison.verdict import LEVEL, judge, ready_family
 from pmg.pipeline.fit.analysis import analyse
-from pmg.pipeline.store.store import Manifest
+from pmg.pipeline.store.manifest import Manifest
 from pmg.sim.errors import GridError
 from pmg.sim.signals import RPM, Array
 from pmg.sim.steady.gearbox import Gearbox
@@ -99,7 +99,7 @@ def test_the_group_called_clearest_is_so_by_what_is_told_of_it(rng: np.random.Ge
 
 def test_recordings_that_are_in_both_campaigns_are_told() -> None:
     def of(label: str, *contents: str) -> CampaignSide:
-        return replace(side(label, 1), manifests=tuple(Manifest(c, {"sha256": c}) for c in contents))
+        return replace(side(label, 1), manifests=tuple(Manifest(c, sha256=c) for c in contents))
 
     def told(a: CampaignSide, b: CampaignSide) -> str:
         return replace(subtract(side("A", 1), side("B", 1), REACH), a=a, b=b).in_both

@@ -23,7 +23,9 @@ from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.report import findings
 from pmg.pipeline.fit.options import THESIS_OPTIONS
-from pmg.pipeline.store.store import Manifest, Store
+from pmg.pipeline.recording.calibration import Calibration, Transducer
+from pmg.pipeline.store.manifest import Manifest
+from pmg.pipeline.store.store import Store
 
 RUNNER = CliRunner()
 
@@ -137,8 +139,8 @@ def test_the_page_tells_outcome_differences_and_points_without_a_partner(rng: np
 
 def test_a_transducer_is_known_only_where_every_recording_names_the_same() -> None:
     def recording(serial: str, nominal: float = 5.0) -> Manifest:
-        of = {"serial": serial, "nominal_torque": nominal, "span_hz": 5000.0}
-        return Manifest("x", {"calibration": {"sun": of, "ring": of | {"serial": "r"}}})
+        of = Transducer(10_000.0, nominal, 5000.0, serial)
+        return Manifest("x", calibration=Calibration(of, replace(of, serial="r"), 5120, 5120))
 
     found = transducers_of([recording("s"), recording("s")])
     assert found == {"sun": TransducerIdentity("s", 5.0, 5000.0), "ring": TransducerIdentity("r", 5.0, 5000.0)}

@@ -19,7 +19,7 @@ from pmg.pipeline.windows.revolutions import WholeRevolutions, whole_revolutions
 from pmg.sim.errors import RecordingError
 from pmg.sim.signals import RPM
 
-DATA = Path(__file__).resolve().parent / "data"
+DATA = Path(__file__).resolve().parent.parent / "data"
 
 
 def everything(path: Path) -> dict[str, bytes]:
@@ -53,15 +53,15 @@ def test_bad_files_fail_alone_and_say_why(mixed: Path, tmp_path: Path) -> None:
     errors = {f.file: f.code for f in report.findings if f.severity is Severity.ERROR}
     assert errors["notes.mcap"] is Code.NOT_MCAP
     assert {f.code for f in report.findings if f.file == "cut.mcap"} >= {Code.TRUNCATED}
-    failed = {m.document["file"] for m in store.manifests() if not m.ingested}
+    failed = {m.file for m in store.manifests() if not m.ingested}
     assert failed == {"notes.mcap", "cut.mcap"}
 
 
 def test_the_manifest_holds_the_window_and_its_means(mixed: Path, tmp_path: Path) -> None:
     store = Store(tmp_path / "s")
     ingest(mixed, store, workers=1)
-    by_file = {m.document["file"]: m for m in store.manifests()}
-    (window,) = by_file["neutral.mcap"].document["windows"]
+    by_file = {m.file: m for m in store.manifests()}
+    (window,) = by_file["neutral.mcap"].document()["windows"]
     assert window["accepted"]
     assert window["means"]["sun"]["torque"] == pytest.approx(0.086208, abs=4.3e-3)
     assert window["means"]["ring"]["speed"] / RPM == pytest.approx(300.0, abs=0.01)
@@ -72,7 +72,7 @@ def test_the_manifest_holds_the_window_and_its_means(mixed: Path, tmp_path: Path
     ).mean()
     assert whole == pytest.approx(window["means"]["sun"]["torque"], abs=1e-12)
     assert samples["torque_sun"].mean() == pytest.approx(whole, abs=1e-3)
-    (ramp,) = by_file["ramp.mcap"].document["windows"]
+    (ramp,) = by_file["ramp.mcap"].document()["windows"]
     assert not ramp["accepted"]
     assert ramp["reasons"][0].startswith("speed not settled")
     assert np.isfinite(ramp["means"]["sun"]["torque"])
@@ -84,7 +84,7 @@ def test_other_limits_judge_the_same_recordings_anew(mixed: Path, tmp_path: Path
     assert ingest(mixed, store, workers=1).ingested == 0
     again = ingest(mixed, store, workers=1, limits=strict)
     assert (again.ingested, again.rejected) == (4, 4)
-    assert all(m.document["limits"] == strict.document() for m in store.manifests() if m.ingested)
+    assert all(m.document()["limits"] == strict.document() for m in store.manifests() if m.ingested)
     back = ingest(mixed, store, workers=1)
     assert (back.ingested, back.rejected) == (4, 1)
 
@@ -129,7 +129,7 @@ def test_a_corrected_version_of_the_same_run_replaces_it(tmp_path: Path) -> None
     ingest(folder, store, workers=1)
     write(folder / "a.mcap", Bench(torque={"sun": 1.0, "ring": 1.0}))
     assert counts(ingest(folder, store, workers=1)) == (1, 0, 0)
-    assert [m.document["windows"][0]["means"]["sun"]["torque"] for m in store.manifests()] == [
+    assert [m.document()["windows"][0]["means"]["sun"]["torque"] for m in store.manifests()] == [
         pytest.approx(1.0, abs=0.01)
     ]
     assert len(list((tmp_path / "s" / "runs").iterdir())) == 1
@@ -186,7 +186,7 @@ def test_two_files_of_one_point_are_both_kept(tmp_path: Path) -> None:
     write(folder / "b.mcap", Bench(torque={"sun": 0.9, "ring": 1.5}))
     store = Store(tmp_path / "s")
     assert counts(ingest(folder, store, workers=1)) == (2, 0, 0)
-    points = [w["point"] for m in store.manifests() for w in m.document["windows"]]
+    points = [w["point"] for m in store.manifests() for w in m.document()["windows"]]
     assert points == ["P1", "P1"]
 
 

@@ -21,8 +21,9 @@ from pmg.pipeline.commands.ingest_files import FAILED, Job, _ingest_one, ingest,
 from pmg.pipeline.files.atomic import ABANDONED, PREFIX, abandoned, write_atomic
 from pmg.pipeline.files.parallel import map_over
 from pmg.pipeline.recording import Code, Severity, read_recording
+from pmg.pipeline.store.manifest import Manifest
 from pmg.pipeline.store.sources import StoredSource, take_inventory
-from pmg.pipeline.store.store import REMOVED, Manifest, Store
+from pmg.pipeline.store.store import REMOVED, Store
 from pmg.sim.errors import StoreError
 
 # --- kills ---------------------------------------------------------------------------------------------
@@ -146,7 +147,7 @@ def test_the_same_bytes_ingested_under_two_names_at_once_count_once(tmp_path: Pa
     assert len(store.manifests()) == 2
     for source in reversed(sources):
         supersede(store, (source,))
-    assert [m.document["file"] for m in store.manifests()] == ["a.mcap"]
+    assert [m.file for m in store.manifests()] == ["a.mcap"]
     assert len(list((store.path / "runs").iterdir())) == 1
 
 
@@ -156,7 +157,7 @@ def test_a_file_that_changes_after_it_was_listed_is_not_kept_under_its_old_hash(
     store.prepare()
     assert _ingest_one(Job(StoredSource(tmp_path / "a.mcap", "a.mcap", "0" * 64), store.path)) == FAILED
     (manifest,) = store.manifests()
-    (finding,) = manifest.document["findings"]
+    (finding,) = manifest.document()["findings"]
     assert (finding["code"], finding["severity"]) == (Code.UNREADABLE, Severity.ERROR)
     assert "changed between listing and reading" in finding["message"]
 

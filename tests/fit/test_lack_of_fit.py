@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.points import joined, measured, points
 from tests.recording.writer import CALIBRATION, Bench, write
+from tests.store.records import window
 
 from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.compare import run_compare
@@ -23,7 +25,10 @@ from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.campaign import choose_campaign, measured_grid
 from pmg.pipeline.grid.completeness import lack_findings
 from pmg.pipeline.grid.copies import COPY, without_copies
-from pmg.pipeline.store.store import Manifest, Store
+from pmg.pipeline.recording import Code, Finding, Severity
+from pmg.pipeline.recording.run import RunRecord, Setpoints
+from pmg.pipeline.store.manifest import FAILED, Manifest
+from pmg.pipeline.store.store import Store
 from pmg.pipeline.windows.limits import read_limits
 from pmg.pipeline.wording.outcome import Outcome
 from pmg.sim.bench import load_bench
@@ -95,7 +100,7 @@ def test_a_file_that_failed_alone_makes_both_stages_partial(tmp_path: Path, monk
 )
 def test_a_hole_is_told_with_the_file_that_may_have_filled_it(file: str, words: str) -> None:
     grid = measured(points("neutral", [100.0], [100.0]), np.ones(1), np.ones(1))
-    failed = Manifest("x", {"file": file, "status": "failed", "findings": [], "windows": []})
+    failed = Manifest("x", file, status=FAILED)
     hole, *others = lack_findings(grid, ["neutral, sun 1404 rpm, ring 540 rpm"], [failed])
     assert hole["message"].endswith(words)
     assert [finding["where"] for finding in others] == [file]
@@ -115,9 +120,9 @@ def test_a_hole_is_told_with_the_file_that_may_have_filled_it(file: str, words: 
 def test_a_hole_is_told_with_the_unusable_file_that_was_run_there(run: dict[str, Any], cell: str) -> None:
     grid = measured(points("neutral", [100.0], [100.0]), np.ones(1), np.ones(1))
     asked = {"speed_sun": ("sun", RPM), "speed_ring": ("ring", RPM), "torque_ring": ("load", 1.0)}
-    setpoints = {key: run[name] * scale for key, (name, scale) in asked.items() if name in run}
-    known = {"campaign": grid.campaign} | run | {"setpoints": setpoints}
-    failed = Manifest("x", {"file": "x.mcap", "status": "failed", "findings": [], "windows": [], "run": known})
+    setpoints = Setpoints(**{key: run[name] * scale for key, (name, scale) in asked.items() if name in run})
+    known = RunRecord(run.get("campaign", grid.campaign), configuration=run["configuration"], setpoints=setpoints)
+    failed = Manifest("x", "x.mcap", status=FAILED, run=known)
     hole, other = lack_findings(grid, [cell or "neutral, sun 1404 rpm, ring 540 rpm"], [failed])
     assert hole["message"].endswith("x.mcap was run there and is not usable") == bool(cell)
     assert other["message"] == "not usable, so not in the grid" + (f" at {cell}" if cell else "")
@@ -143,20 +148,13 @@ def test_a_run_in_two_files_is_one_point_and_the_fuller_one_is_kept(tmp_path: Pa
 
 
 def manifest(identifier: str, **change: Any) -> Manifest:  # noqa: ANN401  (any key)
-    window = {
-        "point": "P1",
-        "accepted": True,
-        "reasons": [],
-        "first_sample": 0,
-        "stop_sample": 1000,
-        "means": {"sun": {"torque": 0.5}, "ring": {"torque": 0.7}},
-    } | change
-    run = {"started_at": change.get("started_at", "2025-04-23T08:00:00+00:00"), "point": change.get("named", "P1")}
-    return Manifest(identifier, {"file": f"{identifier}.mcap", "run": run, "windows": [window]})
+    started = change.pop("started_at", "2025-04-23T08:00:00+00:00")
+    run = RunRecord(started_at=started, point=change.pop("named", "P1"))
+    return Manifest(identifier, f"{identifier}.mcap", run=run, windows=(window(**change),))
 
 
 def verdicts(*manifests: Manifest) -> list[bool]:
-    return [window["accepted"] for each in without_copies(manifests) for window in each.document["windows"]]
+    return [window.accepted for each in without_copies(manifests) for window in each.windows]
 
 
 def test_what_makes_two_windows_one() -> None:
@@ -172,10 +170,10 @@ def test_what_makes_two_windows_one() -> None:
 def test_runs_that_nobody_named_are_copies_only_where_their_torques_agree() -> None:
     a, b = manifest("a", named="", point="a-01"), manifest("b", named="", point="b-01")
     assert verdicts(a, b) == [True, False]
-    other = {"sun": {"torque": 0.5}, "ring": {"torque": 0.71}}
-    assert verdicts(a, manifest("b", named="", point="b-01", means=other)) == [True, True]
-    nothing = {"sun": {"torque": None}, "ring": {"torque": None}}
-    assert verdicts(a, manifest("b", named="", point="b-01", means=nothing, accepted=False)) == [True, False]
+    other = {"sun": 0.5, "ring": 0.71}
+    assert verdicts(a, manifest("b", named="", point="b-01", torque=other)) == [True, True]
+    nothing = {"sun": math.nan, "ring": math.nan}
+    assert verdicts(a, manifest("b", named="", point="b-01", torque=nothing, accepted=False)) == [True, False]
 
 
 @settings(max_examples=40)
@@ -184,9 +182,9 @@ def test_of_any_copies_one_is_kept_whatever_their_order(lengths: list[int], orde
     manifests = [manifest(f"m{i}", stop_sample=1000 * length) for i, length in enumerate(lengths)]
     shuffled = list(manifests)
     order.shuffle(shuffled)
-    kept = [m.identifier for m in without_copies(shuffled) if m.document["windows"][0]["accepted"]]
+    kept = [m.identifier for m in without_copies(shuffled) if m.windows[0].accepted]
     assert kept == [f"m{int(np.argmax(lengths))}"]
-    assert all(m.document["windows"][0]["accepted"] for m in manifests), "what is given stays as it is"
+    assert all(m.windows[0].accepted for m in manifests), "what is given stays as it is"
 
 
 def test_the_nominal_torques_of_the_calibrations_reach_grid_and_findings(tmp_path: Path) -> None:
@@ -212,13 +210,17 @@ def test_a_frequency_range_of_nothing_is_refused(tmp_path: Path, table: str) -> 
     assert read_limits(path).frequency_low == pytest.approx(4e3)
 
 
-@pytest.mark.parametrize(("code", "accepted"), [("samples.simulated", True), ("samples.other", False)])
-def test_only_a_simulated_torque_may_stand_still(tmp_path: Path, code: str, *, accepted: bool) -> None:
+@pytest.mark.parametrize(("code", "accepted"), [(Code.SIMULATED, True), (Code.SATURATED, False)])
+def test_only_a_simulated_torque_may_stand_still(tmp_path: Path, code: Code, *, accepted: bool) -> None:
     name, (given,) = choose_campaign(Store(stored(tmp_path, ("a.mcap", Bench()))), None)
-    (window,) = given.document["windows"]
-    means = {side: window["means"][side] | {"within": None, "std": 0.0, "resolution": None} for side in ("sun", "ring")}
-    changed = {"windows": [window | {"means": window["means"] | means}], "findings": [{"code": code}]}
-    grid = measured_grid(name, [replace(given, document=dict(given.document) | changed)], load_bench())
+    (found,) = given.windows
+    sun, ring = (
+        replace(shaft, within=math.nan, std=0.0, resolution=math.nan) for shaft in (found.means.sun, found.means.ring)
+    )
+    means = replace(found.means, sun=sun, ring=ring)
+    marks = (Finding(code, Severity.INFO, "a.mcap", "whole file", "marked", ""),)
+    given = replace(given, windows=(replace(found, means=means),), findings=marks)
+    grid = measured_grid(name, [given], load_bench())
     assert grid.accepted.tolist() == [accepted]
     assert (grid.within_sun[0] == 0.0) == accepted
 

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.points import joined, measured, points
+from tests.store.records import WINDOW
 
 from pmg.pipeline.chapters.measured.budget import budget_items
 from pmg.pipeline.fit.budget import Budget, budget_of
@@ -26,7 +27,7 @@ from pmg.pipeline.grid.transducer_remarks import transducer_remarks
 from pmg.pipeline.grid.transducer_uncertainty import common_parts, common_uncertainty, tare_uncertainty, undithered
 from pmg.pipeline.grid.window_facts import LimitSet, ShaftFacts, WindowFacts, limit_sets, rated
 from pmg.pipeline.report.document import Table, Text
-from pmg.pipeline.store.store import Manifest
+from pmg.pipeline.store.manifest import Manifest
 from pmg.pipeline.windows.limits import LIMITS
 from pmg.sim.bench import load_bench
 from pmg.sim.grid import Grid
@@ -338,10 +339,8 @@ def test_the_chapter_shows_one_point_its_sum_and_the_limits() -> None:
 
 
 def test_every_set_of_limits_that_judged_a_window_has_a_table() -> None:
-    plain: dict[str, Any] = {"status": "ingested", "windows": [{}]}
-    strict = replace(LIMITS, shortest=4.0).document()
-    manifests = [Manifest("a", plain), Manifest("b", plain | {"limits": strict}), Manifest("c", plain)]
-    sets = limit_sets([*manifests, Manifest("d", plain | {"limits": LIMITS.document()})])
+    plain, strict = Manifest("a", windows=(WINDOW,)), replace(LIMITS, shortest=4.0).document()
+    sets = limit_sets([plain, replace(plain, limits=strict), plain, replace(plain, limits=LIMITS.document())])
     assert [(each.windows, each.recordings, each.limits["shortest"]) for each in sets] == [(3, 3, 1.0), (1, 1, 4.0)]
     found = budget()
     assert found.facts is not None

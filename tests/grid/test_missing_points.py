@@ -140,7 +140,7 @@ def test_ingest_tells_of_copies_of_a_run(tmp_path: Path) -> None:
     assert told == dict.fromkeys(("b.mcap: A", "b.mcap: B"), "the same run is in a.mcap; it counts once, as there")
     assert outcome.data["copies"] == 2
     assert "2 windows in two files: counted once" in outcome.lines
-    assert all(window["accepted"] for m in store.manifests() for window in m.document["windows"])
+    assert all(window["accepted"] for m in store.manifests() for window in m.document()["windows"])
 
 
 def test_a_call_tells_what_a_file_of_an_earlier_call_shares_with_it(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def window(folder: Path, recording: Path) -> dict[str, Any]:
     store = Store(folder)
     ingest(recording, store, workers=1)
     (manifest,) = store.manifests()
-    (found,) = manifest.document["windows"]
+    (found,) = manifest.document()["windows"]
     assert isinstance(found, dict)
     return found
 
@@ -125,7 +125,7 @@ def test_a_bad_cell_with_a_good_time_is_told_as_such_and_its_row_keeps_its_place
     assert [np.flatnonzero(~np.isfinite(torque)).tolist() for torque in torques] == [[100], []]
     ingest(done.out, Store(tmp_path / "store"), workers=1)
     (manifest,) = Store(tmp_path / "store").manifests()
-    assert [finding["where"] for finding in manifest.document["findings"]][:2] == [f.where for f in done.findings]
+    assert [finding["where"] for finding in manifest.document()["findings"]][:2] == [f.where for f in done.findings]
 
 
 def test_what_is_being_written_tells_whose_it_is(tmp_path: Path) -> None:

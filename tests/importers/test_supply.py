@@ -17,6 +17,7 @@ from pmg.pipeline.commands.ingest import run_ingest
 from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.importers.supply import read_supply
 from pmg.pipeline.recording import Code, Recording, UnusableRecordingError, read_recording
+from pmg.pipeline.recording.supplied import SuppliedRecord
 from pmg.pipeline.store.store import Store
 from pmg.sim.errors import BenchError, PmgError
 
@@ -64,13 +65,8 @@ def test_run_and_calibration_that_lack_are_taken_from_the_map_and_told_with_its_
     assert (found.run, found.calibration) == (whole.run, whole.calibration)
     assert found.samples.equals(whole.samples)
     hashes = [hashlib.sha256((tmp_path / name).read_bytes()).hexdigest() for name in ("map.toml", "bench.toml")]
-    assert found.supplied == {
-        "file": "map.toml",
-        "sha256": hashes[0],
-        "calibration": "bench.toml",
-        "calibration_sha256": hashes[1],
-        "parts": ["run", "calibration"],
-    }
+    names = {"file": "map.toml", "sha256": hashes[0], "calibration": "bench.toml", "calibration_sha256": hashes[1]}
+    assert found.supplied == SuppliedRecord(names, ("run", "calibration"))
     told = [(f.code, f.where) for f in found.findings]
     assert told == [
         (Code.RUN_MISSING, "metadata 'pmg.run'"),
@@ -189,7 +185,7 @@ def test_channels_under_other_names_are_read_by_the_map_to_the_same_samples(
     found = read(path, supply(tmp_path, ("" if declared else "[time]\nrate_Hz = 500\n") + named(NAMES), None))
     np.testing.assert_array_equal(found.samples.drop("lines").to_numpy(), whole.samples.drop("lines").to_numpy())
     assert found.supplied is not None
-    assert found.supplied["parts"] == ["channels"]
+    assert found.supplied.parts == ("channels",)
     assert (Code.MESSAGE_FIELD, "/vendor/frame") in {(f.code, f.where) for f in found.findings}
     assert not any(f.code is Code.TOPIC_UNKNOWN for f in found.findings)
 
@@ -241,13 +237,13 @@ def test_ingest_takes_the_map_and_keeps_what_it_supplied_until_another_is_given(
 
     assert again(None) == (1, 0, 1)
     assert again(chart) == (1, 1, 0)
-    manifests = {m.document["file"]: m.document for m in Store(place).manifests()}
+    manifests = {m.file: m.document() for m in Store(place).manifests()}
     assert manifests["cut.mcap"]["supplied"]["parts"] == ["run", "calibration"]
     assert "supplied" not in manifests["whole.mcap"]
     assert again(chart) == again(None) == (0, 2, 0)
     chart.write_text(chart.read_text().replace("P1", "P2"))
     assert again(chart) == (1, 1, 0)
-    assert {w["point"] for m in Store(place).manifests() for w in m.document["windows"]} == {"P1", "P2"}
+    assert {w["point"] for m in Store(place).manifests() for w in m.document()["windows"]} == {"P1", "P2"}
 
 
 def test_recordings_that_share_a_supplied_start_are_told(tmp_path: Path) -> None:
@@ -274,8 +270,8 @@ def test_a_lacking_channel_is_looked_for_again_once_a_map_may_name_it(tmp_path: 
     store = Store(tmp_path / "store")
     assert ingest(path, store, workers=1).rejected == 1
     (lacking,) = store.manifests()
-    assert lacking.document["lacking"] == {"torque_ring": "not recorded"}
-    assert lacking.document["windows"][0]["reasons"] == ["channel missing: ring torque not recorded"]
+    assert lacking.document()["lacking"] == {"torque_ring": "not recorded"}
+    assert lacking.document()["windows"][0]["reasons"] == ["channel missing: ring torque not recorded"]
     supplied = read_supply(supply(tmp_path, named({topic: "f"}, "/v"), None))
     report = ingest(path, store, workers=1, supplied=supplied)
     assert (report.ingested, report.rejected) == (1, 0)
@@ -304,10 +300,10 @@ def test_a_width_that_only_the_map_states_is_used_on_a_recording_that_was_taken_
     path = write(tmp_path / "a.mcap", replace(bench, without=frozenset({topic}), other=other))
     store = Store(tmp_path / "store")
     ingest(path, store, workers=1)
-    assert not store.manifests()[0].document["windows"][0]["accepted"]
+    assert not store.manifests()[0].windows[0].accepted
     supplied = read_supply(supply(tmp_path, named({topic: "value"}, topic, "bits = 16\n"), None))
     assert ingest(path, store, workers=1, supplied=supplied).ingested == 1
-    assert store.manifests()[0].document["windows"][0]["accepted"]
+    assert store.manifests()[0].windows[0].accepted
 
 
 def test_the_manifest_of_a_file_that_failed_holds_what_is_known_of_its_run(tmp_path: Path) -> None:
@@ -315,6 +311,6 @@ def test_the_manifest_of_a_file_that_failed_holds_what_is_known_of_its_run(tmp_p
     report = ingest(path, Store(tmp_path / "store"), workers=1)
     assert (report.failed, report.campaigns) == (1, ())
     (failed,) = Store(tmp_path / "store").manifests()
-    run = failed.document["run"]
+    run = failed.document()["run"]
     assert (run["configuration"], run["started_at"]) == ("neutral", "2025-04-23T08:00:00.250000+00:00")
     assert run["setpoints"] == {"torque_ring": -1.5}

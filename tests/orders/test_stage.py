@@ -192,7 +192,7 @@ def test_windows_are_judged_once_for_means_and_lines(
     (manifest,) = Store(store).manifests()
     kept = kept_orders(Store(store), manifest)
     assert kept is not None
-    assert [window["accepted"] for window in manifest.document["windows"]] == [False]
+    assert [window["accepted"] for window in manifest.document()["windows"]] == [False]
     assert kept.table.height == 0
 
 

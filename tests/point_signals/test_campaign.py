@@ -104,7 +104,7 @@ def test_copies_of_a_window_each_show_their_own_file(tmp_path: Path) -> None:
 
 def test_the_window_that_is_shaded_is_that_of_the_manifest(ingested: Path, cells: tuple[CellSignals, ...]) -> None:
     for cell, manifest in zip(cells, Store(ingested).manifests(), strict=True):
-        (window,) = manifest.document["windows"]
+        (window,) = manifest.document()["windows"]
         assert (cell.first_sample, cell.stop_sample) == (window["first_sample"], window["stop_sample"])
         for channel in cell.channels:
             assert channel.bins.edges[1:3] == (0.0, window["means"]["duration"])

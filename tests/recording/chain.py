@@ -21,7 +21,8 @@ from pmg.pipeline.grid.campaign import measured_grid
 from pmg.pipeline.grid.completeness import holes, lack_findings
 from pmg.pipeline.recording import Finding, Severity
 from pmg.pipeline.recording.checks.stretches import stretches
-from pmg.pipeline.store.store import Manifest, Store
+from pmg.pipeline.store.manifest import Manifest
+from pmg.pipeline.store.store import Store
 from pmg.pipeline.windows.gaps import LOSSES
 from pmg.sim.bench import load_bench
 from pmg.sim.grid import Grid
@@ -179,7 +180,7 @@ def ingested(data: bytes) -> tuple[Manifest, dict[str, npt.NDArray[np.float64]],
         (place / REPEAT).write_bytes(session(hour=8))
         store = Store(Path(folder) / "s")
         ingest(place, store, workers=1)
-        manifests = {str(manifest.document["file"]): manifest for manifest in store.manifests()}
+        manifests = {str(manifest.file): manifest for manifest in store.manifests()}
         used = [manifest for manifest in manifests.values() if manifest.ingested]
         failed = [manifest for manifest in manifests.values() if not manifest.ingested]
         grid = measured_grid("made", [manifests[REPEAT if failed else SESSION]], load_bench())
@@ -206,11 +207,11 @@ def follow(harm: Harm) -> Chain:
     """From the bytes that were spoilt to the points of the grid, and every link that is missing."""
     before, sound, grid_before, _ = undamaged()
     after, samples, grid, told = ingested(harm.make())
-    document = after.document
+    document = after.document()
     findings = [Finding.from_dict(plain) for plain in document["findings"]]
     broken: list[str] = []
     if not after.ingested:
-        points = tuple(str(window["point"]) for window in before.document["windows"])
+        points = tuple(str(window["point"]) for window in before.document()["windows"])
         silent = not any(f["where"] == SESSION and "not usable, so not in the grid: " in f["message"] for f in told)
         return Chain(((0, len(NAMES) * EACH),), points, points, ("the file is refused in silence",) * silent)
 
@@ -240,7 +241,7 @@ def follow(harm: Harm) -> Chain:
     rows = {str(name): row for row, name in enumerate(grid.points.name)}
     old = {str(name): row for row, name in enumerate(grid_before.points.name)}
     touched, absent = [], []
-    for window in before.document["windows"]:
+    for window in before.document()["windows"]:
         point, a, b = str(window["point"]), window["first_sample"], window["stop_sample"]
         as_before = point in windows and windows[point]["reasons"] == window["reasons"]
         if not spoilt[a:b].any() and as_before:

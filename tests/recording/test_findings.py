@@ -108,7 +108,7 @@ def test_what_findings_say_reaches_manifest_and_page(tmp_path: Path) -> None:
     store = Store(tmp_path / "store")
     report = ingest(path, store, workers=1)
     (manifest,) = store.manifests()
-    plain = json.loads(json.dumps(manifest.document["findings"]))
+    plain = json.loads(json.dumps(manifest.document()["findings"]))
     assert [Finding.from_dict(each) for each in plain] == list(report.findings)
     by_code = {each["code"]: each for each in plain}
     trailing, gap = by_code["container.trailing"], by_code["samples.gap"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -203,8 +204,8 @@ def test_a_refusal_carries_what_is_known_of_the_run(
     with pytest.raises(UnusableRecordingError) as caught:
         read_recording(path)
     known = dict(caught.value.run)
-    found = known | known.pop("setpoints")
-    found.pop("setpoints", None)
+    asked_for = asdict(known.pop("setpoints"))
+    found = known | {name: value for name, value in asked_for.items() if value is not None}
     whole = {
         "campaign": "made",
         "point": "P1",

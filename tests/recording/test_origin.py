@@ -41,7 +41,7 @@ def test_source_hash_format_and_findings_come_back() -> None:
         "r 1",
     )
     assert (origin.findings, findings.told()) == ((TOLD,), ())
-    (row,) = origins_table((("a.mcap", origin.document()),)).rows
+    (row,) = origins_table((("a.mcap", origin.record),)).rows
     assert row == ("a.mcap", "a.csv", "csv", "r 1", "7", "ab", 1.0)
 
 
@@ -64,7 +64,7 @@ def test_an_import_is_named_in_the_manifest_and_a_plain_recording_is_not(tmp_pat
     assert read_recording(tmp_path / "in" / "b.mcap").origin is None
     store = Store(tmp_path / "store")
     ingest(tmp_path / "in", store, workers=1)
-    origins: dict[str, Any] = {m.document["file"]: m.document.get("origin") for m in store.manifests()}
+    origins: dict[str, Any] = {m.file: m.document().get("origin") for m in store.manifests()}
     sha256 = hashlib.sha256(source.read_bytes()).hexdigest()
     assert origins["b.mcap"] is None
     assert (origins["a.mcap"]["source"], origins["a.mcap"]["sha256"]) == ("E1.csv", sha256)

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import json
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import polars as pl
 import pytest
 
+from pmg.pipeline.recording.means import BATCH_METHOD
+from pmg.pipeline.recording.run import Setpoints
+from pmg.pipeline.store.manifest import FAILED, Manifest, manifest_of
 from pmg.pipeline.store.store import Store
 from pmg.sim.errors import StoreError
 
 SAMPLES = pl.DataFrame({"sample": [5, 6], "torque_sun": [0.25, -0.5]})
-DOCUMENT = {"status": "ingested", "file": "a.mcap", "sha256": "0" * 64, "findings": [], "windows": []}
+MANIFEST = Manifest("a-00000000", "a.mcap", sha256="0" * 64)
 
 
 def filled(path: Path) -> Store:
     store = Store(path)
     store.prepare()
-    store.write("a-00000000", DOCUMENT, SAMPLES)
+    store.write(MANIFEST, SAMPLES)
     return store
 
 
@@ -32,7 +37,7 @@ def test_what_was_written_is_read_back(tmp_path: Path) -> None:
     (manifest,) = store.manifests()
     assert manifest.identifier == "a-00000000"
     assert manifest.ingested
-    assert manifest.document["sha256"] == "0" * 64
+    assert manifest.sha256 == "0" * 64
     assert store.samples("a-00000000").equals(SAMPLES)
 
 
@@ -119,5 +124,57 @@ def test_an_interrupted_write_leaves_the_old_file_and_nothing_else(
 
     monkeypatch.setattr(Path, "replace", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        store.write("a-00000000", DOCUMENT | {"status": "failed"}, SAMPLES.head(1))
+        store.write(replace(MANIFEST, status=FAILED), SAMPLES.head(1))
     assert everything(tmp_path) == before
+
+
+EARLIER = Path(__file__).parents[1] / "data" / "store_v1"
+
+
+def test_a_store_that_was_written_before_is_read_and_written_to_the_same_bytes(tmp_path: Path) -> None:
+    manifests = {manifest.file: manifest for manifest in Store(EARLIER).manifests()}
+    assert list(manifests) == ["cut.mcap", "failed.mcap", "lean.mcap", "whole.mcap"]
+    again = Store(tmp_path / "s")
+    again.prepare()
+    for manifest in manifests.values():
+        again.write(manifest, Store(EARLIER).samples(manifest.identifier) if manifest.ingested else None)
+        name = f"sources/{manifest.identifier}.json"
+        assert (tmp_path / "s" / name).read_bytes() == (EARLIER / name).read_bytes()
+    failed, lean, cut = (manifests[f"{name}.mcap"] for name in ("failed", "lean", "cut"))
+    assert (failed.ingested, failed.campaign, failed.run.gear) == (False, "made", None)
+    assert failed.run.setpoints == Setpoints(torque_ring=-1.5)
+    assert lean.lacking == {"torque_ring": "not recorded"}
+    assert math.isnan(lean.windows[0].means.ring.torque)
+    assert cut.supplied is not None
+    assert cut.supplied.parts == ("run", "calibration")
+    assert manifests["whole.mcap"].calibration.counts_per_rev["ring"] > 0
+
+
+def test_what_an_earlier_version_did_not_write_is_not_known() -> None:
+    (path,) = (EARLIER / "sources").glob("whole-*.json")
+    document = json.loads(path.read_text())
+    means = document["windows"][0]["means"]["sun"]
+    for plain, names in ((document, ("size", "reduction", "limits")), (means, ("method", "correlated", "resolution"))):
+        for name in names:
+            del plain[name]
+    del document["calibration"]["ring"]["serial"]
+    manifest = manifest_of("x", document)
+    assert (manifest.size, manifest.reduction, manifest.limits) == (None, None, None)
+    sun = manifest.windows[0].means.sun
+    assert (sun.method, sun.correlated, math.isnan(sun.resolution)) == (BATCH_METHOD, False, True)
+    assert manifest.calibration.ring.serial == ""
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("torque", "much"), ("speed", True), ("within", []), ("torque", ...), ("speed", ...)]
+)
+def test_a_mean_that_is_no_number_is_damage(key: str, value: object) -> None:
+    (path,) = (EARLIER / "sources").glob("whole-*.json")
+    document = json.loads(path.read_text())
+    shaft = document["windows"][0]["means"]["ring"]
+    if value is ...:
+        del shaft[key]
+    else:
+        shaft[key] = value
+    with pytest.raises((TypeError, KeyError)):
+        manifest_of("x", document)

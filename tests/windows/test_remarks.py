@@ -23,7 +23,8 @@ from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.options import THESIS_OPTIONS, AnalysisOptions
 from pmg.pipeline.grid.completeness import holes, lack_findings
 from pmg.pipeline.grid.tables import read_published
-from pmg.pipeline.store.store import Manifest
+from pmg.pipeline.recording import Code, Finding, Severity
+from pmg.pipeline.store.manifest import Manifest
 from pmg.pipeline.wording.outcome import Outcome
 from pmg.sim.bench import BenchParameters, load_bench
 from pmg.sim.grid import Grid
@@ -79,13 +80,13 @@ def test_a_hole_is_told_with_the_window_that_was_rejected_there() -> None:
     grid = measured(points("neutral", sun, ring), np.ones(6), np.ones(6))
     gone = np.arange(6) == 2
     grid = replace(grid, accepted=~gone, reason=np.where(gone, "emergency stop: pressed", ""))
-    cut = {"severity": "error", "code": "container.truncated", "where": "byte 12"}
-    document = {"file": "cut.mcap", "findings": [cut], "windows": [], "run": {"point": None}}
+    cut = Finding(Code.TRUNCATED, Severity.ERROR, "cut.mcap", "byte 12", "cut", "copy it again")
+    manifest = Manifest("cut", "cut.mcap", findings=(cut,))
     (hole,) = holes(grid)
-    (found, rejected) = lack_findings(grid, [hole], (), [Manifest("cut", document)])
+    (found, rejected) = lack_findings(grid, [hole], (), [manifest])
     assert found["message"] == f"no accepted point at {hole}; rejected there: window {grid.points.name[2]}"
     assert rejected["where"] == f"window {grid.points.name[2]}"
-    (found, *_) = lack_findings(grid, ["neutral, sun 5 rpm, ring 5 rpm"], (), [Manifest("cut", document)])
+    (found, *_) = lack_findings(grid, ["neutral, sun 5 rpm, ring 5 rpm"], (), [manifest])
     assert found["message"].endswith("; it may be in what was lost of cut.mcap")
 
 

@@ -12,8 +12,9 @@ from scipy import stats
 from tests.bench.colours import Colour, power_law, resonance
 from tests.bench.windowed import NOISE, TORQUE, tally, window
 
+from pmg.pipeline.recording.means import BATCH_METHOD, MEMORY_METHOD
 from pmg.pipeline.windows.noise_models import forms, kinds
-from pmg.pipeline.windows.reduce import BATCH_METHOD, MEMORY_METHOD, reduce_shaft, resolution
+from pmg.pipeline.windows.reduce import reduce_shaft, resolution
 from pmg.pipeline.windows.revolutions import SLACK, WholeRevolutions, whole_revolutions
 from pmg.pipeline.windows.window_mean import FEWEST_PIECES, serial_mean
 from pmg.sim.signals import RPM

@@ -14,7 +14,8 @@ from tests.recording.damages import CHUNK, of_kind, recorded, rewritten
 from tests.recording.writer import Bench, write
 
 from pmg.pipeline.recording import Code, read_recording
-from pmg.pipeline.windows.reduce import PointMeans, reduce_window
+from pmg.pipeline.recording.means import PointMeans
+from pmg.pipeline.windows.reduce import reduce_window
 from pmg.pipeline.windows.steadiness import CHECKS
 from pmg.pipeline.windows.window import Window
 from pmg.pipeline.windows.windows import find_windows

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.pipeline.fit.budget import Budget
     from pmg.pipeline.fit.noise import ShaftNoise
+    from pmg.pipeline.recording.origin import ImportRecord
 
 
 def data_section(
@@ -25,7 +26,7 @@ def data_section(
     note: str,
     findings: tuple[Mapping[str, Any], ...],
     budget: Budget | None = None,
-    origins: tuple[tuple[str, Mapping[str, Any]], ...] = (),
+    origins: tuple[tuple[str, ImportRecord], ...] = (),
 ) -> Section:
     """What was recorded and what of it could be used.
 
@@ -124,13 +125,13 @@ def data_section(
     return Section("data", "Data quality", tuple(items), used)
 
 
-def origins_table(origins: tuple[tuple[str, Mapping[str, Any]], ...]) -> Table:
-    """What recordings were imported from: names of the files, and `Origin.document` of each."""
-    told = sum(origin["findings"] for _, origin in origins)
+def origins_table(origins: tuple[tuple[str, ImportRecord], ...]) -> Table:
+    """What recordings were imported from: names of the files, and the source of each."""
+    count = sum(origin.findings for _, origin in origins)
     return Table(
         id="imported",
         title="Imported recordings",
-        caption=f"{len(origins)} recordings were made of files in other formats; reading those gave {told} findings.",
+        caption=f"{len(origins)} recordings were made of files in other formats; reading those gave {count} findings.",
         columns=(
             Column("file", "Recording"),
             Column("source", "Source"),
@@ -143,8 +144,8 @@ def origins_table(origins: tuple[tuple[str, Mapping[str, Any]], ...]) -> Table:
         rows=tuple(
             (
                 file,
-                *(str(origin[key]) for key in ("source", "format", "reader", "size", "sha256")),
-                float(origin["findings"]),
+                *(origin.source, origin.format, origin.reader, origin.size, origin.sha256),
+                float(origin.findings),
             )
             for file, origin in origins
         ),
