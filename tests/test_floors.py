@@ -50,7 +50,6 @@ LONG_FUNCTIONS: dict[str, str] = {
     "pmg.pipeline.diagnose.design.plans.possible_plans": _SPLIT,
     "pmg.pipeline.diagnose.grid.refit.refit": _SPLIT,
     "pmg.pipeline.diagnose.engine.scan.search": _GATHERED,
-    "pmg.pipeline.fit.calibration.calibrate": _SPLIT,
     "pmg.pipeline.grid.campaign.measured_grid": _SPLIT,
     "pmg.pipeline.recording.decode._frequency_from_edges": _SPLIT,
     "pmg.pipeline.trials.score.stage.run_prove": _GATHERED,

@@ -15,7 +15,7 @@ from pmg.sim.lossmodel import LossModel
 from pmg.sim.mechanisms import EddyDamping, ExcessDamping, HysteresisDamping, SunBearings
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     import numpy.typing as npt
 
@@ -185,13 +185,8 @@ def calibrate(
         came, expected = "no accepted engaged point", "neutral and engaged points"
         raise FitError("calibration", came, expected, "Ingest the engaged runs too.")
     readings = take_readings(grid, bench)
-    held = held or {}
-    start = start_model(fits)
-    start = replace(start, b=held.get("b", start.b), c=held.get("c", start.c), d=held.get("d", start.d))
-    if correction is not None:
-        free = tuple(name for name in free if name != "K_corr")
-        start = replace(start, correction=correction)
-    free = tuple(name for name in free if name not in held)
+    start = _start_holding(start_model(fits), correction, held or {})
+    free = tuple(n for n in free if n not in (held or {}) and not (n == "K_corr" and correction is not None))
     names = parameter_names(start, free)
     n_curves = len(names) - len(free)
     lower = np.r_[np.full(n_curves, -np.inf), [CONSTANTS[name].bounds[0] for name in free]]
@@ -213,21 +208,8 @@ def calibrate(
     bound = (found.x - lower < margin) | (upper - found.x < margin)
     values = np.where(found.x - lower < margin, lower, np.where(upper - found.x < margin, upper, found.x))
     inside = np.flatnonzero(~bound)
-    design = slopes(values)[:, inside]
-    length = np.linalg.norm(design, axis=0)
-    _, singular, right = np.linalg.svd(design / np.where(length > 0.0, length, 1.0), full_matrices=False)
-    if (length == 0.0).any() or singular[-1] < UNDETERMINED * singular[0]:
-        weak = np.abs(right[-1]) > 0.1 if (length > 0.0).all() else length == 0.0
-        alike = ", ".join(names[i] for i in inside[weak])
-        raise FitError(
-            "calibration",
-            f"these points do not determine {alike}",
-            "engaged points at several speeds, more than there are free constants",
-            "Measure more engaged speeds, or hold K_corr with --k-corr.",
-        )
-    scaled = right.T / singular
     moments = np.zeros((len(names), len(names)))
-    moments[np.ix_(inside, inside)] = (scaled @ scaled.T) / np.outer(length, length)
+    moments[np.ix_(inside, inside)] = _moments(slopes(values)[:, inside], [names[i] for i in inside])
     if bound.any():
         upward = np.where(found.x - lower < margin, 1.0, np.where(upper - found.x < margin, -1.0, 0.0))
         moments = _with_bounds(slopes(values), residuals(values), inside, upward, moments)
@@ -245,6 +227,35 @@ def calibrate(
         message=str(found.message),
         moments=moments,
     )
+
+
+def _start_holding(start: LossModel, correction: float | None, held: Mapping[str, float]) -> LossModel:
+    """The model that a fit starts from, with the constants that are held."""
+    start = replace(start, b=held.get("b", start.b), c=held.get("c", start.c), d=held.get("d", start.d))
+    return start if correction is None else replace(start, correction=correction)
+
+
+def _moments(design: Array, names: Sequence[str]) -> Array:
+    """Covariance (k, k) of parameters inside their bounds, from the slopes (m, k) of the weighted residuals.
+
+    Raises
+    ------
+    FitError
+        The points do not determine them.
+    """
+    length = np.linalg.norm(design, axis=0)
+    _, singular, right = np.linalg.svd(design / np.where(length > 0.0, length, 1.0), full_matrices=False)
+    if (length == 0.0).any() or singular[-1] < UNDETERMINED * singular[0]:
+        weak = np.abs(right[-1]) > 0.1 if (length > 0.0).all() else length == 0.0
+        alike = ", ".join(name for name, is_weak in zip(names, weak, strict=True) if is_weak)
+        raise FitError(
+            "calibration",
+            f"these points do not determine {alike}",
+            "engaged points at several speeds, more than there are free constants",
+            "Measure more engaged speeds, or hold K_corr with --k-corr.",
+        )
+    scaled = right.T / singular
+    return np.asarray((scaled @ scaled.T) / np.outer(length, length))
 
 
 def _with_bounds(design: Array, left: Array, inside: npt.NDArray[np.intp], upward: Array, conditional: Array) -> Array:
