@@ -30,9 +30,6 @@ _OPTIONS = "a command of the terminal: one parameter an option"
 _SPLIT = "to be split into parts with names"
 _GATHERED = "its parameters are to be gathered into values"
 LONG_FUNCTIONS: dict[str, str] = {
-    "pmg.sim.dynamics.rodas.integrate": _SPLIT,
-    "pmg.sim.dynamics.kernel.Kernel.run": _GATHERED,
-    "pmg.sim.dynamics.transient.transient": _GATHERED,
     "pmg.pipeline.chapters.explained.balance._models": _SPLIT,
     "pmg.pipeline.chapters.measured.quality.data_section": _SPLIT,
     "pmg.pipeline.chapters.page.build_report": _GATHERED,

@@ -11,7 +11,7 @@ from pmg.pipeline.simulate.steady_points import SteadyPoints, steady_points
 from pmg.sim.dynamics.equilibrium import equilibrium
 from pmg.sim.dynamics.linear import check_control, frequency_response, linearise
 from pmg.sim.dynamics.state import SetPoints
-from pmg.sim.dynamics.transient import transient
+from pmg.sim.dynamics.transient import Task, transient
 from pmg.sim.grid import Configuration
 from pmg.sim.signals import REVOLUTION
 
@@ -147,12 +147,14 @@ def _run(scenario: Scenario, asked: Asked, inputs: Inputs) -> Run:
         taken = np.rint(samples / (output.rate_hz * NANO)).astype(np.int64)
     instants = np.unique(np.minimum(np.concatenate((shown, taken)), last))
     trace = transient(
-        drivetrain,
-        inputs.sun,
-        inputs.ring,
-        asked.duration_s,
-        start=start,
-        times=np.minimum(instants * NANO, asked.duration_s),
+        Task(
+            drivetrain,
+            inputs.sun,
+            inputs.ring,
+            asked.duration_s,
+            start=start,
+            times=np.minimum(instants * NANO, asked.duration_s),
+        ),
         rtol=asked.rtol,
         on_slip=asked.on_slip,
         solver=asked.solver,

@@ -17,7 +17,7 @@ from pmg.sim import signals
 from pmg.sim.dynamics.drivetrain import Drivetrain
 from pmg.sim.dynamics.programme import Programme
 from pmg.sim.dynamics.state import SetPoints
-from pmg.sim.dynamics.transient import transient
+from pmg.sim.dynamics.transient import Task, transient
 from pmg.sim.lossmodel import LossModel
 from pmg.sim.maps.analytic import analytic_map
 from pmg.sim.steady.forward import forward
@@ -254,7 +254,7 @@ def _run(gearbox: Gearbox, model: LossModel, measured: Grid, choices: Choices) -
     asked = SetPoints(choices.torque_sun, choices.torque_ring)
     sun, ring = (Programme.ramp(torque, 1.0) for torque in (asked.sun, asked.ring))
     train = Drivetrain.calibrated(gearbox.bench, model)
-    trace = transient(train, sun, ring, DURATION, times=np.array([DURATION]), rtol=choices.rtol)
+    trace = transient(Task(train, sun, ring, DURATION, times=np.array([DURATION])), rtol=choices.rtol)
     if trace.stopped is not None:
         raise trace.stopped
     m = train.motion(trace.last, asked)

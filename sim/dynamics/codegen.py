@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import sympy
 from sympy.printing.pycode import PythonCodePrinter
 
-from pmg.sim.dynamics import rodas, segments
+from pmg.sim.dynamics import rodas, run_values, segments
 from pmg.sim.dynamics.state import STATES
 from pmg.sim.signals import REVOLUTION
 
@@ -29,6 +29,8 @@ from numba import njit
 
 '''
 DECORATOR = '@njit(cache=CACHE, nogil=True, error_model="numpy")\n'
+_PART = '@njit(cache=CACHE, nogil=True, error_model="numpy", forceinline=True)\n'
+"""Parts of the integrator that it calls at each step: put in place, so that a step costs no more than one function."""
 
 
 class _Printer(PythonCodePrinter):  # type: ignore[misc]  # untyped library
@@ -125,13 +127,13 @@ def jacobian_formulas(given: Formulas) -> dict[tuple[int, int], sympy.Expr]:
 
 
 def _driver() -> str:
-    """Text of the integrator without its imports, every function to be compiled."""
-    nodes = ast.parse(inspect.getsource(rodas)).body
-    kept = [
-        (DECORATOR if isinstance(node, ast.FunctionDef) else "") + ast.unparse(node)
-        for node in nodes
-        if not isinstance(node, ast.Import | ast.ImportFrom | ast.If | ast.Expr)
-    ]
+    """Text of the integrator with the imports of its values alone, every function to be compiled."""
+    kept = []
+    for node in ast.parse(inspect.getsource(rodas)).body:
+        if isinstance(node, ast.FunctionDef):
+            kept.append((_PART if node.name.startswith("_") else DECORATOR) + ast.unparse(node))
+        elif isinstance(node, ast.Assign) or getattr(node, "module", "") == run_values.__name__:
+            kept.append(ast.unparse(node))
     return "\n\n".join(kept) + "\n"
 
 
@@ -155,7 +157,9 @@ def solver_text(given: Formulas, cache: bool) -> str:
         sum((sympy.diff(r, s) * w for s, w in zip(given.asked, v, strict=True)), sympy.Integer(0)) for r in given.rates
     ]
     phase = given.rates[STATES.index("phase")]
-    settings = f"CACHE = {cache}\nREVOLUTION = {REVOLUTION!r}\nENTRIES, FACTORS = {len(pattern)}, {factors}\n"
+    settings = (
+        f"CACHE = {cache}\nREVOLUTION = {REVOLUTION!r}\nSIZE, ENTRIES, FACTORS = {size}, {len(pattern)}, {factors}\n"
+    )
     settings += f"SUMS = {len(given.sums)}\n"
     settings += f"ROWS = {[i for i, _ in pattern]}\nCOLUMNS = {[j for _, j in pattern]}\n\n\n"
     indexed = [(f"out[{n}]", expr) for n, expr in enumerate(given.rates)]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pmg.sim.dynamics import kernelcache
-from pmg.sim.dynamics.rodas import DONE, NO_STEP, STOPPED, TOO_MANY
+from pmg.sim.dynamics.run_values import Room, Settings, Well
 from pmg.sim.dynamics.state import STATES
 from pmg.sim.dynamics.structure import survey
 
@@ -20,14 +20,12 @@ if TYPE_CHECKING:
     from pmg.sim.dynamics.segments import Legs
     from pmg.sim.signals import Array
 
-__all__ = ["DONE", "NO_STEP", "STOPPED", "TOO_MANY", "Kernel", "SolverRun", "kernel_of"]
-
 MOST_SLIPS = 10_000
 """Slipped poles whose times are kept; more are counted only."""
 
 
 class SolverRun(NamedTuple):
-    """What a run of the compiled solver gave; `ended` is one of the codes of `rodas`."""
+    """What a run of the compiled solver gave; `ended` is one of the codes of `run_values`."""
 
     ended: int
     steps: int
@@ -50,13 +48,13 @@ class Kernel:
         The generated functions; drivetrains of equal structure share it.
     parameters : (k,) array
         The numbers of this drivetrain.
-    coupled : bool
-        Whether there is a magnetic coupling that can slip.
+    well : Well
+        Where the magnetic coupling slips, if there is one.
     """
 
     module: ModuleType
     parameters: Array
-    coupled: bool
+    well: Well
 
     def rates(self, state: Array, asked: Array) -> Array:
         """Time derivative of the state (20,)."""
@@ -91,51 +89,25 @@ class Kernel:
         self.module.solve(lu, x)
         return x
 
-    def run(
-        self,
-        start: Array,
-        legs: Legs,
-        instants: Array,
-        scales: Array,
-        rtol: float,
-        *,
-        stop: bool,
-        locked: float,
-        most: int,
-        centre: float = 0.0,
-        energy: bool = True,
-    ) -> SolverRun:
+    def run(self, start: Array, legs: Legs, instants: Array, settings: Settings, *, energy: bool = True) -> SolverRun:
         """Integrate from a start state through the legs; see `rodas.integrate`."""
-        last, out = np.array(start, dtype=np.float64), np.empty((instants.size, start.size))
-        sums, slips = np.empty(self.number_of_sums if energy else 0), np.empty(MOST_SLIPS if self.coupled else 0)
-        phase = STATES.index("phase") if self.coupled else -1
-        ended, steps, rejected, reported, slipped, locked_at, time = self.module.integrate(
-            last,
-            self.parameters,
-            legs.ends,
-            legs.rows,
-            instants,
-            out,
-            sums,
-            slips,
-            scales,
-            rtol,
-            phase,
-            centre,
-            stop,
-            locked,
-            most,
+        last = np.array(start, dtype=np.float64)
+        room = Room(
+            np.empty((instants.size, start.size)),
+            np.empty(self.number_of_sums if energy else 0),
+            np.empty(MOST_SLIPS if self.well.phase >= 0 else 0),
         )
+        ended = self.module.integrate(last, self.parameters, legs, instants, self.well, settings, room)
         return SolverRun(
-            ended,
-            steps,
-            rejected,
-            out[:reported],
-            slips[: min(slipped, slips.size)].copy(),
-            locked_at,
-            time,
+            ended.code,
+            ended.steps,
+            ended.rejected,
+            room.states[: ended.reported],
+            room.slips[: min(ended.slipped, room.slips.size)].copy(),
+            ended.locked_at,
+            ended.time,
             last,
-            sums,
+            room.energy,
         )
 
 
@@ -175,4 +147,5 @@ def kernel_of(drivetrain: Drivetrain) -> Kernel:
     """
     parameters, structure = survey(drivetrain)
     module = _module(_Blueprint(drivetrain, structure))
-    return Kernel(module, np.array(parameters), drivetrain.coupling is not None)
+    phase = -1 if drivetrain.coupling is None else STATES.index("phase")
+    return Kernel(module, np.array(parameters), Well(phase, drivetrain.centre))

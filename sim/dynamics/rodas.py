@@ -17,11 +17,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.sim.dynamics.run_values import DONE, NO_STEP, STOPPED, TOO_MANY, Ended, Lock, Slips, Stride
 from pmg.sim.dynamics.segments import follow
-from pmg.sim.dynamics.solver_stubs import ENTRIES, FACTORS, drift, factor, rates, slip_rate, slopes, solve, sums
+from pmg.sim.dynamics.solver_stubs import ENTRIES, FACTORS, SIZE, drift, factor, rates, slip_rate, slopes, solve, sums
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
+    from pmg.sim.dynamics.run_values import Room, Settings, Well
+    from pmg.sim.dynamics.segments import Legs
     from pmg.sim.signals import Array
 
 GAMMA = 0.25
@@ -57,9 +60,6 @@ D_31, D_32, D_33, D_34, D_35 = (
     -6.594389125716872,
 )
 
-DONE, STOPPED, NO_STEP, TOO_MANY = 0, 1, -1, -2
-"""How a run ended: at its end, at a slipped pole, without a step that converges, after too many steps."""
-
 FIRST_STEP = 1e-6
 """First step [s]; it grows fivefold a step where it can."""
 
@@ -70,227 +70,229 @@ SMALLEST_STEP = 1e-14
 """Step below which the run is given up [s]."""
 
 
-def at_share(s: float, y: Array, w: Array, d2: Array, d3: Array, out: Array) -> None:
-    """State at a share `s` of the step from `y` to `w`, into `out`; of order three."""
-    for i in range(y.size):
-        out[i] = y[i] * (1.0 - s) + s * (w[i] + (1.0 - s) * (d2[i] + s * d3[i]))
+W, U1, U2, U3, U4, U5, U6, D2, D3, F, FT, MIDDLE, SET, SET_RATES = range(14)
+"""Rows of the room of a step: the new state, the six stages, the two bends of the dense output, the rates and their
+derivative with time, the state in the middle, set values and their rates."""
 
 
-def put_set(rows: Array, time: float, a: Array, v: Array) -> None:
-    """Set values and their rates at a time into `a`, the rates of those into `v`."""
+def _at_share(s: float, y: Array, k: Array, out: Array) -> None:
+    """State at a share `s` of the step, into `out`; of order three."""
+    for i in range(SIZE):
+        out[i] = y[i] * (1.0 - s) + s * (k[W, i] + (1.0 - s) * (k[D2, i] + s * k[D3, i]))
+
+
+def _put_set(row: Array, time: float, k: Array) -> None:
+    """Set values and their rates at a time, and the rates of those."""
     for side in range(2):
-        a[side], a[2 + side], v[2 + side] = follow(rows[side], time)
-        v[side] = a[2 + side]
+        k[SET, side], k[SET, 2 + side], k[SET_RATES, 2 + side] = follow(row[side], time)
+        k[SET_RATES, side] = k[SET, 2 + side]
 
 
-def integrate(
-    y: Array,
-    p: Array,
-    ends: Array,
-    rows: Array,
-    instants: Array,
-    out: Array,
-    energy: Array,
-    slips: Array,
-    scales: Array,
-    rtol: float,
-    phase: int,
-    centre: float,
-    stop: bool,
-    locked: float,
-    most: int,
-) -> tuple[int, int, int, int, int, float, float]:
+def _make_stages(t: float, step: float, y: Array, p: Array, row: Array, k: Array, j: Array, lu: Array) -> None:
+    """The six stages of a step, and the new state without the last, into `k`."""
+    r = 1.0 / step
+    _put_set(row, t, k)
+    rates(y, k[SET], p, k[F])
+    drift(k[SET_RATES], p, k[FT])
+    slopes(y, p, j)
+    factor(j, 1.0 / (GAMMA * step), lu)
+    for i in range(SIZE):
+        k[U1, i] = k[F, i] + step * GAMMA_SUM[0] * k[FT, i]
+    solve(lu, k[U1])
+    for i in range(SIZE):
+        k[W, i] = y[i] + A_21 * k[U1, i]
+    _put_set(row, t + ALPHA[1] * step, k)
+    rates(k[W], k[SET], p, k[U2])
+    for i in range(SIZE):
+        k[U2, i] += r * C_21 * k[U1, i] + step * GAMMA_SUM[1] * k[FT, i]
+    solve(lu, k[U2])
+    for i in range(SIZE):
+        k[W, i] = y[i] + A_31 * k[U1, i] + A_32 * k[U2, i]
+    _put_set(row, t + ALPHA[2] * step, k)
+    rates(k[W], k[SET], p, k[U3])
+    for i in range(SIZE):
+        k[U3, i] += r * (C_31 * k[U1, i] + C_32 * k[U2, i]) + step * GAMMA_SUM[2] * k[FT, i]
+    solve(lu, k[U3])
+    for i in range(SIZE):
+        k[W, i] = y[i] + A_41 * k[U1, i] + A_42 * k[U2, i] + A_43 * k[U3, i]
+    _put_set(row, t + ALPHA[3] * step, k)
+    rates(k[W], k[SET], p, k[U4])
+    for i in range(SIZE):
+        bent = C_41 * k[U1, i] + C_42 * k[U2, i] + C_43 * k[U3, i]
+        k[U4, i] += r * bent + step * GAMMA_SUM[3] * k[FT, i]
+    solve(lu, k[U4])
+    for i in range(SIZE):
+        k[W, i] = y[i] + A_51 * k[U1, i] + A_52 * k[U2, i] + A_53 * k[U3, i] + A_54 * k[U4, i]
+    _put_set(row, t + step, k)
+    rates(k[W], k[SET], p, k[U5])
+    for i in range(SIZE):
+        k[U5, i] += r * (C_51 * k[U1, i] + C_52 * k[U2, i] + C_53 * k[U3, i] + C_54 * k[U4, i])
+    solve(lu, k[U5])
+    for i in range(SIZE):
+        k[W, i] += k[U5, i]
+    rates(k[W], k[SET], p, k[U6])
+    for i in range(SIZE):
+        bent = C_61 * k[U1, i] + C_62 * k[U2, i] + C_63 * k[U3, i] + C_64 * k[U4, i]
+        k[U6, i] += r * (bent + C_65 * k[U5, i])
+    solve(lu, k[U6])
+
+
+def _finish(y: Array, k: Array, rtol: float, scales: Array) -> float:
+    """Adds the last stage to the new state; its size, the error of the step, as a multiple of the tolerance."""
+    square = 0.0
+    for i in range(SIZE):
+        k[W, i] += k[U6, i]
+        ratio = k[U6, i] / (rtol * (scales[i] + max(abs(y[i]), abs(k[W, i]))))
+        square += ratio * ratio
+    return math.sqrt(square / SIZE)
+
+
+def _bend(k: Array) -> None:
+    """Bends of the dense output of a step that is accepted."""
+    for i in range(SIZE):
+        k[D2, i] = D_21 * k[U1, i] + D_22 * k[U2, i] + D_23 * k[U3, i] + D_24 * k[U4, i] + D_25 * k[U5, i]
+        k[D3, i] = D_31 * k[U1, i] + D_32 * k[U2, i] + D_33 * k[U3, i] + D_34 * k[U4, i] + D_35 * k[U5, i]
+
+
+def _shrinkage(error: float) -> float:
+    """What the step is to be divided by for an error of the tolerance."""
+    shrinkage: float = error**0.25 / 0.9
+    return max(0.2, min(6.0, shrinkage))
+
+
+def _shorter(step: float, error: float) -> float:
+    """Step to try after one that is rejected."""
+    return step / max(_shrinkage(error), 1.05) if math.isfinite(error) else 0.1 * step
+
+
+def _following(step: float, error: float, last_step: float, last_error: float) -> float:
+    """Step after one that is accepted, by the control that also looks at the one before (0 where there is none)."""
+    shrink = _shrinkage(error)
+    if last_step > 0.0:
+        foreseen = (last_step / step) * (error * error / last_error) ** 0.25 / 0.9
+        shrink = max(shrink, max(0.2, min(6.0, foreseen)))
+    return step / shrink
+
+
+def _share_at(angle: float, sense: int, y: Array, k: Array, phase: int) -> float:
+    """Share of the step at which the phase passes an angle upwards (`sense` 1) or downwards, by halving."""
+    low, high = 0.0, 1.0
+    for _ in range(50):
+        share = 0.5 * (low + high)
+        bent = k[D2, phase] + share * k[D3, phase]
+        reached = y[phase] * (1.0 - share) + share * (k[W, phase] + (1.0 - share) * bent)
+        if sense * (reached - angle) < 0.0:
+            low = share
+        else:
+            high = share
+    return high
+
+
+def _slips(span: Stride, y: Array, k: Array, well: Well, stop: bool, slips: Array, slipped: int) -> Slips:
+    """Times at which poles slip within a step, into `slips` from place `slipped` on."""
+    at = math.floor((y[well.phase] - well.centre) / REVOLUTION + 0.5)
+    then = math.floor((k[W, well.phase] - well.centre) / REVOLUTION + 0.5)
+    sense = 1 if then > at else -1
+    while at != then:
+        share = _share_at(well.centre + (at + 0.5 * sense) * REVOLUTION, sense, y, k, well.phase)
+        if slipped < slips.size:
+            slips[slipped] = span.begin + share * span.length
+        slipped += 1
+        at += sense
+        if stop:
+            return Slips(slipped, share, True)
+    return Slips(slipped, 1.0, False)
+
+
+def _watch(span: Stride, y: Array, k: Array, p: Array, locked: float, lock: Lock) -> Lock:
+    """Whether the gear is locked, looked at some times within a step."""
+    since, last = lock.since, lock.rate
+    for look in range(1, LOOKS + 1):
+        _at_share(look / LOOKS, y, k, k[MIDDLE])
+        rate = abs(slip_rate(k[MIDDLE], p))
+        if rate >= locked:
+            since = math.nan
+        elif math.isnan(since):
+            part = (last - locked) / (last - rate)
+            since = span.begin + (look - 1.0 + part) / LOOKS * span.length
+        last = rate
+    return Lock(since, last)
+
+
+def _copy(values: Array, out: Array) -> None:
+    for i in range(SIZE):
+        out[i] = values[i]
+
+
+def _sum_up(duration: float, k: Array, p: Array, q: Array, energy: Array) -> None:
+    """Adds the powers' sums over a step by Simpson's rule: `q` holds those at its begin, `k[MIDDLE]` is its middle."""
+    if energy.size:
+        sums(k[MIDDLE], p, q[1])
+        sums(k[W], p, q[2])
+        for i in range(energy.size):
+            energy[i] += duration / 6.0 * (q[0, i] + 4.0 * q[1, i] + q[2, i])
+            q[0, i] = q[2, i]
+
+
+def integrate(y: Array, p: Array, legs: Legs, instants: Array, well: Well, settings: Settings, room: Room) -> Ended:
     """Run from time 0 through all legs.
 
-    Parameters
-    ----------
-    y : (20,) array
-        Start state; holds the last state afterwards.
-    p : array
-        Parameters of the drivetrain.
-    ends, rows : array
-        The `Legs`.
-    instants, out : (m,), (m, 20) array
-        When to report, and room for it.
-    energy : (k,) array
-        Room for the sums over time of the powers; empty when not wanted.
-    slips : (q,) array
-        Room for the times of slipped poles.
-    scales : (20,) array
-        Usual size of each state.
-    rtol : float
-        Relative tolerance; the absolute one is this times `scales`.
-    phase : int
-        Index of the electrical phase, or -1 where nothing can slip.
-    centre : float
-        Phase in the middle of a magnetic well [rad]; a pole slips half a period from it.
-    stop : bool
-        Whether to end at the first slipped pole.
-    locked : float
-        Rate of the phase below which the gear counts as locked [rad/s].
-    most : int
-        Steps, accepted or not, before the run is given up.
-
-    Returns
-    -------
-    tuple
-        How it ended; steps; rejected steps; instants reported; slips; time from which it stayed locked (NaN if it did
-        not); time reached.
+    The start state `y` (20,) is the last one afterwards; `p` are the parameters of the drivetrain, `instants` (m,)
+    the times to report [s]; `room` is filled.
     """
-    n = y.size
-    f, w, ft = np.empty(n), np.empty(n), np.empty(n)
-    u1, u2, u3, u4, u5, u6 = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    d2, d3, m = np.empty(n), np.empty(n), np.empty(n)
-    a, v, unused = np.empty(4), np.empty(4), np.empty(4)
-    j, lu = np.empty(ENTRIES), np.empty(FACTORS)
-    q0, q1, q2 = np.empty(energy.size), np.empty(energy.size), np.empty(energy.size)
+    k, j, lu, q = np.empty((14, SIZE)), np.empty(ENTRIES), np.empty(FACTORS), np.empty((3, room.energy.size))
+    states, energy, slips = room.states, room.energy, room.slips
+    rtol, scales, locked, stop = settings.rtol, settings.scales, settings.locked, settings.stop
     energy[:] = 0.0
-    t, h, last_h, last_error = 0.0, FIRST_STEP, 0.0, 1.0
+    t, h, last_step, last_error = 0.0, FIRST_STEP, 0.0, 1.0
     steps, rejected, reported, slipped, after_reject = 0, 0, 0, 0, False
     while reported < instants.size and instants[reported] <= t:
-        out[reported] = y
+        states[reported] = y
         reported += 1
-    last_rate = abs(slip_rate(y, p))
-    locked_at = 0.0 if phase >= 0 and last_rate < locked else math.nan
+    rate = abs(slip_rate(y, p))
+    lock = Lock(0.0 if well.phase >= 0 and rate < locked else math.nan, rate)
     if energy.size:
-        sums(y, p, q0)
-    for leg in range(ends.size):
-        end = ends[leg]
-        row = rows[leg]
+        sums(y, p, q[0])
+    for leg in range(legs.ends.size):
+        end, row = legs.ends[leg], legs.rows[leg]
         while t < end:
-            if steps + rejected >= most:
-                return TOO_MANY, steps, rejected, reported, slipped, locked_at, t
+            if steps + rejected >= settings.most:
+                return Ended(TOO_MANY, steps, rejected, reported, slipped, lock.since, t)
             if h < SMALLEST_STEP:
-                return NO_STEP, steps, rejected, reported, slipped, locked_at, t
-            if t + 1.01 * h >= end:
-                whole, step = True, end - t
-            else:
-                whole, step = False, h
-            put_set(row, t, a, v)
-            rates(y, a, p, f)
-            drift(v, p, ft)
-            slopes(y, p, j)
-            factor(j, 1.0 / (GAMMA * step), lu)
-            r = 1.0 / step
-            for i in range(n):
-                u1[i] = f[i] + step * GAMMA_SUM[0] * ft[i]
-            solve(lu, u1)
-            for i in range(n):
-                w[i] = y[i] + A_21 * u1[i]
-            put_set(row, t + ALPHA[1] * step, a, unused)
-            rates(w, a, p, u2)
-            for i in range(n):
-                u2[i] += r * C_21 * u1[i] + step * GAMMA_SUM[1] * ft[i]
-            solve(lu, u2)
-            for i in range(n):
-                w[i] = y[i] + A_31 * u1[i] + A_32 * u2[i]
-            put_set(row, t + ALPHA[2] * step, a, unused)
-            rates(w, a, p, u3)
-            for i in range(n):
-                u3[i] += r * (C_31 * u1[i] + C_32 * u2[i]) + step * GAMMA_SUM[2] * ft[i]
-            solve(lu, u3)
-            for i in range(n):
-                w[i] = y[i] + A_41 * u1[i] + A_42 * u2[i] + A_43 * u3[i]
-            put_set(row, t + ALPHA[3] * step, a, unused)
-            rates(w, a, p, u4)
-            for i in range(n):
-                u4[i] += r * (C_41 * u1[i] + C_42 * u2[i] + C_43 * u3[i]) + step * GAMMA_SUM[3] * ft[i]
-            solve(lu, u4)
-            for i in range(n):
-                w[i] = y[i] + A_51 * u1[i] + A_52 * u2[i] + A_53 * u3[i] + A_54 * u4[i]
-            put_set(row, t + step, a, unused)
-            rates(w, a, p, u5)
-            for i in range(n):
-                u5[i] += r * (C_51 * u1[i] + C_52 * u2[i] + C_53 * u3[i] + C_54 * u4[i])
-            solve(lu, u5)
-            for i in range(n):
-                w[i] += u5[i]
-            rates(w, a, p, u6)
-            for i in range(n):
-                u6[i] += r * (C_61 * u1[i] + C_62 * u2[i] + C_63 * u3[i] + C_64 * u4[i] + C_65 * u5[i])
-            solve(lu, u6)
-            square = 0.0
-            for i in range(n):
-                w[i] += u6[i]
-                ratio = u6[i] / (rtol * (scales[i] + max(abs(y[i]), abs(w[i]))))
-                square += ratio * ratio
-            error = math.sqrt(square / n)
-            if not math.isfinite(error):
-                rejected += 1
-                after_reject = True
-                h = 0.1 * step
+                return Ended(NO_STEP, steps, rejected, reported, slipped, lock.since, t)
+            whole = t + 1.01 * h >= end
+            step = end - t if whole else h
+            _make_stages(t, step, y, p, row, k, j, lu)
+            error = _finish(y, k, rtol, scales)
+            if not error <= 1.0:  # NaN too
+                rejected, after_reject = rejected + 1, True
+                h = _shorter(step, error)
                 continue
-            shrink = max(0.2, min(6.0, error**0.25 / 0.9))
-            if error > 1.0:
-                rejected += 1
-                after_reject = True
-                h = step / max(shrink, 1.05)
-                continue
-            if steps > 0:
-                foreseen = (last_h / step) * (error * error / last_error) ** 0.25 / 0.9
-                shrink = max(shrink, max(0.2, min(6.0, foreseen)))
-            last_h, last_error = step, max(0.01, error)
-            following = step / shrink
+            following = _following(step, error, last_step, last_error)
+            last_step, last_error = step, max(0.01, error)
             if after_reject:
                 following = min(following, step)
-            after_reject = False
-            steps += 1
-            for i in range(n):
-                d2[i] = D_21 * u1[i] + D_22 * u2[i] + D_23 * u3[i] + D_24 * u4[i] + D_25 * u5[i]
-                d3[i] = D_31 * u1[i] + D_32 * u2[i] + D_33 * u3[i] + D_34 * u4[i] + D_35 * u5[i]
-            at_end = end if whole else t + step
-            length = 1.0
-            halted = False
-            if phase >= 0:
-                well = math.floor((y[phase] - centre) / REVOLUTION + 0.5)
-                next_well = math.floor((w[phase] - centre) / REVOLUTION + 0.5)
-                sense = 1 if next_well > well else -1
-                while well != next_well:
-                    top = centre + (well + 0.5 * sense) * REVOLUTION
-                    low, high = 0.0, 1.0
-                    for _ in range(50):
-                        share = 0.5 * (low + high)
-                        bent = d2[phase] + share * d3[phase]
-                        angle = y[phase] * (1.0 - share) + share * (w[phase] + (1.0 - share) * bent)
-                        if sense * (angle - top) < 0.0:
-                            low = share
-                        else:
-                            high = share
-                    if slipped < slips.size:
-                        slips[slipped] = t + high * step
-                    slipped += 1
-                    well += sense
-                    if stop:
-                        length, halted = high, True
-                        at_end = t + high * step
-                        break
-                for quarter in range(1, LOOKS + 1):
-                    at_share(quarter / LOOKS, y, w, d2, d3, m)
-                    rate = abs(slip_rate(m, p))
-                    if rate >= locked:
-                        locked_at = math.nan
-                    elif math.isnan(locked_at):
-                        part = (last_rate - locked) / (last_rate - rate)
-                        locked_at = t + (quarter - 1.0 + part) / LOOKS * step
-                    last_rate = rate
+            steps, after_reject = steps + 1, False
+            _bend(k)
+            span, at_end = Stride(t, step), end if whole else t + step
+            found = Slips(slipped, 1.0, False)
+            if well.phase >= 0:
+                found = _slips(span, y, k, well, stop, slips, slipped)
+                lock = _watch(span, y, k, p, locked, lock)
+            if found.halted:
+                at_end = t + found.share * step
+            slipped = found.slipped
             while reported < instants.size and instants[reported] <= at_end:
-                at_share((instants[reported] - t) / step, y, w, d2, d3, out[reported])
+                _at_share((instants[reported] - t) / step, y, k, states[reported])
                 reported += 1
-            at_share(0.5 * length, y, w, d2, d3, m)
-            if halted:
-                at_share(length, y, w, d2, d3, u1)
-                for i in range(n):
-                    w[i] = u1[i]
-            if energy.size:
-                sums(m, p, q1)
-                sums(w, p, q2)
-                for i in range(energy.size):
-                    energy[i] += (at_end - t) / 6.0 * (q0[i] + 4.0 * q1[i] + q2[i])
-                    q0[i] = q2[i]
-            for i in range(n):
-                y[i] = w[i]
+            _at_share(0.5 * found.share, y, k, k[MIDDLE])
+            if found.halted:
+                _at_share(found.share, y, k, k[U1])
+                _copy(k[U1], k[W])
+            _sum_up(at_end - t, k, p, q, energy)
+            _copy(k[W], y)
             t = at_end
-            if halted:
-                return STOPPED, steps, rejected, reported, slipped, math.nan, t
+            if found.halted:
+                return Ended(STOPPED, steps, rejected, reported, slipped, math.nan, t)
             h = max(following, h) if whole else following
-    return DONE, steps, rejected, reported, slipped, locked_at, t
+    return Ended(DONE, steps, rejected, reported, slipped, lock.since, t)

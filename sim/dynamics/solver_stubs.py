@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
-ENTRIES, FACTORS = 0, 0
-"""Numbers of elements of the Jacobian and of its factors that are not zero."""
+SIZE, ENTRIES, FACTORS = 20, 0, 0
+"""Numbers of states, and of elements of the Jacobian and of its factors that are not zero."""
 
 
 def rates(y: Array, a: Array, p: Array, out: Array) -> None:

@@ -13,9 +13,10 @@ import numpy as np
 from pmg.sim.dynamics import radau
 from pmg.sim.dynamics.account import settle
 from pmg.sim.dynamics.drivetrain import Drivetrain
-from pmg.sim.dynamics.kernel import NO_STEP, STOPPED, TOO_MANY, kernel_of
+from pmg.sim.dynamics.kernel import kernel_of
 from pmg.sim.dynamics.linear import check_control
 from pmg.sim.dynamics.radau import Course
+from pmg.sim.dynamics.run_values import NO_STEP, STOPPED, TOO_MANY, Settings
 from pmg.sim.dynamics.segments import Legs, make_legs
 from pmg.sim.dynamics.state import STATES, SetPoints, State
 from pmg.sim.dynamics.trace import Trace
@@ -106,13 +107,8 @@ class Task:
 
 
 def transient(
-    drivetrain: Drivetrain,
-    sun: Programme,
-    ring: Programme,
-    duration: float,
+    task: Task,
     *,
-    start: Array | None = None,
-    times: Array | None = None,
     rtol: float = 1e-6,
     on_slip: OnSlip = OnSlip.STOP,
     solver: Solver = Solver.COMPILED,
@@ -121,8 +117,8 @@ def transient(
 
     Parameters
     ----------
-    drivetrain, sun, ring, duration, start, times
-        As in `Task`.
+    task : Task
+        The run.
     rtol : float
         Relative tolerance; the absolute one is this times `SCALES`.
     on_slip : OnSlip
@@ -136,8 +132,7 @@ def transient(
     BenchError
         When the torque loop is unstable as set, when an argument is out of range, or when a step does not converge.
     """
-    task = Task(drivetrain, sun, ring, duration, start, times)
-    check_control(drivetrain).enforce()
+    check_control(task.drivetrain).enforce()
     return _run(task, rtol, on_slip, solver)
 
 
@@ -196,19 +191,8 @@ def _run(task: Task, rtol: float, on_slip: OnSlip, solver: Solver, energy: bool 
 def _compiled(
     drivetrain: Drivetrain, start: Array, legs: Legs, instants: Array, rtol: float, stop: bool, energy: bool
 ) -> Course:
-    kernel = kernel_of(drivetrain)
-    run = kernel.run(
-        start,
-        legs,
-        instants,
-        SCALES,
-        rtol,
-        stop=stop,
-        locked=LOCKED,
-        most=MOST_STEPS,
-        centre=drivetrain.centre,
-        energy=energy,
-    )
+    settings = Settings(rtol, SCALES, LOCKED, stop, MOST_STEPS)
+    run = kernel_of(drivetrain).run(start, legs, instants, settings, energy=energy)
     failed = {NO_STEP: "the step became too small", TOO_MANY: f"not done after {MOST_STEPS} steps"}.get(run.ended, "")
     slipped_at = run.time if run.ended == STOPPED else math.nan
     return Course(run.states, run.last, run.time, run.slips, slipped_at, run.locked_at, run.steps, run.sums, failed)

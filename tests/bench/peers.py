@@ -19,7 +19,7 @@ from pmg.sim.dynamics.kernel import kernel_of
 from pmg.sim.dynamics.radau import asked_at
 from pmg.sim.dynamics.segments import make_legs
 from pmg.sim.dynamics.state import STATES, SetPoints
-from pmg.sim.dynamics.transient import SCALES, Solver, transient
+from pmg.sim.dynamics.transient import SCALES, Solver, Task, transient
 from tests.bench.case import SPEEDS, drivetrain, programmes
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def compiled(times: Array) -> Peer:
     """The compiled Rodas4 of pmg."""
 
     def run(rtol: float) -> Array:
-        trace = transient(drivetrain(), *programmes(POINT), float(times[-1]), times=times, rtol=rtol)
+        trace = transient(Task(drivetrain(), *programmes(POINT), float(times[-1]), times=times), rtol=rtol)
         return trace.state[SPEEDS].T
 
     return run
@@ -48,7 +48,7 @@ def radau_of_pmg(times: Array) -> Peer:
 
     def run(rtol: float) -> Array:
         course = transient(
-            drivetrain(), *programmes(POINT), float(times[-1]), times=times, rtol=rtol, solver=Solver.RADAU
+            Task(drivetrain(), *programmes(POINT), float(times[-1]), times=times), rtol=rtol, solver=Solver.RADAU
         )
         return course.state[SPEEDS].T
 

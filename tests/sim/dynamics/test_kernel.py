@@ -98,7 +98,7 @@ def test_one_structure_is_made_once_for_all_numbers() -> None:
 
 def error_of(rtol: float, solver: Solver, exact: Array) -> tuple[float, int]:
     times = np.linspace(0.0, 3.0, 301)
-    trace = transient(BASE, SUN, RING, 3.0, times=times, rtol=rtol, solver=solver)
+    trace = transient(Task(BASE, SUN, RING, 3.0, times=times), rtol=rtol, solver=solver)
     return float(np.abs(trace.state[SPEEDS].T - exact).max() / np.abs(exact).max()), trace.steps
 
 
@@ -106,7 +106,7 @@ def error_of(rtol: float, solver: Solver, exact: Array) -> tuple[float, int]:
 def exact() -> Array:
     """Speeds of the reference solver far below the tolerances that are compared."""
     times = np.linspace(0.0, 3.0, 301)
-    return transient(BASE, SUN, RING, 3.0, times=times, rtol=1e-10, solver=Solver.RADAU).state[SPEEDS].T
+    return transient(Task(BASE, SUN, RING, 3.0, times=times), rtol=1e-10, solver=Solver.RADAU).state[SPEEDS].T
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
@@ -123,7 +123,7 @@ def test_the_method_converges_with_order_four(exact: Array) -> None:
     """
     ends = []
     for rtol in (1e-4, 1e-6):
-        trace = transient(BASE, SUN, RING, 3.0, times=np.array([3.0]), rtol=rtol)
+        trace = transient(Task(BASE, SUN, RING, 3.0, times=np.array([3.0])), rtol=rtol)
         ends.append((trace.steps, np.abs(trace.state[SPEEDS, -1] - exact[-1]).max()))
     (few, large), (many, small) = ends
     assert np.log(large / small) / np.log(many / few) > 3.5
@@ -135,7 +135,7 @@ def test_every_mode_agrees_with_the_reference_and_closes_its_energy(name: str) -
     by_speed = train.control_sun is Control.SPEED
     load = -3.3 if train.held is Member.RING else 2.3
     asked = (Programme.ramp(60.0, 0.5), Programme.ramp(-30.0, 0.5)) if by_speed else (SUN, Programme.ramp(load, 1.0))
-    fast, slow = (transient(train, *asked, 1.2, rtol=1e-8, solver=solver) for solver in Solver)
+    fast, slow = (transient(Task(train, *asked, 1.2), rtol=1e-8, solver=solver) for solver in Solver)
     speeds = [i for i, state in enumerate(STATES) if state.startswith("speed_")]
     np.testing.assert_allclose(fast.state[speeds], slow.state[speeds], atol=1e-5)
     for trace in (fast, slow):
@@ -147,21 +147,21 @@ def test_every_mode_agrees_with_the_reference_and_closes_its_energy(name: str) -
 
 def test_slip_and_lock_are_seen_alike() -> None:
     beyond = Programme.ramp(4.0, 0.5), Programme.ramp(10.0, 0.5)
-    fast, slow = (transient(drivetrain(), *beyond, 3.0, rtol=1e-7, solver=solver) for solver in Solver)
+    fast, slow = (transient(Task(drivetrain(), *beyond, 3.0), rtol=1e-7, solver=solver) for solver in Solver)
     assert fast.time[-1] == pytest.approx(slow.time[-1], rel=1e-6)
     assert abs(fast["phase"][-1]) == pytest.approx(np.pi, abs=1e-6)
     assert str(fast.stopped)[:20] == str(slow.stopped)[:20]
     fast, slow = (
-        transient(drivetrain(), *beyond, 0.8, rtol=1e-7, solver=solver, on_slip=OnSlip.GO_ON) for solver in Solver
+        transient(Task(drivetrain(), *beyond, 0.8), rtol=1e-7, solver=solver, on_slip=OnSlip.GO_ON) for solver in Solver
     )
     np.testing.assert_allclose(fast.slips, slow.slips, rtol=1e-6)
-    fast, slow = (transient(BASE, SUN, RING, 4.0, rtol=1e-7, solver=solver) for solver in Solver)
+    fast, slow = (transient(Task(BASE, SUN, RING, 4.0), rtol=1e-7, solver=solver) for solver in Solver)
     assert fast.locked_at == pytest.approx(slow.locked_at, abs=2e-3)
 
 
 def test_a_sweep_is_followed_as_it_is_written() -> None:
     swept = Programme.ramp(1.0, 0.2).sweep(0.1, 5.0, 60.0, begin=0.5, over=1.0)
-    fast, slow = (transient(drivetrain(), swept, RING, 2.0, rtol=1e-8, solver=solver) for solver in Solver)
+    fast, slow = (transient(Task(drivetrain(), swept, RING, 2.0), rtol=1e-8, solver=solver) for solver in Solver)
     np.testing.assert_allclose(fast["speed_sun"], slow["speed_sun"], atol=1e-5)
     lead = BASE.assumptions.sensor_lag * np.abs(swept.slope(fast.time)).max()
     np.testing.assert_allclose(fast.torque_sun[100:], swept.value(fast.time)[100:], atol=1.1 * lead)
@@ -172,7 +172,7 @@ def test_many_runs_are_the_single_ones() -> None:
     loads = (2.2, 2.3, 2.4)
     tasks = [Task(BASE, SUN, Programme.ramp(load, 1.0), 2.0) for load in loads]
     for together, load in zip(transients(tasks, rtol=1e-6, threads=2), loads, strict=True):
-        alone = transient(BASE, SUN, Programme.ramp(load, 1.0), 2.0)
+        alone = transient(Task(BASE, SUN, Programme.ramp(load, 1.0), 2.0))
         np.testing.assert_array_equal(together.state, alone.state)
         with pytest.raises(BenchError, match="not summed"):
             _ = together.energy

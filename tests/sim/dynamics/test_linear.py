@@ -13,7 +13,7 @@ from pmg.sim.dynamics.jacobian import dense
 from pmg.sim.dynamics.linear import ModeKind, check_control, frequency_response, linearise
 from pmg.sim.dynamics.programme import Programme
 from pmg.sim.dynamics.state import SetPoints
-from pmg.sim.dynamics.transient import transient
+from pmg.sim.dynamics.transient import Task, transient
 from pmg.sim.errors import BenchError
 
 HOLD = Programme.hold(0.0)
@@ -55,7 +55,7 @@ def test_a_slow_derivative_filter_with_a_fast_sensor_is_unstable(lag: float) -> 
     assert "unstable" in verdict.statement
     assert verdict.worst.kind in (ModeKind.LOOP_SUN, ModeKind.JOINT_SUN)
     with pytest.raises(BenchError, match=r"N = 100 1/s, sensor lag .*grows at .*Use the ideal derivative"):
-        transient(train, HOLD, HOLD, 1.0)
+        transient(Task(train, HOLD, HOLD, 1.0))
 
 
 @pytest.mark.parametrize(

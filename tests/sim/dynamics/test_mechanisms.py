@@ -20,7 +20,7 @@ from pmg.sim.dynamics.kernel import kernel_of
 from pmg.sim.dynamics.power import powers
 from pmg.sim.dynamics.programme import Programme
 from pmg.sim.dynamics.state import STATES, SetPoints
-from pmg.sim.dynamics.transient import Solver, transient
+from pmg.sim.dynamics.transient import Solver, Task, transient
 from pmg.sim.errors import BenchError
 from pmg.sim.grid import Configuration, OperatingPoints
 from pmg.sim.mechanisms import CANDIDATES, OTHERS, REFINED, GainError, Instrument, LubricantViscosity, Mechanism
@@ -161,7 +161,7 @@ def test_a_run_ends_where_the_steady_solver_says_and_its_energy_closes(loaded: D
     other = points("engaged", [780.0], [-300.0], 1.6)
     sun = Programme.ramp(float(other.speed_sun[0]), 0.5, start=float(at.speed_sun[0]))
     ring = Programme.ramp(1.6, 0.5, start=1.2)
-    trace = transient(loaded, sun, ring, 25.0, start=start, rtol=1e-7)
+    trace = transient(Task(loaded, sun, ring, 25.0, start=start), rtol=1e-7)
     wanted = equilibrium(loaded, other.speed_sun, other.torque_ring).state[:, 0]
     named = [STATES.index(name) for name in ("speed_sun", "twist_sun", "twist_ring")]
     np.testing.assert_allclose(trace.last[named], wanted[named], rtol=1e-5)
@@ -173,7 +173,9 @@ def test_a_run_ends_where_the_steady_solver_says_and_its_energy_closes(loaded: D
 def test_both_solvers_agree_with_mechanisms_in(loaded: Drivetrain) -> None:
     start = equilibrium(loaded, 60.0, 1.2).state[:, 0]
     runs = [
-        transient(loaded, Programme.ramp(61.0, 0.02, start=60.0), Programme.hold(1.2), 0.04, start=start, solver=solver)
+        transient(
+            Task(loaded, Programme.ramp(61.0, 0.02, start=60.0), Programme.hold(1.2), 0.04, start=start), solver=solver
+        )
         for solver in (Solver.COMPILED, Solver.RADAU)
     ]
     np.testing.assert_allclose(runs[0].last / SIZES, runs[1].last / SIZES, atol=1e-4)
@@ -192,7 +194,7 @@ def test_a_fault_of_a_transducer_distorts_the_reading_and_nothing_else(kind: typ
     one, plain = train(typical(kind)), train()
     state = equilibrium(plain, 60.0, 1.2).state[:, 0]
     runs = [
-        transient(d, Programme.hold(60.0), Programme.hold(1.2), 0.02, start=state, solver=Solver.RADAU)
+        transient(Task(d, Programme.hold(60.0), Programme.hold(1.2), 0.02, start=state), solver=Solver.RADAU)
         for d in (one, plain)
     ]
     assert np.array_equal(runs[0].state, runs[1].state)
@@ -203,7 +205,7 @@ def test_a_fault_of_a_transducer_distorts_the_reading_and_nothing_else(kind: typ
 
 def test_a_gain_error_is_a_part_of_the_torque() -> None:
     one = train(GainError(gain_sun=0.02))
-    run = transient(one, Programme.hold(0.0), Programme.ramp(1.0, 0.1), 0.2, solver=Solver.RADAU)
+    run = transient(Task(one, Programme.hold(0.0), Programme.ramp(1.0, 0.1), 0.2), solver=Solver.RADAU)
     np.testing.assert_allclose(run.readings.sun, 1.02 * run.torque_sun, rtol=1e-12)
     assert np.array_equal(run.readings.ring, run.torque_ring)
 
