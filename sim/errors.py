@@ -65,8 +65,13 @@ class FitError(PmgError):
     """A fit cannot be made from these points."""
 
 
+def closest(word: str, known: Iterable[str]) -> str:
+    """A hint such as ``Did you mean 'ring'?``; empty where nothing is near. Never the word itself."""
+    close = get_close_matches(word, sorted(set(known) - {word}), n=1)
+    return f"Did you mean '{close[0]}'?" if close else ""
+
+
 def near_miss(word: str, known: Iterable[str]) -> str:
-    """A hint such as ``Did you mean 'ring'?``, or the list of what is known; never the word itself."""
+    """A hint as `closest` gives it, or the list of what is known."""
     names = sorted(set(known) - {word})
-    close = get_close_matches(word, names, n=1)
-    return f"Did you mean '{close[0]}'?" if close else f"Known: {', '.join(names)}."
+    return closest(word, names) or f"Known: {', '.join(names)}."

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from pmg.pipeline.catalogue.entries import Cell
-    from pmg.pipeline.catalogue.find_run import Held
+    from pmg.pipeline.catalogue.find_run import FoundRun
     from pmg.pipeline.recording.calibration import Calibration
     from pmg.sim.bench import BenchParameters
 
@@ -68,7 +68,7 @@ class MeanDifference:
         return {"quantity": self.name, "unit": self.unit} | values | {"beyond_U": self.beyond}
 
 
-def paired(a: Held, b: Held) -> Iterator[tuple[dict[str, Cell] | None, dict[str, Cell] | None]]:
+def paired(a: FoundRun, b: FoundRun) -> Iterator[tuple[dict[str, Cell] | None, dict[str, Cell] | None]]:
     """Windows that belong together: one and one, else those of the same test point in turn; None where one is alone."""
     if len(a.rows) == len(b.rows) == 1:
         yield a.rows[0], b.rows[0]

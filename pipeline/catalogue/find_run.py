@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.catalogue.columns import BY_NAME, COLUMNS
 from pmg.pipeline.catalogue.query import QueryError
-from pmg.sim.errors import StoreError, near_miss
+from pmg.sim.errors import StoreError, closest, near_miss
 
 if TYPE_CHECKING:
     from pmg.pipeline.catalogue.entries import Cell
@@ -21,7 +21,7 @@ LISTED = 6
 
 
 @dataclass(frozen=True)
-class Held:
+class FoundRun:
     """What a name stands for.
 
     Parameters
@@ -48,7 +48,7 @@ class Held:
         return f"{recording}: {first['point']}" if len(self.rows) == 1 and first["point"] else recording
 
 
-def held(store: Store, catalogue: Catalogue, name: str) -> Held:
+def find_run(store: Store, catalogue: Catalogue, name: str) -> FoundRun:
     """The recording or test point of that name.
 
     Parameters
@@ -80,7 +80,8 @@ def held(store: Store, catalogue: Catalogue, name: str) -> Held:
             break
     else:
         known = {str(row[key]) for row in rows for key in ("name", "file", "point") if row[key]}
-        hint = near_miss(name, known) if len(known) <= LISTED else _nearest(name, known)
+        few = len(known) <= LISTED
+        hint = near_miss(name, known) if few else closest(name, known) or "'pmg runs list' names them."
         raise QueryError(str(store.path), f"no run {name!r}", "a recording or a test point", hint)
     recordings = sorted({str(row["name"]) for row in found})
     points = len(recordings) == 1 or way is not ways[-1]
@@ -89,13 +90,8 @@ def held(store: Store, catalogue: Catalogue, name: str) -> Held:
         came = f"{name!r} is in {len(recordings)} recordings: {', '.join(recordings[:LISTED])}{more}"
         raise QueryError(str(store.path), came, "one", "Name the recording.")
     if found[0]["status"] == "table":
-        return Held(None, tuple(found))
+        return FoundRun(None, tuple(found))
     manifest = store.manifest(recordings[0])
     if manifest is None:
         raise StoreError(str(store.path), f"{recordings[0]} is unreadable", "its manifest", "Ingest its source again.")
-    return Held(manifest, tuple(found))
-
-
-def _nearest(name: str, known: set[str]) -> str:
-    hint = near_miss(name, known)
-    return hint if hint.startswith("Did") else "'pmg runs list' names them."
+    return FoundRun(manifest, tuple(found))

@@ -8,7 +8,7 @@ import time
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.catalogue.columns import BY_NAME, OTHER_NAMES, Column, Kind
-from pmg.sim.errors import PmgError, near_miss
+from pmg.sim.errors import PmgError, closest, near_miss
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -146,9 +146,8 @@ def _told(fault: Exception, seconds: float) -> QueryError:
         return QueryError("--where", said, expected, "A condition may read the view runs, and nothing else.")
     unknown = said.removeprefix("no such column: ")
     if unknown != said:
-        hint = near_miss(unknown, {*BY_NAME, *OTHER_NAMES})
-        text = f"Text stands in single quotes: '{unknown}'."
-        do = OTHER_WORDS.get(unknown.lower()) or (f"{hint} {text}" if hint.startswith("Did") else f"{text} {hint}")
+        hint = closest(unknown, {*BY_NAME, *OTHER_NAMES}) or "'--columns all' shows all columns."
+        do = OTHER_WORDS.get(unknown.lower()) or f"{hint} Text stands in single quotes: '{unknown}'."
         return QueryError("--where", f"'{unknown}'", "the name of a column", do)
     return QueryError("--where", said, "a condition in SQL", EXAMPLE)
 

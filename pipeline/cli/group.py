@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from pmg.pipeline.cli.frame import as_text
-from pmg.sim.errors import near_miss
+from pmg.sim.errors import closest, near_miss
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -84,9 +84,8 @@ def _fault(problem: Any, words: Sequence[str], named: Sequence[str], see: str) -
     command: Any = None if problem.ctx is None else problem.ctx.command
     if hasattr(problem, "possibilities"):
         known = [name for each in command.get_params(problem.ctx) for name in each.opts if name.startswith("-")]
-        hint = near_miss(problem.option_name, known)
         came = f"no option '{problem.option_name}'"
-        return _Fault(came, "one of its options", hint if hint.startswith("Did") else see)
+        return _Fault(came, "one of its options", closest(problem.option_name, known) or see)
     param = getattr(problem, "param", None)
     if param is None and named and hasattr(command, "list_commands"):
         do = near_miss(named[0], command.list_commands(problem.ctx))

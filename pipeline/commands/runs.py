@@ -14,7 +14,7 @@ from pmg.pipeline.catalogue.difference import (
     mean_differences,
     paired,
 )
-from pmg.pipeline.catalogue.find_run import Held, held
+from pmg.pipeline.catalogue.find_run import FoundRun, find_run
 from pmg.pipeline.catalogue.index import Catalogue, open_catalogue
 from pmg.pipeline.catalogue.listing import aligned, comma_separated, for_json, printable, shown
 from pmg.pipeline.catalogue.query import column_named, texts_asked_for
@@ -23,7 +23,7 @@ from pmg.pipeline.windows.limits import limit_told
 from pmg.pipeline.wording.outcome import Outcome, told
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.bench import load_bench
-from pmg.sim.errors import near_miss
+from pmg.sim.errors import closest, near_miss
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
@@ -85,13 +85,8 @@ def _unmet(catalogue: Catalogue, condition: str) -> Iterator[dict[str, Any]]:
     for column, text in texts_asked_for(condition):
         known = catalogue.values(column)
         if known and text not in known:
-            hint = near_miss(text, known) if len(known) < 20 else _close(text, known)
+            hint = near_miss(text, known) if len(known) < 20 else closest(text, known)
             yield told("warning", column.name, f"no run has {text!r}. {hint}".rstrip())
-
-
-def _close(word: str, known: list[str]) -> str:
-    hint = near_miss(word, known)
-    return hint if hint.startswith("Did") else ""
 
 
 def run_show(store: Path, name: str) -> Outcome:
@@ -102,10 +97,10 @@ def run_show(store: Path, name: str) -> Outcome:
     store : Path
         The store.
     name : str
-        Recording or test point; `held` says by what names.
+        Recording or test point; `find_run` says by what names.
     """
     catalogue = open_catalogue(Store(store))
-    found = held(Store(store), catalogue, name)
+    found = find_run(Store(store), catalogue, name)
     channels = _channels(store, found)
     windows = [{column.name: for_json(column, row[column.name]) for column in COLUMNS} for row in found.rows]
     data = {"recording": found.document, "channels": channels, "windows": windows}
@@ -118,7 +113,7 @@ def run_show(store: Path, name: str) -> Outcome:
     return Outcome(data, tuple(lines), catalogue.remarks, partial=not catalogue.whole)
 
 
-def _channels(store: Path, found: Held) -> dict[str, str]:
+def _channels(store: Path, found: FoundRun) -> dict[str, str]:
     """Columns of the samples that are kept, each with its type."""
     import polars as pl
 
@@ -130,7 +125,7 @@ def _channels(store: Path, found: Held) -> dict[str, str]:
     return {name: f"{kind} [{told[name]}]" if told[name] else str(kind) for name, kind in schema.items()}
 
 
-def _head(found: Held) -> Iterator[str]:
+def _head(found: FoundRun) -> Iterator[str]:
     row, document = found.rows[0], found.document
     yield printable(str(row["file"] or row["campaign"]))
     for key in ("name", "status", "sha256", "size", "rate_hz", "samples"):
@@ -179,7 +174,7 @@ def _window_lines(row: Mapping[str, Cell]) -> Iterator[tuple[str, str]]:
             yield f"speed_{side}", f"{row[f'{side}_rpm']:.3f} rpm"
 
 
-def _finding_lines(found: Held) -> list[str]:
+def _finding_lines(found: FoundRun) -> list[str]:
     if found.manifest is None:
         return []
     lines = ["", counted(len(found.manifest.findings), "finding")]
@@ -209,7 +204,7 @@ def run_diff(store: Path, a: str, b: str, store_b: Path | None = None) -> Outcom
     """
     catalogue = open_catalogue(Store(store))
     other = catalogue if store_b is None else open_catalogue(Store(store_b))
-    one, two = held(Store(store), catalogue, a), held(Store(store_b or store), other, b)
+    one, two = find_run(Store(store), catalogue, a), find_run(Store(store_b or store), other, b)
     metadata = differing(one.document, two.document)
     calibrations = tuple(None if each.manifest is None else each.manifest.calibration for each in (one, two))
     bench = load_bench()

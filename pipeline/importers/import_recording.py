@@ -81,14 +81,16 @@ class Imported:
     findings: tuple[Finding, ...]
 
 
-def import_recording(path: Path, chart: ChannelMap, out: Path, words: Mapping[str, str] | None = None) -> Imported:
+def import_recording(
+    path: Path, channel_map: ChannelMap, out: Path, words: Mapping[str, str] | None = None
+) -> Imported:
     """Bring one file into layout pmg.v1.
 
     Parameters
     ----------
     path : Path
         CSV, TDMS or MF4.
-    chart : ChannelMap
+    channel_map : ChannelMap
         Which channel is which topic.
     out : Path
         The recording; an older one is replaced when the new one is whole.
@@ -103,19 +105,18 @@ def import_recording(path: Path, chart: ChannelMap, out: Path, words: Mapping[st
     findings = Findings(path.name)
     stat = path.stat()
     sha256 = sha256_of(path)
-    source = open_source(path, chart, findings)
-    run, entries = _run(chart, source, words or {})
-    _tell_unasked(run, chart, findings)
-    calibration, attachment = _calibration(chart)
+    source = open_source(path, channel_map, findings)
+    run, entries = _run(channel_map, source, words or {})
+    _tell_unasked(run, channel_map, findings)
+    calibration, attachment = _calibration(channel_map)
     conversions = {
-        m.topic: _conversion(m, chart.where("channel", i), source, calibration, findings)
-        for i, m in enumerate(chart.table.channel)
+        m.topic: _conversion(m, channel_map.where("channel", i), source, calibration, findings)
+        for i, m in enumerate(channel_map.table.channel)
     }
     _tell_absent(set(conversions), findings)
-    timing = _timing(chart.table.time.timing, source, [m.wanted for m in chart.table.channel])
-    wanted = list(
-        dict.fromkeys([*(m.wanted for m in chart.table.channel), *([timing.column] if timing.column else [])])
-    )
+    asked = [mapped.wanted for mapped in channel_map.table.channel]
+    timing = _timing(channel_map.table.time.timing, source, asked)
+    wanted = list(dict.fromkeys([*asked, *([timing.column] if timing.column else [])]))
     rows, count = Rows(timing, path.name, source.place, findings, timing.rate_hz), 0
     with ExitStack() as stack:
         file: BlockFile | None = None
@@ -125,7 +126,7 @@ def import_recording(path: Path, chart: ChannelMap, out: Path, words: Mapping[st
                 continue
             if file is None:
                 file = stack.enter_context(block_file(out, run.started_at, rows.rate_hz))
-                _head(file, entries, attachment, chart, conversions)
+                _head(file, entries, attachment, channel_map, conversions)
             file.write(
                 {
                     t: c.samples(block.columns[c.mapped.wanted], index, block.places, file.rate_hz)
@@ -150,7 +151,7 @@ def import_recording(path: Path, chart: ChannelMap, out: Path, words: Mapping[st
             "source_reader": source.reader,
             "source_rows": str(count),
             **{f"source_{name}": word for name, word in source.reading.items()},
-            "map": chart.path.name,
+            "map": channel_map.path.name,
             "findings": json.dumps([finding.to_dict() for finding in told], ensure_ascii=False),
             "written_by": f"pmg {version('pmg-bench')}",
         }
@@ -160,7 +161,7 @@ def import_recording(path: Path, chart: ChannelMap, out: Path, words: Mapping[st
     return Imported(path, out, kind, reader, sha256, reading, stat.st_size, count, rate, written, told)
 
 
-def open_source(path: Path, chart: ChannelMap, findings: Findings) -> ForeignSource:
+def open_source(path: Path, channel_map: ChannelMap, findings: Findings) -> ForeignSource:
     """The reader for a file, by the end of its name.
 
     Raises
@@ -174,17 +175,17 @@ def open_source(path: Path, chart: ChannelMap, findings: Findings) -> ForeignSou
     if kind == "mf4":
         return Mf4Source(path)
     if kind == "csv":
-        return CsvSource(path, chart.table.csv, findings)
+        return CsvSource(path, channel_map.table.csv, findings)
     came = f"the ending '{path.suffix}'"
     raise RecordingError(str(path), came, "a file in CSV, TDMS or MF4", near_miss(path.suffix, FORMATS))
 
 
-def _run(chart: ChannelMap, source: ForeignSource, words: Mapping[str, str]) -> tuple[RunInfo, dict[str, str]]:
+def _run(channel_map: ChannelMap, source: ForeignSource, words: Mapping[str, str]) -> tuple[RunInfo, dict[str, str]]:
     """The run's metadata, proven by the reader's own check."""
     entries = {"layout": LAYOUT}
-    for key, value in {**chart.table.run, **words}.items():
+    for key, value in {**channel_map.table.run, **words}.items():
         if isinstance(value, Lookup) and value.source == "property":
-            where = chart.where("run", key)
+            where = channel_map.where("run", key)
             if value.name not in source.properties:
                 do = (
                     near_miss(value.name, source.properties) if source.properties else "It names none; write the value."
@@ -195,19 +196,19 @@ def _run(chart: ChannelMap, source: ForeignSource, words: Mapping[str, str]) -> 
             entries[key] = source.path.stem if isinstance(value, Lookup) else value
     if "started_at" not in entries and source.started_at is not None:
         entries["started_at"] = source.started_at.astimezone(UTC).isoformat(timespec="microseconds")
-    findings = Findings(f"{chart.path.name}, for {source.path.name}")
+    findings = Findings(f"{channel_map.path.name}, for {source.path.name}")
     run = read_run([(RECORD, entries)], findings)
     if run is None:
         raise findings.give_up()
     return run, entries
 
 
-def _calibration(chart: ChannelMap) -> tuple[Calibration, bytes]:
+def _calibration(channel_map: ChannelMap) -> tuple[Calibration, bytes]:
     """The calibration that the map names, proven by the reader's own check."""
-    path = chart.beside(chart.table.calibration)
+    path = channel_map.beside(channel_map.table.calibration)
     if not path.is_file():
         do = "Name the calibration beside the map; raw/LAYOUT.md shows one: transducer.sun, encoder.sun and so on."
-        raise BenchError(chart.where("calibration"), f"'{path}' is no file", "a TOML file", do)
+        raise BenchError(channel_map.where("calibration"), f"'{path}' is no file", "a TOML file", do)
     data = path.read_bytes()
     findings = Findings(path.name)
     calibration = read_calibration([(ATTACHMENT, data)], findings)
@@ -244,18 +245,22 @@ def _timing(timing: Timing, source: ForeignSource, wanted: list[Wanted]) -> Timi
 
 
 def _head(
-    file: BlockFile, entries: dict[str, str], attachment: bytes, chart: ChannelMap, conversions: dict[str, Conversion]
+    file: BlockFile,
+    entries: dict[str, str],
+    attachment: bytes,
+    channel_map: ChannelMap,
+    conversions: dict[str, Conversion],
 ) -> None:
     """What stands before the samples."""
     file.writer.add_metadata(RECORD, entries)
     start = file.start_ns
     file.writer.add_attachment(start, start, ATTACHMENT, "application/toml", attachment)
-    file.writer.add_attachment(start, start, MAP_ATTACHMENT, "application/toml", chart.text.encode("utf-8"))
+    file.writer.add_attachment(start, start, MAP_ATTACHMENT, "application/toml", channel_map.text.encode("utf-8"))
     for topic, conversion in conversions.items():
         file.add_topic(topic, conversion.metadata(file.rate_hz))
 
 
-def _tell_unasked(run: RunInfo, chart: ChannelMap, findings: Findings) -> None:
+def _tell_unasked(run: RunInfo, channel_map: ChannelMap, findings: Findings) -> None:
     """Say where nobody told at which speeds the point was to be; a zero check is at rest."""
     asked = run.setpoints.speed_sun, run.setpoints.speed_ring
     if asked == (None, None) and run.configuration is not Configuration.ZERO:
@@ -263,7 +268,7 @@ def _tell_unasked(run: RunInfo, chart: ChannelMap, findings: Findings) -> None:
             Code.RUN_KEY,
             "run",
             "no set-points: the point will be placed by its means, and what was not reached cannot be told",
-            f"Add {', '.join(SETPOINT_KEYS)} to [run] of {chart.path.name}, as numbers or "
+            f"Add {', '.join(SETPOINT_KEYS)} to [run] of {channel_map.path.name}, as numbers or "
             '{ property = "NAME" }, or give them by --set.',
         )
 
