@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 _LONGEST = 200
-_ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
+ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
+"""What the last digits of a number of size one may be wrong by."""
 
 
 def rising_root(
@@ -55,7 +56,7 @@ def rising_root(
     rising one whatever lies between.
     """
     low, high = np.array(low, dtype=np.float64), np.array(high, dtype=np.float64)
-    grain = _ROUNDING * np.maximum(np.maximum(np.abs(low), np.abs(high)), np.finfo(np.float64).tiny)
+    grain = ROUNDING * np.maximum(np.maximum(np.abs(low), np.abs(high)), np.finfo(np.float64).tiny)
     at, before = 0.5 * (low + high) if start is None else np.array(start, dtype=np.float64), high - low
     for _ in range(_LONGEST):
         value, slope = function(at)

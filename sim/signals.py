@@ -23,6 +23,8 @@ RPM = math.pi / 30.0
 MINUTE = 60.0
 """One minute [s]."""
 
+HOUR = 3600.0
+"""One hour [s]."""
 REVOLUTION = 2.0 * math.pi
 """One turn [rad]."""
 

@@ -14,7 +14,7 @@ from scipy import integrate, stats
 from pmg.pipeline.diagnose.engine.scan import look_elsewhere
 from pmg.pipeline.diagnose.residuals.fitted import Fitted, outliers
 from pmg.pipeline.fit.calibration import calibrate, jacobian
-from pmg.pipeline.fit.drift import HOUR, find_drift
+from pmg.pipeline.fit.drift import find_drift
 from pmg.pipeline.fit.loss_fit import fit_losses
 from pmg.pipeline.fit.noise import NO_GROWTH, Growth
 from pmg.pipeline.fit.noise_floor import repeat_contrasts
@@ -33,7 +33,7 @@ from pmg.sim.grid import Grid
 from pmg.sim.losscurve import SPEED_REFERENCE_RING, SPEED_REFERENCE_SUN, LossCurve
 from pmg.sim.lossmodel import LossModel
 from pmg.sim.shafts import PerShaft
-from pmg.sim.signals import Array
+from pmg.sim.signals import HOUR, Array
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import steady
 from tests.points import joined, measured, points

@@ -172,6 +172,37 @@ def a_class_name_is_used_once(modules: Sequence[Module]) -> Iterator[Breach]:
                 yield Breach(module.name, node.lineno, f"class {node.name}, which is one of {other} too", rule)
 
 
+DEFINED_TWICE = frozenset({"DRAWS", "LEVEL"})
+"""Constants that two modules of the diagnosis still define alike; none may join them."""
+
+
+def a_constant_is_defined_once(modules: Sequence[Module]) -> Iterator[Breach]:
+    first: dict[tuple[str, str], str] = {}
+    for module in modules:
+        for name, value, line in constants_of(module.tree):
+            other = first.setdefault((name, value), module.name)
+            if other != module.name and name not in DEFINED_TWICE:
+                rule = "a constant is defined once: import it, or give another thing another name"
+                yield Breach(module.name, line, f"{name} = {value}, as in {other}", rule)
+
+
+def constants_of(tree: ast.Module) -> Iterator[tuple[str, str, int]]:
+    """Name in capitals, value and line of each constant of a module; of several in one line each."""
+    for node in tree.body:
+        if isinstance(node, ast.Assign):
+            target, value = node.targets[0], node.value
+        elif isinstance(node, ast.AnnAssign) and node.value is not None:
+            target, value = node.target, node.value
+        else:
+            continue
+        pairs = [(target, value)]
+        if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
+            pairs = list(zip(target.elts, value.elts, strict=True))
+        for one, given in pairs:
+            if isinstance(one, ast.Name) and one.id.isupper():
+                yield one.id, ast.unparse(given), node.lineno
+
+
 def root_of(node: ast.AST) -> str:
     """The name at which a chain of attributes, calls and subscripts begins."""
     while isinstance(node, ast.Attribute | ast.Subscript | ast.Call):
@@ -210,6 +241,7 @@ RULES: tuple[Callable[[Sequence[Module]], Iterator[Breach]], ...] = (
     no_reason_is_kept_in_vain,
     a_class_name_is_used_once,
     a_manifest_is_a_record,
+    a_constant_is_defined_once,
 )
 
 
@@ -305,6 +337,11 @@ PLANTED: tuple[tuple[Callable[[Sequence[Module]], Iterator[Breach]], str, tuple[
         (_lines(_LISTED.rpartition(".")[0], f"def {_LISTED.rpartition('.')[2]}():\n    pass"),),
     ),
     (no_reason_is_kept_in_vain, "a reason for a function that is gone", (_lines(_LISTED.rpartition(".")[0], ""),)),
+    (
+        a_constant_is_defined_once,
+        "a constant defined in two rooms",
+        (_lines("pmg.sim.signals", "HOUR = 3600.0"), _lines("pmg.pipeline.fit.drift", "A, HOUR = 1, 3600.0")),
+    ),
     (
         a_manifest_is_a_record,
         "a window's mean by its key",

@@ -9,15 +9,13 @@ import numpy as np
 
 from pmg.pipeline.fit.calibration import predicted_uncertainty
 from pmg.pipeline.grid.readings import take_readings
+from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 
 if TYPE_CHECKING:
     from pmg.pipeline.fit.calibration import FittedBaseline
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array, Mask
-
-COVERAGE = 2.0
-"""Coverage factor of the expanded uncertainty U = 2u, about 95 %."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,7 @@ class Difference:
     @property
     def within(self) -> Mask:
         """Points at which the difference is no larger than U = 2u."""
-        return np.asarray(np.abs(self.value) <= COVERAGE * self.u)
+        return np.asarray(np.abs(self.value) <= COVERAGE_FACTOR * self.u)
 
 
 @dataclass(frozen=True)

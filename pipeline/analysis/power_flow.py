@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from pmg.pipeline.analysis.comparison import COVERAGE
 from pmg.pipeline.fit.calibration import CONSTANTS, parameter_values, with_parameters
 from pmg.pipeline.fit.propagation import propagate_uncertainty, slope, slopes
+from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 from pmg.sim.bench import SourcedQuantity
 from pmg.sim.signals import SPEED_SUN
 from pmg.sim.steady.baseline import baseline_mechanisms
@@ -104,11 +104,11 @@ class Flow:
 
     def expanded(self, branch: str) -> Array:
         """Its expanded uncertainty U = 2u [W]."""
-        return COVERAGE * self.spread.u(branch)
+        return COVERAGE_FACTOR * self.spread.u(branch)
 
     def expanded_sum(self, branches: tuple[str, ...]) -> Array:
         """U of the sum of some branches [W]."""
-        return COVERAGE * self.spread.total(dict.fromkeys(branches, 1.0))
+        return COVERAGE_FACTOR * self.spread.total(dict.fromkeys(branches, 1.0))
 
     @property
     def beyond(self) -> Mask:

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.analysis.comparison import COVERAGE
 from pmg.pipeline.campaign_comparison.matching import match
 from pmg.pipeline.campaign_comparison.setpoints import carried
 from pmg.pipeline.campaign_comparison.shared_errors import Sharing, left_over, sharing
 from pmg.pipeline.campaign_comparison.transducers import Transducers
 from pmg.pipeline.fit.common_errors import transducer_causes
+from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 from pmg.sim import signals
 from pmg.sim.signals import TORQUES
 
@@ -84,13 +84,13 @@ class PointDifference:
     def beyond(self) -> Mask:
         """Points at which it is larger than U = 2u."""
         with np.errstate(invalid="ignore"):
-            return np.asarray(self.compared & (np.abs(self.value) > COVERAGE * self.u))
+            return np.asarray(self.compared & (np.abs(self.value) > COVERAGE_FACTOR * self.u))
 
     @property
     def beyond_own(self) -> Mask:
         """Points at which it is larger than twice the independent part alone."""
         with np.errstate(invalid="ignore"):
-            return np.asarray(self.compared & (np.abs(self.value) > COVERAGE * self.own))
+            return np.asarray(self.compared & (np.abs(self.value) > COVERAGE_FACTOR * self.own))
 
     def mean(self, rows: Mask) -> tuple[float, float, float]:
         """Mean over some of the compared points, its independent and its common standard uncertainty."""

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.analysis.comparison import COVERAGE
-from pmg.pipeline.campaign_comparison.verdict import LEVEL
+from pmg.pipeline.campaign_comparison.verdict import SIGNIFICANCE
 from pmg.pipeline.wording import numerals
-from pmg.pipeline.wording.probability import told_search
+from pmg.pipeline.wording.probability import COVERAGE_FACTOR, told_search
 from pmg.sim import signals
 from pmg.sim.signals import RESIDUAL
 
@@ -44,7 +43,7 @@ def statement(versus: Versus, judged: ComparisonVerdict | None) -> str:
 
 def told(value: float, u: float, unit: str) -> str:
     """A difference and its U, with unit."""
-    return f"{numerals.measured(value, COVERAGE * u)} {unit}"
+    return f"{numerals.measured(value, COVERAGE_FACTOR * u)} {unit}"
 
 
 def _loss(versus: Versus) -> str:
@@ -56,7 +55,7 @@ def _loss(versus: Versus) -> str:
     mean, own, common = found.mean(np.ones(len(versus.matching), dtype=bool))
     u = float(np.hypot(own, common))
     n, beyond = int(found.compared.sum()), int(found.beyond.sum())
-    if abs(mean) <= COVERAGE * u:
+    if abs(mean) <= COVERAGE_FACTOR * u:
         lead = f"The mean total loss differs by {told(mean, u, 'W')} (B − A, U = 2u, {n} points)"
     else:
         more = "more" if mean > 0.0 else "less"
@@ -77,7 +76,7 @@ def clearest(judged: ComparisonVerdict) -> GroupResult:
         return max(abs(test.value) / test.u if test.u > 0.0 else 0.0 for test in tests)
 
     best = max(judged.groups, key=distance)
-    return best if distance(best) > COVERAGE else min(judged.groups, key=lambda group: group.p_value)
+    return best if distance(best) > COVERAGE_FACTOR else min(judged.groups, key=lambda group: group.p_value)
 
 
 def _clearest(judged: ComparisonVerdict) -> str:
@@ -102,6 +101,6 @@ def alike(group: GroupResult) -> tuple[DifferenceTrend, ...]:
     if not group.followed:
         return ()
     best = group.followed[0]
-    if best.share < FOLLOWED or best.slope.p_value > LEVEL:
+    if best.share < FOLLOWED or best.slope.p_value > SIGNIFICANCE:
         return ()
     return tuple(one for one in group.followed if best.share - one.share <= ALIKE)

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.grid.readings import Readings
     from pmg.sim.signals import Array, Mask
 
-LEVEL = 0.05
+SIGNIFICANCE = 0.05
 DRAWS = 1999
 """Synthetic pairs of campaigns behind a p-value."""
-SEED = 20260102
+PERMUTATION_SEED = 20260102
 
 GROUPS: tuple[tuple[Configuration, str], ...] = (
     (Configuration.ZERO, "sun"),
@@ -136,12 +136,12 @@ class ComparisonVerdict:
     @property
     def differ(self) -> bool:
         """Whether the campaigns differ by more than noise and transducers let expect."""
-        return self.p_value <= LEVEL
+        return self.p_value <= SIGNIFICANCE
 
     @property
     def readings_differ(self) -> bool:
         """Whether the readings differ by more than noise."""
-        return self.p_readings <= LEVEL
+        return self.p_readings <= SIGNIFICANCE
 
 
 def judge(versus: Versus, rng: np.random.Generator, draws: int = DRAWS) -> ComparisonVerdict | None:

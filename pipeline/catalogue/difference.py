@@ -8,6 +8,7 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.grid.transducer_uncertainty import RECTANGULAR
+from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION, SPEEDS, TORQUES
 
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.calibration import Calibration
     from pmg.sim.bench import BenchParameters
 
-COVERAGE = 2.0
-"""U = 2 u."""
 ENDS = math.sqrt(6.0)
 """A step over the standard deviation of the difference of two readings that are each rounded to it."""
 SINE = math.pi
@@ -59,11 +58,11 @@ class MeanDifference:
     @property
     def beyond(self) -> bool | None:
         """Whether it is larger than U; None where that is not known."""
-        return None if self.u is None else abs(self.value) > COVERAGE * self.u
+        return None if self.u is None else abs(self.value) > COVERAGE_FACTOR * self.u
 
     def document(self) -> dict[str, Any]:
         """The same for JSON."""
-        expanded = None if self.u is None else COVERAGE * self.u
+        expanded = None if self.u is None else COVERAGE_FACTOR * self.u
         values = {"a": self.a, "b": self.b, "difference": self.value, "u": self.u, "U": expanded}
         return {"quantity": self.name, "unit": self.unit} | values | {"beyond_U": self.beyond}
 

@@ -12,8 +12,7 @@ from pmg.pipeline.orders.stored_lines import keep_orders
 from pmg.pipeline.recording import Code, Finding, Severity, UnusableRecordingError, read_recording
 from pmg.pipeline.recording.run import RunRecord
 from pmg.pipeline.recording.supplied import NOTHING
-from pmg.pipeline.store.manifest import FAILED as UNUSABLE
-from pmg.pipeline.store.manifest import INGESTED, Manifest, StoredWindow
+from pmg.pipeline.store.manifest import FAILED, INGESTED, Manifest, StoredWindow
 from pmg.pipeline.store.sources import take_inventory
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.windows.limits import LIMITS
@@ -34,8 +33,8 @@ if TYPE_CHECKING:
 WORTH_A_PROCESS = 64 * 2**20
 """Bytes of recordings from which a second process pays for its start."""
 
-DONE, FAILED, THERE = "done", "failed", "there"
-"""What became of a file: ingested, not usable, or ingested meanwhile by another process."""
+DONE, THERE = "done", "there"
+"""What became of a file: ingested, or ingested meanwhile by another process; `FAILED`: not usable."""
 
 
 @dataclass(frozen=True)
@@ -193,7 +192,7 @@ def _ingest_one(job: Job) -> str:
     except UnusableRecordingError as error:
         run = RunRecord(**error.run)
         names = source.identifier, source.name, source.place, source.sha256
-        store.write(Manifest(*names, UNUSABLE, run, error.findings), None)
+        store.write(Manifest(*names, FAILED, run, error.findings), None)
         return FAILED
     windows = find_windows(recording, job.limits)
     manifest = _manifest(source, recording, windows, job)

@@ -15,7 +15,7 @@ from pmg.pipeline.campaign_comparison.matching import Reach
 from pmg.pipeline.campaign_comparison.side import read_side
 from pmg.pipeline.campaign_comparison.statement import statement
 from pmg.pipeline.campaign_comparison.transducers import Transducers
-from pmg.pipeline.campaign_comparison.verdict import SEED, judge
+from pmg.pipeline.campaign_comparison.verdict import PERMUTATION_SEED, judge
 from pmg.pipeline.chapters.campaigns.page import versus_report
 from pmg.pipeline.commands.provenance import leave_crate_of_two, now
 from pmg.pipeline.files.atomic import write_atomic
@@ -91,7 +91,7 @@ def run_report(
     began, bench = clock(), load_bench()
     a, b = read_side("A", store_a, campaign_a, bench), read_side("B", store_b, campaign_b, bench)
     versus = subtract(a, b, reach or Reach(), transducers)
-    judged = judge(versus, np.random.default_rng(SEED))
+    judged = judge(versus, np.random.default_rng(PERMUTATION_SEED))
     constants = constant_differences(versus)
     page = versus_report(
         versus,
@@ -99,7 +99,7 @@ def run_report(
         constants,
         curve_differences(versus),
         note=note,
-        provenance=(*_provenance(a), *_provenance(b), ("Seed of the synthetic pairs", str(SEED))),
+        provenance=(*_provenance(a), *_provenance(b), ("Seed of the synthetic pairs", str(PERMUTATION_SEED))),
     )
     document = versus_document(versus, judged, constants)
     files = write_report(page, report, {"points": _points(versus)})

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.catalogue.columns import BY_NAME, COLUMNS, SHOWN, Column, Kind
 from pmg.pipeline.catalogue.difference import (
-    COVERAGE,
     MeanDifference,
     differing,
     differing_rows,
@@ -22,6 +21,7 @@ from pmg.pipeline.store.store import RUNS, Store
 from pmg.pipeline.windows.limits import limit_told
 from pmg.pipeline.wording.outcome import Outcome, told
 from pmg.pipeline.wording.plurals import counted
+from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import closest, near_miss
 from pmg.sim.shafts import SIDES
@@ -261,7 +261,7 @@ def _mean_lines(means: tuple[MeanDifference, ...]) -> list[str]:
     lines = []
     for mean in means:
         judged = {True: "beyond U", False: "within U", None: "U not known"}[mean.beyond]
-        known = "" if mean.u is None else f", U {COVERAGE * mean.u:.2g}"
+        known = "" if mean.u is None else f", U {COVERAGE_FACTOR * mean.u:.2g}"
         value = f"{round(mean.value, 5) + 0.0:.5f} {mean.unit}"
         lines.append(f"  {mean.name:<15} {mean.a:.5f} - {mean.b:.5f} = {value}{known}: {judged}")
     return lines

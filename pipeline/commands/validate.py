@@ -15,7 +15,7 @@ from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.thesis_figures import verdict
 from pmg.pipeline.thesis_figures.listing import documents, summary, table_lines, told
-from pmg.pipeline.thesis_figures.rounding import DRAWS, SEED
+from pmg.pipeline.thesis_figures.rounding import DRAWS, ROUNDING_SEED
 from pmg.pipeline.wording.outcome import Outcome
 from pmg.sim.bench import load_bench
 
@@ -35,12 +35,12 @@ def run_validate(grids: Path, draws: int | None = None, seed: int | None = None,
     draws : int, optional
         Draws within the rounding of the tables; `DRAWS` when not given.
     seed : int, optional
-        Seed of the draws; `SEED` when not given.
+        Seed of the draws; `ROUNDING_SEED` when not given.
     report : Path, optional
         Folder of a report; none is written when not given.
     """
     began = now()
-    draws, seed = DRAWS if draws is None else draws, SEED if seed is None else seed
+    draws, seed = DRAWS if draws is None else draws, ROUNDING_SEED if seed is None else seed
     bench = load_bench()
     grid = read_published(grids, bench)
     judged = verdict.validate(grid, bench, draws, np.random.default_rng(seed))

@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING, Any
 from scipy import stats
 
 from pmg.pipeline.wording.outcome import told
+from pmg.pipeline.wording.plurals import listed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pmg.pipeline.fit.budget import Budget
 
-NAMED = 5
-"""Points that are named one by one."""
-LEVEL = 0.01
+ZERO_LEVEL = 0.01
 """Level of the test whether the zero checks read zero."""
 
 
@@ -24,7 +23,7 @@ def budget_remarks(budget: Budget) -> Iterator[dict[str, Any]]:
     grid, facts = budget.grid, budget.facts
     if facts is not None and facts.correlated.any():
         names = grid.points.name[facts.correlated]
-        shown = ", ".join(map(str, names[:NAMED])) + (" ..." if len(names) > NAMED else "")
+        shown = listed([str(name) for name in names])
         message = (
             f"the torque noise may be slow for its window at {len(names)} points: {shown}; expected noise that has "
             "settled within a twentieth of it. Their uncertainty rests on what slow noise may be; longer windows tell."
@@ -40,7 +39,7 @@ def budget_remarks(budget: Budget) -> Iterator[dict[str, Any]]:
         yield told("warning", "zero checks", message)
     for shaft in budget:
         zeros = shaft.torque[grid.points.zero & grid.accepted]
-        if len(zeros) > 2 and stats.ttest_1samp(zeros, 0.0).pvalue < LEVEL:
+        if len(zeros) > 2 and stats.ttest_1samp(zeros, 0.0).pvalue < ZERO_LEVEL:
             message = (
                 f"{len(zeros)} zero checks of the {shaft.side}: {zeros.mean() * 1e3:+.2f} mN m on average; expected "
                 "0 within their scatter. The offset is not subtracted and stands in the budget; tare the transducer."

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from pmg.pipeline.fit.calibration import CONSTANTS, calibrate
+from pmg.pipeline.wording.probability import CONFIDENCE
 
 if TYPE_CHECKING:
     from pmg.pipeline.fit.calibration import FittedBaseline
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
 
-COVERAGE = 0.95
-"""Coverage of interval and ellipse."""
 
 WIDEST = 0.1
 """Half axis of the interval of K_corr beyond which it counts as not determined."""
@@ -63,7 +62,7 @@ class CorrectionStudy:
     def half_axis(self) -> float | None:
         """Half the 95 % interval of K_corr; None on a bound."""
         error = self.standard_error("K_corr")
-        return None if error is None else float(stats.norm.ppf(0.5 + COVERAGE / 2.0)) * error
+        return None if error is None else float(stats.norm.ppf(0.5 + CONFIDENCE / 2.0)) * error
 
     @property
     def separate(self) -> bool:
@@ -105,7 +104,7 @@ class CorrectionStudy:
         if u is None or v is None or rho is None:
             return None
         angle = np.linspace(-np.pi, np.pi, points)
-        radius = math.sqrt(float(stats.chi2.ppf(COVERAGE, 2)))
+        radius = math.sqrt(float(stats.chi2.ppf(CONFIDENCE, 2)))
         first, second = radius * np.cos(angle), radius * np.sin(angle)
         across = rho * first + math.sqrt(max(1.0 - rho**2, 0.0)) * second
         return self.joint.value("c") + u * first, self.joint.value("K_corr") + v * across

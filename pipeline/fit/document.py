@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.fit.correction import COVERAGE, CorrectionStudy
+from pmg.pipeline.fit.correction import CorrectionStudy
+from pmg.pipeline.wording.probability import CONFIDENCE
 
 if TYPE_CHECKING:
     from pmg.pipeline.fit.analysis import Analysis
@@ -142,7 +143,7 @@ def _study_document(study: CorrectionStudy) -> dict[str, Any]:
         "on_bound": list(study.joint.on_bound),
         "correlation_K_corr_c": number(study.correlation("K_corr", "c")),
         "correlation_K_corr_b": number(study.correlation("K_corr", "b")),
-        "coverage": COVERAGE,
+        "coverage": CONFIDENCE,
         "half_axis_K_corr": number(study.half_axis),
         "separate": study.separate,
         "told": " ".join((study.sentence, *study.bounds_in_words)),

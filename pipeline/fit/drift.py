@@ -13,6 +13,7 @@ from pmg.pipeline.fit.loss_fit import shaft_drags
 from pmg.pipeline.fit.noise_floor import repeat_contrasts
 from pmg.pipeline.grid.readings import take_readings
 from pmg.sim.shafts import SIDES
+from pmg.sim.signals import HOUR
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
@@ -104,10 +105,6 @@ class Drift:
     orders: tuple[OrderContrast, ...]
     repeats: tuple[RepeatDrift, ...]
     reason: str = ""
-
-
-HOUR = 3600.0
-"""Seconds in an hour."""
 
 
 def monotone_runs(levels: Array, *, rising: bool) -> list[tuple[int, int]]:

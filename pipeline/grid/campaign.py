@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array, Mask
 
-STILL = 1e-12
+STILL_SCATTER = 1e-12
 """Scatter [N m] below which a torque shows nothing but the rounding of numbers."""
 
 
@@ -161,7 +161,7 @@ def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) 
 
 def _known(within: Array, shaft: ShaftFacts, simulated: Mask) -> Array:
     """Uncertainty from within the windows [N m] (n,): none of a simulated torque that stands still, as it has none."""
-    return np.where(simulated & np.isnan(within) & (shaft.std < STILL), 0.0, within)
+    return np.where(simulated & np.isnan(within) & (shaft.std < STILL_SCATTER), 0.0, within)
 
 
 def _reason(window: StoredWindow, complete: bool) -> str:

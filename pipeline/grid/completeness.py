@@ -12,7 +12,7 @@ from pmg.pipeline.grid.missing_points import lost_data, unreached_findings
 from pmg.pipeline.recording.codes import Severity
 from pmg.pipeline.windows.reduce import REDUCTION
 from pmg.pipeline.wording.outcome import told
-from pmg.pipeline.wording.plurals import counted
+from pmg.pipeline.wording.plurals import counted, listed
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
 
 MAIN_LEVEL = 0.5
 """A level belongs to the main grid when it holds at least this part of the cells of the fullest level."""
-
-NAMED = 5
-"""Files or points that are named one by one."""
 
 
 def holes(grid: Grid) -> tuple[str, ...]:
@@ -114,14 +111,14 @@ def lack_findings(
         named = [file for file in files if _may_be(file, cell)]
         asked = [file for manifest, file in zip(failed, files, strict=True) if _asked_cell(manifest, grid) == cell]
         if asked:
-            words = f"; {_listed(asked)} was run there and is not usable"
+            words = f"; {listed(asked)} was run there and is not usable"
         elif cell in rejected:
-            words = f"; rejected there: {_listed([f'window {name}' for name in rejected[cell]])}"
+            words = f"; rejected there: {listed([f'window {name}' for name in rejected[cell]])}"
         elif named:
-            words = f"; {_listed(named)} is not usable and may be of it by its name"
+            words = f"; {listed(named)} is not usable and may be of it by its name"
         else:
-            words = f"; it may be in what is not usable: {_listed(files)}" if files else ""
-            words += f"; it may be in what was lost of {_listed(short)}" if short else ""
+            words = f"; it may be in what is not usable: {listed(files)}" if files else ""
+            words += f"; it may be in what was lost of {listed(short)}" if short else ""
         found.append(told("warning", "grid", f"no accepted point at {cell}{words}"))
     for manifest, file in zip(failed, files, strict=True):
         why = next((f for f in manifest.findings if f.severity is Severity.ERROR), None)
@@ -144,7 +141,7 @@ def earlier_means(used: Sequence[Manifest]) -> tuple[dict[str, Any], ...]:
     files = [m.file for m in used if m.ingested and m.reduction != REDUCTION]
     if not files:
         return ()
-    message = f"the means of {counted(len(files), 'recording')} were taken in an earlier way: {_listed(files)}"
+    message = f"the means of {counted(len(files), 'recording')} were taken in an earlier way: {listed(files)}"
     return (told("warning", "windows", f"{message}; expected today's. Run 'pmg ingest' on the recordings again."),)
 
 
@@ -159,10 +156,6 @@ def _asked_cell(manifest: Manifest, grid: Grid) -> str:
     if run.configuration == "engaged" and sun is not None and load is not None:
         return _engaged(round(float(SPEED_SUN.display(sun))), round(load, 3))
     return ""
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:NAMED]) + (" ..." if len(names) > NAMED else "")
 
 
 def _may_be(file: str, cell: str) -> bool:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import special
 
+from pmg.pipeline.wording.probability import CONFIDENCE
+
 if TYPE_CHECKING:
     from pmg.sim.signals import Array, Mask
 
-LEVEL = 0.95
-"""Probability of the expanded uncertainty."""
 FEWEST = 1.0
 """Degrees of freedom that stand where none are known: the fewest an estimate can have, so U is rather too large."""
 
@@ -110,7 +110,7 @@ class ShaftBudget:
     @property
     def factor(self) -> Array:
         """Coverage factor of the 95 % interval, Student's t (n,)."""
-        return np.asarray(special.stdtrit(np.minimum(self.dof, 1e9), 0.5 + LEVEL / 2.0))
+        return np.asarray(special.stdtrit(np.minimum(self.dof, 1e9), 0.5 + CONFIDENCE / 2.0))
 
     @property
     def expanded(self) -> Array:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 COPY = "the same run is in"
 """Start of the reason by which a copy is rejected; the file that is kept follows."""
-DIGITS = 9
+TORQUE_DIGITS = 9
 """Decimals [N m] to which mean torques of the same samples agree."""
 
 
@@ -43,7 +43,7 @@ class _Held:
         if manifest.run.point or not window.point.startswith(PurePath(manifest.file).stem):
             return manifest.started_at, window.point
         torques = (mean.torque for mean in window.means)
-        return manifest.started_at, "", *("" if math.isnan(t) else f"{t:.{DIGITS}f}" for t in torques)
+        return manifest.started_at, "", *("" if math.isnan(t) else f"{t:.{TORQUE_DIGITS}f}" for t in torques)
 
     def overlaps(self, other: _Held) -> bool:
         """Whether both are of the same samples, in part at least, in two files."""

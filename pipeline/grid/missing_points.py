@@ -22,7 +22,7 @@ HOLLOW = (GAP, "not measured", "window not closed")
 """Starts of reasons of windows with or after which points may be lost; one that has its END lost none with samples."""
 CUT_REASONS = ("window not closed", "window too short", "not measured")
 """Reasons of the last window of a sequence that was broken off."""
-DIGITS = 6
+SETPOINT_DIGITS = 6
 """Decimals, in SI, to which the set-points of two files agree."""
 
 Key = tuple[str, ...]
@@ -181,7 +181,7 @@ def _sequence(manifest: Manifest) -> _Sequence | None:
 def _key(window: StoredWindow) -> Key:
     """What tells a point again in another file: its set-points, or its name where none is stated."""
     asked = asdict(window.setpoints)
-    stated = [f"{name} {value:.{DIGITS}f}" for name, value in sorted(asked.items()) if value is not None]
+    stated = [f"{name} {value:.{SETPOINT_DIGITS}f}" for name, value in sorted(asked.items()) if value is not None]
     return (str(window.configuration), str(window.gear), window.drive, *(stated or [window.point]))
 
 

@@ -14,8 +14,10 @@ from mcap.writer import CompressionType, Writer
 
 from pmg.pipeline.files.atomic import opened_aside
 from pmg.pipeline.recording.channels import ENCODING, SHARED_CLOCK
+from pmg.pipeline.recording.layouts.moments import SECOND_NS
+from pmg.pipeline.recording.layouts.repack import BLOCK_SAMPLES
 from pmg.pipeline.recording.layouts.schema import SAMPLE_BLOCK, descriptor_set, encode
-from pmg.pipeline.recording.write import BLOCK, EPOCH, SECOND_NS
+from pmg.pipeline.recording.write import EPOCH
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -90,8 +92,8 @@ def _pieces(index: npt.NDArray[np.int64]) -> Iterator[tuple[int, int]]:
         return
     edges = [0, *(np.flatnonzero(np.diff(index) != 1) + 1).tolist(), len(index)]
     for low, high in pairwise(edges):
-        for first in range(low, high, BLOCK):
-            yield first, min(first + BLOCK, high)
+        for first in range(low, high, BLOCK_SAMPLES):
+            yield first, min(first + BLOCK_SAMPLES, high)
 
 
 @contextmanager

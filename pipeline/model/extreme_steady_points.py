@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pmg.sim.mechanisms import Mechanism
     from pmg.sim.signals import Array, Mask
 
-POINTS = 4
+SETPOINTS_RUN = 4
 """Set-points that are run."""
 
 

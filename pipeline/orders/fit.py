@@ -10,6 +10,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from pmg.pipeline.orders.band import FALSE_ALARM, LineNoise, emptied, noise_beside, periodogram
+from pmg.pipeline.wording.probability import CONFIDENCE
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.orders.lines import Group
     from pmg.sim.signals import Array, Mask
 
-CONFIDENCE = 0.95
-"""Of the intervals of amplitudes."""
 PIECE = 1 << 16
 """Samples whose cosines and sines are held at once."""
 WORST_CONDITION = 1e8

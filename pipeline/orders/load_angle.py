@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import t as student
 
-from pmg.pipeline.orders.fit import CONFIDENCE, wrapped
+from pmg.pipeline.orders.fit import wrapped
 from pmg.pipeline.windows.reduce import mean_uncertainty
 from pmg.pipeline.windows.revolutions import WholeRevolutions, whole_revolutions
+from pmg.pipeline.wording.probability import CONFIDENCE
 from pmg.sim import sources
 from pmg.sim.errors import FitError
 from pmg.sim.signals import REVOLUTION

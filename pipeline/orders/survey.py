@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array, Mask
 
-FEWEST_POINTS = 3
+FEWEST_FOLLOWED = 3
 """Points of one configuration from which a line is followed."""
-NOTHING_FOLLOWED = f"no line has a number at {FEWEST_POINTS} or more accepted points of one configuration"
+NOTHING_FOLLOWED = f"no line has a number at {FEWEST_FOLLOWED} or more accepted points of one configuration"
 """What is said where there is nothing to follow."""
 FEWEST_FITTED = 5
 """Points beyond their band from which growth with speed or load is fitted."""
-LEVEL = 0.05
+FALSE_ALARM_LEVEL = 0.05
 """Probability that any of all lines followed is called present where there is only noise."""
 LEAST_RATIO = 1.5
 """Highest over lowest speed from which an exponent is fitted."""
@@ -137,9 +137,10 @@ def follow_lines(table: pl.DataFrame, bench: BenchParameters) -> tuple[LineSurve
 
     Notes
     -----
-    A line is present where more of its points are beyond their 5 % bands than noise gives (binomial), at `LEVEL`
-    over all lines. Lines that fall together at some speeds only are followed at the others. Phases of points without
-    index pulses have no common zero, so amplitudes are followed, with the noise's part of their squares taken off.
+    A line is present where more of its points are beyond their 5 % bands than noise gives (binomial), at
+    `FALSE_ALARM_LEVEL` over all lines. Lines that fall together at some speeds only are followed at the others. Phases
+    of points without index pulses have no common zero,
+    so amplitudes are followed, with the noise's part of their squares taken off.
     Fits in speed and load are weighted; what they leave widens their errors.
     """
     keys = ["configuration", "gear", "signal", "line"]
@@ -148,7 +149,7 @@ def follow_lines(table: pl.DataFrame, bench: BenchParameters) -> tuple[LineSurve
     groups = [
         (key, part)
         for key, part in known.group_by(keys, maintain_order=True)
-        if part.height >= FEWEST_POINTS and (" = " not in str(key[3]) or part.height >= points[str(key[0])] / 2.0)
+        if part.height >= FEWEST_FOLLOWED and (" = " not in str(key[3]) or part.height >= points[str(key[0])] / 2.0)
     ]
     found = [_followed(tuple(map(str, key)), part, len(groups), bench) for key, part in groups]
     return tuple(sorted(found, key=lambda f: (not f.present, f.configuration, f.gear, f.signal, -f.highest / f.band)))
@@ -161,7 +162,7 @@ def _followed(key: tuple[str, ...], part: pl.DataFrame, tried: int, bench: Bench
     amplitude, u, band, speed, load = (np.abs(np.asarray(column, dtype=np.float64)) for column in columns)
     points = _Points(amplitude, u, band, speed, load)
     beyond = int(np.count_nonzero(points.amplitude > points.band))
-    present = bool(binom.sf(beyond - 1, len(points.amplitude), FALSE_ALARM) * tried < LEVEL)
+    present = bool(binom.sf(beyond - 1, len(points.amplitude), FALSE_ALARM) * tried < FALSE_ALARM_LEVEL)
     mean = _mean(points) if present else UncertainValue(math.nan, math.nan)
     exponent = _exponent(points) if present else None
     per_load = _per_load(points) if present and configuration == "engaged" else None

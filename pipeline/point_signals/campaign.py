@@ -12,7 +12,7 @@ import numpy as np
 from pmg.pipeline.point_signals.cell import BudgetRow, CellSignals, ChannelSignals, ShaftRows
 from pmg.pipeline.point_signals.traces import bins_for, speed_signals, stretch_of, torque_signals
 from pmg.pipeline.wording.outcome import told
-from pmg.pipeline.wording.plurals import counted
+from pmg.pipeline.wording.plurals import counted, listed
 from pmg.sim.errors import GridError, StoreError
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION, SPEEDS, TORQUES
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
 
-NAMED = 5
-"""Points that a finding names one by one."""
 SAME_START = 3
 """Decimals of a second to which the start of a window is the same in grid and store."""
 
@@ -233,8 +231,7 @@ def _findings(cells: list[CellSignals]) -> tuple[dict[str, Any], ...]:
         told(
             "warning",
             "signals of the points",
-            f"{counted(len(points), 'point')} without signals: {', '.join(points[:NAMED])}"
-            f"{' ...' if len(points) > NAMED else ''}; {why}",
+            f"{counted(len(points), 'point')} without signals: {listed(points)}; {why}",
         )
         for why, points in lacking.items()
     )

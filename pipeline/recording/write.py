@@ -24,6 +24,8 @@ from pmg.pipeline.recording.channels import ENCODING, LARGEST_RATE, SHARED_CLOCK
 from pmg.pipeline.recording.decode import DEFAULT_BITS
 from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.join import SIMULATED
+from pmg.pipeline.recording.layouts.moments import SECOND_NS
+from pmg.pipeline.recording.layouts.repack import BLOCK_SAMPLES
 from pmg.pipeline.recording.layouts.schema import CLOCK_MARK, SAMPLE_BLOCK, descriptor_set, encode
 from pmg.pipeline.recording.run import LAYOUT, RECORD, RUN_KEYS, read_run
 from pmg.sim.errors import RecordingError, near_miss
@@ -47,12 +49,9 @@ SPAN_HZ = 5_000.0
 """Its change at nominal torque [Hz]."""
 COUNTS_PER_REV = 5120
 """Quadrature counts of one turn of the bench's encoders, of 1280 lines."""
-BLOCK = 1000
-"""Samples of a block."""
 LARGEST_COUNT = 1 << 53
 """Encoder counts beyond which an angle in double precision no longer tells one count from the next."""
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-SECOND_NS = 1_000_000_000
 LATEST_NS = 1 << 63
 """Times from here on do not fit into a signed count of nanoseconds since 1970 [ns]."""
 
@@ -135,7 +134,7 @@ def recording_bytes(run: SimulatedRun, calibration: Calibration) -> bytes:
     entries, attachment = _entries(run, where), _attachment(calibration, where)
     written = _channels(run, calibration, where)
     length = len(run.torque_sun)
-    times = _times(run, np.minimum(np.arange(0, length + BLOCK, BLOCK), length), where)
+    times = _times(run, np.minimum(np.arange(0, length + BLOCK_SAMPLES, BLOCK_SAMPLES), length), where)
     stream = BytesIO()
     writer = Writer(stream, compression=CompressionType.ZSTD, enable_crcs=True, enable_data_crcs=True)
     writer.start(profile="pmg", library=f"pmg {version('pmg-bench')}")
@@ -148,9 +147,9 @@ def recording_bytes(run: SimulatedRun, calibration: Calibration) -> bytes:
     ]
     clock = writer.register_channel("/sys/clock", ENCODING, mark)
     writer.add_message(clock, times[0], encode(CLOCK_MARK, {"utc_ns": times[0], "source": "simulated"}), times[0])
-    for first, (begun, taken) in zip(range(0, length, BLOCK), pairwise(times), strict=True):
+    for first, (begun, taken) in zip(range(0, length, BLOCK_SAMPLES), pairwise(times), strict=True):
         for identity, dtype, samples in channels:
-            message = _block(first, begun, dtype, samples[first : first + BLOCK])
+            message = _block(first, begun, dtype, samples[first : first + BLOCK_SAMPLES])
             writer.add_message(identity, taken, message, taken)
     writer.finish()  # type: ignore[no-untyped-call]
     return stream.getvalue()

@@ -10,8 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogFormatter
 
 from pmg.pipeline.report.axes import axes, fitted
-from pmg.pipeline.report.figure import COVERAGE
 from pmg.pipeline.report.sheet import text_width
+from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -98,7 +98,7 @@ def _series(ax: Axes, series: Series, group: int, sheet: Sheet) -> Artist:
     """The series on the axes; what stands for it in the legend."""
     x, y = _finite(series.x), _finite(series.y)
     colour = sheet.palette.series(series.colour)
-    reach = None if series.u is None else COVERAGE * _finite(series.u)
+    reach = None if series.u is None else COVERAGE_FACTOR * _finite(series.u)
     dashes: Any = _DASHES[group % len(_DASHES)]
     if series.style in ("band", "line"):
         sample: Artist

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
 Style = Literal["markers", "line", "both", "band"]
 
-COVERAGE = 2.0
-"""Error bars and bands reach this many standard uncertainties to each side (U = 2u)."""
 
 UNEXPLAINED = "unexplained"
 """A loss whose label starts with this word closes a balance instead of naming a cause."""

@@ -11,14 +11,14 @@ from pmg.pipeline.report.theme import FONTS
 if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
-DIGITS = 6
+AXIS_DIGITS = 6
 """Significant digits of a number on a drawing; tables hold the full precision."""
 
 
 def numbers(values: Array) -> list[float | None]:
     """Values in a few significant digits; None where one is not finite."""
     given = np.asarray(values, dtype=np.float64)
-    return [float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for value in given]
+    return [float(f"{value:.{AXIS_DIGITS}g}") if np.isfinite(value) else None for value in given]
 
 
 def layout(title: str, **more: Any) -> dict[str, Any]:  # noqa: ANN401 - handed on to Plotly as they are

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.report.figure import COVERAGE
 from pmg.pipeline.report.live_axes import axis, layout, numbers, plain
 from pmg.pipeline.wording import numerals
+from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 
 if TYPE_CHECKING:
     from pmg.pipeline.report.figure import Chart, Series
@@ -110,7 +110,7 @@ def _traces(chart: Chart, series: Series, group: int, *, first: bool) -> list[di
         "showlegend": bool(series.name) and first,
         "name": plain(series.name),
     }
-    reach = None if series.u is None else COVERAGE * np.asarray(series.u, dtype=np.float64)
+    reach = None if series.u is None else COVERAGE_FACTOR * np.asarray(series.u, dtype=np.float64)
     traces: list[dict[str, Any]] = []
     if series.style in ("band", "line") and reach is not None:
         known = np.isfinite(x) & np.isfinite(y) & np.isfinite(reach)

@@ -15,7 +15,7 @@ from pmg.sim.errors import FitError
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
 
-SEED = 20260101
+ROUNDING_SEED = 20260101
 """Seed where none is chosen."""
 
 DRAWS = 500

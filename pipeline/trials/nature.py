@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.recording.write import COUNTS_PER_REV
 from pmg.pipeline.trials.absorb import Scaled, Yardstick, scale_on
 from pmg.pipeline.trials.design import CampaignDesign, draw_design
 from pmg.pipeline.trials.effect import BenchRun, Effect, torques
 from pmg.pipeline.trials.strata import Stratum, form_of
-from pmg.pipeline.trials.world import BATCHES, FASTEST_RING, FASTEST_SUN, WINDOW, World, draw_world
+from pmg.pipeline.trials.world import FASTEST_RING, FASTEST_SUN, WINDOW, World, draw_world
+from pmg.pipeline.windows.revolutions import BATCHES
 from pmg.sim.grid import Grid
 from pmg.sim.signals import REVOLUTION
 
@@ -27,8 +29,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.trials.effect import Pair
 
 SCHEMA = "pmg.truth/1"
-COUNTS_PER_REV = 5120
-"""Quadrature counts of the encoders."""
 SEEN = 0.3
 """Size after absorption from which an effect should be seen [sigma]."""
 SPEED_ERROR = 3e-4

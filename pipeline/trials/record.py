@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.recording.calibration import Calibration, Transducer
-from pmg.pipeline.recording.write import COUNTS_PER_REV, NULL_FREQUENCY_HZ, SimulatedRun, recording_bytes
+from pmg.pipeline.recording.write import COUNTS_PER_REV, NULL_FREQUENCY_HZ, SPAN_HZ, SimulatedRun, recording_bytes
 from pmg.pipeline.trials.nature import hold_points
-from pmg.pipeline.trials.world import NOMINAL_RING, NOMINAL_SUN, RATE, SPAN_HZ, STEP_HZ, WINDOW
+from pmg.pipeline.trials.world import NOMINAL_RING, NOMINAL_SUN, RATE, STEP_HZ, WINDOW
 from pmg.sim.grid import Configuration
 from pmg.sim.signals import REVOLUTION, RPM
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.signal import lfilter
 
+from pmg.pipeline.recording.write import SPAN_HZ
 from pmg.pipeline.trials.design import acting, ratio_of
 
 if TYPE_CHECKING:
@@ -22,12 +23,10 @@ SECOND_SPEED = 25.0
 """Speed beyond which the weak second term of a drag curve flattens [rad/s]."""
 NOMINAL_SUN, NOMINAL_RING = 5.0, 10.0
 """Nominal torques of the transducers [N m]."""
-STEP_HZ, SPAN_HZ = 0.19, 5000.0
-"""Resolution of the transducers' frequency, and its change at nominal torque [Hz]."""
+STEP_HZ = 0.19
+"""Resolution of the transducers' frequency [Hz]."""
 WINDOW, RATE = 5.0, 500.0
 """Length of a window [s] and samples per second [1/s]."""
-BATCHES = 10
-"""Batches from which an uncertainty within the window is estimated."""
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.windows.revolutions import BATCHES
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
@@ -45,8 +46,6 @@ UNEVEN = 0.1
 """Part by which the density at zero may differ from that at one cycle in the stretch and pass for flat there."""
 UNSAFE = 0.1
 """Part by which batches may be expected to miss the variance of the mean."""
-BATCHES = 10
-"""Batches that are meant, each a tenth of the stretch."""
 
 
 @dataclass(frozen=True)

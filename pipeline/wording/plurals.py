@@ -2,6 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+NAMED = 5
+"""Files or points that a message names one by one."""
+
+
+def listed(names: Sequence[str]) -> str:
+    """The first `NAMED` names, with ``...`` where there are more."""
+    return ", ".join(names[:NAMED]) + (" ..." if len(names) > NAMED else "")
+
 
 def counted(number: int, noun: str) -> str:
     """A number and what it counts: ``1 row``, ``2 rows``; the plural ends in s."""

@@ -1,7 +1,11 @@
-"""How p-values are told: no further out than they are known."""
+"""Coverage of intervals, and how p-values are told: no further out than they are known."""
 
 from __future__ import annotations
 
+COVERAGE_FACTOR = 2.0
+"""Factor of the expanded uncertainty U = 2u, about 95 %; error bars and bands reach as far."""
+CONFIDENCE = 0.95
+"""Probability that an interval, or an expanded uncertainty with its own factor, covers the value."""
 SMALLEST = 1e-12
 """Nominal p-values below this are told as below this: no tail is known further out."""
 

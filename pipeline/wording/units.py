@@ -7,6 +7,8 @@ import math
 from pmg.sim.errors import BenchError, near_miss
 from pmg.sim.signals import REVOLUTION, RPM
 
+MILLI = 1e-3
+"""SI value of a thousandth."""
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 """Units of a time column [s]."""
 

@@ -11,7 +11,7 @@ from pmg.sim.dynamics.drivetrain import Drivetrain
 from pmg.sim.dynamics.jacobian import STEP, active, dense
 from pmg.sim.dynamics.state import STATES, SetPoints, State
 from pmg.sim.errors import BenchError
-from pmg.sim.roots import rising_root
+from pmg.sim.roots import ROUNDING, rising_root
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
@@ -30,8 +30,6 @@ _SCAN = 40
 _NEWTON_STEPS = 20
 _LOAD_STEPS = 3
 """Steps from a load without drag to one with it; they start the iteration, which does the rest."""
-
-_ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True)
@@ -196,7 +194,7 @@ def _locked_speed(drivetrain: Drivetrain, asked: SetPoints, leverage: float) -> 
         moved = missing(np.asarray(magnitude + 1j * STEP, dtype=np.complex128))
         return np.asarray(np.real(moved)), np.asarray(np.imag(moved) / STEP)
 
-    rounding = _ROUNDING * (np.abs(asked.sun) + np.abs(leverage * asked.ring))
+    rounding = ROUNDING * (np.abs(asked.sun) + np.abs(leverage * asked.ring))
     found, _ = rising_root(with_slope, speeds[first - 1], speeds[first], rounding=rounding)
     return way * found, np.count_nonzero(over[1:] != over[:-1], axis=0)
 

@@ -10,16 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.sim.errors import BenchError
-from pmg.sim.roots import rising_root
+from pmg.sim.roots import ROUNDING, rising_root
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.sim.signals import Array, Number
-
-
-_ROUNDING = 2.0 * float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True)
@@ -237,6 +234,6 @@ class TorqueMap:
             value, slope = self.mean_torque(phase)
             return value - torque, slope
 
-        rounding = _ROUNDING * max(limits.torque_high, -limits.torque_low)
+        rounding = 0.5 * ROUNDING * max(limits.torque_high, -limits.torque_low)
         ends = np.full_like(torque, limits.phase_low), np.full_like(torque, limits.phase_high)
         return rising_root(missing, *ends, rounding=rounding)[0]

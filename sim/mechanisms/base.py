@@ -12,6 +12,7 @@ import numpy as np
 from pmg.sim.errors import BenchError
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import PerShaft
+from pmg.sim.signals import TORQUES
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
@@ -19,6 +20,10 @@ if TYPE_CHECKING:
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.signals import Array, Number, Signal
     from pmg.sim.sources import Source
+
+
+BOTH_TORQUES = tuple(TORQUES)
+"""Signals of a mechanism that acts on both shafts."""
 
 
 class Component(StrEnum):

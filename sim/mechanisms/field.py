@@ -6,9 +6,9 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
-from pmg.sim import signals, sources
+from pmg.sim import sources
 from pmg.sim.grid import Configuration
-from pmg.sim.mechanisms.base import Component, Experiment, Reveals, RotorLaw, Torques, parameter
+from pmg.sim.mechanisms.base import BOTH_TORQUES, Component, Experiment, Reveals, RotorLaw, Torques, parameter
 from pmg.sim.mechanisms.friction import LoadLaw
 from pmg.sim.mechanisms.magnetic import RotorDamping
 
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.signals import Number
-
-_BOTH = (signals.TORQUE_SUN, signals.TORQUE_RING)
 
 
 def breakdown(strength: Number, slip: Number) -> Number:
@@ -38,7 +36,7 @@ class CouplingLeftInNeutral(RotorLaw):
     title = "Magnetic coupling left in neutral"
     source = sources.WOUTERSE
     component = Component.MAGNETIC_GEAR
-    affects = _BOTH
+    affects = BOTH_TORQUES
     acts_in = (Configuration.NEUTRAL,)
     shape = ("critical",)
 
@@ -122,7 +120,7 @@ class SkinEffect(RotorDamping):
     equation = r"\tau_k = c\,\omega_k\,[1-(1+(\omega_k\theta)^2)^{-1/4}]"
     source = sources.STOLL.at("thick plates")
     component = Component.MAGNETIC_GEAR
-    affects = _BOTH
+    affects = BOTH_TORQUES
     revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "magnetic loss grows more slowly than the square of speed"),)
     dissipates = False
     linear = False
@@ -158,7 +156,7 @@ class IronLossUnderLoad(LoadLaw):
     title = "Iron loss growing with load"
     source = sources.STOLL.at("eddy loss proportional to the square of the field")
     component = Component.MAGNETIC_GEAR
-    affects = _BOTH
+    affects = BOTH_TORQUES
     revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "magnetic loss grows with load and speed together"),)
     by_shaft = {"both": ("k",)}
 

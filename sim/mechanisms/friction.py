@@ -12,6 +12,7 @@ from pmg.sim import signals, sources
 from pmg.sim.bench import of_stage
 from pmg.sim.grid import Configuration
 from pmg.sim.mechanisms.base import (
+    BOTH_TORQUES,
     Component,
     Experiment,
     Instant,
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Number
 
 _SHAFTS = {"sun": Component.SUN_BEARINGS, "ring": Component.RING_BEARINGS}
-_BOTH = (signals.TORQUE_SUN, signals.TORQUE_RING)
 
 
 LOAD_PASSAGE = 1e-3
@@ -84,7 +84,7 @@ class LoadFriction(LoadLaw):
     source = sources.PALMGREN.at("load-dependent moment")
     component = Component.SUN_BEARINGS
     components = _SHAFTS
-    affects = _BOTH
+    affects = BOTH_TORQUES
     revealed_by = (Reveals(Experiment.REVERSED_FLOW, "the loss keeps its sign when the power flow turns"),)
     by_shaft = {"sun": ("mu_sun",), "ring": ("mu_ring",)}
 
@@ -108,7 +108,7 @@ class ThinFilm(RotorLaw):
     title = "Mixed lubrication at low speed"
     component = Component.SUN_BEARINGS
     components = _SHAFTS
-    affects = _BOTH
+    affects = BOTH_TORQUES
     revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "drag rises towards low speed"),)
     by_shaft = {"sun": ("extra_sun",), "ring": ("extra_ring",)}
 
@@ -175,7 +175,7 @@ class Windage(RotorLaw):
     source = sources.SCHLICHTING.at("rotating disk, turbulent")
     component = Component.SUN_BEARINGS
     components = _SHAFTS
-    affects = _BOTH
+    affects = BOTH_TORQUES
     revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "loss power grows with the cube of speed"),)
     by_shaft = {"sun": ("k_sun",), "ring": ("k_ring",)}
 
@@ -212,7 +212,7 @@ class RelativeBearingDrag(RotorLaw):
     )
     source = sources.PALMGREN.at("viscous moment")
     component = Component.RELATIVE_BEARING
-    affects = _BOTH
+    affects = BOTH_TORQUES
     revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "torque follows the speed difference"),)
     by_shaft = {"both": ("m_0", "m_1")}
 
@@ -241,7 +241,7 @@ class RubbingCarrier(RotorLaw):
     equation = r"\tau_k = -\mathrm{sgn}(\omega_k)\,F_k\ \mathrm{engaged}"
     source = sources.HARRIS.at("dry friction")
     component = Component.MAGNETIC_GEAR
-    affects = _BOTH
+    affects = BOTH_TORQUES
     revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "loss power proportional to speed"),)
     acts_in = (Configuration.ENGAGED,)
     by_shaft = {"sun": ("friction_sun",), "ring": ("friction_ring",)}

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from pmg.sim import signals, sources
-from pmg.sim.mechanisms.base import Component, Experiment, Instrument, Reveals, Torques, parameter
+from pmg.sim import sources
+from pmg.sim.mechanisms.base import BOTH_TORQUES, Component, Experiment, Instrument, Reveals, Torques, parameter
 from pmg.sim.shafts import SIDES
+from pmg.sim.signals import HOUR
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 _SHAFTS = {"sun": Component.SUN_TORQUE_TRANSDUCER, "ring": Component.RING_TORQUE_TRANSDUCER}
-_BOTH = (signals.TORQUE_SUN, signals.TORQUE_RING)
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class ZeroOffset(Instrument):
     source = sources.GUM.at("section 4.3")
     component = Component.SUN_TORQUE_TRANSDUCER
     components = _SHAFTS
-    affects = _BOTH
+    affects = BOTH_TORQUES
     revealed_by = (
         Reveals(Experiment.ZERO_CHECKS, "a reading with free shafts"),
         Reveals(Experiment.REVERSED_ROTATION, "drag that differs between the directions"),
@@ -52,10 +52,6 @@ class ZeroOffset(Instrument):
         return Torques(np.full(len(at), self.offset_sun), np.full(len(at), self.offset_ring))
 
 
-HOUR = 3600.0
-"""Time after which a drift is given [s]."""
-
-
 @dataclass(frozen=True)
 class DriftingZero(Instrument):
     """A zero that moves with time from the tare at the first point. Each form says how far it has moved by when."""
@@ -65,7 +61,7 @@ class DriftingZero(Instrument):
     source = sources.GUM.at("section 4.3")
     component = Component.SUN_TORQUE_TRANSDUCER
     components = _SHAFTS
-    affects = _BOTH
+    affects = BOTH_TORQUES
     revealed_by = (
         Reveals(Experiment.ZERO_CHECKS, "readings with free shafts that move"),
         Reveals(Experiment.REPEATS, "the same point reads differently later"),
@@ -166,7 +162,7 @@ class GainError(Instrument):
     source = sources.GUM.at("section 4.3")
     component = Component.SUN_TORQUE_TRANSDUCER
     components = _SHAFTS
-    affects = _BOTH
+    affects = BOTH_TORQUES
     revealed_by = (
         Reveals(Experiment.REVERSED_FLOW, "the apparent loss changes its sign with the power flow"),
         Reveals(Experiment.OTHER_STAGE, "the error per torque stays the same at another ratio of the two torques"),
@@ -195,7 +191,7 @@ class ShownTorque(Instrument):
     source = sources.GUM.at("section 4.3")
     component = Component.SUN_TORQUE_TRANSDUCER
     components = _SHAFTS
-    affects = _BOTH
+    affects = BOTH_TORQUES
     revealed_by = (
         Reveals(Experiment.NEUTRAL_SWEEP, "a reading that follows the other shaft's torque"),
         Reveals(Experiment.OTHER_STAGE, "the error per torque changes with the ratio of the two torques"),

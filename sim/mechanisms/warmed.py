@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from pmg.sim import signals, sources
+from pmg.sim import sources
 from pmg.sim.grid import Configuration
-from pmg.sim.mechanisms.base import Component, Mechanism, RotorLaw, Torques, Warmth, against, modulus
+from pmg.sim.mechanisms.base import BOTH_TORQUES, Component, Mechanism, RotorLaw, Torques, Warmth, against, modulus
 from pmg.sim.mechanisms.magnetic import RotorDamping
 from pmg.sim.shafts import PerShaft, per_shaft
 
@@ -30,8 +30,6 @@ of its viscosity per kelvin there (Vogel's law). Only its product with the therm
 
 MAGNET_COEFFICIENT = 1.2e-3
 """Relative fall of the remanence of sintered NdFeB per kelvin [1/K]; losses and torque follow its square."""
-
-_BOTH = (signals.TORQUE_SUN, signals.TORQUE_RING)
 
 
 def relief(rise: Number) -> Number:
@@ -56,7 +54,7 @@ class WarmBearings(RotorLaw):
     equation = r"\tau_k = -\mathrm{sgn}(\omega_k)\,\rho_k\,B_k(|\omega_k|),\ \rho_k = K\,(e^{-\beta\Theta_k}-1)"
     source = sources.PALMGREN.at("viscous moment; viscosity after Vogel 1921")
     component = Component.RING_BEARINGS
-    affects = _BOTH
+    affects = BOTH_TORQUES
     revealed_by = ()
     dissipates = False
 
@@ -81,7 +79,7 @@ class WarmMagnets(RotorDamping):
     equation = r"\tau_k = \rho\,(b\,\mathrm{sgn}\,\omega_k + c\,\omega_k),\ \rho = 1-(1-\alpha\Theta)^2"
     source = sources.STOLL.at("eddy loss proportional to the square of the field")
     component = Component.MAGNETIC_GEAR
-    affects = _BOTH
+    affects = BOTH_TORQUES
     revealed_by = ()
     dissipates = False
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pmg.sim.errors import BenchError
 from pmg.sim.losscurve import SPEED_REFERENCE_SUN
-from pmg.sim.roots import rising_root
+from pmg.sim.roots import ROUNDING, rising_root
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -30,8 +30,6 @@ _CREEP = 1e-6
 
 _STEP = 6e-6
 """Relative step of central differences in speed: the cube root of the rounding, where both errors balance."""
-
-_ROUNDING = 2.0 * float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True)
@@ -152,7 +150,7 @@ def forward(
         return way * (here - given), way * (right - left) / (2.0 * step)
 
     secant = low - below * (high - low) / (above - below)
-    rounding = _ROUNDING * (np.abs(given) + np.abs(at.torque_ring))
+    rounding = 0.5 * ROUNDING * (np.abs(given) + np.abs(at.torque_ring))
     magnitude, slope = rising_root(missing, low, high, secant, rounding)
     points = locked(gearbox, at, way * magnitude)
     _refuse_slip(gearbox, points, maps or {})

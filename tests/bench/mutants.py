@@ -267,7 +267,9 @@ STATISTICS = (
         "(one[name] - other[name]) / 2.0",
         DECISIONS,
     ),
-    mutant("difference of windows told beyond u", "MeanDifference.beyond", "COVERAGE * self.u", "self.u", DECISIONS),
+    mutant(
+        "difference of windows told beyond u", "MeanDifference.beyond", "COVERAGE_FACTOR * self.u", "self.u", DECISIONS
+    ),
     mutant(
         "difference of windows without what transducers share",
         "_torque_uncertainty",

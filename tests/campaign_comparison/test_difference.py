@@ -15,7 +15,7 @@ from pmg.pipeline.campaign_comparison.family import LinearEstimate
 from pmg.pipeline.campaign_comparison.matching import Reach
 from pmg.pipeline.campaign_comparison.side import CampaignSide
 from pmg.pipeline.campaign_comparison.statement import alike, clearest, statement
-from pmg.pipeline.campaign_comparison.verdict import LEVEL, judge, ready_family
+from pmg.pipeline.campaign_comparison.verdict import SIGNIFICANCE, judge, ready_family
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.store.manifest import Manifest
 from pmg.sim.errors import GridError
@@ -142,10 +142,10 @@ def test_of_pairs_that_differ_by_nothing_five_percent_are_said_to(serial: str, r
         again = ready_family(versus)
         assert again is not None
         seen = float(family.smallest(again[1][:, None])[0])
-        found += bool((1 + np.count_nonzero(null <= seen)) / 1000 <= LEVEL)
+        found += bool((1 + np.count_nonzero(null <= seen)) / 1000 <= SIGNIFICANCE)
         mean, own, common = versus.quantities["torque_sun"].mean(versus.at.engaged)
         covered += abs(mean) <= 2.0 * float(np.hypot(own, common))
-    for count, rate in ((found, LEVEL), (covered, 0.954)):
+    for count, rate in ((found, SIGNIFICANCE), (covered, 0.954)):
         assert stats.binom.ppf(0.001, pairs, rate) <= count <= stats.binom.ppf(0.999, pairs, rate)
 
 
@@ -166,7 +166,7 @@ def test_two_campaigns_analysed_from_their_readings_raise_no_alarm_too_often(rng
         judged = judge(subtract(a, b, REACH), rng, 199)
         assert judged is not None
         alarms += judged.differ
-    assert alarms <= stats.binom.ppf(0.999, 24, LEVEL)
+    assert alarms <= stats.binom.ppf(0.999, 24, SIGNIFICANCE)
 
 
 def test_campaigns_without_any_noise_are_refused() -> None:

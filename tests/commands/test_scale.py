@@ -17,11 +17,11 @@ from tests.bench.throughput import LAYOUTS, RATE_HZ, by_blocks, by_official, by_
 from tests.conftest import FILES
 from tests.recording.writer import CALIBRATION, RUN, Bench, write
 
-from pmg.pipeline.commands.ingest_files import FAILED, Job, _ingest_one, ingest, supersede
+from pmg.pipeline.commands.ingest_files import Job, _ingest_one, ingest, supersede
 from pmg.pipeline.files.atomic import ABANDONED, PREFIX, abandoned, write_atomic
 from pmg.pipeline.files.parallel import map_over
 from pmg.pipeline.recording import Code, Severity, read_recording
-from pmg.pipeline.store.manifest import Manifest
+from pmg.pipeline.store.manifest import FAILED, Manifest
 from pmg.pipeline.store.sources import StoredSource, take_inventory
 from pmg.pipeline.store.store import REMOVED, Store
 from pmg.sim.errors import StoreError

@@ -9,11 +9,11 @@ import pytest
 from scipy import stats
 from tests.points import measured, points
 
-from pmg.pipeline.fit.drift import HOUR, find_drift, monotone_runs
+from pmg.pipeline.fit.drift import find_drift, monotone_runs
 from pmg.pipeline.grid.tables import read_published
 from pmg.sim.bench import BenchParameters
 from pmg.sim.grid import Grid
-from pmg.sim.signals import Array
+from pmg.sim.signals import HOUR, Array
 
 UP = np.linspace(150.0, 1800.0, 12)
 SUN = np.r_[UP, UP[::-1]]

@@ -19,8 +19,9 @@ from mcap.reader import make_reader
 from pmg.pipeline.recording import Code, Recording, read_recording
 from pmg.pipeline.recording.calibration import Calibration
 from pmg.pipeline.recording.layouts import wire
+from pmg.pipeline.recording.layouts.repack import BLOCK_SAMPLES
 from pmg.pipeline.recording.layouts.schema import CLOCK_MARK, SAMPLE_BLOCK, descriptor_set, encode
-from pmg.pipeline.recording.write import BLOCK, SimulatedRun, rated_calibration, recording_bytes
+from pmg.pipeline.recording.write import SimulatedRun, rated_calibration, recording_bytes
 from pmg.pipeline.windows.windows import find_windows
 from pmg.sim.bench import BenchParameters, load_bench
 from pmg.sim.errors import RecordingError
@@ -69,7 +70,7 @@ def read_back(folder: Path, data: bytes) -> Recording:
 # --- there and back ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("samples", [1, BLOCK - 1, BLOCK, BLOCK + 1, 2500])
+@pytest.mark.parametrize("samples", [1, BLOCK_SAMPLES - 1, BLOCK_SAMPLES, BLOCK_SAMPLES + 1, 2500])
 def test_torque_and_angle_come_back(tmp_path: Path, rated: Calibration, samples: int) -> None:
     run = simulated(samples)
     found = read_back(tmp_path, recording_bytes(run, rated))

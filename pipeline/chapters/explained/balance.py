@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.estimate import Estimate
     from pmg.sim.signals import Array
 
-RANKED = 8
+TERMS_SHOWN = 8
 """Terms of a round that the table shows."""
 
 
@@ -213,7 +213,7 @@ def _parameters(d: TermsDiagnosis) -> Section:
 def _search(d: TermsDiagnosis) -> Section:
     rows: list[tuple[Cell, ...]] = []
     for number, step in enumerate(d.found.steps if d.found is not None else (), 1):
-        for fit in step.ranking[:RANKED]:
+        for fit in step.ranking[:TERMS_SHOWN]:
             shape = None if fit.term.shape is None else fit.shape
             state = "entered" if fit.identifier in step.entered.split(" + ") else ", ".join(fit.on_bound)
             note = f"{state} on its bound" if state and state != "entered" else state

@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.fit.budget_document import median, shown_point, typical_rows
 from pmg.pipeline.report.document import Column, Facts, Table, Text
 from pmg.pipeline.windows.limits import SPEEDS
+from pmg.pipeline.wording.units import MILLI
 from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.grid.window_facts import LimitSet
     from pmg.pipeline.report.table import Cell
 
-MILLI = 1e-3
 MOST_NAMED = 12
 """Windows that are named one by one."""
 

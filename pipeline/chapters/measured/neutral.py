@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.chapters.cells import iso_levels, lay_out, names_in_cells, names_of
-from pmg.pipeline.fit.drift import HOUR
 from pmg.pipeline.grid.levels import forward_neutral, speed_levels
 from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Section, Series, SpeedMap, Table, Text
 from pmg.pipeline.wording import numerals
 from pmg.pipeline.wording.probability import told_nominal
 from pmg.sim import signals, sources
-from pmg.sim.signals import SPEED_RING, SPEED_SUN
+from pmg.sim.signals import HOUR, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.fit.analysis import Analysis
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 SHOWN = 10
 """Candidates of a ranking that are shown."""
 
-MILLI = 1e3
+PER_MILLI = 1e3
 """Torques of this chapter's tables are shown in thousandths."""
 
 
@@ -184,7 +183,7 @@ def _ranking(choice: TermChoice) -> Table:
                 _told(rank.powers),
                 rank.aicc,
                 rank.weight,
-                Measured(rank.cv_rmse * MILLI, rank.cv_se * MILLI),
+                Measured(rank.cv_rmse * PER_MILLI, rank.cv_se * PER_MILLI),
                 rank.eligible,
             )
             for rank in choice.ranking[:SHOWN]
@@ -197,8 +196,8 @@ def _plane(plane: PlaneFits) -> tuple[Table, Text]:
         (
             fit.shaft,
             term.name,
-            Measured(term.size * MILLI, term.size_u * MILLI) if term.tested else None,
-            term.share * MILLI if term.tested else None,
+            Measured(term.size * PER_MILLI, term.size_u * PER_MILLI) if term.tested else None,
+            term.share * PER_MILLI if term.tested else None,
             term.f if term.tested else None,
             _known(term.p),
             _known(term.p_holm),
@@ -228,8 +227,8 @@ def _plane(plane: PlaneFits) -> tuple[Table, Text]:
         rows,
     )
     told = [
-        f"The {fit.shaft}'s scatter is {fit.rmse_line * MILLI:.2f} mN m about the curve of its own speed and "
-        f"{fit.rmse_plane * MILLI:.2f} mN m about the fit in both speeds ({fit.added} terms more, F = {fit.f:.1f}, "
+        f"The {fit.shaft}'s scatter is {fit.rmse_line * PER_MILLI:.2f} mN m about the curve of its own speed and "
+        f"{fit.rmse_plane * PER_MILLI:.2f} mN m about the fit in both speeds ({fit.added} terms more, F = {fit.f:.1f}, "
         f"{fit.dof} degrees of freedom, p {told_nominal(fit.p)})."
         for fit in plane
         if fit.added and math.isfinite(fit.f)
@@ -243,20 +242,20 @@ def _drift(drift: Drift) -> tuple[Table | Text, ...]:
     rows: list[tuple[str, str, str, Measured | None, float | None, Measured | None, float | None]] = []
     for order in drift.orders:
         when = "after" if order.hours >= 0.0 else "before"
-        slope = Measured(order.slope * MILLI, order.slope_u * MILLI) if math.isfinite(order.slope) else None
+        slope = Measured(order.slope * PER_MILLI, order.slope_u * PER_MILLI) if math.isfinite(order.slope) else None
         rows.append(
             (
                 order.shaft,
                 "falling minus rising speed",
                 f"{len(order.difference)} points, falling {abs(order.hours):.1f} h {when} rising",
-                Measured(order.mean * MILLI, order.mean_u * MILLI),
+                Measured(order.mean * PER_MILLI, order.mean_u * PER_MILLI),
                 _known(order.mean_p),
                 slope,
                 _known(order.slope_p),
             )
         )
     for repeat in drift.repeats:
-        per_hour = HOUR * MILLI
+        per_hour = HOUR * PER_MILLI
         rows.append(
             (
                 repeat.shaft,

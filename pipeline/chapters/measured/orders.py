@@ -12,6 +12,7 @@ from pmg.pipeline.orders.angle import RESAMPLING_SOURCE
 from pmg.pipeline.orders.statement import unit_of
 from pmg.pipeline.orders.survey import NOTHING_FOLLOWED
 from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Section, Series, Table, Text
+from pmg.pipeline.wording.units import MILLI
 from pmg.sim.signals import SPEED_RING, SPEED_SUN, TORQUES
 
 if TYPE_CHECKING:
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 SPEEDS = {"torque_sun": SPEED_SUN, "torque_ring": SPEED_RING}
-MILLI = 1e-3
-"""SI value of a thousandth, of torques in the figures [N m]."""
 
 
 def orders_section(

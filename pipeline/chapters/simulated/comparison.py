@@ -6,15 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.analysis.comparison import COVERAGE
 from pmg.pipeline.analysis.tolerance import COMPARED, ToleranceState
 from pmg.pipeline.chapters.cells import lay_out, names_in_cells, names_of
-from pmg.pipeline.fit.drift import HOUR
 from pmg.pipeline.grid.levels import by_load, by_speed, forward_neutral, speed_levels
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, SpeedMap, Table, Text, measured
 from pmg.pipeline.wording.plurals import counted
+from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 from pmg.sim import signals, sources
-from pmg.sim.signals import RESIDUAL, SPEED_RING, SPEED_SUN
+from pmg.sim.signals import HOUR, RESIDUAL, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.analysis.comparison import Difference, Residuals
@@ -86,7 +85,7 @@ def _engaged_figure(residuals: Residuals) -> Figure:
     return Figure(
         "engaged-residuals",
         "Engaged points: measured minus simulated",
-        f"Sun torque agrees within U = {COVERAGE:g}u at {inside} of {int(known.sum())} engaged points.",
+        f"Sun torque agrees within U = {COVERAGE_FACTOR:g}u at {inside} of {int(known.sum())} engaged points.",
         tuple(panels),
         columns=2,
     )

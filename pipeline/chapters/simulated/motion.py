@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, Table, Text
+from pmg.pipeline.wording.units import MILLI
 from pmg.sim import sources
 from pmg.sim.grid import Configuration
 from pmg.sim.signals import REVOLUTION, SPEED_SUN
@@ -29,7 +30,6 @@ MOST_DRAWN = 4000
 """Instants drawn at most; the table holds all."""
 
 TIME = "time [s]"
-MILLI = 1e-3
 NO_UNCERTAINTY = "Simulated values carry no uncertainty of their own."
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pmg.pipeline.chapters.cells import lay_out
 from pmg.pipeline.chapters.page import PACKAGES, versions
-from pmg.pipeline.chapters.simulated.motion import response_section, run_section
+from pmg.pipeline.chapters.simulated.motion import NO_UNCERTAINTY, response_section, run_section
 from pmg.pipeline.fit.losses import QUANTITIES
 from pmg.pipeline.grid.levels import by_load
 from pmg.pipeline.report.document import (
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.simulate.scenario import Scenario
     from pmg.pipeline.simulate.simulation import Simulation
     from pmg.pipeline.simulate.steady_points import SteadyPoints
-
-NO_UNCERTAINTY = "Simulated values carry no uncertainty of their own."
 
 
 def simulation_report(

@@ -9,7 +9,7 @@ import numpy as np
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, Table, Text
 from pmg.pipeline.thesis_figures.figures import MANY
 from pmg.pipeline.thesis_figures.listing import summary
-from pmg.pipeline.thesis_figures.rounding import DRAWS_IN_REPORT, SEED
+from pmg.pipeline.thesis_figures.rounding import DRAWS_IN_REPORT, ROUNDING_SEED
 from pmg.pipeline.thesis_figures.tables import printed
 from pmg.pipeline.thesis_figures.verdict import FigureVerdict, JudgedFigure, count, validate
 from pmg.sim import sources
@@ -32,8 +32,8 @@ def published_sections(grid: Grid, bench: BenchParameters) -> tuple[Section, ...
         printed(grid)
     except GridError:
         return ()
-    judged = validate(grid, bench, DRAWS_IN_REPORT, np.random.default_rng(SEED))
-    return (validation_section(judged, DRAWS_IN_REPORT, SEED),)
+    judged = validate(grid, bench, DRAWS_IN_REPORT, np.random.default_rng(ROUNDING_SEED))
+    return (validation_section(judged, DRAWS_IN_REPORT, ROUNDING_SEED),)
 
 
 def validation_section(judged: tuple[JudgedFigure, ...], draws: int, seed: int) -> Section:

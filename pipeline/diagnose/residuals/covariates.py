@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.fit.drift import HOUR
 from pmg.pipeline.fit.structure import REST, ResidualStructure, families, place, run_history
 from pmg.sim.shafts import other_side
-from pmg.sim.signals import SPEED_SUN
+from pmg.sim.signals import HOUR, SPEED_SUN
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.recording.channels import SHARED_CLOCK
+from pmg.pipeline.recording.checks.stretches import NAMED_FAULTS
 from pmg.pipeline.recording.findings import Code
 
 if TYPE_CHECKING:
@@ -38,8 +39,6 @@ JUMP_SIGMAS = 6.0
 DRIFT_NOTED, DRIFT_WRONG = 200e-6, 1e-3
 """Relative drift that no sound oscillator has, and that which makes speeds wrong by as much."""
 DRIFT_SIGMAS = 3.0
-TOLD = 8
-"""Jumps told one by one."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +164,7 @@ def _tells_time(mark: ClockMark, span: tuple[int, int], rate_hz: float) -> bool:
 
 
 def _tell(fit: ClockFit, rate_hz: float, ends: tuple[int, int], findings: Findings) -> None:
-    for start, stop, step in fit.jumps[:TOLD]:
+    for start, stop, step in fit.jumps[:NAMED_FAULTS]:
         findings.warning(
             Code.CLOCK_JUMP,
             TOPIC,
@@ -176,13 +175,13 @@ def _tell(fit: ClockFit, rate_hz: float, ends: tuple[int, int], findings: Findin
             sample_range=(start, stop + 1),
             kept="all samples",
         )
-    if len(fit.jumps) > TOLD:
+    if len(fit.jumps) > NAMED_FAULTS:
         findings.warning(
             Code.CLOCK_JUMP,
             TOPIC,
-            f"{len(fit.jumps) - TOLD} more jumps of the time of day; expected none",
+            f"{len(fit.jumps) - NAMED_FAULTS} more jumps of the time of day; expected none",
             "Treat them as those listed.",
-            sample_range=(fit.jumps[TOLD][0], fit.jumps[-1][1] + 1),
+            sample_range=(fit.jumps[NAMED_FAULTS][0], fit.jumps[-1][1] + 1),
         )
     if abs(fit.drift) > max(DRIFT_NOTED, DRIFT_SIGMAS * fit.u_drift):
         wrong = abs(fit.drift) > DRIFT_WRONG

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.recording.blocks import LARGEST_INDEX
-from pmg.pipeline.recording.checks.stretches import stretches, tell_stretches
+from pmg.pipeline.recording.checks.stretches import NAMED_FAULTS, stretches, tell_stretches
 from pmg.pipeline.recording.findings import Code
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ EMERGENCY_STOP = 1
 """Bit that is set while the emergency stop is pressed."""
 SLACK = 1
 """Samples by which an event and the sampled lines may differ: the edge falls between two samples."""
-TOLD = 8
 
 
 def check_lines(lines: Decoded | None, events: Sequence[LineEvent], findings: Findings) -> None:
@@ -62,7 +61,7 @@ def check_lines(lines: Decoded | None, events: Sequence[LineEvent], findings: Fi
             steps = np.flatnonzero((np.diff(masks) != 0) & lines.present[1:] & lines.present[:-1]) + 1 + lines.first
             alone = [int(step) for step in steps if int(step) not in told]
             faults += [(s, s + 1, f"the samples change at {s} without an event") for s in alone]
-    for start, stop, what in faults[:TOLD]:
+    for start, stop, what in faults[:NAMED_FAULTS]:
         findings.warning(
             Code.LINES_DISAGREE,
             EVENTS,
@@ -71,13 +70,13 @@ def check_lines(lines: Decoded | None, events: Sequence[LineEvent], findings: Fi
             sample_range=(start, stop),
             kept="both",
         )
-    if len(faults) > TOLD:
+    if len(faults) > NAMED_FAULTS:
         findings.warning(
             Code.LINES_DISAGREE,
             EVENTS,
-            f"the same in {len(faults) - TOLD} more places; expected events and samples to agree",
+            f"the same in {len(faults) - NAMED_FAULTS} more places; expected events and samples to agree",
             "An event was lost, or a line bounces. Windows are judged by both.",
-            sample_range=(min(f[0] for f in faults[TOLD:]), max(f[1] for f in faults[TOLD:])),
+            sample_range=(min(f[0] for f in faults[NAMED_FAULTS:]), max(f[1] for f in faults[NAMED_FAULTS:])),
         )
     words = (
         "were taken with the emergency stop pressed",

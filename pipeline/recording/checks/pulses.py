@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.recording.checks.slips import find_slips
+from pmg.pipeline.recording.checks.stretches import NAMED_FAULTS
 from pmg.pipeline.recording.findings import Code
 
 if TYPE_CHECKING:
@@ -26,8 +27,6 @@ NEIGHBOURS = 2
 """Samples on each side of a pulse from which the speed there is taken."""
 LARGEST_SURPLUS = 0.25
 """A pulse that comes within this part of a turn after another, without a reversal, is one too many."""
-TOLD = 8
-"""Faults of one kind told one by one; of more, the rest are counted in the last."""
 
 
 def check_pulses(
@@ -187,9 +186,9 @@ def _tell(
     kept: str,
 ) -> None:
     expected, do = words
-    for start, stop, what in told[:TOLD]:
+    for start, stop, what in told[:NAMED_FAULTS]:
         findings.warning(code, where, f"{what}; {expected}", do, sample_range=(int(start), int(stop)), kept=kept)
-    rest = told[TOLD:]
+    rest = told[NAMED_FAULTS:]
     if rest:
         what = f"the same in {len(rest)} more places, the first: {rest[0][2]}"
         ends = int(rest[0][0]), int(rest[-1][1])

@@ -22,6 +22,10 @@ LISTED_STRETCHES = 8
 """Stretches of one fault in one channel that are told one by one; the others are told together."""
 
 
+NAMED_FAULTS = 8
+"""Faults of one kind that are named one by one."""
+
+
 class Say(Protocol):
     """`Findings.error`, `Findings.warning` or `Findings.info`."""
 

@@ -41,7 +41,7 @@ KINDS: dict[int, ScalarType] = {
 """Protobuf types by their number in a descriptor; groups, which proto3 does not have, are left out."""
 FORMS = {"<d": "<f8", "<f": "<f4", "<Q": "<u8", "<I": "<u4", "<i": "<i4", "<q": "<i8"}
 VARINT_FORMS = {3: "i8", 4: "u8", 5: "i8", 8: "u8", 13: "u8", 14: "i8", 17: "z8", 18: "z8"}
-DEEPEST = 8
+DEEPEST_MESSAGE = 8
 """Messages within messages that are followed."""
 KNOWN: dict[str, Message] = {
     message.full_name: message
@@ -82,7 +82,7 @@ def message_of(name: str, descriptor: bytes) -> Message:
 def _collect(message: bytes, scope: str, raw: dict[str, list[dict[str, Any]]], depth: int) -> None:
     name = ".".join(part for part in (scope, "".join(_texts(message, 1))) if part)
     raw[name] = [_field(field) for field in _records(message, 2)]
-    if depth < DEEPEST:
+    if depth < DEEPEST_MESSAGE:
         for nested in _records(message, 3):
             _collect(nested, name, raw, depth + 1)
 
@@ -101,8 +101,8 @@ def _field(data: bytes) -> dict[str, Any]:
 def _built(name: str, raw: dict[str, list[dict[str, Any]]], depth: int) -> Message:
     if name not in raw:
         raise WireError(f"the schema does not describe message '{name}'")
-    if depth > DEEPEST:
-        raise WireError(f"message '{name}' holds messages more than {DEEPEST} deep")
+    if depth > DEEPEST_MESSAGE:
+        raise WireError(f"message '{name}' holds messages more than {DEEPEST_MESSAGE} deep")
     found = []
     for each in raw[name]:
         if each["type"] == schema.MESSAGE.number:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.container.messages import Messages
     from pmg.pipeline.recording.layouts.jsonalike import Piece
 
-DEEPEST = 8
+DEEPEST_OBJECT = 8
 """Objects within objects that are followed."""
 WIDEST = 256
 """Fields of one message that are followed."""
@@ -95,7 +95,7 @@ def _take(
     for name, inner in value.items():
         kind = type(inner)
         if kind is dict:
-            if depth < DEEPEST:
+            if depth < DEEPEST_OBJECT:
                 _take(inner, f"{prefix}{name}.", place, found, depth + 1)
             continue
         if kind is float or kind is int or kind is str or kind is list:

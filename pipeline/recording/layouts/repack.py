@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     Places = npt.NDArray[np.int64]
 
-BLOCK = 1000
+BLOCK_SAMPLES = 1000
 """Samples of a block that is made here."""
 MANY, SMALL = 256, 64
 """More messages than this, of fewer bytes each on average, are read together."""
@@ -48,8 +48,8 @@ def packed(
     runs = np.concatenate(([0], np.flatnonzero(new) + 1, [len(values)]))
     made = Messages()
     for low, high in zip(runs[:-1].tolist(), runs[1:].tolist(), strict=True):
-        for start in range(low, high, BLOCK):
-            part = values[start : min(start + BLOCK, high)]
+        for start in range(low, high, BLOCK_SAMPLES):
+            part = values[start : min(start + BLOCK_SAMPLES, high)]
             head = {"first_sample": int(index[start]) & 0xFFFF_FFFF_FFFF_FFFF, "flags": int(flag[start])}
             block = encode(SAMPLE_BLOCK, head | {dtype: part})
             made.append(memoryview(block), 0, len(block))

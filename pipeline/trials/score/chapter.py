@@ -19,8 +19,8 @@ from pmg.pipeline.report.document import (
     Table,
     Text,
 )
-from pmg.pipeline.report.figure import COVERAGE
 from pmg.pipeline.trials.score.summary import time_document
+from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -108,7 +108,7 @@ def _detection(trial: Trial) -> Figure:
     ends = np.array([rate.interval for *_, rate in trial.bins])  # a bin is never empty
     half = 0.5 * (ends[:, 1] - ends[:, 0])
     series = [
-        Series("its interval at 95 %", sizes, ends.mean(axis=1), half / COVERAGE, "band", 0),
+        Series("its interval at 95 %", sizes, ends.mean(axis=1), half / COVERAGE_FACTOR, "band", 0),
         Series("part detected, by size", sizes, rates, None, "markers", 0),
     ]
     caption = "Part of the campaigns with one effect in which a mismatch was claimed, against its size. "

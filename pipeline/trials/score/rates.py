@@ -12,17 +12,16 @@ from scipy.optimize import brentq, minimize
 from scipy.special import expit, log_expit
 
 from pmg.pipeline.diagnose.grid.locate import FALSE_ALARM_RATE
+from pmg.pipeline.wording.probability import CONFIDENCE
 
 if TYPE_CHECKING:
     from pmg.sim.signals import Array, Mask
 
-COVERAGE = 0.95
-"""Of every interval."""
 EDGES = (0.0, 0.2, 0.35, 0.75, 1.5, 3.0, 6.0, math.inf)
 """Bounds of the bins of size [sigma]; between them lie the sizes that are drawn."""
 SMALLEST = 0.01
 """Sizes below count as this one, so that they have a logarithm [sigma]."""
-WIDEST = 3.0
+WIDEST_INTERVAL = 3.0
 """An interval of a size that reaches further from it, in the logarithm, tells nothing."""
 FLATTEST, STEEPEST = 0.2, 20.0
 """Bounds of the slope: below, detection does not grow with size; it has no largest value where no size is both
@@ -54,7 +53,7 @@ class Rate:
         """Clopper and Pearson's interval, which holds the true rate at least as often as it says."""
         if not self.of:
             return None
-        found = stats.binomtest(self.hits, self.of).proportion_ci(COVERAGE, method="exact")
+        found = stats.binomtest(self.hits, self.of).proportion_ci(CONFIDENCE, method="exact")
         return float(found.low), float(found.high)
 
 
@@ -147,14 +146,14 @@ class DetectionCurve:
         logit, middle = self._logit(probability), math.log(self.size(probability))
         slopes = np.geomspace(FLATTEST, STEEPEST, SLOPES)
         reached = float(self.seen.likelihood(np.array([self.start]), np.array([self.slope]))[0])
-        allowed = 0.5 * float(stats.chi2.ppf(COVERAGE, 1))
+        allowed = 0.5 * float(stats.chi2.ppf(CONFIDENCE, 1))
 
         def beyond(at: float) -> float:
             return reached - allowed - float(self.seen.likelihood(logit - slopes * at, slopes).max())
 
-        if beyond(middle) >= 0.0 or min(beyond(middle - WIDEST), beyond(middle + WIDEST)) <= 0.0:
+        if beyond(middle) >= 0.0 or min(beyond(middle - WIDEST_INTERVAL), beyond(middle + WIDEST_INTERVAL)) <= 0.0:
             return None
-        low, high = (float(brentq(beyond, middle, middle + way * WIDEST, xtol=1e-4)) for way in (-1.0, 1.0))
+        low, high = (float(brentq(beyond, middle, middle + way * WIDEST_INTERVAL, xtol=1e-4)) for way in (-1.0, 1.0))
         return math.exp(low), math.exp(high)
 
     def _logit(self, probability: float) -> float:
