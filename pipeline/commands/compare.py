@@ -50,9 +50,6 @@ DIAGNOSIS = "diagnosis.json"
 SEED = 20260101
 """Seed of the synthetic campaigns behind a p-value; named in the report."""
 
-SEEDED = ("Seed of the synthetic campaigns", str(SEED))
-"""How the report names it."""
-
 
 def run_compare(
     store: Path,
@@ -86,23 +83,19 @@ def run_compare(
     judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, np.random.default_rng(SEED), given)
     hashed = () if model is None else ((f"SHA-256 of {model.name}", hashlib.sha256(model.read_bytes()).hexdigest()),)
     page, remarks = campaign_page(
-        whole, judged, note, tolerances, (*hashed, SEEDED, ("Command", command_told(note, model)))
+        whole, judged, note, tolerances, (*hashed, seeded(SEED), ("Command", command_told(note, model)))
     )
     grid = whole.analysis.grid
-    files = write_report(page, report, summary_facts(grid, judged, whole.bench, tolerances))
+    files, made = write_results(page, whole, judged, report, tolerances, given=model)
     data: dict[str, Any] = {"report": str(files[0]), "files": [str(path) for path in files], "diagnosis": None}
     lines = [f"report: {files[0]}"]
     if judged is not None:
-        text = json.dumps(diagnosis_document(judged.diagnosis), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-        write_atomic(report / DIAGNOSIS, text.encode())
-        data["diagnosis"], data["statement"] = json.loads(text), judged.statement
+        data["diagnosis"] = json.loads((report / DIAGNOSIS).read_bytes())
+        data |= {"statement": judged.statement} | made
         lines.insert(0, f"{judged.diagnosis.verdict}: {judged.statement}")
-        data |= leave_model(judged, report / MODEL, model)
         lines += [] if judged.carried is None else [remark(judged.carried)]
-    else:
-        (report / DIAGNOSIS).unlink(missing_ok=True)
-    made = ((DIAGNOSIS, judged is not None), (MODEL, bool(data.get("model"))))
-    written = (*files, *(report / name for name, there in made if there))
+    ours = ((DIAGNOSIS, judged is not None), (MODEL, bool(data.get("model"))))
+    written = (*files, *(report / name for name, there in ours if there))
     leave_crate(report, store, grid, "pmg compare", began, clock, () if model is None else (model,), written)
     failed = whole.sources.failed
     return Outcome(
@@ -112,6 +105,32 @@ def run_compare(
         partial=bool(failed) or not whole.analysis.complete,
         mismatch=judged is not None and judged.diagnosis.mismatch.found,
     )
+
+
+def write_results(
+    page: Report,
+    whole: StoredAnalysis,
+    judged: ComparedCampaign | None,
+    folder: Path,
+    tolerances: Mapping[str, tuple[float, float]] | None,
+    given: Path | None = None,
+) -> tuple[tuple[Path, ...], dict[str, Any]]:
+    """Write the report, and beside it the diagnosis and the model.
+
+    Returns
+    -------
+    tuple of Path
+        The files of the report, the page first.
+    dict
+        Where the model is, and what a given one predicted.
+    """
+    files = write_report(page, folder, summary_facts(whole.analysis.grid, judged, whole.bench, tolerances))
+    if judged is None:
+        (folder / DIAGNOSIS).unlink(missing_ok=True)
+        return files, {}
+    text = json.dumps(diagnosis_document(judged.diagnosis), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    write_atomic(folder / DIAGNOSIS, text.encode())
+    return files, leave_model(judged, folder / MODEL, given)
 
 
 def campaign_page(
@@ -165,6 +184,11 @@ def campaign_page(
     if faults and analysis.balance is not None:
         remarks += (told("warning", "losses", misread_warning(faults, analysis.balance)),)
     return page, remarks
+
+
+def seeded(seed: int) -> tuple[str, str]:
+    """How the report names the seed."""
+    return "Seed of the synthetic campaigns", str(seed)
 
 
 def command_told(note: str, model: Path | None) -> str:
