@@ -74,7 +74,6 @@ class Signal:
 
 SPEED_SUN = Signal("speed_sun", r"n_s", "rad/s", "rpm", RPM, "sun speed")
 SPEED_RING = Signal("speed_ring", r"n_r", "rad/s", "rpm", RPM, "ring speed")
-SPEED_DIFFERENCE = Signal("speed_difference", r"n_s-n_r", "rad/s", "rpm", RPM, "speed difference")
 TORQUE_SUN = Signal("torque_sun", r"T_s", "N m", "N m", 1.0, "sun torque")
 TORQUE_RING = Signal("torque_ring", r"T_r", "N m", "N m", 1.0, "ring torque")
 LOSS_TORQUE_SUN = Signal("loss_torque_sun", r"T_{bs}", "N m", "N m", 1.0, "sun bearing loss torque")

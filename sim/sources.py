@@ -68,11 +68,6 @@ HARRIS = Source(
     "T. A. Harris, M. N. Kotzalas, 'Essential Concepts of Bearing Technology', 5th ed., CRC Press, 2006",
 )
 SKF = Source("skf", "SKF Group, 'Rolling bearings', catalogue PUB BU/P1 17000 EN, 2018, model of the frictional moment")
-VOGEL = Source(
-    "vogel",
-    "H. Vogel, 'Das Temperaturabhaengigkeitsgesetz der Viskositaet von Fluessigkeiten', Physikalische Zeitschrift 22, "
-    "1921",
-)
 SCHLICHTING = Source("schlichting", "H. Schlichting, K. Gersten, 'Boundary-Layer Theory', 9th ed., Springer, 2017")
 WOUTERSE = Source(
     "wouterse",

@@ -6,18 +6,16 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import stats
 from scipy.optimize import least_squares
 
+from pmg.pipeline.fit.covariance import covariance_at_bounds, free_covariance
 from pmg.pipeline.grid.readings import Readings, predict, take_readings
 from pmg.sim.errors import FitError
 from pmg.sim.lossmodel import LossModel
 from pmg.sim.mechanisms import EddyDamping, ExcessDamping, HysteresisDamping, SunBearings
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    import numpy.typing as npt
+    from collections.abc import Mapping
 
     from pmg.pipeline.fit.loss_fit import LossFits
     from pmg.sim.bench import BenchParameters
@@ -32,9 +30,6 @@ CONSTANTS: dict[str, Parameter] = {
     "d": ExcessDamping.parameters()[0],
 }
 """The scalar constants of the baseline: unit, bounds, usual size."""
-
-UNDETERMINED = 1e-6
-"""Ratio of singular values (columns of unit length) below which a combination of parameters is not determined."""
 
 
 @dataclass(frozen=True)
@@ -209,10 +204,10 @@ def calibrate(
     values = np.where(found.x - lower < margin, lower, np.where(upper - found.x < margin, upper, found.x))
     inside = np.flatnonzero(~bound)
     moments = np.zeros((len(names), len(names)))
-    moments[np.ix_(inside, inside)] = _moments(slopes(values)[:, inside], [names[i] for i in inside])
+    moments[np.ix_(inside, inside)] = free_covariance(slopes(values)[:, inside], [names[i] for i in inside])
     if bound.any():
         upward = np.where(found.x - lower < margin, 1.0, np.where(upper - found.x < margin, -1.0, 0.0))
-        moments = _with_bounds(slopes(values), residuals(values), inside, upward, moments)
+        moments = covariance_at_bounds(slopes(values), residuals(values), inside, upward, moments)
     covariance = moments.copy()
     covariance[bound, :] = covariance[:, bound] = np.nan
     final = residuals(values)
@@ -233,72 +228,6 @@ def _start_holding(start: LossModel, correction: float | None, held: Mapping[str
     """The model that a fit starts from, with the constants that are held."""
     start = replace(start, b=held.get("b", start.b), c=held.get("c", start.c), d=held.get("d", start.d))
     return start if correction is None else replace(start, correction=correction)
-
-
-def _moments(design: Array, names: Sequence[str]) -> Array:
-    """Covariance (k, k) of parameters inside their bounds, from the slopes (m, k) of the weighted residuals.
-
-    Raises
-    ------
-    FitError
-        The points do not determine them.
-    """
-    length = np.linalg.norm(design, axis=0)
-    _, singular, right = np.linalg.svd(design / np.where(length > 0.0, length, 1.0), full_matrices=False)
-    if (length == 0.0).any() or singular[-1] < UNDETERMINED * singular[0]:
-        weak = np.abs(right[-1]) > 0.1 if (length > 0.0).all() else length == 0.0
-        alike = ", ".join(name for name, is_weak in zip(names, weak, strict=True) if is_weak)
-        raise FitError(
-            "calibration",
-            f"these points do not determine {alike}",
-            "engaged points at several speeds, more than there are free constants",
-            "Measure more engaged speeds, or hold K_corr with --k-corr.",
-        )
-    scaled = right.T / singular
-    return np.asarray((scaled @ scaled.T) / np.outer(length, length))
-
-
-def _with_bounds(design: Array, left: Array, inside: npt.NDArray[np.intp], upward: Array, conditional: Array) -> Array:
-    r"""Second moments of all parameters when some sit on their bounds.
-
-    Parameters
-    ----------
-    design, left : (m, k), (m,) array
-        Slopes of the weighted residuals, and the residuals, at the solution.
-    inside : array of int
-        Parameters inside their bounds.
-    upward : (k,) array
-        For those on a bound, 1 where they may only grow, -1 where they may only fall.
-    conditional : (k, k) array
-        Covariance of those inside with the others held where they are; zero for the others.
-
-    Notes
-    -----
-    A parameter on its bound is not known to be there: what it may still be, the others have to share. With b held at
-    zero, 95 % intervals of K_corr cover three quarters. So each bounded parameter enters with its second moment about
-    the bound, that of its normal distribution cut off there: :math:`C = C_{|b} + g g^T\,\mathrm{E}[(b-b_0)^2]`,
-    :math:`g = \Sigma_{\cdot b}/\Sigma_{bb}`. Where the points do not determine all of them together, the conditional
-    covariance is all there is.
-    """
-    kept = conditional
-    length = np.linalg.norm(design, axis=0)
-    if (length == 0.0).any():
-        return kept
-    unit, singular, right = np.linalg.svd(design / length, full_matrices=False)
-    if singular[-1] < UNDETERMINED * singular[0]:
-        return kept
-    scaled = right.T / singular
-    whole = (scaled @ scaled.T) / np.outer(length, length)
-    step = -(scaled @ (unit.T @ left)) / length
-    for b in np.flatnonzero(upward):
-        spread = float(np.sqrt(whole[b, b]))
-        beyond = -float(upward[b] * step[b]) / spread
-        cut = stats.truncnorm(a=beyond, b=np.inf)
-        second = float(cut.var() + (cut.mean() - beyond) ** 2) * spread**2
-        lever = np.zeros(len(whole))
-        lever[inside], lever[b] = whole[inside, b] / whole[b, b], 1.0
-        kept = kept + np.outer(lever, lever) * second
-    return np.asarray(kept)
 
 
 def predicted_uncertainty(readings: Readings, bench: BenchParameters, calibration: FittedBaseline) -> Array:

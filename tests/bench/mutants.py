@@ -88,7 +88,7 @@ STATISTICS = (
     mutant("HC2 leverage left out", "sandwich", "np.maximum(1.0 - leverage, 1e-6)", "1.0", ESTIMATORS),
     mutant(
         "second moment about a bound without the mean",
-        "_with_bounds",
+        "covariance_at_bounds",
         "cut.var() + (cut.mean() - beyond) ** 2",
         "cut.var()",
         ESTIMATORS,

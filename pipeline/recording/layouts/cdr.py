@@ -1,8 +1,8 @@
 """ROS 2 messages in CDR, the wire format of DDS: plain CDR of either byte order, by the definitions in the file.
 
-rosbags refuses the same damaged messages, but makes an object of each: it reads 0.1 million messages of one value a
-second, where those of one form are read here as one array at 0.8 million. Of blocks of 1000 values it reads 39
-thousand, these lines 7.
+Measured against rosbags 0.11.9: both refuse messages whose lengths are damaged; of a damaged text length rosbags
+refuses more. It makes an object of each message and reads 0.1 million messages of one value a second, where those of
+one form are read here as one array at 0.8 million. Of blocks of 1000 values it reads 39 thousand, these lines 7.
 """
 
 from __future__ import annotations
