@@ -30,7 +30,7 @@ def terms_sections(diagnosis: TermsDiagnosis) -> tuple[Section, ...]:
 
 def _verdict(d: TermsDiagnosis) -> Section:
     places, left = (
-        "; ".join(f"{p.name} ({p.rms:.2g} times the noise)" for p in test.places) or "none"
+        "; ".join(f"{p.name} ({p.rms:.2g} times the noise)" for p in test.locations) or "none"
         for test in (d.mismatch, d.left_over)
     )
     facts: tuple[tuple[str, Cell], ...] = (

@@ -16,8 +16,8 @@ from pmg.pipeline.wording.probability import told_search
 from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_SUN, Array
 
 if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.grid.candidates import CandidateFit
     from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
-    from pmg.pipeline.diagnose.grid.fitting import CandidateFit
     from pmg.pipeline.report.table import Cell
 
 RANKED = 8
@@ -159,7 +159,7 @@ def _simpler(fit: CandidateFit, named: CandidateFit) -> bool:
 def _ranking(diagnosis: Diagnosis) -> Table:
     naming = diagnosis.naming
     assert naming is not None
-    stage = naming.best.stage
+    stage = naming.best.problem
     shown = naming.ranking[:RANKED]
     rows: list[tuple[Cell, ...]] = [
         (fit.candidate.kind.title, fit.candidate.shaft, score(stage, fit), fit.gain, float(fit.cost), _on_bounds(fit))

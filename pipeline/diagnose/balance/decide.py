@@ -9,11 +9,12 @@ import numpy as np
 
 from pmg.pipeline.diagnose.balance.contest import Contest, Scene, Stand, contest, refine, settled, stand_of
 from pmg.pipeline.diagnose.balance.estimate import design_of
-from pmg.pipeline.diagnose.balance.fitting import set_ground, tabulate
-from pmg.pipeline.diagnose.balance.mismatch import DRAWS, find_mismatch, make_judge, noise_of
+from pmg.pipeline.diagnose.balance.fitting import tabulate, term_problem
+from pmg.pipeline.diagnose.balance.mismatch import DRAWS, find_mismatch, noise_of, record_evidence
 from pmg.pipeline.diagnose.balance.proof import Decoys, try_decoys, withhold
 from pmg.pipeline.diagnose.balance.search import Search, Twins, find_twins, search
-from pmg.pipeline.diagnose.balance.structure import families
+from pmg.pipeline.diagnose.balance.structure import families_of
+from pmg.pipeline.diagnose.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnose.grid.decide import WITHHELD_SHARE
 from pmg.pipeline.diagnose.grid.diagnosis import Absorbed, Verdict
 from pmg.pipeline.diagnose.grid.ranking import ENTRY
@@ -21,9 +22,10 @@ from pmg.pipeline.diagnose.grid.ranking import ENTRY
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.case_file import Case
     from pmg.pipeline.diagnose.balance.fitting import TermFit
-    from pmg.pipeline.diagnose.balance.mismatch import Mismatch, NoiseModel
+    from pmg.pipeline.diagnose.balance.mismatch import NoiseModel, Place
     from pmg.pipeline.diagnose.balance.recorded import Recorded
     from pmg.pipeline.diagnose.balance.term import Term
+    from pmg.pipeline.diagnose.engine.mismatch import Mismatch
     from pmg.pipeline.diagnose.grid.holdout import HeldOut
 
 
@@ -69,7 +71,7 @@ class TermsDiagnosis:
     withheld: Recorded | None
     verdict: Verdict
     noise: NoiseModel
-    mismatch: Mismatch
+    mismatch: Mismatch[Place]
     found: Search | None
     held: HeldOut | None
     stands: tuple[Stand, ...]
@@ -78,7 +80,7 @@ class TermsDiagnosis:
     absorbed: tuple[Absorbed, ...]
     decoys: Decoys
     contests: tuple[Contest, ...]
-    left_over: Mismatch
+    left_over: Mismatch[Place]
 
 
 def free_terms(case: Case) -> tuple[Term, ...]:
@@ -114,7 +116,7 @@ def diagnose_terms(
     rng : numpy.random.Generator
         Draws synthetic records, resamples, decoys.
     """
-    looked = families(recorded)
+    looked = families_of(recorded)
     free = free_terms(case)
     searched = searched_terms(case)
     tables = tabulate(recorded, searched, coarse=True)
@@ -126,21 +128,22 @@ def diagnose_terms(
     for turn in range(2):
         noise = noise_of(recorded.force, structured, rng)
         null = noise.whitened_draws(len(recorded.force), DRAWS, rng)
-        ground = set_ground(recorded, tables, noise.noise, plain)
-        mismatch = find_mismatch(noise, ground.baseline, ground.left, looked, null)
+        problem = term_problem(recorded, tables, noise.noise, plain)
+        evidence = record_evidence(noise, problem, looked, null)
+        mismatch = find_mismatch(evidence, looked)
         if not mismatch.found:
             found, named = None, ()
             break
         if turn == 0:
             tables = tabulate(recorded, searched)
-            ground = set_ground(recorded, tables, noise.noise, plain)
-        judge = make_judge(noise, looked, null)
-        found = search(ground, judge)
+            problem = term_problem(recorded, tables, noise.noise, plain)
+        remainder_of = adequacy_test(evidence)
+        found = search(problem, remainder_of)
         if found.best.ids == {fit.identifier for fit in named}:
             break
         named = found.best.fits
         structured = np.hstack([structured, design_of(recorded, (), named)]) if named else structured
-    final = found.best.ground if found is not None else ground
+    final = found.best.problem if found is not None else problem
     design = design_of(recorded, free, named)
     other = None if withheld is None else (withheld, design_of(withheld, free, named))
     decoys = Decoys(0, 0, 0.0, ())
@@ -154,12 +157,12 @@ def diagnose_terms(
     verdict = Verdict.CONSISTENT
     if found is not None:
         verdict = Verdict.NOT_IN_LIBRARY
-        held = withhold(recorded, ground, noise.noise, free, named, rng) if named else None
+        held = withhold(recorded, problem, noise.noise, free, named, rng) if named else None
         if found.explained and held is not None and _predicts(held):
-            refinements = refine(scene, found.best, judge, max(ENTRY, decoys.most_evidence), rng)
-            contests = contest(scene, ground, found, refinements, judge, rng)
+            refinements = refine(scene, found.best, remainder_of, max(ENTRY, decoys.most_evidence), rng)
+            contests = contest(scene, problem, found, refinements, remainder_of, rng)
             verdict = Verdict.AMBIGUOUS if any(c.open for c in contests) else Verdict.NAMED
-    last = settled(ground, (refinements or stands)[-1].fitted.fits)
+    last = settled(problem, (refinements or stands)[-1].fitted.fits)
     return TermsDiagnosis(
         case,
         recorded,
@@ -171,11 +174,11 @@ def diagnose_terms(
         held,
         stands,
         refinements,
-        find_twins(ground),
+        find_twins(problem),
         _absorbed(stands),
         decoys,
         contests,
-        find_mismatch(noise, last.baseline, last.left, looked, null),
+        find_mismatch(record_evidence(noise, last, looked, null), looked),
     )
 
 

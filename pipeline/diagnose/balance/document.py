@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.diagnose.balance.mismatch import LEVEL
 from pmg.pipeline.diagnose.grid.diagnosis import Verdict
 from pmg.pipeline.fit.document import number
 
@@ -13,7 +12,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.contest import Contest, Stand
     from pmg.pipeline.diagnose.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnose.balance.estimate import Estimate
-    from pmg.pipeline.diagnose.balance.mismatch import Mismatch
+    from pmg.pipeline.diagnose.balance.mismatch import Place
+    from pmg.pipeline.diagnose.engine.mismatch import Mismatch
     from pmg.pipeline.diagnose.grid.holdout import HeldOut
 
 SCHEMA = "pmg.terms-diagnosis/1"
@@ -28,7 +28,7 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
         "case": diagnosis.case.title,
         "verdict": str(diagnosis.verdict),
         "p_value": diagnosis.mismatch.p_value,
-        "false_alarm_rate": LEVEL,
+        "false_alarm_rate": diagnosis.mismatch.false_alarm_rate,
         "noise": {
             "standard_deviation_N": diagnosis.noise.noise.standard_deviation,
             "lags": diagnosis.noise.noise.lags,
@@ -77,8 +77,8 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
     }
 
 
-def _places(mismatch: Mismatch) -> list[dict[str, Any]]:
-    return [{"depends_on": p.name, "p_value": p.p_value, "rms_in_noise": p.rms} for p in mismatch.places]
+def _places(mismatch: Mismatch[Place]) -> list[dict[str, Any]]:
+    return [{"depends_on": p.name, "p_value": p.p_value, "rms_in_noise": p.rms} for p in mismatch.locations]
 
 
 def _held(held: HeldOut) -> dict[str, Any]:
@@ -154,7 +154,7 @@ def headline(diagnosis: TermsDiagnosis) -> str:
         case Verdict.CONSISTENT:
             return f"Consistent: no mismatch beyond the noise (p = {diagnosis.mismatch.p_value:.2g})."
         case Verdict.NOT_IN_LIBRARY:
-            places = "; ".join(place.name for place in diagnosis.mismatch.places[:3])
+            places = "; ".join(place.name for place in diagnosis.mismatch.locations[:3])
             return f"Not in the library: a mismatch that follows {places}, and no set of terms explains it."
         case Verdict.NAMED:
             head = f"Named: {', '.join(named)}."
@@ -199,5 +199,5 @@ def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
                 f"{' and '.join(twins.ids)} are one and the same here. {separating_test(diagnosis, twins.ids)}."
             )
     if diagnosis.left_over.found and diagnosis.found is not None:
-        lines.append(f"What is left still follows: {'; '.join(p.name for p in diagnosis.left_over.places)}")
+        lines.append(f"What is left still follows: {'; '.join(p.name for p in diagnosis.left_over.locations)}")
     return lines

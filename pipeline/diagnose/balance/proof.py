@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnose.balance.estimate import design_of
-from pmg.pipeline.diagnose.balance.fitting import Tabled, fit_term, take_out
+from pmg.pipeline.diagnose.balance.fitting import Tabled, fit_term
 from pmg.pipeline.diagnose.balance.search import rank
 from pmg.pipeline.diagnose.grid.holdout import BLOCKS, HeldOut, gain_interval, solve
 from pmg.pipeline.diagnose.grid.ranking import ENTRY
@@ -19,7 +19,7 @@ from pmg.pipeline.diagnose.grid.withheld import FOLDS
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnose.balance.fitting import Ground, TermFit
+    from pmg.pipeline.diagnose.balance.fitting import TermFit, TermProblem
     from pmg.pipeline.diagnose.balance.recorded import Recorded
     from pmg.pipeline.diagnose.balance.serial import SerialNoise
     from pmg.pipeline.diagnose.balance.term import Term
@@ -36,7 +36,7 @@ def blocks_of(samples: int) -> npt.NDArray[np.int64]:
 
 def withhold(
     recorded: Recorded,
-    ground: Ground,
+    problem: TermProblem,
     noise: SerialNoise,
     baseline: tuple[Term, ...],
     fits: tuple[TermFit, ...],
@@ -48,7 +48,7 @@ def withhold(
     ----------
     recorded : Recorded
         The recording that the fits are made to.
-    ground : Ground
+    problem : TermProblem
         Beside the baseline alone.
     noise : SerialNoise
         Its noise.
@@ -71,11 +71,11 @@ def withhold(
     chosen: Counter[str] = Counter()
     for k in range(FOLDS):
         train, test = fold != k, fold == k
-        part = ground.of(train[noise.lags :])
+        part = problem.of(train[noise.lags :])
         picked: list[TermFit] = []
         for _ in fits:
             best = rank(part, frozenset(f.identifier for f in picked), refine=False)[0]
-            part = take_out_rows(ground, part, best, train[noise.lags :])
+            part = part.take_out(best)
             picked.append(best)
         chosen.update(f.identifier for f in picked)
         before[test] = _left(plain, y, train)[test]
@@ -89,11 +89,6 @@ def withhold(
         noise,
         rng,
     )
-
-
-def take_out_rows(ground: Ground, part: Ground, fit: TermFit, rows: Mask) -> Ground:
-    """A part of the ground with a term taken out; its columns are made on the whole and cut."""
-    return take_out(replace(part, columns_of=lambda term, shape: ground.columns_of(term, shape)[rows]), fit)
 
 
 def held_out(split: str, before: Array, after: Array, noise: SerialNoise, rng: np.random.Generator) -> HeldOut:
@@ -155,18 +150,18 @@ class Decoys:
 
 
 def try_decoys(
-    ground: Ground,
+    problem: TermProblem,
     noise: SerialNoise,
     design: Array,
     recorded: Recorded,
     withheld: tuple[Recorded, Array] | None,
     rng: np.random.Generator,
 ) -> Decoys:
-    """Columns of the library with their phases drawn at random, offered to the same ground.
+    """Columns of the library with their phases drawn at random, offered to the same problem.
 
     Parameters
     ----------
-    ground : Ground
+    problem : TermProblem
         With the named terms taken out.
     noise : SerialNoise
         The noise.
@@ -184,7 +179,7 @@ def try_decoys(
     A decoy has the spectrum of a true column, so it is as smooth, and no meaning; another draw of it stands in the
     withheld record. What it gains there is luck.
     """
-    tables = [t for t in ground.tables.values() if t.term.shape is None and _moves(recorded.columns(t.term))]
+    tables = [t for t in problem.tables.values() if t.term.shape is None and _moves(recorded.columns(t.term))]
     evidence, gains = [], []
     for i in range(DECOYS):
         term = tables[i % len(tables)].term
@@ -192,8 +187,8 @@ def try_decoys(
         white = noise.whiten(column)
         wide = replace(term, amplitudes=tuple(replace(q, bounds=(-1e12, 1e12)) for q in term.amplitudes))
         table = Tabled(wide, np.array([math.nan]), white[:, None, :])
-        fit = fit_term(replace(ground, tables={term.identifier: table}), wide)
-        evidence.append(fit.evidence(len(ground.left)))
+        fit = fit_term(replace(problem, tables={term.identifier: table}), wide)
+        evidence.append(fit.evidence(len(problem.left)))
         if withheld is not None:
             other, there = withheld
             values = solve(np.c_[design, column], recorded.force)

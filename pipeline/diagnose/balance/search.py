@@ -8,22 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.balance.fitting import Ground, TermFit, fit_term, take_out
-from pmg.pipeline.diagnose.grid.naming import (
-    FIRST_OF_PAIRS,
-    FORM_ERROR,
-    MARGIN,
-    MOST,
-    SHARE_OF_FIRST,
-    SHARE_OF_REST,
-    Remainder,
-)
+from pmg.pipeline.diagnose.balance.fitting import TermFit, TermProblem, fit_term
+from pmg.pipeline.diagnose.grid.naming import FIRST_OF_PAIRS, FORM_ERROR, MARGIN, MOST, SHARE_OF_FIRST, SHARE_OF_REST
 from pmg.pipeline.diagnose.grid.ranking import ENTRY
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from pmg.sim.signals import Array
+    from pmg.pipeline.diagnose.engine.adequacy import AdequacyTest, Remainder
 
 TWIN = 0.999
 """Correlation of what two terms leave beside everything else from which on a record cannot tell them apart."""
@@ -41,12 +31,12 @@ class TermSet:
     ----------
     fits : tuple of TermFit
         In the order in which they entered.
-    ground : Ground
+    problem : TermProblem
         With them taken out and their parameters free.
     """
 
     fits: tuple[TermFit, ...]
-    ground: Ground
+    problem: TermProblem
 
     @property
     def ids(self) -> frozenset[str]:
@@ -61,7 +51,7 @@ class TermSet:
     @property
     def score(self) -> float:
         """Gain less the cost of the parameters (Schwarz's criterion, up to a constant)."""
-        return float(sum(fit.evidence(len(self.ground.left)) for fit in self.fits))
+        return float(sum(fit.evidence(len(self.problem.left)) for fit in self.fits))
 
 
 @dataclass(frozen=True)
@@ -108,44 +98,44 @@ class Search:
     steps: tuple[Step, ...]
 
 
-def rank(ground: Ground, without: frozenset[str], *, refine: bool = True) -> tuple[TermFit, ...]:
+def rank(problem: TermProblem, without: frozenset[str], *, refine: bool = True) -> tuple[TermFit, ...]:
     """All terms that have not been taken, best evidence first; only the leaders' shapes are refined."""
-    samples = len(ground.left)
-    fits = [fit_term(ground, table.term, refine=False) for key, table in ground.tables.items() if key not in without]
+    samples = len(problem.left)
+    fits = [fit_term(problem, table.term, refine=False) for key, table in problem.tables.items() if key not in without]
     fits.sort(key=lambda fit: -fit.evidence(samples))
     leaders = FIRST_OF_PAIRS + 1
     if refine:
-        fits[:leaders] = [f if f.term.shape is None else fit_term(ground, f.term) for f in fits[:leaders]]
+        fits[:leaders] = [f if f.term.shape is None else fit_term(problem, f.term) for f in fits[:leaders]]
     return tuple(sorted(fits, key=lambda fit: -fit.evidence(samples)))
 
 
 def _extend(first: TermSet, wanted: int) -> tuple[list[TermSet], tuple[TermFit, ...]]:
-    ranking = rank(first.ground, first.ids)
+    ranking = rank(first.problem, first.ids)
     entering = [fit for fit in ranking[:wanted] if fit.gain > 0.0]
-    return [TermSet((*first.fits, fit), take_out(first.ground, fit)) for fit in entering], ranking
+    return [TermSet((*first.fits, fit), first.problem.take_out(fit)) for fit in entering], ranking
 
 
-def search(ground: Ground, judge: Callable[[Array, Array], Remainder]) -> Search:
+def search(problem: TermProblem, remainder_of: AdequacyTest) -> Search:
     """Name terms: singles, then pairs and threes while something is left; rules and thresholds of `naming`.
 
     Parameters
     ----------
-    ground : Ground
+    problem : TermProblem
         Force with the baseline free.
-    judge : callable
-        Judges what is left beside a baseline.
+    remainder_of : callable
+        Judges what a problem leaves.
     """
-    empty = TermSet((), ground)
-    remainder = judge(ground.baseline, ground.left)
-    ranking = rank(ground, frozenset())
+    empty = TermSet((), problem)
+    remainder = remainder_of(problem)
+    ranking = rank(problem, frozenset())
     steps = [Step(ranking, "", remainder)]
     sound = [fit for fit in ranking if fit.gain > 0.0 and not fit.on_bound]
-    singles = [TermSet((fit,), take_out(ground, fit)) for fit in sound[: FIRST_OF_PAIRS + 3]]
+    singles = [TermSet((fit,), problem.take_out(fit)) for fit in sound[: FIRST_OF_PAIRS + 3]]
     best = singles[0] if singles and singles[0].score > ENTRY else empty
     pool = list(singles)
     if best.fits:
         steps[0] = Step(ranking, best.fits[0].identifier, remainder)
-        remainder = judge(best.ground.baseline, best.ground.left)
+        remainder = remainder_of(best.problem)
     while best.fits and not remainder.adequate and len(best.fits) < MOST:
         starts = [best] if len(best.fits) > 1 else singles[:FIRST_OF_PAIRS]
         larger: list[TermSet] = []
@@ -165,9 +155,9 @@ def search(ground: Ground, judge: Callable[[Array, Array], Remainder]) -> Search
             break
         steps[-1] = Step(ranking, " + ".join(f.identifier for f in after.fits[len(best.fits) :]), remainder)
         best = after
-        remainder = judge(best.ground.baseline, best.ground.left)
+        remainder = remainder_of(best.problem)
     if len(best.fits) > 1:
-        pool += _replaced(ground, best)
+        pool += _replaced(problem, best)
     explained = bool(best.fits) and remainder.excess <= FORM_ERROR * best.gain
     margin = MARGIN + (0.0 if remainder.adequate else remainder.excess)
     return Search(best, _rivals(best, pool, margin), remainder, explained, tuple(steps))
@@ -185,17 +175,17 @@ def _enters(before: TermSet, after: TermSet, excess: float) -> bool:
     return after.score > before.score + ENTRY and gained > enough and all(map(_sound, after.fits))
 
 
-def _replaced(ground: Ground, best: TermSet) -> list[TermSet]:
+def _replaced(problem: TermProblem, best: TermSet) -> list[TermSet]:
     """The set with each of its terms replaced by the best few others."""
     found = []
     for gone in best.fits:
-        rest = TermSet((), ground)
+        rest = TermSet((), problem)
         for fit in best.fits:
             if fit is not gone:
-                again = fit_term(rest.ground, fit.term)
-                rest = TermSet((*rest.fits, again), take_out(rest.ground, again))
-        others = rank(rest.ground, best.ids)[:FIRST_OF_PAIRS]
-        found += [TermSet((*rest.fits, fit), take_out(rest.ground, fit)) for fit in others]
+                again = fit_term(rest.problem, fit.term)
+                rest = TermSet((*rest.fits, again), rest.problem.take_out(again))
+        others = rank(rest.problem, best.ids)[:FIRST_OF_PAIRS]
+        found += [TermSet((*rest.fits, fit), rest.problem.take_out(fit)) for fit in others]
     return found
 
 
@@ -243,11 +233,11 @@ class Twins:
     correlation: float
 
 
-def find_twins(ground: Ground) -> tuple[Twins, ...]:
+def find_twins(problem: TermProblem) -> tuple[Twins, ...]:
     """Shape-free terms that look alike beside a baseline, from the design of the record alone."""
-    tables = {k: t for k, t in ground.tables.items() if t.term.shape is None}
+    tables = {k: t for k, t in problem.tables.items() if t.term.shape is None}
     columns = {key: table.columns[:, 0, 0] for key, table in tables.items()}
-    seen = {key: ground.project(column[:, None])[:, 0] for key, column in columns.items()}
+    seen = {key: problem.project(column[:, None])[:, 0] for key, column in columns.items()}
     found = []
     visible = []
     for key, column in columns.items():

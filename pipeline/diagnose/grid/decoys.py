@@ -12,7 +12,7 @@ from pmg.pipeline.diagnose.grid.ranking import ENTRY
 from pmg.pipeline.fit.structure import families
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.grid.candidates import Stage
+    from pmg.pipeline.diagnose.grid.candidates import GridProblem
     from pmg.pipeline.diagnose.grid.naming import Naming
 
 COUNT = 200
@@ -38,12 +38,12 @@ class Decoys:
     best_part: float
 
 
-def offer_decoys(stage: Stage, naming: Naming, rng: np.random.Generator) -> Decoys | None:
+def offer_decoys(problem: GridProblem, naming: Naming, rng: np.random.Generator) -> Decoys | None:
     """Random combinations of one smooth family each, where the leading mechanisms act; None where nothing leads.
 
     Parameters
     ----------
-    stage : Stage
+    problem : GridProblem
         The readings, baseline free.
     naming : Naming
         What leads, and what it leaves.
@@ -61,7 +61,7 @@ def offer_decoys(stage: Stage, naming: Naming, rng: np.random.Generator) -> Deco
     effect = np.sum([fit.effect for fit in naming.best.fits], axis=0)
     pool = [
         family.columns
-        for family in families(stage.readings, stage.bench, stage.model)
+        for family in families(problem.readings, problem.bench, problem.model)
         if effect[(family.columns != 0.0).any(axis=1)].any()
     ]
     whole = naming.best.gain + naming.remainder.excess
@@ -70,9 +70,9 @@ def offer_decoys(stage: Stage, naming: Naming, rng: np.random.Generator) -> Deco
         columns = pool[int(rng.integers(len(pool)))]
         size = np.sqrt(np.mean(columns**2, axis=0))
         decoy = columns @ (rng.standard_normal(columns.shape[1]) / np.where(size > 0.0, size, 1.0))
-        seen = stage.project(decoy)
+        seen = problem.beyond_baseline(decoy)
         length = float(seen @ seen)
-        gains.append(float(seen @ stage.left) ** 2 / length if length > 0.0 else 0.0)
+        gains.append(float(seen @ problem.left) ** 2 / length if length > 0.0 else 0.0)
     gain = np.array(gains)
-    good = (gain > ENTRY + np.log(len(stage.left))) & (whole - gain <= FORM_ERROR * gain)
+    good = (gain > ENTRY + np.log(len(problem.left))) & (whole - gain <= FORM_ERROR * gain)
     return Decoys(COUNT, int(good.sum()), float(gain.max() / naming.best.gain))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.grid.decoys import Decoys
     from pmg.pipeline.diagnose.grid.explanation import Explanation
     from pmg.pipeline.diagnose.grid.holdout import HeldOut
-    from pmg.pipeline.diagnose.grid.locate import Location, Mismatch
+    from pmg.pipeline.diagnose.grid.locate import CampaignMismatch, Location
     from pmg.pipeline.diagnose.grid.naming import Naming
     from pmg.pipeline.diagnose.grid.refit import Refit
     from pmg.pipeline.fit.noise import NoiseFloor
@@ -71,7 +71,7 @@ class Rival:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Mismatch, place, cause and verdict.
+    """CampaignMismatch, place, cause and verdict.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class Diagnosis:
         Name of the campaign.
     verdict : Verdict
         One of the five words.
-    mismatch : Mismatch
+    mismatch : CampaignMismatch
         Test and locations.
     floor : NoiseFloor
         Noise it was judged against.
@@ -111,7 +111,7 @@ class Diagnosis:
 
     campaign: str
     verdict: Verdict
-    mismatch: Mismatch
+    mismatch: CampaignMismatch
     floor: NoiseFloor
     blind: tuple[str, ...] = ()
     naming: Naming | None = None

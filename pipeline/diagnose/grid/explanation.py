@@ -5,17 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from pmg.pipeline.diagnose.grid.fitting import fit_candidate, rms
+from pmg.pipeline.diagnose.grid.candidates import rms
+from pmg.pipeline.diagnose.grid.fitting import fit_candidate
 from pmg.pipeline.diagnose.grid.ranking import in_detail, leaders, penalty, rank, score
-from pmg.pipeline.diagnose.grid.traces import tangents
-from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.fit.whitening import undo
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.grid.candidates import Candidate, Stage
-    from pmg.pipeline.diagnose.grid.fitting import CandidateFit
+    from pmg.pipeline.diagnose.grid.candidates import Candidate, CandidateFit, GridProblem
 
 SWAPS = 4
 """Mechanisms tried in the place of each one of a set."""
@@ -29,12 +25,12 @@ class Explanation:
     ----------
     fits : tuple of CandidateFit
         The mechanisms, strongest first.
-    stage : Stage
+    problem : GridProblem
         The readings with them taken out and their parameters free.
     """
 
     fits: tuple[CandidateFit, ...]
-    stage: Stage
+    problem: GridProblem
 
     @property
     def gain(self) -> float:
@@ -44,70 +40,62 @@ class Explanation:
     @property
     def score(self) -> float:
         """Gain less the cost of the parameters."""
-        return self.gain - penalty(self.stage, *self.fits)
+        return self.gain - penalty(self.problem, *self.fits)
 
     def visible(self, fit: CandidateFit) -> float:
         """Root mean square of what the baseline cannot take up of a member, over the readings it touches [N m]."""
         touched = fit.effect != 0.0
-        return rms(undo(self.stage.white, fit.seen)[touched])
+        return rms(undo(self.problem.white, fit.seen)[touched])
 
     @property
     def unexplained(self) -> float:
         """Sum of squares that is left, with the cost of the parameters; lower is better, about whichever baseline."""
-        left = self.stage.left
-        return float(left @ left) + penalty(self.stage, *self.fits)
+        left = self.problem.left
+        return float(left @ left) + penalty(self.problem, *self.fits)
 
 
-def take_out(stage: Stage, fit: CandidateFit) -> Stage:
-    """The stage with a fitted candidate taken out and its parameters free to move with the baseline's."""
-    columns = np.stack([stage.project(slope) for slope in tangents(stage, fit).T], axis=1)
-    added = orthonormal(columns, 1e-4)
-    left = stage.left - fit.seen
-    return replace(stage, baseline=np.hstack([stage.baseline, added]), left=left - added @ (added.T @ left))
-
-
-def explain_with(stage: Stage, candidates: tuple[Candidate, ...]) -> Explanation:
+def explain_with(problem: GridProblem, candidates: tuple[Candidate, ...]) -> Explanation:
     """A set of candidates fitted, each beside those before it, then each once more beside all others."""
-    found = Explanation((), stage)
+    found = Explanation((), problem)
     for candidate in candidates:
-        fit = fit_candidate(found.stage, candidate)
-        found = Explanation((*found.fits, fit), take_out(found.stage, fit))
+        fit = fit_candidate(found.problem, candidate)
+        found = Explanation((*found.fits, fit), found.problem.take_out(fit))
     for place, candidate in enumerate(candidates if len(candidates) > 1 else ()):
-        beside, gain = _without(stage, found, place)
+        beside, gain = _without(problem, found, place)
         found = _replaced(found, place, fit_candidate(beside, candidate), beside, gain)
     return found
 
 
-def leaders_in_detail(stage: Stage, singles: list[Explanation]) -> list[Explanation]:
+def leaders_in_detail(problem: GridProblem, singles: list[Explanation]) -> list[Explanation]:
     """Single mechanisms with the leading ones, on whichever shaft, in more detail; best first."""
     leading = {fit.candidate.identifier for fit in leaders([single.fits[0] for single in singles])}
     found = []
     for single in singles:
         (fit,) = single.fits
-        finer = in_detail(stage, fit, narrower=True) if ids(single) <= leading else fit
-        found.append(single if finer is fit else Explanation((finer,), take_out(stage, finer)))
+        finer = in_detail(problem, fit, narrower=True) if ids(single) <= leading else fit
+        found.append(single if finer is fit else Explanation((finer,), problem.take_out(finer)))
     return sorted(found, key=lambda e: -e.score)
 
 
-def _without(stage: Stage, explanation: Explanation, place: int) -> tuple[Stage, float]:
-    """The stage with all mechanisms of a set taken out but one, and what that one gains there."""
+def _without(problem: GridProblem, explanation: Explanation, place: int) -> tuple[GridProblem, float]:
+    """The problem with all mechanisms of a set taken out but one, and what that one gains there."""
     for other in (*explanation.fits[:place], *explanation.fits[place + 1 :]):
-        stage = take_out(stage, other)
-    rest = explanation.stage.left
-    return stage, float(stage.left @ stage.left - rest @ rest)
+        problem = problem.take_out(other)
+    rest = explanation.problem.left
+    return problem, float(problem.left @ problem.left - rest @ rest)
 
 
-def _replaced(explanation: Explanation, place: int, fit: CandidateFit, beside: Stage, gain: float) -> Explanation:
+def _replaced(explanation: Explanation, place: int, fit: CandidateFit, beside: GridProblem, gain: float) -> Explanation:
     """The set with another fit in one place; `gain` is what the one before it gained beside the others."""
     told = replace(fit, gain=explanation.fits[place].gain + fit.gain - gain)
     fits = (*explanation.fits[:place], told, *explanation.fits[place + 1 :])
-    return Explanation(fits, take_out(beside, fit))
+    return Explanation(fits, beside.take_out(fit))
 
 
-def all_in_detail(stage: Stage, explanation: Explanation) -> Explanation:
+def all_in_detail(problem: GridProblem, explanation: Explanation) -> Explanation:
     """Each mechanism of a set in more detail beside the others, where the data call for it."""
     for place, fit in enumerate(explanation.fits):
-        beside, gain = _without(stage, explanation, place)
+        beside, gain = _without(problem, explanation, place)
         here = replace(fit, gain=gain)
         finer = in_detail(beside, here, narrower=True)
         if finer is not here:
@@ -115,11 +103,11 @@ def all_in_detail(stage: Stage, explanation: Explanation) -> Explanation:
     return explanation
 
 
-def swapped(stage: Stage, explanation: Explanation) -> list[Explanation]:
+def swapped(problem: GridProblem, explanation: Explanation) -> list[Explanation]:
     """Sets in which one mechanism of a set gave way to another, or to itself on another shaft."""
     found = []
     for place, fit in enumerate(explanation.fits):
-        beside, gain = _without(stage, explanation, place)
+        beside, gain = _without(problem, explanation, place)
         others = ids(explanation) - {fit.candidate.identifier}
         ranked = rank(beside, others)
         detailed = [in_detail(beside, one) for one in leaders(ranked)]

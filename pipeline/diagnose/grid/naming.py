@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.diagnose.engine.adequacy import ORDINARY
 from pmg.pipeline.diagnose.grid.explanation import (
     Explanation,
     all_in_detail,
@@ -12,15 +13,14 @@ from pmg.pipeline.diagnose.grid.explanation import (
     leaders_in_detail,
     needed,
     swapped,
-    take_out,
 )
 from pmg.pipeline.diagnose.grid.ranking import ENTRY, rank
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pmg.pipeline.diagnose.grid.candidates import Stage
-    from pmg.pipeline.diagnose.grid.fitting import CandidateFit
+    from pmg.pipeline.diagnose.engine.adequacy import AdequacyTest, Remainder
+    from pmg.pipeline.diagnose.grid.candidates import CandidateFit, GridProblem
 
 MOST = 3
 """Mechanisms named at once at most."""
@@ -43,14 +43,6 @@ SHARE_OF_REST = 0.5
 SHARE_OF_FIRST = 0.05
 """Part of the gain so far that a further mechanism must bring: below, an error of form explains it as well."""
 
-ADEQUATE = 0.01
-"""p-value of the structure left over from which on a set of mechanisms is adequate.
-
-Below the level of the mismatch test, as it is looked at after a choice was made."""
-
-ORDINARY = 0.02
-"""p-value of the structure left over from which on nothing is seen in it."""
-
 CHANCE = 0.5
 """Part of what noise exceeds one time in a hundred that may be left over beside an error of form."""
 
@@ -65,35 +57,6 @@ PASSES = 3
 
 FEWEST, MOST_RIVALS = 1, 4
 """Rivals of a weak explanation that are told, at least and at most."""
-
-
-@dataclass(frozen=True)
-class Remainder:
-    """What a stage leaves.
-
-    Parameters
-    ----------
-    p_value : float
-        Of any structure in it.
-    excess : float
-        Sum of squares along the families of structure, beyond what noise gives, in noise variances.
-    usual : float
-        What noise alone exceeds one time in a hundred.
-    """
-
-    p_value: float
-    excess: float
-    usual: float
-
-    @property
-    def adequate(self) -> bool:
-        """Whether it may be noise."""
-        return self.p_value >= ADEQUATE
-
-    @property
-    def within_noise(self) -> bool:
-        """Whether nothing in it is more than noise gives one time in a hundred, and no family is seen in it."""
-        return self.p_value >= ORDINARY and self.excess <= self.usual
 
 
 @dataclass(frozen=True)
@@ -139,19 +102,19 @@ class Naming:
 def _extended(first: Explanation, wanted: int) -> list[Explanation]:
     """The best ways to add one mechanism to a set."""
     taken = tuple(fit.candidate.identifier for fit in first.fits)
-    best = rank(first.stage, taken)[:wanted]
-    return [Explanation((*first.fits, fit), take_out(first.stage, fit)) for fit in best]
+    best = rank(first.problem, taken)[:wanted]
+    return [Explanation((*first.fits, fit), first.problem.take_out(fit)) for fit in best]
 
 
-def name_mechanisms(stage: Stage, left_over: Callable[[Stage], Remainder]) -> Naming:
+def name_mechanisms(problem: GridProblem, left_over: AdequacyTest) -> Naming:
     """Search the catalogue: single mechanisms, then pairs and threes while something is left.
 
     Parameters
     ----------
-    stage : Stage
+    problem : GridProblem
         Readings with the baseline free.
     left_over : callable
-        Judges what a stage leaves.
+        Judges what a problem leaves.
 
     Notes
     -----
@@ -159,14 +122,14 @@ def name_mechanisms(stage: Stage, left_over: Callable[[Stage], Remainder]) -> Na
     set leaves beyond the noise widens the margin: it tells how far the catalogue's forms are from the truth, and two
     mechanisms closer than that are not told apart.
     """
-    empty = Explanation((), stage)
-    ranking = rank(stage)
-    singles = [Explanation((fit,), take_out(stage, fit)) for fit in ranking[: FIRST_OF_PAIRS + 3]]
+    empty = Explanation((), problem)
+    ranking = rank(problem)
+    singles = [Explanation((fit,), problem.take_out(fit)) for fit in ranking[: FIRST_OF_PAIRS + 3]]
     best = singles[0] if singles[0].score > ENTRY else empty
-    remainder = left_over(best.stage)
+    remainder = left_over(best.problem)
     pool = list(singles)
     if best.fits and not (remainder.adequate and _explains(best, remainder)):
-        singles = leaders_in_detail(stage, singles)
+        singles = leaders_in_detail(problem, singles)
         pool += singles
         best, remainder = _better(best, singles[0], remainder, left_over)
     while best.fits and not remainder.adequate and len(best.fits) < MOST:
@@ -176,13 +139,13 @@ def name_mechanisms(stage: Stage, left_over: Callable[[Stage], Remainder]) -> Na
             break
         pool += larger
         best = larger[0]
-        remainder = left_over(best.stage)
+        remainder = left_over(best.problem)
         if not remainder.adequate:
-            detailed = all_in_detail(stage, best)
+            detailed = all_in_detail(problem, best)
             pool.append(detailed)
             best, remainder = _better(best, detailed, remainder, left_over)
     for _ in range(PASSES if len(best.fits) > 1 else 0):
-        others, before = swapped(stage, best), best
+        others, before = swapped(problem, best), best
         pool += others
         best, remainder = _better(best, max([best, *others], key=lambda e: e.score), remainder, left_over)
         if best is before:
@@ -191,7 +154,7 @@ def name_mechanisms(stage: Stage, left_over: Callable[[Stage], Remainder]) -> Na
     near = [e for e in sorted(pool, key=lambda e: -e.score) if e.score > max(0.0, best.score - margin)]
     rivals, shafts = _rivals(best, near)
     explained = _explains(best, remainder)
-    weak = _weak(singles, lambda leader: remainder if leader is best else left_over(leader.stage))
+    weak = _weak(singles, lambda leader: remainder if leader is best else left_over(leader.problem))
     return Naming(best, rivals, shafts, remainder, explained, weak, tuple(ranking))
 
 
@@ -217,16 +180,16 @@ def _weak(singles: list[Explanation], left_over: Callable[[Explanation], Remaind
 
 
 def _better(
-    best: Explanation, other: Explanation, remainder: Remainder, left_over: Callable[[Stage], Remainder]
+    best: Explanation, other: Explanation, remainder: Remainder, left_over: AdequacyTest
 ) -> tuple[Explanation, Remainder]:
     """The better of two sets, and what it leaves."""
-    return (other, left_over(other.stage)) if other.score > best.score else (best, remainder)
+    return (other, left_over(other.problem)) if other.score > best.score else (best, remainder)
 
 
 def _enters(before: Explanation, after: Explanation, excess: float) -> bool:
     """Whether one more mechanism is more than an error of form of those before."""
     gained = after.gain - before.gain
-    left = before.stage.left
+    left = before.problem.left
     enough = max(SHARE_OF_REST * min(excess, float(left @ left)), SHARE_OF_FIRST * before.gain)
     return after.score > before.score + ENTRY and gained > enough and needed(after)
 

@@ -11,8 +11,7 @@ from pmg.pipeline.diagnose.grid.fitting import fit_candidate
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from pmg.pipeline.diagnose.grid.candidates import Stage
-    from pmg.pipeline.diagnose.grid.fitting import CandidateFit
+    from pmg.pipeline.diagnose.grid.candidates import CandidateFit, GridProblem
 
 ENTRY = 10.0
 """Evidence that a mechanism must bring to enter: fall of the sum of squares in noise variances, beyond its cost."""
@@ -26,17 +25,17 @@ LEADERS = 2
 """Leading mechanisms that are compared in detail, so that a simple form does not lose to another's detailed one."""
 
 
-def penalty(stage: Stage, *fits: CandidateFit) -> float:
+def penalty(problem: GridProblem, *fits: CandidateFit) -> float:
     """Cost of the parameters of fits (Schwarz's criterion, up to a constant), in noise variances."""
-    return sum(fit.cost for fit in fits) * math.log(len(stage.left))
+    return sum(fit.cost for fit in fits) * math.log(len(problem.left))
 
 
-def score(stage: Stage, fit: CandidateFit) -> float:
+def score(problem: GridProblem, fit: CandidateFit) -> float:
     """Gain of a fit less the cost of its parameters."""
-    return fit.gain - penalty(stage, fit)
+    return fit.gain - penalty(problem, fit)
 
 
-def rank(stage: Stage, without: Collection[str] = ()) -> list[CandidateFit]:
+def rank(problem: GridProblem, without: Collection[str] = ()) -> list[CandidateFit]:
     """All mechanisms but some fitted, best score first.
 
     Where the more detailed form of a mechanism is proportional to its sizes, and so found at once, it is tried here
@@ -47,14 +46,14 @@ def rank(stage: Stage, without: Collection[str] = ()) -> list[CandidateFit]:
     for candidate in candidates():
         if candidate.identifier in without:
             continue
-        fit = fit_candidate(stage, candidate)
+        fit = fit_candidate(problem, candidate)
         finer = refinement(candidate)
-        at_once = finer is not None and finer.kind.linear and (not finer.kind.shape or score(stage, fit) > ENTRY)
-        fits.append(in_detail(stage, fit) if at_once else fit)
-    return sorted(fits, key=lambda fit: -score(stage, fit))
+        at_once = finer is not None and finer.kind.linear and (not finer.kind.shape or score(problem, fit) > ENTRY)
+        fits.append(in_detail(problem, fit) if at_once else fit)
+    return sorted(fits, key=lambda fit: -score(problem, fit))
 
 
-def in_detail(stage: Stage, fit: CandidateFit, *, narrower: bool = False) -> CandidateFit:
+def in_detail(problem: GridProblem, fit: CandidateFit, *, narrower: bool = False) -> CandidateFit:
     """A fitted mechanism in more detail where it has such a form and the data call for it; as it is otherwise.
 
     With `narrower`, one that acts on both shafts is tried on each of them alone, too.
@@ -64,15 +63,17 @@ def in_detail(stage: Stage, fit: CandidateFit, *, narrower: bool = False) -> Can
     for candidate in candidates():
         if candidate.kind is fit.candidate.kind and (wider or candidate.shaft == fit.candidate.shaft):
             finer = refinement(candidate)
-            tried += [fit_candidate(stage, finer)] if finer is not None else []
-    best = max(tried, key=lambda one: score(stage, one))
-    worth = score(stage, best) > score(stage, fit) + FINER
+            tried += [fit_candidate(problem, finer)] if finer is not None else []
+    best = max(tried, key=lambda one: score(problem, one))
+    worth = score(problem, best) > score(problem, fit) + FINER
     return best if worth and not best.without_scale else fit
 
 
-def choose(stage: Stage, without: Collection[str] = ()) -> CandidateFit:
+def choose(problem: GridProblem, without: Collection[str] = ()) -> CandidateFit:
     """The best mechanism but some; the leading ones are compared in detail."""
-    return max((in_detail(stage, fit) for fit in leaders(rank(stage, without))), key=lambda fit: score(stage, fit))
+    return max(
+        (in_detail(problem, fit) for fit in leaders(rank(problem, without))), key=lambda fit: score(problem, fit)
+    )
 
 
 def leaders(ranked: list[CandidateFit]) -> list[CandidateFit]:

@@ -16,7 +16,7 @@ from pmg.sim.signals import MINUTE
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
     from pmg.pipeline.diagnose.grid.explanation import Explanation
-    from pmg.pipeline.diagnose.grid.locate import Mismatch
+    from pmg.pipeline.diagnose.grid.locate import CampaignMismatch
     from pmg.pipeline.diagnose.grid.naming import Naming
     from pmg.sim.signals import Array
 
@@ -125,7 +125,7 @@ def _surest(values: Array, errors: Array, sizes: int) -> int:
     return int(np.argmin(np.where(np.isfinite(relative), relative, np.inf)))
 
 
-def _beyond(mismatch: Mismatch) -> str:
+def _beyond(mismatch: CampaignMismatch) -> str:
     if mismatch.found:
         return f"Something follows the order of the test (p ≤ {mismatch.p_value:.2g}), and a slow change may make it."
     return f"No mismatch beyond the noise (p = {mismatch.p_value:.3g})."

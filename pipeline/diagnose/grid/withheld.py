@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.grid.explanation import take_out
 from pmg.pipeline.diagnose.grid.holdout import HeldOut, deal, gain_interval, solve, touched_blocks
 from pmg.pipeline.diagnose.grid.ranking import choose
-from pmg.pipeline.diagnose.grid.traces import tangents
 from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.fit.whitening import Whitener
 from pmg.sim.errors import FitError
@@ -20,8 +18,7 @@ from pmg.sim.errors import FitError
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnose.grid.candidates import Candidate, Stage
-    from pmg.pipeline.diagnose.grid.fitting import CandidateFit
+    from pmg.pipeline.diagnose.grid.candidates import Candidate, CandidateFit, GridProblem
     from pmg.sim.signals import Array, Mask
 
 FARTHEST = 2.0
@@ -41,12 +38,12 @@ FOLDS = 4
 """Parts withheld in turn; for each the whole choice is made anew without it."""
 
 
-def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Generator) -> HeldOut:
+def withhold(problem: GridProblem, fits: tuple[CandidateFit, ...], rng: np.random.Generator) -> HeldOut:
     """Errors on withheld blocks, with the baseline alone and with what the rest of the readings would name.
 
     Parameters
     ----------
-    stage : Stage
+    problem : GridProblem
         All readings.
     fits : tuple of CandidateFit
         What was named on all of them; it decides only which readings are looked at, and how many mechanisms are
@@ -61,12 +58,12 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
     folds only. What was run before a point is known without its reading, so mechanisms with a memory see the whole
     run history.
     """
-    readings, at = stage.readings, stage.readings.grid.points
+    readings, at = problem.readings, problem.readings.grid.points
     block, fold = deal(readings, FOLDS)
     effect = np.sum([fit.effect for fit in fits], axis=0)
     touched = (np.abs(effect) > 0.1 * np.sqrt(np.mean(effect**2))) & (fold < FOLDS)
-    y = readings.torque - stage.predicted
-    columns = stage.columns
+    y = readings.torque - problem.predicted
+    columns = problem.columns
     before, after = y.copy(), y.copy()
     within = np.ones(len(y), dtype=bool)
     reach_before, reach_after = np.zeros_like(y), np.zeros_like(y)
@@ -74,13 +71,13 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
     sets: list[tuple[Candidate, ...]] = []
     for k in range(FOLDS):
         train, test = fold != k, fold == k
-        scale = stage.white.scale
+        scale = problem.white.scale
         reach_before[test] = _reach(columns, scale, train, test)
         within[test] = reach_before[test] <= FARTHEST
         before[test] = _left(y, columns, scale, train)[test]
-        found = _choose_all(_part(stage, train), len(fits))
-        effects = np.sum([stage.effect(fit.candidate, fit.values) for fit in found], axis=0)
-        free = [columns, *(_free_tangents(stage, fit) for fit in found)]
+        found = _choose_all(_part(problem, train), len(fits))
+        effects = np.sum([problem.effect(fit.candidate, fit.values) for fit in found], axis=0)
+        free = [columns, *(_free_tangents(problem, fit) for fit in found)]
         sets.append(tuple(fit.candidate for fit in found))
         chosen.update(fit.candidate.identifier for fit in found)
         moving = np.hstack(free if len(found) > 1 else [columns])
@@ -104,11 +101,11 @@ def withhold(stage: Stage, fits: tuple[CandidateFit, ...], rng: np.random.Genera
         + (f"; {aside} of {of} readings, which the rest does not determine, left out of the count" if aside else ""),
         rmse_before=math.sqrt(squares[0][touched].mean()),
         rmse_after=math.sqrt(squares[1][touched].mean()),
-        noise_floor=math.sqrt(float(np.mean(stage.white.scale[touched] ** 2))),
+        noise_floor=math.sqrt(float(np.mean(problem.white.scale[touched] ** 2))),
         gain_interval=gain_interval(*squares, blocks, rng),
-        placebo_gain=_placebo_gain(stage, effect, before, fold, touched, rng),
-        expected_before=_expected(stage.white.scale, reach_before, touched),
-        expected_after=_expected(stage.white.scale, reach_after, touched),
+        placebo_gain=_placebo_gain(problem, effect, before, fold, touched, rng),
+        expected_before=_expected(problem.white.scale, reach_before, touched),
+        expected_after=_expected(problem.white.scale, reach_after, touched),
         count=int(touched.sum()),
         kept=kept / (FOLDS * len(fits)),
         elsewhere=() if kept >= STEADY * FOLDS * len(fits) else _elsewhere(sets, named),
@@ -123,7 +120,7 @@ def _elsewhere(sets: list[tuple[Candidate, ...]], named: set[str]) -> tuple[tupl
 
 
 def _placebo_gain(
-    stage: Stage,
+    problem: GridProblem,
     effect: Array,
     before: Array,
     fold: npt.NDArray[np.int64],
@@ -134,8 +131,8 @@ def _placebo_gain(
 
     `before` is the withheld error of each reading without it [N m].
     """
-    y, scale = stage.readings.torque - stage.predicted, stage.white.scale
-    places = np.char.add(np.where(stage.readings.sun, "sun ", "ring "), stage.readings.configuration)
+    y, scale = problem.readings.torque - problem.predicted, problem.white.scale
+    places = np.char.add(np.where(problem.readings.sun, "sun ", "ring "), problem.readings.configuration)
     groups = [np.flatnonzero(places == place) for place in np.unique(places)]
     without = math.sqrt((before[touched] ** 2).mean())
     gains = []
@@ -144,7 +141,7 @@ def _placebo_gain(
         for rows in groups:
             shuffled[rows] = effect[rng.permutation(rows)]
         after = y.copy()
-        columns = np.column_stack([stage.columns, shuffled])
+        columns = np.column_stack([problem.columns, shuffled])
         for k in range(FOLDS):
             train, test = fold != k, fold == k
             after[test] = _left(y, columns, scale, train)[test]
@@ -171,17 +168,17 @@ def _left(y: Array, columns: Array, scale: Array, train: Mask) -> Array:
     return np.asarray(y - columns @ solution)
 
 
-def _part(stage: Stage, rows: Mask) -> Stage:
-    """The stage of some of the readings; neighbours are no longer neighbours, so the noise is taken as white."""
-    readings = stage.readings[rows]
-    white = Whitener(stage.white.scale[rows], ())
-    columns = stage.columns[rows]
+def _part(problem: GridProblem, rows: Mask) -> GridProblem:
+    """The problem of some of the readings; neighbours are no longer neighbours, so the noise is taken as white."""
+    readings = problem.readings[rows]
+    white = Whitener(problem.white.scale[rows], ())
+    columns = problem.columns[rows]
     basis = orthonormal(white(columns))
-    y = white((readings.torque - stage.predicted[rows])[:, None])[:, 0]
+    y = white((readings.torque - problem.predicted[rows])[:, None])[:, 0]
     left = y - basis @ (basis.T @ y)
-    predicted, ideal = stage.predicted[rows], stage.ideal[rows]
+    predicted, ideal = problem.predicted[rows], problem.ideal[rows]
     return replace(
-        stage,
+        problem,
         readings=readings,
         white=white,
         baseline=basis,
@@ -192,24 +189,24 @@ def _part(stage: Stage, rows: Mask) -> Stage:
     )
 
 
-def _choose_all(stage: Stage, count: int) -> list[CandidateFit]:
+def _choose_all(problem: GridProblem, count: int) -> list[CandidateFit]:
     """That many mechanisms: one after the other, then each once more beside the others."""
     found: list[CandidateFit] = []
     for _ in range(count):
-        found.append(_beside(stage, found))
+        found.append(_beside(problem, found))
     for _ in range(count if count > 1 else 0):
-        found = [*found[1:], _beside(stage, found[1:])]
+        found = [*found[1:], _beside(problem, found[1:])]
     return found
 
 
-def _beside(stage: Stage, others: list[CandidateFit]) -> CandidateFit:
+def _beside(problem: GridProblem, others: list[CandidateFit]) -> CandidateFit:
     """The best mechanism beside others."""
     for fit in others:
-        stage = take_out(stage, fit)
-    return choose(stage, [fit.candidate.identifier for fit in others])
+        problem = problem.take_out(fit)
+    return choose(problem, [fit.candidate.identifier for fit in others])
 
 
-def _free_tangents(stage: Stage, fit: CandidateFit) -> Array:
+def _free_tangents(problem: GridProblem, fit: CandidateFit) -> Array:
     """Slopes of a candidate's parameters that are not on a bound (m, k) [N m per unit]."""
     inside = [parameter.name not in fit.on_bound for parameter in fit.candidate.parameters]
-    return tangents(stage, fit)[:, inside]
+    return problem.tangents(fit)[:, inside]
