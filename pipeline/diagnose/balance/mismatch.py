@@ -113,7 +113,9 @@ class Place:
     rms: float
 
 
-def record_evidence(model: NoiseModel, problem: TermProblem, families: tuple[ResidualStructure, ...], null: Array) -> Evidence:
+def record_evidence(
+    model: NoiseModel, problem: TermProblem, families: tuple[ResidualStructure, ...], null: Array
+) -> Evidence:
     """A record as evidence: its whitened force, its families, and whitened synthetic noise (m, d)."""
     columns = [model.noise.whiten(family.columns) for family in families]
     rows = (np.ones(len(problem.left), dtype=np.bool_),)
