@@ -50,7 +50,6 @@ LONG_FUNCTIONS: dict[str, str] = {
     "pmg.pipeline.diagnose.design.plans._engaged": _GATHERED,
     "pmg.pipeline.diagnose.design.plans.possible_plans": _SPLIT,
     "pmg.pipeline.diagnose.grid.refit.refit": _SPLIT,
-    "pmg.pipeline.diagnose.engine.scan.search": _GATHERED,
     "pmg.pipeline.fit.budget._shaft": _SPLIT,
     "pmg.pipeline.fit.calibration.calibrate": _SPLIT,
     "pmg.pipeline.fit.loss_fit._fit_one": _SPLIT,
@@ -164,7 +163,7 @@ def no_reason_is_kept_in_vain(modules: Sequence[Module]) -> Iterator[Breach]:
                 yield Breach(module.name, 1, f"{name} is within the limits", "LONG_FUNCTIONS lists what is beyond them")
 
 
-NAMED_TWICE = frozenset({"Column", "Covariate", "Decoys", "Fitted", "Mismatch", "Step", "Text"})
+NAMED_TWICE = frozenset({"Column", "Covariate", "Decoys", "Fitted", "Text"})
 """Class names that still stand in two modules; none may join them."""
 
 

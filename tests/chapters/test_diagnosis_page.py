@@ -64,7 +64,7 @@ def test_the_head_leads_with_what_is_left_to_see_and_says_what_the_whole_is_coun
     diagnosis = judged.diagnosis
     assert diagnosis.naming is not None
     (fit,) = diagnosis.naming.best.fits
-    visible = diagnosis.naming.best.visible(fit)
+    visible = diagnosis.naming.best.problem.visible(fit)
     assert visible == pytest.approx(diagnosis.mismatch.locations[0].size, rel=0.3)
     assert fit.size > 2.0 * visible
     said = f"{visible * 1e3:.1f} mN m rms beyond what the baseline takes up, of {fit.size * 1e3:.1f} against bearings"
@@ -78,7 +78,7 @@ def test_what_the_baseline_could_take_up_is_not_left_to_see(judged: ComparedCamp
     more = fit.effect + stage.columns @ np.full(stage.columns.shape[1], 1e-3)
     swollen = replace(fit, effect=more, seen=stage.beyond_baseline(more))
     plain = replace(fit, seen=stage.beyond_baseline(fit.effect), effect=more)
-    assert naming.best.visible(swollen) == pytest.approx(naming.best.visible(plain), rel=1e-6)
+    assert naming.best.problem.visible(swollen) == pytest.approx(naming.best.problem.visible(plain), rel=1e-6)
     assert swollen.size != pytest.approx(fit.size, rel=0.01)
 
 

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.points import points
 
+from pmg.pipeline.diagnose.engine.explanation import Explanation, all_in_detail, explain_with, swapped
 from pmg.pipeline.diagnose.grid.candidates import Candidate, GridProblem, candidates, grid_problem, refinement
-from pmg.pipeline.diagnose.grid.explanation import Explanation, all_in_detail, explain_with, ids, swapped
+from pmg.pipeline.diagnose.grid.catalogue import FINER, MECHANISMS
 from pmg.pipeline.diagnose.grid.fitting import fit_candidate
-from pmg.pipeline.diagnose.grid.ranking import FINER, in_detail, rank, score
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.fit.whitening import whitener
@@ -103,28 +103,30 @@ def test_data_that_call_for_detail_get_it(
     stratum: str, law: str, kind: type[Crosstalk | WanderingZero | WarmingInTwoSteps], bench: BenchParameters
 ) -> None:
     problem = staged(stratum, law, bench)
-    found = in_detail(problem, rank(problem)[0])
+    found = MECHANISMS.in_detail(problem, MECHANISMS.rank(problem)[0])
     assert found.candidate.kind is kind
     (simple,) = (c for c in candidates() if refinement(c) == found.candidate)
-    assert score(problem, found) > score(problem, fit_candidate(problem, simple)) + FINER
+    assert problem.score(found) > problem.score(fit_candidate(problem, simple)) + FINER
 
 
 def test_data_that_do_not_call_for_detail_stay_simple(bench: BenchParameters) -> None:
     problem = staged("torque_crosstalk ring 1", "lag", bench)
-    assert rank(problem)[0].candidate.kind is Crosstalk
+    assert MECHANISMS.rank(problem)[0].candidate.kind is Crosstalk
 
 
 def test_members_of_a_set_are_swapped_one_at_a_time_and_gains_add_up(bench: BenchParameters) -> None:
     problem = staged("lubricant_viscosity ring + torque_gain_error sun 2", "exponential", bench)
-    pair = explain_with(problem, (candidate("torque_gain_error", "sun"), candidate("lubricant_viscosity", "ring")))
-    finer = all_in_detail(problem, pair)
+    pair = explain_with(
+        problem, MECHANISMS, (candidate("torque_gain_error", "sun"), candidate("lubricant_viscosity", "ring"))
+    )
+    finer = all_in_detail(problem, MECHANISMS, pair)
     assert finer.score > pair.score
-    others = swapped(problem, finer)
-    twin = [e for e in others if ids(e) == ids(finer) and e.fits[0].candidate.shaft == "ring"]
+    others = swapped(problem, MECHANISMS, finer)
+    twin = [e for e in others if e.ids == finer.ids and e.fits[0].candidate.shaft == "ring"]
     assert len(twin) == 1
     assert twin[0].score > finer.score - 2.0
     for explanation in (finer, *others):
         left = explanation.problem.left
         assert explanation.gain == pytest.approx(float(problem.left @ problem.left - left @ left), rel=0.02)
         assert isinstance(explanation, Explanation)
-        assert len(ids(explanation)) == 2
+        assert len(explanation.ids) == 2

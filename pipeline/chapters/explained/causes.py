@@ -10,7 +10,6 @@ import numpy as np
 from pmg.pipeline.chapters.explained.grounds import on_bound
 from pmg.pipeline.diagnose.grid.decide import JUDGE_DRAWS
 from pmg.pipeline.diagnose.grid.document import probabilities
-from pmg.pipeline.diagnose.grid.ranking import score
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Series, Table
 from pmg.pipeline.wording.probability import told_search
 from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_SUN, Array
@@ -162,7 +161,7 @@ def _ranking(diagnosis: Diagnosis) -> Table:
     stage = naming.best.problem
     shown = naming.ranking[:RANKED]
     rows: list[tuple[Cell, ...]] = [
-        (fit.candidate.kind.title, fit.candidate.shaft, score(stage, fit), fit.gain, float(fit.cost), _on_bounds(fit))
+        (fit.candidate.kind.title, fit.candidate.shaft, stage.score(fit), fit.gain, float(fit.cost), _on_bounds(fit))
         for fit in shown
     ]
     finer = [fit for fit in naming.best.fits if any(_simpler(other, fit) for other in shown)]

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnose.balance.catalogue import TermCatalogue
 from pmg.pipeline.diagnose.balance.estimate import Estimate, Fitted, fit_together
 from pmg.pipeline.diagnose.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnose.balance.proof import held_out, set_against
-from pmg.pipeline.diagnose.balance.search import Search, TermSet, rank
-from pmg.pipeline.diagnose.grid.naming import MARGIN
+from pmg.pipeline.diagnose.engine.naming import margin_beside
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.balance.catalogue import TermNaming, TermSet
     from pmg.pipeline.diagnose.balance.mismatch import NoiseModel
     from pmg.pipeline.diagnose.balance.recorded import Recorded
     from pmg.pipeline.diagnose.balance.term import Term
@@ -114,13 +115,14 @@ def stand_of(scene: Scene, fits: tuple[TermFit, ...], rng: np.random.Generator) 
         truth = scene.withheld.force + scene.withheld.known
         errors = [truth - model.predict(scene.withheld) for model in (before, fitted)]
         carried = held_out("", errors[0], errors[1], scene.noise.noise, rng).gain_interval
+    samples = len(scene.recorded.force) - scene.noise.noise.lags
     return Stand(
         fits[-1].identifier if fits else "",
         fitted,
         fitted.relative_error(scene.recorded),
         float("nan") if scene.withheld is None else fitted.relative_error(scene.withheld),
         set_against(scene.recorded, scene.noise.noise, scene.free, (fits[:-1], fits), rng) if fits else None,
-        fits[-1].evidence(len(scene.recorded.force) - scene.noise.noise.lags) if fits else 0.0,
+        fits[-1].gain - fits[-1].cost * math.log(samples) if fits else 0.0,
         carried,
     )
 
@@ -135,16 +137,17 @@ def refine(
     """Further terms, one after the other: more than any decoy, a good part of the rest, better on withheld blocks."""
     current, refined = best, list[Stand]()
     while len(refined) < MOST_REFINED:
-        samples = len(current.problem.left)
         rest = remainder_of(current.problem)
         if rest.adequate:
             break
         least = max(threshold, SHARE_OF_REFINEMENT * rest.excess)
-        fits = [f for f in rank(current.problem, current.ids) if not f.on_bound and f.evidence(samples) > least]
+        here = current.problem
+        ranked = TermCatalogue().rank(here, current.ids)
+        fits = [fit for fit in ranked if not fit.on_bound and here.score(fit) > least]
         for fit in fits[:TRIED]:
             stand = stand_of(scene, (*current.fits, fit), rng)
             if stand.held is not None and stand.held.gain_interval[0] > 0.0:
-                current = TermSet((*current.fits, fit), current.problem.take_out(fit))
+                current = current.plus(fit)
                 refined.append(stand)
                 break
         else:
@@ -161,7 +164,7 @@ def settled(problem: TermProblem, fits: tuple[TermFit, ...]) -> TermProblem:
 def contest(
     scene: Scene,
     problem: TermProblem,
-    found: Search,
+    found: TermNaming,
     refinements: tuple[Stand, ...],
     remainder_of: AdequacyTest,
     rng: np.random.Generator,
@@ -170,8 +173,7 @@ def contest(
     extra = refinements[-1].fitted.fits[len(found.best.fits) :] if refinements else ()
 
     mine = settled(problem, (*found.best.fits, *extra))
-    remainder = remainder_of(mine)
-    margin = MARGIN + (0.0 if remainder.adequate else remainder.excess)
+    margin = margin_beside(remainder_of(mine))
     contests = []
     for rival in found.rivals:
         added = tuple(fit for fit in extra if fit.identifier not in rival.ids)

@@ -7,20 +7,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnose.balance.catalogue import TermCatalogue, Twins, find_twins
 from pmg.pipeline.diagnose.balance.contest import Contest, Scene, Stand, contest, refine, settled, stand_of
 from pmg.pipeline.diagnose.balance.estimate import design_of
 from pmg.pipeline.diagnose.balance.fitting import tabulate, term_problem
 from pmg.pipeline.diagnose.balance.mismatch import DRAWS, find_mismatch, noise_of, record_evidence
 from pmg.pipeline.diagnose.balance.proof import Decoys, try_decoys, withhold
-from pmg.pipeline.diagnose.balance.search import Search, Twins, find_twins, search
 from pmg.pipeline.diagnose.balance.structure import families_of
 from pmg.pipeline.diagnose.engine.adequacy import adequacy_test
+from pmg.pipeline.diagnose.engine.catalogue import ENTRY
+from pmg.pipeline.diagnose.engine.naming import name_candidates
 from pmg.pipeline.diagnose.grid.decide import WITHHELD_SHARE
 from pmg.pipeline.diagnose.grid.diagnosis import Absorbed, Verdict
-from pmg.pipeline.diagnose.grid.ranking import ENTRY
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.case_file import Case
+    from pmg.pipeline.diagnose.balance.catalogue import TermNaming
     from pmg.pipeline.diagnose.balance.fitting import TermFit
     from pmg.pipeline.diagnose.balance.mismatch import NoiseModel, Place
     from pmg.pipeline.diagnose.balance.recorded import Recorded
@@ -45,7 +47,7 @@ class TermsDiagnosis:
         Noise that it was judged against.
     mismatch : Mismatch
         Test and places.
-    found : Search or None
+    found : Naming or None
         What the library says; None without a mismatch.
     held : HeldOut or None
         Withheld blocks, the choice made anew for each.
@@ -72,7 +74,7 @@ class TermsDiagnosis:
     verdict: Verdict
     noise: NoiseModel
     mismatch: Mismatch[Place]
-    found: Search | None
+    found: TermNaming | None
     held: HeldOut | None
     stands: tuple[Stand, ...]
     refinements: tuple[Stand, ...]
@@ -123,7 +125,7 @@ def diagnose_terms(
     plain = design_of(recorded, free, ())
     allowed = [table.columns.reshape(len(plain), -1) for table in tables.values()]
     structured = np.hstack([plain, *(f.columns for f in looked), *allowed])
-    found: Search | None = None
+    found: TermNaming | None = None
     named: tuple[TermFit, ...] = ()
     for turn in range(2):
         noise = noise_of(recorded.force, structured, rng)
@@ -138,7 +140,7 @@ def diagnose_terms(
             tables = tabulate(recorded, searched)
             problem = term_problem(recorded, tables, noise.noise, plain)
         remainder_of = adequacy_test(evidence)
-        found = search(problem, remainder_of)
+        found = name_candidates(problem, TermCatalogue(), remainder_of)
         if found.best.ids == {fit.identifier for fit in named}:
             break
         named = found.best.fits

@@ -39,7 +39,7 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
         if found is None
         else [
             {
-                "entered": step.entered,
+                "entered": " + ".join(step.entered),
                 "left_before": number(step.remainder.excess),
                 "ranking": [
                     {
@@ -52,7 +52,7 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
                     for f in step.ranking
                 ],
             }
-            for step in found.steps
+            for step in found.rounds
         ],
         "models": [_model(stand) for stand in diagnosis.stands],
         "refinements": [_model(stand) for stand in diagnosis.refinements],

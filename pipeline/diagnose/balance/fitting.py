@@ -122,9 +122,27 @@ class TermFit:
         """Whether the baseline leaves anything of it to be seen."""
         return self.survives >= ABSORBED
 
-    def evidence(self, samples: int) -> float:
-        """Gain less the cost of the parameters (Schwarz)."""
-        return self.gain - self.cost * math.log(samples)
+    @property
+    def candidate(self) -> Term:
+        """The term."""
+        return self.term
+
+    @property
+    def place(self) -> str:
+        """A term acts in one place."""
+        return ""
+
+    @property
+    def admissible(self) -> bool:
+        """Whether no parameter ran to a bound: a term that did is absent, or bends to anything."""
+        return self.gain > 0.0 and not self.on_bound
+
+    needed = admissible
+
+    @property
+    def bends_to_anything(self) -> bool:
+        """An admissible term does not."""
+        return False
 
 
 @dataclass(frozen=True)

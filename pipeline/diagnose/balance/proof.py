@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnose.balance.catalogue import TermCatalogue
 from pmg.pipeline.diagnose.balance.estimate import design_of
 from pmg.pipeline.diagnose.balance.fitting import Tabled, fit_term
-from pmg.pipeline.diagnose.balance.search import rank
+from pmg.pipeline.diagnose.engine.catalogue import ENTRY
 from pmg.pipeline.diagnose.grid.holdout import BLOCKS, HeldOut, gain_interval, solve
-from pmg.pipeline.diagnose.grid.ranking import ENTRY
 from pmg.pipeline.diagnose.grid.withheld import FOLDS
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def withhold(
         part = problem.of(train[noise.lags :])
         picked: list[TermFit] = []
         for _ in fits:
-            best = rank(part, frozenset(f.identifier for f in picked), refine=False)[0]
+            best = TermCatalogue(refine=False).rank(part, [f.identifier for f in picked])[0]
             part = part.take_out(best)
             picked.append(best)
         chosen.update(f.identifier for f in picked)
@@ -188,7 +188,7 @@ def try_decoys(
         wide = replace(term, amplitudes=tuple(replace(q, bounds=(-1e12, 1e12)) for q in term.amplitudes))
         table = Tabled(wide, np.array([math.nan]), white[:, None, :])
         fit = fit_term(replace(problem, tables={term.identifier: table}), wide)
-        evidence.append(fit.evidence(len(problem.left)))
+        evidence.append(problem.score(fit))
         if withheld is not None:
             other, there = withheld
             values = solve(np.c_[design, column], recorded.force)

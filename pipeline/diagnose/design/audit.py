@@ -12,7 +12,7 @@ from scipy import stats
 from pmg.pipeline.diagnose.design.next_test import ENOUGH, distance, longer_problem, power_to_separate
 from pmg.pipeline.diagnose.design.plans import Plan, possible_plans
 from pmg.pipeline.diagnose.grid.candidates import Candidate, CandidateFit, GridProblem, candidates, grid_problem
-from pmg.pipeline.diagnose.grid.explanation import Explanation
+from pmg.pipeline.diagnose.grid.catalogue import GridExplanation
 from pmg.pipeline.fit.structure import families
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import take_readings
@@ -214,7 +214,7 @@ def _with_test(
         for candidate in (pair.one, pair.other):
             values = fits[candidate].values.copy()
             values[: len(candidate.sizes)] *= SURE_SIZE
-            sets.append(Explanation((_as_fit(problem, candidate, values),), problem))
+            sets.append(GridExplanation((_as_fit(problem, candidate, values),), problem))
         one = sets[0]
         power = power_to_separate(_imitation(problem, one, sets[1]))
         better = best is None or (plan.seconds < best[0].seconds if min(power, best[1]) >= ENOUGH else power > best[1])
@@ -225,7 +225,7 @@ def _with_test(
     return replace(pair, plan=best[0], power=best[1])
 
 
-def _imitation(problem: GridProblem, one: Explanation, other: Explanation) -> float:
+def _imitation(problem: GridProblem, one: GridExplanation, other: GridExplanation) -> float:
     """Noncentrality of one against the other at whatever size imitates it best."""
     seen_one = problem.beyond_baseline(problem.effect(one.fits[0].candidate, one.fits[0].values))
     seen_other = problem.beyond_baseline(problem.effect(other.fits[0].candidate, other.fits[0].values))
@@ -234,4 +234,4 @@ def _imitation(problem: GridProblem, one: Explanation, other: Explanation) -> fl
     fit = other.fits[0]
     values = fit.values.copy()
     values[: len(fit.candidate.sizes)] *= scale
-    return distance(problem, one, Explanation((_as_fit(problem, fit.candidate, values),), problem))
+    return distance(problem, one, GridExplanation((_as_fit(problem, fit.candidate, values),), problem))

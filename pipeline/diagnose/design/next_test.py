@@ -10,16 +10,16 @@ import numpy as np
 from scipy import stats
 
 from pmg.pipeline.diagnose.design.plans import Plan, join_points, possible_plans
+from pmg.pipeline.diagnose.engine.catalogue import ENTRY
+from pmg.pipeline.diagnose.engine.naming import MARGIN
 from pmg.pipeline.diagnose.grid.candidates import GridProblem, candidates, grid_problem
-from pmg.pipeline.diagnose.grid.naming import MARGIN
-from pmg.pipeline.diagnose.grid.ranking import ENTRY
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import take_readings
 from pmg.sim.grid import Grid
 from pmg.sim.mechanisms import Experiment
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.grid.explanation import Explanation
+    from pmg.pipeline.diagnose.grid.catalogue import GridExplanation
     from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters
@@ -83,7 +83,7 @@ def longer_problem(problem: GridProblem, plan: Plan, floor: NoiseFloor) -> GridP
     return grid_problem(readings, problem.bench, problem.model, whitener(readings, problem.bench, floor))
 
 
-def distance(problem: GridProblem, one: Explanation, other: Explanation) -> float:
+def distance(problem: GridProblem, one: GridExplanation, other: GridExplanation) -> float:
     """How far one explanation is from the other's best fit, baseline free: a noncentrality in noise variances."""
     blank = replace(problem, left=np.zeros(len(problem.readings)))
     free = blank
@@ -137,7 +137,9 @@ def lifting_test(
     return NextTest(plan, tuple(sorted({c.identifier for c in kinds})), min(powers))
 
 
-def next_test(problem: GridProblem, best: Explanation, rival: Explanation, floor: NoiseFloor) -> NextTest | None:
+def next_test(
+    problem: GridProblem, best: GridExplanation, rival: GridExplanation, floor: NoiseFloor
+) -> NextTest | None:
     """The shortest plan with enough power, else the one with most; None where no plan adds anything."""
     ids = sorted({fit.candidate.identifier for e in (best, rival) for fit in e.fits})
     found = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
@@ -11,6 +12,7 @@ import numpy as np
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
+    from collections.abc import Hashable
     from typing import Self
 
     from pmg.sim.signals import Array
@@ -36,11 +38,28 @@ class Fit(Protocol):
         """Its effect (m,), whitened, less what the baseline absorbs."""
 
     @property
-    def on_bound(self) -> tuple[str, ...]:
-        """Parameters on a bound."""
+    def candidate(self) -> Hashable:
+        """What was fitted."""
+
+    @property
+    def place(self) -> str:
+        """Where it acts, of several places where it may; empty where there is one only."""
+
+    @property
+    def admissible(self) -> bool:
+        """Whether it may stand in a set at all."""
+
+    @property
+    def needed(self) -> bool:
+        """Whether its sizes are off their bounds, so that it is neither absent nor as large as can be."""
+
+    @property
+    def bends_to_anything(self) -> bool:
+        """Whether its shape ran to where it no longer gives the effect a form of its own."""
 
 
 F = TypeVar("F", bound=Fit)
+P = TypeVar("P", bound="WhitenedProblem[Any]")
 
 
 @dataclass(frozen=True)
@@ -65,6 +84,10 @@ class WhitenedProblem(ABC, Generic[F]):
     def project(self, columns: Array) -> Array:
         """What of a whitened vector or of whitened columns the baseline cannot absorb."""
         return np.asarray(columns - self.baseline @ (self.baseline.T @ columns))
+
+    def score(self, fit: F) -> float:
+        """Gain of a fit less the cost of its parameters (Schwarz's criterion, up to a constant), in noise variances."""
+        return fit.gain - fit.cost * math.log(len(self.left))
 
     def take_out(self, fit: F) -> Self:
         """The problem with a fitted candidate taken out and its parameters free to move with the baseline's."""

@@ -11,6 +11,7 @@ from pmg.pipeline.diagnose.engine.problem import WhitenedProblem
 from pmg.pipeline.fit.calibration import jacobian
 from pmg.pipeline.fit.noise_floor import BASELINE_FREE
 from pmg.pipeline.fit.span import orthonormal
+from pmg.pipeline.fit.whitening import undo
 from pmg.pipeline.grid.readings import Readings, predict
 from pmg.sim.mechanisms import CANDIDATES, Instrument
 from pmg.sim.steady.baseline import baseline_mechanisms
@@ -117,9 +118,29 @@ class CandidateFit:
         return self.candidate.identifier
 
     @property
+    def place(self) -> str:
+        """Shaft on which it sits."""
+        return self.candidate.shaft
+
+    @property
     def cost(self) -> int:
         """Free parameters."""
         return len(self.values)
+
+    @property
+    def admissible(self) -> bool:
+        """Every mechanism may stand in a set."""
+        return True
+
+    @property
+    def needed(self) -> bool:
+        """Whether not all sizes are on a bound: it would be absent, or as large as can be."""
+        return not set(self.candidate.sizes) <= set(self.on_bound)
+
+    @property
+    def bends_to_anything(self) -> bool:
+        """Whether it is without a scale and not proportional to its sizes either."""
+        return self.without_scale and not self.candidate.kind.linear
 
     @property
     def size(self) -> float:
@@ -172,6 +193,10 @@ class GridProblem(WhitenedProblem[CandidateFit]):
     def beyond_baseline(self, effect: Array) -> Array:
         """What of an effect [N m] the baseline cannot absorb, whitened."""
         return self.project(self.white(effect[:, None])[:, 0])
+
+    def visible(self, fit: CandidateFit) -> float:
+        """Root mean square of what the baseline cannot take up of a fit, over the readings it touches [N m]."""
+        return rms(undo(self.white, fit.seen)[fit.effect != 0.0])
 
     def effect(self, candidate: Candidate, values: Array) -> Array:
         """Change of each reading by a candidate [N m].

@@ -11,17 +11,18 @@ import numpy as np
 from pmg.pipeline.diagnose.design.blind import confounded_shafts, slow_changes
 from pmg.pipeline.diagnose.design.next_test import lifting_test, next_test
 from pmg.pipeline.diagnose.engine.adequacy import adequacy_test
+from pmg.pipeline.diagnose.engine.catalogue import ENTRY
+from pmg.pipeline.diagnose.engine.explanation import explain_with
+from pmg.pipeline.diagnose.engine.naming import MOST_RIVALS, name_candidates
 from pmg.pipeline.diagnose.form.symbolic import find_shape
 from pmg.pipeline.diagnose.grid.candidates import GridProblem, grid_problem
+from pmg.pipeline.diagnose.grid.catalogue import MECHANISMS
 from pmg.pipeline.diagnose.grid.decoys import offer_decoys
 from pmg.pipeline.diagnose.grid.diagnosis import Absorbed, Diagnosis, Rival, Verdict
 from pmg.pipeline.diagnose.grid.evidence import campaign_evidence
-from pmg.pipeline.diagnose.grid.explanation import explain_with, ids
 from pmg.pipeline.diagnose.grid.holdout import hold_out
 from pmg.pipeline.diagnose.grid.locate import find_mismatch, located_families
-from pmg.pipeline.diagnose.grid.naming import MOST_RIVALS, name_mechanisms
 from pmg.pipeline.diagnose.grid.outliers import without_outliers
-from pmg.pipeline.diagnose.grid.ranking import ENTRY
 from pmg.pipeline.diagnose.grid.refit import about, refit
 from pmg.pipeline.diagnose.grid.withheld import withhold
 from pmg.pipeline.fit.calibration import jacobian
@@ -32,7 +33,7 @@ from pmg.sim.errors import FitError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pmg.pipeline.diagnose.grid.explanation import Explanation
+    from pmg.pipeline.diagnose.grid.catalogue import GridExplanation
     from pmg.pipeline.diagnose.grid.holdout import HeldOut
     from pmg.pipeline.diagnose.grid.locate import CampaignMismatch
     from pmg.pipeline.diagnose.grid.refit import Refit
@@ -94,12 +95,12 @@ def diagnose(
         lifting = lifting_test(readings, bench, calibration.model, floor, blind) if blind else None
         return Diagnosis(grid.campaign, verdict, mismatch, floor, blind, outliers=outliers, lifting=lifting)
     first = problem = grid_problem(readings, bench, calibration.model, whitener(readings, bench, floor), allowed)
-    naming = name_mechanisms(problem, adequacy_test(campaign_evidence(problem, floor, JUDGE_DRAWS, rng)))
+    naming = name_candidates(problem, MECHANISMS, adequacy_test(campaign_evidence(problem, floor, JUDGE_DRAWS, rng)))
     for _ in range(ROUNDS):
         again = None if naming.explained and naming.remainder.adequate else about(problem, naming.best)
         if again is None:
             break
-        better = name_mechanisms(again, adequacy_test(campaign_evidence(again, floor, JUDGE_DRAWS, rng)))
+        better = name_candidates(again, MECHANISMS, adequacy_test(campaign_evidence(again, floor, JUDGE_DRAWS, rng)))
         if better.best.unexplained >= naming.best.unexplained - ENTRY:
             break
         problem, naming = again, better
@@ -126,28 +127,31 @@ def diagnose(
 
 
 def _with_causes(
-    said: Diagnosis, problem: GridProblem, calibration: FittedBaseline, rivals: tuple[Explanation, ...], held: HeldOut
+    said: Diagnosis,
+    problem: GridProblem,
+    calibration: FittedBaseline,
+    rivals: tuple[GridExplanation, ...],
+    held: HeldOut,
 ) -> Diagnosis:
     """What is said with the leading mechanisms fitted, and a separating test for each rival."""
     assert said.naming is not None
     best = said.naming.best
     found = refit(problem, best.fits)
     close = tuple(Rival(rival, next_test(problem, best, rival, said.floor)) for rival in rivals)
-    known = {ids(rival) for rival in rivals}
-    others = [explain_with(problem, candidates) for candidates in held.elsewhere][: max(MOST_RIVALS - len(close), 1)]
+    known = {rival.ids for rival in rivals}
+    elsewhere = held.elsewhere[: max(MOST_RIVALS - len(close), 1)]
+    others = [explain_with(problem, MECHANISMS, candidates) for candidates in elsewhere]
     return replace(
         said,
         refit=found,
         rivals=close
-        + tuple(
-            Rival(e, next_test(problem, best, e, said.floor), by_parts=True) for e in others if ids(e) not in known
-        ),
+        + tuple(Rival(e, next_test(problem, best, e, said.floor), by_parts=True) for e in others if e.ids not in known),
         absorbed=_swallowed(calibration, found),
         held_out=held,
     )
 
 
-def _withheld(problem: GridProblem, explanation: Explanation, rng: np.random.Generator) -> HeldOut | None:
+def _withheld(problem: GridProblem, explanation: GridExplanation, rng: np.random.Generator) -> HeldOut | None:
     """The proof on withheld readings; None where the effect touches too few blocks for one: it is not named then."""
     try:
         return withhold(problem, explanation.fits, rng)

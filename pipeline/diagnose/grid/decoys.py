@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.grid.naming import FORM_ERROR
-from pmg.pipeline.diagnose.grid.ranking import ENTRY
+from pmg.pipeline.diagnose.engine.catalogue import ENTRY
+from pmg.pipeline.diagnose.engine.naming import FORM_ERROR
 from pmg.pipeline.fit.structure import families
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.grid.candidates import GridProblem
-    from pmg.pipeline.diagnose.grid.naming import Naming
+    from pmg.pipeline.diagnose.grid.catalogue import GridNaming
 
 COUNT = 200
 """Decoys of a diagnosis."""
@@ -38,14 +38,14 @@ class Decoys:
     best_part: float
 
 
-def offer_decoys(problem: GridProblem, naming: Naming, rng: np.random.Generator) -> Decoys | None:
+def offer_decoys(problem: GridProblem, naming: GridNaming, rng: np.random.Generator) -> Decoys | None:
     """Random combinations of one smooth family each, where the leading mechanisms act; None where nothing leads.
 
     Parameters
     ----------
     problem : GridProblem
         The readings, baseline free.
-    naming : Naming
+    naming : GridNaming
         What leads, and what it leaves.
     rng : numpy.random.Generator
         Draws family and weights.

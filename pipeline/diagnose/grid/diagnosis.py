@@ -12,11 +12,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.design.audit import Audit
     from pmg.pipeline.diagnose.design.next_test import NextTest
     from pmg.pipeline.diagnose.form.shape import Shape
+    from pmg.pipeline.diagnose.grid.catalogue import GridExplanation, GridNaming
     from pmg.pipeline.diagnose.grid.decoys import Decoys
-    from pmg.pipeline.diagnose.grid.explanation import Explanation
     from pmg.pipeline.diagnose.grid.holdout import HeldOut
     from pmg.pipeline.diagnose.grid.locate import CampaignMismatch, Location
-    from pmg.pipeline.diagnose.grid.naming import Naming
     from pmg.pipeline.diagnose.grid.refit import Refit
     from pmg.pipeline.fit.noise import NoiseFloor
 
@@ -56,7 +55,7 @@ class Rival:
 
     Parameters
     ----------
-    explanation : Explanation
+    explanation : GridExplanation
         The rival set of mechanisms.
     test : NextTest or None
         The test.
@@ -64,7 +63,7 @@ class Rival:
         Whether it is a rival because parts of the readings name it instead, not because its evidence is close.
     """
 
-    explanation: Explanation
+    explanation: GridExplanation
     test: NextTest | None
     by_parts: bool = False
 
@@ -85,7 +84,7 @@ class Diagnosis:
         Noise it was judged against.
     blind : tuple of str
         Shafts whose points were run in the order of their speed, without repeats.
-    naming : Naming or None
+    naming : GridNaming or None
         What the catalogue says; None without a mismatch.
     refit : Refit or None
         Baseline and mechanisms fitted together.
@@ -114,7 +113,7 @@ class Diagnosis:
     mismatch: CampaignMismatch
     floor: NoiseFloor
     blind: tuple[str, ...] = ()
-    naming: Naming | None = None
+    naming: GridNaming | None = None
     refit: Refit | None = None
     rivals: tuple[Rival, ...] = ()
     absorbed: tuple[Absorbed, ...] = ()

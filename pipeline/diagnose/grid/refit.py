@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import least_squares
 
+from pmg.pipeline.diagnose.engine.catalogue import ENTRY
 from pmg.pipeline.diagnose.grid.candidates import grid_problem, predict_with
-from pmg.pipeline.diagnose.grid.ranking import ENTRY
 from pmg.pipeline.fit.calibration import CONSTANTS, parameter_names, parameter_values, with_parameters
 from pmg.pipeline.fit.noise_floor import BASELINE_FREE
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.grid.candidates import Candidate, CandidateFit, GridProblem
-    from pmg.pipeline.diagnose.grid.explanation import Explanation
+    from pmg.pipeline.diagnose.grid.catalogue import GridExplanation
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.mechanisms import Mechanism
     from pmg.sim.signals import Array
@@ -139,7 +139,7 @@ def refit(problem: GridProblem, fits: tuple[CandidateFit, ...]) -> Refit:
     )
 
 
-def about(problem: GridProblem, explanation: Explanation) -> GridProblem | None:
+def about(problem: GridProblem, explanation: GridExplanation) -> GridProblem | None:
     """The problem about the baseline that is fitted together with a set of mechanisms; None where it gains nothing.
 
     Beside a large effect the baseline's curves are far from where they are without it, and what they can absorb, and

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnose.grid.catalogue import MECHANISMS
 from pmg.pipeline.diagnose.grid.holdout import HeldOut, deal, gain_interval, solve, touched_blocks
-from pmg.pipeline.diagnose.grid.ranking import choose
 from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.fit.whitening import Whitener
 from pmg.sim.errors import FitError
@@ -203,7 +203,7 @@ def _beside(problem: GridProblem, others: list[CandidateFit]) -> CandidateFit:
     """The best mechanism beside others."""
     for fit in others:
         problem = problem.take_out(fit)
-    return choose(problem, [fit.candidate.identifier for fit in others])
+    return MECHANISMS.choose(problem, [fit.candidate.identifier for fit in others])
 
 
 def _free_tangents(problem: GridProblem, fit: CandidateFit) -> Array:
