@@ -13,7 +13,7 @@ from pmg.pipeline.windows.limits import LIMITS
 from pmg.pipeline.windows.plateaus import plateaus
 from pmg.pipeline.windows.reduce import end_to_end_speed
 from pmg.pipeline.windows.remarks import near_limits
-from pmg.pipeline.windows.steadiness import CHECKS, REST_SPEED, WindowEvidence, Reason, gaps
+from pmg.pipeline.windows.steadiness import CHECKS, REST_SPEED, Reason, WindowEvidence, gaps
 from pmg.pipeline.windows.window import Window
 from pmg.sim.shafts import SIDES
 
