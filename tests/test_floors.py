@@ -46,7 +46,6 @@ LONG_FUNCTIONS: dict[str, str] = {
     "pmg.pipeline.commands.report.run_report": _GATHERED,
     "pmg.pipeline.commands.residuals.run_residuals": _SPLIT,
     "pmg.pipeline.commands.run.run_all": _GATHERED,
-    "pmg.pipeline.diagnose.balance.decide.diagnose_terms": _SPLIT,
     "pmg.pipeline.diagnose.design.plans._engaged": _GATHERED,
     "pmg.pipeline.diagnose.design.plans.possible_plans": _SPLIT,
     "pmg.pipeline.diagnose.grid.refit.refit": _SPLIT,
@@ -163,7 +162,7 @@ def no_reason_is_kept_in_vain(modules: Sequence[Module]) -> Iterator[Breach]:
                 yield Breach(module.name, 1, f"{name} is within the limits", "LONG_FUNCTIONS lists what is beyond them")
 
 
-NAMED_TWICE = frozenset({"Column", "Covariate", "Decoys", "Fitted", "Text"})
+NAMED_TWICE = frozenset({"Column", "Covariate", "Fitted", "Text"})
 """Class names that still stand in two modules; none may join them."""
 
 

@@ -26,8 +26,8 @@ from pmg.pipeline.diagnose.balance.estimate import T_95, fit_together
 from pmg.pipeline.diagnose.balance.fitting import fit_term, tabulate, term_problem
 from pmg.pipeline.diagnose.balance.recorded import read_recording
 from pmg.pipeline.diagnose.balance.serial import covariance_of, fit_noise
-from pmg.pipeline.diagnose.grid.diagnosis import Verdict
-from pmg.pipeline.diagnose.grid.holdout import BLOCKS
+from pmg.pipeline.diagnose.engine.verdict import Verdict
+from pmg.pipeline.diagnose.engine.withheld import BLOCKS
 from pmg.sim.errors import BenchError, PmgError, RecordingError
 
 if TYPE_CHECKING:

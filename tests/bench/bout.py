@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from pmg.pipeline.diagnose.engine.withheld import FOLDS
 from pmg.pipeline.diagnose.grid.candidates import grid_problem
 from pmg.pipeline.diagnose.grid.holdout import deal
-from pmg.pipeline.diagnose.grid.withheld import FOLDS
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.fit.whitening import whitener

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pmg.pipeline.diagnose.engine.verdict import Verdict
 from pmg.pipeline.diagnose.grid.candidates import CandidateFit, candidates, grid_problem
 from pmg.pipeline.diagnose.grid.decide import diagnose
-from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis, Verdict
+from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
 from pmg.pipeline.diagnose.grid.document import diagnosis_document
 from pmg.pipeline.diagnose.grid.fitting import fit_candidate
 from pmg.pipeline.diagnose.grid.statement import statement

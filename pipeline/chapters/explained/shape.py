@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.grid.diagnosis import Verdict
+from pmg.pipeline.diagnose.engine.verdict import Verdict
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Series, Table, Text
 from pmg.pipeline.wording.numerals import number
 from pmg.sim.signals import MINUTE, RESIDUAL, RPM

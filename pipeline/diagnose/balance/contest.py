@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.recorded import Recorded
     from pmg.pipeline.diagnose.balance.term import Term
     from pmg.pipeline.diagnose.engine.adequacy import AdequacyTest
-    from pmg.pipeline.diagnose.grid.holdout import HeldOut
+    from pmg.pipeline.diagnose.engine.withheld import HeldOut
 
 MOST_REFINED = 6
 """Further terms that are looked at once the named ones are in."""

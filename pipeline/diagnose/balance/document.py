@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.diagnose.grid.diagnosis import Verdict
+from pmg.pipeline.diagnose.engine.verdict import Verdict
 from pmg.pipeline.fit.document import number
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.estimate import Estimate
     from pmg.pipeline.diagnose.balance.mismatch import Place
     from pmg.pipeline.diagnose.engine.mismatch import Mismatch
-    from pmg.pipeline.diagnose.grid.holdout import HeldOut
+    from pmg.pipeline.diagnose.engine.withheld import HeldOut
 
 SCHEMA = "pmg.terms-diagnosis/1"
 """Schema of the document."""
@@ -73,6 +74,7 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
             "entered": diagnosis.decoys.entered,
             "most_evidence": diagnosis.decoys.most_evidence,
             "most_gain_withheld": max(diagnosis.decoys.gains, default=None),
+            "in_place_of_named": None if diagnosis.instead is None else asdict(diagnosis.instead),
         },
     }
 

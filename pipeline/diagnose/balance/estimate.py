@@ -10,7 +10,7 @@ from scipy import stats
 
 from pmg.pipeline.diagnose.balance.fitting import shape_step
 from pmg.pipeline.diagnose.balance.serial import covariance_of
-from pmg.pipeline.diagnose.grid.holdout import BLOCKS, solve
+from pmg.pipeline.diagnose.engine.withheld import BLOCKS, solve
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.fitting import TermFit

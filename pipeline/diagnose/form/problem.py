@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnose.engine.withheld import solve
 from pmg.pipeline.diagnose.form.search import FormFit, Library, View, make_library, search
-from pmg.pipeline.diagnose.grid.holdout import FOLDS, solve
+from pmg.pipeline.diagnose.grid.holdout import FOLDS
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:

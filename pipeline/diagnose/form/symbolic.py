@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnose.engine.withheld import gain_interval, solve, touched_blocks
 from pmg.pipeline.diagnose.form.atoms import levels
 from pmg.pipeline.diagnose.form.covariates import covariates_of, rows_of
 from pmg.pipeline.diagnose.form.grammar import text_of
 from pmg.pipeline.diagnose.form.problem import Problem, choose, placebo_errors, whole_view, withheld_errors
 from pmg.pipeline.diagnose.form.search import FormFit, View, make_library, search
 from pmg.pipeline.diagnose.form.shape import Constant, Shape
-from pmg.pipeline.diagnose.grid.holdout import FOLDS, deal, gain_interval, solve, touched_blocks
+from pmg.pipeline.diagnose.grid.holdout import FOLDS, deal
 from pmg.pipeline.diagnose.grid.locate import located_families
 
 if TYPE_CHECKING:

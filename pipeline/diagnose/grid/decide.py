@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,17 +13,19 @@ from pmg.pipeline.diagnose.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnose.engine.catalogue import ENTRY
 from pmg.pipeline.diagnose.engine.explanation import explain_with
 from pmg.pipeline.diagnose.engine.naming import MOST_RIVALS, name_candidates
+from pmg.pipeline.diagnose.engine.verdict import Absorbed, Verdict
+from pmg.pipeline.diagnose.engine.withheld import withhold
 from pmg.pipeline.diagnose.form.symbolic import find_shape
 from pmg.pipeline.diagnose.grid.candidates import GridProblem, grid_problem
 from pmg.pipeline.diagnose.grid.catalogue import MECHANISMS
-from pmg.pipeline.diagnose.grid.decoys import offer_decoys
-from pmg.pipeline.diagnose.grid.diagnosis import Absorbed, Diagnosis, Rival, Verdict
+from pmg.pipeline.diagnose.grid.decoys import smooth_decoys
+from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis, Rival
 from pmg.pipeline.diagnose.grid.evidence import campaign_evidence
 from pmg.pipeline.diagnose.grid.holdout import hold_out
 from pmg.pipeline.diagnose.grid.locate import find_mismatch, located_families
 from pmg.pipeline.diagnose.grid.outliers import without_outliers
 from pmg.pipeline.diagnose.grid.refit import about, refit
-from pmg.pipeline.diagnose.grid.withheld import withhold
+from pmg.pipeline.diagnose.grid.withheld import withheld_readings
 from pmg.pipeline.fit.calibration import jacobian
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import predict
@@ -33,8 +34,8 @@ from pmg.sim.errors import FitError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from pmg.pipeline.diagnose.engine.withheld import HeldOut
     from pmg.pipeline.diagnose.grid.catalogue import GridExplanation
-    from pmg.pipeline.diagnose.grid.holdout import HeldOut
     from pmg.pipeline.diagnose.grid.locate import CampaignMismatch
     from pmg.pipeline.diagnose.grid.refit import Refit
     from pmg.pipeline.fit.calibration import FittedBaseline
@@ -44,9 +45,6 @@ if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
-
-WITHHELD_SHARE = 0.9
-"""Part of the withheld mismatch, in squares beyond the noise, that a mechanism must predict to be named."""
 
 NOT_WORSE = 1.03
 """Withheld error with a weak mechanism in, over that without, up to which it stays in the set of what may be."""
@@ -107,10 +105,10 @@ def diagnose(
     said = Diagnosis(grid.campaign, Verdict.NOT_IN_LIBRARY, beyond, floor, blind, naming, outliers=outliers)
     if naming.explained and not naming.weak:
         held = _withheld(problem, naming.best, rng)
-        if held is not None and _predicts(held):
+        if held is not None and held.predicts:
             said = _with_causes(said, problem, calibration, naming.rivals, held)
             verdict = Verdict.AMBIGUOUS if said.rivals else Verdict.NAMED
-            return replace(said, verdict=verdict, decoys=offer_decoys(problem, naming, rng))
+            return replace(said, verdict=verdict, decoys=smooth_decoys(problem, naming, rng))
     if naming.weak:
         best, *others = naming.weak
         held = _withheld(problem, best, rng)
@@ -154,25 +152,9 @@ def _with_causes(
 def _withheld(problem: GridProblem, explanation: GridExplanation, rng: np.random.Generator) -> HeldOut | None:
     """The proof on withheld readings; None where the effect touches too few blocks for one: it is not named then."""
     try:
-        return withhold(problem, explanation.fits, rng)
+        return withhold(withheld_readings(problem), MECHANISMS, explanation.fits, rng)
     except FitError:
         return None
-
-
-def _predicts(held: HeldOut) -> bool:
-    r"""Whether a mechanism predicts most of the mismatch of withheld readings.
-
-    Notes
-    -----
-    Mean squares beyond what noise alone gives, that of the predicting fits included, are compared. What is left after
-    may exceed its share by one standard error of a mean square of noise, :math:`s^2\sqrt{2/n}`.
-    """
-    assert held.expected_before is not None
-    assert held.expected_after is not None
-    before = held.rmse_before**2 - held.expected_before**2
-    after = held.rmse_after**2 - held.expected_after**2
-    chance = held.expected_after**2 * math.sqrt(2.0 / held.count)
-    return held.rmse_after < held.rmse_before and after <= (1.0 - WITHHELD_SHARE) * before + chance
 
 
 def _swallowed(calibration: FittedBaseline, found: Refit) -> tuple[Absorbed, ...]:

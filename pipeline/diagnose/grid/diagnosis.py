@@ -3,50 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.diagnose.engine.verdict import Verdict
 from pmg.sim.mechanisms import Component
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.design.audit import Audit
     from pmg.pipeline.diagnose.design.next_test import NextTest
+    from pmg.pipeline.diagnose.engine.decoys import Decoys
+    from pmg.pipeline.diagnose.engine.verdict import Absorbed
+    from pmg.pipeline.diagnose.engine.withheld import HeldOut
     from pmg.pipeline.diagnose.form.shape import Shape
     from pmg.pipeline.diagnose.grid.catalogue import GridExplanation, GridNaming
-    from pmg.pipeline.diagnose.grid.decoys import Decoys
-    from pmg.pipeline.diagnose.grid.holdout import HeldOut
     from pmg.pipeline.diagnose.grid.locate import CampaignMismatch, Location
     from pmg.pipeline.diagnose.grid.refit import Refit
     from pmg.pipeline.fit.noise import NoiseFloor
-
-
-class Verdict(StrEnum):
-    """What may be said."""
-
-    CONSISTENT = "consistent"
-    NAMED = "named"
-    AMBIGUOUS = "ambiguous"
-    NOT_IN_LIBRARY = "not_in_library"
-    CONFOUNDED = "confounded"
-
-    @property
-    def names(self) -> bool:
-        """Whether it says which mechanisms there may be."""
-        return self in (Verdict.NAMED, Verdict.AMBIGUOUS)
-
-
-@dataclass(frozen=True)
-class Absorbed:
-    """A baseline parameter before and after what was left out joined the fit, with its standard errors.
-
-    `standard_error` is that after, `error_before` that before; None on a bound or where not determined.
-    """
-
-    parameter: str
-    before: float
-    after: float
-    standard_error: float | None
-    error_before: float | None = None
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnose.design.next_test import HIDDEN
-from pmg.pipeline.diagnose.grid.diagnosis import Verdict
+from pmg.pipeline.diagnose.engine.verdict import Verdict
 from pmg.pipeline.wording import numerals
 from pmg.pipeline.wording.numerals import measured
 from pmg.sim.mechanisms.base import Instrument
