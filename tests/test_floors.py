@@ -162,7 +162,7 @@ def no_reason_is_kept_in_vain(modules: Sequence[Module]) -> Iterator[Breach]:
                 yield Breach(module.name, 1, f"{name} is within the limits", "LONG_FUNCTIONS lists what is beyond them")
 
 
-NAMED_TWICE = frozenset({"Column", "Covariate", "Fitted", "Text"})
+NAMED_TWICE = frozenset({"Column", "Text"})
 """Class names that still stand in two modules; none may join them."""
 
 

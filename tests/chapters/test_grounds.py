@@ -13,8 +13,8 @@ from pmg.pipeline.chapters.explained.next_tests import next_test_items
 from pmg.pipeline.diagnose.design.next_test import NextTest
 from pmg.pipeline.diagnose.design.plans import make_points, possible_plans
 from pmg.pipeline.diagnose.engine.decoys import Decoys
+from pmg.pipeline.diagnose.engine.held_out import HeldOut
 from pmg.pipeline.diagnose.engine.verdict import Absorbed, Verdict
-from pmg.pipeline.diagnose.engine.withheld import HeldOut
 from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
 from pmg.pipeline.diagnose.grid.document import set_points
 from pmg.pipeline.fit.calibration import CONSTANTS

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, TypeAlias
 import numpy as np
 
 from pmg.pipeline.diagnose.balance.fitting import TermFit, TermProblem, fit_term
-from pmg.pipeline.diagnose.engine.catalogue import Catalogue
+from pmg.pipeline.diagnose.engine.catalogue import CandidateCatalogue
 from pmg.pipeline.diagnose.engine.explanation import Explanation
 from pmg.pipeline.diagnose.engine.naming import FIRST_OF_PAIRS, Naming
 
@@ -26,7 +26,7 @@ TWIN = 0.999
 
 
 @dataclass(frozen=True)
-class TermCatalogue(Catalogue[TermFit, TermProblem]):
+class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
     """The terms that a problem has tables of; with `refine`, the leaders' shapes are searched between those tabled."""
 
     refine: bool = True

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnose.balance.catalogue import TermCatalogue
-from pmg.pipeline.diagnose.balance.estimate import Estimate, Fitted, fit_together
+from pmg.pipeline.diagnose.balance.estimate import Estimate, FittedTerms, fit_together
 from pmg.pipeline.diagnose.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnose.balance.proof import held_out, set_against
 from pmg.pipeline.diagnose.engine.naming import margin_beside
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.recorded import Recorded
     from pmg.pipeline.diagnose.balance.term import Term
     from pmg.pipeline.diagnose.engine.adequacy import AdequacyTest
-    from pmg.pipeline.diagnose.engine.withheld import HeldOut
+    from pmg.pipeline.diagnose.engine.held_out import HeldOut
 
 MOST_REFINED = 6
 """Further terms that are looked at once the named ones are in."""
@@ -54,7 +54,7 @@ class Stand:
     """
 
     added: str
-    fitted: Fitted
+    fitted: FittedTerms
     error_fit: float
     error_withheld: float
     held: HeldOut | None

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.term import Term
     from pmg.pipeline.diagnose.engine.decoys import Decoys
     from pmg.pipeline.diagnose.engine.evidence import Evidence
+    from pmg.pipeline.diagnose.engine.held_out import HeldOut
     from pmg.pipeline.diagnose.engine.mismatch import Mismatch
-    from pmg.pipeline.diagnose.engine.withheld import HeldOut
     from pmg.pipeline.fit.structure import ResidualStructure
 
 

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnose.balance.estimate import Estimate
     from pmg.pipeline.diagnose.balance.mismatch import Place
+    from pmg.pipeline.diagnose.engine.held_out import HeldOut
     from pmg.pipeline.diagnose.engine.mismatch import Mismatch
-    from pmg.pipeline.diagnose.engine.withheld import HeldOut
 
 SCHEMA = "pmg.terms-diagnosis/1"
 """Schema of the document."""

@@ -12,7 +12,8 @@ from pmg.pipeline.diagnose.balance.estimate import design_of
 from pmg.pipeline.diagnose.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnose.engine.catalogue import ENTRY
 from pmg.pipeline.diagnose.engine.decoys import gains_of
-from pmg.pipeline.diagnose.engine.withheld import BLOCKS, FOLDS, HeldOut, Withholding, gain_interval, solve
+from pmg.pipeline.diagnose.engine.held_out import HeldOut, gain_interval, solve
+from pmg.pipeline.diagnose.engine.withheld import BLOCKS, FOLDS, Withholding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

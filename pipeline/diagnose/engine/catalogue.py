@@ -17,7 +17,7 @@ LEADERS = 2
 """Leading candidates that are compared in detail, so that a simple form does not lose to another's detailed one."""
 
 
-class Catalogue(ABC, Generic[F, P]):
+class CandidateCatalogue(ABC, Generic[F, P]):
     """Candidates that may explain what a baseline leaves."""
 
     pairs_at_once: ClassVar[bool] = False

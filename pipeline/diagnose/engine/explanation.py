@@ -11,7 +11,7 @@ from pmg.pipeline.diagnose.engine.problem import F, P
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pmg.pipeline.diagnose.engine.catalogue import Catalogue
+    from pmg.pipeline.diagnose.engine.catalogue import CandidateCatalogue
 
 SWAPS = 4
 """Candidates tried in the place of each one of a set."""
@@ -65,7 +65,7 @@ class Explanation(Generic[F, P]):
         return Explanation((*self.fits, fit), self.problem.take_out(fit))
 
 
-def explain_with(problem: P, catalogue: Catalogue[F, P], candidates: Iterable[Any]) -> Explanation[F, P]:
+def explain_with(problem: P, catalogue: CandidateCatalogue[F, P], candidates: Iterable[Any]) -> Explanation[F, P]:
     """A set of candidates fitted, each beside those before it, then each once more beside all others."""
     found = Explanation[F, P]((), problem)
     for candidate in candidates:
@@ -77,7 +77,7 @@ def explain_with(problem: P, catalogue: Catalogue[F, P], candidates: Iterable[An
 
 
 def leaders_in_detail(
-    problem: P, catalogue: Catalogue[F, P], singles: list[Explanation[F, P]]
+    problem: P, catalogue: CandidateCatalogue[F, P], singles: list[Explanation[F, P]]
 ) -> list[Explanation[F, P]]:
     """Single candidates with the leading ones, in whichever place, in more detail; best first."""
     leading = {fit.identifier for fit in leaders([single.fits[0] for single in singles])}
@@ -110,7 +110,7 @@ def with_gain(fit: T, gain: float) -> T:
     return changed
 
 
-def all_in_detail(problem: P, catalogue: Catalogue[F, P], explanation: Explanation[F, P]) -> Explanation[F, P]:
+def all_in_detail(problem: P, catalogue: CandidateCatalogue[F, P], explanation: Explanation[F, P]) -> Explanation[F, P]:
     """Each candidate of a set in more detail beside the others, where the data call for it."""
     for place, fit in enumerate(explanation.fits):
         rest, gain = without(problem, explanation, place)
@@ -121,7 +121,7 @@ def all_in_detail(problem: P, catalogue: Catalogue[F, P], explanation: Explanati
     return explanation
 
 
-def swapped(problem: P, catalogue: Catalogue[F, P], explanation: Explanation[F, P]) -> list[Explanation[F, P]]:
+def swapped(problem: P, catalogue: CandidateCatalogue[F, P], explanation: Explanation[F, P]) -> list[Explanation[F, P]]:
     """Sets in which one candidate of a set gave way to another, or to itself in another place."""
     found = []
     for place, fit in enumerate(explanation.fits):

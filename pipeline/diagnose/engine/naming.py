@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pmg.pipeline.diagnose.engine.adequacy import AdequacyTest, Remainder
-    from pmg.pipeline.diagnose.engine.catalogue import Catalogue
+    from pmg.pipeline.diagnose.engine.catalogue import CandidateCatalogue
 
 MOST = 3
 """Candidates named at once at most."""
@@ -119,7 +119,7 @@ class Naming(Generic[F, P]):
         return next((other for other in same if other.place not in (fit.place, "both")), None)
 
 
-def name_candidates(problem: P, catalogue: Catalogue[F, P], remainder_of: AdequacyTest) -> Naming[F, P]:
+def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_of: AdequacyTest) -> Naming[F, P]:
     """Search the catalogue: single candidates, then pairs and threes while something is left.
 
     Parameters
@@ -184,7 +184,7 @@ def margin_beside(remainder: Remainder) -> float:
     return MARGIN + (0.0 if remainder.adequate else remainder.excess)
 
 
-def _extended(catalogue: Catalogue[F, P], first: Explanation[F, P]) -> tuple[list[Explanation[F, P]], list[F]]:
+def _extended(catalogue: CandidateCatalogue[F, P], first: Explanation[F, P]) -> tuple[list[Explanation[F, P]], list[F]]:
     """The best ways to add one candidate to a set, and the ranking they are from."""
     ranking = catalogue.rank(first.problem, first.ids)
     return [first.plus(fit) for fit in ranking[:FIRST_OF_PAIRS] if fit.admissible], ranking
@@ -229,7 +229,7 @@ def _enters(before: Explanation[F, P], after: Explanation[F, P], excess: float) 
 
 
 def _together(
-    catalogue: Catalogue[F, P], before: Explanation[F, P], larger: list[Explanation[F, P]], excess: float
+    catalogue: CandidateCatalogue[F, P], before: Explanation[F, P], larger: list[Explanation[F, P]], excess: float
 ) -> Explanation[F, P] | None:
     """Two candidates that enter at once: where several are missing, none need explain half of the rest by itself.
 

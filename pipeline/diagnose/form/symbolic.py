@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.engine.withheld import gain_interval, solve, touched_blocks
+from pmg.pipeline.diagnose.engine.held_out import gain_interval, solve, touched_blocks
 from pmg.pipeline.diagnose.form.atoms import levels
 from pmg.pipeline.diagnose.form.covariates import covariates_of, rows_of
 from pmg.pipeline.diagnose.form.grammar import text_of

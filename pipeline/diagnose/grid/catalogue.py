@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, TypeAlias
 
-from pmg.pipeline.diagnose.engine.catalogue import ENTRY, Catalogue
+from pmg.pipeline.diagnose.engine.catalogue import ENTRY, CandidateCatalogue
 from pmg.pipeline.diagnose.engine.explanation import Explanation
 from pmg.pipeline.diagnose.engine.naming import Naming
 from pmg.pipeline.diagnose.grid.candidates import CandidateFit, GridProblem, candidates, refinement
@@ -22,7 +22,7 @@ FINER = 4.0
 """Evidence by which the more detailed form of a mechanism must beat the simple one: odds of 7 to 1."""
 
 
-class MechanismCatalogue(Catalogue[CandidateFit, GridProblem]):
+class MechanismCatalogue(CandidateCatalogue[CandidateFit, GridProblem]):
     """Every mechanism that shows in mean torques, shaft by shaft."""
 
     def fit(self, problem: GridProblem, candidate: Candidate) -> CandidateFit:

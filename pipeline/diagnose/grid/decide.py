@@ -34,7 +34,7 @@ from pmg.sim.errors import FitError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pmg.pipeline.diagnose.engine.withheld import HeldOut
+    from pmg.pipeline.diagnose.engine.held_out import HeldOut
     from pmg.pipeline.diagnose.grid.catalogue import GridExplanation
     from pmg.pipeline.diagnose.grid.locate import CampaignMismatch
     from pmg.pipeline.diagnose.grid.refit import Refit

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnose.design.audit import Audit
     from pmg.pipeline.diagnose.design.next_test import NextTest
     from pmg.pipeline.diagnose.engine.decoys import Decoys
+    from pmg.pipeline.diagnose.engine.held_out import HeldOut
     from pmg.pipeline.diagnose.engine.verdict import Absorbed
-    from pmg.pipeline.diagnose.engine.withheld import HeldOut
     from pmg.pipeline.diagnose.form.shape import Shape
     from pmg.pipeline.diagnose.grid.catalogue import GridExplanation, GridNaming
     from pmg.pipeline.diagnose.grid.locate import CampaignMismatch, Location

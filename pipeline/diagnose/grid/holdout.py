@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.engine.withheld import BLOCKS, HeldOut, gain_interval, solve, touched_blocks
+from pmg.pipeline.diagnose.engine.held_out import HeldOut, gain_interval, solve, touched_blocks
+from pmg.pipeline.diagnose.engine.withheld import BLOCKS
 from pmg.pipeline.diagnose.grid.locate import located_families
 from pmg.pipeline.fit.calibration import jacobian, start_model
 from pmg.pipeline.fit.noise_floor import BASELINE_FREE
