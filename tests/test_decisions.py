@@ -20,7 +20,9 @@ from pmg.pipeline.campaign_comparison.side import CampaignSide
 from pmg.pipeline.campaign_comparison.transducers import Transducers
 from pmg.pipeline.catalogue.difference import MeanDifference, differing, mean_differences, paired
 from pmg.pipeline.diagnose.design.audit import ALIKE, DIGITS, audit_design
-from pmg.pipeline.diagnose.engine.scan import ABSORBED, MINIMUM_ROOM, make_scan
+from pmg.pipeline.diagnose.engine.evidence import Evidence
+from pmg.pipeline.diagnose.engine.scan import ABSORBED, MINIMUM_ROOM, Scan, make_scan
+from pmg.pipeline.diagnose.grid.evidence import both_shafts
 from pmg.pipeline.diagnose.grid.outliers import _far_off, _surprises
 from pmg.pipeline.diagnose.residuals.covariates import COVARIATES, looks, untested
 from pmg.pipeline.fit.calibration import start_model
@@ -89,6 +91,13 @@ def fits_of(grid: Grid) -> LossFits:
 # --- the scan for structure ------------------------------------------------------------------------------------
 
 
+def scan_beside(readings: Readings, baseline: Array, families: list[Array]) -> Scan:
+    contrasts = repeat_contrasts(readings)
+    groups = both_shafts(readings)
+    none = np.zeros((len(readings), 0))
+    return make_scan(Evidence(none, none, families, groups, none, (contrasts, none), single_rows=True), baseline)
+
+
 def a_scan_of(bench: BenchParameters, rng: np.random.Generator) -> tuple[Readings, Array, Array]:
     """Sun readings of which the last has nearly all the leverage, the baseline's columns, white noise."""
     rpm = np.r_[np.linspace(100.0, 500.0, 29), 1600.0]
@@ -114,7 +123,7 @@ def test_the_largest_residual_is_judged_by_the_room_that_the_fit_leaves_it(
     assert np.argmax(surprise) == row
     assert room.min() > MINIMUM_ROOM**2
     p = 2.0 * 60.0 * stats.t.sf(surprise[row], 28.0)
-    scan = make_scan(readings, baseline, [], repeat_contrasts(readings))
+    scan = scan_beside(readings, baseline, [])
     assert math.log(scan(white[:, None])[-1, 0]) == pytest.approx(math.log(p), abs=1e-6)
 
 
@@ -128,7 +137,7 @@ def test_a_family_is_judged_by_the_f_test_of_what_the_baseline_leaves_of_it(
     rest = [white - b @ np.linalg.lstsq(b, white, rcond=None)[0] for b in (baseline, whole)]
     squares = [float(r @ r) for r in rest]
     p = stats.f.sf((squares[0] - squares[1]) / (squares[1] / 27.0), 1, 27)
-    scan = make_scan(readings, baseline, [family], repeat_contrasts(readings))
+    scan = scan_beside(readings, baseline, [family])
     assert scan(white[:, None])[0, 0] == pytest.approx(p, rel=1e-9)
 
 
@@ -140,7 +149,7 @@ def test_a_column_that_the_baseline_absorbs_is_not_looked_for(
     across = white - baseline @ np.linalg.lstsq(baseline, white, rcond=None)[0]
     inside = baseline[:, 0] / np.linalg.norm(baseline[:, 0])
     column = part * across / np.linalg.norm(across) + math.sqrt(1.0 - part**2) * inside
-    scan = make_scan(readings, baseline, [column[:, None]], repeat_contrasts(readings))
+    scan = scan_beside(readings, baseline, [column[:, None]])
     assert bool(scan.bases[0].shape[1]) == seen
     assert (scan(white[:, None])[0, 0] < 1.0) == seen
 

@@ -42,11 +42,9 @@ LONG_FUNCTIONS: dict[str, str] = {
     "pmg.pipeline.commands.report.run_report": _GATHERED,
     "pmg.pipeline.commands.residuals.run_residuals": _SPLIT,
     "pmg.pipeline.commands.run.run_all": _GATHERED,
-    "pmg.pipeline.diagnose.balance.decide.diagnose_terms": _SPLIT,
     "pmg.pipeline.diagnose.design.plans._engaged": _GATHERED,
     "pmg.pipeline.diagnose.design.plans.possible_plans": _SPLIT,
     "pmg.pipeline.diagnose.grid.refit.refit": _SPLIT,
-    "pmg.pipeline.diagnose.engine.scan.search": _GATHERED,
     "pmg.pipeline.grid.campaign.measured_grid": _SPLIT,
     "pmg.pipeline.recording.decode._frequency_from_edges": _SPLIT,
     "pmg.pipeline.trials.score.stage.run_prove": _GATHERED,
@@ -156,7 +154,7 @@ def no_reason_is_kept_in_vain(modules: Sequence[Module]) -> Iterator[Breach]:
                 yield Breach(module.name, 1, f"{name} is within the limits", "LONG_FUNCTIONS lists what is beyond them")
 
 
-NAMED_TWICE = frozenset({"Column", "Covariate", "Decoys", "Fitted", "Mismatch", "Step", "Text"})
+NAMED_TWICE = frozenset({"Column", "Text"})
 """Class names that still stand in two modules; none may join them."""
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.commands.compare_and_diagnose import ComparedCampaign, SimulatedCampaign
     from pmg.pipeline.commands.stored_analysis import StoredAnalysis
-    from pmg.pipeline.diagnose.grid.diagnosis import Verdict
+    from pmg.pipeline.diagnose.engine.verdict import Verdict
     from pmg.pipeline.report.document import Report
 
 

@@ -16,7 +16,7 @@ from pmg.pipeline.diagnose.balance.case_file import read_case
 from pmg.pipeline.diagnose.balance.decide import diagnose_terms
 from pmg.pipeline.diagnose.balance.document import headline, terms_document, terms_lines
 from pmg.pipeline.diagnose.balance.recorded import read_recording
-from pmg.pipeline.diagnose.grid.diagnosis import Verdict
+from pmg.pipeline.diagnose.engine.verdict import Verdict
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.report.document import Facts, Report
 from pmg.pipeline.report.document import Headline as Headline

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.grid.candidates import Candidate, predict_with, set_stage
-from pmg.pipeline.diagnose.grid.fitting import CandidateFit
+from pmg.pipeline.diagnose.grid.candidates import Candidate, CandidateFit, grid_problem, predict_with
 from pmg.pipeline.diagnose.grid.refit import refit
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.whitening import whitener
@@ -182,7 +181,7 @@ def fit_together(
     assert analysis.floor is not None
     readings = take_readings(analysis.grid, bench)
     white = whitener(readings, bench, analysis.floor)
-    stage = set_stage(readings, bench, analysis.calibration.model, white)
+    stage = grid_problem(readings, bench, analysis.calibration.model, white)
     fits = []
     for part in parts:
         names = names_on(part.kind, part.shaft)

@@ -9,7 +9,7 @@ from pmg.pipeline.windows.steadiness import speed_off, speed_unsettled, torque_u
 
 if TYPE_CHECKING:
     from pmg.pipeline.windows.limits import Steadiness
-    from pmg.pipeline.windows.steadiness import Evidence
+    from pmg.pipeline.windows.steadiness import WindowEvidence
 
 REMARK = "remark"
 """Start of what is told of an accepted window."""
@@ -17,7 +17,7 @@ NEAR = 0.5
 """Part of a limit beyond which a window is near it."""
 
 
-def near_limits(window: Evidence, limits: Steadiness) -> tuple[str, ...]:
+def near_limits(window: WindowEvidence, limits: Steadiness) -> tuple[str, ...]:
     """What speaks against an accepted window by `NEAR` of the limits of speed and torque."""
     part = replace(
         limits,

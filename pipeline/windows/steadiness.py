@@ -51,7 +51,7 @@ class Reason:
 
 
 @dataclass(frozen=True)
-class Evidence:
+class WindowEvidence:
     """What is known of a window when it is judged.
 
     Parameters
@@ -95,7 +95,7 @@ class Evidence:
     lacking: Collection[str] = ()
 
 
-def too_short(window: Evidence, limits: Steadiness) -> Reason | None:
+def too_short(window: WindowEvidence, limits: Steadiness) -> Reason | None:
     """Less time than a mean needs, or than the test step announces."""
     seconds = (window.stop - window.first) / window.rate_hz
     meant = window.meant / window.rate_hz
@@ -108,7 +108,7 @@ def too_short(window: Evidence, limits: Steadiness) -> Reason | None:
     return None
 
 
-def gaps(window: Evidence, _: Steadiness) -> Reason | None:
+def gaps(window: WindowEvidence, _: Steadiness) -> Reason | None:
     """Samples without a value."""
     missing = {
         f"{kind}_{side}": stretches(np.isnan(track[side])) + window.first
@@ -120,7 +120,7 @@ def gaps(window: Evidence, _: Steadiness) -> Reason | None:
     return Reason("samples missing", ", ".join(lost)) if lost else None
 
 
-def _places(found: npt.NDArray[np.int64], window: Evidence) -> str:
+def _places(found: npt.NDArray[np.int64], window: WindowEvidence) -> str:
     """Where stretches of samples lie, their ends left out."""
     first, stop, count = int(found[0, 0]), int(found[-1, 1]), int(np.sum(found[:, 1] - found[:, 0]))
     if count == window.stop - window.first:
@@ -128,25 +128,25 @@ def _places(found: npt.NDArray[np.int64], window: Evidence) -> str:
     return f"samples {first} to {stop}" if len(found) == 1 else f"{count} samples from {first} to {stop}"
 
 
-def flagged(window: Evidence, _: Steadiness) -> Reason | None:
+def flagged(window: WindowEvidence, _: Steadiness) -> Reason | None:
     """Blocks that the recorder itself marks as overrun, restarted or saturated."""
     named = _blemished(window, by_recorder=True)
     return Reason("flagged by the recorder", named) if named else None
 
 
-def faulty(window: Evidence, _: Steadiness) -> Reason | None:
+def faulty(window: WindowEvidence, _: Steadiness) -> Reason | None:
     """Samples in which the reading found a fault: slips of an encoder, held values, the shunt signal."""
     named = _blemished(window, by_recorder=False)
     return Reason("found faulty", named) if named else None
 
 
-def _blemished(window: Evidence, *, by_recorder: bool) -> str:
+def _blemished(window: WindowEvidence, *, by_recorder: bool) -> str:
     """Names of the marks that overlap a window, either those of the recorder or those of the reading."""
     marks = (b for b in window.blemishes if _overlaps(b.start, b.stop, window))
     return ", ".join(sorted({f"{b.code.value} on {b.topic}" for b in marks if (b.code in BY_RECORDER) == by_recorder}))
 
 
-def emergency_stop(window: Evidence, _: Steadiness) -> Reason | None:
+def emergency_stop(window: WindowEvidence, _: Steadiness) -> Reason | None:
     """Emergency stop pressed at any time in the window."""
     if bool((window.lines & EMERGENCY_STOP).any()):
         place = window.first + int(np.argmax((window.lines & EMERGENCY_STOP) > 0))
@@ -162,7 +162,7 @@ def emergency_stop(window: Evidence, _: Steadiness) -> Reason | None:
     return Reason("emergency stop", f"pressed at sample {pressed[0]}") if pressed else None
 
 
-def speed_unsettled(window: Evidence, limits: Steadiness) -> Reason | None:
+def speed_unsettled(window: WindowEvidence, limits: Steadiness) -> Reason | None:
     """Speed that differs between the halves, or from part to part."""
     for side in SIDES:
         angle = window.angle[side]
@@ -183,7 +183,7 @@ def speed_unsettled(window: Evidence, limits: Steadiness) -> Reason | None:
     return None
 
 
-def speed_off(window: Evidence, limits: Steadiness) -> Reason | None:
+def speed_off(window: WindowEvidence, limits: Steadiness) -> Reason | None:
     """Speed away from its set-point, where there is one."""
     for side, target in (("sun", window.setpoints.speed_sun), ("ring", window.setpoints.speed_ring)):
         speed = end_to_end_speed(window.angle[side], window.rate_hz)
@@ -196,7 +196,7 @@ def speed_off(window: Evidence, limits: Steadiness) -> Reason | None:
     return None
 
 
-def torque_unsettled(window: Evidence, limits: Steadiness) -> Reason | None:
+def torque_unsettled(window: WindowEvidence, limits: Steadiness) -> Reason | None:
     """Torque that still drifts, steps or strays, beyond noise and beyond what matters."""
     for side in SIDES:
         torque = window.torque[side]
@@ -213,7 +213,7 @@ def torque_unsettled(window: Evidence, limits: Steadiness) -> Reason | None:
     return None
 
 
-def torque_out_of_range(window: Evidence, limits: Steadiness) -> Reason | None:
+def torque_out_of_range(window: WindowEvidence, limits: Steadiness) -> Reason | None:
     """Torque beyond the nominal range, or a frequency outside the rated band; readings there are bounds."""
     for side in SIDES:
         transducer = window.calibration[side]
@@ -233,7 +233,7 @@ def torque_out_of_range(window: Evidence, limits: Steadiness) -> Reason | None:
     return None
 
 
-CHECKS: tuple[Callable[[Evidence, Steadiness], Reason | None], ...] = (
+CHECKS: tuple[Callable[[WindowEvidence, Steadiness], Reason | None], ...] = (
     too_short,
     gaps,
     flagged,
@@ -247,7 +247,7 @@ CHECKS: tuple[Callable[[Evidence, Steadiness], Reason | None], ...] = (
 """Every check that a window must meet."""
 
 
-def _overlaps(start: int, stop: int, window: Evidence) -> bool:
+def _overlaps(start: int, stop: int, window: WindowEvidence) -> bool:
     return start < window.stop and stop > window.first
 
 

@@ -13,7 +13,7 @@ from pmg.pipeline.windows.limits import LIMITS
 from pmg.pipeline.windows.plateaus import plateaus
 from pmg.pipeline.windows.reduce import end_to_end_speed
 from pmg.pipeline.windows.remarks import near_limits
-from pmg.pipeline.windows.steadiness import CHECKS, REST_SPEED, Evidence, Reason, gaps
+from pmg.pipeline.windows.steadiness import CHECKS, REST_SPEED, Reason, WindowEvidence, gaps
 from pmg.pipeline.windows.window import Window
 from pmg.sim.shafts import SIDES
 
@@ -142,7 +142,7 @@ def _judge(recording: Recording, stretch: _Stretch, limits: Steadiness) -> Windo
     first = min(max(stretch.first, recording.first_sample), end)
     stop = max(first, min(meant, end))
     part = recording.samples.slice(first - recording.first_sample, stop - first)
-    evidence = Evidence(
+    evidence = WindowEvidence(
         first=first,
         stop=stop,
         closed=stretch.stop is not None,
@@ -178,7 +178,7 @@ def _judge(recording: Recording, stretch: _Stretch, limits: Steadiness) -> Windo
     )
 
 
-def _at_rest(speed_set: float | None, evidence: Evidence, side: str) -> bool:
+def _at_rest(speed_set: float | None, evidence: WindowEvidence, side: str) -> bool:
     """Whether a shaft is held: by its set-point, or by what was measured where there is none."""
     speed = end_to_end_speed(evidence.angle[side], evidence.rate_hz) if speed_set is None else speed_set
     return abs(speed) < REST_SPEED

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,11 +23,11 @@ from pmg.pipeline.diagnose.balance.decide import diagnose_terms
 from pmg.pipeline.diagnose.balance.document import terms_document
 from pmg.pipeline.diagnose.balance.drive import DRIVE
 from pmg.pipeline.diagnose.balance.estimate import T_95, fit_together
-from pmg.pipeline.diagnose.balance.fitting import fit_term, set_ground, tabulate
+from pmg.pipeline.diagnose.balance.fitting import fit_term, tabulate, term_problem
 from pmg.pipeline.diagnose.balance.recorded import read_recording
 from pmg.pipeline.diagnose.balance.serial import covariance_of, fit_noise
-from pmg.pipeline.diagnose.grid.diagnosis import Verdict
-from pmg.pipeline.diagnose.grid.holdout import BLOCKS
+from pmg.pipeline.diagnose.engine.verdict import Verdict
+from pmg.pipeline.diagnose.engine.withheld import BLOCKS
 from pmg.sim.errors import BenchError, PmgError, RecordingError
 
 if TYPE_CHECKING:
@@ -139,7 +140,7 @@ def test_a_force_outside_the_library_is_said_to_be_so(tmp_path: Path) -> None:
         terms=COULOMB,
     )
     assert found.verdict is Verdict.NOT_IN_LIBRARY
-    assert any(place.name.startswith("position") for place in found.mismatch.places)
+    assert any(place.name.startswith("position") for place in found.mismatch.locations)
 
 
 def test_a_ripple_is_named_with_its_period(tmp_path: Path) -> None:
@@ -196,11 +197,11 @@ def test_every_term_finds_itself(tmp_path: Path) -> None:
     tables = tabulate(recorded, searched)
     noise = fit_noise(np.random.default_rng(1).standard_normal(len(recorded.force)))
     base = np.hstack([recorded.columns(t) for t in DRIVE[:2]])
-    ground = set_ground(recorded, tables, noise, base)
+    problem = term_problem(recorded, tables, noise, base)
     for term in searched:
-        table = ground.tables[term.identifier]
-        force = ground.project(table.columns[:, len(table.shapes) // 3])[:, 0]
-        own = type(ground)(ground.columns_of, ground.tables, ground.baseline, 10.0 * force)
+        table = problem.tables[term.identifier]
+        force = problem.project(table.columns[:, len(table.shapes) // 3])[:, 0]
+        own = replace(problem, left=10.0 * force)
         gains = {other.identifier: fit_term(own, other, refine=False).gain for other in searched}
         assert gains[term.identifier] == pytest.approx(100.0 * float(force @ force), rel=1e-6)
         assert max(gains.values()) <= gains[term.identifier] * (1.0 + 1e-6)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from pmg.pipeline.diagnose.grid.candidates import set_stage
+from pmg.pipeline.diagnose.engine.withheld import FOLDS
+from pmg.pipeline.diagnose.grid.candidates import grid_problem
 from pmg.pipeline.diagnose.grid.holdout import deal
-from pmg.pipeline.diagnose.grid.withheld import FOLDS
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.fit.whitening import whitener
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnose.grid.candidates import Stage
+    from pmg.pipeline.diagnose.grid.candidates import GridProblem
     from pmg.pipeline.trials.score.case_list import Lot
     from pmg.sim.signals import Array, Mask
 
@@ -38,13 +38,13 @@ class Bout:
 
     Parameters
     ----------
-    stage : Stage
+    stage : GridProblem
         Readings, baseline, noise: what the diagnosis works on too.
     fold : (m,) array of int
         Fold of each reading: the blocks of the diagnosis's own withheld proof.
     """
 
-    stage: Stage
+    stage: GridProblem
     fold: npt.NDArray[np.int64]
 
     @cached_property
@@ -179,5 +179,5 @@ def enter(lot: Lot) -> Bout | None:
     if analysis.calibration is None or analysis.fits is None or analysis.floor is None:
         return None
     readings = take_readings(analysis.grid, bench)
-    stage = set_stage(readings, bench, analysis.calibration.model, whitener(readings, bench, analysis.floor))
+    stage = grid_problem(readings, bench, analysis.calibration.model, whitener(readings, bench, analysis.floor))
     return Bout(stage, deal(readings, FOLDS)[1])

@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.diagnose.engine.withheld import withhold
 from pmg.pipeline.diagnose.grid.candidates import candidates
+from pmg.pipeline.diagnose.grid.catalogue import MECHANISMS
 from pmg.pipeline.diagnose.grid.fitting import fit_candidate
-from pmg.pipeline.diagnose.grid.withheld import withhold
+from pmg.pipeline.diagnose.grid.withheld import withheld_readings
 from pmg.sim.errors import FitError
 from tests.bench.bout import Answer, Reply
 from tests.bench.peers import installed
@@ -110,7 +112,7 @@ class BestOfCatalogue:
         held = None
         if withheld and level > 0.0:
             try:
-                proof = withhold(stage, (best,), np.random.default_rng(0))
+                proof = withhold(withheld_readings(stage), MECHANISMS, (best,), np.random.default_rng(0))
             except FitError:  # it acts in a single block of readings, so none can be withheld and the rest still tell
                 held = None
             else:

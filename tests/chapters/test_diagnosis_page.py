@@ -64,7 +64,7 @@ def test_the_head_leads_with_what_is_left_to_see_and_says_what_the_whole_is_coun
     diagnosis = judged.diagnosis
     assert diagnosis.naming is not None
     (fit,) = diagnosis.naming.best.fits
-    visible = diagnosis.naming.best.visible(fit)
+    visible = diagnosis.naming.best.problem.visible(fit)
     assert visible == pytest.approx(diagnosis.mismatch.locations[0].size, rel=0.3)
     assert fit.size > 2.0 * visible
     said = f"{visible * 1e3:.1f} mN m rms beyond what the baseline takes up, of {fit.size * 1e3:.1f} against bearings"
@@ -74,11 +74,11 @@ def test_the_head_leads_with_what_is_left_to_see_and_says_what_the_whole_is_coun
 def test_what_the_baseline_could_take_up_is_not_left_to_see(judged: ComparedCampaign) -> None:
     naming = judged.diagnosis.naming
     assert naming is not None
-    stage, (fit,) = naming.best.stage, naming.best.fits
+    stage, (fit,) = naming.best.problem, naming.best.fits
     more = fit.effect + stage.columns @ np.full(stage.columns.shape[1], 1e-3)
-    swollen = replace(fit, effect=more, seen=stage.project(more))
-    plain = replace(fit, seen=stage.project(fit.effect), effect=more)
-    assert naming.best.visible(swollen) == pytest.approx(naming.best.visible(plain), rel=1e-6)
+    swollen = replace(fit, effect=more, seen=stage.beyond_baseline(more))
+    plain = replace(fit, seen=stage.beyond_baseline(fit.effect), effect=more)
+    assert naming.best.problem.visible(swollen) == pytest.approx(naming.best.problem.visible(plain), rel=1e-6)
     assert swollen.size != pytest.approx(fit.size, rel=0.01)
 
 
@@ -90,7 +90,7 @@ def test_the_ranking_falls_by_the_column_it_is_sorted_by(judged: ComparedCampaig
     evidence, gain, cost = ([cast("float", row[names.index(n)]) for row in ranking.rows] for n in names[2:5])
     assert names[2] == "evidence"
     assert evidence == sorted(evidence, reverse=True)
-    each = math.log(len(naming.best.stage.left))
+    each = math.log(len(naming.best.problem.left))
     assert evidence == pytest.approx([g - c * each for g, c in zip(gain, cost, strict=True)])
     assert f"{each:.2f} for each parameter" in ranking.caption
     smallest = replace(naming, remainder=replace(naming.remainder, p_value=1.0 / (JUDGE_DRAWS + 1.0)))
@@ -120,7 +120,7 @@ def test_the_clearest_place_is_drawn_above_the_fitted_temperature(judged: Compar
     figure = next(i for i in page(diagnosis).items if isinstance(i, Figure) and i.id == "located-structure")
     _, below = figure.panels
     assert isinstance(below, Chart)
-    (mechanism,) = diagnosis.refit.mechanisms(diagnosis.naming.best.stage)
+    (mechanism,) = diagnosis.refit.mechanisms(diagnosis.naming.best.problem)
     assert isinstance(mechanism, WarmingBearings)
     at = diagnosis.mismatch.readings.grid.points
     order = np.argsort(at.started_at, kind="stable")

@@ -16,7 +16,7 @@ from pmg.pipeline.commands.design import run_design
 from pmg.pipeline.diagnose.design.audit import audit_design
 from pmg.pipeline.diagnose.design.next_test import power_to_separate
 from pmg.pipeline.diagnose.design.plans import possible_plans
-from pmg.pipeline.diagnose.grid.naming import MARGIN
+from pmg.pipeline.diagnose.engine.naming import MARGIN
 from pmg.pipeline.simulate.inputs import loss_model
 from pmg.pipeline.simulate.planned import planned_floor, planned_grid
 from pmg.pipeline.simulate.scenario_file import read_scenario

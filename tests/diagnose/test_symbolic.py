@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sympy.parsing.sympy_parser import parse_expr
 
-from pmg.pipeline.diagnose.form.atoms import ATOMS, Covariate, levels
+from pmg.pipeline.diagnose.form.atoms import ATOMS, FormCovariate, levels
 from pmg.pipeline.diagnose.form.grammar import Form, forms, text_of
 from pmg.pipeline.diagnose.form.problem import Problem, placebo_errors, withheld_errors
 from pmg.pipeline.diagnose.form.search import View, make_library
@@ -26,19 +26,19 @@ NOISE = 1e-3
 BLOCKS = 40
 
 
-def covariates(rng: np.random.Generator, n: int = 160) -> tuple[Covariate, ...]:
+def covariates(rng: np.random.Generator, n: int = 160) -> tuple[FormCovariate, ...]:
     """Speed on twelve set-points, nearly met; load on four; time."""
     speed = rng.choice(np.linspace(16.0, 196.0, 12), n) + rng.normal(0.0, 0.05, n)
     load = rng.choice([0.78, 1.17, 1.56, 1.95], n) + rng.normal(0.0, 0.01, n)
     time = np.cumsum(rng.uniform(20.0, 60.0, n))
     return (
-        Covariate("speed_sun", "ω_s", "rad/s", "speed of the sun", speed),
-        Covariate("load", "T_r", "N m", "ring torque", load),
-        Covariate("order", "t", "s", "time since the first point", time),
+        FormCovariate("speed_sun", "ω_s", "rad/s", "speed of the sun", speed),
+        FormCovariate("load", "T_r", "N m", "ring torque", load),
+        FormCovariate("order", "t", "s", "time since the first point", time),
     )
 
 
-def problem(effect: Array, known: tuple[Covariate, ...], rng: np.random.Generator, smooth: int = 0) -> Problem:
+def problem(effect: Array, known: tuple[FormCovariate, ...], rng: np.random.Generator, smooth: int = 0) -> Problem:
     """A location among as many other readings, a baseline of constant, root and square of speed over both."""
     n = len(effect)
     points = np.linspace(16.0, 196.0, 12)
@@ -170,8 +170,8 @@ def everything() -> tuple[Form, ...]:
     x = np.linspace(1.0, 9.0, 40)
     return forms(
         (
-            Covariate("speed_difference", "Δω", "rad/s", "", x - 4.3, signed=True),
-            Covariate("load", "T_r", "N m", "", x[::-1] / 4.0),
+            FormCovariate("speed_difference", "Δω", "rad/s", "", x - 4.3, signed=True),
+            FormCovariate("load", "T_r", "N m", "", x[::-1] / 4.0),
         )
     )
 

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.points import points
 
-from pmg.pipeline.diagnose.grid.candidates import Candidate, Stage, candidates, refinement, set_stage
-from pmg.pipeline.diagnose.grid.explanation import Explanation, all_in_detail, explain_with, ids, swapped
+from pmg.pipeline.diagnose.engine.explanation import Explanation, all_in_detail, explain_with, swapped
+from pmg.pipeline.diagnose.grid.candidates import Candidate, GridProblem, candidates, grid_problem, refinement
+from pmg.pipeline.diagnose.grid.catalogue import FINER, MECHANISMS
 from pmg.pipeline.diagnose.grid.fitting import fit_candidate
-from pmg.pipeline.diagnose.grid.ranking import FINER, in_detail, rank, score
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.fit.whitening import whitener
@@ -37,13 +37,13 @@ def drawn_as(stratum: str, law: str) -> tuple[ConcealedCampaign, np.random.Gener
     raise AssertionError(f"no {law} in 200 draws of {stratum}")
 
 
-def staged(stratum: str, law: str, bench: BenchParameters) -> Stage:
+def staged(stratum: str, law: str, bench: BenchParameters) -> GridProblem:
     case, rng = drawn_as(stratum, law)
     analysis = analyse(measure_case(case, rng), AnalysisOptions(), bench)
     assert analysis.floor is not None
     assert analysis.calibration is not None
     readings = take_readings(analysis.grid, bench)
-    return set_stage(readings, bench, analysis.calibration.model, whitener(readings, bench, analysis.floor))
+    return grid_problem(readings, bench, analysis.calibration.model, whitener(readings, bench, analysis.floor))
 
 
 def candidate(identifier: str, shaft: str) -> Candidate:
@@ -82,9 +82,9 @@ def test_the_exponent_of_the_catalogue_is_one_of_the_exponents(x: float) -> None
 
 
 def test_heat_that_crosses_warms_the_other_shaft(bench: BenchParameters) -> None:
-    stage = staged("lubricant_viscosity sun 4", "exponential", bench)
-    at = stage.readings.grid.points
-    warm = replace(WarmingInTwoSteps.of(bench, stage.model), resistance_sun=1.0, resistance_ring=1.0)
+    problem = staged("lubricant_viscosity sun 4", "exponential", bench)
+    at = problem.readings.grid.points
+    warm = replace(WarmingInTwoSteps.of(bench, problem.model), resistance_sun=1.0, resistance_ring=1.0)
     apart, crossed = warm.rises(at), replace(warm, cross=0.5).rises(at)
     sun, ring = (replace(warm, resistance_ring=0.0).rises(at).sun, replace(warm, resistance_sun=0.0).rises(at).ring)
     np.testing.assert_allclose(crossed.sun - apart.sun, 0.5 * ring, rtol=1e-9, atol=1e-9)
@@ -102,29 +102,31 @@ def test_heat_that_crosses_warms_the_other_shaft(bench: BenchParameters) -> None
 def test_data_that_call_for_detail_get_it(
     stratum: str, law: str, kind: type[Crosstalk | WanderingZero | WarmingInTwoSteps], bench: BenchParameters
 ) -> None:
-    stage = staged(stratum, law, bench)
-    found = in_detail(stage, rank(stage)[0])
+    problem = staged(stratum, law, bench)
+    found = MECHANISMS.in_detail(problem, MECHANISMS.rank(problem)[0])
     assert found.candidate.kind is kind
     (simple,) = (c for c in candidates() if refinement(c) == found.candidate)
-    assert score(stage, found) > score(stage, fit_candidate(stage, simple)) + FINER
+    assert problem.score(found) > problem.score(fit_candidate(problem, simple)) + FINER
 
 
 def test_data_that_do_not_call_for_detail_stay_simple(bench: BenchParameters) -> None:
-    stage = staged("torque_crosstalk ring 1", "lag", bench)
-    assert rank(stage)[0].candidate.kind is Crosstalk
+    problem = staged("torque_crosstalk ring 1", "lag", bench)
+    assert MECHANISMS.rank(problem)[0].candidate.kind is Crosstalk
 
 
 def test_members_of_a_set_are_swapped_one_at_a_time_and_gains_add_up(bench: BenchParameters) -> None:
-    stage = staged("lubricant_viscosity ring + torque_gain_error sun 2", "exponential", bench)
-    pair = explain_with(stage, (candidate("torque_gain_error", "sun"), candidate("lubricant_viscosity", "ring")))
-    finer = all_in_detail(stage, pair)
+    problem = staged("lubricant_viscosity ring + torque_gain_error sun 2", "exponential", bench)
+    pair = explain_with(
+        problem, MECHANISMS, (candidate("torque_gain_error", "sun"), candidate("lubricant_viscosity", "ring"))
+    )
+    finer = all_in_detail(problem, MECHANISMS, pair)
     assert finer.score > pair.score
-    others = swapped(stage, finer)
-    twin = [e for e in others if ids(e) == ids(finer) and e.fits[0].candidate.shaft == "ring"]
+    others = swapped(problem, MECHANISMS, finer)
+    twin = [e for e in others if e.ids == finer.ids and e.fits[0].candidate.shaft == "ring"]
     assert len(twin) == 1
     assert twin[0].score > finer.score - 2.0
     for explanation in (finer, *others):
-        left = explanation.stage.left
-        assert explanation.gain == pytest.approx(float(stage.left @ stage.left - left @ left), rel=0.02)
+        left = explanation.problem.left
+        assert explanation.gain == pytest.approx(float(problem.left @ problem.left - left @ left), rel=0.02)
         assert isinstance(explanation, Explanation)
-        assert len(ids(explanation)) == 2
+        assert len(explanation.ids) == 2

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmg.pipeline.diagnose.grid.candidates import candidates, set_stage
+from pmg.pipeline.diagnose.engine.verdict import Verdict
+from pmg.pipeline.diagnose.grid.candidates import CandidateFit, candidates, grid_problem
 from pmg.pipeline.diagnose.grid.decide import diagnose
-from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis, Verdict
+from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
 from pmg.pipeline.diagnose.grid.document import diagnosis_document
-from pmg.pipeline.diagnose.grid.explanation import take_out
-from pmg.pipeline.diagnose.grid.fitting import CandidateFit, fit_candidate
+from pmg.pipeline.diagnose.grid.fitting import fit_candidate
 from pmg.pipeline.diagnose.grid.statement import statement
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
@@ -77,9 +77,9 @@ def test_a_candidate_taken_out_leaves_nothing_of_itself(bench: BenchParameters) 
     assert analysis.floor is not None
     assert analysis.calibration is not None
     readings = take_readings(analysis.grid, bench)
-    stage = set_stage(readings, bench, analysis.calibration.model, whitener(readings, bench, analysis.floor))
+    problem = grid_problem(readings, bench, analysis.calibration.model, whitener(readings, bench, analysis.floor))
     gain = next(c for c in candidates() if (c.identifier, c.shaft) == ("torque_gain_error", "sun"))
-    fit: CandidateFit = fit_candidate(stage, gain)
-    after = take_out(stage, fit)
+    fit: CandidateFit = fit_candidate(problem, gain)
+    after = problem.take_out(fit)
     assert fit_candidate(after, gain).gain < 1e-6 * fit.gain
-    assert fit.gain == pytest.approx(float(stage.left @ stage.left) - float(after.left @ after.left), rel=1e-6)
+    assert fit.gain == pytest.approx(float(problem.left @ problem.left) - float(after.left @ after.left), rel=1e-6)

@@ -12,8 +12,8 @@ from tests.conftest import ROOT
 from tests.nature import Nature, campaign_points, measure
 
 from pmg.pipeline.diagnose.design.blind import confounded_shafts
+from pmg.pipeline.diagnose.engine.verdict import Verdict
 from pmg.pipeline.diagnose.grid.decide import diagnose
-from pmg.pipeline.diagnose.grid.diagnosis import Verdict
 from pmg.pipeline.diagnose.grid.document import diagnosis_document
 from pmg.pipeline.diagnose.grid.locate import find_mismatch
 from pmg.pipeline.fit.analysis import Analysis, analyse

@@ -30,7 +30,7 @@ def terms_sections(diagnosis: TermsDiagnosis) -> tuple[Section, ...]:
 
 def _verdict(d: TermsDiagnosis) -> Section:
     places, left = (
-        "; ".join(f"{p.name} ({p.rms:.2g} times the noise)" for p in test.places) or "none"
+        "; ".join(f"{p.name} ({p.rms:.2g} times the noise)" for p in test.locations) or "none"
         for test in (d.mismatch, d.left_over)
     )
     facts: tuple[tuple[str, Cell], ...] = (
@@ -212,10 +212,10 @@ def _parameters(d: TermsDiagnosis) -> Section:
 
 def _search(d: TermsDiagnosis) -> Section:
     rows: list[tuple[Cell, ...]] = []
-    for number, step in enumerate(d.found.steps if d.found is not None else (), 1):
+    for number, step in enumerate(d.found.rounds if d.found is not None else (), 1):
         for fit in step.ranking[:TERMS_SHOWN]:
             shape = None if fit.term.shape is None else fit.shape
-            state = "entered" if fit.identifier in step.entered.split(" + ") else ", ".join(fit.on_bound)
+            state = "entered" if fit.identifier in step.entered else ", ".join(fit.on_bound)
             note = f"{state} on its bound" if state and state != "entered" else state
             rows.append((number, title_of(d, fit.identifier), fit.term.equation, fit.gain, fit.cost, shape, note))
     table = Table(

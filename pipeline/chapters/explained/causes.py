@@ -10,15 +10,14 @@ import numpy as np
 from pmg.pipeline.chapters.explained.grounds import on_bound
 from pmg.pipeline.diagnose.grid.decide import JUDGE_DRAWS
 from pmg.pipeline.diagnose.grid.document import probabilities
-from pmg.pipeline.diagnose.grid.ranking import score
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Series, Table
 from pmg.pipeline.wording.probability import told_search
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_SUN, Array
 
 if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.grid.candidates import CandidateFit
     from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
-    from pmg.pipeline.diagnose.grid.fitting import CandidateFit
     from pmg.pipeline.report.table import Cell
 
 RANKED = 8
@@ -160,10 +159,10 @@ def _simpler(fit: CandidateFit, named: CandidateFit) -> bool:
 def _ranking(diagnosis: Diagnosis) -> Table:
     naming = diagnosis.naming
     assert naming is not None
-    stage = naming.best.stage
+    stage = naming.best.problem
     shown = naming.ranking[:RANKED]
     rows: list[tuple[Cell, ...]] = [
-        (fit.candidate.kind.title, fit.candidate.shaft, score(stage, fit), fit.gain, float(fit.cost), _on_bounds(fit))
+        (fit.candidate.kind.title, fit.candidate.shaft, stage.score(fit), fit.gain, float(fit.cost), _on_bounds(fit))
         for fit in shown
     ]
     finer = [fit for fit in naming.best.fits if any(_simpler(other, fit) for other in shown)]

@@ -11,7 +11,8 @@ from pmg.sim.signals import SPEEDS
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.design.audit import Audit
-    from pmg.pipeline.diagnose.grid.diagnosis import Absorbed, Diagnosis
+    from pmg.pipeline.diagnose.engine.verdict import Absorbed
+    from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
     from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.sim.mechanisms import Parameter
 

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.grid.diagnosis import Verdict
+from pmg.pipeline.diagnose.engine.verdict import Verdict
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Series, Table, Text
 from pmg.pipeline.wording.numerals import number
 from pmg.sim.signals import MINUTE, RESIDUAL, RPM
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.form.atoms import Covariate
+    from pmg.pipeline.diagnose.form.atoms import FormCovariate
     from pmg.pipeline.diagnose.form.shape import Shape
     from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
     from pmg.sim.signals import Array
@@ -76,7 +76,7 @@ def _constants(shape: Shape) -> Table:
     )
 
 
-def _axis(covariate: Covariate) -> tuple[Array, str]:
+def _axis(covariate: FormCovariate) -> tuple[Array, str]:
     unit, scale = DISPLAYED.get(covariate.unit, (covariate.unit, 1.0))
     return covariate.values / scale, f"{covariate.meaning} [{unit}]"
 

@@ -20,7 +20,7 @@ from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
-    from pmg.pipeline.diagnose.grid.locate import Location, Mismatch
+    from pmg.pipeline.diagnose.grid.locate import CampaignMismatch, Location
     from pmg.sim.grid import OperatingPoints
     from pmg.sim.mechanisms import Mechanism
     from pmg.sim.signals import Array
@@ -73,7 +73,7 @@ def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.
     return Section("diagnosis", "Diagnosis", tuple(items), (sources.WESTFALL_YOUNG,))
 
 
-def _p_value(mismatch: Mismatch) -> str:
+def _p_value(mismatch: CampaignMismatch) -> str:
     drawn = f"{mismatch.draws} synthetic campaigns"
     if mismatch.p_value * (mismatch.draws + 1) < 1.5:
         return f"below {1.0 / mismatch.draws:.2g}: none of {drawn} showed one as clear"
@@ -177,7 +177,7 @@ def _memory(diagnosis: Diagnosis) -> tuple[str, tuple[Chart, ...]]:
         return "", ()
     zero = " Zero is the baseline's fit to the whole campaign, not the state at its first point"
     at = diagnosis.mismatch.readings.grid.points
-    for mechanism in found.mechanisms(naming.best.stage) if at.ordered else ():
+    for mechanism in found.mechanisms(naming.best.problem) if at.ordered else ():
         what, rise = _rise(mechanism, diagnosis.mismatch.locations[0], at)
         known = np.isfinite(rise)
         if not known.any():

@@ -8,22 +8,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.balance.estimate import Estimate, Fitted, fit_together
-from pmg.pipeline.diagnose.balance.fitting import Ground, TermFit, take_out
+from pmg.pipeline.diagnose.balance.catalogue import TermCatalogue
+from pmg.pipeline.diagnose.balance.estimate import Estimate, FittedTerms, fit_together
+from pmg.pipeline.diagnose.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnose.balance.proof import held_out, set_against
-from pmg.pipeline.diagnose.balance.search import Search, TermSet, rank
-from pmg.pipeline.diagnose.grid.naming import MARGIN
+from pmg.pipeline.diagnose.engine.naming import margin_beside
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
+    from pmg.pipeline.diagnose.balance.catalogue import TermNaming, TermSet
     from pmg.pipeline.diagnose.balance.mismatch import NoiseModel
     from pmg.pipeline.diagnose.balance.recorded import Recorded
     from pmg.pipeline.diagnose.balance.term import Term
-    from pmg.pipeline.diagnose.grid.holdout import HeldOut
-    from pmg.pipeline.diagnose.grid.naming import Remainder
-    from pmg.sim.signals import Array
+    from pmg.pipeline.diagnose.engine.adequacy import AdequacyTest
+    from pmg.pipeline.diagnose.engine.held_out import HeldOut
 
 MOST_REFINED = 6
 """Further terms that are looked at once the named ones are in."""
@@ -56,7 +54,7 @@ class Stand:
     """
 
     added: str
-    fitted: Fitted
+    fitted: FittedTerms
     error_fit: float
     error_withheld: float
     held: HeldOut | None
@@ -117,13 +115,14 @@ def stand_of(scene: Scene, fits: tuple[TermFit, ...], rng: np.random.Generator) 
         truth = scene.withheld.force + scene.withheld.known
         errors = [truth - model.predict(scene.withheld) for model in (before, fitted)]
         carried = held_out("", errors[0], errors[1], scene.noise.noise, rng).gain_interval
+    samples = len(scene.recorded.force) - scene.noise.noise.lags
     return Stand(
         fits[-1].identifier if fits else "",
         fitted,
         fitted.relative_error(scene.recorded),
         float("nan") if scene.withheld is None else fitted.relative_error(scene.withheld),
         set_against(scene.recorded, scene.noise.noise, scene.free, (fits[:-1], fits), rng) if fits else None,
-        fits[-1].evidence(len(scene.recorded.force) - scene.noise.noise.lags) if fits else 0.0,
+        fits[-1].gain - fits[-1].cost * math.log(samples) if fits else 0.0,
         carried,
     )
 
@@ -131,23 +130,24 @@ def stand_of(scene: Scene, fits: tuple[TermFit, ...], rng: np.random.Generator) 
 def refine(
     scene: Scene,
     best: TermSet,
-    judge: Callable[[Array, Array], Remainder],
+    remainder_of: AdequacyTest,
     threshold: float,
     rng: np.random.Generator,
 ) -> tuple[Stand, ...]:
     """Further terms, one after the other: more than any decoy, a good part of the rest, better on withheld blocks."""
     current, refined = best, list[Stand]()
     while len(refined) < MOST_REFINED:
-        samples = len(current.ground.left)
-        rest = judge(current.ground.baseline, current.ground.left)
+        rest = remainder_of(current.problem)
         if rest.adequate:
             break
         least = max(threshold, SHARE_OF_REFINEMENT * rest.excess)
-        fits = [f for f in rank(current.ground, current.ids) if not f.on_bound and f.evidence(samples) > least]
+        here = current.problem
+        ranked = TermCatalogue().rank(here, current.ids)
+        fits = [fit for fit in ranked if not fit.on_bound and here.score(fit) > least]
         for fit in fits[:TRIED]:
             stand = stand_of(scene, (*current.fits, fit), rng)
             if stand.held is not None and stand.held.gain_interval[0] > 0.0:
-                current = TermSet((*current.fits, fit), take_out(current.ground, fit))
+                current = current.plus(fit)
                 refined.append(stand)
                 break
         else:
@@ -155,30 +155,29 @@ def refine(
     return tuple(refined)
 
 
-def settled(ground: Ground, fits: tuple[TermFit, ...]) -> Ground:
-    """The ground with the columns of some terms free besides, their shapes kept."""
-    basis = orthonormal(np.hstack([ground.baseline, *(ground.columns_of(fit.term, fit.shape) for fit in fits)]))
-    return replace(ground, baseline=basis, left=ground.left - basis @ (basis.T @ ground.left))
+def settled(problem: TermProblem, fits: tuple[TermFit, ...]) -> TermProblem:
+    """The problem with the columns of some terms free besides, their shapes kept."""
+    basis = orthonormal(np.hstack([problem.baseline, *(problem.columns_of(fit.term, fit.shape) for fit in fits)]))
+    return replace(problem, baseline=basis, left=problem.left - basis @ (basis.T @ problem.left))
 
 
 def contest(
     scene: Scene,
-    ground: Ground,
-    found: Search,
+    problem: TermProblem,
+    found: TermNaming,
     refinements: tuple[Stand, ...],
-    judge: Callable[[Array, Array], Remainder],
+    remainder_of: AdequacyTest,
     rng: np.random.Generator,
 ) -> tuple[Contest, ...]:
     """Every rival against the named set, both with the refinements in."""
     extra = refinements[-1].fitted.fits[len(found.best.fits) :] if refinements else ()
 
-    mine = settled(ground, (*found.best.fits, *extra))
-    remainder = judge(mine.baseline, mine.left)
-    margin = MARGIN + (0.0 if remainder.adequate else remainder.excess)
+    mine = settled(problem, (*found.best.fits, *extra))
+    margin = margin_beside(remainder_of(mine))
     contests = []
     for rival in found.rivals:
         added = tuple(fit for fit in extra if fit.identifier not in rival.ids)
-        other = settled(ground, (*rival.fits, *added))
+        other = settled(problem, (*rival.fits, *added))
         cost = sum(f.cost for f in (*rival.fits, *added)) - sum(f.cost for f in (*found.best.fits, *extra))
         lead = float(other.left @ other.left - mine.left @ mine.left) + cost * math.log(len(mine.left))
         pair = (*rival.fits, *added), (*found.best.fits, *extra)

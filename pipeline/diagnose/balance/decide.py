@@ -7,24 +7,33 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnose.balance.catalogue import TermCatalogue, Twins, find_twins
 from pmg.pipeline.diagnose.balance.contest import Contest, Scene, Stand, contest, refine, settled, stand_of
 from pmg.pipeline.diagnose.balance.estimate import design_of
-from pmg.pipeline.diagnose.balance.fitting import set_ground, tabulate
-from pmg.pipeline.diagnose.balance.mismatch import DRAWS, find_mismatch, make_judge, noise_of
-from pmg.pipeline.diagnose.balance.proof import Decoys, try_decoys, withhold
-from pmg.pipeline.diagnose.balance.search import Search, Twins, find_twins, search
-from pmg.pipeline.diagnose.balance.structure import families
-from pmg.pipeline.diagnose.grid.decide import WITHHELD_SHARE
-from pmg.pipeline.diagnose.grid.diagnosis import Absorbed, Verdict
-from pmg.pipeline.diagnose.grid.ranking import ENTRY
+from pmg.pipeline.diagnose.balance.fitting import tabulate, term_problem
+from pmg.pipeline.diagnose.balance.mismatch import DRAWS, find_mismatch, noise_of, record_evidence
+from pmg.pipeline.diagnose.balance.proof import FurtherDecoys, surrogate_decoys, try_decoys, withheld_samples
+from pmg.pipeline.diagnose.balance.structure import families_of
+from pmg.pipeline.diagnose.engine.adequacy import adequacy_test
+from pmg.pipeline.diagnose.engine.catalogue import ENTRY
+from pmg.pipeline.diagnose.engine.decoys import offer_decoys
+from pmg.pipeline.diagnose.engine.explanation import explain_with
+from pmg.pipeline.diagnose.engine.naming import name_candidates
+from pmg.pipeline.diagnose.engine.verdict import Absorbed, Verdict
+from pmg.pipeline.diagnose.engine.withheld import withhold
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.case_file import Case
-    from pmg.pipeline.diagnose.balance.fitting import TermFit
-    from pmg.pipeline.diagnose.balance.mismatch import Mismatch, NoiseModel
+    from pmg.pipeline.diagnose.balance.catalogue import TermNaming
+    from pmg.pipeline.diagnose.balance.fitting import TermFit, TermProblem
+    from pmg.pipeline.diagnose.balance.mismatch import NoiseModel, Place
     from pmg.pipeline.diagnose.balance.recorded import Recorded
     from pmg.pipeline.diagnose.balance.term import Term
-    from pmg.pipeline.diagnose.grid.holdout import HeldOut
+    from pmg.pipeline.diagnose.engine.decoys import Decoys
+    from pmg.pipeline.diagnose.engine.evidence import Evidence
+    from pmg.pipeline.diagnose.engine.held_out import HeldOut
+    from pmg.pipeline.diagnose.engine.mismatch import Mismatch
+    from pmg.pipeline.fit.structure import ResidualStructure
 
 
 @dataclass(frozen=True)
@@ -43,7 +52,7 @@ class TermsDiagnosis:
         Noise that it was judged against.
     mismatch : Mismatch
         Test and places.
-    found : Search or None
+    found : Naming or None
         What the library says; None without a mismatch.
     held : HeldOut or None
         Withheld blocks, the choice made anew for each.
@@ -56,8 +65,10 @@ class TermsDiagnosis:
         What the design of the recording cannot tell apart.
     absorbed : tuple of Absorbed
         Baseline parameters before and after.
-    decoys : Decoys
-        Terms without a meaning, put to the same test.
+    decoys : FurtherDecoys
+        Terms without a meaning, offered to what the named ones leave.
+    instead : Decoys or None
+        The same, offered in place of the named ones.
     contests : tuple of Contest
         Sets of terms that came near the named one, each set against it with the refinements in.
     left_over : Mismatch
@@ -69,16 +80,17 @@ class TermsDiagnosis:
     withheld: Recorded | None
     verdict: Verdict
     noise: NoiseModel
-    mismatch: Mismatch
-    found: Search | None
+    mismatch: Mismatch[Place]
+    found: TermNaming | None
     held: HeldOut | None
     stands: tuple[Stand, ...]
     refinements: tuple[Stand, ...]
     twins: tuple[Twins, ...]
     absorbed: tuple[Absorbed, ...]
-    decoys: Decoys
+    decoys: FurtherDecoys
+    instead: Decoys | None
     contests: tuple[Contest, ...]
-    left_over: Mismatch
+    left_over: Mismatch[Place]
 
 
 def free_terms(case: Case) -> tuple[Term, ...]:
@@ -100,6 +112,49 @@ def searched_terms(case: Case) -> tuple[Term, ...]:
     return tuple(terms)
 
 
+@dataclass(frozen=True)
+class _Searched:
+    """A record searched: its noise, families and evidence about the free terms of the baseline, and what was found."""
+
+    free: tuple[Term, ...]
+    noise: NoiseModel
+    looked: tuple[ResidualStructure, ...]
+    evidence: Evidence
+    problem: TermProblem
+    mismatch: Mismatch[Place]
+    found: TermNaming | None
+    named: tuple[TermFit, ...]
+
+
+def _search(case: Case, recorded: Recorded, rng: np.random.Generator) -> _Searched:
+    """The mismatch test and the search of the library; twice, the second time with noise freed from what was named."""
+    looked, free, searched = families_of(recorded), free_terms(case), searched_terms(case)
+    tables = tabulate(recorded, searched, coarse=True)
+    plain = design_of(recorded, free, ())
+    allowed = [table.columns.reshape(len(plain), -1) for table in tables.values()]
+    structured = np.hstack([plain, *(f.columns for f in looked), *allowed])
+    found: TermNaming | None = None
+    named: tuple[TermFit, ...] = ()
+    for turn in range(2):
+        noise = noise_of(recorded.force, structured, rng)
+        null = noise.whitened_draws(len(recorded.force), DRAWS, rng)
+        problem = term_problem(recorded, tables, noise.noise, plain)
+        evidence = record_evidence(noise, problem, looked, null)
+        mismatch = find_mismatch(evidence, looked)
+        if not mismatch.found:
+            found, named = None, ()
+            break
+        if turn == 0:
+            tables = tabulate(recorded, searched)
+            problem = term_problem(recorded, tables, noise.noise, plain)
+        found = name_candidates(problem, TermCatalogue(), adequacy_test(evidence))
+        if found.best.ids == {fit.identifier for fit in named}:
+            break
+        named = found.best.fits
+        structured = np.hstack([structured, design_of(recorded, (), named)]) if named else structured
+    return _Searched(free, noise, looked, evidence, problem, mismatch, found, named)
+
+
 def diagnose_terms(
     case: Case, recorded: Recorded, withheld: Recorded | None, rng: np.random.Generator
 ) -> TermsDiagnosis:
@@ -114,76 +169,51 @@ def diagnose_terms(
     rng : numpy.random.Generator
         Draws synthetic records, resamples, decoys.
     """
-    looked = families(recorded)
-    free = free_terms(case)
-    searched = searched_terms(case)
-    tables = tabulate(recorded, searched, coarse=True)
-    plain = design_of(recorded, free, ())
-    allowed = [table.columns.reshape(len(plain), -1) for table in tables.values()]
-    structured = np.hstack([plain, *(f.columns for f in looked), *allowed])
-    found: Search | None = None
-    named: tuple[TermFit, ...] = ()
-    for turn in range(2):
-        noise = noise_of(recorded.force, structured, rng)
-        null = noise.whitened_draws(len(recorded.force), DRAWS, rng)
-        ground = set_ground(recorded, tables, noise.noise, plain)
-        mismatch = find_mismatch(noise, ground.baseline, ground.left, looked, null)
-        if not mismatch.found:
-            found, named = None, ()
-            break
-        if turn == 0:
-            tables = tabulate(recorded, searched)
-            ground = set_ground(recorded, tables, noise.noise, plain)
-        judge = make_judge(noise, looked, null)
-        found = search(ground, judge)
-        if found.best.ids == {fit.identifier for fit in named}:
-            break
-        named = found.best.fits
-        structured = np.hstack([structured, design_of(recorded, (), named)]) if named else structured
-    final = found.best.ground if found is not None else ground
-    design = design_of(recorded, free, named)
-    other = None if withheld is None else (withheld, design_of(withheld, free, named))
-    decoys = Decoys(0, 0, 0.0, ())
+    s = _search(case, recorded, rng)
+    noise, found, named = s.noise.noise, s.found, s.named
+    decoys, instead = FurtherDecoys(0, 0, 0.0, ()), None
+    apart = rng.spawn(1)[0]
     if found is not None:
-        decoys = try_decoys(final, noise.noise, design, recorded, other, rng)
-    scene = Scene(recorded, withheld, noise, free)
+        design = design_of(recorded, s.free, named)
+        other = None if withheld is None else (withheld, design_of(withheld, s.free, named))
+        decoys = try_decoys(found.best.problem, noise, design, recorded, other, rng)
+        instead = offer_decoys(s.problem, found, surrogate_decoys(s.problem, recorded, noise, apart))
+    scene = Scene(recorded, withheld, s.noise, s.free)
     stands = tuple(stand_of(scene, named[:k], rng) for k in range(len(named) + 1))
     held: HeldOut | None = None
     refinements: tuple[Stand, ...] = ()
     contests: tuple[Contest, ...] = ()
-    verdict = Verdict.CONSISTENT
-    if found is not None:
-        verdict = Verdict.NOT_IN_LIBRARY
-        held = withhold(recorded, ground, noise.noise, free, named, rng) if named else None
-        if found.explained and held is not None and _predicts(held):
-            refinements = refine(scene, found.best, judge, max(ENTRY, decoys.most_evidence), rng)
-            contests = contest(scene, ground, found, refinements, judge, rng)
+    verdict = Verdict.CONSISTENT if found is None else Verdict.NOT_IN_LIBRARY
+    if found is not None and named:
+        rows = withheld_samples(recorded, s.problem, noise, design_of(recorded, s.free, ()))
+        held = withhold(rows, TermCatalogue(refine=False), named, rng, apart)
+        if found.explained and held.predicts:
+            remainder_of = adequacy_test(s.evidence)
+            refinements = refine(scene, found.best, remainder_of, max(ENTRY, decoys.most_evidence), rng)
+            by_parts = [explain_with(s.problem, TermCatalogue(), terms) for terms in held.elsewhere]
+            known = {rival.ids for rival in found.rivals}
+            found = replace(found, rivals=(*found.rivals, *(rival for rival in by_parts if rival.ids not in known)))
+            contests = contest(scene, s.problem, found, refinements, remainder_of, rng)
             verdict = Verdict.AMBIGUOUS if any(c.open for c in contests) else Verdict.NAMED
-    last = settled(ground, (refinements or stands)[-1].fitted.fits)
+    last = settled(s.problem, (refinements or stands)[-1].fitted.fits)
     return TermsDiagnosis(
         case,
         recorded,
         withheld,
         verdict,
-        noise,
-        mismatch,
+        s.noise,
+        s.mismatch,
         found,
         held,
         stands,
         refinements,
-        find_twins(ground),
+        find_twins(s.problem),
         _absorbed(stands),
         decoys,
+        instead,
         contests,
-        find_mismatch(noise, last.baseline, last.left, looked, null),
+        find_mismatch(record_evidence(s.noise, last, s.looked, s.evidence.null), s.looked),
     )
-
-
-def _predicts(held: HeldOut) -> bool:
-    """Whether the named terms predict most of the mismatch of withheld blocks."""
-    before = held.rmse_before**2 - held.noise_floor**2
-    after = held.rmse_after**2 - held.noise_floor**2
-    return held.rmse_after < held.rmse_before and after <= (1.0 - WITHHELD_SHARE) * before
 
 
 def _absorbed(stands: tuple[Stand, ...]) -> tuple[Absorbed, ...]:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.diagnose.balance.mismatch import LEVEL
-from pmg.pipeline.diagnose.grid.diagnosis import Verdict
+from pmg.pipeline.diagnose.engine.verdict import Verdict
 from pmg.pipeline.fit.document import number
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.contest import Contest, Stand
     from pmg.pipeline.diagnose.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnose.balance.estimate import Estimate
-    from pmg.pipeline.diagnose.balance.mismatch import Mismatch
-    from pmg.pipeline.diagnose.grid.holdout import HeldOut
+    from pmg.pipeline.diagnose.balance.mismatch import Place
+    from pmg.pipeline.diagnose.engine.held_out import HeldOut
+    from pmg.pipeline.diagnose.engine.mismatch import Mismatch
 
 SCHEMA = "pmg.terms-diagnosis/1"
 """Schema of the document."""
@@ -28,7 +29,7 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
         "case": diagnosis.case.title,
         "verdict": str(diagnosis.verdict),
         "p_value": diagnosis.mismatch.p_value,
-        "false_alarm_rate": LEVEL,
+        "false_alarm_rate": diagnosis.mismatch.false_alarm_rate,
         "noise": {
             "standard_deviation_N": diagnosis.noise.noise.standard_deviation,
             "lags": diagnosis.noise.noise.lags,
@@ -39,7 +40,7 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
         if found is None
         else [
             {
-                "entered": step.entered,
+                "entered": " + ".join(step.entered),
                 "left_before": number(step.remainder.excess),
                 "ranking": [
                     {
@@ -52,7 +53,7 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
                     for f in step.ranking
                 ],
             }
-            for step in found.steps
+            for step in found.rounds
         ],
         "models": [_model(stand) for stand in diagnosis.stands],
         "refinements": [_model(stand) for stand in diagnosis.refinements],
@@ -73,12 +74,13 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
             "entered": diagnosis.decoys.entered,
             "most_evidence": diagnosis.decoys.most_evidence,
             "most_gain_withheld": max(diagnosis.decoys.gains, default=None),
+            "in_place_of_named": None if diagnosis.instead is None else asdict(diagnosis.instead),
         },
     }
 
 
-def _places(mismatch: Mismatch) -> list[dict[str, Any]]:
-    return [{"depends_on": p.name, "p_value": p.p_value, "rms_in_noise": p.rms} for p in mismatch.places]
+def _places(mismatch: Mismatch[Place]) -> list[dict[str, Any]]:
+    return [{"depends_on": p.name, "p_value": p.p_value, "rms_in_noise": p.rms} for p in mismatch.locations]
 
 
 def _held(held: HeldOut) -> dict[str, Any]:
@@ -154,7 +156,7 @@ def headline(diagnosis: TermsDiagnosis) -> str:
         case Verdict.CONSISTENT:
             return f"Consistent: no mismatch beyond the noise (p = {diagnosis.mismatch.p_value:.2g})."
         case Verdict.NOT_IN_LIBRARY:
-            places = "; ".join(place.name for place in diagnosis.mismatch.places[:3])
+            places = "; ".join(place.name for place in diagnosis.mismatch.locations[:3])
             return f"Not in the library: a mismatch that follows {places}, and no set of terms explains it."
         case Verdict.NAMED:
             head = f"Named: {', '.join(named)}."
@@ -199,5 +201,5 @@ def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
                 f"{' and '.join(twins.ids)} are one and the same here. {separating_test(diagnosis, twins.ids)}."
             )
     if diagnosis.left_over.found and diagnosis.found is not None:
-        lines.append(f"What is left still follows: {'; '.join(p.name for p in diagnosis.left_over.places)}")
+        lines.append(f"What is left still follows: {'; '.join(p.name for p in diagnosis.left_over.locations)}")
     return lines

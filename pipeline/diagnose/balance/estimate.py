@@ -10,7 +10,8 @@ from scipy import stats
 
 from pmg.pipeline.diagnose.balance.fitting import shape_step
 from pmg.pipeline.diagnose.balance.serial import covariance_of
-from pmg.pipeline.diagnose.grid.holdout import BLOCKS, solve
+from pmg.pipeline.diagnose.engine.held_out import solve
+from pmg.pipeline.diagnose.engine.withheld import BLOCKS
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.fitting import TermFit
@@ -53,7 +54,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FittedTerms:
     """Baseline and terms fitted together to one recording.
 
     Parameters
@@ -91,7 +92,7 @@ def design_of(recorded: Recorded, baseline: tuple[Term, ...], fits: tuple[TermFi
 
 def fit_together(
     recorded: Recorded, noise: SerialNoise, baseline: tuple[Term, ...], fits: tuple[TermFit, ...]
-) -> Fitted:
+) -> FittedTerms:
     """Least squares of baseline and terms together.
 
     Notes
@@ -123,7 +124,7 @@ def fit_together(
                 fit.identifier, quantity.name, quantity.unit, fit.shape, float(error[i]), float("nan"), float("nan")
             )
         )
-    return Fitted(baseline, fits, values, tuple(estimates))
+    return FittedTerms(baseline, fits, values, tuple(estimates))
 
 
 def _slopes(recorded: Recorded, fits: tuple[TermFit, ...], amplitudes: Array) -> Array:

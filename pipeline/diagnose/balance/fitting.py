@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import lsq_linear, minimize_scalar
 
+from pmg.pipeline.diagnose.engine.problem import WhitenedProblem
 from pmg.pipeline.diagnose.engine.scan import ABSORBED
 from pmg.pipeline.fit.span import orthonormal
 
@@ -79,69 +80,6 @@ def tabulate(recorded: Recorded, terms: tuple[Term, ...], *, coarse: bool = Fals
 
 
 @dataclass(frozen=True)
-class Ground:
-    """Whitened force freed from the baseline: where terms are compared.
-
-    Parameters
-    ----------
-    columns_of : callable
-        Whitened columns of a term at a value of its shape.
-    tables : mapping of str to Tabled
-        Whitened columns over the shapes.
-    baseline : (m, k) array
-        Orthonormal basis of the baseline and of what has been taken out.
-    left : (m,) array
-        Whitened force with that projected out.
-    """
-
-    columns_of: Callable[[Term, float], Array]
-    tables: Mapping[str, Tabled]
-    baseline: Array
-    left: Array
-
-    def project(self, columns: Array) -> Array:
-        """What of some columns (m, c) the baseline cannot absorb."""
-        return np.asarray(columns - self.baseline @ (self.baseline.T @ columns))
-
-    def of(self, rows: Mask) -> Ground:
-        """The ground of some rows, before anything was taken out; the baseline is made orthonormal anew."""
-        tables = {k: replace(t, columns=t.columns[rows]) for k, t in self.tables.items()}
-        return beside(
-            lambda term, shape: self.columns_of(term, shape)[rows], tables, self.baseline[rows], self.left[rows]
-        )
-
-
-def beside(
-    columns_of: Callable[[Term, float], Array], tables: Mapping[str, Tabled], columns: Array, force: Array
-) -> Ground:
-    """The ground beside a baseline of whitened columns."""
-    basis = orthonormal(columns)
-    return Ground(columns_of, tables, basis, force - basis @ (basis.T @ force))
-
-
-def set_ground(recorded: Recorded, tables: dict[str, Tabled], noise: SerialNoise, baseline: Array) -> Ground:
-    """The ground of a recording for noise that is known.
-
-    Parameters
-    ----------
-    recorded : Recorded
-        The recording.
-    tables : dict of str to Tabled
-        Its terms, not whitened.
-    noise : SerialNoise
-        Its noise.
-    baseline : (n, k) array
-        Thinned columns of the free baseline.
-    """
-
-    def columns_of(term: Term, shape: float) -> Array:
-        return noise.whiten(recorded.columns(term, shape))
-
-    white = {key: replace(table, columns=noise.whiten(table.columns)) for key, table in tables.items()}
-    return beside(columns_of, white, noise.whiten(baseline), noise.whiten(recorded.force[:, None])[:, 0])
-
-
-@dataclass(frozen=True)
 class TermFit:
     """A term fitted beside the baseline.
 
@@ -184,30 +122,109 @@ class TermFit:
         """Whether the baseline leaves anything of it to be seen."""
         return self.survives >= ABSORBED
 
-    def evidence(self, samples: int) -> float:
-        """Gain less the cost of the parameters (Schwarz)."""
-        return self.gain - self.cost * math.log(samples)
+    @property
+    def candidate(self) -> Term:
+        """The term."""
+        return self.term
+
+    @property
+    def place(self) -> str:
+        """A term acts in one place."""
+        return ""
+
+    @property
+    def admissible(self) -> bool:
+        """Whether no parameter ran to a bound: a term that did is absent, or bends to anything."""
+        return self.gain > 0.0 and not self.on_bound
+
+    needed = admissible
+
+    @property
+    def bends_to_anything(self) -> bool:
+        """An admissible term does not."""
+        return False
 
 
-def fit_term(ground: Ground, term: Term, *, refine: bool = True) -> TermFit:
+@dataclass(frozen=True)
+class TermProblem(WhitenedProblem[TermFit]):
+    """The whitened problem of a record: its force beside the free terms of the baseline.
+
+    Parameters
+    ----------
+    columns_of : callable
+        Whitened columns of a term at a value of its shape.
+    tables : mapping of str to Tabled
+        Whitened columns over the shapes.
+    """
+
+    columns_of: Callable[[Term, float], Array]
+    tables: Mapping[str, Tabled]
+
+    def of(self, rows: Mask) -> TermProblem:
+        """The problem of some rows, before anything was taken out; the baseline is made orthonormal anew."""
+        tables = {k: replace(t, columns=t.columns[rows]) for k, t in self.tables.items()}
+        basis = orthonormal(self.baseline[rows])
+        left = self.left[rows]
+        return TermProblem(
+            basis,
+            left - basis @ (basis.T @ left),
+            lambda term, shape: self.columns_of(term, shape)[rows],
+            tables,
+        )
+
+    def slopes(self, fit: TermFit) -> Array:
+        """Whitened columns of a fitted term, and the derivative to its shape."""
+        columns = self.columns_of(fit.term, fit.shape)
+        if fit.term.shape is None:
+            return columns
+        low, high = shape_step(fit.term, fit.shape)
+        slope = (self.columns_of(fit.term, high) - self.columns_of(fit.term, low)) / (high - low)
+        return np.hstack([columns, (slope @ fit.amplitudes)[:, None]])
+
+
+def term_problem(recorded: Recorded, tables: dict[str, Tabled], noise: SerialNoise, baseline: Array) -> TermProblem:
+    """The problem of a recording for noise that is known.
+
+    Parameters
+    ----------
+    recorded : Recorded
+        The recording.
+    tables : dict of str to Tabled
+        Its terms, not whitened.
+    noise : SerialNoise
+        Its noise.
+    baseline : (n, k) array
+        Thinned columns of the free baseline.
+    """
+
+    def columns_of(term: Term, shape: float) -> Array:
+        return noise.whiten(recorded.columns(term, shape))
+
+    white = {key: replace(table, columns=noise.whiten(table.columns)) for key, table in tables.items()}
+    basis = orthonormal(noise.whiten(baseline))
+    force = noise.whiten(recorded.force[:, None])[:, 0]
+    return TermProblem(basis, force - basis @ (basis.T @ force), columns_of, white)
+
+
+def fit_term(problem: TermProblem, term: Term, *, refine: bool = True) -> TermFit:
     """Best amplitudes and shape of one term with the baseline free to move."""
-    table = ground.tables[term.identifier]
+    table = problem.tables[term.identifier]
     m, g, a = table.columns.shape
-    seen = ground.project(table.columns.reshape(m, g * a)).reshape(m, g, a)
-    gains = _gains(seen, ground.left, term)
+    seen = problem.project(table.columns.reshape(m, g * a)).reshape(m, g, a)
+    gains = _gains(seen, problem.left, term)
     best = int(np.argmax(gains))
     shape = float(table.shapes[best])
     if term.shape is not None and refine:
-        shape = _refined(ground, term, table.shapes, best, float(gains[best]))
-    whole = table.columns[:, best] if shape == table.shapes[best] else ground.columns_of(term, shape)
+        shape = _refined(problem, term, table.shapes, best, float(gains[best]))
+    whole = table.columns[:, best] if shape == table.shapes[best] else problem.columns_of(term, shape)
     if term.shape is None or not refine:
         whole = table.columns[:, best]
-    return _fit_at(ground, term, shape, whole)
+    return _fit_at(problem, term, shape, whole)
 
 
-def _fit_at(ground: Ground, term: Term, shape: float, whole: Array) -> TermFit:
+def _fit_at(problem: TermProblem, term: Term, shape: float, whole: Array) -> TermFit:
     """Amplitudes inside their bounds at one shape."""
-    seen = ground.project(whole)
+    seen = problem.project(whole)
     size = float(np.linalg.norm(whole))
     survives = float(np.linalg.norm(seen)) / size if size > 0.0 else 0.0
     bounds = np.array([q.bounds for q in term.amplitudes]).T
@@ -217,7 +234,7 @@ def _fit_at(ground: Ground, term: Term, shape: float, whole: Array) -> TermFit:
         return TermFit(term, none, shape, 0.0, shape_cost, np.zeros(len(seen)), survives, ())
     length = np.linalg.norm(seen, axis=0)
     length[length == 0.0] = 1.0
-    found = lsq_linear(seen / length, ground.left, bounds=(bounds[0] * length, bounds[1] * length), method="bvls")
+    found = lsq_linear(seen / length, problem.left, bounds=(bounds[0] * length, bounds[1] * length), method="bvls")
     amplitudes = np.clip(found.x / length, bounds[0], bounds[1])
     at = (amplitudes - bounds[0] < 1e-9 * np.ptp(bounds, axis=0)) | (
         bounds[1] - amplitudes < 1e-9 * np.ptp(bounds, axis=0)
@@ -226,7 +243,7 @@ def _fit_at(ground: Ground, term: Term, shape: float, whole: Array) -> TermFit:
     if term.shape is not None and not 1.001 * term.shape.bounds[0] < shape < 0.999 * term.shape.bounds[1]:
         on_bound.append(term.shape.name)
     effect = seen @ amplitudes
-    gain = float(ground.left @ ground.left - np.sum((ground.left - effect) ** 2))
+    gain = float(problem.left @ problem.left - np.sum((problem.left - effect) ** 2))
     cost = float(orthonormal(seen, 1e-2).shape[1]) + shape_cost
     return TermFit(term, amplitudes, shape, gain, cost, effect, survives, tuple(on_bound))
 
@@ -244,15 +261,15 @@ def _gains(seen: Array, left: Array, term: Term) -> Array:
     return np.asarray(np.einsum("ga,ga->g", along, np.linalg.solve(square + ridge, along[:, :, None])[:, :, 0]))
 
 
-def _refined(ground: Ground, term: Term, shapes: Array, best: int, gain: float) -> float:
+def _refined(problem: TermProblem, term: Term, shapes: Array, best: int, gain: float) -> float:
     """The shape between its neighbours on the grid that fits best."""
     turn = (lambda x: 1.0 / x) if term.even_grid else math.exp
     back = (lambda s: 1.0 / s) if term.even_grid else math.log
     ends = sorted(back(float(shapes[k])) for k in (max(best - 1, 0), min(best + 1, len(shapes) - 1)))
 
     def loss(x: float) -> float:
-        seen = ground.project(ground.columns_of(term, turn(x)))
-        return -float(_gains(seen[:, None, :], ground.left, term)[0])
+        seen = problem.project(problem.columns_of(term, turn(x)))
+        return -float(_gains(seen[:, None, :], problem.left, term)[0])
 
     found = minimize_scalar(loss, bounds=(ends[0], ends[1]), method="bounded", options={"maxiter": 16})
     return float(turn(found.x)) if -found.fun > gain else float(shapes[best])
@@ -264,15 +281,3 @@ def shape_step(term: Term, shape: float) -> tuple[float, float]:
     low, high = term.shape.bounds
     step = 1e-3 * shape if not term.even_grid else 1e-4 * shape
     return max(shape - step, low), min(shape + step, high)
-
-
-def take_out(ground: Ground, fit: TermFit) -> Ground:
-    """The ground with a fitted term taken out and its parameters free to move with the baseline's."""
-    columns = ground.columns_of(fit.term, fit.shape)
-    if fit.term.shape is not None:
-        low, high = shape_step(fit.term, fit.shape)
-        slope = (ground.columns_of(fit.term, high) - ground.columns_of(fit.term, low)) / (high - low)
-        columns = np.c_[columns, slope @ fit.amplitudes]
-    added = orthonormal(ground.project(columns), 1e-4)
-    left = ground.left - fit.seen
-    return replace(ground, baseline=np.hstack([ground.baseline, added]), left=left - added @ (added.T @ left))

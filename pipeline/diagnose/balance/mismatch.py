@@ -1,7 +1,8 @@
-"""Is there a mismatch: the noise that follows nothing, and the smallest p-value of all families, paid for."""
+"""A record as evidence: the noise that follows nothing, and which families its force follows."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -9,14 +10,13 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pmg.pipeline.diagnose.balance.serial import SerialNoise, fit_noise
-from pmg.pipeline.diagnose.balance.structure import scan_of
-from pmg.pipeline.diagnose.grid.naming import Remainder
+from pmg.pipeline.diagnose.engine.evidence import Evidence
+from pmg.pipeline.diagnose.engine.mismatch import FALSE_ALARM_RATE, Mismatch, search
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from pmg.pipeline.diagnose.balance.structure import Family
+    from pmg.pipeline.diagnose.balance.fitting import TermProblem
+    from pmg.pipeline.fit.structure import ResidualStructure
     from pmg.sim.signals import Array
 
 DRAWS = 400
@@ -24,9 +24,6 @@ DRAWS = 400
 
 VARIANTS = 20
 """Synthetic records from which the noise is fitted anew: what its estimate is uncertain and biased by."""
-
-LEVEL = 0.05
-"""False-alarm rate of the mismatch test."""
 
 STABLE = 0.999
 """Largest root of an autoregression that is drawn from."""
@@ -116,74 +113,24 @@ class Place:
     rms: float
 
 
-@dataclass(frozen=True)
-class Mismatch:
-    """The mismatch test.
-
-    Parameters
-    ----------
-    p_value : float
-        Of the smallest of all families' p-values.
-    places : tuple of Place
-        Families beyond `LEVEL`, most significant first.
-    draws : int
-        Synthetic records behind it.
-    """
-
-    p_value: float
-    places: tuple[Place, ...]
-    draws: int
-
-    @property
-    def found(self) -> bool:
-        """Whether there is one."""
-        return self.p_value <= LEVEL
+def record_evidence(
+    model: NoiseModel, problem: TermProblem, families: tuple[ResidualStructure, ...], null: Array
+) -> Evidence:
+    """A record as evidence: its whitened force, its families, and whitened synthetic noise (m, d)."""
+    columns = [model.noise.whiten(family.columns) for family in families]
+    rows = (np.ones(len(problem.left), dtype=np.bool_),)
+    return Evidence(problem.left, problem.baseline, columns, rows, null)
 
 
-def find_mismatch(model: NoiseModel, baseline: Array, left: Array, looked: tuple[Family, ...], null: Array) -> Mismatch:
-    """Whether what a baseline leaves follows any family; the search over families is paid for (Westfall, Young).
-
-    Parameters
-    ----------
-    model : NoiseModel
-        The noise.
-    baseline : (m, k) array
-        Whitened columns of the baseline.
-    left : (m,) array
-        Whitened force.
-    looked : tuple of Family
-        What it may follow.
-    null : (m, d) array
-        Whitened synthetic noise.
-    """
-    scan = scan_of(baseline, [model.noise.whiten(family.columns) for family in looked])
-    observed = scan(left[:, None])[: len(looked), 0]
-    smallest = scan(null)[: len(looked)].min(axis=0)
-    paid = (1.0 + (smallest[None, :] <= observed[:, None]).sum(axis=1)) / (null.shape[1] + 1.0)
-    residual = left - scan.baseline @ (scan.baseline.T @ left)
-    sizes = [float(np.sqrt(np.sum((basis.T @ residual) ** 2) / len(left))) for basis in scan.bases]
-    places = [Place(f.name, float(p), s) for f, p, s in zip(looked, paid, sizes, strict=True) if p <= LEVEL]
+def find_mismatch(evidence: Evidence, families: tuple[ResidualStructure, ...]) -> Mismatch[Place]:
+    """Whether what a baseline leaves follows any family; every family beyond `FALSE_ALARM_RATE`, clearest first."""
+    (step,) = search(evidence, steps=1)
+    scan = step.scan
+    residual = evidence.y - scan.baseline @ (scan.baseline.T @ evidence.y)
+    places = []
+    for k, (family, basis) in enumerate(zip(families, scan.bases, strict=True)):
+        size = math.sqrt(float(np.sum((basis.T @ residual) ** 2)) / len(residual))
+        places.append(Place(family.covariates[0], step.corrected(k), size))
     order = sorted(places, key=lambda place: (place.p_value, -place.rms))
-    return Mismatch(float(paid.min()), tuple(order), null.shape[1])
-
-
-def make_judge(model: NoiseModel, looked: tuple[Family, ...], null: Array) -> Callable[[Array, Array], Remainder]:
-    """A judge of what an explanation leaves: by the families of the mismatch test, as `leftover.make_judge`."""
-    columns = [model.noise.whiten(family.columns) for family in looked]
-
-    def judge(baseline: Array, left: Array) -> Remainder:
-        scan = scan_of(baseline, columns)
-        observed = float(scan(left[:, None])[: len(looked), 0].min())
-        smallest = scan(null)[: len(looked)].min(axis=0)
-        p_value = (1.0 + float(np.sum(smallest <= observed))) / (null.shape[1] + 1.0)
-        along = scan.everything.T @ left
-        rest = left - scan.everything @ along
-        dof = max(len(rest) - scan.everything.shape[1], 1)
-        dimensions = scan.everything.shape[1] - scan.baseline.shape[1]
-        inside = float(along @ along) - float(np.sum((scan.baseline.T @ left) ** 2))
-        variance = max(float(rest @ rest) / dof, 1e-12)
-        of_noise = np.sum((scan.everything.T @ null) ** 2, axis=0) - np.sum((scan.baseline.T @ null) ** 2, axis=0)
-        usual = float(np.quantile(of_noise, 0.95)) - dimensions
-        return Remainder(p_value, max(0.0, inside / variance - dimensions), usual)
-
-    return judge
+    found = tuple(place for place in order if place.p_value <= FALSE_ALARM_RATE)
+    return Mismatch(step.p_value, FALSE_ALARM_RATE, found, len(families), evidence.null.shape[1])

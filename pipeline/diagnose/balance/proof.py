@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pmg.pipeline.diagnose.balance.estimate import design_of
-from pmg.pipeline.diagnose.balance.fitting import Tabled, fit_term, take_out
-from pmg.pipeline.diagnose.balance.search import rank
-from pmg.pipeline.diagnose.grid.holdout import BLOCKS, HeldOut, gain_interval, solve
-from pmg.pipeline.diagnose.grid.ranking import ENTRY
-from pmg.pipeline.diagnose.grid.withheld import FOLDS
+from pmg.pipeline.diagnose.balance.fitting import TermFit, TermProblem
+from pmg.pipeline.diagnose.engine.catalogue import ENTRY
+from pmg.pipeline.diagnose.engine.decoys import gains_of
+from pmg.pipeline.diagnose.engine.held_out import HeldOut, gain_interval, solve
+from pmg.pipeline.diagnose.engine.withheld import BLOCKS, FOLDS, Withholding
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnose.balance.fitting import Ground, TermFit
     from pmg.pipeline.diagnose.balance.recorded import Recorded
     from pmg.pipeline.diagnose.balance.serial import SerialNoise
     from pmg.pipeline.diagnose.balance.term import Term
@@ -34,66 +34,49 @@ def blocks_of(samples: int) -> npt.NDArray[np.int64]:
     return (np.arange(samples) * BLOCKS) // samples
 
 
-def withhold(
-    recorded: Recorded,
-    ground: Ground,
-    noise: SerialNoise,
-    baseline: tuple[Term, ...],
-    fits: tuple[TermFit, ...],
-    rng: np.random.Generator,
-) -> HeldOut:
-    """Error on withheld blocks of neighbours without and with what the other blocks would name.
+@dataclass(frozen=True)
+class WithheldSamples(Withholding[TermFit, TermProblem]):
+    """Samples of a record as they are withheld; whitening has lost the first `lags` of them."""
 
-    Parameters
-    ----------
-    recorded : Recorded
-        The recording that the fits are made to.
-    ground : Ground
-        Beside the baseline alone.
-    noise : SerialNoise
-        Its noise.
-    baseline : tuple of Term
-        Free terms of the baseline.
-    fits : tuple of TermFit
-        What was named on all of it; decides only how many terms are chosen from the rest.
-    rng : numpy.random.Generator
-        Resamples the blocks.
+    recorded: Recorded
+    problem: TermProblem
+    lags: int
+    noun = "terms were"
 
-    Notes
-    -----
-    The whole choice is made anew for each part, on the other parts only.
-    """
-    y = recorded.force
-    block = blocks_of(len(y))
-    fold = block % FOLDS
-    plain = design_of(recorded, baseline, ())
-    before, after = y.copy(), y.copy()
-    chosen: Counter[str] = Counter()
-    for k in range(FOLDS):
-        train, test = fold != k, fold == k
-        part = ground.of(train[noise.lags :])
-        picked: list[TermFit] = []
-        for _ in fits:
-            best = rank(part, frozenset(f.identifier for f in picked), refine=False)[0]
-            part = take_out_rows(ground, part, best, train[noise.lags :])
-            picked.append(best)
-        chosen.update(f.identifier for f in picked)
-        before[test] = _left(plain, y, train)[test]
-        after[test] = _left(design_of(recorded, baseline, tuple(picked)), y, train)[test]
-    kept = sum(chosen[f.identifier] for f in fits)
-    return held_out(
-        f"{BLOCKS} blocks of neighbouring samples, a quarter at a time, withheld before the choice: the same terms "
-        f"were chosen in {kept} of {FOLDS * len(fits)}",
-        before,
-        after,
-        noise,
-        rng,
+    def part(self, rows: Mask) -> TermProblem:
+        """The problem of some samples."""
+        return self.problem.of(rows[self.lags :])
+
+    def effect(self, fits: tuple[TermFit, ...]) -> Array:
+        """Force of fitted terms [N]."""
+        return np.asarray(design_of(self.recorded, (), fits) @ np.concatenate([fit.amplitudes for fit in fits]))
+
+    def touched(self, fits: tuple[TermFit, ...]) -> Mask:
+        """Every sample: a record is continuous."""
+        return np.ones(len(self.y), dtype=np.bool_)
+
+    def predictors(self, fits: tuple[TermFit, ...]) -> tuple[Array, Array, Array]:
+        """Columns of the terms at their shapes, refitted with the baseline."""
+        columns = design_of(self.recorded, (), fits)
+        return np.zeros(len(self.y)), columns, columns
+
+
+def withheld_samples(recorded: Recorded, problem: TermProblem, noise: SerialNoise, plain: Array) -> WithheldSamples:
+    """The samples of a record beside the free columns (n, k) of its baseline, dealt to the folds of the proof."""
+    n = len(recorded.force)
+    block = blocks_of(n)
+    return WithheldSamples(
+        y=recorded.force,
+        columns=plain,
+        scale=np.full(n, noise.standard_deviation),
+        block=block,
+        fold=block % FOLDS,
+        groups=[np.arange(n)],
+        what=f"{BLOCKS} blocks of neighbouring samples",
+        recorded=recorded,
+        problem=problem,
+        lags=noise.lags,
     )
-
-
-def take_out_rows(ground: Ground, part: Ground, fit: TermFit, rows: Mask) -> Ground:
-    """A part of the ground with a term taken out; its columns are made on the whole and cut."""
-    return take_out(replace(part, columns_of=lambda term, shape: ground.columns_of(term, shape)[rows]), fit)
 
 
 def held_out(split: str, before: Array, after: Array, noise: SerialNoise, rng: np.random.Generator) -> HeldOut:
@@ -135,8 +118,8 @@ def set_against(
 
 
 @dataclass(frozen=True)
-class Decoys:
-    """Terms without a meaning, put to the same test.
+class FurtherDecoys:
+    """Terms without a meaning, offered to what the named ones leave.
 
     Parameters
     ----------
@@ -155,18 +138,18 @@ class Decoys:
 
 
 def try_decoys(
-    ground: Ground,
+    problem: TermProblem,
     noise: SerialNoise,
     design: Array,
     recorded: Recorded,
     withheld: tuple[Recorded, Array] | None,
     rng: np.random.Generator,
-) -> Decoys:
-    """Columns of the library with their phases drawn at random, offered to the same ground.
+) -> FurtherDecoys:
+    """Columns of the library with their phases drawn at random, offered to the same problem.
 
     Parameters
     ----------
-    ground : Ground
+    problem : TermProblem
         With the named terms taken out.
     noise : SerialNoise
         The noise.
@@ -184,16 +167,10 @@ def try_decoys(
     A decoy has the spectrum of a true column, so it is as smooth, and no meaning; another draw of it stands in the
     withheld record. What it gains there is luck.
     """
-    tables = [t for t in ground.tables.values() if t.term.shape is None and _moves(recorded.columns(t.term))]
-    evidence, gains = [], []
-    for i in range(DECOYS):
-        term = tables[i % len(tables)].term
+    terms, columns, gains = _decoy_terms(problem, recorded), [], []
+    for term in terms:
         column = _surrogate(recorded.columns(term), rng)
-        white = noise.whiten(column)
-        wide = replace(term, amplitudes=tuple(replace(q, bounds=(-1e12, 1e12)) for q in term.amplitudes))
-        table = Tabled(wide, np.array([math.nan]), white[:, None, :])
-        fit = fit_term(replace(ground, tables={term.identifier: table}), wide)
-        evidence.append(fit.evidence(len(ground.left)))
+        columns.append(noise.whiten(column))
         if withheld is not None:
             other, there = withheld
             values = solve(np.c_[design, column], recorded.force)
@@ -202,7 +179,23 @@ def try_decoys(
             after = other.force - np.c_[there, _surrogate(other.columns(term), rng)] @ values
             before = other.force - there @ plain
             gains.append(float(np.linalg.norm(before) - np.linalg.norm(after)) / whole)
-    return Decoys(DECOYS, sum(e > ENTRY for e in evidence), max(evidence), tuple(gains))
+    evidence = gains_of(problem, columns)[1]
+    return FurtherDecoys(DECOYS, int(np.sum(evidence > ENTRY)), float(evidence.max()), tuple(gains))
+
+
+def surrogate_decoys(
+    problem: TermProblem, recorded: Recorded, noise: SerialNoise, rng: np.random.Generator
+) -> Iterator[Array]:
+    """Whitened decoys with the spectrum of the library's columns."""
+    for term in _decoy_terms(problem, recorded):
+        yield noise.whiten(_surrogate(recorded.columns(term), rng))
+
+
+def _decoy_terms(problem: TermProblem, recorded: Recorded) -> list[Term]:
+    """Terms whose columns decoys are drawn from, in turn."""
+    terms = [table.term for table in problem.tables.values()]
+    varying = [term for term in terms if term.shape is None and _moves(recorded.columns(term))]
+    return [varying[i % len(varying)] for i in range(DECOYS)]
 
 
 def _moves(columns: Array) -> bool:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.engine.scan import ABSORBED, Scan
-from pmg.pipeline.fit.span import orthonormal
+from pmg.pipeline.fit.structure import ResidualStructure
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.balance.recorded import Recorded
@@ -30,22 +28,6 @@ RISE = (1e-5, 1e-4, 1e-3)
 """Lengths after a reversal over which a force may rise [m]."""
 
 
-@dataclass(frozen=True)
-class Family:
-    """Columns that share a covariate.
-
-    Parameters
-    ----------
-    name : str
-        The covariate, in words.
-    columns : (n, k) array
-        Thinned columns.
-    """
-
-    name: str
-    columns: Array
-
-
 def _hats(covariate: Array) -> Array:
     """Piecewise linear curve over a covariate (n, knots)."""
     knots = np.unique(np.quantile(covariate, np.linspace(0.0, 1.0, KNOTS)))
@@ -59,7 +41,7 @@ def _waves(covariate: Array, first: int, last: int) -> Array:
     return np.cos(np.arange(first, last + 1) * angle[:, None])
 
 
-def families(recorded: Recorded) -> tuple[Family, ...]:
+def families_of(recorded: Recorded) -> tuple[ResidualStructure, ...]:
     """Families of structure of a recording; a curve, a wave or a rise each for what a machine's force may follow."""
     m = recorded.motion
     sign = m.direction[:, None]
@@ -79,17 +61,4 @@ def families(recorded: Recorded) -> tuple[Family, ...]:
         "time, as friction": np.c_[sign * slow_time[:, :4], m.speed[:, None] * slow_time[:, :4]],
         "rate of the force": np.gradient(m.modelled, m.sample_time)[:, None],
     }
-    return tuple(Family(name, recorded.thin(columns)) for name, columns in drawn.items())
-
-
-def scan_of(baseline: Array, columns: list[Array]) -> Scan:
-    """Projections for whitened baseline and family columns: one p-value a family; there are no repeated points."""
-    base = orthonormal(baseline)
-    bases = []
-    for block in columns:
-        length = np.linalg.norm(block, axis=0)
-        unit = block[:, length > 0.0] / length[length > 0.0]
-        left = unit - base @ (base.T @ unit)
-        bases.append(orthonormal(left[:, np.linalg.norm(left, axis=0) > ABSORBED], 1e-3))
-    everything = orthonormal(np.hstack([base, *bases]))
-    return Scan(base, everything, tuple(bases), np.ones(len(base), dtype=np.bool_), ())
+    return tuple(ResidualStructure("force", "all", (name,), recorded.thin(columns)) for name, columns in drawn.items())

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.diagnose.design.next_test import ENOUGH, distance, longer_stage, power_to_separate
+from pmg.pipeline.diagnose.design.next_test import ENOUGH, distance, longer_problem, power_to_separate
 from pmg.pipeline.diagnose.design.plans import Plan, possible_plans
-from pmg.pipeline.diagnose.grid.candidates import Candidate, Stage, candidates, set_stage
-from pmg.pipeline.diagnose.grid.explanation import Explanation, take_out
-from pmg.pipeline.diagnose.grid.fitting import CandidateFit
+from pmg.pipeline.diagnose.grid.candidates import Candidate, CandidateFit, GridProblem, candidates, grid_problem
+from pmg.pipeline.diagnose.grid.catalogue import GridExplanation
 from pmg.pipeline.fit.structure import families
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import take_readings
@@ -102,7 +101,7 @@ class Audit:
 
     Parameters
     ----------
-    stage : Stage
+    problem : GridProblem
         Its points and noise.
     visible : tuple of Visibility
         Every mechanism on every shaft.
@@ -112,7 +111,7 @@ class Audit:
         All other pairs of what can be seen, closest first: these points tell them apart.
     """
 
-    stage: Stage
+    problem: GridProblem
     visible: tuple[Visibility, ...]
     alike: tuple[LookAlike, ...]
     apart: tuple[LookAlike, ...] = ()
@@ -145,24 +144,24 @@ def audit_design(grid: Grid, bench: BenchParameters, model: LossModel, floor: No
     and in 95 % at 1.645 above. Mechanisms that are not proportional to their size are scaled up as such all the same.
     """
     readings = take_readings(grid, bench)
-    stage = set_stage(readings, bench, model, whitener(readings, bench, floor))
+    problem = grid_problem(readings, bench, model, whitener(readings, bench, floor))
     looked_for = len(families(readings, bench, model)) + len(candidates())
     threshold = float(stats.norm.isf(0.5 * LEVEL / looked_for))
-    found = tuple(_visibility(stage, candidate, threshold) for candidate in candidates())
-    fits = {seen.candidate: _as_fit(stage, seen.candidate, seen.values_50) for seen in found if not seen.unseen}
-    pairs = _resembling(stage, fits)
+    found = tuple(_visibility(problem, candidate, threshold) for candidate in candidates())
+    fits = {seen.candidate: _as_fit(problem, seen.candidate, seen.values_50) for seen in found if not seen.unseen}
+    pairs = _resembling(problem, fits)
     alike = [pair for pair in pairs if pair.correlation >= ALIKE]
     longer = tuple(
-        (plan, longer_stage(stage, plan, floor)) for plan in (possible_plans(grid.points, bench) if alike else ())
+        (plan, longer_problem(problem, plan, floor)) for plan in (possible_plans(grid.points, bench) if alike else ())
     )
     apart = tuple(pair for pair in pairs if pair.correlation < ALIKE)
-    return Audit(stage, found, tuple(_with_test(pair, fits, longer) for pair in alike), apart)
+    return Audit(problem, found, tuple(_with_test(pair, fits, longer) for pair in alike), apart)
 
 
-def _visibility(stage: Stage, candidate: Candidate, threshold: float) -> Visibility:
+def _visibility(problem: GridProblem, candidate: Candidate, threshold: float) -> Visibility:
     values = np.array([p.typical for p in candidate.parameters])
-    effect = stage.effect(candidate, values)
-    whole, seen = stage.white(effect[:, None])[:, 0], stage.project(effect)
+    effect = problem.effect(candidate, values)
+    whole, seen = problem.white(effect[:, None])[:, 0], problem.beyond_baseline(effect)
     power, left = float(whole @ whole), float(seen @ seen)
     touched = effect[effect != 0.0]
     rms = float(np.sqrt(np.mean(touched**2))) if touched.size else 0.0
@@ -176,15 +175,15 @@ def _visibility(stage: Stage, candidate: Candidate, threshold: float) -> Visibil
     return Visibility(candidate, absorbed, scale * rms, further * rms, at_50)
 
 
-def _as_fit(stage: Stage, candidate: Candidate, values: Array) -> CandidateFit:
-    effect = stage.effect(candidate, values)
-    return CandidateFit(candidate, values, 0.0, effect, stage.project(effect), ())
+def _as_fit(problem: GridProblem, candidate: Candidate, values: Array) -> CandidateFit:
+    effect = problem.effect(candidate, values)
+    return CandidateFit(candidate, values, 0.0, effect, problem.beyond_baseline(effect), ())
 
 
-def _resembling(stage: Stage, fits: dict[Candidate, CandidateFit]) -> list[LookAlike]:
+def _resembling(problem: GridProblem, fits: dict[Candidate, CandidateFit]) -> list[LookAlike]:
     """How well one of a pair can imitate the other's trace, closest first; of two mechanisms, on the worst shafts."""
-    blank = replace(stage, left=np.zeros(len(stage.readings)))
-    free = {c: take_out(blank, replace(fit, seen=np.zeros(len(stage.readings)))) for c, fit in fits.items()}
+    blank = replace(problem, left=np.zeros(len(problem.readings)))
+    free = {c: blank.take_out(replace(fit, seen=np.zeros(len(problem.readings)))) for c, fit in fits.items()}
     pairs: dict[frozenset[str], LookAlike] = {}
     for one, fit in fits.items():
         length = float(fit.seen @ fit.seen)
@@ -193,7 +192,7 @@ def _resembling(stage: Stage, fits: dict[Candidate, CandidateFit]) -> list[LookA
                 continue
             same = one.kind is other.kind
             key = frozenset((one.shaft, other.shaft, one.identifier) if same else (one.identifier, other.identifier))
-            rest = free[other].project(fit.effect)
+            rest = free[other].beyond_baseline(fit.effect)
             correlation = math.sqrt(max(0.0, 1.0 - float(rest @ rest) / length))
             known = pairs.get(key)
             if known is None or round(correlation, DIGITS) > round(known.correlation, DIGITS):
@@ -206,18 +205,18 @@ SURE_SIZE = 3.0
 
 
 def _with_test(
-    pair: LookAlike, fits: dict[Candidate, CandidateFit], longer: tuple[tuple[Plan, Stage], ...]
+    pair: LookAlike, fits: dict[Candidate, CandidateFit], longer: tuple[tuple[Plan, GridProblem], ...]
 ) -> LookAlike:
     """The pair with the shortest test that has enough power, else the one with most."""
     best: tuple[Plan, float] | None = None
-    for plan, stage in longer:
+    for plan, problem in longer:
         sets = []
         for candidate in (pair.one, pair.other):
             values = fits[candidate].values.copy()
             values[: len(candidate.sizes)] *= SURE_SIZE
-            sets.append(Explanation((_as_fit(stage, candidate, values),), stage))
+            sets.append(GridExplanation((_as_fit(problem, candidate, values),), problem))
         one = sets[0]
-        power = power_to_separate(_imitation(stage, one, sets[1]))
+        power = power_to_separate(_imitation(problem, one, sets[1]))
         better = best is None or (plan.seconds < best[0].seconds if min(power, best[1]) >= ENOUGH else power > best[1])
         if better:
             best = plan, power
@@ -226,13 +225,13 @@ def _with_test(
     return replace(pair, plan=best[0], power=best[1])
 
 
-def _imitation(stage: Stage, one: Explanation, other: Explanation) -> float:
+def _imitation(problem: GridProblem, one: GridExplanation, other: GridExplanation) -> float:
     """Noncentrality of one against the other at whatever size imitates it best."""
-    seen_one = stage.project(stage.effect(one.fits[0].candidate, one.fits[0].values))
-    seen_other = stage.project(stage.effect(other.fits[0].candidate, other.fits[0].values))
+    seen_one = problem.beyond_baseline(problem.effect(one.fits[0].candidate, one.fits[0].values))
+    seen_other = problem.beyond_baseline(problem.effect(other.fits[0].candidate, other.fits[0].values))
     length = float(seen_other @ seen_other)
     scale = float(seen_one @ seen_other) / length if length > 0.0 else 0.0
     fit = other.fits[0]
     values = fit.values.copy()
     values[: len(fit.candidate.sizes)] *= scale
-    return distance(stage, one, Explanation((_as_fit(stage, fit.candidate, values),), stage))
+    return distance(problem, one, GridExplanation((_as_fit(problem, fit.candidate, values),), problem))

@@ -10,17 +10,16 @@ import numpy as np
 from scipy import stats
 
 from pmg.pipeline.diagnose.design.plans import Plan, join_points, possible_plans
-from pmg.pipeline.diagnose.grid.candidates import Stage, candidates, set_stage
-from pmg.pipeline.diagnose.grid.explanation import take_out
-from pmg.pipeline.diagnose.grid.naming import MARGIN
-from pmg.pipeline.diagnose.grid.ranking import ENTRY
+from pmg.pipeline.diagnose.engine.catalogue import ENTRY
+from pmg.pipeline.diagnose.engine.naming import MARGIN
+from pmg.pipeline.diagnose.grid.candidates import GridProblem, candidates, grid_problem
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import take_readings
 from pmg.sim.grid import Grid
 from pmg.sim.mechanisms import Experiment
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.grid.explanation import Explanation
+    from pmg.pipeline.diagnose.grid.catalogue import GridExplanation
     from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters
@@ -78,22 +77,22 @@ def with_points(grid: Grid, more: OperatingPoints) -> Grid:
     )
 
 
-def longer_stage(stage: Stage, plan: Plan, floor: NoiseFloor) -> Stage:
-    """The stage as it would be with the plan's points in, nothing read yet."""
-    readings = take_readings(with_points(stage.readings.grid, plan.points), stage.bench)
-    return set_stage(readings, stage.bench, stage.model, whitener(readings, stage.bench, floor))
+def longer_problem(problem: GridProblem, plan: Plan, floor: NoiseFloor) -> GridProblem:
+    """The problem as it would be with the plan's points in, nothing read yet."""
+    readings = take_readings(with_points(problem.readings.grid, plan.points), problem.bench)
+    return grid_problem(readings, problem.bench, problem.model, whitener(readings, problem.bench, floor))
 
 
-def distance(stage: Stage, one: Explanation, other: Explanation) -> float:
+def distance(problem: GridProblem, one: GridExplanation, other: GridExplanation) -> float:
     """How far one explanation is from the other's best fit, baseline free: a noncentrality in noise variances."""
-    blank = replace(stage, left=np.zeros(len(stage.readings)))
+    blank = replace(problem, left=np.zeros(len(problem.readings)))
     free = blank
     for fit in other.fits:
-        moved = replace(fit, effect=stage.effect(fit.candidate, fit.values), seen=np.zeros(len(stage.readings)))
-        free = take_out(free, moved)
-    effect: Array = np.sum([stage.effect(fit.candidate, fit.values) for fit in one.fits], axis=0)
-    effect = effect - np.sum([stage.effect(fit.candidate, fit.values) for fit in other.fits], axis=0)
-    left = free.project(effect)
+        moved = replace(fit, effect=problem.effect(fit.candidate, fit.values), seen=np.zeros(len(problem.readings)))
+        free = free.take_out(moved)
+    effect: Array = np.sum([problem.effect(fit.candidate, fit.values) for fit in one.fits], axis=0)
+    effect = effect - np.sum([problem.effect(fit.candidate, fit.values) for fit in other.fits], axis=0)
+    left = free.beyond_baseline(effect)
     return float(left @ left)
 
 
@@ -122,15 +121,15 @@ def lifting_test(
         return None
     plan = plans[0]
     whole = take_readings(with_points(readings.grid, plan.points), bench)
-    stage = set_stage(whole, bench, model, whitener(whole, bench, floor))
+    problem = grid_problem(whole, bench, model, whitener(whole, bench, floor))
     powers = []
     for candidate in kinds:
-        effect = stage.effect(candidate, np.array([p.typical for p in candidate.parameters]))
+        effect = problem.effect(candidate, np.array([p.typical for p in candidate.parameters]))
         touched = effect[effect != 0.0]
         if not touched.size:
             continue
         noise = dict(floor.items()).get(candidate.shaft, floor.ring).u
-        seen = stage.project(effect * HIDDEN * noise / math.sqrt(float(np.mean(touched**2))))
+        seen = problem.beyond_baseline(effect * HIDDEN * noise / math.sqrt(float(np.mean(touched**2))))
         needed = ENTRY + len(candidate.parameters) * math.log(len(whole))
         powers.append(float(stats.ncx2.sf(needed, len(candidate.parameters), float(seen @ seen))))
     if not powers:
@@ -138,12 +137,14 @@ def lifting_test(
     return NextTest(plan, tuple(sorted({c.identifier for c in kinds})), min(powers))
 
 
-def next_test(stage: Stage, best: Explanation, rival: Explanation, floor: NoiseFloor) -> NextTest | None:
+def next_test(
+    problem: GridProblem, best: GridExplanation, rival: GridExplanation, floor: NoiseFloor
+) -> NextTest | None:
     """The shortest plan with enough power, else the one with most; None where no plan adds anything."""
     ids = sorted({fit.candidate.identifier for e in (best, rival) for fit in e.fits})
     found = []
-    for plan in possible_plans(stage.readings.grid.points, stage.bench):
-        whole = longer_stage(stage, plan, floor)
+    for plan in possible_plans(problem.readings.grid.points, problem.bench):
+        whole = longer_problem(problem, plan, floor)
         apart = min(distance(whole, best, rival), distance(whole, rival, best))
         found.append(NextTest(plan, tuple(ids), power_to_separate(apart)))
     if not found:

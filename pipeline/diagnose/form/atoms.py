@@ -32,7 +32,7 @@ RESOLUTION = 400.0
 
 
 @dataclass(frozen=True, eq=False)
-class Covariate:
+class FormCovariate:
     """What a form may follow.
 
     Parameters

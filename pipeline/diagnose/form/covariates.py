@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.form.atoms import Covariate, levels
+from pmg.pipeline.diagnose.form.atoms import FormCovariate, levels
 from pmg.pipeline.fit.structure import THERMAL_TIMES, run_history
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def rows_of(place: Location, readings: Readings) -> Mask:
 
 def covariates_of(
     place: Location, readings: Readings, bench: BenchParameters, model: LossModel
-) -> tuple[Covariate, ...]:
+) -> tuple[FormCovariate, ...]:
     """What the location follows, then the shaft's own speed, its load, and where nothing was located the time.
 
     Parameters
@@ -58,56 +58,58 @@ def covariates_of(
         names = ["order", own, "previous_point"]
     if place.configuration == "engaged":
         names.append("load")
-    found: list[Covariate] = []
+    found: list[FormCovariate] = []
     for name in list(dict.fromkeys(names))[:MOST_COVARIATES]:
         found += [c for c in _named(name, own, readings, rows, bench, model) if _varies(c)]
     return tuple(found)
 
 
-def _varies(covariate: Covariate) -> bool:
+def _varies(covariate: FormCovariate) -> bool:
     return len(levels(covariate.values)) >= (2 if covariate.signed else LEVELS)
 
 
 def _named(
     name: str, own: str, readings: Readings, rows: Mask, bench: BenchParameters, model: LossModel
-) -> Iterator[Covariate]:
+) -> Iterator[FormCovariate]:
     at = readings.grid.points
     row, sign = readings.row[rows], readings.direction[rows]
     sun, ring = at.speed_sun, at.speed_ring
     if name == "speed_sun":
-        yield Covariate(name, "ω_s", "rad/s", "speed of the sun", np.abs(sun[row]))
+        yield FormCovariate(name, "ω_s", "rad/s", "speed of the sun", np.abs(sun[row]))
     elif name == "speed_ring":
-        yield Covariate(name, "ω_r", "rad/s", "speed of the ring", np.abs(ring[row]))
+        yield FormCovariate(name, "ω_r", "rad/s", "speed of the ring", np.abs(ring[row]))
     elif name == "speed_difference":
         meaning = "sun speed less ring speed, positive in the direction of the shaft's own rotation"
-        yield Covariate(name, "Δω", "rad/s", meaning, ((sun - ring)[row]) * sign, signed=True)
+        yield FormCovariate(name, "Δω", "rad/s", meaning, ((sun - ring)[row]) * sign, signed=True)
     elif name == "pole_slip_speed":
         slip = bench.pole_slip(at.gear, sun, ring)
         meaning = "speed at which the poles slip, positive in the direction of the shaft's own rotation"
-        yield Covariate(name, "ω_p", "rad/s", meaning, slip[row] * sign, signed=True)
+        yield FormCovariate(name, "ω_p", "rad/s", meaning, slip[row] * sign, signed=True)
     elif name == "load":
-        yield Covariate(name, "T_r", "N m", "ring torque", np.abs(at.torque_ring[row]))
+        yield FormCovariate(name, "T_r", "N m", "ring torque", np.abs(at.torque_ring[row]))
     elif name == "power_flow":
         flow = np.where(readings.torque[rows] * sign > 0.0, 1.0, -1.0)
-        yield Covariate(name, "flow", "1", "1 where the shaft takes power in, -1 where it gives power out", flow, True)
+        yield FormCovariate(
+            name, "flow", "1", "1 where the shaft takes power in, -1 where it gives power out", flow, True
+        )
     elif at.ordered:
         yield from _in_order(name, own, readings, rows, model)
 
 
-def _in_order(name: str, own: str, readings: Readings, rows: Mask, model: LossModel) -> Iterator[Covariate]:
+def _in_order(name: str, own: str, readings: Readings, rows: Mask, model: LossModel) -> Iterator[FormCovariate]:
     """Time since the first point, the speed of the point before, the mean of past power."""
     at = readings.grid.points
     row = readings.row[rows]
     order = np.argsort(at.started_at, kind="stable")
     time = at.started_at - at.started_at[order[0]]
     if name == "order":
-        yield Covariate(name, "t", "s", "time since the first point", time[row])
+        yield FormCovariate(name, "t", "s", "time since the first point", time[row])
     elif name == "previous_point":
         for shaft, speed in tuple(at.speed.items())[: 1 if own == "speed_sun" else 2]:
             before = np.empty(len(at))
             before[order] = np.r_[0.0, np.abs(speed[order][:-1])]
             meaning = f"speed of the {shaft} at the point before"
-            yield Covariate(name, f"ω_{shaft[0]}before", "rad/s", meaning, before[row])
+            yield FormCovariate(name, f"ω_{shaft[0]}before", "rad/s", meaning, before[row])
     elif name == "run_history":
         for shaft, speed in at.speed.items():
             power: Array = np.abs(model.curves[shaft].torque(speed) * speed)
@@ -115,4 +117,4 @@ def _in_order(name: str, own: str, readings: Readings, rows: Mask, model: LossMo
             for constant in THERMAL_TIMES if mine else THERMAL_TIMES[1:3]:
                 past = run_history(time[order], power[order], time[row], constant)
                 meaning = f"bearing power of the {shaft}, its mean over the past {constant:.0f} s"
-                yield Covariate(name, f"P_{shaft[0]}{constant:.0f}", "W", meaning, past, memory=True)
+                yield FormCovariate(name, f"P_{shaft[0]}{constant:.0f}", "W", meaning, past, memory=True)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.form.atoms import ATOMS, DECAY, ONE, PLAIN, SIGN, SWING, Atom, Covariate, levels
+from pmg.pipeline.diagnose.form.atoms import ATOMS, DECAY, ONE, PLAIN, SIGN, SWING, Atom, FormCovariate, levels
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -38,7 +38,7 @@ class Form:
         In the order in which they are written.
     """
 
-    factors: tuple[tuple[Atom, Covariate], ...]
+    factors: tuple[tuple[Atom, FormCovariate], ...]
 
     @cached_property
     def name(self) -> str:
@@ -48,7 +48,7 @@ class Form:
         )
 
     @property
-    def covariates(self) -> tuple[Covariate, ...]:
+    def covariates(self) -> tuple[FormCovariate, ...]:
         """What it follows, each once."""
         return tuple({c.symbol: c for atom, c in self.factors if atom is not ONE}.values())
 
@@ -144,7 +144,7 @@ def text_of(formula: str) -> str:
     return out.replace("Abs(", "abs(").replace("Heaviside(", "step(")
 
 
-def forms(covariates: tuple[Covariate, ...]) -> tuple[Form, ...]:
+def forms(covariates: tuple[FormCovariate, ...]) -> tuple[Form, ...]:
     """Every form of these covariates; the first ones of the list lead, so pairs hold one of the first two."""
     found = [Form(((ONE, covariates[0]),))] if covariates else []
     for covariate in covariates:
@@ -155,7 +155,7 @@ def forms(covariates: tuple[Covariate, ...]) -> tuple[Form, ...]:
     return tuple(found)
 
 
-def _possible(atom: Atom, covariate: Covariate) -> bool:
+def _possible(atom: Atom, covariate: FormCovariate) -> bool:
     """Whether the covariate has enough levels for the factor, and both signs for a sign."""
     if atom is SIGN:
         return covariate.signed
@@ -164,7 +164,7 @@ def _possible(atom: Atom, covariate: Covariate) -> bool:
     return len(levels(np.abs(covariate.values))) >= 2 + len(atom.constants) + len(atom.branches)
 
 
-def _of_one(covariate: Covariate) -> Iterator[Form]:
+def _of_one(covariate: FormCovariate) -> Iterator[Form]:
     able = [atom for atom in ATOMS if _possible(atom, covariate)]
     for atom in able:
         yield Form(((atom, covariate),))
@@ -174,7 +174,7 @@ def _of_one(covariate: Covariate) -> Iterator[Form]:
             yield Form(((atom, covariate), (DECAY, covariate)))
 
 
-def _of_two(first: Covariate, second: Covariate) -> Iterator[Form]:
+def _of_two(first: FormCovariate, second: FormCovariate) -> Iterator[Form]:
     for left, right in product(ATOMS, ATOMS):
         nonlinear = len(left.constants) + len(right.constants)
         swings = (left is SWING) + (right is SWING)

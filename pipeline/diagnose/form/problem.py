@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnose.engine.held_out import solve
 from pmg.pipeline.diagnose.form.search import FormFit, Library, View, make_library, search
-from pmg.pipeline.diagnose.grid.holdout import FOLDS, solve
+from pmg.pipeline.diagnose.grid.holdout import FOLDS
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnose.form.atoms import Covariate
+    from pmg.pipeline.diagnose.form.atoms import FormCovariate
     from pmg.pipeline.fit.whitening import Whitener
     from pmg.sim.signals import Array
 
@@ -48,7 +49,7 @@ class Problem:
     white: Whitener
     rows: npt.NDArray[np.int64]
     sign: Array
-    covariates: tuple[Covariate, ...]
+    covariates: tuple[FormCovariate, ...]
     smooth: Array
     block: npt.NDArray[np.int64]
     fold: npt.NDArray[np.int64]

@@ -16,7 +16,7 @@ from pmg.pipeline.diagnose.form.grammar import Form, forms
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnose.form.atoms import Covariate
+    from pmg.pipeline.diagnose.form.atoms import FormCovariate
     from pmg.sim.signals import Array, Mask
 
     Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
@@ -126,7 +126,7 @@ class Library:
         return (form.linear + form.nonlinear) * math.log(max(readings, 2)) + self.price[form.linear, form.nonlinear]
 
 
-def make_library(covariates: tuple[Covariate, ...]) -> Library:
+def make_library(covariates: tuple[FormCovariate, ...]) -> Library:
     """The library of a location's covariates."""
     listed = forms(covariates)
     starts = tuple(form.starts() for form in listed)

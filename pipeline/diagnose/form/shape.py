@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnose.form.atoms import Covariate
+    from pmg.pipeline.diagnose.form.atoms import FormCovariate
     from pmg.sim.signals import Array
 
 LABEL = "shape, not physics"
@@ -84,7 +84,7 @@ class Shape:
     configuration: str
     text: str
     formula: str
-    covariates: tuple[Covariate, ...]
+    covariates: tuple[FormCovariate, ...]
     constants: tuple[Constant, ...]
     as_drag: bool
     rmse_before: float

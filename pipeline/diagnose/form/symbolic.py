@@ -11,17 +11,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnose.engine.held_out import gain_interval, solve, touched_blocks
 from pmg.pipeline.diagnose.form.atoms import levels
 from pmg.pipeline.diagnose.form.covariates import covariates_of, rows_of
 from pmg.pipeline.diagnose.form.grammar import text_of
 from pmg.pipeline.diagnose.form.problem import Problem, choose, placebo_errors, whole_view, withheld_errors
 from pmg.pipeline.diagnose.form.search import FormFit, View, make_library, search
 from pmg.pipeline.diagnose.form.shape import Constant, Shape
-from pmg.pipeline.diagnose.grid.holdout import FOLDS, deal, gain_interval, solve, touched_blocks
+from pmg.pipeline.diagnose.grid.holdout import FOLDS, deal
 from pmg.pipeline.diagnose.grid.locate import located_families
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.grid.candidates import Stage
+    from pmg.pipeline.diagnose.grid.candidates import GridProblem
     from pmg.pipeline.diagnose.grid.locate import Location
     from pmg.sim.signals import Array
 
@@ -35,12 +36,12 @@ MINIMUM_READINGS = 24
 """Readings of a location below which no form is looked for."""
 
 
-def find_shape(stage: Stage, locations: tuple[Location, ...], rng: np.random.Generator) -> Shape | None:
+def find_shape(whole: GridProblem, locations: tuple[Location, ...], rng: np.random.Generator) -> Shape | None:
     """A short form for the clearest location, where one holds up.
 
     Parameters
     ----------
-    stage : Stage
+    whole : GridProblem
         All readings, with the baseline free.
     locations : tuple of Location
         Clearest first. What the others follow in other signals and configurations joins the baseline.
@@ -53,9 +54,9 @@ def find_shape(stage: Stage, locations: tuple[Location, ...], rng: np.random.Gen
         None where no form holds up, or the clearest location has too few readings or follows no covariate.
     """
     place = locations[0]
-    readings = stage.readings
+    readings = whole.readings
     rows = np.flatnonzero(rows_of(place, readings))
-    covariates = covariates_of(place, readings, stage.bench, stage.model)
+    covariates = covariates_of(place, readings, whole.bench, whole.model)
     if place.depends_on == ("point",) or len(rows) < MINIMUM_READINGS or not covariates:
         return None
     here = (place.signal, place.configuration)
@@ -63,13 +64,13 @@ def find_shape(stage: Stage, locations: tuple[Location, ...], rng: np.random.Gen
     block, fold = deal(readings, FOLDS)
     as_drag = place.covariates != ("direction",)
     problem = Problem(
-        left=readings.torque - stage.predicted,
-        baseline=np.hstack([stage.columns, located_families(readings, stage.bench, stage.model, others)]),
-        white=stage.white,
+        left=readings.torque - whole.predicted,
+        baseline=np.hstack([whole.columns, located_families(readings, whole.bench, whole.model, others)]),
+        white=whole.white,
         rows=rows,
         sign=readings.direction[rows] if as_drag else np.ones(len(rows)),
         covariates=covariates,
-        smooth=located_families(readings, stage.bench, stage.model, (place,)),
+        smooth=located_families(readings, whole.bench, whole.model, (place,)),
         block=block,
         fold=fold,
     )

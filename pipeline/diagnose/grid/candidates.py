@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnose.engine.problem import WhitenedProblem
 from pmg.pipeline.fit.calibration import jacobian
 from pmg.pipeline.fit.noise_floor import BASELINE_FREE
 from pmg.pipeline.fit.span import orthonormal
+from pmg.pipeline.fit.whitening import undo
 from pmg.pipeline.grid.readings import Readings, predict
 from pmg.sim.mechanisms import CANDIDATES, Instrument
 from pmg.sim.steady.baseline import baseline_mechanisms
@@ -78,6 +80,81 @@ def refinement(candidate: Candidate) -> Candidate | None:
     return Candidate(kind, candidate.shaft, tuple(dict.fromkeys(name for group in groups for name in group)))
 
 
+def rms(values: Array) -> float:
+    """Root mean square; 0 of nothing."""
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
+@dataclass(frozen=True)
+class CandidateFit:
+    """A candidate fitted beside the baseline.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        What was fitted.
+    values : (k,) array
+        Its parameters: sizes, then shapes.
+    gain : float
+        Fall of the whitened sum of squares; in units of the noise variance.
+    effect : (m,) array
+        Change of each reading [N m], before anything is absorbed.
+    seen : (m,) array
+        The same whitened, with what the baseline absorbs taken out.
+    on_bound : tuple of str
+        Parameters on a bound.
+    """
+
+    candidate: Candidate
+    values: Array
+    gain: float
+    effect: Array
+    seen: Array
+    on_bound: tuple[str, ...]
+
+    @property
+    def identifier(self) -> str:
+        """Id of the mechanism."""
+        return self.candidate.identifier
+
+    @property
+    def place(self) -> str:
+        """Shaft on which it sits."""
+        return self.candidate.shaft
+
+    @property
+    def cost(self) -> int:
+        """Free parameters."""
+        return len(self.values)
+
+    @property
+    def admissible(self) -> bool:
+        """Every mechanism may stand in a set."""
+        return True
+
+    @property
+    def needed(self) -> bool:
+        """Whether not all sizes are on a bound: it would be absent, or as large as can be."""
+        return not set(self.candidate.sizes) <= set(self.on_bound)
+
+    @property
+    def bends_to_anything(self) -> bool:
+        """Whether it is without a scale and not proportional to its sizes either."""
+        return self.without_scale and not self.candidate.kind.linear
+
+    @property
+    def size(self) -> float:
+        """Root mean square of the effect over the readings it touches [N m], before anything is absorbed."""
+        return rms(self.effect[self.effect != 0.0])
+
+    @property
+    def without_scale(self) -> bool:
+        """Whether every time or speed that gives it a scale ran to a bound: it then bends to anything slow."""
+        shape = self.candidate.parameters[len(self.candidate.sizes) :]
+        scales = [p.name for p in shape if p.unit != "1"] or [p.name for p in shape[:1]]
+        return bool(scales) and set(scales) <= set(self.on_bound)
+
+
 def predict_with(readings: Readings, bench: BenchParameters, model: LossModel, extra: tuple[Mechanism, ...]) -> Array:
     """What the simulator gives for each reading with further mechanisms in [N m]."""
     gearbox = Gearbox(bench, (*baseline_mechanisms(model, bench), *extra))
@@ -85,8 +162,8 @@ def predict_with(readings: Readings, bench: BenchParameters, model: LossModel, e
 
 
 @dataclass(frozen=True)
-class Stage:
-    """Readings made white and freed from the baseline: where candidates are compared.
+class GridProblem(WhitenedProblem[CandidateFit]):
+    """The whitened problem of a campaign: its readings about the calibrated baseline.
 
     Parameters
     ----------
@@ -98,10 +175,6 @@ class Stage:
         The calibrated baseline; candidates act beside it.
     white : Whitener
         Makes the noise white.
-    baseline : (m, k) array
-        Orthonormal basis of what the baseline's parameters can absorb, whitened.
-    left : (m,) array
-        Whitened readings less the prediction, with that taken out.
     predicted, ideal : (m,) array
         What the baseline, and a gear without any mechanism, give for each reading [N m].
     columns : (m, k) array
@@ -113,16 +186,17 @@ class Stage:
     bench: BenchParameters
     model: LossModel
     white: Whitener
-    baseline: Array
-    left: Array
     predicted: Array
     ideal: Array
     columns: Array
 
-    def project(self, values: Array) -> Array:
+    def beyond_baseline(self, effect: Array) -> Array:
         """What of an effect [N m] the baseline cannot absorb, whitened."""
-        column = self.white(values[:, None])[:, 0]
-        return np.asarray(column - self.baseline @ (self.baseline.T @ column))
+        return self.project(self.white(effect[:, None])[:, 0])
+
+    def visible(self, fit: CandidateFit) -> float:
+        """Root mean square of what the baseline cannot take up of a fit, over the readings it touches [N m]."""
+        return rms(undo(self.white, fit.seen)[fit.effect != 0.0])
 
     def effect(self, candidate: Candidate, values: Array) -> Array:
         """Change of each reading by a candidate [N m].
@@ -136,11 +210,26 @@ class Stage:
         alone = steady(Gearbox(self.bench, (extra,)), self.readings.grid.points)
         return self.readings.of(alone) - self.ideal
 
+    def tangents(self, fit: CandidateFit) -> Array:
+        """Change of each reading per change of each parameter of a fitted candidate (m, k) [N m per unit]."""
+        slopes = []
+        for i, parameter in enumerate(fit.candidate.parameters):
+            step = 1e-3 * max(abs(float(fit.values[i])), 1e-3 * parameter.typical)
+            low, high = parameter.bounds
+            up, down = fit.values.copy(), fit.values.copy()
+            up[i], down[i] = min(fit.values[i] + step, high), max(fit.values[i] - step, low)
+            slopes.append((self.effect(fit.candidate, up) - self.effect(fit.candidate, down)) / (up[i] - down[i]))
+        return np.stack(slopes, axis=1)
 
-def set_stage(
+    def slopes(self, fit: CandidateFit) -> Array:
+        """The same, whitened."""
+        return self.white(self.tangents(fit))
+
+
+def grid_problem(
     readings: Readings, bench: BenchParameters, model: LossModel, white: Whitener, allowed: Array | None = None
-) -> Stage:
-    """The stage of a campaign, about a calibrated baseline that may follow some `allowed` columns (m, k) besides."""
+) -> GridProblem:
+    """The problem of a campaign about a calibrated baseline that may follow some `allowed` columns (m, k) besides."""
     columns = jacobian(readings, bench, model, BASELINE_FREE)
     if allowed is not None:
         columns = np.hstack([columns, allowed])
@@ -149,4 +238,4 @@ def set_stage(
     ideal = readings.of(steady(Gearbox(bench, ()), readings.grid.points))
     y = white((readings.torque - predicted)[:, None])[:, 0]
     left = y - baseline @ (baseline.T @ y)
-    return Stage(readings, bench, model, white, baseline, left, predicted, ideal, columns)
+    return GridProblem(baseline, left, readings, bench, model, white, predicted, ideal, columns)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -10,19 +9,23 @@ import numpy as np
 
 from pmg.pipeline.diagnose.design.blind import confounded_shafts, slow_changes
 from pmg.pipeline.diagnose.design.next_test import lifting_test, next_test
+from pmg.pipeline.diagnose.engine.adequacy import adequacy_test
+from pmg.pipeline.diagnose.engine.catalogue import ENTRY
+from pmg.pipeline.diagnose.engine.explanation import explain_with
+from pmg.pipeline.diagnose.engine.naming import MOST_RIVALS, name_candidates
+from pmg.pipeline.diagnose.engine.verdict import Absorbed, Verdict
+from pmg.pipeline.diagnose.engine.withheld import withhold
 from pmg.pipeline.diagnose.form.symbolic import find_shape
-from pmg.pipeline.diagnose.grid.adequacy import make_judge
-from pmg.pipeline.diagnose.grid.candidates import Stage, set_stage
-from pmg.pipeline.diagnose.grid.decoys import offer_decoys
-from pmg.pipeline.diagnose.grid.diagnosis import Absorbed, Diagnosis, Rival, Verdict
-from pmg.pipeline.diagnose.grid.explanation import explain_with, ids
+from pmg.pipeline.diagnose.grid.candidates import GridProblem, grid_problem
+from pmg.pipeline.diagnose.grid.catalogue import MECHANISMS
+from pmg.pipeline.diagnose.grid.decoys import smooth_decoys
+from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis, Rival
+from pmg.pipeline.diagnose.grid.evidence import campaign_evidence
 from pmg.pipeline.diagnose.grid.holdout import hold_out
 from pmg.pipeline.diagnose.grid.locate import find_mismatch, located_families
-from pmg.pipeline.diagnose.grid.naming import MOST_RIVALS, name_mechanisms
 from pmg.pipeline.diagnose.grid.outliers import without_outliers
-from pmg.pipeline.diagnose.grid.ranking import ENTRY
 from pmg.pipeline.diagnose.grid.refit import about, refit
-from pmg.pipeline.diagnose.grid.withheld import withhold
+from pmg.pipeline.diagnose.grid.withheld import withheld_readings
 from pmg.pipeline.fit.calibration import jacobian
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import predict
@@ -31,9 +34,9 @@ from pmg.sim.errors import FitError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pmg.pipeline.diagnose.grid.explanation import Explanation
-    from pmg.pipeline.diagnose.grid.holdout import HeldOut
-    from pmg.pipeline.diagnose.grid.locate import Mismatch
+    from pmg.pipeline.diagnose.engine.held_out import HeldOut
+    from pmg.pipeline.diagnose.grid.catalogue import GridExplanation
+    from pmg.pipeline.diagnose.grid.locate import CampaignMismatch
     from pmg.pipeline.diagnose.grid.refit import Refit
     from pmg.pipeline.fit.calibration import FittedBaseline
     from pmg.pipeline.fit.loss_fit import LossFits
@@ -42,9 +45,6 @@ if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
-
-WITHHELD_SHARE = 0.9
-"""Part of the withheld mismatch, in squares beyond the noise, that a mechanism must predict to be named."""
 
 NOT_WORSE = 1.03
 """Withheld error with a weak mechanism in, over that without, up to which it stays in the set of what may be."""
@@ -92,30 +92,30 @@ def diagnose(
         verdict = Verdict.CONFOUNDED if blind else Verdict.CONSISTENT
         lifting = lifting_test(readings, bench, calibration.model, floor, blind) if blind else None
         return Diagnosis(grid.campaign, verdict, mismatch, floor, blind, outliers=outliers, lifting=lifting)
-    first = stage = set_stage(readings, bench, calibration.model, whitener(readings, bench, floor), allowed)
-    naming = name_mechanisms(stage, make_judge(stage, floor, rng, JUDGE_DRAWS))
+    first = problem = grid_problem(readings, bench, calibration.model, whitener(readings, bench, floor), allowed)
+    naming = name_candidates(problem, MECHANISMS, adequacy_test(campaign_evidence(problem, floor, JUDGE_DRAWS, rng)))
     for _ in range(ROUNDS):
-        again = None if naming.explained and naming.remainder.adequate else about(stage, naming.best)
+        again = None if naming.explained and naming.remainder.adequate else about(problem, naming.best)
         if again is None:
             break
-        better = name_mechanisms(again, make_judge(again, floor, rng, JUDGE_DRAWS))
+        better = name_candidates(again, MECHANISMS, adequacy_test(campaign_evidence(again, floor, JUDGE_DRAWS, rng)))
         if better.best.unexplained >= naming.best.unexplained - ENTRY:
             break
-        stage, naming = again, better
+        problem, naming = again, better
     said = Diagnosis(grid.campaign, Verdict.NOT_IN_LIBRARY, beyond, floor, blind, naming, outliers=outliers)
     if naming.explained and not naming.weak:
-        held = _withheld(stage, naming.best, rng)
-        if held is not None and _predicts(held):
-            said = _with_causes(said, stage, calibration, naming.rivals, held)
+        held = _withheld(problem, naming.best, rng)
+        if held is not None and held.predicts:
+            said = _with_causes(said, problem, calibration, naming.rivals, held)
             verdict = Verdict.AMBIGUOUS if said.rivals else Verdict.NAMED
-            return replace(said, verdict=verdict, decoys=offer_decoys(stage, naming, rng))
+            return replace(said, verdict=verdict, decoys=smooth_decoys(problem, naming, rng))
     if naming.weak:
         best, *others = naming.weak
-        held = _withheld(stage, best, rng)
+        held = _withheld(problem, best, rng)
         if held is not None and held.rmse_after <= NOT_WORSE * held.rmse_before:
             shafts = {fit.candidate.identifier: fit.candidate.shaft for fit in best.fits}
             said = replace(said, naming=replace(naming, best=best, shafts=shafts), weak=True)
-            return replace(_with_causes(said, stage, calibration, tuple(others), held), verdict=Verdict.AMBIGUOUS)
+            return replace(_with_causes(said, problem, calibration, tuple(others), held), verdict=Verdict.AMBIGUOUS)
     return replace(
         said,
         held_out=hold_out(grid, fits, floor, bench, beyond.locations, rng),
@@ -125,47 +125,36 @@ def diagnose(
 
 
 def _with_causes(
-    said: Diagnosis, stage: Stage, calibration: FittedBaseline, rivals: tuple[Explanation, ...], held: HeldOut
+    said: Diagnosis,
+    problem: GridProblem,
+    calibration: FittedBaseline,
+    rivals: tuple[GridExplanation, ...],
+    held: HeldOut,
 ) -> Diagnosis:
     """What is said with the leading mechanisms fitted, and a separating test for each rival."""
     assert said.naming is not None
     best = said.naming.best
-    found = refit(stage, best.fits)
-    close = tuple(Rival(rival, next_test(stage, best, rival, said.floor)) for rival in rivals)
-    known = {ids(rival) for rival in rivals}
-    others = [explain_with(stage, candidates) for candidates in held.elsewhere][: max(MOST_RIVALS - len(close), 1)]
+    found = refit(problem, best.fits)
+    close = tuple(Rival(rival, next_test(problem, best, rival, said.floor)) for rival in rivals)
+    known = {rival.ids for rival in rivals}
+    elsewhere = held.elsewhere[: max(MOST_RIVALS - len(close), 1)]
+    others = [explain_with(problem, MECHANISMS, candidates) for candidates in elsewhere]
     return replace(
         said,
         refit=found,
         rivals=close
-        + tuple(Rival(e, next_test(stage, best, e, said.floor), by_parts=True) for e in others if ids(e) not in known),
+        + tuple(Rival(e, next_test(problem, best, e, said.floor), by_parts=True) for e in others if e.ids not in known),
         absorbed=_swallowed(calibration, found),
         held_out=held,
     )
 
 
-def _withheld(stage: Stage, explanation: Explanation, rng: np.random.Generator) -> HeldOut | None:
+def _withheld(problem: GridProblem, explanation: GridExplanation, rng: np.random.Generator) -> HeldOut | None:
     """The proof on withheld readings; None where the effect touches too few blocks for one: it is not named then."""
     try:
-        return withhold(stage, explanation.fits, rng)
+        return withhold(withheld_readings(problem), MECHANISMS, explanation.fits, rng)
     except FitError:
         return None
-
-
-def _predicts(held: HeldOut) -> bool:
-    r"""Whether a mechanism predicts most of the mismatch of withheld readings.
-
-    Notes
-    -----
-    Mean squares beyond what noise alone gives, that of the predicting fits included, are compared. What is left after
-    may exceed its share by one standard error of a mean square of noise, :math:`s^2\sqrt{2/n}`.
-    """
-    assert held.expected_before is not None
-    assert held.expected_after is not None
-    before = held.rmse_before**2 - held.expected_before**2
-    after = held.rmse_after**2 - held.expected_after**2
-    chance = held.expected_after**2 * math.sqrt(2.0 / held.count)
-    return held.rmse_after < held.rmse_before and after <= (1.0 - WITHHELD_SHARE) * before + chance
 
 
 def _swallowed(calibration: FittedBaseline, found: Refit) -> tuple[Absorbed, ...]:
@@ -179,7 +168,7 @@ def _swallowed(calibration: FittedBaseline, found: Refit) -> tuple[Absorbed, ...
     return tuple(rows)
 
 
-def _absorbed(mismatch: Mismatch, calibration: FittedBaseline, bench: BenchParameters) -> tuple[Absorbed, ...]:
+def _absorbed(mismatch: CampaignMismatch, calibration: FittedBaseline, bench: BenchParameters) -> tuple[Absorbed, ...]:
     """Baseline constants without and with the located families in a joint, weighted fit."""
     readings = mismatch.readings
     structure = located_families(readings, bench, calibration.model, mismatch.locations)

@@ -3,51 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.diagnose.engine.verdict import Verdict
 from pmg.sim.mechanisms import Component
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnose.design.audit import Audit
     from pmg.pipeline.diagnose.design.next_test import NextTest
+    from pmg.pipeline.diagnose.engine.decoys import Decoys
+    from pmg.pipeline.diagnose.engine.held_out import HeldOut
+    from pmg.pipeline.diagnose.engine.verdict import Absorbed
     from pmg.pipeline.diagnose.form.shape import Shape
-    from pmg.pipeline.diagnose.grid.decoys import Decoys
-    from pmg.pipeline.diagnose.grid.explanation import Explanation
-    from pmg.pipeline.diagnose.grid.holdout import HeldOut
-    from pmg.pipeline.diagnose.grid.locate import Location, Mismatch
-    from pmg.pipeline.diagnose.grid.naming import Naming
+    from pmg.pipeline.diagnose.grid.catalogue import GridExplanation, GridNaming
+    from pmg.pipeline.diagnose.grid.locate import CampaignMismatch, Location
     from pmg.pipeline.diagnose.grid.refit import Refit
     from pmg.pipeline.fit.noise import NoiseFloor
-
-
-class Verdict(StrEnum):
-    """What may be said."""
-
-    CONSISTENT = "consistent"
-    NAMED = "named"
-    AMBIGUOUS = "ambiguous"
-    NOT_IN_LIBRARY = "not_in_library"
-    CONFOUNDED = "confounded"
-
-    @property
-    def names(self) -> bool:
-        """Whether it says which mechanisms there may be."""
-        return self in (Verdict.NAMED, Verdict.AMBIGUOUS)
-
-
-@dataclass(frozen=True)
-class Absorbed:
-    """A baseline parameter before and after what was left out joined the fit, with its standard errors.
-
-    `standard_error` is that after, `error_before` that before; None on a bound or where not determined.
-    """
-
-    parameter: str
-    before: float
-    after: float
-    standard_error: float | None
-    error_before: float | None = None
 
 
 @dataclass(frozen=True)
@@ -56,7 +27,7 @@ class Rival:
 
     Parameters
     ----------
-    explanation : Explanation
+    explanation : GridExplanation
         The rival set of mechanisms.
     test : NextTest or None
         The test.
@@ -64,14 +35,14 @@ class Rival:
         Whether it is a rival because parts of the readings name it instead, not because its evidence is close.
     """
 
-    explanation: Explanation
+    explanation: GridExplanation
     test: NextTest | None
     by_parts: bool = False
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Mismatch, place, cause and verdict.
+    """CampaignMismatch, place, cause and verdict.
 
     Parameters
     ----------
@@ -79,13 +50,13 @@ class Diagnosis:
         Name of the campaign.
     verdict : Verdict
         One of the five words.
-    mismatch : Mismatch
+    mismatch : CampaignMismatch
         Test and locations.
     floor : NoiseFloor
         Noise it was judged against.
     blind : tuple of str
         Shafts whose points were run in the order of their speed, without repeats.
-    naming : Naming or None
+    naming : GridNaming or None
         What the catalogue says; None without a mismatch.
     refit : Refit or None
         Baseline and mechanisms fitted together.
@@ -111,10 +82,10 @@ class Diagnosis:
 
     campaign: str
     verdict: Verdict
-    mismatch: Mismatch
+    mismatch: CampaignMismatch
     floor: NoiseFloor
     blind: tuple[str, ...] = ()
-    naming: Naming | None = None
+    naming: GridNaming | None = None
     refit: Refit | None = None
     rivals: tuple[Rival, ...] = ()
     absorbed: tuple[Absorbed, ...] = ()

@@ -13,8 +13,8 @@ from pmg.pipeline.diagnose.grid.diagnosis import component_of
 from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.grid.candidates import CandidateFit
     from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis, Rival
-    from pmg.pipeline.diagnose.grid.fitting import CandidateFit
     from pmg.sim.grid import OperatingPoints
     from pmg.sim.signals import Array
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import Bounds, least_squares, lsq_linear, minimize, minimize_scalar
 
+from pmg.pipeline.diagnose.grid.candidates import CandidateFit
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pmg.pipeline.diagnose.grid.candidates import Candidate, Stage
+    from pmg.pipeline.diagnose.grid.candidates import Candidate, GridProblem
     from pmg.sim.signals import Array
 
 SHAPE_STARTS = 4
@@ -29,57 +30,7 @@ SHAPE_PRECISION, COST_PRECISION, MOST_TRIALS = 1e-2, 0.05, 120
 """How far a search over several shapes goes: to a hundredth of each and a twentieth of a noise variance."""
 
 
-def rms(values: Array) -> float:
-    """Root mean square; 0 of nothing."""
-    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
-
-
-@dataclass(frozen=True)
-class CandidateFit:
-    """A candidate fitted beside the baseline.
-
-    Parameters
-    ----------
-    candidate : Candidate
-        What was fitted.
-    values : (k,) array
-        Its parameters: sizes, then shapes.
-    gain : float
-        Fall of the whitened sum of squares; in units of the noise variance.
-    effect : (m,) array
-        Change of each reading [N m], before anything is absorbed.
-    seen : (m,) array
-        The same whitened, with what the baseline absorbs taken out.
-    on_bound : tuple of str
-        Parameters on a bound.
-    """
-
-    candidate: Candidate
-    values: Array
-    gain: float
-    effect: Array
-    seen: Array
-    on_bound: tuple[str, ...]
-
-    @property
-    def cost(self) -> int:
-        """Free parameters."""
-        return len(self.values)
-
-    @property
-    def size(self) -> float:
-        """Root mean square of the effect over the readings it touches [N m], before anything is absorbed."""
-        return rms(self.effect[self.effect != 0.0])
-
-    @property
-    def without_scale(self) -> bool:
-        """Whether every time or speed that gives it a scale ran to a bound: it then bends to anything slow."""
-        shape = self.candidate.parameters[len(self.candidate.sizes) :]
-        scales = [p.name for p in shape if p.unit != "1"] or [p.name for p in shape[:1]]
-        return bool(scales) and set(scales) <= set(self.on_bound)
-
-
-def fit_candidate(stage: Stage, candidate: Candidate) -> CandidateFit:
+def fit_candidate(problem: GridProblem, candidate: Candidate) -> CandidateFit:
     """Best values of one candidate with the baseline free to move.
 
     Notes
@@ -90,19 +41,19 @@ def fit_candidate(stage: Stage, candidate: Candidate) -> CandidateFit:
     parameters = candidate.parameters
     low, high = (np.array([p.bounds[side] for p in parameters]) for side in (0, 1))
     fit = _by_proportion if candidate.kind.linear else _by_search
-    cost, values = fit(stage, candidate)
+    cost, values = fit(problem, candidate)
     margin = 1e-6 * (high - low)
     at_bound = (values - low < margin) | (high - values < margin)
     shape = np.arange(len(values)) >= len(candidate.sizes)
     near = np.maximum(SHAPE_PRECISION * values, margin)  # a search stops so far from a bound
     at_bound |= shape & ((values - low < near) | (high - values < near))
-    effect = stage.effect(candidate, values)
+    effect = problem.effect(candidate, values)
     return CandidateFit(
         candidate,
         values,
-        float(stage.left @ stage.left) - cost,
+        float(problem.left @ problem.left) - cost,
         effect,
-        stage.project(effect),
+        problem.beyond_baseline(effect),
         tuple(p.name for p, at in zip(parameters, at_bound, strict=True) if at),
     )
 
@@ -116,20 +67,20 @@ def shapes(candidate: Candidate) -> Iterator[Array]:
     return (np.array(shape) for shape in product(*axes))
 
 
-def _sizes(stage: Stage, candidate: Candidate, shape: Array) -> tuple[float, Array]:
+def _sizes(problem: GridProblem, candidate: Candidate, shape: Array) -> tuple[float, Array]:
     """Sum of squares and sizes inside their bounds, for an effect proportional to them."""
-    columns = signature(stage, candidate, shape)
-    seen = np.stack([stage.project(column) for column in columns.T], axis=1)
+    columns = signature(problem, candidate, shape)
+    seen = np.stack([problem.beyond_baseline(column) for column in columns.T], axis=1)
     length = np.linalg.norm(seen, axis=0)
     length[length == 0.0] = 1.0
     bounds = np.array([p.bounds for p in candidate.parameters[: len(candidate.sizes)]]).T * length
-    found = lsq_linear(seen / length, stage.left, bounds=(bounds[0], bounds[1]), method="bvls")
+    found = lsq_linear(seen / length, problem.left, bounds=(bounds[0], bounds[1]), method="bvls")
     return 2.0 * float(found.cost), np.clip(found.x / length, *(bounds / length))
 
 
-def _by_proportion(stage: Stage, candidate: Candidate) -> tuple[float, Array]:
+def _by_proportion(problem: GridProblem, candidate: Candidate) -> tuple[float, Array]:
     """Sum of squares and values; the only search is over the shapes, on logarithms."""
-    starts = [(*_sizes(stage, candidate, shape), shape) for shape in shapes(candidate)]
+    starts = [(*_sizes(problem, candidate, shape), shape) for shape in shapes(candidate)]
     cost, sizes, shape = min(starts, key=lambda start: start[0])
     if not len(shape):
         return cost, sizes
@@ -138,7 +89,7 @@ def _by_proportion(stage: Stage, candidate: Candidate) -> tuple[float, Array]:
     first = (math.log(shape[0]) - around, math.log(shape[0]) + around)
 
     def costs(logarithms: Array) -> float:
-        return _sizes(stage, candidate, np.exp(logarithms))[0]
+        return _sizes(problem, candidate, np.exp(logarithms))[0]
 
     if len(shape) == 1:
         line = minimize_scalar(lambda x: costs(np.array([x])), bounds=first, method="bounded", options={"xatol": 1e-3})
@@ -162,11 +113,11 @@ def _by_proportion(stage: Stage, candidate: Candidate) -> tuple[float, Array]:
         best, lowest = found.x, float(found.fun)
     if lowest < cost:
         shape = np.clip(np.exp(best), *np.exp(bounds.T))
-        cost, sizes = _sizes(stage, candidate, shape)
+        cost, sizes = _sizes(problem, candidate, shape)
     return cost, np.r_[sizes, shape]
 
 
-def _by_search(stage: Stage, candidate: Candidate) -> tuple[float, Array]:
+def _by_search(problem: GridProblem, candidate: Candidate) -> tuple[float, Array]:
     """Sum of squares and values by nonlinear least squares."""
     parameters = candidate.parameters
     typical = np.array([p.typical for p in parameters])
@@ -174,7 +125,7 @@ def _by_search(stage: Stage, candidate: Candidate) -> tuple[float, Array]:
     bounds = low / typical, high / typical
 
     def residuals(scaled: Array) -> Array:
-        return stage.left - stage.project(stage.effect(candidate, scaled * typical))
+        return problem.left - problem.beyond_baseline(problem.effect(candidate, scaled * typical))
 
     def search(start: Array, most: int | None) -> tuple[float, Array]:
         found = least_squares(residuals, start, bounds=bounds, x_scale="jac", xtol=1e-5, ftol=1e-7, max_nfev=most)
@@ -182,7 +133,7 @@ def _by_search(stage: Stage, candidate: Candidate) -> tuple[float, Array]:
 
     ends = []
     for shape in shapes(candidate):
-        start = np.r_[_sizes(stage, candidate, shape)[1], shape]
+        start = np.r_[_sizes(problem, candidate, shape)[1], shape]
         ends.append(search(np.clip(start, low + 1e-9 * typical, high - 1e-9 * typical) / typical, FIRST_STEPS))
     best = sorted(ends, key=lambda end: end[0])[:FOLLOWED]
     cost, scaled = min((search(end, None) for _, end in best), key=lambda end: end[0])
@@ -193,11 +144,11 @@ SMALL = 0.05
 """Part of a parameter's typical value at which its signature is taken."""
 
 
-def signature(stage: Stage, candidate: Candidate, shape: Array) -> Array:
+def signature(problem: GridProblem, candidate: Candidate, shape: Array) -> Array:
     """Effect on each reading per unit of each size (m, sizes), at small size and a given shape [N m per unit]."""
     columns = []
     for i, parameter in enumerate(candidate.parameters[: len(candidate.sizes)]):
         sizes = np.zeros(len(candidate.sizes))
         sizes[i] = SMALL * parameter.typical
-        columns.append(stage.effect(candidate, np.r_[sizes, shape]) / sizes[i])
+        columns.append(problem.effect(candidate, np.r_[sizes, shape]) / sizes[i])
     return np.stack(columns, axis=1)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnose.engine.held_out import HeldOut, gain_interval, solve, touched_blocks
+from pmg.pipeline.diagnose.engine.withheld import BLOCKS
 from pmg.pipeline.diagnose.grid.locate import located_families
 from pmg.pipeline.fit.calibration import jacobian, start_model
 from pmg.pipeline.fit.noise_floor import BASELINE_FREE
@@ -17,62 +18,15 @@ from pmg.pipeline.grid.readings import predict, take_readings
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnose.grid.candidates import Candidate
     from pmg.pipeline.diagnose.grid.locate import Location
     from pmg.pipeline.fit.loss_fit import LossFits
     from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
-    from pmg.sim.signals import Array, Mask
 
 FOLDS = 8
 """Parts of the readings withheld in turn."""
-
-BLOCKS = 48
-"""Blocks of neighbours that are dealt to the folds, where the order of the test is known."""
-
-RESAMPLES = 2000
-"""Bootstrap resamples of the blocks."""
-
-
-@dataclass(frozen=True)
-class HeldOut:
-    """Errors on readings that took no part in the fit.
-
-    Parameters
-    ----------
-    split : str
-        What was withheld, in words.
-    rmse_before, rmse_after : float
-        Of the baseline, and of the baseline with the located structure [N m].
-    noise_floor : float
-        Noise of the same readings [N m].
-    gain_interval : tuple of float
-        95 % interval of `rmse_before` - `rmse_after`, from resampled blocks [N m].
-    placebo_gain : float or None
-        The same difference for a placebo: what was found, shuffled over the readings; it should gain nothing [N m].
-    expected_before, expected_after : float or None
-        Error that noise alone would give [N m]: noise of the readings and, with it, of the fits that predict them.
-    count : int
-        Readings that were looked at.
-    kept : float
-        Part of the choices made without a part of the readings that agree with the choice on all of them.
-    elsewhere : tuple of tuple of Candidate
-        Where too few agree: the sets that were chosen instead, most frequent first.
-    """
-
-    split: str
-    rmse_before: float
-    rmse_after: float
-    noise_floor: float
-    gain_interval: tuple[float, float]
-    placebo_gain: float | None = None
-    expected_before: float | None = None
-    expected_after: float | None = None
-    count: int = 0
-    kept: float = 1.0
-    elsewhere: tuple[tuple[Candidate, ...], ...] = ()
 
 
 def hold_out(
@@ -135,27 +89,3 @@ def deal(readings: Readings, folds: int) -> tuple[npt.NDArray[np.int64], npt.NDA
     if not at.ordered:
         fold = np.where((block == 0) | (block == n_blocks - 1), folds, fold)
     return block, fold
-
-
-def touched_blocks(block: npt.NDArray[np.int64], touched: Mask) -> list[npt.NDArray[np.intp]]:
-    """Rows of each block that are looked at; blocks without any are left out."""
-    return [np.flatnonzero((block == k) & touched) for k in np.unique(block[touched])]
-
-
-def gain_interval(
-    before: Array, after: Array, blocks: list[npt.NDArray[np.intp]], rng: np.random.Generator
-) -> tuple[float, float]:
-    """95 % interval of the fall of the error [N m] from squared errors, blocks resampled with replacement."""
-    gains = []
-    for _ in range(RESAMPLES):
-        rows = np.concatenate([blocks[i] for i in rng.integers(len(blocks), size=len(blocks))])
-        gains.append(math.sqrt(before[rows].mean()) - math.sqrt(after[rows].mean()))
-    low, high = np.quantile(gains, [0.025, 0.975])
-    return float(low), float(high)
-
-
-def solve(design: Array, y: Array) -> Array:
-    """Least squares with columns of equal length; directions the rows do not determine stay at zero."""
-    length = np.linalg.norm(design, axis=0)
-    length[length == 0.0] = 1.0
-    return np.asarray(np.linalg.lstsq(design / length, y, rcond=1e-8)[0] / length)

@@ -8,18 +8,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.engine.scan import Scan, search
-from pmg.pipeline.diagnose.grid.candidates import set_stage
+from pmg.pipeline.diagnose.engine.mismatch import FALSE_ALARM_RATE, Mismatch, search
+from pmg.pipeline.diagnose.grid.candidates import grid_problem
+from pmg.pipeline.diagnose.grid.evidence import broad_and_narrow, campaign_evidence
 from pmg.pipeline.diagnose.grid.swings import swings
 from pmg.pipeline.diagnose.grid.traces import traces
 from pmg.pipeline.fit.calibration import start_model
-from pmg.pipeline.fit.noise_floor import repeat_contrasts
 from pmg.pipeline.fit.structure import families
-from pmg.pipeline.fit.whitening import synthetic_noise, undo, whitener
+from pmg.pipeline.fit.whitening import undo, whitener
 from pmg.pipeline.grid.readings import take_readings
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.engine.scan import Scan
     from pmg.pipeline.fit.loss_fit import LossFits
     from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.pipeline.fit.structure import ResidualStructure
@@ -29,9 +30,6 @@ if TYPE_CHECKING:
     from pmg.sim.grid import Grid
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.signals import Array, Mask
-
-FALSE_ALARM_RATE = 0.05
-"""Rate at which a campaign without any mismatch is called mismatched."""
 
 DRAWS = 1000
 """Synthetic campaigns behind the p-value of the whole procedure."""
@@ -81,36 +79,10 @@ class Location:
 
 
 @dataclass(frozen=True)
-class Mismatch:
-    """The outcome of the test.
+class CampaignMismatch(Mismatch[Location]):
+    """The outcome of the test on a campaign, with the m readings that were tested."""
 
-    Parameters
-    ----------
-    p_value : float
-        Of the whole procedure: all families and the repeats looked at together.
-    false_alarm_rate : float
-        Level at which it was judged.
-    locations : tuple of Location
-        Places, clearest first; empty without a mismatch.
-    readings : Readings
-        What was tested.
-    tested : int
-        Families and traces of mechanisms looked at.
-    draws : int
-        Synthetic campaigns behind `p_value`.
-    """
-
-    p_value: float
-    false_alarm_rate: float
-    locations: tuple[Location, ...]
     readings: Readings
-    tested: int
-    draws: int
-
-    @property
-    def found(self) -> bool:
-        """Whether the mismatch is beyond the noise."""
-        return self.p_value <= self.false_alarm_rate
 
 
 def find_mismatch(
@@ -123,7 +95,7 @@ def find_mismatch(
     draws: int = DRAWS,
     false_alarm_rate: float = FALSE_ALARM_RATE,
     allowed: Array | None = None,
-) -> Mismatch:
+) -> CampaignMismatch:
     r"""Test the residual of the baseline for structure anywhere, and say where it sits.
 
     Parameters
@@ -151,43 +123,25 @@ def find_mismatch(
     of it after projecting out every baseline parameter (curves, K_corr, b, c, d) gives an F statistic against the
     scatter that follows no family, and so does the trace of each mechanism of the catalogue. Two more statistics a
     shaft ask whether repeats scatter more, or less, than that, and one looks at the largest single residual. The
-    smallest nominal p-value of them all is compared with its distribution over synthetic campaigns of pure noise that
-    go through the same steps (minimum-p, Westfall and Young 1993), so the search is paid for. Locations are taken one
-    by one, each time with the earlier ones added to the baseline.
+    search over all of them is paid for (`pmg.pipeline.diagnose.engine.mismatch`). Locations are taken one by one, each
+    time with the earlier ones added to the baseline.
     """
     readings = take_readings(grid, bench)
-    model = start_model(fits)
-    white = whitener(readings, bench, floor)
-    stage = set_stage(readings, bench, model, white, allowed)
-    y = white((readings.torque - stage.predicted)[:, None])
-    candidates = families(readings, bench, model)
-    narrow = swings(readings)
-    smooth, own = [white(family.columns) for family in candidates], traces(stage)
-    columns = [*smooth, *own, *(white(family.columns) for family in narrow)]
-    repeats = repeat_contrasts(readings)
-    fitted = readings.torque - undo(white, stage.left)
-    noise = synthetic_noise(readings, floor, white, draws, rng, fitted=fitted)
+    problem = grid_problem(readings, bench, start_model(fits), whitener(readings, bench, floor), allowed)
+    candidates, narrow = broad_and_narrow(problem)
+    evidence = campaign_evidence(problem, floor, draws, rng, traces(problem))
+    columns, white, y = evidence.families, problem.white, evidence.y
     p_value, locations = 1.0, []
-    steps = search(
-        readings,
-        white(stage.columns),
-        columns,
-        repeats,
-        (y, noise),
-        steps=MAXIMUM_LOCATIONS,
-        level=false_alarm_rate,
-        narrow=len(narrow),
-    )
-    for number, step in enumerate(steps):
+    for number, step in enumerate(search(evidence, steps=MAXIMUM_LOCATIONS, level=false_alarm_rate)):
         scan, best = step.scan, step.best
         if number == 0:
             p_value = step.p_value
         if step.p_value > false_alarm_rate:
             break
         if best >= len(columns):
-            locations.append(_without_family(readings, scan, y[:, 0], white, best - len(columns), step.p_value))
+            locations.append(_without_family(readings, scan, y, white, best - len(columns), step.p_value))
             break
-        effect_white = scan.bases[best] @ (scan.bases[best].T @ y[:, 0])
+        effect_white = scan.bases[best] @ (scan.bases[best].T @ y)
         effect = undo(white, effect_white)
         follows = best if best < len(candidates) else _carrying(candidates, scan, effect_white)
         family, also = candidates[follows], same_trace(candidates, scan, follows, effect_white)
@@ -195,7 +149,7 @@ def find_mismatch(
             family, also = narrow[best - len(columns)], []
         others = tuple(candidates[i] for i in also)
         locations.append(_locate(readings, family, others, effect, step.p_value))
-    return Mismatch(p_value, false_alarm_rate, tuple(locations), readings, len(columns), draws)
+    return CampaignMismatch(p_value, false_alarm_rate, tuple(locations), len(columns), draws, readings)
 
 
 def _carrying(candidates: tuple[ResidualStructure, ...], scan: Scan, effect_white: Array) -> int:
@@ -273,7 +227,7 @@ def _without_family(readings: Readings, scan: Scan, y: Array, white: Whitener, w
     residual = y - scan.baseline @ (scan.baseline.T @ y)
     tests = [
         (signal, kind)
-        for signal, columns in zip(("torque_sun", "torque_ring"), scan.contrasts, strict=True)
+        for signal, columns in zip(("torque_sun", "torque_ring"), scan.evidence.contrasts, strict=True)
         if columns.shape[1]
         for kind in ("time", "none")
     ]

@@ -19,7 +19,7 @@ from pmg.pipeline.grid.readings import predict, take_readings
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pmg.pipeline.diagnose.grid.locate import Mismatch
+    from pmg.pipeline.diagnose.grid.locate import CampaignMismatch
     from pmg.pipeline.fit.loss_fit import LossFits
     from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.pipeline.grid.readings import Readings
@@ -43,7 +43,7 @@ def without_outliers(
     bench: BenchParameters,
     rng: np.random.Generator,
     known: Callable[[Readings], Array] | None,
-) -> tuple[Mismatch, tuple[str, ...], NoiseFloor]:
+) -> tuple[CampaignMismatch, tuple[str, ...], NoiseFloor]:
     """The mismatch of the points that do not stand out by themselves, the names of those that do, and the noise.
 
     A single reading far from all others is a bad reading, not physics: it is set aside and told, and the rest is judged

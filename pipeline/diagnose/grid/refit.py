@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import least_squares
 
-from pmg.pipeline.diagnose.grid.candidates import predict_with, set_stage
-from pmg.pipeline.diagnose.grid.ranking import ENTRY
+from pmg.pipeline.diagnose.engine.catalogue import ENTRY
+from pmg.pipeline.diagnose.grid.candidates import grid_problem, predict_with
 from pmg.pipeline.fit.calibration import CONSTANTS, parameter_names, parameter_values, with_parameters
 from pmg.pipeline.fit.noise_floor import BASELINE_FREE
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.grid.candidates import Candidate, Stage
-    from pmg.pipeline.diagnose.grid.explanation import Explanation
-    from pmg.pipeline.diagnose.grid.fitting import CandidateFit
+    from pmg.pipeline.diagnose.grid.candidates import Candidate, CandidateFit, GridProblem
+    from pmg.pipeline.diagnose.grid.catalogue import GridExplanation
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.mechanisms import Mechanism
     from pmg.sim.signals import Array
@@ -60,13 +59,13 @@ class Refit:
     baseline_errors: dict[str, float]
     prediction: Array
 
-    def mechanisms(self, stage: Stage) -> tuple[Mechanism, ...]:
+    def mechanisms(self, problem: GridProblem) -> tuple[Mechanism, ...]:
         """The added mechanisms with their numbers."""
         pairs = zip(self.candidates, self.values, strict=True)
-        return tuple(candidate.mechanism(stage.bench, self.model, values) for candidate, values in pairs)
+        return tuple(candidate.mechanism(problem.bench, self.model, values) for candidate, values in pairs)
 
 
-def refit(stage: Stage, fits: tuple[CandidateFit, ...]) -> Refit:
+def refit(problem: GridProblem, fits: tuple[CandidateFit, ...]) -> Refit:
     """Nonlinear least squares of all constants at once, from the separate fits.
 
     Notes
@@ -76,9 +75,9 @@ def refit(stage: Stage, fits: tuple[CandidateFit, ...]) -> Refit:
     ones; a parameter that sat on one stays there. Where more is left than noise, as an error of form leaves it, the
     standard errors are widened by the square root of the mean square that is left (Birge 1932).
     """
-    names = parameter_names(stage.model, FREE)
+    names = parameter_names(problem.model, FREE)
     n_curves = len(names) - len(FREE)
-    begin = [parameter_values(stage.model, FREE)]
+    begin = [parameter_values(problem.model, FREE)]
     scale = [np.r_[np.full(n_curves, 0.1), [CONSTANTS[name].typical for name in FREE]]]
     low = [np.r_[np.full(n_curves, -np.inf), [CONSTANTS[name].bounds[0] for name in FREE]]]
     high = [np.r_[np.full(n_curves, np.inf), [CONSTANTS[name].bounds[1] for name in FREE]]]
@@ -95,20 +94,20 @@ def refit(stage: Stage, fits: tuple[CandidateFit, ...]) -> Refit:
 
     def predicted(values: Array) -> Array:
         own, *added = np.split(values, cuts)
-        model = with_parameters(stage.model, FREE, own)
-        extra = tuple(f.candidate.mechanism(stage.bench, model, v) for f, v in zip(fits, added, strict=True))
-        return predict_with(stage.readings, stage.bench, model, extra)
+        model = with_parameters(problem.model, FREE, own)
+        extra = tuple(f.candidate.mechanism(problem.bench, model, v) for f, v in zip(fits, added, strict=True))
+        return predict_with(problem.readings, problem.bench, model, extra)
 
     def whole(scaled: Array) -> Array:
         values = start.copy()
         values[loose] = scaled * size[loose]
         return values
 
-    n_constants = len(parameter_names(stage.model, BASELINE_FREE))
-    allowed = orthonormal(stage.white(stage.columns[:, n_constants:]))
+    n_constants = len(parameter_names(problem.model, BASELINE_FREE))
+    allowed = orthonormal(problem.white(problem.columns[:, n_constants:]))
 
     def residuals(scaled: Array) -> Array:
-        left = stage.white((stage.readings.torque - predicted(whole(scaled)))[:, None])[:, 0]
+        left = problem.white((problem.readings.torque - predicted(whole(scaled)))[:, None])[:, 0]
         return np.asarray(left - allowed @ (allowed.T @ left))
 
     inside = np.clip(start, lower + 1e-6 * size, upper - 1e-6 * size)[loose] / size[loose]
@@ -119,19 +118,19 @@ def refit(stage: Stage, fits: tuple[CandidateFit, ...]) -> Refit:
     free = loose & (values - lower > margin) & (upper - values > margin)
     errors = np.full(len(values), np.nan)
     free &= found.status > 0  # a fit that ran out of steps has no error bars
-    slopes = np.zeros((len(stage.readings), len(values)))
+    slopes = np.zeros((len(problem.readings), len(values)))
     slopes[:, loose] = np.asarray(found.jac)
     _, singular, right = np.linalg.svd(slopes[:, free], full_matrices=False)
     weak = singular < WEAK * singular.max(initial=0.0)
     spread = np.where(weak[:, None], 0.0, right / np.where(weak, 1.0, singular)[:, None])
     lost = (np.abs(right[weak]) > 0.3).any(axis=0) if weak.any() else np.zeros(int(free.sum()), dtype=bool)
-    spare = len(stage.left) - int(free.sum()) - allowed.shape[1]
+    spare = len(problem.left) - int(free.sum()) - allowed.shape[1]
     wider = math.sqrt(max(2.0 * float(found.cost) / max(spare, 1), 1.0))
     errors[free] = wider * np.where(lost, np.nan, np.sqrt(np.sum(spread**2, axis=0)) * size[free])
     own, *added = np.split(values, cuts)
     own_errors, *added_errors = np.split(errors, cuts)
     return Refit(
-        with_parameters(stage.model, FREE, own),
+        with_parameters(problem.model, FREE, own),
         tuple(fit.candidate for fit in fits),
         tuple(added),
         tuple(added_errors),
@@ -140,17 +139,17 @@ def refit(stage: Stage, fits: tuple[CandidateFit, ...]) -> Refit:
     )
 
 
-def about(stage: Stage, explanation: Explanation) -> Stage | None:
-    """The stage about the baseline that is fitted together with a set of mechanisms; None where it gains nothing.
+def about(problem: GridProblem, explanation: GridExplanation) -> GridProblem | None:
+    """The problem about the baseline that is fitted together with a set of mechanisms; None where it gains nothing.
 
     Beside a large effect the baseline's curves are far from where they are without it, and what they can absorb, and
     the effect on them, are no longer those of the first linearisation.
     """
     if not explanation.fits:
         return None
-    found = refit(stage, explanation.fits)
-    n_constants = len(parameter_names(stage.model, BASELINE_FREE))
-    here = set_stage(stage.readings, stage.bench, found.model, stage.white, stage.columns[:, n_constants:])
+    found = refit(problem, explanation.fits)
+    n_constants = len(parameter_names(problem.model, BASELINE_FREE))
+    here = grid_problem(problem.readings, problem.bench, found.model, problem.white, problem.columns[:, n_constants:])
     effects = [here.effect(candidate, v) for candidate, v in zip(found.candidates, found.values, strict=True)]
-    left, before = here.left - here.project(np.sum(effects, axis=0)), explanation.stage.left
+    left, before = here.left - here.beyond_baseline(np.sum(effects, axis=0)), explanation.problem.left
     return here if float(left @ left) < float(before @ before) - ENTRY else None

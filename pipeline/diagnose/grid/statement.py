@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnose.design.next_test import HIDDEN
-from pmg.pipeline.diagnose.grid.diagnosis import Verdict
+from pmg.pipeline.diagnose.engine.verdict import Verdict
 from pmg.pipeline.wording import numerals
 from pmg.pipeline.wording.numerals import measured
 from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.signals import MINUTE
 
 if TYPE_CHECKING:
+    from pmg.pipeline.diagnose.grid.catalogue import GridExplanation, GridNaming
     from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
-    from pmg.pipeline.diagnose.grid.explanation import Explanation
-    from pmg.pipeline.diagnose.grid.locate import Mismatch
-    from pmg.pipeline.diagnose.grid.naming import Naming
+    from pmg.pipeline.diagnose.grid.locate import CampaignMismatch
     from pmg.sim.signals import Array
 
 SHAFT_WORDS = {
@@ -82,7 +81,7 @@ def _told(diagnosis: Diagnosis) -> str:
     return " ".join(sentence for sentence in sentences if sentence)
 
 
-def causes(diagnosis: Diagnosis, explanation: Explanation) -> str:
+def causes(diagnosis: Diagnosis, explanation: GridExplanation) -> str:
     """A set of mechanisms in words: what is left to see of each, and its whole effect against a bench without it."""
     shafts = diagnosis.naming.shafts if diagnosis.naming is not None else {}
     words = []
@@ -92,8 +91,9 @@ def causes(diagnosis: Diagnosis, explanation: Explanation) -> str:
         shaft = shafts.get(fit.candidate.identifier, fit.candidate.shaft) if own else fit.candidate.shaft
         title = fit.candidate.kind.title
         told = (
-            f"{title[0].lower()}{title[1:]}{SHAFT_WORDS[shaft]}, {explanation.visible(fit) * 1e3:.1f} mN m rms beyond "
-            f"what the baseline takes up, of {fit.size * 1e3:.1f} against {fit.candidate.kind.without}"
+            f"{title[0].lower()}{title[1:]}{SHAFT_WORDS[shaft]}, "
+            f"{explanation.problem.visible(fit) * 1e3:.1f} mN m rms beyond what the baseline takes up, "
+            f"of {fit.size * 1e3:.1f} against {fit.candidate.kind.without}"
         )
         if own and found is not None:
             best = _surest(found.values[i], found.standard_errors[i], len(fit.candidate.sizes))
@@ -110,7 +110,7 @@ def causes(diagnosis: Diagnosis, explanation: Explanation) -> str:
     return " together with ".join(words)
 
 
-def _settled_by(naming: Naming) -> str:
+def _settled_by(naming: GridNaming) -> str:
     """What tells the shaft of a fault of a reading, where the points cannot."""
     faults = [fit for fit in naming.best.fits if issubclass(fit.candidate.kind, Instrument)]
     if not any(naming.on_the_other_shaft(fit) for fit in faults):
@@ -125,7 +125,7 @@ def _surest(values: Array, errors: Array, sizes: int) -> int:
     return int(np.argmin(np.where(np.isfinite(relative), relative, np.inf)))
 
 
-def _beyond(mismatch: Mismatch) -> str:
+def _beyond(mismatch: CampaignMismatch) -> str:
     if mismatch.found:
         return f"Something follows the order of the test (p ≤ {mismatch.p_value:.2g}), and a slow change may make it."
     return f"No mismatch beyond the noise (p = {mismatch.p_value:.3g})."

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from pmg.pipeline.diagnose.engine.scan import look_elsewhere, search
+from pmg.pipeline.diagnose.engine.evidence import Evidence
+from pmg.pipeline.diagnose.engine.mismatch import search
+from pmg.pipeline.diagnose.grid.evidence import both_shafts
 from pmg.pipeline.diagnose.grid.locate import same_trace
 from pmg.pipeline.diagnose.residuals.covariates import BY_ID, Look, looks, untested
 from pmg.pipeline.diagnose.residuals.fitted import LEVEL, Fitted, lack_of_fit, linear_fits, outliers
@@ -20,7 +22,7 @@ from pmg.sim.shafts import SIDES
 from pmg.sim.signals import RESIDUAL
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.engine.scan import Step
+    from pmg.pipeline.diagnose.engine.mismatch import Step
     from pmg.pipeline.diagnose.residuals.fitted import LackOfFit, Outlier
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.pipeline.fit.noise import NoiseFloor
@@ -147,16 +149,13 @@ _Found: TypeAlias = tuple[tuple[Followed, ...], tuple[Look, ...]]
 
 
 @dataclass(frozen=True)
-class _Trial:
-    """One fit made ready: whitened columns, residual and synthetic noise."""
+class _FitEvidence:
+    """One fit as evidence, with the covariates that its families stand for."""
 
     fit: Fitted
     looks: tuple[Look, ...]
     white: Whitener
-    baseline: Array
-    columns: list[Array]
-    y: Array
-    noise: Array
+    evidence: Evidence
 
 
 def study_residuals(
@@ -182,10 +181,6 @@ def study_residuals(
     The machinery of the mismatch test, about other fits: whitened readings, each covariate's columns beyond the design
     against the scatter that follows none, minimum-p over synthetic grids of noise and rounding. A synthetic grid goes
     through all fits, so what they share is paid for once. The clearest joins the fit, the rest is looked at again.
-
-    References
-    ----------
-    P. H. Westfall, S. S. Young, 'Resampling-Based Multiple Testing', Wiley, 1993.
     """
     floor, curves = analysis.floor, analysis.fits
     fits = linear_fits(analysis, bench, wanted)
@@ -208,10 +203,11 @@ def study_residuals(
     return ResidualStudy(tuple(parts), draws)
 
 
-def _steps(trial: _Trial, elsewhere: Array, most: int = MOST_STEPS) -> list[Step]:
+def _steps(trial: _FitEvidence, elsewhere: Array, most: int = MOST_STEPS) -> list[Step]:
     """The search through one fit, paid for together with the others; repeats have a test of their own."""
-    given = (trial.fit.readings, trial.baseline, trial.columns, np.zeros((len(trial.y), 0)), (trial.y, trial.noise))
-    return list(search(*given, steps=most, level=LEVEL, elsewhere=elsewhere)) if trial.columns else []
+    if not trial.looks:
+        return []
+    return list(search(trial.evidence, steps=most, level=LEVEL, elsewhere=elsewhere))
 
 
 def _keys(readings: Readings) -> Array:
@@ -229,7 +225,7 @@ def _all_readings(fits: tuple[Fitted, ...]) -> Readings:
 
 def _ready(
     fit: Fitted, whole: Readings, floor: NoiseFloor, bench: BenchParameters, model: LossModel, draws: int, seed: int
-) -> _Trial:
+) -> _FitEvidence:
     """The fit with its share of the synthetic grids, the same for every fit but for their fitted torques."""
     readings = fit.readings
     white, white_whole = whitener(readings, bench, floor), whitener(whole, bench, floor)
@@ -239,18 +235,17 @@ def _ready(
     structure = np.hstack([fit.design[:, :0], *(look.family.columns for look in found)])
     floor, fitted[index] = unrounded(readings, floor, fit.design, structure, fit.residual, white.scale)
     drawn = synthetic_noise(whole, floor, white_whole, draws, np.random.default_rng(seed), fitted=fitted)
-    return _Trial(
-        fit,
-        found,
-        white,
-        white(fit.design),
-        [white(look.family.columns) for look in found],
-        white(fit.residual[:, None]),
-        white(undo(white_whole, drawn)[index]),
+    evidence = Evidence(
+        y=white(fit.residual[:, None])[:, 0],
+        baseline=white(fit.design),
+        families=[white(look.family.columns) for look in found],
+        groups=both_shafts(readings),
+        null=white(undo(white_whole, drawn)[index]),
     )
+    return _FitEvidence(fit, found, white, evidence)
 
 
-def _followed(trial: _Trial, steps: list[Step]) -> _Found:
+def _followed(trial: _FitEvidence, steps: list[Step]) -> _Found:
     """Every covariate with what follows it, and those of which the fit leaves nothing."""
     if not steps:
         return (), ()
@@ -262,7 +257,7 @@ def _followed(trial: _Trial, steps: list[Step]) -> _Found:
         if basis.shape[1] == 0:
             absorbed.append(look)
             continue
-        along = basis @ (basis.T @ trial.y[:, 0])
+        along = basis @ (basis.T @ trial.evidence.y)
         drag = np.where(look.rows, undo(trial.white, along) * trial.fit.readings.direction, np.nan)
         n, noise = int(look.rows.sum()), math.sqrt(float(np.mean(trial.white.scale[look.rows] ** 2)))
         carriers = same_trace(families, first.scan, i, along)
@@ -276,16 +271,16 @@ def _followed(trial: _Trial, steps: list[Step]) -> _Found:
                 noise_size=noise * math.sqrt(basis.shape[1] / n),
                 shape=look.shape(drag),
                 p_value=float(first.nominal[i]),
-                p_search=look_elsewhere(float(first.observed[i]), first.smallest),
+                p_search=first.corrected(i),
                 same_trace=tuple(dict.fromkeys(trial.looks[j].covariate.id for j in carriers)),
                 rank=number,
-                p_beyond=look_elsewhere(float(step.observed[i]), step.smallest),
+                p_beyond=step.corrected(i),
             )
         )
     return tuple(sorted(found, key=lambda one: (one.rank or MOST_STEPS + 1, one.p_value))), tuple(absorbed)
 
 
-def _part(trial: _Trial, shaft: str, found: _Found, explained: Array, lack: LackOfFit) -> ShaftResidual:
+def _part(trial: _FitEvidence, shaft: str, found: _Found, explained: Array, lack: LackOfFit) -> ShaftResidual:
     """One shaft's share of a fit."""
     followed, absorbed = found
     beyond = {one.row for one in outliers(trial.fit, shaft, explained)}

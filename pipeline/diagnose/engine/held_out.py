@@ -1,0 +1,99 @@
+"""Errors on rows that took no part in a fit, and how much of their fall is chance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from pmg.sim.signals import Array, Mask
+
+RESAMPLES = 2000
+"""Bootstrap resamples of the blocks."""
+
+WITHHELD_SHARE = 0.9
+"""Part of the withheld mismatch, in squares beyond the noise, that a candidate must predict to be named."""
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Errors on rows that took no part in the fit, in their own unit (N m, or N).
+
+    Parameters
+    ----------
+    split : str
+        What was withheld, in words.
+    rmse_before, rmse_after : float
+        Of the baseline, and of the baseline with the located structure or the named candidates.
+    noise_floor : float
+        Noise of the same rows.
+    gain_interval : tuple of float
+        95 % interval of `rmse_before` - `rmse_after`, from resampled blocks.
+    placebo_gain : float or None
+        The same difference for a placebo: what was found, shuffled over the rows; it should gain nothing.
+    expected_before, expected_after : float or None
+        Error that noise alone would give: noise of the rows and, with it, of the fits that predict them.
+    count : int
+        Rows that were looked at.
+    kept : float
+        Part of the choices made without a part of the rows that agree with the choice on all of them.
+    elsewhere : tuple of tuple of candidates
+        Where too few agree: the sets that were chosen instead, most frequent first.
+    """
+
+    split: str
+    rmse_before: float
+    rmse_after: float
+    noise_floor: float
+    gain_interval: tuple[float, float]
+    placebo_gain: float | None = None
+    expected_before: float | None = None
+    expected_after: float | None = None
+    count: int = 0
+    kept: float = 1.0
+    elsewhere: tuple[tuple[Any, ...], ...] = ()
+
+    @property
+    def predicts(self) -> bool:
+        r"""Whether what was named predicts most of the mismatch of withheld rows.
+
+        Notes
+        -----
+        Mean squares beyond what noise alone gives, that of the predicting fits included, are compared. What is left
+        after may exceed its share by one standard error of a mean square of noise, :math:`s^2\sqrt{2/n}`.
+        """
+        assert self.expected_before is not None
+        assert self.expected_after is not None
+        before = self.rmse_before**2 - self.expected_before**2
+        after = self.rmse_after**2 - self.expected_after**2
+        chance = self.expected_after**2 * math.sqrt(2.0 / self.count)
+        return self.rmse_after < self.rmse_before and after <= (1.0 - WITHHELD_SHARE) * before + chance
+
+
+def touched_blocks(block: npt.NDArray[np.int64], touched: Mask) -> list[npt.NDArray[np.intp]]:
+    """Rows of each block that are looked at; blocks without any are left out."""
+    return [np.flatnonzero((block == k) & touched) for k in np.unique(block[touched])]
+
+
+def gain_interval(
+    before: Array, after: Array, blocks: list[npt.NDArray[np.intp]], rng: np.random.Generator
+) -> tuple[float, float]:
+    """95 % interval of the fall of the error from squared errors, blocks resampled with replacement."""
+    gains = []
+    for _ in range(RESAMPLES):
+        rows = np.concatenate([blocks[i] for i in rng.integers(len(blocks), size=len(blocks))])
+        gains.append(math.sqrt(before[rows].mean()) - math.sqrt(after[rows].mean()))
+    low, high = np.quantile(gains, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def solve(design: Array, y: Array) -> Array:
+    """Least squares with columns of equal length; directions the rows do not determine stay at zero."""
+    length = np.linalg.norm(design, axis=0)
+    length[length == 0.0] = 1.0
+    return np.asarray(np.linalg.lstsq(design / length, y, rcond=1e-8)[0] / length)
