@@ -1,4 +1,4 @@
-"""Does naming a mechanism help on recordings it has not seen: parts withheld before anything is chosen."""
+"""The withheld proof: does a named mechanism help on recordings withheld before anything is chosen."""
 
 from __future__ import annotations
 
