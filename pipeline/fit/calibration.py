@@ -46,8 +46,7 @@ class FittedBaseline:
     model : LossModel
         The calibrated constants.
     names : tuple of str
-        Free parameters: ``sun[p]`` and ``ring[p]`` for the coefficient of power p, then K_corr, b, c, d as far as
-        free.
+        Free parameters: ``sun[p]`` and ``ring[p]``, coefficients of power p; then those free of K_corr, b, c, d.
     values : (k,) array
         Their values.
     covariance : (k, k) array
@@ -299,13 +298,3 @@ def _with_bounds(design: Array, left: Array, inside: npt.NDArray[np.intp], upwar
         lever[inside], lever[b] = whole[inside, b] / whole[b, b], 1.0
         kept = kept + np.outer(lever, lever) * second
     return np.asarray(kept)
-
-
-def predicted_uncertainty(readings: Readings, bench: BenchParameters, calibration: FittedBaseline) -> Array:
-    """Standard uncertainty of the predicted readings from the calibration alone [N m].
-
-    Parameters on a bound contribute nothing here; the report says which they are.
-    """
-    slopes = jacobian(readings, bench, calibration.model, calibration.free)
-    covariance = np.nan_to_num(calibration.covariance)
-    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance, slopes)))
