@@ -136,6 +136,15 @@ def test_paths_of_a_page_exist(name: str) -> None:
     assert bad_paths(text_of(name)) == []
 
 
+def test_every_bench_stands_in_the_table_of_benches() -> None:
+    named = {
+        word
+        for cell in re.findall(r"(?m)^\| (`.*?) \|", text_of("tests/README.md"))
+        for word in re.findall(r"`(\w+)", cell)
+    }
+    assert desk()[1] - named == set()
+
+
 def test_the_readme_is_short() -> None:
     assert len(text_of("README.md").splitlines()) <= README_LINES
 

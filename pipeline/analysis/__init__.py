@@ -1,1 +1,1 @@
-"""What an analysed grid says: comparison with the simulation, tolerances, power flow, documents."""
+"""Comparison of an analysed grid with the simulation: residuals, tolerances, power flow, documents."""

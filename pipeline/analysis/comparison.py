@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.fit.calibration import predicted_uncertainty
+from pmg.pipeline.fit.calibration import jacobian
 from pmg.pipeline.grid.readings import take_readings
 from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 
 if TYPE_CHECKING:
     from pmg.pipeline.fit.calibration import FittedBaseline
+    from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array, Mask
@@ -91,7 +92,7 @@ def compare(measured: Grid, simulated: Grid, bench: BenchParameters, calibration
         correlation with readings that took part in the fit is left out, so U is slightly too wide there.
     """
     readings = take_readings(measured, bench)
-    u_model = predicted_uncertainty(readings, bench, calibration)
+    u_model = _predicted_uncertainty(readings, bench, calibration)
     u_of = {True: np.full(len(measured), np.nan), False: np.full(len(measured), np.nan)}
     for sun in (True, False):
         chosen = readings.sun == sun
@@ -132,3 +133,13 @@ def compare(measured: Grid, simulated: Grid, bench: BenchParameters, calibration
             efficiency(measured.torque_sun), simulated_efficiency, np.where(used, slope * u_of[True], np.nan)
         ),
     )
+
+
+def _predicted_uncertainty(readings: Readings, bench: BenchParameters, calibration: FittedBaseline) -> Array:
+    """Standard uncertainty of the predicted readings from the calibration alone [N m].
+
+    Parameters on a bound contribute nothing here; the report says which they are.
+    """
+    slopes = jacobian(readings, bench, calibration.model, calibration.free)
+    covariance = np.nan_to_num(calibration.covariance)
+    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance, slopes)))

@@ -29,7 +29,7 @@ def statement(versus: Versus, judged: ComparisonVerdict | None) -> str:
         return "No point of A has a partner in B within the tolerances: nothing can be subtracted."
     p = f"p {told_search(judged.p_value, judged.draws)}"
     if judged.differ:
-        lead = f"B differs from A by more than noise and transducers let expect ({p})."
+        lead = f"B differs from A by more than noise and transducer tolerances can explain ({p})."
         return " ".join(filter(None, (lead, _loss(versus), _clearest(judged))))
     if judged.readings_differ:
         readings = f"p {told_search(judged.p_readings, judged.draws)}"

@@ -135,7 +135,7 @@ class ComparisonVerdict:
 
     @property
     def differ(self) -> bool:
-        """Whether the campaigns differ by more than noise and transducers let expect."""
+        """Whether the campaigns differ by more than noise and transducer tolerances can explain."""
         return self.p_value <= SIGNIFICANCE
 
     @property

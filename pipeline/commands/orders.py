@@ -139,7 +139,7 @@ def orders_chapter(store: Store, campaign: str, bench: BenchParameters) -> Secti
 def _page(campaign: str, followed: tuple[LineSurvey, ...], section: Section, recordings: int) -> Report:
     """A report of this chapter alone."""
     return Report(
-        title=f"What repeats with the turn of a shaft in campaign {campaign}",
+        title=f"Order analysis of campaign {campaign}",
         subtitle="Lines of torque, speed and flux density, and the load angle",
         verdict=Headline(f"{_present(followed)}.", "neutral"),
         sections=(section,),

@@ -1,1 +1,1 @@
-"""From residuals to an explanation: where a mismatch sits, and what may be said about it."""
+"""The diagnosis: from residuals to an explanation, its rivals, and the test that would tell them apart."""

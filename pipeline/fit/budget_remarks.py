@@ -1,4 +1,4 @@
-"""What a budget calls attention to."""
+"""Remarks on a budget: slow noise, tares that are off or unknown."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from scipy import stats
 
 from pmg.pipeline.wording.outcome import told
-from pmg.pipeline.wording.plurals import listed
+from pmg.pipeline.wording.plurals import counted, listed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,8 +25,8 @@ def budget_remarks(budget: Budget) -> Iterator[dict[str, Any]]:
         names = grid.points.name[facts.correlated]
         shown = listed([str(name) for name in names])
         message = (
-            f"the torque noise may be slow for its window at {len(names)} points: {shown}; expected noise that has "
-            "settled within a twentieth of it. Their uncertainty rests on what slow noise may be; longer windows tell."
+            f"at {counted(len(names), 'point')} low-frequency noise makes the mean less certain: {shown}; expected "
+            "noise that settles within a twentieth of the window. Use longer windows."
         )
         yield told("warning", "windows", message)
     checks = int((grid.points.zero & grid.accepted).sum())

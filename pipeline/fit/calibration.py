@@ -41,8 +41,7 @@ class FittedBaseline:
     model : LossModel
         The calibrated constants.
     names : tuple of str
-        Free parameters: ``sun[p]`` and ``ring[p]`` for the coefficient of power p, then K_corr, b, c, d as far as
-        free.
+        Free parameters: ``sun[p]`` and ``ring[p]``, coefficients of power p; then those free of K_corr, b, c, d.
     values : (k,) array
         Their values.
     covariance : (k, k) array
@@ -228,13 +227,3 @@ def _start_holding(start: LossModel, correction: float | None, held: Mapping[str
     """The model that a fit starts from, with the constants that are held."""
     start = replace(start, b=held.get("b", start.b), c=held.get("c", start.c), d=held.get("d", start.d))
     return start if correction is None else replace(start, correction=correction)
-
-
-def predicted_uncertainty(readings: Readings, bench: BenchParameters, calibration: FittedBaseline) -> Array:
-    """Standard uncertainty of the predicted readings from the calibration alone [N m].
-
-    Parameters on a bound contribute nothing here; the report says which they are.
-    """
-    slopes = jacobian(readings, bench, calibration.model, calibration.free)
-    covariance = np.nan_to_num(calibration.covariance)
-    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance, slopes)))

@@ -1,4 +1,4 @@
-"""What the points of a campaign share: transducers, fitted curves, correction factor and damping constants."""
+"""Errors that the points of a campaign share: transducers, fitted curves, correction factor and damping constants."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the points say about the correction factor: rule, joint fit, and whether it can be told from the damping."""
+"""Correction factor K_corr from the points: rule, joint fit, and whether it can be told from the damping."""
 
 from __future__ import annotations
 

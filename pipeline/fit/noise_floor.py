@@ -218,7 +218,7 @@ def _pool(within: Array, repeats: tuple[float, int], unstructured: float, dof: f
         return replace(noise, u=spread, dof=float(n), source="repeated points")
     ratio = (spread / unstructured) ** 2 if unstructured > 0.0 else math.inf
     if stats.f.sf(ratio, n, dof) < MORE:
-        source = "scatter that follows no covariate; repeats scatter more, so something changed slowly between them"
+        source = "residual scatter; repeats differ by more, so the bench drifted between them"
         return replace(noise, u=unstructured, dof=dof, source=source)
     if stats.f.cdf(ratio, n, dof) < LESS:
         source = "repeated points; the rest scatters more, so something is left that no covariate follows"

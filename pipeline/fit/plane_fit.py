@@ -1,4 +1,4 @@
-"""What the other shaft does: loss torque as a function of both speeds against that of the shaft's own speed alone."""
+"""Effect of the other shaft: loss torque as a function of both speeds against that of the shaft's own speed alone."""
 
 from __future__ import annotations
 

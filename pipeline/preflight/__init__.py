@@ -1,1 +1,1 @@
-"""What a set of recordings permits, before anything is run."""
+"""Preflight: what a set of recordings permits, before anything is run."""

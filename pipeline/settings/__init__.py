@@ -1,1 +1,1 @@
-"""What a user chooses: the campaign file, and where each setting in force comes from."""
+"""Settings: the campaign file, and where each setting in force comes from."""

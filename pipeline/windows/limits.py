@@ -1,4 +1,4 @@
-"""What counts as a steady window, and what counts as a change between two: fixed before any window is looked at."""
+"""Limits of a steady window, such as speed drift, and of a change between two: fixed before any window is looked at."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def test_a_planted_mechanism_is_named(identifier: str, shaft: str, seen_on: str,
     assert found.held_out.rmse_after < 0.7 * found.held_out.rmse_before
     document = diagnosis_document(found)
     assert [row["id"] for row in document["mechanisms"]] == [identifier]
-    assert "What was left out" in statement(found)
+    assert "Cause: " in statement(found)
 
 
 def test_a_twin_under_one_way_flow_is_ambiguous_with_the_test_that_tells(bench: BenchParameters) -> None:

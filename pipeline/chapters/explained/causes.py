@@ -83,12 +83,12 @@ def _mechanisms(diagnosis: Diagnosis) -> Table:
                 )
                 for parameter, value in zip(other.candidate.parameters, other.values, strict=True)
             ]
-    title, told = "What was left out", "Baseline and mechanism fitted together, every constant free"
+    title, told = "Cause", "Baseline and mechanism fitted together, every constant free"
     if diagnosis.weak:
-        title, told = "What may have been left out", f"The first of a set too weak to tell apart. {told}"
+        title, told = "Possible cause", f"The first of a set too weak to tell apart. {told}"
     elif diagnosis.rivals:
         weight = probabilities(diagnosis)[0]
-        title, told = "What may have been left out", f"{told}; weight among what cannot be told apart {weight:.0%}"
+        title, told = "Possible cause", f"{told}; weight among what cannot be told apart {weight:.0%}"
     return Table(
         "mechanisms",
         title,

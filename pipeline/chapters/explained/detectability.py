@@ -27,7 +27,7 @@ def audit_section(audit: Audit) -> Section:
         items.append(_alike(audit))
     if audit.resembling:
         items.append(_apart(audit))
-    return Section("design", "What the points can tell apart", tuple(items))
+    return Section("design", "Detectability of effects", tuple(items))
 
 
 def _visible(audit: Audit) -> Table:
@@ -72,10 +72,10 @@ def _alike(audit: Audit) -> Table:
     ]
     return Table(
         "look-alikes",
-        "What looks alike",
-        f"{len(rows)} pair{'s' if len(rows) > 1 else ''} with traces, freed from the baseline, that correlate by "
-        f"{ALIKE:g} or more: of two mechanisms, or of one on either shaft. Beside them the test that would tell them "
-        "apart when the effect is three times what half the campaigns detect.",
+        "Effects this test cannot separate",
+        f"Effects this test cannot separate (correlation {ALIKE:g} or more): {len(rows)} "
+        f"pair{'s' if len(rows) > 1 else ''}. The last columns give the test that separates them when the effect is "
+        "three times what half the campaigns detect.",
         (
             Column("one", "This"),
             Column("other", "looks like"),
@@ -91,7 +91,7 @@ def _alike(audit: Audit) -> Table:
 def _apart(audit: Audit) -> Table:
     return Table(
         "told-apart",
-        "What resembles, and is told apart",
+        "Effects that look similar and can be separated",
         f"{len(audit.resembling)} pair{'s' if len(audit.resembling) > 1 else ''} between {RESEMBLING:g} and {ALIKE:g}: "
         "these points tell them apart once the effect is large enough. What is in neither table correlates less.",
         (

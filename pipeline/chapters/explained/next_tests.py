@@ -58,7 +58,7 @@ def _tests(diagnosis: Diagnosis, tests: tuple[NextTest, ...]) -> Table:
     power = (
         "the probability that it shows a slow change of twice the noise"
         if diagnosis.lifting is not None
-        else "the probability that the causes are told apart if the leading one is true"
+        else "the probability that the test separates the causes if the leading one is true"
     )
     return Table(
         "next-tests",

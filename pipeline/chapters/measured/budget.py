@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.fit.budget_document import median, shown_point, typical_rows
 from pmg.pipeline.report.document import Column, Facts, Table, Text
 from pmg.pipeline.windows.limits import SPEEDS
+from pmg.pipeline.wording.plurals import counted
 from pmg.pipeline.wording.units import MILLI
 from pmg.sim.signals import RPM
 
@@ -118,8 +119,8 @@ def _windows(budget: Budget) -> tuple[Text | Table, ...]:
         named = ", ".join(map(str, flagged[:MOST_NAMED])) + (" ..." if len(flagged) > MOST_NAMED else "")
         items.append(
             Text(
-                f"At {len(flagged)} of {len(budget.grid)} points the torque noise may be slow for its window: "
-                f"{named}. Their uncertainty rests on what slow noise may be; longer windows would tell more.",
+                f"At {len(flagged)} of {counted(len(budget.grid), 'point')} low-frequency noise makes the mean "
+                f"less certain: {named}. Use longer windows.",
                 kind="warning",
             )
         )

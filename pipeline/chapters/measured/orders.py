@@ -51,7 +51,7 @@ def orders_section(
     items: list[Text | Table | Figure] = [
         Text(
             "Lines of both shafts are fitted together at the samples of each window. A line is present where more "
-            "points exceed the band of the noise than chance gives, all lines looked at paid for. Where it is not, "
+            "points exceed the band of the noise than chance gives, corrected for multiple testing. Where it is not, "
             "no mechanism is named: an effect below the band cannot be told from none."
         )
     ]
@@ -66,7 +66,7 @@ def orders_section(
     if angles:
         items.append(_angles(angles))
     sources = (band.SOURCE, RESAMPLING_SOURCE, flux.SOURCE, load_angle.SOURCE)
-    return Section("orders", "What repeats with the turn of a shaft", tuple(items), sources)
+    return Section("orders", "Order analysis", tuple(items), sources)
 
 
 def _measured(given: UncertainValue | None, scale: float = 1.0) -> Cell:

@@ -137,7 +137,10 @@ def _followed(residuals: Residuals) -> list[Figure]:
             followed.append(what)
     if not panels:
         return []
-    caption = f"Torque residuals against {', '.join(followed)}; bars are U = 2u. What a cause leaves shows as a trend."
+    caption = (
+        f"Torque residuals against {', '.join(followed)}; bars are U = 2u. "
+        "A trend means an effect is missing from the model."
+    )
     return [Figure("residuals-followed", "What the residuals follow", caption, tuple(panels), columns=len(panels))]
 
 

@@ -1,4 +1,4 @@
-"""What a diagnosis says."""
+"""The diagnosis as a value: verdict, place, causes, rivals, next test."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Does a located structure predict readings it has not seen: whole blocks withheld, fitted without them."""
+"""Proof of a located structure on withheld readings: whole blocks withheld, fitted without them."""
 
 from __future__ import annotations
 

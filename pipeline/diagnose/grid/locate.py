@@ -1,4 +1,4 @@
-"""Is there a mismatch, and where does it sit: one test over all places at once."""
+"""Location of a mismatch: is there one, and where, one test over all places at once."""
 
 from __future__ import annotations
 

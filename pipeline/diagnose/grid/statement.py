@@ -55,19 +55,17 @@ def _told(diagnosis: Diagnosis) -> str:
         )
     sentences = [_place(diagnosis)]
     if diagnosis.naming is None or diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
-        sentences.append(
-            f"No mechanism of the catalogue explains it{_nearest(diagnosis)}: place and shape are given, not a cause."
-        )
+        sentences.append(f"No mechanism of the catalogue explains it{_nearest(diagnosis)}. We can show where, not why.")
         sentences.append(shape_sentence(diagnosis))
     elif diagnosis.verdict is Verdict.NAMED:
-        sentences.append(f"What was left out: {causes(diagnosis, diagnosis.naming.best)}.")
+        sentences.append(f"Cause: {causes(diagnosis, diagnosis.naming.best)}.")
         sentences.append(_settled_by(diagnosis.naming))
     else:
         sets = [causes(diagnosis, diagnosis.naming.best)]
         sets += [causes(diagnosis, rival.explanation) for rival in diagnosis.rivals]
         known = "; or ".join(sets)
         if diagnosis.weak:
-            sentences.append(f"It is too weak to name its cause; of the catalogue it may be: {known}.")
+            sentences.append(f"It is too weak to name its cause. Possible causes: {known}.")
         else:
             sentences.append(f"These recordings cannot tell between: {known}.")
         tests = [rival.test for rival in diagnosis.rivals if rival.test is not None]
@@ -178,8 +176,8 @@ def _place(diagnosis: Diagnosis) -> str:
     special = {"all": "in every configuration", "zero": "at the zero checks"}
     where = special.get(place.configuration, f"in {place.configuration} points")
     return (
-        f"Simulation and recordings differ (p ≤ {diagnosis.mismatch.p_value:.2g}): clearest in the "
-        f"{place.signal.replace('torque_', '')} torque {where}, {place.size * 1e3:.1f} mN m rms, following {follows}."
+        f"Simulation and recordings differ (p ≤ {diagnosis.mismatch.p_value:.2g}). Most of it: the "
+        f"{place.signal.replace('torque_', '')} torque {where} depends on {follows} ({place.size * 1e3:.1f} mN m rms)."
     )
 
 
@@ -199,9 +197,10 @@ def _held_out(diagnosis: Diagnosis) -> str:
     if held is None or diagnosis.shape is not None:  # the short form has told its own error
         return ""
     low, high = held.gain_interval
-    change = "falls" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly fall:")
-    what = "it" if diagnosis.refit is not None else "that structure (its kind chosen on all readings)"
+    change = "drops" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly drop:")
+    what = "this effect" if diagnosis.refit is not None else "that structure (its kind chosen on all readings)"
     return (
-        f"With {what} in, the error on withheld readings {change} from {held.rmse_before * 1e3:.2f} to "
-        f"{held.rmse_after * 1e3:.2f} mN m (noise {held.noise_floor * 1e3:.2f})."
+        f"With {what} in the model, the error on data not used for the fit {change} from "
+        f"{held.rmse_before * 1e3:.2f} to {held.rmse_after * 1e3:.2f} mN m; "
+        f"repeatability is {held.noise_floor * 1e3:.2f} mN m."
     )
