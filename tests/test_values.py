@@ -26,7 +26,6 @@ EXEMPT: dict[str, dict[str, str]] = {
         "pmg.pipeline.trials": _CONCEALED,
     },
     "no_choice_between_sun_and_ring": {
-        "pmg.pipeline.diagnose.engine.scan": "the engine counts groups of readings by number, of any machine",
         "pmg.pipeline.trials": _CONCEALED,
     },
     "the_ratio_is_written_once": {

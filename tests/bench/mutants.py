@@ -219,7 +219,12 @@ STATISTICS = (
         ESTIMATORS,
     ),
     mutant(
-        "expanded uncertainty with one tail", "ShaftBudget.factor", "0.5 + LEVEL / 2.0", "LEVEL", ESTIMATORS, BUDGET
+        "expanded uncertainty with one tail",
+        "ShaftBudget.factor",
+        "0.5 + CONFIDENCE / 2.0",
+        "CONFIDENCE",
+        ESTIMATORS,
+        BUDGET,
     ),
     mutant("scatter between turns not halved", "WholeRevolutions.scatter", "0.5 * np.mean", "np.mean", DECISIONS),
     mutant(
@@ -236,8 +241,8 @@ STATISTICS = (
     mutant(
         "scatter of a scan with all readings as degrees of freedom",
         "Scan.__call__",
-        "np.sum(1.0 - leverage[mine])",
-        "np.sum(mine)",
+        "np.sum(1.0 - leverage[rows])",
+        "np.sum(np.ones(len(leverage))[rows])",
         DECISIONS,
     ),
     mutant("columns looked for that the baseline absorbs", "make_scan", "> ABSORBED]", "> 0.0]", DECISIONS),
@@ -245,7 +250,7 @@ STATISTICS = (
         "noise floor with all readings as degrees of freedom",
         "_left_dof",
         "np.sum(1.0 - leverage[mine])",
-        "np.sum(mine)",
+        "np.sum(np.ones(len(leverage))[mine])",
         DECISIONS,
     ),
     mutant("periodogram of half the amplitude", "periodogram", "(2.0 / x.shape[-1])", "(1.0 / x.shape[-1])", DECISIONS),
