@@ -401,7 +401,7 @@ def test_what_cannot_run_is_told_and_writes_nothing(tmp_path: Path) -> None:
     path = scenario(tmp_path, SMALL.replace("speed_sun_rpm", "speed_sum_rpm"))
     result = call("simulate", path, "--out", out, expect=2)
     assert result["data"] is None
-    assert result["error"]["where"] == f"{path}: grid.speed_sum_rpm"
+    assert result["error"]["where"] == f"{path}: line 9, grid.speed_sum_rpm"
     assert "speed_sun_rpm" in result["error"]["do"]
     assert not out.exists()
 
