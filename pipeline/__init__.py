@@ -15,9 +15,7 @@ These names are loaded when they are used, so that importing the package loads n
 
 from __future__ import annotations
 
-import sys
-from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pmg.pipeline.commands.notebook import analyse, compare, diagnose, ingest, read_recording, write_report
@@ -36,19 +34,3 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
-
-
-class _Door(ModuleType):
-    """This package, in which `diagnose` is the function; the room of that name is imported by its full path."""
-
-    @property
-    def diagnose(self) -> Any:  # noqa: ANN401 - typed for its users above
-        """The function."""
-        return __getattr__("diagnose")
-
-    @diagnose.setter
-    def diagnose(self, _: ModuleType) -> None:
-        """Where the import system enters the room once that is loaded: the function keeps its name."""
-
-
-sys.modules[__name__].__class__ = _Door

@@ -131,7 +131,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("sim.dynamics", "pipeline.grid", "pipeline.orders", "pipeline.importers"),
     ("pipeline.fit",),
     (
-        "pipeline.diagnose",
+        "pipeline.diagnosis",
         "pipeline.analysis",
         "pipeline.point_signals",
         "pipeline.settings",

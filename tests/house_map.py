@@ -49,7 +49,7 @@ class Room:
 
     @property
     def title(self) -> str:
-        """Place of the room in the clone, as in ``pipeline/diagnose``."""
+        """Place of the room in the clone, as in ``pipeline/diagnosis``."""
         return self.name.replace(".", "/")
 
     @cached_property

@@ -19,12 +19,12 @@ from pmg.pipeline.campaign_comparison.shared_errors import left_over, sharing
 from pmg.pipeline.campaign_comparison.side import CampaignSide
 from pmg.pipeline.campaign_comparison.transducers import Transducers
 from pmg.pipeline.catalogue.difference import MeanDifference, differing, mean_differences, paired
-from pmg.pipeline.diagnose.design.audit import ALIKE, DIGITS, audit_design
-from pmg.pipeline.diagnose.engine.evidence import Evidence
-from pmg.pipeline.diagnose.engine.scan import ABSORBED, MINIMUM_ROOM, Scan, make_scan
-from pmg.pipeline.diagnose.grid.evidence import both_shafts
-from pmg.pipeline.diagnose.grid.outliers import _far_off, _surprises
-from pmg.pipeline.diagnose.residuals.covariates import COVARIATES, looks, untested
+from pmg.pipeline.diagnosis.design.audit import ALIKE, DIGITS, audit_design
+from pmg.pipeline.diagnosis.engine.evidence import Evidence
+from pmg.pipeline.diagnosis.engine.scan import ABSORBED, MINIMUM_ROOM, Scan, make_scan
+from pmg.pipeline.diagnosis.grid.evidence import both_shafts
+from pmg.pipeline.diagnosis.grid.outliers import _far_off, _surprises
+from pmg.pipeline.diagnosis.residuals.covariates import COVARIATES, looks, untested
 from pmg.pipeline.fit.calibration import start_model
 from pmg.pipeline.fit.common_errors import TransducerCause
 from pmg.pipeline.fit.loss_fit import LossFits, fit_losses

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from pmg.pipeline.diagnose.engine.scan import look_elsewhere
-from pmg.pipeline.diagnose.residuals.fitted import Fitted, outliers
+from pmg.pipeline.diagnosis.engine.scan import look_elsewhere
+from pmg.pipeline.diagnosis.residuals.fitted import Fitted, outliers
 from pmg.pipeline.fit.calibration import calibrate, jacobian
 from pmg.pipeline.fit.drift import find_drift
 from pmg.pipeline.fit.loss_fit import fit_losses

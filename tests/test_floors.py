@@ -42,9 +42,9 @@ LONG_FUNCTIONS: dict[str, str] = {
     "pmg.pipeline.commands.report.run_report": _GATHERED,
     "pmg.pipeline.commands.residuals.run_residuals": _SPLIT,
     "pmg.pipeline.commands.run.run_all": _GATHERED,
-    "pmg.pipeline.diagnose.design.plans._engaged": _GATHERED,
-    "pmg.pipeline.diagnose.design.plans.possible_plans": _SPLIT,
-    "pmg.pipeline.diagnose.grid.refit.refit": _SPLIT,
+    "pmg.pipeline.diagnosis.design.plans._engaged": _GATHERED,
+    "pmg.pipeline.diagnosis.design.plans.possible_plans": _SPLIT,
+    "pmg.pipeline.diagnosis.grid.refit.refit": _SPLIT,
     "pmg.pipeline.grid.campaign.measured_grid": _SPLIT,
     "pmg.pipeline.recording.decode._frequency_from_edges": _SPLIT,
     "pmg.pipeline.trials.score.stage.run_prove": _GATHERED,
@@ -276,8 +276,8 @@ PLANTED: tuple[tuple[Callable[[Sequence[Module]], Iterator[Breach]], str, tuple[
         imports_go_down,
         "an import up",
         (
-            _lines("pmg.pipeline.fit.noise", "from pmg.pipeline.diagnose.engine.scan import scan"),
-            _lines("pmg.pipeline.diagnose.engine.scan", ""),
+            _lines("pmg.pipeline.fit.noise", "from pmg.pipeline.diagnosis.engine.scan import scan"),
+            _lines("pmg.pipeline.diagnosis.engine.scan", ""),
         ),
     ),
     (

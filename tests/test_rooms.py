@@ -44,7 +44,7 @@ OWNERS: dict[str, tuple[str, ...]] = {
     "xlsxwriter": ("pmg.pipeline.report",),
     "sqlite3": ("pmg.pipeline.catalogue",),
     "pydantic": (
-        "pmg.pipeline.diagnose.balance.case_file",
+        "pmg.pipeline.diagnosis.balance.case_file",
         "pmg.pipeline.files",
         "pmg.pipeline.importers",
         "pmg.pipeline.model.read_model",
@@ -217,16 +217,12 @@ def defines(statement: ast.stmt) -> bool:
     return isinstance(statement, DEFINITIONS) or type(statement).__name__ == "TypeAlias"
 
 
-AT_LOAD = {"pmg.pipeline": "sys.modules[__name__].__class__ = _Door"}
-"""The one statement that a module may run: `diagnose` is a function for users and the name of a room."""
-
-
 def importing_only_defines(module: Module) -> Iterator[Breach]:
     rule = "importing a module does nothing but define"
     bodies = [module.tree.body]
     bodies += [node.body for node in run_on_import(module.tree) if isinstance(node, ast.ClassDef)]
     for statement in (line for body in bodies for line in body):
-        if not defines(statement) and ast.unparse(statement) != AT_LOAD.get(module.name):
+        if not defines(statement):
             yield Breach(module.name, statement.lineno, f"runs `{ast.unparse(statement)[:60]}` on import", rule)
     for node in run_on_import(module.tree):
         called = dotted(node.func) if isinstance(node, ast.Call) else ""

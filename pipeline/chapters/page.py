@@ -20,7 +20,7 @@ from pmg.pipeline.chapters.measured.quality import data_section
 from pmg.pipeline.chapters.measured.sensor_fault import misread_items, misread_warning
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
 from pmg.pipeline.chapters.studies.validation import published_sections
-from pmg.pipeline.diagnose.grid.statement import statement
+from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.readings import predict
 from pmg.pipeline.model.apply_model import lead
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.analysis.comparison import Residuals
     from pmg.pipeline.analysis.tolerance import Agreements, Tolerance
-    from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.pipeline.fit.budget import Budget
     from pmg.pipeline.grid.conditions import Conditions

@@ -18,7 +18,7 @@ from pmg.pipeline.commands.compare_and_diagnose import compare_and_diagnose, lea
 from pmg.pipeline.commands.orders import orders_chapter
 from pmg.pipeline.commands.provenance import leave_crate, now
 from pmg.pipeline.commands.stored_analysis import analysed
-from pmg.pipeline.diagnose.grid.document import diagnosis_document
+from pmg.pipeline.diagnosis.grid.document import diagnosis_document
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.fit.budget import budget_of
 from pmg.pipeline.grid.conditions import conditions

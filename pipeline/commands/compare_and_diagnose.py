@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.analysis.comparison import compare
 from pmg.pipeline.analysis.tolerance import Tolerance, agreements
-from pmg.pipeline.diagnose.design.audit import audit_design
-from pmg.pipeline.diagnose.grid.decide import diagnose
-from pmg.pipeline.diagnose.grid.document import mechanism_facts
-from pmg.pipeline.diagnose.grid.statement import statement
+from pmg.pipeline.diagnosis.design.audit import audit_design
+from pmg.pipeline.diagnosis.grid.decide import diagnose
+from pmg.pipeline.diagnosis.grid.document import mechanism_facts
+from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.model.apply_model import apply_model, found_together, lead
 from pmg.pipeline.model.extreme_steady_points import extreme_steady_points
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from pmg.pipeline.analysis.comparison import Residuals
-    from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.pipeline.fit.options import AnalysisOptions
     from pmg.pipeline.model.apply_model import Carried

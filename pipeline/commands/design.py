@@ -9,7 +9,7 @@ from pmg.pipeline.analysis.outputs import read_analysis
 from pmg.pipeline.chapters.explained.detectability import audit_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now, went_in
-from pmg.pipeline.diagnose.design.audit import RESEMBLING, audit_design
+from pmg.pipeline.diagnosis.design.audit import RESEMBLING, audit_design
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.grid.campaign import recorded_bench
 from pmg.pipeline.model.read_model import read_model
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.commands.crate import SourceFile
-    from pmg.pipeline.diagnose.design.audit import Audit, LookAlike, Visibility
+    from pmg.pipeline.diagnosis.design.audit import Audit, LookAlike, Visibility
 
 
 def run_design(

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from pmg.pipeline.diagnose.design.audit import Audit
+    from pmg.pipeline.diagnosis.design.audit import Audit
     from pmg.pipeline.preflight.found import Survey
     from pmg.sim.bench import BenchParameters
 

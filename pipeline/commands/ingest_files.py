@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 from pmg.pipeline.files.parallel import map_over
 from pmg.pipeline.orders.stored_lines import keep_orders
-from pmg.pipeline.recording import Code, Finding, Severity, UnusableRecordingError, read_recording
+from pmg.pipeline.recording.codes import Code, Severity
+from pmg.pipeline.recording.findings import Finding, UnusableRecordingError
+from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.recording.run import RunRecord
 from pmg.pipeline.recording.supplied import NOTHING
 from pmg.pipeline.store.manifest import FAILED, INGESTED, Manifest, StoredWindow
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Container, Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from pmg.pipeline.recording import Recording
+    from pmg.pipeline.recording.read import Recording
     from pmg.pipeline.recording.supplied import Supplied
     from pmg.pipeline.store.sources import Shard, StoredSource
     from pmg.pipeline.windows.limits import Steadiness

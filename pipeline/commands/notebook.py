@@ -35,7 +35,7 @@ from pmg.sim.errors import FitError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pmg.pipeline.recording import Recording
+    from pmg.pipeline.recording.read import Recording
     from pmg.pipeline.windows.limits import Steadiness
 
 __all__ = ["analyse", "compare", "diagnose", "ingest", "read_recording", "write_report"]

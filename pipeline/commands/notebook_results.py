@@ -12,7 +12,7 @@ import polars as pl
 
 from pmg.pipeline.analysis.outputs import balance_frame
 from pmg.pipeline.commands.compare import SEED, campaign_page, seeded
-from pmg.pipeline.diagnose.grid.document import diagnosis_document, mechanism_facts
+from pmg.pipeline.diagnosis.grid.document import diagnosis_document, mechanism_facts
 from pmg.pipeline.grid.tables import grid_frame
 from pmg.pipeline.model.model_file import model_text
 from pmg.pipeline.report.draw import draw_png
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.commands.compare_and_diagnose import ComparedCampaign, SimulatedCampaign
     from pmg.pipeline.commands.stored_analysis import StoredAnalysis
-    from pmg.pipeline.diagnose.engine.verdict import Verdict
+    from pmg.pipeline.diagnosis.engine.verdict import Verdict
     from pmg.pipeline.report.document import Report
 
 

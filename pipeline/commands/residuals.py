@@ -9,9 +9,9 @@ from pmg.pipeline.chapters.explained.structure import structure_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.commands.compare import SEED
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now, went_in
-from pmg.pipeline.diagnose.residuals.covariates import BY_ID
-from pmg.pipeline.diagnose.residuals.fitted import FITS, LEVEL
-from pmg.pipeline.diagnose.residuals.search import study_residuals
+from pmg.pipeline.diagnosis.residuals.covariates import BY_ID
+from pmg.pipeline.diagnosis.residuals.fitted import FITS, LEVEL
+from pmg.pipeline.diagnosis.residuals.search import study_residuals
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.document import number
 from pmg.pipeline.fit.options import THESIS_OPTIONS
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.commands.crate import SourceFile
-    from pmg.pipeline.diagnose.residuals.fitted import Outlier
-    from pmg.pipeline.diagnose.residuals.search import Followed, ResidualStudy, ShaftResidual
+    from pmg.pipeline.diagnosis.residuals.fitted import Outlier
+    from pmg.pipeline.diagnosis.residuals.search import Followed, ResidualStudy, ShaftResidual
 
 SCHEMA = "pmg.residuals/1"
 

@@ -12,11 +12,11 @@ from pmg.pipeline.chapters.explained.balance import terms_sections
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.commands.compare import SEED
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
-from pmg.pipeline.diagnose.balance.case_file import read_case
-from pmg.pipeline.diagnose.balance.decide import diagnose_terms
-from pmg.pipeline.diagnose.balance.document import headline, terms_document, terms_lines
-from pmg.pipeline.diagnose.balance.recorded import read_recording
-from pmg.pipeline.diagnose.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.balance.case_file import read_case
+from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
+from pmg.pipeline.diagnosis.balance.document import headline, terms_document, terms_lines
+from pmg.pipeline.diagnosis.balance.recorded import read_recording
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.report.document import Facts, Report
 from pmg.pipeline.report.document import Headline as Headline
@@ -26,7 +26,7 @@ from pmg.pipeline.wording.outcome import Outcome
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pmg.pipeline.diagnose.balance.decide import TermsDiagnosis
+    from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
 
 DOCUMENT = "terms.json"
 """The diagnosis as JSON."""

@@ -12,15 +12,16 @@ import numpy as np
 
 from pmg.pipeline.importers.block_file import BlockFile, block_file
 from pmg.pipeline.importers.derived import DERIVED, FLAGS, Derived, derive
-from pmg.pipeline.recording import read_recording
 from pmg.pipeline.recording.channels import SHARED_CLOCK
+from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.windows.limits import LIMITS
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pmg.pipeline.recording import Finding, Recording
+    from pmg.pipeline.recording.findings import Finding
+    from pmg.pipeline.recording.read import Recording
     from pmg.pipeline.windows.limits import Steadiness
 
 PREVIEW_HZ = 50.0

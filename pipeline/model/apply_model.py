@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.grid.candidates import Candidate, CandidateFit, grid_problem, predict_with
-from pmg.pipeline.diagnose.grid.refit import refit
+from pmg.pipeline.diagnosis.grid.candidates import Candidate, CandidateFit, grid_problem, predict_with
+from pmg.pipeline.diagnosis.grid.refit import refit
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import predict, take_readings
@@ -18,8 +18,8 @@ from pmg.sim.steady.baseline import baseline_mechanisms
 from pmg.sim.steady.gearbox import Gearbox
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
-    from pmg.pipeline.diagnose.grid.refit import Refit
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
+    from pmg.pipeline.diagnosis.grid.refit import Refit
     from pmg.pipeline.fit.options import AnalysisOptions
     from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters

@@ -17,8 +17,8 @@ from pmg.sim.mechanisms import CANDIDATES
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
-    from pmg.pipeline.diagnose.grid.refit import Refit
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
+    from pmg.pipeline.diagnosis.grid.refit import Refit
     from pmg.pipeline.fit.calibration import FittedBaseline
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid

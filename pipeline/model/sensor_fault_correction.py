@@ -21,8 +21,8 @@ from pmg.sim.mechanisms.instruments import distorted
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pmg.pipeline.diagnose.grid.candidates import CandidateFit
-    from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
+    from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.pipeline.model.model_file import Part
     from pmg.sim.bench import BenchParameters

@@ -16,8 +16,8 @@ from pmg.sim.signals import REVOLUTION
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pmg.pipeline.recording import Recording
     from pmg.pipeline.recording.layouts.wire import IndexPulse
+    from pmg.pipeline.recording.read import Recording
     from pmg.sim.signals import Array
 
 FEWEST_PULSES = 3

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.orders.angle import Index
     from pmg.pipeline.orders.point import PointOrders
-    from pmg.pipeline.recording import Recording
+    from pmg.pipeline.recording.read import Recording
     from pmg.pipeline.store.manifest import Manifest
     from pmg.pipeline.store.store import Store
     from pmg.pipeline.windows.window import Window

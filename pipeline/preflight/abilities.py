@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.diagnose.design.blind import confounded_shafts
+from pmg.pipeline.diagnosis.design.blind import confounded_shafts
 from pmg.pipeline.fit.calibration import CONSTANTS
 from pmg.pipeline.fit.drift import MINIMUM_DOF
 from pmg.pipeline.grid.readings import take_readings

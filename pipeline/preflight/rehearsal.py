@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.design.audit import audit_design
+from pmg.pipeline.diagnosis.design.audit import audit_design
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.calibration import CONSTANTS, USUAL_CORRECTION
 from pmg.pipeline.fit.options import AnalysisOptions
@@ -21,7 +21,7 @@ from pmg.sim.steady.solve import steady
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pmg.pipeline.diagnose.design.audit import Audit
+    from pmg.pipeline.diagnosis.design.audit import Audit
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.pipeline.preflight.found import Asked
     from pmg.sim.bench import BenchParameters

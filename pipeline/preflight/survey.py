@@ -10,12 +10,12 @@ from pmg.pipeline.grid.campaign import campaigns
 from pmg.pipeline.grid.copies import without_copies
 from pmg.pipeline.orders.stored_lines import kept_orders
 from pmg.pipeline.preflight.found import Asked, File, Survey
-from pmg.pipeline.recording import Severity, UnusableRecordingError
 from pmg.pipeline.recording.calibration import read_calibration
+from pmg.pipeline.recording.codes import Severity
 from pmg.pipeline.recording.container.contents import open_container
 from pmg.pipeline.recording.container.gathered import FIELDS_KEY
 from pmg.pipeline.recording.events import read_steps
-from pmg.pipeline.recording.findings import Findings
+from pmg.pipeline.recording.findings import Findings, UnusableRecordingError
 from pmg.pipeline.recording.run import Setpoints, read_run
 from pmg.pipeline.recording.supplied import NOTHING, Supply
 from pmg.pipeline.store.sources import find_recordings

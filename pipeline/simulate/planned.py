@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.design.plans import join_points, make_points
+from pmg.pipeline.diagnosis.design.plans import join_points, make_points
 from pmg.pipeline.fit.noise import NO_CORRELATION, NoiseFloor, ShaftNoise
 from pmg.sim.errors import BenchError
 from pmg.sim.grid import Grid

@@ -8,7 +8,8 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.recording import Code, Finding, Severity
+from pmg.pipeline.recording.codes import Code, Severity
+from pmg.pipeline.recording.findings import Finding
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:

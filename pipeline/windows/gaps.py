@@ -14,8 +14,9 @@ from pmg.pipeline.recording.run import Setpoints
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pmg.pipeline.recording import Finding, Recording
     from pmg.pipeline.recording.events import SequenceStep
+    from pmg.pipeline.recording.findings import Finding
+    from pmg.pipeline.recording.read import Recording
 
 LOSSES = (Code.TRUNCATED, Code.CHUNK_LOST, Code.TOO_LARGE, Code.SKIPPED, Code.RECORD_LOST)
 """Findings of the container after which samples may be missing at an end, where no index tells of them."""

@@ -18,8 +18,8 @@ from pmg.pipeline.windows.window import Window
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
-    from pmg.pipeline.recording import Recording
     from pmg.pipeline.recording.events import SequenceStep
+    from pmg.pipeline.recording.read import Recording
     from pmg.pipeline.windows.limits import Steadiness
 
 

@@ -18,16 +18,16 @@ from tests.balance.slide import make_case, plain
 from tests.conftest import ROOT
 
 from pmg.pipeline.commands.terms import run_terms
-from pmg.pipeline.diagnose.balance.case_file import read_case
-from pmg.pipeline.diagnose.balance.decide import diagnose_terms
-from pmg.pipeline.diagnose.balance.document import terms_document
-from pmg.pipeline.diagnose.balance.drive import DRIVE
-from pmg.pipeline.diagnose.balance.estimate import T_95, fit_together
-from pmg.pipeline.diagnose.balance.fitting import fit_term, tabulate, term_problem
-from pmg.pipeline.diagnose.balance.recorded import read_recording
-from pmg.pipeline.diagnose.balance.serial import covariance_of, fit_noise
-from pmg.pipeline.diagnose.engine.verdict import Verdict
-from pmg.pipeline.diagnose.engine.withheld import BLOCKS
+from pmg.pipeline.diagnosis.balance.case_file import read_case
+from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
+from pmg.pipeline.diagnosis.balance.document import terms_document
+from pmg.pipeline.diagnosis.balance.drive import DRIVE
+from pmg.pipeline.diagnosis.balance.estimate import T_95, fit_together
+from pmg.pipeline.diagnosis.balance.fitting import fit_term, tabulate, term_problem
+from pmg.pipeline.diagnosis.balance.recorded import read_recording
+from pmg.pipeline.diagnosis.balance.serial import covariance_of, fit_noise
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.engine.withheld import BLOCKS
 from pmg.sim.errors import BenchError, PmgError, RecordingError
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from tests.balance.slide import Moving
 
-    from pmg.pipeline.diagnose.balance.decide import TermsDiagnosis
+    from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.sim.signals import Array
 
 COULOMB = '["inertia", "viscous", "coulomb"]'

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from pmg.pipeline.diagnose.engine.withheld import FOLDS
-from pmg.pipeline.diagnose.grid.candidates import grid_problem
-from pmg.pipeline.diagnose.grid.holdout import deal
+from pmg.pipeline.diagnosis.engine.withheld import FOLDS
+from pmg.pipeline.diagnosis.grid.candidates import grid_problem
+from pmg.pipeline.diagnosis.grid.holdout import deal
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.fit.whitening import whitener
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnose.grid.candidates import GridProblem
+    from pmg.pipeline.diagnosis.grid.candidates import GridProblem
     from pmg.pipeline.trials.score.case_list import Lot
     from pmg.sim.signals import Array, Mask
 

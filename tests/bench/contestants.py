@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.diagnose.engine.withheld import withhold
-from pmg.pipeline.diagnose.grid.candidates import candidates
-from pmg.pipeline.diagnose.grid.catalogue import MECHANISMS
-from pmg.pipeline.diagnose.grid.fitting import fit_candidate
-from pmg.pipeline.diagnose.grid.withheld import withheld_readings
+from pmg.pipeline.diagnosis.engine.withheld import withhold
+from pmg.pipeline.diagnosis.grid.candidates import candidates
+from pmg.pipeline.diagnosis.grid.catalogue import MECHANISMS
+from pmg.pipeline.diagnosis.grid.fitting import fit_candidate
+from pmg.pipeline.diagnosis.grid.withheld import withheld_readings
 from pmg.sim.errors import FitError
 from tests.bench.bout import Answer, Reply
 from tests.bench.peers import installed

@@ -18,8 +18,8 @@ from unittest.mock import patch
 import numpy as np
 
 from pmg.pipeline.commands.compare import SEED
-from pmg.pipeline.diagnose.design.plans import join_points
-from pmg.pipeline.diagnose.grid.decide import diagnose
+from pmg.pipeline.diagnosis.design.plans import join_points
+from pmg.pipeline.diagnosis.grid.decide import diagnose
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.trials.nature import draw_case, measure_case
@@ -32,7 +32,7 @@ from tests.bench.speed import report
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.sim.mechanisms import Mechanism
 
@@ -150,7 +150,7 @@ def main() -> None:
         series("points, mean", points, points[PARTS.index(1.0)][0])
         entries = []
         for share in SHARES[:-1]:
-            with patch("pmg.pipeline.diagnose.grid.candidates.CANDIDATES", some(share)):
+            with patch("pmg.pipeline.diagnosis.grid.candidates.CANDIDATES", some(share)):
                 entries.append((float(len(some(share))), [diagnosed(run) for run in whole]))
         entries.append((float(len(CANDIDATES)), points[PARTS.index(1.0)][1]))
         series("candidate mechanisms", entries, len(CANDIDATES))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from pmg.pipeline.recording import Severity
+from pmg.pipeline.recording.codes import Severity
 from tests.recording.chain import HARMS, follow
 from tests.recording.damages import DAMAGES
 from tests.recording.readers import kept_by_official, kept_by_pmg, told

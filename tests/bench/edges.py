@@ -18,8 +18,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pmg.pipeline.recording import Code, Finding, Severity, UnusableRecordingError, read_recording
+from pmg.pipeline.recording.codes import Code, Severity
 from pmg.pipeline.recording.edges import edge_frequency
+from pmg.pipeline.recording.findings import Finding, UnusableRecordingError
+from pmg.pipeline.recording.read import read_recording
 from tests.recording.writer import (
     COUNTS_PER_REV,
     LEAD,

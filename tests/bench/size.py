@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from mcap.reader import make_reader
 
-from pmg.pipeline.recording import Recording, read_recording
+from pmg.pipeline.recording.read import Recording, read_recording
 from tests.bench.kill import EXAMPLE, ROOT
 from tests.bench.recorded import Column, counted, record
 

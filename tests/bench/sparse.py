@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.diagnose.engine.withheld import FOLDS
-from pmg.pipeline.diagnose.grid.candidates import candidates
-from pmg.pipeline.diagnose.grid.fitting import signature
+from pmg.pipeline.diagnosis.engine.withheld import FOLDS
+from pmg.pipeline.diagnosis.grid.candidates import candidates
+from pmg.pipeline.diagnosis.grid.fitting import signature
 from tests.bench.bout import TOUCHED, Answer, Reply
 
 if TYPE_CHECKING:

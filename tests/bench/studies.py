@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.diagnose.grid.locate import find_mismatch
-from pmg.pipeline.diagnose.residuals.fitted import LEVEL
-from pmg.pipeline.diagnose.residuals.search import study_residuals
+from pmg.pipeline.diagnosis.grid.locate import find_mismatch
+from pmg.pipeline.diagnosis.residuals.fitted import LEVEL
+from pmg.pipeline.diagnosis.residuals.search import study_residuals
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import THESIS_OPTIONS, AnalysisOptions
 from pmg.pipeline.grid.tables import read_published

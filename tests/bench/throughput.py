@@ -26,13 +26,13 @@ from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
-from pmg.pipeline.recording import read_recording
 from pmg.pipeline.recording.blocks import read_blocks
 from pmg.pipeline.recording.channels import SPECS, check_channel
 from pmg.pipeline.recording.container.contents import open_container
 from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.layouts.convert_topics import convert_topics
 from pmg.pipeline.recording.layouts.wire import sample_block, scalar
+from pmg.pipeline.recording.read import read_recording
 from tests.bench.recorded import Column, counted, record
 from tests.recording.foreign import single
 from tests.recording.writer import CALIBRATION, COUNTS_PER_REV, FIELDS, NULL_HZ, RUN, TIMEBASE_HZ

@@ -17,9 +17,9 @@ from tests.report.example import report
 from pmg.pipeline.chapters.explained.verdict import diagnosis_section
 from pmg.pipeline.chapters.measured.neutral import neutral_section
 from pmg.pipeline.commands.compare_and_diagnose import ComparedCampaign, compare_and_diagnose, summary_facts
-from pmg.pipeline.diagnose.grid.decide import JUDGE_DRAWS
-from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
-from pmg.pipeline.diagnose.grid.statement import statement
+from pmg.pipeline.diagnosis.grid.decide import JUDGE_DRAWS
+from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
+from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.report.document import Chart, Figure, Measured, Section, Table

@@ -10,13 +10,13 @@ import pytest
 
 from pmg.pipeline.chapters.explained.grounds import cannot_tell, decoy_items, noise_words, on_bound, withheld_items
 from pmg.pipeline.chapters.explained.next_tests import next_test_items
-from pmg.pipeline.diagnose.design.next_test import NextTest
-from pmg.pipeline.diagnose.design.plans import make_points, possible_plans
-from pmg.pipeline.diagnose.engine.decoys import Decoys
-from pmg.pipeline.diagnose.engine.held_out import HeldOut
-from pmg.pipeline.diagnose.engine.verdict import Absorbed, Verdict
-from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
-from pmg.pipeline.diagnose.grid.document import set_points
+from pmg.pipeline.diagnosis.design.next_test import NextTest
+from pmg.pipeline.diagnosis.design.plans import make_points, possible_plans
+from pmg.pipeline.diagnosis.engine.decoys import Decoys
+from pmg.pipeline.diagnosis.engine.held_out import HeldOut
+from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
+from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
+from pmg.pipeline.diagnosis.grid.document import set_points
 from pmg.pipeline.fit.calibration import CONSTANTS
 from pmg.pipeline.fit.noise import GROWTHS, NO_CORRELATION, Growth, NoiseFloor, ShaftNoise
 from pmg.pipeline.report.document import Facts, Measured, Table

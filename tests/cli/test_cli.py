@@ -19,7 +19,7 @@ from pmg.pipeline.commands.crate import FILE as CRATE
 
 RUNNER = CliRunner()
 EXAMPLE = ROOT / "raw" / "example"
-SCHEMA = ROOT / "pipeline" / "diagnose" / "diagnosis.schema.json"
+SCHEMA = ROOT / "pipeline" / "diagnosis" / "diagnosis.schema.json"
 
 
 def call(*arguments: object, expect: int) -> dict[str, Any]:

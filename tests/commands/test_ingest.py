@@ -12,7 +12,7 @@ import pytest
 from tests.recording.writer import Bench, write
 
 from pmg.pipeline.commands.ingest_files import IngestReport, ingest
-from pmg.pipeline.recording import Code, Severity
+from pmg.pipeline.recording.codes import Code, Severity
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.windows.limits import LIMITS
 from pmg.pipeline.windows.revolutions import WholeRevolutions, whole_revolutions

@@ -135,7 +135,7 @@ def test_wrong_calls_say_what_to_do(tmp_path: Path, published_folder: Path) -> N
 
 
 def test_diagnose_is_the_function_whatever_was_loaded_before() -> None:
-    for first in ("pass", "from pmg.pipeline.diagnose.grid import decide", "import pmg.pipeline.diagnose"):
+    for first in ("pass", "from pmg.pipeline.diagnosis.grid import decide", "import pmg.pipeline.diagnosis"):
         code = f"{first}\nfrom pmg.pipeline import diagnose\nprint(diagnose.__module__)"
         done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
         assert done.stdout.strip() == "pmg.pipeline.commands.notebook", first

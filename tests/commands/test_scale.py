@@ -20,7 +20,8 @@ from tests.recording.writer import CALIBRATION, RUN, Bench, write
 from pmg.pipeline.commands.ingest_files import Job, _ingest_one, ingest, supersede
 from pmg.pipeline.files.atomic import ABANDONED, PREFIX, abandoned, write_atomic
 from pmg.pipeline.files.parallel import map_over
-from pmg.pipeline.recording import Code, Severity, read_recording
+from pmg.pipeline.recording.codes import Code, Severity
+from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.store.manifest import FAILED, Manifest
 from pmg.pipeline.store.sources import StoredSource, take_inventory
 from pmg.pipeline.store.store import REMOVED, Store

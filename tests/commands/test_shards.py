@@ -14,7 +14,7 @@ from tests.conftest import FILES
 from tests.recording.writer import Bench, write
 
 from pmg.pipeline.commands.ingest_files import ingest
-from pmg.pipeline.recording import Code
+from pmg.pipeline.recording.codes import Code
 from pmg.pipeline.store.sources import Shard, take_inventory
 from pmg.pipeline.store.store import Store
 from pmg.sim.errors import RecordingError

@@ -25,7 +25,8 @@ from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.campaign import choose_campaign, measured_grid
 from pmg.pipeline.grid.completeness import lack_findings
 from pmg.pipeline.grid.copies import COPY, without_copies
-from pmg.pipeline.recording import Code, Finding, Severity
+from pmg.pipeline.recording.codes import Code, Severity
+from pmg.pipeline.recording.findings import Finding
 from pmg.pipeline.recording.run import RunRecord, Setpoints
 from pmg.pipeline.store.manifest import FAILED, Manifest
 from pmg.pipeline.store.store import Store

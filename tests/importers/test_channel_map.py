@@ -9,7 +9,8 @@ import pytest
 from pmg.pipeline.importers.channel_map import Lookup, read_map
 from pmg.pipeline.importers.import_recording import import_recording
 from pmg.pipeline.importers.source import Wanted
-from pmg.pipeline.recording import Code, read_recording
+from pmg.pipeline.recording.codes import Code
+from pmg.pipeline.recording.read import read_recording
 from pmg.sim.errors import BenchError, PmgError
 
 from . import written

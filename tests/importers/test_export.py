@@ -16,11 +16,11 @@ from mcap.reader import make_reader
 
 from pmg.pipeline.importers.derived import FLAGS, derive
 from pmg.pipeline.importers.export import PREFIX, PREVIEW_TOPIC, export_recording, preview_schema
-from pmg.pipeline.recording import Recording, read_recording
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.recording.join import Blemish
 from pmg.pipeline.recording.layouts.schema import SAMPLE_BLOCK
 from pmg.pipeline.recording.layouts.wire import LineEvent
+from pmg.pipeline.recording.read import Recording, read_recording
 from pmg.pipeline.recording.write import recording_bytes
 from pmg.pipeline.windows.limits import LIMITS
 from pmg.sim.errors import RecordingError

@@ -19,7 +19,8 @@ from pmg.pipeline.files.atomic import PREFIX, abandoned
 from pmg.pipeline.importers.block_file import block_file
 from pmg.pipeline.importers.channel_map import read_map
 from pmg.pipeline.importers.import_recording import Imported, import_recording
-from pmg.pipeline.recording import Code, Recording, read_recording
+from pmg.pipeline.recording.codes import Code
+from pmg.pipeline.recording.read import Recording, read_recording
 from pmg.pipeline.store.store import Store
 from pmg.sim.errors import BenchError, PmgError, RecordingError
 from pmg.sim.signals import RPM

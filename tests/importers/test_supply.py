@@ -16,7 +16,9 @@ from mcap.writer import Writer
 from pmg.pipeline.commands.ingest import run_ingest
 from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.importers.supply import read_supply
-from pmg.pipeline.recording import Code, Recording, UnusableRecordingError, read_recording
+from pmg.pipeline.recording.codes import Code
+from pmg.pipeline.recording.findings import UnusableRecordingError
+from pmg.pipeline.recording.read import Recording, read_recording
 from pmg.pipeline.recording.supplied import SuppliedRecord
 from pmg.pipeline.store.store import Store
 from pmg.sim.errors import BenchError, PmgError

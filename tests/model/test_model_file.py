@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from pmg.pipeline.chapters.explained.extended_model import ends_table, prediction_table
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.compare_and_diagnose import compare_and_diagnose, leave_model
-from pmg.pipeline.diagnose.grid.locate import find_mismatch
+from pmg.pipeline.diagnosis.grid.locate import find_mismatch
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.readings import take_readings

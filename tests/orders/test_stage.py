@@ -18,12 +18,12 @@ from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.orders import ANGLES, run_orders
 from pmg.pipeline.orders.flux import linkage_area
 from pmg.pipeline.orders.stored_lines import COLUMNS, kept_orders, orders_of_manifest
-from pmg.pipeline.recording import Recording, read_recording
 from pmg.pipeline.recording.auxiliary_channels import NOTHING
 from pmg.pipeline.recording.container import contents
 from pmg.pipeline.recording.container.gathered import WholeRecords
 from pmg.pipeline.recording.container.source import ByteSource
 from pmg.pipeline.recording.container.walk import walk_records
+from pmg.pipeline.recording.read import Recording, read_recording
 from pmg.pipeline.store.store import ORDERS, Store
 from pmg.pipeline.windows.limits import Steadiness
 from pmg.pipeline.windows.window import Window

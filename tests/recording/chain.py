@@ -19,8 +19,9 @@ from mcap.writer import CompressionType, Writer
 from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.grid.campaign import measured_grid
 from pmg.pipeline.grid.completeness import holes, lack_findings
-from pmg.pipeline.recording import Finding, Severity
 from pmg.pipeline.recording.checks.stretches import stretches
+from pmg.pipeline.recording.codes import Severity
+from pmg.pipeline.recording.findings import Finding
 from pmg.pipeline.store.manifest import Manifest
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.windows.gaps import LOSSES

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from mcap.reader import NonSeekingReader, SeekingReader
 
-from pmg.pipeline.recording import Finding, UnusableRecordingError, read_recording
 from pmg.pipeline.recording.container.gathered import WholeRecords
 from pmg.pipeline.recording.container.records import MESSAGE
 from pmg.pipeline.recording.container.walk import walk_records
-from pmg.pipeline.recording.findings import Findings
+from pmg.pipeline.recording.findings import Finding, Findings, UnusableRecordingError
+from pmg.pipeline.recording.read import read_recording
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

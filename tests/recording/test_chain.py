@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from pmg.pipeline.recording import Finding
+from pmg.pipeline.recording.findings import Finding
 from pmg.pipeline.windows.steadiness import CHECKS, gaps
 
 from .chain import HARMS, Harm, follow

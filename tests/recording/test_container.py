@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
-from pmg.pipeline.recording import Code, UnusableRecordingError
+from pmg.pipeline.recording.codes import Code
 from pmg.pipeline.recording.container.contents import Container, open_container
 from pmg.pipeline.recording.container.source import BLOCK, SMALL, ByteSource, ShrunkError
 from pmg.pipeline.recording.container.walk import walk_records
-from pmg.pipeline.recording.findings import Findings
+from pmg.pipeline.recording.findings import Findings, UnusableRecordingError
 
 from .damages import base, plain, raw
 from .readers import Witness

@@ -11,9 +11,11 @@ import pytest
 import zstandard
 from mcap.writer import CompressionType
 
-from pmg.pipeline.recording import Code, Finding, Recording, UnusableRecordingError, read_recording
+from pmg.pipeline.recording.codes import Code
 from pmg.pipeline.recording.container import chunk
 from pmg.pipeline.recording.container.chunk import CHUNK_LIMIT
+from pmg.pipeline.recording.findings import Finding, UnusableRecordingError
+from pmg.pipeline.recording.read import Recording, read_recording
 
 from .damages import DAMAGES, Damage, base
 from .readers import kept_by_official, kept_by_pmg, told

@@ -12,9 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pmg.pipeline.recording import Code, Recording, UnusableRecordingError, read_recording
+from pmg.pipeline.recording.codes import Code
 from pmg.pipeline.recording.counters import unwrap
 from pmg.pipeline.recording.edges import edge_frequency
+from pmg.pipeline.recording.findings import UnusableRecordingError
+from pmg.pipeline.recording.read import Recording, read_recording
 from pmg.sim.shafts import SIDES
 
 from .writer import (

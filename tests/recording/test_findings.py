@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from pmg.pipeline.chapters.measured.quality import findings_table
 from pmg.pipeline.commands.ingest_files import ingest
-from pmg.pipeline.recording import Code, Finding
+from pmg.pipeline.recording.codes import Code
 from pmg.pipeline.recording.container.records import HEAD, MAGIC, Op
 from pmg.pipeline.recording.container.source import ByteSource
-from pmg.pipeline.recording.findings import LISTED, LONGEST_TEXT, Findings, Severity
+from pmg.pipeline.recording.findings import LISTED, LONGEST_TEXT, Finding, Findings, Severity
 from pmg.pipeline.store.store import Store
 
 from .damages import base

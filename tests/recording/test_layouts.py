@@ -15,14 +15,16 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from pmg.pipeline.recording import Code, Recording, Severity, UnusableRecordingError, read_recording
+from pmg.pipeline.recording.codes import Code, Severity
 from pmg.pipeline.recording.container.messages import Messages
+from pmg.pipeline.recording.findings import UnusableRecordingError
 from pmg.pipeline.recording.layouts.cdr import cdr_template
 from pmg.pipeline.recording.layouts.descriptor import message_of, protobuf_template
 from pmg.pipeline.recording.layouts.jsonmessages import read_json
 from pmg.pipeline.recording.layouts.layout import read_columns
 from pmg.pipeline.recording.layouts.moments import by_stamp, rate_of
 from pmg.pipeline.recording.layouts.schema import SAMPLE_BLOCK, descriptor_set, encode
+from pmg.pipeline.recording.read import Recording, read_recording
 
 from . import foreign
 from .foreign import FLOAT64, FORMS, SIZES, STAMPED_IDL, TIME, Definition, cdr, per_sample, scan, stamp

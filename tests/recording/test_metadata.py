@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from pmg.pipeline.recording import Code, Finding, Severity, UnusableRecordingError, read_recording
+from pmg.pipeline.recording.codes import Code, Severity
+from pmg.pipeline.recording.findings import Finding, UnusableRecordingError
+from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.recording.run import known_of_run, utc
 from pmg.sim.grid import Configuration
 from pmg.sim.signals import RPM

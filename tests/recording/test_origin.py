@@ -14,9 +14,9 @@ from pmg.pipeline.chapters.measured.quality import origins_table
 from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.importers.channel_map import read_map
 from pmg.pipeline.importers.import_recording import import_recording
-from pmg.pipeline.recording import read_recording
 from pmg.pipeline.recording.findings import Code, Finding, Findings, Severity
 from pmg.pipeline.recording.origin import RECORD, read_origin
+from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.store.store import Store
 
 from .writer import Bench, write

@@ -16,12 +16,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pmg.pipeline.recording import Code, Finding, Recording, Severity, UnusableRecordingError, read_recording
 from pmg.pipeline.recording.checks.clock import fit_clock
 from pmg.pipeline.recording.checks.slips import find_slips
 from pmg.pipeline.recording.checks.stretches import LISTED_STRETCHES, joined, stretches
+from pmg.pipeline.recording.codes import Code, Severity
 from pmg.pipeline.recording.counters import unwrap
+from pmg.pipeline.recording.findings import Finding, UnusableRecordingError
 from pmg.pipeline.recording.layouts.wire import ClockMark
+from pmg.pipeline.recording.read import Recording, read_recording
 from pmg.pipeline.windows.windows import find_windows
 
 from .writer import (

@@ -21,7 +21,6 @@ from hypothesis import strategies as st
 from tests.bench.recorded import record as recorded
 from tests.bench.throughput import LAYOUTS, RATE_HZ, single_samples
 
-from pmg.pipeline.recording import read_recording
 from pmg.pipeline.recording.container.chunk import Allowance, ChunkError, ChunkHead, expand
 from pmg.pipeline.recording.container.gathered import WholeRecords
 from pmg.pipeline.recording.container.messages import Messages
@@ -31,6 +30,7 @@ from pmg.pipeline.recording.container.taking import take_inside
 from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.layouts import wire
 from pmg.pipeline.recording.layouts.manyblocks import many_blocks
+from pmg.pipeline.recording.read import read_recording
 
 from . import writer
 
@@ -171,7 +171,7 @@ def test_the_hash_is_that_of_the_file_in_whatever_order_it_was_read(data: bytes,
 MEASURED = """
 import sys
 from pathlib import Path
-from pmg.pipeline.recording import read_recording
+from pmg.pipeline.recording.read import read_recording
 from tests.bench.throughput import _peak
 read_recording(Path(sys.argv[1]))
 before = _peak()

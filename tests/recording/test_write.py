@@ -16,11 +16,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from pmg.pipeline.recording import Code, Recording, read_recording
 from pmg.pipeline.recording.calibration import Calibration
+from pmg.pipeline.recording.codes import Code
 from pmg.pipeline.recording.layouts import wire
 from pmg.pipeline.recording.layouts.repack import BLOCK_SAMPLES
 from pmg.pipeline.recording.layouts.schema import CLOCK_MARK, SAMPLE_BLOCK, descriptor_set, encode
+from pmg.pipeline.recording.read import Recording, read_recording
 from pmg.pipeline.recording.write import SimulatedRun, rated_calibration, recording_bytes
 from pmg.pipeline.windows.windows import find_windows
 from pmg.sim.bench import BenchParameters, load_bench

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.points import points
 
-from pmg.pipeline.diagnose.engine.explanation import Explanation, all_in_detail, explain_with, swapped
-from pmg.pipeline.diagnose.grid.candidates import Candidate, GridProblem, candidates, grid_problem, refinement
-from pmg.pipeline.diagnose.grid.catalogue import FINER, MECHANISMS
-from pmg.pipeline.diagnose.grid.fitting import fit_candidate
+from pmg.pipeline.diagnosis.engine.explanation import Explanation, all_in_detail, explain_with, swapped
+from pmg.pipeline.diagnosis.grid.candidates import Candidate, GridProblem, candidates, grid_problem, refinement
+from pmg.pipeline.diagnosis.grid.catalogue import FINER, MECHANISMS
+from pmg.pipeline.diagnosis.grid.fitting import fit_candidate
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.fit.whitening import whitener

@@ -9,11 +9,11 @@ import pytest
 from tests.nature import Nature, campaign_points, measure
 from tests.recovery.test_planted import NATURE, analysed, thermal_factor
 
-from pmg.pipeline.diagnose.engine.verdict import Verdict
-from pmg.pipeline.diagnose.grid.decide import diagnose
-from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
-from pmg.pipeline.diagnose.grid.document import diagnosis_document
-from pmg.pipeline.diagnose.grid.locate import find_mismatch
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.grid.decide import diagnose
+from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
+from pmg.pipeline.diagnosis.grid.document import diagnosis_document
+from pmg.pipeline.diagnosis.grid.locate import find_mismatch
 from pmg.pipeline.fit.noise import NoiseFloor
 from pmg.sim.bench import BenchParameters
 from pmg.sim.grid import Grid, OperatingPoints

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pmg.pipeline.diagnose.engine.verdict import Verdict
-from pmg.pipeline.diagnose.grid.candidates import CandidateFit, candidates, grid_problem
-from pmg.pipeline.diagnose.grid.decide import diagnose
-from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
-from pmg.pipeline.diagnose.grid.document import diagnosis_document
-from pmg.pipeline.diagnose.grid.fitting import fit_candidate
-from pmg.pipeline.diagnose.grid.statement import statement
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.grid.candidates import CandidateFit, candidates, grid_problem
+from pmg.pipeline.diagnosis.grid.decide import diagnose
+from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
+from pmg.pipeline.diagnosis.grid.document import diagnosis_document
+from pmg.pipeline.diagnosis.grid.fitting import fit_candidate
+from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.fit.whitening import whitener

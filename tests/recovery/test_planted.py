@@ -11,11 +11,11 @@ import pytest
 from tests.conftest import ROOT
 from tests.nature import Nature, campaign_points, measure
 
-from pmg.pipeline.diagnose.design.blind import confounded_shafts
-from pmg.pipeline.diagnose.engine.verdict import Verdict
-from pmg.pipeline.diagnose.grid.decide import diagnose
-from pmg.pipeline.diagnose.grid.document import diagnosis_document
-from pmg.pipeline.diagnose.grid.locate import find_mismatch
+from pmg.pipeline.diagnosis.design.blind import confounded_shafts
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.grid.decide import diagnose
+from pmg.pipeline.diagnosis.grid.document import diagnosis_document
+from pmg.pipeline.diagnosis.grid.locate import find_mismatch
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.readings import take_readings
@@ -23,7 +23,7 @@ from pmg.sim.bench import BenchParameters
 from pmg.sim.grid import Grid
 
 NATURE = Nature()
-SCHEMA = ROOT / "pipeline" / "diagnose" / "diagnosis.schema.json"
+SCHEMA = ROOT / "pipeline" / "diagnosis" / "diagnosis.schema.json"
 
 
 def analysed(grid: Grid, bench: BenchParameters) -> Analysis:

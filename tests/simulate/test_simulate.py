@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.crate import FILE as CRATE
 from pmg.pipeline.grid.campaign import choose_campaign, measured_grid
-from pmg.pipeline.recording import read_recording
+from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.simulate.inputs import gather_inputs
 from pmg.pipeline.simulate.scenario_file import read_scenario
 from pmg.pipeline.simulate.simulation import Simulation, simulate

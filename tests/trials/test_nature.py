@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from tests.conftest import ROOT
 
-from pmg.pipeline.recording import read_recording
+from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.recording.write import rated_calibration
 from pmg.pipeline.trials.absorb import CEILING, Yardstick, scale_effect
 from pmg.pipeline.trials.design import ORDERS, POLE_PAIRS, RATIO, CampaignDesign, acting, draw_design

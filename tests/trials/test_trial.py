@@ -13,7 +13,7 @@ from scipy import stats
 from typer.testing import CliRunner
 
 from pmg.pipeline.cli.app import app
-from pmg.pipeline.diagnose.design.plans import possible_plans
+from pmg.pipeline.diagnosis.design.plans import possible_plans
 from pmg.pipeline.trials.nature import ConcealedCampaign, measure_case
 from pmg.pipeline.trials.score import run_case, stage
 from pmg.pipeline.trials.score.case_list import SHARES, chosen_kinds, draw_lots

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.recording.writer import Bench, write
 
-from pmg.pipeline.recording import read_recording
+from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.windows.limits import LIMITS, chosen_limits, read_limits
 from pmg.pipeline.windows.plateaus import plateaus
 from pmg.pipeline.windows.steadiness import torque_changes

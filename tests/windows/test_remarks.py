@@ -23,7 +23,8 @@ from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.options import THESIS_OPTIONS, AnalysisOptions
 from pmg.pipeline.grid.completeness import holes, lack_findings
 from pmg.pipeline.grid.tables import read_published
-from pmg.pipeline.recording import Code, Finding, Severity
+from pmg.pipeline.recording.codes import Code, Severity
+from pmg.pipeline.recording.findings import Finding
 from pmg.pipeline.store.manifest import Manifest
 from pmg.pipeline.wording.outcome import Outcome
 from pmg.sim.bench import BenchParameters, load_bench

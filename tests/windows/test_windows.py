@@ -13,8 +13,9 @@ import pytest
 from tests.recording.damages import CHUNK, of_kind, recorded, rewritten
 from tests.recording.writer import Bench, write
 
-from pmg.pipeline.recording import Code, read_recording
+from pmg.pipeline.recording.codes import Code
 from pmg.pipeline.recording.means import PointMeans
+from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.windows.reduce import reduce_window
 from pmg.pipeline.windows.steadiness import CHECKS
 from pmg.pipeline.windows.window import Window

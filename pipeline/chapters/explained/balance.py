@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.balance.document import headline, percent, separating_test, title_of
-from pmg.pipeline.diagnose.balance.drive import EMPS
-from pmg.pipeline.diagnose.balance.serial import ANDREWS_MONAHAN
+from pmg.pipeline.diagnosis.balance.document import headline, percent, separating_test, title_of
+from pmg.pipeline.diagnosis.balance.drive import EMPS
+from pmg.pipeline.diagnosis.balance.serial import ANDREWS_MONAHAN
 from pmg.pipeline.report.document import Cell, Chart, Column, Facts, Figure, Measured, Section, Series, Table, Text
 from pmg.sim import sources
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.balance.contest import Stand
-    from pmg.pipeline.diagnose.balance.decide import TermsDiagnosis
-    from pmg.pipeline.diagnose.balance.estimate import Estimate
+    from pmg.pipeline.diagnosis.balance.contest import Stand
+    from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
+    from pmg.pipeline.diagnosis.balance.estimate import Estimate
     from pmg.sim.signals import Array
 
 TERMS_SHOWN = 8

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.chapters.explained.grounds import on_bound
-from pmg.pipeline.diagnose.grid.decide import JUDGE_DRAWS
-from pmg.pipeline.diagnose.grid.document import probabilities
+from pmg.pipeline.diagnosis.grid.decide import JUDGE_DRAWS
+from pmg.pipeline.diagnosis.grid.document import probabilities
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Series, Table
 from pmg.pipeline.wording.probability import told_search
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_SUN, Array
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.grid.candidates import CandidateFit
-    from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
+    from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.report.table import Cell
 
 RANKED = 8

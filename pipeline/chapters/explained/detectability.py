@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.diagnose.design.audit import ALIKE, RESEMBLING
+from pmg.pipeline.diagnosis.design.audit import ALIKE, RESEMBLING
 from pmg.pipeline.report.document import Column, Section, Table, Text
 from pmg.sim.signals import MINUTE
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.design.audit import Audit, LookAlike
+    from pmg.pipeline.diagnosis.design.audit import Audit, LookAlike
     from pmg.pipeline.report.table import Cell
 
 

@@ -10,9 +10,9 @@ from pmg.pipeline.wording.numerals import number
 from pmg.sim.signals import SPEEDS
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.design.audit import Audit
-    from pmg.pipeline.diagnose.engine.verdict import Absorbed
-    from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
+    from pmg.pipeline.diagnosis.design.audit import Audit
+    from pmg.pipeline.diagnosis.engine.verdict import Absorbed
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.sim.mechanisms import Parameter
 

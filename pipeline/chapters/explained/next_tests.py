@@ -10,8 +10,8 @@ from pmg.pipeline.report.document import Column, Table
 from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.design.next_test import NextTest
-    from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
+    from pmg.pipeline.diagnosis.design.next_test import NextTest
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.report.table import Cell
 
 

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Series, Table, Text
 from pmg.pipeline.wording.numerals import number
 from pmg.sim.signals import MINUTE, RESIDUAL, RPM
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.form.atoms import FormCovariate
-    from pmg.pipeline.diagnose.form.shape import Shape
-    from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
+    from pmg.pipeline.diagnosis.form.atoms import FormCovariate
+    from pmg.pipeline.diagnosis.form.shape import Shape
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.sim.signals import Array
 
 NOT_FOUND = (

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnose.residuals.covariates import BY_ID
-from pmg.pipeline.diagnose.residuals.fitted import FITS
+from pmg.pipeline.diagnosis.residuals.covariates import BY_ID
+from pmg.pipeline.diagnosis.residuals.fitted import FITS
 from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Section, Series, Table, Text
 from pmg.pipeline.wording.probability import told_search
 from pmg.sim import sources
 from pmg.sim.signals import RESIDUAL
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.residuals.search import Followed, ResidualStudy, ShaftResidual
+    from pmg.pipeline.diagnosis.residuals.search import Followed, ResidualStudy, ShaftResidual
     from pmg.pipeline.report.table import Cell
 
 DRAWN = 4

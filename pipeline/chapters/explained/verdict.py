@@ -10,7 +10,7 @@ from pmg.pipeline.chapters.explained.causes import cause_items, ranking_items
 from pmg.pipeline.chapters.explained.grounds import cannot_tell, decoy_items, noise_words, withheld_items
 from pmg.pipeline.chapters.explained.next_tests import next_test_items
 from pmg.pipeline.chapters.explained.shape import shape_items
-from pmg.pipeline.diagnose.grid.diagnosis import component_of
+from pmg.pipeline.diagnosis.grid.diagnosis import component_of
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, Table, Text
 from pmg.pipeline.wording.numerals import number
 from pmg.sim import sources
@@ -19,8 +19,8 @@ from pmg.sim.mechanisms.warmed import WarmingBearings
 from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnose.grid.diagnosis import Diagnosis
-    from pmg.pipeline.diagnose.grid.locate import CampaignMismatch, Location
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
+    from pmg.pipeline.diagnosis.grid.locate import CampaignMismatch, Location
     from pmg.sim.grid import OperatingPoints
     from pmg.sim.mechanisms import Mechanism
     from pmg.sim.signals import Array

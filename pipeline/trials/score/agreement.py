@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.diagnose.engine.mismatch import FALSE_ALARM_RATE
+from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
 from pmg.pipeline.trials.score.figures import ABOUT_ONE, Figured, middle, share
 from pmg.pipeline.trials.score.score import judge
 

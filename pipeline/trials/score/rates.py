@@ -11,7 +11,7 @@ from scipy import stats
 from scipy.optimize import brentq, minimize
 from scipy.special import expit, log_expit
 
-from pmg.pipeline.diagnose.engine.mismatch import FALSE_ALARM_RATE
+from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
 from pmg.pipeline.wording.probability import CONFIDENCE
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ from pmg.pipeline.analysis.outputs import read_analysis
 from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.compare import SEED, run_compare
 from pmg.pipeline.commands.ingest import run_ingest
-from pmg.pipeline.diagnose.design.plans import join_points, possible_plans
-from pmg.pipeline.diagnose.grid.decide import diagnose
-from pmg.pipeline.diagnose.grid.document import diagnosis_document
+from pmg.pipeline.diagnosis.design.plans import join_points, possible_plans
+from pmg.pipeline.diagnosis.grid.decide import diagnose
+from pmg.pipeline.diagnosis.grid.document import diagnosis_document
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.trials.nature import measure_case

@@ -1,0 +1,272 @@
+"""A case in the words of a TOML file: which recordings, how they are prepared, which terms are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from pmg.pipeline.diagnosis.balance.drive import LIBRARIES
+from pmg.pipeline.files.strict_tables import EACH_ONCE, Strict, number_within, one_of, refuse, refusing, within, word_of
+from pmg.pipeline.files.table_file import read_table_file
+from pmg.sim.errors import near_miss
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pmg.pipeline.diagnosis.balance.term import Term
+
+SCHEMA = "pmg.terms/1"
+"""Schema of the case file."""
+
+UNITS: dict[str, dict[str, float]] = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
+    "position": {"m": 1.0, "mm": 1e-3, "um": 1e-6},
+    "force": {"N": 1.0, "kN": 1e3, "V": 1.0, "A": 1.0},
+}
+"""Units of each channel, and what one is in SI; a command in V or A needs `newton_per_unit`."""
+
+
+class Channel(Strict):
+    """A channel of the recordings: column or variable, and its unit there."""
+
+    name: str
+    unit: str
+
+    @property
+    def scale(self) -> float:
+        """SI value of one unit, without `factor`."""
+        return next(units[self.unit] for units in UNITS.values() if self.unit in units)
+
+    @property
+    def factor(self) -> str | float:
+        """Newton per unit of the command: a number, or the name of a variable of the file."""
+        return 1.0
+
+
+class TimeChannel(Channel):
+    """Times of the samples."""
+
+    unit: Annotated[str, one_of(*UNITS["time"])]
+
+
+class PositionChannel(Channel):
+    """Position of the slide."""
+
+    unit: Annotated[str, one_of(*UNITS["position"])]
+
+
+def _newton(value: object) -> object:
+    return value if isinstance(value, str) else number_within(value, -1e9, 1e9, "N")
+
+
+class ForceChannel(Channel):
+    """Force, or the command that makes it."""
+
+    unit: Annotated[str, one_of(*UNITS["force"])]
+    newton_per_unit: Annotated[str | float, BeforeValidator(_newton)] | None = None
+
+    @model_validator(mode="after")
+    def _makes_newton(self) -> ForceChannel:
+        if self.newton_per_unit is None and self.unit in ("V", "A"):
+            refuse("missing", f"newton of one {self.unit}", "Add newton_per_unit.", "newton_per_unit")
+        if self.newton_per_unit == 0.0:
+            refuse("0", "a factor other than zero", "Correct the value.", "newton_per_unit")
+        return self
+
+    @property
+    def factor(self) -> str | float:
+        """Newton per unit of the command: a number, or the name of a variable of the file."""
+        return 1.0 if self.newton_per_unit is None else self.newton_per_unit
+
+
+class ChannelsTable(Strict):
+    """Table ``[channels]``."""
+
+    time: TimeChannel
+    position: PositionChannel
+    force: ForceChannel
+
+
+class RecordTable(Strict):
+    """Table ``[record]``: recordings, in a folder beside the file."""
+
+    folder: str = "."
+    fit: str
+    withheld: str = ""
+
+
+class PrepareTable(Strict):
+    """Table ``[prepare]``."""
+
+    rate_hz: Annotated[float, within(1.0, 1e6, "Hz")]
+    low_pass_hz: float
+    order: Annotated[int, within(1, 8)] = 4
+    drop: Annotated[int, within(1, 100_000)] = 49
+    keep_every: Annotated[int, within(1, 100)] = 1
+    rest_speed_m_s: Annotated[float, within(0.0, 10.0, "m/s")] = 0.0
+
+    @model_validator(mode="after")
+    def _below_half_the_rate(self) -> PrepareTable:
+        with refusing("low_pass_Hz"):
+            number_within(self.low_pass_hz, 0.01, 0.49 * self.rate_hz, "Hz")
+        return self
+
+
+class KnownTermsTable(Strict):
+    """Table ``[baseline]``: terms taken for granted, and amplitudes that are known [SI]."""
+
+    terms: Annotated[list[str], Field(min_length=1), EACH_ONCE]
+    fixed: dict[str, float] = Field(default_factory=dict)
+
+
+class Published(Strict):
+    """A published parameter that ours is set beside."""
+
+    term: str
+    parameter: str
+    value: Annotated[float, within(-1e12, 1e12)]
+    unit: str
+
+
+class ErrorsTable(Strict):
+    """Table ``[published_errors]``: relative force errors [%]."""
+
+    fit_percent: Annotated[float, within(0.0, 1e4, "%")] | None = None
+    withheld_percent: Annotated[float, within(0.0, 1e4, "%")] | None = None
+
+
+class CaseTable(Strict):
+    """All tables of a case file."""
+
+    schema_: Annotated[str, one_of(SCHEMA), Field(alias="schema")]
+    title: str
+    library: Annotated[str, one_of(*LIBRARIES)]
+    record: RecordTable
+    channels: ChannelsTable
+    prepare: PrepareTable
+    baseline: KnownTermsTable
+    published: list[Published] = Field(default_factory=list)
+    published_errors: ErrorsTable = ErrorsTable()
+
+    @model_validator(mode="after")
+    def _fits_the_library(self) -> CaseTable:
+        terms = {term.identifier: term for term in LIBRARIES[self.library]}
+        plain = [name for name, term in terms.items() if not term.of_model and term.shape is None]
+        for i, name in enumerate(self.baseline.terms):
+            word_of(name, plain, "baseline", "terms", i)
+        for name, value in self.baseline.fixed.items():
+            if name not in self.baseline.terms:
+                do = near_miss(name, self.baseline.terms)
+                refuse("not in the baseline", "a term of baseline.terms", do, "baseline", "fixed", name)
+            with refusing("baseline", "fixed", name):
+                number_within(value, *terms[name].amplitudes[0].bounds)
+        if len(self.baseline.fixed) == len(self.baseline.terms):
+            refuse("every term is fixed", "at least one free term", "Leave one out.", "baseline", "fixed")
+        for i, row in enumerate(self.published):
+            term = terms[word_of(row.term, terms, "published", i, "term")]
+            quantities = {quantity.name: quantity for quantity in term.parameters}
+            word_of(row.parameter, quantities, "published", i, "parameter")
+            word_of(row.unit, [quantities[row.parameter].unit], "published", i, "unit")
+        return self
+
+
+@dataclass(frozen=True)
+class Case:
+    """A checked case file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    text : str
+        What stands in it.
+    title : str
+        What it is about.
+    library : tuple of Term
+        Terms that may be named.
+    fit, withheld : Path
+        Recordings; the second is never used for a choice or a fit. None without one.
+    channels : dict of str to Channel
+        ``time``, ``position`` and ``force``.
+    rate : float
+        Sample rate [Hz].
+    low_pass : float
+        Corner of the zero-phase Butterworth filter on position [Hz].
+    order : int
+        Its order.
+    drop : int
+        Samples left out at both ends.
+    keep_every : int
+        Decimation of the regression.
+    rest_speed : float
+        Speed below which the machine is at rest [m/s].
+    baseline : tuple of str
+        Terms that are taken for granted, their amplitudes free.
+    fixed : dict of str to float
+        Amplitudes of baseline terms that are known [SI].
+    published : tuple of Published
+        Parameters to compare with.
+    published_errors : dict of str to float
+        Relative force errors [1] on the recordings ``fit`` and ``withheld``.
+    """
+
+    path: Path
+    text: str
+    title: str
+    library: tuple[Term, ...]
+    fit: Path
+    withheld: Path | None
+    channels: dict[str, Channel]
+    rate: float
+    low_pass: float
+    order: int
+    drop: int
+    keep_every: int
+    rest_speed: float
+    baseline: tuple[str, ...]
+    fixed: dict[str, float]
+    published: tuple[Published, ...]
+    published_errors: dict[str, float]
+
+
+def read_case(path: Path, data: Path | None = None) -> Case:
+    """The case in a file.
+
+    Parameters
+    ----------
+    path : Path
+        TOML of schema `SCHEMA`.
+    data : Path, optional
+        Folder of the recordings, instead of the one that the file names.
+
+    Raises
+    ------
+    BenchError
+        When the file cannot be read, or asks for something unknown, out of range or contradictory.
+    """
+    file = read_table_file(path, "a case", CaseTable)
+    given = file.table
+    record, prepare, errors = given.record, given.prepare, given.published_errors
+    folder = path.parent / record.folder if data is None else data
+    percents = {"fit": errors.fit_percent, "withheld": errors.withheld_percent}
+    return Case(
+        path=path,
+        text=file.text,
+        title=given.title,
+        library=LIBRARIES[given.library],
+        fit=folder / record.fit,
+        withheld=folder / record.withheld if record.withheld else None,
+        channels=dict(given.channels),
+        rate=prepare.rate_hz,
+        low_pass=prepare.low_pass_hz,
+        order=prepare.order,
+        drop=prepare.drop,
+        keep_every=prepare.keep_every,
+        rest_speed=prepare.rest_speed_m_s,
+        baseline=tuple(given.baseline.terms),
+        fixed=given.baseline.fixed,
+        published=tuple(given.published),
+        published_errors={name: value / 100.0 for name, value in percents.items() if value is not None},
+    )

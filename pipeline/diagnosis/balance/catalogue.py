@@ -1,0 +1,83 @@
+"""The catalogue of terms ranked, and terms that the design of a record cannot tell apart."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem, fit_term
+from pmg.pipeline.diagnosis.engine.catalogue import CandidateCatalogue
+from pmg.pipeline.diagnosis.engine.explanation import Explanation
+from pmg.pipeline.diagnosis.engine.naming import FIRST_OF_PAIRS, Naming
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from pmg.pipeline.diagnosis.balance.term import Term
+
+TermSet: TypeAlias = Explanation[TermFit, TermProblem]
+TermNaming: TypeAlias = Naming[TermFit, TermProblem]
+
+TWIN = 0.999
+"""Correlation of what two terms leave beside everything else from which on a record cannot tell them apart."""
+
+
+@dataclass(frozen=True)
+class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
+    """The terms that a problem has tables of; with `refine`, the leaders' shapes are searched between those tabled."""
+
+    refine: bool = True
+    pairs_at_once: ClassVar[bool] = True
+
+    def fit(self, problem: TermProblem, candidate: Term) -> TermFit:
+        """Best amplitudes and shape of one term with the baseline free to move."""
+        return fit_term(problem, candidate, refine=self.refine)
+
+    def rank(self, problem: TermProblem, without: Collection[str] = ()) -> list[TermFit]:
+        """All terms but some fitted, best score first."""
+        tables = [table for key, table in problem.tables.items() if key not in without]
+        fits = sorted((fit_term(problem, t.term, refine=False) for t in tables), key=lambda fit: -problem.score(fit))
+        first = FIRST_OF_PAIRS + 1 if self.refine else 0
+        fits[:first] = [fit if fit.term.shape is None else fit_term(problem, fit.term) for fit in fits[:first]]
+        return sorted(fits, key=lambda fit: -problem.score(fit))
+
+
+@dataclass(frozen=True)
+class Twins:
+    """Two terms that a record cannot tell apart, or one that the baseline absorbs.
+
+    Parameters
+    ----------
+    ids : tuple of str
+        Two ids; one where the baseline holds it.
+    correlation : float
+        Of what the two leave beside baseline and named terms; 1 for an absorbed one.
+    """
+
+    ids: tuple[str, ...]
+    correlation: float
+
+
+def find_twins(problem: TermProblem) -> tuple[Twins, ...]:
+    """Shape-free terms that look alike beside a baseline, from the design of the record alone."""
+    tables = {k: t for k, t in problem.tables.items() if t.term.shape is None}
+    columns = {key: table.columns[:, 0, 0] for key, table in tables.items()}
+    seen = {key: problem.project(column[:, None])[:, 0] for key, column in columns.items()}
+    found = []
+    visible = []
+    for key, column in columns.items():
+        part = float(np.linalg.norm(seen[key])) / max(float(np.linalg.norm(column)), 1e-300)
+        if part < math.sqrt(1.0 - TWIN**2):
+            found.append(Twins((key,), math.sqrt(1.0 - part**2)))
+        else:
+            visible.append(key)
+    for i, one in enumerate(visible):
+        for other in visible[i + 1 :]:
+            a, b = seen[one], seen[other]
+            correlation = float(a @ b) / float(np.linalg.norm(a) * np.linalg.norm(b))
+            if abs(correlation) > TWIN:
+                found.append(Twins((one, other), correlation))
+    return tuple(found)

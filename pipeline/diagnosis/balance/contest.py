@@ -1,0 +1,199 @@
+"""Models one after the other, refinements that only help, and rivals set against the named terms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
+from pmg.pipeline.diagnosis.balance.estimate import Estimate, FittedTerms, fit_together
+from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
+from pmg.pipeline.diagnosis.balance.proof import held_out, set_against
+from pmg.pipeline.diagnosis.engine.naming import margin_beside
+from pmg.pipeline.fit.span import orthonormal
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.catalogue import TermNaming, TermSet
+    from pmg.pipeline.diagnosis.balance.mismatch import NoiseModel
+    from pmg.pipeline.diagnosis.balance.recorded import Recorded
+    from pmg.pipeline.diagnosis.balance.term import Term
+    from pmg.pipeline.diagnosis.engine.adequacy import AdequacyTest
+    from pmg.pipeline.diagnosis.engine.held_out import HeldOut
+
+MOST_REFINED = 6
+"""Further terms that are looked at once the named ones are in."""
+
+SHARE_OF_REFINEMENT = 0.25
+"""Part of what is left that a refinement must explain."""
+
+TRIED = 3
+"""Leading terms of a round that are tried as refinement."""
+
+
+@dataclass(frozen=True)
+class Stand:
+    """A model of the force and what it is worth.
+
+    Parameters
+    ----------
+    added : str
+        Id of the term that it has beyond the one before; empty for the baseline.
+    fitted : Fitted
+        Baseline and terms so far, fitted together.
+    error_fit, error_withheld : float
+        Relative force error on the recording it was fitted to and on the withheld one (NaN without one).
+    held : HeldOut or None
+        Withheld blocks of the first recording without and with the added term.
+    evidence : float
+        Evidence that the added term brought.
+    carried : tuple of float
+        95 % interval of the fall of the error on the withheld record by the added term [N]; NaN without one.
+    """
+
+    added: str
+    fitted: FittedTerms
+    error_fit: float
+    error_withheld: float
+    held: HeldOut | None
+    evidence: float
+    carried: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Contest:
+    """A rival set of terms against the named one, both with the refinements in.
+
+    Parameters
+    ----------
+    rival : TermSet
+        The other set.
+    lead : float
+        Evidence by which the named set is ahead.
+    margin : float
+        Evidence by which it must be: `MARGIN`, and what both leave beyond the noise.
+    held : HeldOut
+        Withheld blocks with the rival and with the named set.
+    beside : tuple of Estimate
+        What the rival's own terms come to beside the named set.
+    error_fit, error_withheld : float
+        Relative force errors of the rival set without refinements.
+    """
+
+    rival: TermSet
+    lead: float
+    margin: float
+    held: HeldOut
+    beside: tuple[Estimate, ...]
+    error_fit: float
+    error_withheld: float
+
+    @property
+    def open(self) -> bool:
+        """Whether the recording cannot tell the two apart: by evidence, or on withheld blocks."""
+        return self.lead <= self.margin or self.held.gain_interval[0] <= 0.0
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What models are fitted to and judged on."""
+
+    recorded: Recorded
+    withheld: Recorded | None
+    noise: NoiseModel
+    free: tuple[Term, ...]
+
+
+def stand_of(scene: Scene, fits: tuple[TermFit, ...], rng: np.random.Generator) -> Stand:
+    """Baseline and terms fitted together, and what the last of them is worth."""
+    fitted = fit_together(scene.recorded, scene.noise.noise, scene.free, fits)
+    carried = (float("nan"), float("nan"))
+    if scene.withheld is not None and fits:
+        before = fit_together(scene.recorded, scene.noise.noise, scene.free, fits[:-1])
+        truth = scene.withheld.force + scene.withheld.known
+        errors = [truth - model.predict(scene.withheld) for model in (before, fitted)]
+        carried = held_out("", errors[0], errors[1], scene.noise.noise, rng).gain_interval
+    samples = len(scene.recorded.force) - scene.noise.noise.lags
+    return Stand(
+        fits[-1].identifier if fits else "",
+        fitted,
+        fitted.relative_error(scene.recorded),
+        float("nan") if scene.withheld is None else fitted.relative_error(scene.withheld),
+        set_against(scene.recorded, scene.noise.noise, scene.free, (fits[:-1], fits), rng) if fits else None,
+        fits[-1].gain - fits[-1].cost * math.log(samples) if fits else 0.0,
+        carried,
+    )
+
+
+def refine(
+    scene: Scene,
+    best: TermSet,
+    remainder_of: AdequacyTest,
+    threshold: float,
+    rng: np.random.Generator,
+) -> tuple[Stand, ...]:
+    """Further terms, one after the other: more than any decoy, a good part of the rest, better on withheld blocks."""
+    current, refined = best, list[Stand]()
+    while len(refined) < MOST_REFINED:
+        rest = remainder_of(current.problem)
+        if rest.adequate:
+            break
+        least = max(threshold, SHARE_OF_REFINEMENT * rest.excess)
+        here = current.problem
+        ranked = TermCatalogue().rank(here, current.ids)
+        fits = [fit for fit in ranked if not fit.on_bound and here.score(fit) > least]
+        for fit in fits[:TRIED]:
+            stand = stand_of(scene, (*current.fits, fit), rng)
+            if stand.held is not None and stand.held.gain_interval[0] > 0.0:
+                current = current.plus(fit)
+                refined.append(stand)
+                break
+        else:
+            break
+    return tuple(refined)
+
+
+def settled(problem: TermProblem, fits: tuple[TermFit, ...]) -> TermProblem:
+    """The problem with the columns of some terms free besides, their shapes kept."""
+    basis = orthonormal(np.hstack([problem.baseline, *(problem.columns_of(fit.term, fit.shape) for fit in fits)]))
+    return replace(problem, baseline=basis, left=problem.left - basis @ (basis.T @ problem.left))
+
+
+def contest(
+    scene: Scene,
+    problem: TermProblem,
+    found: TermNaming,
+    refinements: tuple[Stand, ...],
+    remainder_of: AdequacyTest,
+    rng: np.random.Generator,
+) -> tuple[Contest, ...]:
+    """Every rival against the named set, both with the refinements in."""
+    extra = refinements[-1].fitted.fits[len(found.best.fits) :] if refinements else ()
+
+    mine = settled(problem, (*found.best.fits, *extra))
+    margin = margin_beside(remainder_of(mine))
+    contests = []
+    for rival in found.rivals:
+        added = tuple(fit for fit in extra if fit.identifier not in rival.ids)
+        other = settled(problem, (*rival.fits, *added))
+        cost = sum(f.cost for f in (*rival.fits, *added)) - sum(f.cost for f in (*found.best.fits, *extra))
+        lead = float(other.left @ other.left - mine.left @ mine.left) + cost * math.log(len(mine.left))
+        pair = (*rival.fits, *added), (*found.best.fits, *extra)
+        held = set_against(scene.recorded, scene.noise.noise, scene.free, pair, rng)
+        new = tuple(fit for fit in rival.fits if fit.identifier not in found.best.ids)
+        both = fit_together(scene.recorded, scene.noise.noise, scene.free, (*found.best.fits, *new))
+        alone = fit_together(scene.recorded, scene.noise.noise, scene.free, rival.fits)
+        contests.append(
+            Contest(
+                rival,
+                lead,
+                margin,
+                held,
+                tuple(e for e in both.estimates if e.term in {fit.identifier for fit in new}),
+                alone.relative_error(scene.recorded),
+                float("nan") if scene.withheld is None else alone.relative_error(scene.withheld),
+            )
+        )
+    return tuple(contests)

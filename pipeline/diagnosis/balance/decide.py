@@ -1,0 +1,226 @@
+"""The verdict on a recording of a machine: what its force balance lacks, with the proof."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, Twins, find_twins
+from pmg.pipeline.diagnosis.balance.contest import Contest, Scene, Stand, contest, refine, settled, stand_of
+from pmg.pipeline.diagnosis.balance.estimate import design_of
+from pmg.pipeline.diagnosis.balance.fitting import tabulate, term_problem
+from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, noise_of, record_evidence
+from pmg.pipeline.diagnosis.balance.proof import FurtherDecoys, surrogate_decoys, try_decoys, withheld_samples
+from pmg.pipeline.diagnosis.balance.structure import families_of
+from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
+from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
+from pmg.pipeline.diagnosis.engine.decoys import offer_decoys
+from pmg.pipeline.diagnosis.engine.explanation import explain_with
+from pmg.pipeline.diagnosis.engine.naming import name_candidates
+from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
+from pmg.pipeline.diagnosis.engine.withheld import withhold
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.case_file import Case
+    from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
+    from pmg.pipeline.diagnosis.balance.mismatch import NoiseModel, Place
+    from pmg.pipeline.diagnosis.balance.recorded import Recorded
+    from pmg.pipeline.diagnosis.balance.term import Term
+    from pmg.pipeline.diagnosis.engine.decoys import Decoys
+    from pmg.pipeline.diagnosis.engine.evidence import Evidence
+    from pmg.pipeline.diagnosis.engine.held_out import HeldOut
+    from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
+    from pmg.pipeline.fit.structure import ResidualStructure
+
+
+@dataclass(frozen=True)
+class TermsDiagnosis:
+    """Mismatch, terms and verdict.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    recorded, withheld : Recorded
+        Its recordings; None without a withheld one.
+    verdict : Verdict
+        One of the words of the bench's diagnosis.
+    noise : NoiseModel
+        Noise that it was judged against.
+    mismatch : Mismatch
+        Test and places.
+    found : Naming or None
+        What the library says; None without a mismatch.
+    held : HeldOut or None
+        Withheld blocks, the choice made anew for each.
+    stands : tuple of Stand
+        Baseline, then one named term after the other.
+    refinements : tuple of Stand
+        Terms that lower the error on withheld blocks, but are too small beside those named to be told from an error
+        of their form.
+    twins : tuple of Twins
+        What the design of the recording cannot tell apart.
+    absorbed : tuple of Absorbed
+        Baseline parameters before and after.
+    decoys : FurtherDecoys
+        Terms without a meaning, offered to what the named ones leave.
+    instead : Decoys or None
+        The same, offered in place of the named ones.
+    contests : tuple of Contest
+        Sets of terms that came near the named one, each set against it with the refinements in.
+    left_over : Mismatch
+        What named terms and refinements leave.
+    """
+
+    case: Case
+    recorded: Recorded
+    withheld: Recorded | None
+    verdict: Verdict
+    noise: NoiseModel
+    mismatch: Mismatch[Place]
+    found: TermNaming | None
+    held: HeldOut | None
+    stands: tuple[Stand, ...]
+    refinements: tuple[Stand, ...]
+    twins: tuple[Twins, ...]
+    absorbed: tuple[Absorbed, ...]
+    decoys: FurtherDecoys
+    instead: Decoys | None
+    contests: tuple[Contest, ...]
+    left_over: Mismatch[Place]
+
+
+def free_terms(case: Case) -> tuple[Term, ...]:
+    """Terms of the baseline whose amplitudes are free."""
+    return tuple(t for name in case.baseline for t in case.library if t.identifier == name and name not in case.fixed)
+
+
+def searched_terms(case: Case) -> tuple[Term, ...]:
+    """Terms that may be named; one whose amplitude is taken as known may be off by what its bounds allow."""
+    terms = []
+    for term in case.library:
+        known = case.fixed.get(term.identifier)
+        if known is not None:
+            (quantity,) = term.amplitudes
+            low, high = quantity.bounds
+            terms.append(replace(term, amplitudes=(replace(quantity, bounds=(low - known, high - known)),)))
+        elif term.identifier not in case.baseline:
+            terms.append(term)
+    return tuple(terms)
+
+
+@dataclass(frozen=True)
+class _Searched:
+    """A record searched: its noise, families and evidence about the free terms of the baseline, and what was found."""
+
+    free: tuple[Term, ...]
+    noise: NoiseModel
+    looked: tuple[ResidualStructure, ...]
+    evidence: Evidence
+    problem: TermProblem
+    mismatch: Mismatch[Place]
+    found: TermNaming | None
+    named: tuple[TermFit, ...]
+
+
+def _search(case: Case, recorded: Recorded, rng: np.random.Generator) -> _Searched:
+    """The mismatch test and the search of the library; twice, the second time with noise freed from what was named."""
+    looked, free, searched = families_of(recorded), free_terms(case), searched_terms(case)
+    tables = tabulate(recorded, searched, coarse=True)
+    plain = design_of(recorded, free, ())
+    allowed = [table.columns.reshape(len(plain), -1) for table in tables.values()]
+    structured = np.hstack([plain, *(f.columns for f in looked), *allowed])
+    found: TermNaming | None = None
+    named: tuple[TermFit, ...] = ()
+    for turn in range(2):
+        noise = noise_of(recorded.force, structured, rng)
+        null = noise.whitened_draws(len(recorded.force), DRAWS, rng)
+        problem = term_problem(recorded, tables, noise.noise, plain)
+        evidence = record_evidence(noise, problem, looked, null)
+        mismatch = find_mismatch(evidence, looked)
+        if not mismatch.found:
+            found, named = None, ()
+            break
+        if turn == 0:
+            tables = tabulate(recorded, searched)
+            problem = term_problem(recorded, tables, noise.noise, plain)
+        found = name_candidates(problem, TermCatalogue(), adequacy_test(evidence))
+        if found.best.ids == {fit.identifier for fit in named}:
+            break
+        named = found.best.fits
+        structured = np.hstack([structured, design_of(recorded, (), named)]) if named else structured
+    return _Searched(free, noise, looked, evidence, problem, mismatch, found, named)
+
+
+def diagnose_terms(
+    case: Case, recorded: Recorded, withheld: Recorded | None, rng: np.random.Generator
+) -> TermsDiagnosis:
+    """Test for a mismatch, search the library for the terms that make it, prove them on what they have not seen.
+
+    Parameters
+    ----------
+    case : Case
+        Baseline and library.
+    recorded, withheld : Recorded
+        The recording for choice and fit, and one that takes part in neither (None without one).
+    rng : numpy.random.Generator
+        Draws synthetic records, resamples, decoys.
+    """
+    s = _search(case, recorded, rng)
+    noise, found, named = s.noise.noise, s.found, s.named
+    decoys, instead = FurtherDecoys(0, 0, 0.0, ()), None
+    apart = rng.spawn(1)[0]
+    if found is not None:
+        design = design_of(recorded, s.free, named)
+        other = None if withheld is None else (withheld, design_of(withheld, s.free, named))
+        decoys = try_decoys(found.best.problem, noise, design, recorded, other, rng)
+        instead = offer_decoys(s.problem, found, surrogate_decoys(s.problem, recorded, noise, apart))
+    scene = Scene(recorded, withheld, s.noise, s.free)
+    stands = tuple(stand_of(scene, named[:k], rng) for k in range(len(named) + 1))
+    held: HeldOut | None = None
+    refinements: tuple[Stand, ...] = ()
+    contests: tuple[Contest, ...] = ()
+    verdict = Verdict.CONSISTENT if found is None else Verdict.NOT_IN_LIBRARY
+    if found is not None and named:
+        rows = withheld_samples(recorded, s.problem, noise, design_of(recorded, s.free, ()))
+        held = withhold(rows, TermCatalogue(refine=False), named, rng, apart)
+        if found.explained and held.predicts:
+            remainder_of = adequacy_test(s.evidence)
+            refinements = refine(scene, found.best, remainder_of, max(ENTRY, decoys.most_evidence), rng)
+            by_parts = [explain_with(s.problem, TermCatalogue(), terms) for terms in held.elsewhere]
+            known = {rival.ids for rival in found.rivals}
+            found = replace(found, rivals=(*found.rivals, *(rival for rival in by_parts if rival.ids not in known)))
+            contests = contest(scene, s.problem, found, refinements, remainder_of, rng)
+            verdict = Verdict.AMBIGUOUS if any(c.open for c in contests) else Verdict.NAMED
+    last = settled(s.problem, (refinements or stands)[-1].fitted.fits)
+    return TermsDiagnosis(
+        case,
+        recorded,
+        withheld,
+        verdict,
+        s.noise,
+        s.mismatch,
+        found,
+        held,
+        stands,
+        refinements,
+        find_twins(s.problem),
+        _absorbed(stands),
+        decoys,
+        instead,
+        contests,
+        find_mismatch(record_evidence(s.noise, last, s.looked, s.evidence.null), s.looked),
+    )
+
+
+def _absorbed(stands: tuple[Stand, ...]) -> tuple[Absorbed, ...]:
+    """Baseline parameters alone and beside the named terms."""
+    first, last = stands[0].fitted, stands[-1].fitted
+    return tuple(
+        Absorbed(f"{before.term} {before.name}", before.value, after.value, after.standard_error)
+        for before, after in zip(first.estimates, last.estimates, strict=False)
+        if (before.term, before.name) == (after.term, after.name)
+    )

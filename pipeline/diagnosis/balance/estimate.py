@@ -1,0 +1,141 @@
+"""Parameters of baseline and terms fitted together, with intervals that honour the serial correlation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import stats
+
+from pmg.pipeline.diagnosis.balance.fitting import shape_step
+from pmg.pipeline.diagnosis.balance.serial import covariance_of
+from pmg.pipeline.diagnosis.engine.held_out import solve
+from pmg.pipeline.diagnosis.engine.withheld import BLOCKS
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit
+    from pmg.pipeline.diagnosis.balance.recorded import Recorded
+    from pmg.pipeline.diagnosis.balance.serial import SerialNoise
+    from pmg.pipeline.diagnosis.balance.term import Term
+    from pmg.sim.signals import Array
+
+T_95 = float(stats.t.ppf(0.975, BLOCKS - 1))
+"""Half-width of a 95 % interval in standard errors, for as many independent stretches as there are blocks."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter.
+
+    Parameters
+    ----------
+    term, name, unit : str
+        Whose it is, SI unit.
+    value, standard_error : float
+        By least squares, the published practice; its error from the scores of neighbouring samples.
+    whitened, whitened_error : float
+        By least squares on whitened rows. NaN for a shape, which both share.
+    """
+
+    term: str
+    name: str
+    unit: str
+    value: float
+    standard_error: float
+    whitened: float
+    whitened_error: float
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval."""
+        half = T_95 * self.standard_error
+        return self.value - half, self.value + half
+
+
+@dataclass(frozen=True)
+class FittedTerms:
+    """Baseline and terms fitted together to one recording.
+
+    Parameters
+    ----------
+    baseline : tuple of Term
+        Free terms of the baseline.
+    fits : tuple of TermFit
+        Further terms, whose shapes are kept.
+    values : (k,) array
+        Amplitudes by least squares.
+    estimates : tuple of Estimate
+        The same with errors, and the shapes.
+    """
+
+    baseline: tuple[Term, ...]
+    fits: tuple[TermFit, ...]
+    values: Array
+    estimates: tuple[Estimate, ...]
+
+    def predict(self, recorded: Recorded) -> Array:
+        """Thinned force of a recording [N], known terms included."""
+        return np.asarray(recorded.known + design_of(recorded, self.baseline, self.fits) @ self.values)
+
+    def relative_error(self, recorded: Recorded) -> float:
+        """Root of the sum of squares of what is left, as part of that of the force."""
+        force = recorded.force + recorded.known
+        return float(np.linalg.norm(force - self.predict(recorded)) / np.linalg.norm(force))
+
+
+def design_of(recorded: Recorded, baseline: tuple[Term, ...], fits: tuple[TermFit, ...]) -> Array:
+    """Thinned columns of baseline and terms at their shapes (n, k)."""
+    blocks = [recorded.columns(term) for term in baseline] + [recorded.columns(f.term, f.shape) for f in fits]
+    return np.hstack(blocks)
+
+
+def fit_together(
+    recorded: Recorded, noise: SerialNoise, baseline: tuple[Term, ...], fits: tuple[TermFit, ...]
+) -> FittedTerms:
+    """Least squares of baseline and terms together.
+
+    Notes
+    -----
+    Least squares on the thinned rows is the practice of the published reference models. Errors come from the scores,
+    summed over lags up to a block of neighbours (`serial.covariance_of`), with the derivative to each shape beside
+    the columns, so that a shape that is not known widens the error of its amplitude.
+    """
+    design = design_of(recorded, baseline, fits)
+    values = solve(design, recorded.force)
+    slopes = _slopes(recorded, fits, values[len(design.T) - sum(len(f.amplitudes) for f in fits) :])
+    lags = len(recorded.force) // BLOCKS
+    full = np.hstack([design, slopes])
+    error = np.sqrt(np.diag(covariance_of(full, recorded.force - design @ values, lags)))
+    white, force = noise.whiten(full), noise.whiten(recorded.force[:, None])[:, 0]
+    again = solve(white[:, : design.shape[1]], force)
+    white_error = np.sqrt(np.diag(covariance_of(white, force - white[:, : design.shape[1]] @ again, lags)))
+    names = [(t.identifier, q.name, q.unit) for t in baseline for q in t.amplitudes]
+    names += [(f.identifier, q.name, q.unit) for f in fits for q in f.term.amplitudes]
+    estimates = [
+        Estimate(*name, float(v), float(e), float(w), float(we))
+        for name, v, e, w, we in zip(names, values, error, again, white_error, strict=False)
+    ]
+    shaped = [fit for fit in fits if fit.term.shape is not None]
+    for i, fit in enumerate(shaped, start=len(values)):
+        quantity = fit.term.parameters[-1]
+        estimates.append(
+            Estimate(
+                fit.identifier, quantity.name, quantity.unit, fit.shape, float(error[i]), float("nan"), float("nan")
+            )
+        )
+    return FittedTerms(baseline, fits, values, tuple(estimates))
+
+
+def _slopes(recorded: Recorded, fits: tuple[TermFit, ...], amplitudes: Array) -> Array:
+    """Derivative of the force to each shape (n, shapes)."""
+    columns = [np.zeros((len(recorded.force), 0))]
+    first = 0
+    for fit in fits:
+        own = amplitudes[first : first + len(fit.amplitudes)]
+        first += len(fit.amplitudes)
+        if fit.term.shape is not None:
+            low, high = shape_step(fit.term, fit.shape)
+            rise = recorded.columns(fit.term, high) - recorded.columns(fit.term, low)
+            columns.append((rise @ own / (high - low))[:, None])
+    return np.hstack(columns)

@@ -1,0 +1,283 @@
+"""Terms fitted beside a free baseline: amplitudes in closed form inside their bounds, the shape searched."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import lsq_linear, minimize_scalar
+
+from pmg.pipeline.diagnosis.engine.problem import WhitenedProblem
+from pmg.pipeline.diagnosis.engine.scan import ABSORBED
+from pmg.pipeline.fit.span import orthonormal
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from pmg.pipeline.diagnosis.balance.recorded import Recorded
+    from pmg.pipeline.diagnosis.balance.serial import SerialNoise
+    from pmg.pipeline.diagnosis.balance.term import Term
+    from pmg.sim.signals import Array, Mask
+
+SHAPES = 24
+"""Values of a shape, evenly spaced on a logarithm, from which its fit starts."""
+
+PER_CYCLE = 3.0
+"""Values of a period for each further cycle over the travel."""
+
+
+AT_ONCE = 32
+"""Values of a shape whose columns are filtered at once."""
+
+
+@dataclass(frozen=True)
+class Tabled:
+    """A term at many values of its shape.
+
+    Parameters
+    ----------
+    term : Term
+        The term.
+    shapes : (g,) array
+        Values of the shape; one NaN where the term has none.
+    columns : (n, g, a) array
+        Columns at each of them.
+    """
+
+    term: Term
+    shapes: Array
+    columns: Array
+
+
+def shape_grid(term: Term, travel: float, *, coarse: bool = False) -> Array:
+    """Values of the shape at which a term is looked at first; four of them where it is only to be allowed for."""
+    if term.shape is None:
+        return np.array([math.nan])
+    low, high = term.shape.bounds
+    if coarse:
+        return np.geomspace(low, high, 6)[1:-1]
+    if not term.even_grid:
+        return np.geomspace(low, high, SHAPES)
+    return np.asarray(1.0 / np.linspace(1.0 / high, 1.0 / low, max(2, int(PER_CYCLE * travel * (1 / low - 1 / high)))))
+
+
+def tabulate(recorded: Recorded, terms: tuple[Term, ...], *, coarse: bool = False) -> dict[str, Tabled]:
+    """Thinned columns of every term over its shapes."""
+    travel = float(np.ptp(recorded.motion.position))
+    tables = {}
+    for term in terms:
+        shapes = shape_grid(term, travel, coarse=coarse)
+        parts = []
+        for first in range(0, len(shapes), AT_ONCE):
+            some = shapes[first : first + AT_ONCE]
+            whole = np.stack([term.columns(recorded.motion, float(s)) for s in some], axis=1)
+            thinned = recorded.thin(whole.reshape(len(whole), -1))
+            parts.append(thinned.reshape(len(thinned), *whole.shape[1:]))
+        tables[term.identifier] = Tabled(term, shapes, np.concatenate(parts, axis=1))
+    return tables
+
+
+@dataclass(frozen=True)
+class TermFit:
+    """A term fitted beside the baseline.
+
+    Parameters
+    ----------
+    term : Term
+        What was fitted.
+    amplitudes : (a,) array
+        Best amplitudes inside their bounds.
+    shape : float
+        Best shape; NaN without one.
+    gain : float
+        Fall of the whitened sum of squares; in units of the noise variance.
+    cost : float
+        Parameters it counts for: directions that the baseline does not hold already, and the shape's.
+    seen : (m,) array
+        Its effect, whitened, less what the baseline absorbs.
+    survives : float
+        Part of the whitened columns that survives the baseline.
+    on_bound : tuple of str
+        Parameters on a bound.
+    """
+
+    term: Term
+    amplitudes: Array
+    shape: float
+    gain: float
+    cost: float
+    seen: Array
+    survives: float
+    on_bound: tuple[str, ...]
+
+    @property
+    def identifier(self) -> str:
+        """Id of the term."""
+        return self.term.identifier
+
+    @property
+    def visible(self) -> bool:
+        """Whether the baseline leaves anything of it to be seen."""
+        return self.survives >= ABSORBED
+
+    @property
+    def candidate(self) -> Term:
+        """The term."""
+        return self.term
+
+    @property
+    def place(self) -> str:
+        """A term acts in one place."""
+        return ""
+
+    @property
+    def admissible(self) -> bool:
+        """Whether no parameter ran to a bound: a term that did is absent, or bends to anything."""
+        return self.gain > 0.0 and not self.on_bound
+
+    needed = admissible
+
+    @property
+    def bends_to_anything(self) -> bool:
+        """An admissible term does not."""
+        return False
+
+
+@dataclass(frozen=True)
+class TermProblem(WhitenedProblem[TermFit]):
+    """The whitened problem of a record: its force beside the free terms of the baseline.
+
+    Parameters
+    ----------
+    columns_of : callable
+        Whitened columns of a term at a value of its shape.
+    tables : mapping of str to Tabled
+        Whitened columns over the shapes.
+    """
+
+    columns_of: Callable[[Term, float], Array]
+    tables: Mapping[str, Tabled]
+
+    def of(self, rows: Mask) -> TermProblem:
+        """The problem of some rows, before anything was taken out; the baseline is made orthonormal anew."""
+        tables = {k: replace(t, columns=t.columns[rows]) for k, t in self.tables.items()}
+        basis = orthonormal(self.baseline[rows])
+        left = self.left[rows]
+        return TermProblem(
+            basis,
+            left - basis @ (basis.T @ left),
+            lambda term, shape: self.columns_of(term, shape)[rows],
+            tables,
+        )
+
+    def slopes(self, fit: TermFit) -> Array:
+        """Whitened columns of a fitted term, and the derivative to its shape."""
+        columns = self.columns_of(fit.term, fit.shape)
+        if fit.term.shape is None:
+            return columns
+        low, high = shape_step(fit.term, fit.shape)
+        slope = (self.columns_of(fit.term, high) - self.columns_of(fit.term, low)) / (high - low)
+        return np.hstack([columns, (slope @ fit.amplitudes)[:, None]])
+
+
+def term_problem(recorded: Recorded, tables: dict[str, Tabled], noise: SerialNoise, baseline: Array) -> TermProblem:
+    """The problem of a recording for noise that is known.
+
+    Parameters
+    ----------
+    recorded : Recorded
+        The recording.
+    tables : dict of str to Tabled
+        Its terms, not whitened.
+    noise : SerialNoise
+        Its noise.
+    baseline : (n, k) array
+        Thinned columns of the free baseline.
+    """
+
+    def columns_of(term: Term, shape: float) -> Array:
+        return noise.whiten(recorded.columns(term, shape))
+
+    white = {key: replace(table, columns=noise.whiten(table.columns)) for key, table in tables.items()}
+    basis = orthonormal(noise.whiten(baseline))
+    force = noise.whiten(recorded.force[:, None])[:, 0]
+    return TermProblem(basis, force - basis @ (basis.T @ force), columns_of, white)
+
+
+def fit_term(problem: TermProblem, term: Term, *, refine: bool = True) -> TermFit:
+    """Best amplitudes and shape of one term with the baseline free to move."""
+    table = problem.tables[term.identifier]
+    m, g, a = table.columns.shape
+    seen = problem.project(table.columns.reshape(m, g * a)).reshape(m, g, a)
+    gains = _gains(seen, problem.left, term)
+    best = int(np.argmax(gains))
+    shape = float(table.shapes[best])
+    if term.shape is not None and refine:
+        shape = _refined(problem, term, table.shapes, best, float(gains[best]))
+    whole = table.columns[:, best] if shape == table.shapes[best] else problem.columns_of(term, shape)
+    if term.shape is None or not refine:
+        whole = table.columns[:, best]
+    return _fit_at(problem, term, shape, whole)
+
+
+def _fit_at(problem: TermProblem, term: Term, shape: float, whole: Array) -> TermFit:
+    """Amplitudes inside their bounds at one shape."""
+    seen = problem.project(whole)
+    size = float(np.linalg.norm(whole))
+    survives = float(np.linalg.norm(seen)) / size if size > 0.0 else 0.0
+    bounds = np.array([q.bounds for q in term.amplitudes]).T
+    shape_cost = 0.0 if term.shape is None else term.shape.cost
+    if survives < ABSORBED:
+        none = np.zeros(len(term.amplitudes))
+        return TermFit(term, none, shape, 0.0, shape_cost, np.zeros(len(seen)), survives, ())
+    length = np.linalg.norm(seen, axis=0)
+    length[length == 0.0] = 1.0
+    found = lsq_linear(seen / length, problem.left, bounds=(bounds[0] * length, bounds[1] * length), method="bvls")
+    amplitudes = np.clip(found.x / length, bounds[0], bounds[1])
+    at = (amplitudes - bounds[0] < 1e-9 * np.ptp(bounds, axis=0)) | (
+        bounds[1] - amplitudes < 1e-9 * np.ptp(bounds, axis=0)
+    )
+    on_bound = [q.name for q, hit in zip(term.amplitudes, at, strict=True) if hit]
+    if term.shape is not None and not 1.001 * term.shape.bounds[0] < shape < 0.999 * term.shape.bounds[1]:
+        on_bound.append(term.shape.name)
+    effect = seen @ amplitudes
+    gain = float(problem.left @ problem.left - np.sum((problem.left - effect) ** 2))
+    cost = float(orthonormal(seen, 1e-2).shape[1]) + shape_cost
+    return TermFit(term, amplitudes, shape, gain, cost, effect, survives, tuple(on_bound))
+
+
+def _gains(seen: Array, left: Array, term: Term) -> Array:
+    """Fall of the sum of squares at each shape (g,); a single amplitude keeps to its bounds."""
+    if seen.shape[2] == 1:
+        column = seen[:, :, 0]
+        along, square = column.T @ left, np.maximum(np.sum(column**2, axis=0), 1e-300)
+        amplitude = np.clip(along / square, *term.amplitudes[0].bounds)
+        return np.asarray(2.0 * amplitude * along - amplitude**2 * square)
+    along = np.einsum("mga,m->ga", seen, left)
+    square = np.einsum("mga,mgb->gab", seen, seen)
+    ridge = 1e-9 * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(seen.shape[2])
+    return np.asarray(np.einsum("ga,ga->g", along, np.linalg.solve(square + ridge, along[:, :, None])[:, :, 0]))
+
+
+def _refined(problem: TermProblem, term: Term, shapes: Array, best: int, gain: float) -> float:
+    """The shape between its neighbours on the grid that fits best."""
+    turn = (lambda x: 1.0 / x) if term.even_grid else math.exp
+    back = (lambda s: 1.0 / s) if term.even_grid else math.log
+    ends = sorted(back(float(shapes[k])) for k in (max(best - 1, 0), min(best + 1, len(shapes) - 1)))
+
+    def loss(x: float) -> float:
+        seen = problem.project(problem.columns_of(term, turn(x)))
+        return -float(_gains(seen[:, None, :], problem.left, term)[0])
+
+    found = minimize_scalar(loss, bounds=(ends[0], ends[1]), method="bounded", options={"maxiter": 16})
+    return float(turn(found.x)) if -found.fun > gain else float(shapes[best])
+
+
+def shape_step(term: Term, shape: float) -> tuple[float, float]:
+    """Two values about a shape, inside its bounds, for its derivative."""
+    assert term.shape is not None
+    low, high = term.shape.bounds
+    step = 1e-3 * shape if not term.even_grid else 1e-4 * shape
+    return max(shape - step, low), min(shape + step, high)

@@ -1,0 +1,210 @@
+"""Does naming terms help on recordings it has not seen: blocks withheld, a whole record withheld, and decoys."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.estimate import design_of
+from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
+from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
+from pmg.pipeline.diagnosis.engine.decoys import gains_of
+from pmg.pipeline.diagnosis.engine.held_out import HeldOut, gain_interval, solve
+from pmg.pipeline.diagnosis.engine.withheld import BLOCKS, FOLDS, Withholding
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import numpy.typing as npt
+
+    from pmg.pipeline.diagnosis.balance.recorded import Recorded
+    from pmg.pipeline.diagnosis.balance.serial import SerialNoise
+    from pmg.pipeline.diagnosis.balance.term import Term
+    from pmg.sim.signals import Array, Mask
+
+DECOYS = 40
+"""Decoy terms that are tried."""
+
+
+def blocks_of(samples: int) -> npt.NDArray[np.int64]:
+    """Block of neighbours of each sample."""
+    return (np.arange(samples) * BLOCKS) // samples
+
+
+@dataclass(frozen=True)
+class WithheldSamples(Withholding[TermFit, TermProblem]):
+    """Samples of a record as they are withheld; whitening has lost the first `lags` of them."""
+
+    recorded: Recorded
+    problem: TermProblem
+    lags: int
+    noun = "terms were"
+
+    def part(self, rows: Mask) -> TermProblem:
+        """The problem of some samples."""
+        return self.problem.of(rows[self.lags :])
+
+    def effect(self, fits: tuple[TermFit, ...]) -> Array:
+        """Force of fitted terms [N]."""
+        return np.asarray(design_of(self.recorded, (), fits) @ np.concatenate([fit.amplitudes for fit in fits]))
+
+    def touched(self, fits: tuple[TermFit, ...]) -> Mask:
+        """Every sample: a record is continuous."""
+        return np.ones(len(self.y), dtype=np.bool_)
+
+    def predictors(self, fits: tuple[TermFit, ...]) -> tuple[Array, Array, Array]:
+        """Columns of the terms at their shapes, refitted with the baseline."""
+        columns = design_of(self.recorded, (), fits)
+        return np.zeros(len(self.y)), columns, columns
+
+
+def withheld_samples(recorded: Recorded, problem: TermProblem, noise: SerialNoise, plain: Array) -> WithheldSamples:
+    """The samples of a record beside the free columns (n, k) of its baseline, dealt to the folds of the proof."""
+    n = len(recorded.force)
+    block = blocks_of(n)
+    return WithheldSamples(
+        y=recorded.force,
+        columns=plain,
+        scale=np.full(n, noise.standard_deviation),
+        block=block,
+        fold=block % FOLDS,
+        groups=[np.arange(n)],
+        what=f"{BLOCKS} blocks of neighbouring samples",
+        recorded=recorded,
+        problem=problem,
+        lags=noise.lags,
+    )
+
+
+def held_out(split: str, before: Array, after: Array, noise: SerialNoise, rng: np.random.Generator) -> HeldOut:
+    """Errors before and after, with the interval of their difference from resampled blocks."""
+    block = blocks_of(len(before))
+    rows = [np.flatnonzero(block == k) for k in np.unique(block)]
+    squares = before**2, after**2
+    return HeldOut(
+        split,
+        math.sqrt(squares[0].mean()),
+        math.sqrt(squares[1].mean()),
+        noise.standard_deviation,
+        gain_interval(*squares, rows, rng),
+    )
+
+
+def _left(design: Array, y: Array, train: Mask) -> Array:
+    return np.asarray(y - design @ solve(design[train], y[train]))
+
+
+def set_against(
+    recorded: Recorded,
+    noise: SerialNoise,
+    baseline: tuple[Term, ...],
+    sets: tuple[tuple[TermFit, ...], tuple[TermFit, ...]],
+    rng: np.random.Generator,
+) -> HeldOut:
+    """Error on withheld blocks with one set of terms and with another, amplitudes fitted on the other blocks."""
+    y = recorded.force
+    fold = blocks_of(len(y)) % FOLDS
+    errors = []
+    for fits in sets:
+        design = design_of(recorded, baseline, fits)
+        left = np.zeros_like(y)
+        for k in range(FOLDS):
+            left[fold == k] = _left(design, y, fold != k)[fold == k]
+        errors.append(left)
+    return held_out("blocks of neighbouring samples, a quarter at a time", errors[0], errors[1], noise, rng)
+
+
+@dataclass(frozen=True)
+class FurtherDecoys:
+    """Terms without a meaning, offered to what the named ones leave.
+
+    Parameters
+    ----------
+    tried, entered : int
+        How many, and how many had the evidence to enter.
+    most_evidence : float
+        The largest evidence among them.
+    gains : tuple of float
+        Fall of the relative error on the withheld record by each, as part of 1; empty without such a record.
+    """
+
+    tried: int
+    entered: int
+    most_evidence: float
+    gains: tuple[float, ...]
+
+
+def try_decoys(
+    problem: TermProblem,
+    noise: SerialNoise,
+    design: Array,
+    recorded: Recorded,
+    withheld: tuple[Recorded, Array] | None,
+    rng: np.random.Generator,
+) -> FurtherDecoys:
+    """Columns of the library with their phases drawn at random, offered to the same problem.
+
+    Parameters
+    ----------
+    problem : TermProblem
+        With the named terms taken out.
+    noise : SerialNoise
+        The noise.
+    design : (n, k) array
+        Thinned columns of baseline and named terms.
+    recorded : Recorded
+        The recording that is fitted.
+    withheld : (Recorded, (w, k) array), optional
+        The withheld recording and the same columns there.
+    rng : numpy.random.Generator
+        Draws the phases.
+
+    Notes
+    -----
+    A decoy has the spectrum of a true column, so it is as smooth, and no meaning; another draw of it stands in the
+    withheld record. What it gains there is luck.
+    """
+    terms, columns, gains = _decoy_terms(problem, recorded), [], []
+    for term in terms:
+        column = _surrogate(recorded.columns(term), rng)
+        columns.append(noise.whiten(column))
+        if withheld is not None:
+            other, there = withheld
+            values = solve(np.c_[design, column], recorded.force)
+            plain = solve(design, recorded.force)
+            whole = float(np.linalg.norm(other.force + other.known))
+            after = other.force - np.c_[there, _surrogate(other.columns(term), rng)] @ values
+            before = other.force - there @ plain
+            gains.append(float(np.linalg.norm(before) - np.linalg.norm(after)) / whole)
+    evidence = gains_of(problem, columns)[1]
+    return FurtherDecoys(DECOYS, int(np.sum(evidence > ENTRY)), float(evidence.max()), tuple(gains))
+
+
+def surrogate_decoys(
+    problem: TermProblem, recorded: Recorded, noise: SerialNoise, rng: np.random.Generator
+) -> Iterator[Array]:
+    """Whitened decoys with the spectrum of the library's columns."""
+    for term in _decoy_terms(problem, recorded):
+        yield noise.whiten(_surrogate(recorded.columns(term), rng))
+
+
+def _decoy_terms(problem: TermProblem, recorded: Recorded) -> list[Term]:
+    """Terms whose columns decoys are drawn from, in turn."""
+    terms = [table.term for table in problem.tables.values()]
+    varying = [term for term in terms if term.shape is None and _moves(recorded.columns(term))]
+    return [varying[i % len(varying)] for i in range(DECOYS)]
+
+
+def _moves(columns: Array) -> bool:
+    """Whether columns vary; a constant has no phases to draw."""
+    return float(np.std(columns)) > 0.1 * float(np.sqrt(np.mean(columns**2)))
+
+
+def _surrogate(columns: Array, rng: np.random.Generator) -> Array:
+    """Columns of the same spectrum, without their mean, with random phases."""
+    spectrum = np.fft.rfft(columns - columns.mean(axis=0), axis=0)
+    phases = np.exp(2j * np.pi * rng.random((len(spectrum), 1)))
+    return np.asarray(np.fft.irfft(np.abs(spectrum) * phases, n=len(columns), axis=0))

@@ -1,0 +1,64 @@
+"""What the residual of a regression may follow, term or no term: families of columns over its covariates."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.fit.structure import ResidualStructure
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.recorded import Recorded
+    from pmg.sim.signals import Array
+
+KNOTS = 7
+"""Knots of a smooth curve over a covariate, at its quantiles."""
+
+WAVES = 8
+"""Slow waves over position and over time."""
+
+FINE_WAVES = 200
+"""Half-waves over the whole travel at most."""
+
+SAMPLES_PER_WAVE = 16
+"""Samples of the regression that each of them calls for: more would leave too little to tell the noise by."""
+
+RISE = (1e-5, 1e-4, 1e-3)
+"""Lengths after a reversal over which a force may rise [m]."""
+
+
+def _hats(covariate: Array) -> Array:
+    """Piecewise linear curve over a covariate (n, knots)."""
+    knots = np.unique(np.quantile(covariate, np.linspace(0.0, 1.0, KNOTS)))
+    return np.stack([np.interp(covariate, knots, unit) for unit in np.eye(len(knots))], axis=1)
+
+
+def _waves(covariate: Array, first: int, last: int) -> Array:
+    """Cosines over the range of a covariate, of `first` to `last` half-waves (n, last - first + 1)."""
+    low, high = float(covariate.min()), float(covariate.max())
+    angle = np.pi * (covariate - low) / (high - low)
+    return np.cos(np.arange(first, last + 1) * angle[:, None])
+
+
+def families_of(recorded: Recorded) -> tuple[ResidualStructure, ...]:
+    """Families of structure of a recording; a curve, a wave or a rise each for what a machine's force may follow."""
+    m = recorded.motion
+    sign = m.direction[:, None]
+    slow_place, slow_time = _waves(m.position, 1, WAVES), _waves(m.time, 1, WAVES)
+    fine = min(FINE_WAVES, len(recorded.force) // SAMPLES_PER_WAVE)
+    rise = np.stack([np.sign(m.speed) * np.exp(-m.travel / length) for length in RISE], axis=1)
+    drawn = {
+        "speed": sign * _hats(np.abs(m.speed)),
+        "speed, different in the two directions": _hats(np.abs(m.speed)),
+        "position": slow_place,
+        "position, changing sign with direction": sign * slow_place,
+        "position, fine": _waves(m.position, WAVES + 1, fine),
+        "acceleration": _hats(m.acceleration),
+        "acceleration, changing sign with direction": sign * np.abs(m.acceleration)[:, None],
+        "travel since reversal": rise,
+        "time": slow_time,
+        "time, as friction": np.c_[sign * slow_time[:, :4], m.speed[:, None] * slow_time[:, :4]],
+        "rate of the force": np.gradient(m.modelled, m.sample_time)[:, None],
+    }
+    return tuple(ResidualStructure("force", "all", (name,), recorded.thin(columns)) for name, columns in drawn.items())

@@ -1,0 +1,155 @@
+"""Which further test would tell two explanations apart, and with what power."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import stats
+
+from pmg.pipeline.diagnosis.design.plans import Plan, join_points, possible_plans
+from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
+from pmg.pipeline.diagnosis.engine.naming import MARGIN
+from pmg.pipeline.diagnosis.grid.candidates import GridProblem, candidates, grid_problem
+from pmg.pipeline.fit.whitening import whitener
+from pmg.pipeline.grid.readings import take_readings
+from pmg.sim.grid import Grid
+from pmg.sim.mechanisms import Experiment
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
+    from pmg.pipeline.fit.noise import NoiseFloor
+    from pmg.pipeline.grid.readings import Readings
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import OperatingPoints
+    from pmg.sim.lossmodel import LossModel
+    from pmg.sim.signals import Array
+
+ENOUGH = 0.95
+"""Power from which on the shorter of two tests is preferred."""
+
+
+@dataclass(frozen=True)
+class NextTest:
+    """A test and what it would do.
+
+    Parameters
+    ----------
+    plan : Plan
+        The points.
+    separates : tuple of str
+        Ids that it tells apart.
+    power : float
+        Probability that the evidence then exceeds the margin of naming, if the leading explanation is true.
+    """
+
+    plan: Plan
+    separates: tuple[str, ...]
+    power: float
+
+
+def with_points(grid: Grid, more: OperatingPoints) -> Grid:
+    """A grid with points that have not been run yet: their readings are placeholders."""
+    n = len(more)
+    zero, points = np.zeros(n), join_points(grid.points, more)
+    if not grid.points.ordered:
+        points = replace(points, started_at=np.full(len(points), np.nan))
+
+    def longer(column: Array, more_of_it: Array) -> Array:
+        return np.concatenate([column, more_of_it])
+
+    return Grid(
+        origin=grid.origin,
+        campaign=grid.campaign,
+        points=points,
+        torque_sun=longer(grid.torque_sun, zero),
+        torque_ring=longer(grid.torque_ring, more.torque_ring),
+        within_sun=longer(grid.within_sun, zero),
+        within_ring=longer(grid.within_ring, zero),
+        u_sun=longer(grid.u_sun, np.full(n, np.median(grid.u_sun))),
+        u_ring=longer(grid.u_ring, np.full(n, np.median(grid.u_ring))),
+        common_sun=longer(grid.common_sun, zero),
+        common_ring=longer(grid.common_ring, zero),
+        accepted=np.concatenate([grid.accepted, np.ones(n, dtype=bool)]),
+        reason=np.concatenate([grid.reason, np.full(n, "")]),
+    )
+
+
+def longer_problem(problem: GridProblem, plan: Plan, floor: NoiseFloor) -> GridProblem:
+    """The problem as it would be with the plan's points in, nothing read yet."""
+    readings = take_readings(with_points(problem.readings.grid, plan.points), problem.bench)
+    return grid_problem(readings, problem.bench, problem.model, whitener(readings, problem.bench, floor))
+
+
+def distance(problem: GridProblem, one: GridExplanation, other: GridExplanation) -> float:
+    """How far one explanation is from the other's best fit, baseline free: a noncentrality in noise variances."""
+    blank = replace(problem, left=np.zeros(len(problem.readings)))
+    free = blank
+    for fit in other.fits:
+        moved = replace(fit, effect=problem.effect(fit.candidate, fit.values), seen=np.zeros(len(problem.readings)))
+        free = free.take_out(moved)
+    effect: Array = np.sum([problem.effect(fit.candidate, fit.values) for fit in one.fits], axis=0)
+    effect = effect - np.sum([problem.effect(fit.candidate, fit.values) for fit in other.fits], axis=0)
+    left = free.beyond_baseline(effect)
+    return float(left @ left)
+
+
+def power_to_separate(noncentrality: float) -> float:
+    """Probability that the difference of evidence, normal with variance 4 times its mean, exceeds the margin."""
+    if noncentrality <= 0.0:
+        return 0.0
+    return float(stats.norm.cdf((noncentrality - MARGIN) / (2.0 * math.sqrt(noncentrality))))
+
+
+HIDDEN = 2.0
+"""Size of the hidden change for which the power of a lifting test is told, in noise floors."""
+
+
+def lifting_test(
+    readings: Readings, bench: BenchParameters, model: LossModel, floor: NoiseFloor, blind: tuple[str, ...]
+) -> NextTest | None:
+    """The repeats that a blind design lacks, and their power to show what it may hide.
+
+    Power is that of entering the diagnosis, for each mechanism that depends on what was run before, at `HIDDEN` noise
+    floors root mean square before anything is absorbed; the least of them is told.
+    """
+    kinds = [c for c in candidates() if c.shaft in blind and c.kind.memory]
+    plans = [p for p in possible_plans(readings.grid.points, bench) if p.experiment is Experiment.REPEATS]
+    if not plans or not kinds:
+        return None
+    plan = plans[0]
+    whole = take_readings(with_points(readings.grid, plan.points), bench)
+    problem = grid_problem(whole, bench, model, whitener(whole, bench, floor))
+    powers = []
+    for candidate in kinds:
+        effect = problem.effect(candidate, np.array([p.typical for p in candidate.parameters]))
+        touched = effect[effect != 0.0]
+        if not touched.size:
+            continue
+        noise = dict(floor.items()).get(candidate.shaft, floor.ring).u
+        seen = problem.beyond_baseline(effect * HIDDEN * noise / math.sqrt(float(np.mean(touched**2))))
+        needed = ENTRY + len(candidate.parameters) * math.log(len(whole))
+        powers.append(float(stats.ncx2.sf(needed, len(candidate.parameters), float(seen @ seen))))
+    if not powers:
+        return None
+    return NextTest(plan, tuple(sorted({c.identifier for c in kinds})), min(powers))
+
+
+def next_test(
+    problem: GridProblem, best: GridExplanation, rival: GridExplanation, floor: NoiseFloor
+) -> NextTest | None:
+    """The shortest plan with enough power, else the one with most; None where no plan adds anything."""
+    ids = sorted({fit.candidate.identifier for e in (best, rival) for fit in e.fits})
+    found = []
+    for plan in possible_plans(problem.readings.grid.points, problem.bench):
+        whole = longer_problem(problem, plan, floor)
+        apart = min(distance(whole, best, rival), distance(whole, rival, best))
+        found.append(NextTest(plan, tuple(ids), power_to_separate(apart)))
+    if not found:
+        return None
+    strong = [test for test in found if test.power >= ENOUGH]
+    if strong:
+        return min(strong, key=lambda test: test.plan.seconds)
+    return max(found, key=lambda test: test.power)

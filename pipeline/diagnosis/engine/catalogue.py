@@ -1,0 +1,52 @@
+"""The catalogue: candidates fitted beside a baseline, ranked, in the detail that the data call for."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any, ClassVar, Generic
+
+from pmg.pipeline.diagnosis.engine.problem import F, P
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+ENTRY = 10.0
+"""Evidence that a candidate must bring to enter: fall of the sum of squares in noise variances, beyond its cost."""
+
+LEADERS = 2
+"""Leading candidates that are compared in detail, so that a simple form does not lose to another's detailed one."""
+
+
+class CandidateCatalogue(ABC, Generic[F, P]):
+    """Candidates that may explain what a baseline leaves."""
+
+    pairs_at_once: ClassVar[bool] = False
+    """Whether two may enter together where neither explains enough of the rest by itself."""
+
+    @abstractmethod
+    def rank(self, problem: P, without: Collection[str] = ()) -> list[F]:
+        """All candidates but some fitted, best score first."""
+
+    @abstractmethod
+    def fit(self, problem: P, candidate: Any) -> F:  # noqa: ANN401 - each catalogue has its own kind of candidate
+        """Best values of one candidate with the baseline free to move."""
+
+    def in_detail(self, problem: P, fit: F, *, narrower: bool = False) -> F:
+        """A fit in more detail where it has such a form and the data call for it; as it is otherwise.
+
+        With `narrower`, one that acts in several places is tried in each of them alone, too.
+        """
+        return fit
+
+    def choose(self, problem: P, without: Collection[str] = ()) -> F:
+        """The best candidate but some; the leading ones are compared in detail."""
+        detailed = [self.in_detail(problem, fit) for fit in leaders(self.rank(problem, without))]
+        return max(detailed, key=problem.score)
+
+
+def leaders(ranked: list[F]) -> list[F]:
+    """The best fit of each of the leading candidates."""
+    best: dict[str, F] = {}
+    for fit in ranked:
+        best.setdefault(fit.identifier, fit)
+    return list(best.values())[:LEADERS]

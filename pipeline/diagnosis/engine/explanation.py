@@ -1,0 +1,134 @@
+"""A set of candidates that may explain a mismatch, its more detailed forms, and sets with a member swapped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from pmg.pipeline.diagnosis.engine.catalogue import leaders
+from pmg.pipeline.diagnosis.engine.problem import F, P
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from pmg.pipeline.diagnosis.engine.catalogue import CandidateCatalogue
+
+SWAPS = 4
+"""Candidates tried in the place of each one of a set."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Explanation(Generic[F, P]):
+    """A set of candidates and what it leaves.
+
+    Parameters
+    ----------
+    fits : tuple of Fit
+        In the order in which they entered.
+    problem : WhitenedProblem
+        With them taken out and their parameters free.
+    """
+
+    fits: tuple[F, ...]
+    problem: P
+
+    @property
+    def ids(self) -> frozenset[str]:
+        """Ids of the candidates."""
+        return frozenset(fit.identifier for fit in self.fits)
+
+    @property
+    def gain(self) -> float:
+        """Fall of the whitened sum of squares by all of them."""
+        return float(sum(fit.gain for fit in self.fits))
+
+    @property
+    def score(self) -> float:
+        """Gain less the cost of the parameters."""
+        return float(sum(self.problem.score(fit) for fit in self.fits))
+
+    @property
+    def unexplained(self) -> float:
+        """Sum of squares that is left, with the cost of the parameters; lower is better, about whichever baseline."""
+        left = self.problem.left
+        return float(left @ left) + self.gain - self.score
+
+    @property
+    def needed(self) -> bool:
+        """Whether no candidate has all its sizes on a bound."""
+        return all(fit.needed for fit in self.fits)
+
+    def plus(self, fit: F) -> Explanation[F, P]:
+        """The set with one more, fitted to what it leaves."""
+        return Explanation((*self.fits, fit), self.problem.take_out(fit))
+
+
+def explain_with(problem: P, catalogue: CandidateCatalogue[F, P], candidates: Iterable[Any]) -> Explanation[F, P]:
+    """A set of candidates fitted, each beside those before it, then each once more beside all others."""
+    found = Explanation[F, P]((), problem)
+    for candidate in candidates:
+        found = found.plus(catalogue.fit(found.problem, candidate))
+    for place, fit in enumerate(found.fits if len(found.fits) > 1 else ()):
+        rest, gain = without(problem, found, place)
+        found = replaced(found, place, catalogue.fit(rest, fit.candidate), rest, gain)
+    return found
+
+
+def leaders_in_detail(
+    problem: P, catalogue: CandidateCatalogue[F, P], singles: list[Explanation[F, P]]
+) -> list[Explanation[F, P]]:
+    """Single candidates with the leading ones, in whichever place, in more detail; best first."""
+    leading = {fit.identifier for fit in leaders([single.fits[0] for single in singles])}
+    found = []
+    for single in singles:
+        (fit,) = single.fits
+        finer = catalogue.in_detail(problem, fit, narrower=True) if single.ids <= leading else fit
+        found.append(single if finer is fit else Explanation((finer,), problem.take_out(finer)))
+    return sorted(found, key=lambda e: -e.score)
+
+
+def without(problem: P, explanation: Explanation[F, P], place: int) -> tuple[P, float]:
+    """The problem with all candidates of a set taken out but one, and what that one gains there."""
+    for other in (*explanation.fits[:place], *explanation.fits[place + 1 :]):
+        problem = problem.take_out(other)
+    rest = explanation.problem.left
+    return problem, float(problem.left @ problem.left - rest @ rest)
+
+
+def replaced(explanation: Explanation[F, P], place: int, fit: F, rest: P, gain: float) -> Explanation[F, P]:
+    """The set with another fit in one place; `gain` is what the one before it gained beside the `rest`."""
+    counted = with_gain(fit, explanation.fits[place].gain + fit.gain - gain)
+    return Explanation((*explanation.fits[:place], counted, *explanation.fits[place + 1 :]), rest.take_out(fit))
+
+
+def with_gain(fit: T, gain: float) -> T:
+    """A fit that counts for another gain."""
+    same: Any = fit  # every fit is a dataclass
+    changed: T = replace(same, gain=gain)
+    return changed
+
+
+def all_in_detail(problem: P, catalogue: CandidateCatalogue[F, P], explanation: Explanation[F, P]) -> Explanation[F, P]:
+    """Each candidate of a set in more detail beside the others, where the data call for it."""
+    for place, fit in enumerate(explanation.fits):
+        rest, gain = without(problem, explanation, place)
+        here = with_gain(fit, gain)
+        finer = catalogue.in_detail(rest, here, narrower=True)
+        if finer is not here:
+            explanation = replaced(explanation, place, finer, rest, gain)
+    return explanation
+
+
+def swapped(problem: P, catalogue: CandidateCatalogue[F, P], explanation: Explanation[F, P]) -> list[Explanation[F, P]]:
+    """Sets in which one candidate of a set gave way to another, or to itself in another place."""
+    found = []
+    for place, fit in enumerate(explanation.fits):
+        rest, gain = without(problem, explanation, place)
+        ranked = catalogue.rank(rest, explanation.ids - {fit.identifier})
+        detailed = [catalogue.in_detail(rest, one) for one in leaders(ranked)]
+        tried = sorted([*ranked, *detailed], key=lambda one: -rest.score(one))
+        seen = {fit.candidate: fit, **{one.candidate: one for one in tried}}
+        found += [replaced(explanation, place, one, rest, gain) for one in list(seen.values())[1 : SWAPS + 1]]
+    return [one for one in found if one.needed]

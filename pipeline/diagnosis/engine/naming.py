@@ -1,0 +1,263 @@
+"""Which candidates explain a mismatch, which rivals cannot be told from them, and what is left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Generic
+
+from pmg.pipeline.diagnosis.engine.adequacy import ORDINARY
+from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
+from pmg.pipeline.diagnosis.engine.explanation import Explanation, all_in_detail, leaders_in_detail, swapped
+from pmg.pipeline.diagnosis.engine.problem import F, P
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pmg.pipeline.diagnosis.engine.adequacy import AdequacyTest, Remainder
+    from pmg.pipeline.diagnosis.engine.catalogue import CandidateCatalogue
+
+MOST = 3
+"""Candidates named at once at most."""
+
+MARGIN = 10.0
+"""Evidence by which a candidate must beat a rival to be named alone: odds of about 150 to 1."""
+
+FIRST_OF_PAIRS = 3
+"""Leading single candidates from which pairs are tried."""
+
+FORM_ERROR = 0.10
+"""Part of a candidate's gain that may be left over and pass for the error of its form rather than another candidate.
+
+Other physical forms of the same mechanism leave a few hundredths once it is taken in detail; mechanisms from outside
+the catalogue mostly leave more of their nearest look-alike."""
+
+SHARE_OF_REST = 0.5
+"""Part of what is left that a further candidate must explain to enter."""
+
+SHARE_OF_FIRST = 0.05
+"""Part of the gain so far that a further candidate must bring: below, an error of form explains it as well."""
+
+TOGETHER = 0.9
+"""Part of what is left that two candidates must explain to enter at once."""
+
+CHANCE = 0.5
+"""Part of what noise exceeds one time in a hundred that may be left over beside an error of form."""
+
+SMALL_PART = 0.3
+"""Part of a candidate's gain that may be left over where it is within the noise."""
+
+WEAK = 80.0
+"""Gain below which what a candidate leaves is hardly told from noise, and an effect of another kind may pass for it."""
+
+PASSES = 3
+"""Times the members of a set are swapped at most, as long as that makes it better."""
+
+FEWEST, MOST_RIVALS = 1, 4
+"""Rivals of a weak explanation that are told, at least and at most."""
+
+
+@dataclass(frozen=True)
+class SearchRound(Generic[F]):
+    """One round of the search.
+
+    Parameters
+    ----------
+    ranking : tuple of Fit
+        Candidates not yet taken, best first.
+    entered : tuple of str
+        Ids of what entered.
+    remainder : Remainder
+        What was left before.
+    """
+
+    ranking: tuple[F, ...]
+    entered: tuple[str, ...]
+    remainder: Remainder
+
+
+@dataclass(frozen=True)
+class Naming(Generic[F, P]):
+    """What the catalogue says.
+
+    Parameters
+    ----------
+    best : Explanation
+        The leading set; without candidates where none enters.
+    rivals : tuple of Explanation
+        Sets of other candidates within the margin, best first.
+    shafts : dict of str to str
+        Place of each named candidate; ``either`` where only the shaft cannot be told.
+    remainder : Remainder
+        What the leading set leaves.
+    explained : bool
+        Whether the set is good enough to be named: adequate, or left with no more than an error of form.
+    weak : tuple of Explanation
+        Where the mismatch is too weak to name its cause and single candidates explain all that is seen of it: those,
+        best first.
+    rounds : tuple of SearchRound
+        The rounds; the first ranks every single candidate.
+    """
+
+    best: Explanation[F, P]
+    rivals: tuple[Explanation[F, P], ...]
+    shafts: dict[str, str]
+    remainder: Remainder
+    explained: bool
+    weak: tuple[Explanation[F, P], ...]
+    rounds: tuple[SearchRound[F], ...]
+
+    @property
+    def ranking(self) -> tuple[F, ...]:
+        """All single candidates, best first."""
+        return self.rounds[0].ranking
+
+    def on_the_other_shaft(self, fit: F) -> F | None:
+        """The same candidate in the other place, where which of the two it is cannot be told."""
+        if self.shafts.get(fit.identifier) != "either":
+            return None
+        same = (other for other in self.ranking if other.identifier == fit.identifier)
+        return next((other for other in same if other.place not in (fit.place, "both")), None)
+
+
+def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_of: AdequacyTest) -> Naming[F, P]:
+    """Search the catalogue: single candidates, then pairs and threes while something is left.
+
+    Parameters
+    ----------
+    problem : WhitenedProblem
+        Rows with the baseline free.
+    catalogue : Catalogue
+        What may be named.
+    remainder_of : callable
+        Judges what a problem leaves.
+
+    Notes
+    -----
+    A rival is any set with other candidates whose evidence comes within the margin of the best one's. What the best
+    set leaves beyond the noise widens the margin: it tells how far the catalogue's forms are from the truth, and two
+    candidates closer than that are not told apart.
+    """
+    ranking = catalogue.rank(problem)
+    singles = [Explanation((fit,), problem.take_out(fit)) for fit in ranking if fit.admissible][: FIRST_OF_PAIRS + 3]
+    best = singles[0] if singles and singles[0].score > ENTRY else Explanation[F, P]((), problem)
+    before = remainder_of(problem)
+    rounds = [SearchRound(tuple(ranking), tuple(fit.identifier for fit in best.fits), before)]
+    remainder = remainder_of(best.problem) if best.fits else before
+    pool = list(singles)
+    if best.fits and not (remainder.adequate and _explains(best, remainder)):
+        singles = leaders_in_detail(problem, catalogue, singles)
+        pool += singles
+        best, remainder = _better(best, singles[0], remainder, remainder_of)
+    while best.fits and not remainder.adequate and len(best.fits) < MOST:
+        starts = [best] if len(best.fits) > 1 else singles[:FIRST_OF_PAIRS]
+        extended = [_extended(catalogue, start) for start in starts]
+        larger = sorted((e for some, _ in extended for e in some), key=lambda e: -e.score)
+        ranking = extended[[start.ids for start in starts].index(best.ids)][1]
+        after = larger[0] if larger and _enters(best, larger[0], remainder.excess) else None
+        if after is None and catalogue.pairs_at_once:
+            after = _together(catalogue, best, larger, remainder.excess)
+        entered = () if after is None else tuple(fit.identifier for fit in after.fits[len(best.fits) :])
+        rounds.append(SearchRound(tuple(ranking), entered, remainder))
+        if after is None:
+            break
+        pool += [*larger, after]
+        best, remainder = after, remainder_of(after.problem)
+        if not remainder.adequate:
+            detailed = all_in_detail(problem, catalogue, best)
+            pool.append(detailed)
+            best, remainder = _better(best, detailed, remainder, remainder_of)
+    for _ in range(PASSES if len(best.fits) > 1 else 0):
+        others, current = swapped(problem, catalogue, best), best
+        pool += others
+        best, remainder = _better(best, max([best, *others], key=lambda e: e.score), remainder, remainder_of)
+        if best is current:
+            break
+    margin = margin_beside(remainder)
+    near = [e for e in sorted(pool, key=lambda e: -e.score) if e.score > max(0.0, best.score - margin)]
+    rivals, shafts = _rivals(best, near)
+    weak = _weak(singles, lambda leader: remainder if leader is best else remainder_of(leader.problem))
+    return Naming(best, rivals, shafts, remainder, _explains(best, remainder), weak, tuple(rounds))
+
+
+def margin_beside(remainder: Remainder) -> float:
+    """Evidence by which a set must beat its rivals, with what it leaves beyond the noise."""
+    return MARGIN + (0.0 if remainder.adequate else remainder.excess)
+
+
+def _extended(catalogue: CandidateCatalogue[F, P], first: Explanation[F, P]) -> tuple[list[Explanation[F, P]], list[F]]:
+    """The best ways to add one candidate to a set, and the ranking they are from."""
+    ranking = catalogue.rank(first.problem, first.ids)
+    return [first.plus(fit) for fit in ranking[:FIRST_OF_PAIRS] if fit.admissible], ranking
+
+
+def _explains(best: Explanation[F, P], remainder: Remainder) -> bool:
+    """Whether what a set leaves is an error of form, or noise."""
+    if not best.fits or any(fit.bends_to_anything for fit in best.fits):
+        return False
+    if remainder.within_noise and remainder.excess <= SMALL_PART * best.gain:
+        return True
+    chance = CHANCE * remainder.usual if remainder.p_value >= ORDINARY else 0.0
+    return remainder.excess <= FORM_ERROR * best.gain + chance
+
+
+def _weak(
+    singles: list[Explanation[F, P]], remainder_of: Callable[[Explanation[F, P]], Remainder]
+) -> tuple[Explanation[F, P], ...]:
+    """Single candidates that explain a weak mismatch, best first; none where it is strong or something is left."""
+    if not singles:
+        return ()
+    leader, *others = sorted(singles, key=lambda e: -e.score)
+    if leader.gain >= WEAK or leader.score <= 0.0 or not remainder_of(leader).within_noise:
+        return ()
+    others = [e for e in others if e.ids != leader.ids]
+    near = [e for e in others if e.score > leader.score - MARGIN]
+    return (leader, *(near or others[:FEWEST])[:MOST_RIVALS])
+
+
+def _better(
+    best: Explanation[F, P], other: Explanation[F, P], remainder: Remainder, remainder_of: AdequacyTest
+) -> tuple[Explanation[F, P], Remainder]:
+    """The better of two sets, and what it leaves."""
+    return (other, remainder_of(other.problem)) if other.score > best.score else (best, remainder)
+
+
+def _enters(before: Explanation[F, P], after: Explanation[F, P], excess: float) -> bool:
+    """Whether one more candidate is more than an error of form of those before."""
+    left = before.problem.left
+    enough = max(SHARE_OF_REST * min(excess, float(left @ left)), SHARE_OF_FIRST * before.gain)
+    return after.score > before.score + ENTRY and after.gain - before.gain > enough and after.needed
+
+
+def _together(
+    catalogue: CandidateCatalogue[F, P], before: Explanation[F, P], larger: list[Explanation[F, P]], excess: float
+) -> Explanation[F, P] | None:
+    """Two candidates that enter at once: where several are missing, none need explain half of the rest by itself.
+
+    Together they must leave almost nothing, and each must be more than an error of form.
+    """
+    if len(before.fits) + 2 > MOST:
+        return None
+    pairs = [pair for entry in larger[:FIRST_OF_PAIRS] for pair in _extended(catalogue, entry)[0]]
+    pairs = [pair for pair in pairs if before.ids < pair.ids]
+    if not pairs:
+        return None
+    best = max(pairs, key=lambda pair: pair.score)
+    least = max(ENTRY, SHARE_OF_FIRST * before.gain)
+    whole = best.gain - before.gain >= TOGETHER * excess
+    return best if whole and all(fit.gain > least for fit in best.fits if fit.identifier not in before.ids) else None
+
+
+def _rivals(
+    best: Explanation[F, P], near: list[Explanation[F, P]]
+) -> tuple[tuple[Explanation[F, P], ...], dict[str, str]]:
+    """Rivals with other candidates, each set once; and the places of the best, open where a twin differs there only."""
+    shafts = {fit.identifier: fit.place for fit in best.fits}
+    rivals: dict[frozenset[str], Explanation[F, P]] = {}
+    for other in near:
+        if other.ids == best.ids:
+            for fit in other.fits:
+                if fit.place != shafts[fit.identifier] and "both" not in (fit.place, shafts[fit.identifier]):
+                    shafts[fit.identifier] = "either"
+        elif len(other.fits) <= len(best.fits) and not other.ids < best.ids:
+            rivals.setdefault(other.ids, other)
+    return tuple(rivals.values()), shafts

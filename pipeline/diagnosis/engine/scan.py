@@ -1,0 +1,94 @@
+"""The scan: one p-value for each kind of structure, for data and synthetic noise alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import stats
+
+from pmg.pipeline.fit.span import orthonormal
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.engine.evidence import Evidence
+    from pmg.sim.signals import Array
+
+MINIMUM_ROOM = 0.2
+"""Part of a reading's standard deviation that the fit must leave before it can be called an outlier."""
+
+ABSORBED = 1e-2
+"""A column of which less than this part survives the baseline cannot be seen, and is not looked for."""
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Projections that turn whitened rows into one p-value a family; the same for data and synthetic noise.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Groups, contrasts, and what is looked for.
+    baseline, everything : (m, k) array
+        Orthonormal bases of the baseline, and of it with every family that is not narrow.
+    bases : tuple of (m, r) array
+        Orthonormal basis of each family beyond the baseline.
+    """
+
+    evidence: Evidence
+    baseline: Array
+    everything: Array
+    bases: tuple[Array, ...]
+
+    def __call__(self, white: Array) -> Array:
+        """Nominal p-values (tests, draws) of whitened columns (m, draws).
+
+        Tests are the families, two on the repeats of each group that has any, and one on single rows where asked for.
+        """
+        left = white - self.everything @ (self.everything.T @ white)
+        leverage = np.einsum("ij,ij->i", self.everything, self.everything)
+        variance, dof, scale = [], [], np.empty_like(white)
+        for rows in self.evidence.groups:
+            free = float(np.sum(1.0 - leverage[rows]))
+            dof.append(max(free, 1.0))
+            variance.append(np.sum(left[rows] ** 2, axis=0) / free if free > 1.0 else np.ones(white.shape[1]))
+            scale[rows] = np.sqrt(variance[-1])
+        residual = white - self.baseline @ (self.baseline.T @ white)
+        standard = residual / scale
+        tests = []
+        for basis in self.bases:
+            k = basis.shape[1]
+            if k == 0:
+                tests.append(np.ones(white.shape[1]))
+                continue
+            group = int(np.argmax([float(np.sum(basis[rows] ** 2)) for rows in self.evidence.groups]))
+            tests.append(stats.f.sf(np.sum((basis.T @ standard) ** 2, axis=0) / k, k, dof[group]))
+        for group, columns in enumerate(self.evidence.contrasts):
+            if columns.shape[1]:
+                ratio = np.mean((columns.T @ residual) ** 2, axis=0) / variance[group]
+                tests.append(2.0 * stats.f.sf(ratio, columns.shape[1], dof[group]))
+                tests.append(2.0 * stats.f.cdf(ratio, columns.shape[1], dof[group]))
+        if self.evidence.single_rows:
+            room = np.sqrt(np.maximum(1.0 - np.einsum("ij,ij->i", self.baseline, self.baseline), 1e-6))
+            usable = room > MINIMUM_ROOM
+            largest = np.max(np.abs(standard[usable]) / room[usable, None], axis=0)
+            tests.append(np.minimum(2.0 * usable.sum() * stats.t.sf(largest, min(dof)), 1.0))
+        return np.clip(np.stack(tests), 1e-300, 1.0)
+
+
+def make_scan(evidence: Evidence, baseline: Array) -> Scan:
+    """The scan of some evidence beside a whitened baseline (m, k)."""
+    base = orthonormal(baseline)
+    bases = []
+    for block in evidence.families:
+        length = np.linalg.norm(block, axis=0)
+        unit = block[:, length > 0.0] / length[length > 0.0]
+        left = unit - base @ (base.T @ unit)
+        bases.append(orthonormal(left[:, np.linalg.norm(left, axis=0) > ABSORBED], 1e-3))
+    everything = orthonormal(np.hstack([base, *bases[: len(bases) - evidence.narrow]]))
+    return Scan(evidence, base, everything, tuple(bases))
+
+
+def look_elsewhere(p_value: float, smallest: Array) -> float:
+    """Probability that pure noise shows something as clear: of its smallest nominal p-values (draws,)."""
+    return (1.0 + float(np.sum(smallest <= p_value))) / (len(smallest) + 1.0)

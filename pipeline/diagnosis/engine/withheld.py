@@ -1,0 +1,225 @@
+"""Does naming a candidate help on rows it has not seen: parts withheld before anything is chosen."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Generic
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.engine.held_out import HeldOut, gain_interval, solve, touched_blocks
+from pmg.pipeline.diagnosis.engine.problem import F, P
+from pmg.sim.errors import FitError
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from pmg.pipeline.diagnosis.engine.catalogue import CandidateCatalogue
+    from pmg.sim.signals import Array, Mask
+
+BLOCKS = 48
+"""Blocks of neighbours that are dealt to the folds, where rows follow one another in time."""
+
+FOLDS = 4
+"""Parts withheld in turn; for each the whole choice is made anew without it."""
+
+FARTHEST = 2.0
+"""Standard deviation of a withheld prediction, in noise of the row, beyond which the row is not looked at: a fit is not
+asked to reach beyond its data."""
+
+LOST = 0.1
+"""Part of the rows that may be beyond the reach of what the other folds name; where more are, all count."""
+
+STEADY = 0.6
+"""Part of the choices in the folds that must agree with the choice on all rows, for it to be called the cause."""
+
+PLACEBOS = 20
+"""Placebos tried, each another shuffle."""
+
+
+@dataclass(frozen=True)
+class Withholding(ABC, Generic[F, P]):
+    """Rows as they are withheld and predicted, not whitened.
+
+    Parameters
+    ----------
+    y : (m,) array
+        Measured less what the fixed baseline predicts.
+    columns : (m, k) array
+        What the baseline may use.
+    scale : (m,) array
+        Standard deviation of each row.
+    block, fold : (m,) array of int
+        Block of neighbours, and the fold it is dealt to; rows of fold `FOLDS` always train.
+    groups : list of (g,) array of int
+        Rows among which a placebo is shuffled.
+    what : str
+        The blocks, in words.
+    """
+
+    y: Array
+    columns: Array
+    scale: Array
+    block: npt.NDArray[np.int64]
+    fold: npt.NDArray[np.int64]
+    groups: list[npt.NDArray[np.intp]]
+    what: str
+
+    noun: ClassVar[str]
+    """What is chosen, with its verb: ``mechanism was``."""
+
+    @abstractmethod
+    def part(self, rows: Mask) -> P:
+        """The problem of some of the rows."""
+
+    @abstractmethod
+    def effect(self, fits: tuple[F, ...]) -> Array:
+        """What fits do to each row together."""
+
+    @abstractmethod
+    def predictors(self, fits: tuple[F, ...]) -> tuple[Array, Array, Array]:
+        """What fits predict for every row as they are, columns refitted with the baseline, and all their slopes."""
+
+    def touched(self, fits: tuple[F, ...]) -> Mask:
+        """Rows that fits act on, of those in a fold."""
+        effect = self.effect(fits)
+        return np.asarray((np.abs(effect) > 0.1 * np.sqrt(np.mean(effect**2))) & (self.fold < FOLDS))
+
+
+def withhold(
+    rows: Withholding[F, P],
+    catalogue: CandidateCatalogue[F, P],
+    fits: tuple[F, ...],
+    rng: np.random.Generator,
+    placebo_rng: np.random.Generator | None = None,
+) -> HeldOut:
+    """Errors on withheld blocks, with the baseline alone and with what the rest of the rows would name.
+
+    Parameters
+    ----------
+    rows : Withholding
+        All rows.
+    catalogue : Catalogue
+        What may be named.
+    fits : tuple of Fit
+        What was named on all rows; it decides only which rows are looked at, and how many candidates are chosen from
+        the rest.
+    rng, placebo_rng : numpy.random.Generator
+        Resamples the blocks; shuffles the placebo, the same where not given.
+
+    Notes
+    -----
+    For every fold the candidates are chosen among the whole catalogue, and baseline and candidates are fitted, on the
+    other folds only.
+    """
+    y, columns, scale = rows.y, rows.columns, rows.scale
+    touched = rows.touched(fits)
+    before, after = y.copy(), y.copy()
+    reach_before, reach_after = np.zeros_like(y), np.zeros_like(y)
+    sets: list[tuple[F, ...]] = []
+    for k in range(FOLDS):
+        train, test = rows.fold != k, rows.fold == k
+        reach_before[test] = _reach(columns, scale, train, test)
+        before[test] = _left(y, columns, scale, train)[test]
+        found = _choose_all(rows.part(train), catalogue, len(fits))
+        sets.append(found)
+        fixed, moving, slopes = rows.predictors(found)
+        after[test] = _left(y - fixed, np.hstack([columns, moving]), scale, train)[test]
+        reach_after[test] = _reach(np.hstack([columns, slopes]), scale, train, test)
+    squares = before**2, after**2
+    touched &= reach_before <= FARTHEST
+    reached, of = touched & (reach_after <= FARTHEST), int(touched.sum())
+    touched = reached if reached.sum() >= (1.0 - LOST) * of else touched
+    blocks = touched_blocks(rows.block, touched)
+    if len(blocks) < 2:
+        where, came = "held-out proof", f"{len(blocks)} blocks of readings"
+        raise FitError(where, came, "two or more", "Measure more speeds, or record when each point was run.")
+    named = {fit.identifier for fit in fits}
+    kept, tries = sum(fit.identifier in named for found in sets for fit in found), FOLDS * len(fits)
+    interval = gain_interval(*squares, blocks, rng)
+    return HeldOut(
+        split=_split(rows, f"{kept} of {tries}", of - int(touched.sum()), of),
+        rmse_before=math.sqrt(squares[0][touched].mean()),
+        rmse_after=math.sqrt(squares[1][touched].mean()),
+        noise_floor=math.sqrt(float(np.mean(scale[touched] ** 2))),
+        gain_interval=interval,
+        placebo_gain=_placebo_gain(rows, rows.effect(fits), before, touched, placebo_rng or rng),
+        expected_before=_expected(scale, reach_before, touched),
+        expected_after=_expected(scale, reach_after, touched),
+        count=int(touched.sum()),
+        kept=kept / tries,
+        elsewhere=() if kept >= STEADY * tries else _elsewhere(sets, named),
+    )
+
+
+def _split(rows: Withholding[F, P], kept: str, aside: int, of: int) -> str:
+    lost = f"; {aside} of {of} readings, which the rest does not determine, left out of the count" if aside else ""
+    return f"{rows.what}, a quarter at a time, withheld before the choice: the same {rows.noun} chosen in {kept}{lost}"
+
+
+def _elsewhere(sets: list[tuple[F, ...]], named: set[str]) -> tuple[tuple[Any, ...], ...]:
+    """Sets of other candidates than those named, each once, most frequent first."""
+    identified = [frozenset(fit.identifier for fit in fits) for fits in sets]
+    candidates = [tuple(fit.candidate for fit in fits) for fits in sets]
+    first = dict(zip(identified[::-1], candidates[::-1], strict=True))
+    return tuple(first[identifiers] for identifiers, _ in Counter(identified).most_common() if identifiers != named)
+
+
+def _placebo_gain(
+    rows: Withholding[F, P], effect: Array, before: Array, touched: Mask, rng: np.random.Generator
+) -> float:
+    """Mean fall of the withheld error by the effect shuffled over the rows of a group.
+
+    `before` is the withheld error of each row without it.
+    """
+    without = math.sqrt((before[touched] ** 2).mean())
+    gains = []
+    for _ in range(PLACEBOS):
+        shuffled = effect.copy()
+        for group in rows.groups:
+            shuffled[group] = effect[rng.permutation(group)]
+        after = rows.y.copy()
+        columns = np.column_stack([rows.columns, shuffled])
+        for k in range(FOLDS):
+            train, test = rows.fold != k, rows.fold == k
+            after[test] = _left(rows.y, columns, rows.scale, train)[test]
+        gains.append(without - math.sqrt((after[touched] ** 2).mean()))
+    return float(np.mean(gains))
+
+
+def _reach(columns: Array, scale: Array, train: Mask, test: Mask) -> Array:
+    """Standard deviation with which the training rows predict the baseline of the test rows, over their noise."""
+    length = np.linalg.norm(columns, axis=0)
+    unit = columns / np.where(length > 0.0, length, 1.0)
+    inverse = np.linalg.pinv(unit[train] / scale[train, None], rcond=1e-8)
+    return np.asarray(np.linalg.norm(unit[test] @ inverse, axis=1) / scale[test])
+
+
+def _expected(scale: Array, reach: Array, touched: Mask) -> float:
+    """Withheld error that noise alone gives: that of the row and that of the fit which predicts it."""
+    return math.sqrt(float(np.mean((scale[touched] ** 2) * (1.0 + np.minimum(reach[touched], FARTHEST) ** 2))))
+
+
+def _left(y: Array, columns: Array, scale: Array, train: Mask) -> Array:
+    """Rows less what the training rows determine of some columns."""
+    return np.asarray(y - columns @ solve(columns[train] / scale[train, None], y[train] / scale[train]))
+
+
+def _choose_all(problem: P, catalogue: CandidateCatalogue[F, P], count: int) -> tuple[F, ...]:
+    """That many candidates: one after the other, then each once more beside the others."""
+    found: tuple[F, ...] = ()
+    for _ in range(count):
+        found = (*found, _beside(problem, catalogue, found))
+    for _ in range(count if count > 1 else 0):
+        found = (*found[1:], _beside(problem, catalogue, found[1:]))
+    return found
+
+
+def _beside(problem: P, catalogue: CandidateCatalogue[F, P], others: tuple[F, ...]) -> F:
+    """The best candidate beside others."""
+    for fit in others:
+        problem = problem.take_out(fit)
+    return catalogue.choose(problem, [fit.identifier for fit in others])

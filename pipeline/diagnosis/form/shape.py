@@ -1,0 +1,128 @@
+"""The short form that describes what no mechanism explains, and its proof; and both as JSON."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    from pmg.pipeline.diagnosis.form.atoms import FormCovariate
+    from pmg.sim.signals import Array
+
+LABEL = "shape, not physics"
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A constant of a form.
+
+    Parameters
+    ----------
+    name : str
+        In the formula.
+    value : float
+        SI.
+    standard_error : float or None
+        None where the readings do not determine it.
+    unit : str
+        SI unit.
+    """
+
+    name: str
+    value: float
+    standard_error: float | None
+    unit: str
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A short form that holds up on readings it has not seen.
+
+    Parameters
+    ----------
+    signal, configuration : str
+        Of the location.
+    text : str
+        The form as a drag on that shaft [N m], for people, its constants by name.
+    formula : str
+        The same in the syntax of sympy, its constants as numbers.
+    covariates : tuple of Covariate
+        What it follows.
+    constants : tuple of Constant
+        Linear ones first.
+    as_drag : bool
+        Whether it turns its sign with the direction of rotation.
+    rmse_before, rmse_after, rmse_smooth : float
+        Error on withheld readings [N m] of the baseline, with a form chosen and fitted without them, and with the
+        smooth columns of the location's family; NaN where it has none.
+    noise_floor : float
+        Noise of the same readings [N m].
+    gain_interval : (low, high)
+        95 % interval of `rmse_before` - `rmse_after` [N m], from resampled blocks.
+    placebo_gain : float
+        Fall of the withheld error [N m], beyond that by a constant, when the covariates of whole blocks are exchanged
+        before the search: what the search gains from nothing, at or below zero up to noise.
+    alike : int
+        Folds in which the same form was chosen without the withheld readings.
+    folds : int
+        Folds in all.
+    rows : (n,) array of int
+        Readings of the location.
+    located : (n,) array
+        What is left there when the baseline joins the fit, as the form counts it [N m].
+    fitted : (n,) array
+        What the form gives there [N m].
+    label : str
+        What it is.
+    """
+
+    signal: str
+    configuration: str
+    text: str
+    formula: str
+    covariates: tuple[FormCovariate, ...]
+    constants: tuple[Constant, ...]
+    as_drag: bool
+    rmse_before: float
+    rmse_after: float
+    rmse_smooth: float
+    noise_floor: float
+    gain_interval: tuple[float, float]
+    placebo_gain: float
+    alike: int
+    folds: int
+    rows: npt.NDArray[np.int64]
+    located: Array
+    fitted: Array
+    label: str = LABEL
+
+
+def shape_document(shape: Shape) -> dict[str, Any]:
+    """The shape as JSON: formula, constants, errors on withheld readings."""
+    return {
+        "label": shape.label,
+        "signal": shape.signal,
+        "configuration": shape.configuration,
+        "text": shape.text,
+        "formula": shape.formula,
+        "as_drag": shape.as_drag,
+        "covariates": [
+            {"name": c.name, "symbol": c.symbol, "unit": c.unit, "meaning": c.meaning} for c in shape.covariates
+        ],
+        "constants": [
+            {"name": c.name, "value": c.value, "standard_error": c.standard_error, "unit": c.unit}
+            for c in shape.constants
+        ],
+        "rmse_before_Nm": shape.rmse_before,
+        "rmse_after_Nm": shape.rmse_after,
+        "rmse_smooth_Nm": None if math.isnan(shape.rmse_smooth) else shape.rmse_smooth,
+        "noise_floor_Nm": shape.noise_floor,
+        "gain_interval_Nm": list(shape.gain_interval),
+        "placebo_gain_Nm": shape.placebo_gain,
+        "alike": shape.alike,
+        "folds": shape.folds,
+    }

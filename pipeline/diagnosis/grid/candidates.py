@@ -1,0 +1,241 @@
+"""What may have been left out, fitted beside the baseline: each mechanism of the catalogue, shaft by shaft."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.engine.problem import WhitenedProblem
+from pmg.pipeline.fit.calibration import jacobian
+from pmg.pipeline.fit.noise_floor import BASELINE_FREE
+from pmg.pipeline.fit.span import orthonormal
+from pmg.pipeline.fit.whitening import undo
+from pmg.pipeline.grid.readings import Readings, predict
+from pmg.sim.mechanisms import CANDIDATES, Instrument
+from pmg.sim.steady.baseline import baseline_mechanisms
+from pmg.sim.steady.gearbox import Gearbox
+from pmg.sim.steady.solve import steady
+
+if TYPE_CHECKING:
+    from pmg.pipeline.fit.whitening import Whitener
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.lossmodel import LossModel
+    from pmg.sim.mechanisms import Mechanism, Parameter
+    from pmg.sim.signals import Array
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A mechanism on one of the shafts it may sit on.
+
+    Parameters
+    ----------
+    kind : type of Mechanism
+        From the catalogue.
+    shaft : str
+        ``sun``, ``ring``, or ``both``.
+    sizes : tuple of str
+        Its parameters that vanish at the null, free here.
+    """
+
+    kind: type[Mechanism]
+    shaft: str
+    sizes: tuple[str, ...]
+
+    @property
+    def identifier(self) -> str:
+        """Id of the mechanism."""
+        return self.kind.identifier
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Free parameters: sizes, then shapes."""
+        known = {p.name: p for p in self.kind.parameters()}
+        return tuple(known[name] for name in (*self.sizes, *self.kind.shape))
+
+    def mechanism(self, bench: BenchParameters, model: LossModel, values: Array) -> Mechanism:
+        """The mechanism with these values of its free parameters."""
+        named = {p.name: float(v) for p, v in zip(self.parameters, values, strict=True)}
+        return replace(self.kind.of(bench, model), **named)
+
+
+def candidates() -> tuple[Candidate, ...]:
+    """Every mechanism of the catalogue that shows in mean torques, shaft by shaft, and on both where it may."""
+    found = []
+    for kind in CANDIDATES:
+        found += [Candidate(kind, shaft, sizes) for shaft, sizes in kind.by_shaft.items()]
+        if kind.both_at_once:
+            found.append(Candidate(kind, "both", tuple(name for sizes in kind.by_shaft.values() for name in sizes)))
+    return tuple(found)
+
+
+def refinement(candidate: Candidate) -> Candidate | None:
+    """The same mechanism on the same shaft in more detail; None where there is none."""
+    kind = candidate.kind.refined
+    if kind is None:
+        return None
+    groups = kind.by_shaft.values() if candidate.shaft == "both" else [kind.by_shaft[candidate.shaft]]
+    return Candidate(kind, candidate.shaft, tuple(dict.fromkeys(name for group in groups for name in group)))
+
+
+def rms(values: Array) -> float:
+    """Root mean square; 0 of nothing."""
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
+@dataclass(frozen=True)
+class CandidateFit:
+    """A candidate fitted beside the baseline.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        What was fitted.
+    values : (k,) array
+        Its parameters: sizes, then shapes.
+    gain : float
+        Fall of the whitened sum of squares; in units of the noise variance.
+    effect : (m,) array
+        Change of each reading [N m], before anything is absorbed.
+    seen : (m,) array
+        The same whitened, with what the baseline absorbs taken out.
+    on_bound : tuple of str
+        Parameters on a bound.
+    """
+
+    candidate: Candidate
+    values: Array
+    gain: float
+    effect: Array
+    seen: Array
+    on_bound: tuple[str, ...]
+
+    @property
+    def identifier(self) -> str:
+        """Id of the mechanism."""
+        return self.candidate.identifier
+
+    @property
+    def place(self) -> str:
+        """Shaft on which it sits."""
+        return self.candidate.shaft
+
+    @property
+    def cost(self) -> int:
+        """Free parameters."""
+        return len(self.values)
+
+    @property
+    def admissible(self) -> bool:
+        """Every mechanism may stand in a set."""
+        return True
+
+    @property
+    def needed(self) -> bool:
+        """Whether not all sizes are on a bound: it would be absent, or as large as can be."""
+        return not set(self.candidate.sizes) <= set(self.on_bound)
+
+    @property
+    def bends_to_anything(self) -> bool:
+        """Whether it is without a scale and not proportional to its sizes either."""
+        return self.without_scale and not self.candidate.kind.linear
+
+    @property
+    def size(self) -> float:
+        """Root mean square of the effect over the readings it touches [N m], before anything is absorbed."""
+        return rms(self.effect[self.effect != 0.0])
+
+    @property
+    def without_scale(self) -> bool:
+        """Whether every time or speed that gives it a scale ran to a bound: it then bends to anything slow."""
+        shape = self.candidate.parameters[len(self.candidate.sizes) :]
+        scales = [p.name for p in shape if p.unit != "1"] or [p.name for p in shape[:1]]
+        return bool(scales) and set(scales) <= set(self.on_bound)
+
+
+def predict_with(readings: Readings, bench: BenchParameters, model: LossModel, extra: tuple[Mechanism, ...]) -> Array:
+    """What the simulator gives for each reading with further mechanisms in [N m]."""
+    gearbox = Gearbox(bench, (*baseline_mechanisms(model, bench), *extra))
+    return readings.of(steady(gearbox, readings.grid.points))
+
+
+@dataclass(frozen=True)
+class GridProblem(WhitenedProblem[CandidateFit]):
+    """The whitened problem of a campaign: its readings about the calibrated baseline.
+
+    Parameters
+    ----------
+    readings : Readings
+        The m readings.
+    bench : BenchParameters
+        The bench.
+    model : LossModel
+        The calibrated baseline; candidates act beside it.
+    white : Whitener
+        Makes the noise white.
+    predicted, ideal : (m,) array
+        What the baseline, and a gear without any mechanism, give for each reading [N m].
+    columns : (m, k) array
+        What the baseline may use, before whitening [N m per unit]: slopes of its constants, and whatever else it is
+        allowed to follow.
+    """
+
+    readings: Readings
+    bench: BenchParameters
+    model: LossModel
+    white: Whitener
+    predicted: Array
+    ideal: Array
+    columns: Array
+
+    def beyond_baseline(self, effect: Array) -> Array:
+        """What of an effect [N m] the baseline cannot absorb, whitened."""
+        return self.project(self.white(effect[:, None])[:, 0])
+
+    def visible(self, fit: CandidateFit) -> float:
+        """Root mean square of what the baseline cannot take up of a fit, over the readings it touches [N m]."""
+        return rms(undo(self.white, fit.seen)[fit.effect != 0.0])
+
+    def effect(self, candidate: Candidate, values: Array) -> Array:
+        """Change of each reading by a candidate [N m].
+
+        Torques on the rotors add up, so one of them is seen beside nothing else; a fault of an instrument distorts
+        what the whole baseline gives.
+        """
+        extra = candidate.mechanism(self.bench, self.model, values)
+        if isinstance(extra, Instrument):
+            return predict_with(self.readings, self.bench, self.model, (extra,)) - self.predicted
+        alone = steady(Gearbox(self.bench, (extra,)), self.readings.grid.points)
+        return self.readings.of(alone) - self.ideal
+
+    def tangents(self, fit: CandidateFit) -> Array:
+        """Change of each reading per change of each parameter of a fitted candidate (m, k) [N m per unit]."""
+        slopes = []
+        for i, parameter in enumerate(fit.candidate.parameters):
+            step = 1e-3 * max(abs(float(fit.values[i])), 1e-3 * parameter.typical)
+            low, high = parameter.bounds
+            up, down = fit.values.copy(), fit.values.copy()
+            up[i], down[i] = min(fit.values[i] + step, high), max(fit.values[i] - step, low)
+            slopes.append((self.effect(fit.candidate, up) - self.effect(fit.candidate, down)) / (up[i] - down[i]))
+        return np.stack(slopes, axis=1)
+
+    def slopes(self, fit: CandidateFit) -> Array:
+        """The same, whitened."""
+        return self.white(self.tangents(fit))
+
+
+def grid_problem(
+    readings: Readings, bench: BenchParameters, model: LossModel, white: Whitener, allowed: Array | None = None
+) -> GridProblem:
+    """The problem of a campaign about a calibrated baseline that may follow some `allowed` columns (m, k) besides."""
+    columns = jacobian(readings, bench, model, BASELINE_FREE)
+    if allowed is not None:
+        columns = np.hstack([columns, allowed])
+    baseline = orthonormal(white(columns))
+    predicted = predict(readings, bench, model)
+    ideal = readings.of(steady(Gearbox(bench, ()), readings.grid.points))
+    y = white((readings.torque - predicted)[:, None])[:, 0]
+    left = y - baseline @ (baseline.T @ y)
+    return GridProblem(baseline, left, readings, bench, model, white, predicted, ideal, columns)

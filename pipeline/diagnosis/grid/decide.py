@@ -1,0 +1,195 @@
+"""The verdict: what these recordings allow to be said about the difference to the simulation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.design.blind import confounded_shafts, slow_changes
+from pmg.pipeline.diagnosis.design.next_test import lifting_test, next_test
+from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
+from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
+from pmg.pipeline.diagnosis.engine.explanation import explain_with
+from pmg.pipeline.diagnosis.engine.naming import MOST_RIVALS, name_candidates
+from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
+from pmg.pipeline.diagnosis.engine.withheld import withhold
+from pmg.pipeline.diagnosis.form.symbolic import find_shape
+from pmg.pipeline.diagnosis.grid.candidates import GridProblem, grid_problem
+from pmg.pipeline.diagnosis.grid.catalogue import MECHANISMS
+from pmg.pipeline.diagnosis.grid.decoys import smooth_decoys
+from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis, Rival
+from pmg.pipeline.diagnosis.grid.evidence import campaign_evidence
+from pmg.pipeline.diagnosis.grid.holdout import hold_out
+from pmg.pipeline.diagnosis.grid.locate import find_mismatch, located_families
+from pmg.pipeline.diagnosis.grid.outliers import without_outliers
+from pmg.pipeline.diagnosis.grid.refit import about, refit
+from pmg.pipeline.diagnosis.grid.withheld import withheld_readings
+from pmg.pipeline.fit.calibration import jacobian
+from pmg.pipeline.fit.whitening import whitener
+from pmg.pipeline.grid.readings import predict
+from pmg.sim.errors import FitError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pmg.pipeline.diagnosis.engine.held_out import HeldOut
+    from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
+    from pmg.pipeline.diagnosis.grid.locate import CampaignMismatch
+    from pmg.pipeline.diagnosis.grid.refit import Refit
+    from pmg.pipeline.fit.calibration import FittedBaseline
+    from pmg.pipeline.fit.loss_fit import LossFits
+    from pmg.pipeline.fit.noise import NoiseFloor
+    from pmg.pipeline.grid.readings import Readings
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
+    from pmg.sim.signals import Array
+
+NOT_WORSE = 1.03
+"""Withheld error with a weak mechanism in, over that without, up to which it stays in the set of what may be."""
+
+BEYOND_SLOW = 0.005
+"""p-value from which on a blind design claims something that no slow change made: the slow changes it allows for are
+smooth, real ones only nearly so."""
+
+ROUNDS = 3
+"""Times the search is made anew at most, about the baseline that was fitted together with what it found."""
+
+JUDGE_DRAWS = 300
+"""Synthetic campaigns behind the adequacy of an explanation."""
+
+
+def diagnose(
+    grid: Grid,
+    fits: LossFits,
+    floor: NoiseFloor,
+    calibration: FittedBaseline,
+    bench: BenchParameters,
+    rng: np.random.Generator,
+    known: Callable[[Readings], Array] | None = None,
+) -> Diagnosis:
+    """Test for a mismatch, locate it, search the catalogue for what makes it, and prove it on withheld readings.
+
+    A mechanism is named when it brings more evidence than its parameters cost, beats every rival by a margin, leaves
+    no more than an error of form, predicts most of the mismatch of withheld readings, and is what most parts of the
+    readings name by themselves. Rivals within the margin are reported as one set with the test that would tell; so
+    are sets that the parts name instead, and the causes of a mismatch that is too weak to tell an effect of another
+    kind by what it leaves. Where the order of the test hides slow changes, only what no slow change could have made is
+    claimed. `known` gives columns (m, k) that the baseline may follow besides its constants: slopes of what is already
+    known to be there.
+    """
+    mismatch, outliers, floor = without_outliers(grid, fits, floor, bench, rng, known)
+    readings = mismatch.readings
+    blind = confounded_shafts(readings)
+    allowed = slow_changes(readings, bench, calibration.model, blind) if blind else None
+    if known is not None:
+        allowed = known(readings) if allowed is None else np.hstack([allowed, known(readings)])
+    beyond = mismatch
+    if blind and mismatch.found:
+        beyond = find_mismatch(readings.grid, fits, floor, bench, rng, allowed=allowed)
+    if not beyond.found or (blind and beyond.p_value > BEYOND_SLOW):
+        verdict = Verdict.CONFOUNDED if blind else Verdict.CONSISTENT
+        lifting = lifting_test(readings, bench, calibration.model, floor, blind) if blind else None
+        return Diagnosis(grid.campaign, verdict, mismatch, floor, blind, outliers=outliers, lifting=lifting)
+    first = problem = grid_problem(readings, bench, calibration.model, whitener(readings, bench, floor), allowed)
+    naming = name_candidates(problem, MECHANISMS, adequacy_test(campaign_evidence(problem, floor, JUDGE_DRAWS, rng)))
+    for _ in range(ROUNDS):
+        again = None if naming.explained and naming.remainder.adequate else about(problem, naming.best)
+        if again is None:
+            break
+        better = name_candidates(again, MECHANISMS, adequacy_test(campaign_evidence(again, floor, JUDGE_DRAWS, rng)))
+        if better.best.unexplained >= naming.best.unexplained - ENTRY:
+            break
+        problem, naming = again, better
+    said = Diagnosis(grid.campaign, Verdict.NOT_IN_LIBRARY, beyond, floor, blind, naming, outliers=outliers)
+    if naming.explained and not naming.weak:
+        held = _withheld(problem, naming.best, rng)
+        if held is not None and held.predicts:
+            said = _with_causes(said, problem, calibration, naming.rivals, held)
+            verdict = Verdict.AMBIGUOUS if said.rivals else Verdict.NAMED
+            return replace(said, verdict=verdict, decoys=smooth_decoys(problem, naming, rng))
+    if naming.weak:
+        best, *others = naming.weak
+        held = _withheld(problem, best, rng)
+        if held is not None and held.rmse_after <= NOT_WORSE * held.rmse_before:
+            shafts = {fit.candidate.identifier: fit.candidate.shaft for fit in best.fits}
+            said = replace(said, naming=replace(naming, best=best, shafts=shafts), weak=True)
+            return replace(_with_causes(said, problem, calibration, tuple(others), held), verdict=Verdict.AMBIGUOUS)
+    return replace(
+        said,
+        held_out=hold_out(grid, fits, floor, bench, beyond.locations, rng),
+        absorbed=_absorbed(beyond, calibration, bench),
+        shape=find_shape(first, beyond.locations, rng),
+    )
+
+
+def _with_causes(
+    said: Diagnosis,
+    problem: GridProblem,
+    calibration: FittedBaseline,
+    rivals: tuple[GridExplanation, ...],
+    held: HeldOut,
+) -> Diagnosis:
+    """What is said with the leading mechanisms fitted, and a separating test for each rival."""
+    assert said.naming is not None
+    best = said.naming.best
+    found = refit(problem, best.fits)
+    close = tuple(Rival(rival, next_test(problem, best, rival, said.floor)) for rival in rivals)
+    known = {rival.ids for rival in rivals}
+    elsewhere = held.elsewhere[: max(MOST_RIVALS - len(close), 1)]
+    others = [explain_with(problem, MECHANISMS, candidates) for candidates in elsewhere]
+    return replace(
+        said,
+        refit=found,
+        rivals=close
+        + tuple(Rival(e, next_test(problem, best, e, said.floor), by_parts=True) for e in others if e.ids not in known),
+        absorbed=_swallowed(calibration, found),
+        held_out=held,
+    )
+
+
+def _withheld(problem: GridProblem, explanation: GridExplanation, rng: np.random.Generator) -> HeldOut | None:
+    """The proof on withheld readings; None where the effect touches too few blocks for one: it is not named then."""
+    try:
+        return withhold(withheld_readings(problem), MECHANISMS, explanation.fits, rng)
+    except FitError:
+        return None
+
+
+def _swallowed(calibration: FittedBaseline, found: Refit) -> tuple[Absorbed, ...]:
+    """Baseline constants alone and with the mechanisms in."""
+    after = {"K_corr": found.model.correction, "b": found.model.b, "c": found.model.c, "d": found.model.d}
+    rows = []
+    for name in calibration.free:
+        error = found.baseline_errors.get(name, float("nan"))
+        known = error if np.isfinite(error) else None
+        rows.append(Absorbed(name, calibration.value(name), after[name], known, calibration.standard_error(name)))
+    return tuple(rows)
+
+
+def _absorbed(mismatch: CampaignMismatch, calibration: FittedBaseline, bench: BenchParameters) -> tuple[Absorbed, ...]:
+    """Baseline constants without and with the located families in a joint, weighted fit."""
+    readings = mismatch.readings
+    structure = located_families(readings, bench, calibration.model, mismatch.locations)
+    if structure.shape[1] == 0:
+        return ()
+    slopes = jacobian(readings, bench, calibration.model, calibration.free)
+    design = np.hstack([slopes, structure]) / readings.u[:, None]
+    y = (readings.torque - predict(readings, bench, calibration.model)) / readings.u
+    length = np.linalg.norm(design, axis=0)
+    length[length == 0.0] = 1.0
+    inverse = np.linalg.pinv(design / length, rcond=1e-8)
+    change = inverse @ y / length
+    error = np.sqrt(np.einsum("ij,ij->i", inverse, inverse)) / length
+    first = len(calibration.names) - len(calibration.free)
+    return tuple(
+        Absorbed(
+            name,
+            before := calibration.value(name),
+            before + float(change[i]),
+            float(error[i]),
+            calibration.standard_error(name),
+        )
+        for i, name in enumerate(calibration.free, start=first)
+    )

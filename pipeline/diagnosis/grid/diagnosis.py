@@ -1,0 +1,121 @@
+"""The diagnosis as a value: verdict, place, causes, rivals, next test."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.sim.mechanisms import Component
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.design.audit import Audit
+    from pmg.pipeline.diagnosis.design.next_test import NextTest
+    from pmg.pipeline.diagnosis.engine.decoys import Decoys
+    from pmg.pipeline.diagnosis.engine.held_out import HeldOut
+    from pmg.pipeline.diagnosis.engine.verdict import Absorbed
+    from pmg.pipeline.diagnosis.form.shape import Shape
+    from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation, GridNaming
+    from pmg.pipeline.diagnosis.grid.locate import CampaignMismatch, Location
+    from pmg.pipeline.diagnosis.grid.refit import Refit
+    from pmg.pipeline.fit.noise import NoiseFloor
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An explanation that these data cannot tell from the leading one, and the test that would.
+
+    Parameters
+    ----------
+    explanation : GridExplanation
+        The rival set of mechanisms.
+    test : NextTest or None
+        The test.
+    by_parts : bool
+        Whether it is a rival because parts of the readings name it instead, not because its evidence is close.
+    """
+
+    explanation: GridExplanation
+    test: NextTest | None
+    by_parts: bool = False
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """CampaignMismatch, place, cause and verdict.
+
+    Parameters
+    ----------
+    campaign : str
+        Name of the campaign.
+    verdict : Verdict
+        One of the five words.
+    mismatch : CampaignMismatch
+        Test and locations.
+    floor : NoiseFloor
+        Noise it was judged against.
+    blind : tuple of str
+        Shafts whose points were run in the order of their speed, without repeats.
+    naming : GridNaming or None
+        What the catalogue says; None without a mismatch.
+    refit : Refit or None
+        Baseline and mechanisms fitted together.
+    rivals : tuple of Rival
+        Explanations that cannot be told from it.
+    absorbed : tuple of Absorbed
+        What the baseline had swallowed.
+    held_out : HeldOut or None
+        Error on withheld readings without and with what was left out.
+    outliers : tuple of str
+        Points that stand out by themselves and were set aside before the rest was judged.
+    lifting : NextTest or None
+        The test that a blind design lacks.
+    weak : bool
+        Whether the mismatch is too weak to name its cause, so that the set is what may make it.
+    decoys : Decoys or None
+        What smooth structures of nobody's making would have achieved.
+    audit : Audit or None
+        What the points of the campaign can tell at all.
+    shape : Shape or None
+        A short form of what no mechanism explains, where one holds up on withheld readings.
+    """
+
+    campaign: str
+    verdict: Verdict
+    mismatch: CampaignMismatch
+    floor: NoiseFloor
+    blind: tuple[str, ...] = ()
+    naming: GridNaming | None = None
+    refit: Refit | None = None
+    rivals: tuple[Rival, ...] = ()
+    absorbed: tuple[Absorbed, ...] = ()
+    held_out: HeldOut | None = None
+    outliers: tuple[str, ...] = ()
+    lifting: NextTest | None = None
+    weak: bool = False
+    decoys: Decoys | None = None
+    audit: Audit | None = None
+    shape: Shape | None = None
+
+    @property
+    def next_tests(self) -> tuple[NextTest, ...]:
+        """Tests that would settle what is open, those of the rivals first."""
+        wanted = (*(rival.test for rival in self.rivals), self.lifting)
+        return tuple(test for test in wanted if test is not None)
+
+
+def component_of(place: Location) -> Component | None:
+    """Component that the evidence points to; None where it cannot tell (load: gear, bearing or transducer)."""
+    shaft = "sun" if place.signal == "torque_sun" else "ring"
+    first = place.depends_on[0] if place.depends_on else ""
+    if set(place.depends_on) - set(place.covariates):
+        return None
+    if place.configuration == "zero" or first == "direction":
+        return Component(f"{shaft}_torque_transducer")
+    if first == "pole_slip_speed":
+        return Component.MAGNETIC_GEAR
+    if first == "speed_difference":
+        return Component.RELATIVE_BEARING
+    if place.configuration == "neutral" and first in ("run_history", f"speed_{shaft}"):
+        return Component(f"{shaft}_bearings")
+    return None

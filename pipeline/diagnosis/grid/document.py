@@ -1,0 +1,232 @@
+"""The diagnosis as the JSON document ``pmg.diagnosis/1``; its schema lies in the folder above."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.form.shape import shape_document
+from pmg.pipeline.diagnosis.grid.diagnosis import component_of
+from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis, Rival
+    from pmg.sim.grid import OperatingPoints
+    from pmg.sim.signals import Array
+
+SCHEMA = "pmg.diagnosis/1"
+
+
+def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The whole document."""
+    mismatch, floor, held = diagnosis.mismatch, diagnosis.floor, diagnosis.held_out
+    return {
+        "schema": SCHEMA,
+        "campaign": diagnosis.campaign,
+        "verdict": str(diagnosis.verdict),
+        "weak": diagnosis.weak,
+        "p_value": mismatch.p_value,
+        "false_alarm_rate": mismatch.false_alarm_rate,
+        "noise_Nm": {
+            "sun": floor.sun.u,
+            "ring": floor.ring.u,
+            "source": f"sun: {floor.sun.source}; ring: {floor.ring.source}",
+        },
+        "locations": [
+            {
+                "signal": place.signal,
+                "configuration": place.configuration,
+                "component": None if (component := component_of(place)) is None else str(component),
+                "depends_on": list(place.depends_on),
+                "region": {name: list(span) for name, span in place.region.items()},
+                "size_Nm": place.size,
+                "p_value": place.p_value,
+            }
+            for place in mismatch.locations
+        ],
+        "mechanisms": _mechanisms(diagnosis),
+        "rivals": [_rival(diagnosis, rival) for rival in diagnosis.rivals],
+        "absorbed": [
+            {"parameter": a.parameter, "before": a.before, "after": a.after, "standard_error": a.standard_error}
+            for a in diagnosis.absorbed
+        ],
+        "held_out": None
+        if held is None
+        else {
+            "split": held.split,
+            "rmse_before_Nm": held.rmse_before,
+            "rmse_after_Nm": held.rmse_after,
+            "noise_floor_Nm": held.noise_floor,
+            "gain_interval_Nm": list(held.gain_interval),
+            "placebo_gain_Nm": held.placebo_gain,
+            "expected_Nm": held.expected_after,
+        },
+        "next_tests": _next_tests(diagnosis),
+        "decoys": None if diagnosis.decoys is None else asdict(diagnosis.decoys),
+        "design": _design(diagnosis),
+        "shape": None if diagnosis.shape is None else shape_document(diagnosis.shape),
+    }
+
+
+def _design(diagnosis: Diagnosis) -> dict[str, Any] | None:
+    """What the points cannot tell, whatever was read."""
+    audit = diagnosis.audit
+    if audit is None:
+        return None
+    return {
+        "blind_to_slow_changes": list(diagnosis.blind),
+        "unseen": [
+            {"id": row.candidate.identifier, "shaft": row.candidate.shaft} for row in audit.visible if row.unseen
+        ],
+        "look_alike": [
+            {
+                "ids": [pair.one.identifier, pair.other.identifier],
+                "shafts": [pair.one.shaft, pair.other.shaft],
+                "correlation": pair.correlation,
+                "separating_test": "" if pair.plan is None else pair.plan.description,
+            }
+            for pair in audit.alike
+        ],
+    }
+
+
+def probabilities(diagnosis: Diagnosis) -> list[float]:
+    """Weight of the leading explanation and of each rival, for equal prior odds.
+
+    What parts of the readings name instead shares evenly the part of the choices that did not agree.
+    """
+    if diagnosis.naming is None:
+        return []
+    by_parts = [False, *(rival.by_parts for rival in diagnosis.rivals)]
+    scores = [diagnosis.naming.best.score, *(rival.explanation.score for rival in diagnosis.rivals)]
+    most = max(score for score, apart in zip(scores, by_parts, strict=True) if not apart)
+    weights = [0.0 if apart else math.exp(0.5 * (s - most)) for s, apart in zip(scores, by_parts, strict=True)]
+    elsewhere = 1.0 - diagnosis.held_out.kept if diagnosis.held_out is not None and any(by_parts) else 0.0
+    return [
+        elsewhere / sum(by_parts) if apart else (1.0 - elsewhere) * weight / sum(weights)
+        for weight, apart in zip(weights, by_parts, strict=True)
+    ]
+
+
+def _mechanisms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    naming, found = diagnosis.naming, diagnosis.refit
+    if naming is None or found is None:
+        return []
+    weights = probabilities(diagnosis)
+    rows = []
+    for fit, values, errors in zip(naming.best.fits, found.values, found.standard_errors, strict=True):
+        shaft = naming.shafts[fit.candidate.identifier]
+        row = _mechanism(fit, shaft, weights[0])
+        row["parameters"] = _parameters(fit, values, errors)
+        other = naming.on_the_other_shaft(fit)
+        if other is not None:
+            row["parameters"] += _parameters(other, other.values, None)[: len(other.candidate.sizes)]
+        rows.append(row)
+    for rival, weight in zip(diagnosis.rivals, weights[1:], strict=True):
+        known = {row["id"] for row in rows}
+        new = [fit for fit in rival.explanation.fits if fit.candidate.identifier not in known]
+        rows += [_mechanism(fit, fit.candidate.shaft, weight) for fit in new]
+    return rows
+
+
+def mechanism_facts(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """The mechanisms of the leading set with their parameters, each with its standard uncertainty u or null.
+
+    `probability` is the weight of the set among what cannot be told apart. Where the shaft cannot be told either, the
+    parameters of both shafts stand beside each other.
+    """
+    if diagnosis.naming is None or diagnosis.refit is None:
+        return []
+    kinds = [fit.candidate.kind for fit in diagnosis.naming.best.fits]
+    return [
+        {
+            "id": row["id"],
+            "title": kind.title,
+            "shaft": row["shaft"],
+            "probability": row["probability"],
+            "parameters": [
+                {
+                    "name": p["name"],
+                    "meaning": next(known.meaning for known in kind.parameters() if known.name == p["name"]),
+                    "value": p["value"],
+                    "u": p["standard_error"],
+                    "unit": p["unit"],
+                }
+                for p in row["parameters"]
+            ],
+        }
+        for row, kind in zip(_mechanisms(diagnosis), kinds, strict=False)  # those of rivals follow
+    ]
+
+
+def _mechanism(fit: CandidateFit, shaft: str, probability: float) -> dict[str, Any]:
+    return {
+        "id": fit.candidate.identifier,
+        "component": str(fit.candidate.kind.component_on(fit.candidate.shaft)),
+        "shaft": shaft,
+        "probability": probability,
+        "parameters": _parameters(fit, fit.values, None),
+        "rms_effect_Nm": fit.size,
+        "peak_effect_Nm": float(np.abs(fit.effect).max()),
+    }
+
+
+def _parameters(fit: CandidateFit, values: Array, errors: Array | None) -> list[dict[str, Any]]:
+    spread = [math.nan] * len(values) if errors is None else errors.tolist()
+    return [
+        {
+            "name": parameter.name,
+            "value": float(value),
+            "standard_error": error if math.isfinite(error) else None,
+            "unit": parameter.unit,
+        }
+        for parameter, value, error in zip(fit.candidate.parameters, values, spread, strict=True)
+    ]
+
+
+def _rival(diagnosis: Diagnosis, rival: Rival) -> dict[str, Any]:
+    assert diagnosis.naming is not None  # a rival is one to something
+    fits = (*diagnosis.naming.best.fits, *rival.explanation.fits)
+    closer = diagnosis.naming.best.score - rival.explanation.score
+    reason = ", less than the margin"
+    if rival.by_parts:
+        reason = ", but parts of the readings name it instead"
+    elif diagnosis.weak:
+        reason = ", and the mismatch is too weak to name its cause"
+    return {
+        "ids": list(dict.fromkeys(fit.candidate.identifier for fit in fits)),
+        "shafts": list(dict.fromkeys(fit.candidate.shaft for fit in fits)),
+        "why": f"evidence differs by {closer:.1f} noise variances{reason}",
+        "separating_test": "" if rival.test is None else rival.test.plan.description,
+    }
+
+
+def _next_tests(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    return [
+        {
+            "description": test.plan.description,
+            "points": set_points(test.plan.points),
+            "minutes": test.plan.seconds / MINUTE,
+            "separates": list(test.separates),
+            "power": test.power,
+        }
+        for test in diagnosis.next_tests
+    ]
+
+
+def set_points(at: OperatingPoints) -> list[str]:
+    """The points of a test in words, in their order: what to set on the bench."""
+    told = []
+    for i, configuration in enumerate(at.configuration):
+        sun, ring = SPEED_SUN.display(at.speed_sun[i]), SPEED_RING.display(at.speed_ring[i])
+        if configuration == "zero":
+            told.append("zero check, shafts free and at rest")
+        elif configuration == "neutral":
+            told.append(f"neutral, sun {sun:.0f} rpm, ring {ring:.0f} rpm")
+        else:
+            told.append(f"engaged, {at.drive[i]} drives, sun {sun:.0f} rpm, ring torque {at.load_set[i]:.2f} N m")
+    return told
