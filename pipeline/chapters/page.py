@@ -19,7 +19,6 @@ from pmg.pipeline.chapters.measured.neutral import neutral_section
 from pmg.pipeline.chapters.measured.quality import data_section
 from pmg.pipeline.chapters.measured.sensor_fault import misread_items, misread_warning
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
-from pmg.pipeline.chapters.studies.validation import published_sections
 from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.readings import predict
@@ -148,7 +147,10 @@ def build_report(
         sections.append(_behind(flow, misread[:1]))
     if orders is not None:
         sections.append(orders)
-    sections.extend(published_sections(analysis.grid, bench))
+    if analysis.grid.origin == "published":
+        from pmg.pipeline.chapters.studies.validation import published_sections
+
+        sections.extend(published_sections(analysis.grid, bench))
     sections.append(data_section(analysis, note, findings, budget, origins))
     grid = analysis.grid
     return Report(

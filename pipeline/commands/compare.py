@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shlex
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,6 @@ from pmg.pipeline.chapters.measured.sensor_fault import misread_warning
 from pmg.pipeline.chapters.page import build_report
 from pmg.pipeline.commands.analyse import analysis_findings
 from pmg.pipeline.commands.compare_and_diagnose import compare_and_diagnose, leave_model, summary_facts
-from pmg.pipeline.commands.orders import orders_chapter
 from pmg.pipeline.commands.provenance import leave_crate, now
 from pmg.pipeline.commands.stored_analysis import analysed
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document
@@ -27,8 +27,6 @@ from pmg.pipeline.model.apply_model import remark
 from pmg.pipeline.model.model_file import FILE as MODEL
 from pmg.pipeline.model.read_model import read_model
 from pmg.pipeline.model.sensor_fault_correction import correct_sensor_fault
-from pmg.pipeline.point_signals.campaign import campaign_signals
-from pmg.pipeline.point_signals.encoded import encode
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.wording.outcome import Outcome, told
@@ -40,8 +38,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.commands.compare_and_diagnose import ComparedCampaign
     from pmg.pipeline.commands.provenance import Clock
     from pmg.pipeline.commands.stored_analysis import StoredAnalysis
+    from pmg.pipeline.fit.budget import Budget
+    from pmg.pipeline.point_signals.encoded import Encoded
     from pmg.pipeline.recording.origin import ImportRecord
-    from pmg.pipeline.report.document import Report
+    from pmg.pipeline.report.document import Report, Section
     from pmg.pipeline.store.manifest import Manifest
 
 DIAGNOSIS = "diagnosis.json"
@@ -156,12 +156,11 @@ def campaign_page(
         What made the report, beside its inputs.
     """
     analysis, bench, sources = whole.analysis, whole.bench, whole.sources
-    recorded = analysis.grid.origin != "published"
     diagnosis = None if judged is None else judged.diagnosis
     carried = None if judged is None else judged.carried
     budget = budget_of(analysis.grid, analysis.floor, bench, sources.facts)
-    behind = campaign_signals(Store(whole.store), analysis.grid, budget) if recorded else None
-    remarks = sources.remarks + (() if behind is None else behind.findings)
+    recorded = None if analysis.grid.origin == "published" else _of_recordings(whole, budget)
+    remarks = sources.remarks + (() if recorded is None else recorded.findings)
     faults = correct_sensor_fault(diagnosis, analysis, bench, () if carried is None else carried.here.parts)
     page = build_report(
         analysis,
@@ -173,17 +172,37 @@ def campaign_page(
         provenance=(*sources.inputs, *provenance),
         carried=carried,
         ends=() if judged is None else judged.ends,
-        orders=orders_chapter(Store(whole.store), analysis.grid.campaign, bench) if recorded else None,
+        orders=None if recorded is None else recorded.orders,
         budget=budget,
         origins=_origins(sources.used),
         told=conditions(sources.used),
         tolerances={name: Tolerance(*parts) for name, parts in (tolerances or {}).items()},
-        signals=None if behind is None else encode(behind.cells),
+        signals=None if recorded is None else recorded.signals,
         faults=faults,
     )
     if faults and analysis.balance is not None:
         remarks += (told("warning", "losses", misread_warning(faults, analysis.balance)),)
     return page, remarks
+
+
+@dataclass(frozen=True)
+class _RecordedPart:
+    """The part of a page that only recordings give: the order chapter, the signals of each point, and remarks."""
+
+    orders: Section | None
+    signals: Encoded
+    findings: tuple[dict[str, Any], ...]
+
+
+def _of_recordings(whole: StoredAnalysis, budget: Budget) -> _RecordedPart:
+    """Chapter, signals and remarks of a recorded campaign; their rooms are loaded for no other."""
+    from pmg.pipeline.commands.orders import orders_chapter
+    from pmg.pipeline.point_signals.campaign import campaign_signals
+    from pmg.pipeline.point_signals.encoded import encode
+
+    store, grid = Store(whole.store), whole.analysis.grid
+    behind = campaign_signals(store, grid, budget)
+    return _RecordedPart(orders_chapter(store, grid.campaign, whole.bench), encode(behind.cells), behind.findings)
 
 
 def seeded(seed: int) -> tuple[str, str]:
