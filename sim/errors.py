@@ -40,9 +40,14 @@ class PmgError(Exception):
         self.where, self.came, self.expected, self.do = where, came, expected, do
         super().__init__(where, came, expected, do)
 
+    @property
+    def advice(self) -> str:
+        """Fault and remedy: what came, what was expected, what to do."""
+        return f"{self.came}; expected {self.expected}. {self.do}"
+
     def __str__(self) -> str:
-        """One line: where, what came, what was expected, what to do."""
-        return f"{self.where}: {self.came}; expected {self.expected}. {self.do}"
+        """One line: the place, then the advice."""
+        return f"{self.where}: {self.advice}"
 
 
 class RecordingError(PmgError):

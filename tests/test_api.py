@@ -18,7 +18,7 @@ KINDS = [
     "pmg.sim.steady.gearbox",
     "pmg.sim.errors",
     "pmg.sim.mechanisms.base",
-    "pmg.pipeline.wording.outcome",
+    "pmg.pipeline.commands.outcome",
     "pmg.pipeline.store.store",
 ]
 """Formulas, a tree drawn by signs, a base class, a plain record, a module with files."""

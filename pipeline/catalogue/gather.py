@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pmg.pipeline.catalogue.entries import (
     Cell,
@@ -16,8 +16,8 @@ from pmg.pipeline.catalogue.entries import (
 )
 from pmg.pipeline.files.atomic import PREFIX
 from pmg.pipeline.grid.copies import without_copies
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.store.store import SOURCES
-from pmg.pipeline.wording.outcome import told
 from pmg.sim.errors import PmgError
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class Gathered:
     """Recordings with their windows, and what was left out, as findings of a stage."""
 
     recordings: tuple[Entry, ...]
-    remarks: tuple[dict[str, Any], ...]
+    remarks: tuple[Remark, ...]
 
 
 def gather(store: Store) -> Gathered:
@@ -59,7 +59,7 @@ def gather(store: Store) -> Gathered:
     return Gathered(tuple(entries), (*remarks, *lacking))
 
 
-def _read(store: Store) -> tuple[list[tuple[Manifest, Entry]], list[dict[str, Any]]]:
+def _read(store: Store) -> tuple[list[tuple[Manifest, Entry]], list[Remark]]:
     found, remarks = [], []
     for path in sorted((store.path / SOURCES).glob("*.json")):
         if path.name.startswith(PREFIX):
@@ -71,7 +71,7 @@ def _read(store: Store) -> tuple[list[tuple[Manifest, Entry]], list[dict[str, An
             if path.exists():
                 came = f"lacks {error}" if isinstance(error, KeyError) else str(error)
                 remarks.append(
-                    told(
+                    Remark(
                         "error",
                         f"{SOURCES}/{path.name}",
                         f"unreadable ({came}) and left out. Ingest its source again.",
@@ -80,7 +80,7 @@ def _read(store: Store) -> tuple[list[tuple[Manifest, Entry]], list[dict[str, An
     return found, remarks
 
 
-def _analysed(store: Store) -> tuple[Grid | None, list[dict[str, Any]]]:
+def _analysed(store: Store) -> tuple[Grid | None, list[Remark]]:
     from pmg.pipeline.analysis.outputs import (  # it brings scipy; most calls need no analysis
         FOLDER,
         SUMMARY,
@@ -92,10 +92,10 @@ def _analysed(store: Store) -> tuple[Grid | None, list[dict[str, Any]]]:
     try:
         return read_analysis(store.path)[0], []
     except PmgError as error:
-        return None, [told("warning", FOLDER, f"{error.came}; left out. {error.do}")]
+        return None, [Remark("warning", FOLDER, f"{error.came}; left out. {error.do}")]
 
 
-def _with_grid(entries: Sequence[Entry], grid: Grid) -> tuple[list[Entry], list[dict[str, Any]]]:
+def _with_grid(entries: Sequence[Entry], grid: Grid) -> tuple[list[Entry], list[Remark]]:
     """The entries with the uncertainties of a grid; windows and points belong together by name and start."""
     at = grid.points
     rows: dict[Key, list[int]] = defaultdict(list)
@@ -115,7 +115,7 @@ def _with_grid(entries: Sequence[Entry], grid: Grid) -> tuple[list[Entry], list[
     if not without and not left:
         return found, []
     message = f"the analysis is of other recordings: it lacks {without} windows and has {left} others. Run it again."
-    return found, [told("warning", f"campaign {grid.campaign}", message)]
+    return found, [Remark("warning", f"campaign {grid.campaign}", message)]
 
 
 def _analysed_window(campaign: Cell, part: Entry, rows: dict[Key, list[int]], grid: Grid) -> Entry:

@@ -6,14 +6,14 @@ import hashlib
 import sqlite3
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pmg.pipeline.catalogue.columns import COLUMNS, Column
 from pmg.pipeline.catalogue.gather import Gathered, gather
 from pmg.pipeline.catalogue.query import select
 from pmg.pipeline.files.atomic import PREFIX, write_atomic
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.store.store import RUNS, SOURCES
-from pmg.pipeline.wording.outcome import told
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -71,18 +71,18 @@ class Catalogue:
         To a copy; nothing that is asked changes the file.
     rebuilt : bool
         Whether it was made anew.
-    remarks : tuple of dict
+    remarks : tuple of Remark
         What of the store is not in it, as findings of a stage.
     """
 
     connection: sqlite3.Connection
     rebuilt: bool
-    remarks: tuple[dict[str, Any], ...]
+    remarks: tuple[Remark, ...]
 
     @property
     def whole(self) -> bool:
         """Whether it holds all that the store does."""
-        return all(remark["severity"] != "error" for remark in self.remarks)
+        return all(remark.severity != "error" for remark in self.remarks)
 
     def rows(
         self, columns: Sequence[Column], condition: str | None = None, sort: tuple[Column, bool] | None = None
@@ -124,15 +124,15 @@ def open_catalogue(store: Store) -> Catalogue:
     path, stamp = store.path / FILE, stamp_of(store.path)
     connection = _opened(path, stamp)
     rebuilt = connection is None
-    unwritten: tuple[dict[str, Any], ...] = ()
+    unwritten: tuple[Remark, ...] = ()
     if connection is None:
         connection = built(gather(store), stamp)
         try:
             write_atomic(path, connection.serialize())
         except OSError as error:
-            unwritten = (told("info", str(path), f"not kept ({error.strerror}); made anew at every call"),)
+            unwritten = (Remark("info", str(path), f"not kept ({error.strerror}); made anew at every call"),)
     remarks = connection.execute("SELECT severity, place, message FROM Remark ORDER BY rowid")
-    return Catalogue(connection, rebuilt, (*(told(*remark) for remark in remarks), *unwritten))
+    return Catalogue(connection, rebuilt, (*(Remark(*remark) for remark in remarks), *unwritten))
 
 
 def stamp_of(folder: Path) -> str:
@@ -164,8 +164,7 @@ def built(gathered: Gathered, stamp: str) -> sqlite3.Connection:
         for window in entry.parts:
             _insert_window(connection, window, recording)
     for remark in gathered.remarks:
-        of = {"severity": remark["severity"], "place": remark["where"], "message": remark["message"]}
-        _insert(connection, "Remark", of)
+        _insert(connection, "Remark", {"severity": remark.severity, "place": remark.where, "message": remark.message})
     _insert(connection, "Environment", {"name": SCHEMA, "stamp": f"{stamp} {_digest(connection)}"})
     connection.commit()
     return connection

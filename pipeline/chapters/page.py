@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from pmg.pipeline.analysis.power_flow import power_flows
 from pmg.pipeline.analysis.tolerance import agreements
@@ -23,6 +23,7 @@ from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.readings import predict
 from pmg.pipeline.model.apply_model import lead
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Headline, Report, Section, Signals, Table, Text
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.steady.gearbox import Gearbox
@@ -68,7 +69,7 @@ def build_report(
     bench: BenchParameters,
     *,
     note: str,
-    findings: tuple[Mapping[str, Any], ...],
+    findings: tuple[Remark, ...],
     provenance: tuple[tuple[str, str], ...],
     carried: Carried | None = None,
     ends: tuple[SteadyEnd, ...] = (),
@@ -94,7 +95,7 @@ def build_report(
         Motor constants for the power flow.
     note : str
         What the reader must know about the data, such as that they are synthetic; may be empty.
-    findings : tuple of mapping
+    findings : tuple of Remark
         Remarks of the ingest.
     provenance : tuple of (label, value)
         Inputs, hashes, seed, command.

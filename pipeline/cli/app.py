@@ -34,7 +34,7 @@ from pmg.pipeline.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from pmg.pipeline.wording.outcome import Outcome
+    from pmg.pipeline.commands.outcome import Outcome
 
 
 def _grouped(app: typer.Typer, groups: dict[str, typer.Typer]) -> typer.Typer:

@@ -29,7 +29,7 @@ from pmg.pipeline.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from pmg.pipeline.wording.outcome import Outcome
+    from pmg.pipeline.commands.outcome import Outcome
 
 config = typer.Typer(
     help="The settings of a campaign: what holds, where it comes from, whether a file is sound.",

@@ -11,7 +11,7 @@ from pmg.pipeline.cli.frame import FailOn, FailOnOption, JsonOption, carry_out, 
 from pmg.pipeline.cli.options import LimitsOption
 
 if TYPE_CHECKING:
-    from pmg.pipeline.wording.outcome import Outcome
+    from pmg.pipeline.commands.outcome import Outcome
 
 
 def bring(

@@ -17,7 +17,7 @@ from pmg.sim.errors import PmgError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from pmg.pipeline.wording.outcome import Outcome
+    from pmg.pipeline.commands.outcome import Outcome
 
 SCHEMA = "pmg.result/1"
 RESUMES = ("ingest", "run", "prove")
@@ -102,7 +102,7 @@ def as_text(command: str, code: int, outcome: Outcome | None, error: dict[str, s
         "command": command,
         "exit_code": int(code),
         "data": None if outcome is None else outcome.data,
-        "findings": [] if outcome is None else list(outcome.findings),
+        "findings": [] if outcome is None else [remark.to_dict() for remark in outcome.findings],
         "error": error,
     }
     return json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False)
@@ -119,12 +119,11 @@ FINDINGS_SHOWN = 20
 
 
 def _tell_findings(outcome: Outcome) -> None:
-    told = [finding for finding in outcome.findings if finding["severity"] != "info"]
-    for finding in told[:FINDINGS_SHOWN]:
-        place = f"{finding['file']}: {finding['where']}" if "file" in finding else finding["where"]
-        typer.echo(f"{finding['severity']}: {place}: {finding['message']}", err=True)
-    if len(told) > FINDINGS_SHOWN:
-        typer.echo(f"... and {len(told) - FINDINGS_SHOWN} more; --json and the report list them all.", err=True)
+    grave = [remark for remark in outcome.findings if remark.severity != "info"]
+    for remark in grave[:FINDINGS_SHOWN]:
+        typer.echo(f"{remark.severity}: {remark.place}: {remark.message}", err=True)
+    if len(grave) > FINDINGS_SHOWN:
+        typer.echo(f"... and {len(grave) - FINDINGS_SHOWN} more; --json and the report list them all.", err=True)
 
 
 def _exit_code(outcome: Outcome, fail_on: FailOn) -> ExitCode:

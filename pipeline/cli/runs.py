@@ -10,7 +10,7 @@ import typer
 from pmg.pipeline.cli.frame import FailOn, FailOnOption, JsonOption, carry_out
 
 if TYPE_CHECKING:
-    from pmg.pipeline.wording.outcome import Outcome
+    from pmg.pipeline.commands.outcome import Outcome
 
 app = typer.Typer(
     help="What a store holds: list, show and compare its runs.", no_args_is_help=True, rich_markup_mode=None

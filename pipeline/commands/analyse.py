@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pmg.pipeline.analysis.outputs import analysed_campaign, analysis_document, analysis_files, write_analysis
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate, now
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.budget import budget_of
@@ -16,8 +17,8 @@ from pmg.pipeline.grid.completeness import earlier_means, lack_findings
 from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
 from pmg.pipeline.grid.window_facts import rated, window_facts
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.store.store import Store
-from pmg.pipeline.wording.outcome import Outcome, told
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ class GatheredCampaign:
         Of the windows; None for published grids.
     used, failed : tuple of Manifest
         Sources of the campaign, and those of the store that are not usable.
-    remarks : tuple of dict
+    remarks : tuple of Remark
         Findings of the transducers.
     """
 
@@ -93,7 +94,7 @@ class GatheredCampaign:
     facts: WindowFacts | None = None
     used: tuple[Manifest, ...] = ()
     failed: tuple[Manifest, ...] = ()
-    remarks: tuple[dict[str, Any], ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
 
 def gather(store: Path, grids: Path | None, campaign: str | None) -> GatheredCampaign:
@@ -123,12 +124,12 @@ def gather(store: Path, grids: Path | None, campaign: str | None) -> GatheredCam
     )
 
 
-def replaced(folder: Path, before: str | None, campaign: str) -> tuple[dict[str, Any], ...]:
+def replaced(folder: Path, before: str | None, campaign: str) -> tuple[Remark, ...]:
     """A warning where the analysis of another campaign stood in this folder."""
     if before is None or before == campaign:
         return ()
     message = f"replaces the analysis of {before}; a store holds one analysis: give each campaign a store to keep both"
-    return (told("warning", str(folder), message),)
+    return (Remark("warning", str(folder), message),)
 
 
 def failed_sources(store: Path) -> tuple[Manifest, ...]:
@@ -156,15 +157,10 @@ def _analysis_lines(analysis: Analysis, folder: Path, failed: int) -> tuple[str,
     return tuple(lines)
 
 
-def analysis_findings(
-    analysis: Analysis, failed: Sequence[Manifest], used: Sequence[Manifest]
-) -> tuple[dict[str, Any], ...]:
+def analysis_findings(analysis: Analysis, failed: Sequence[Manifest], used: Sequence[Manifest]) -> tuple[Remark, ...]:
     """Holes, files, points and windows that are missing, steps that could not be made, efficiencies above 1."""
     found = [*lack_findings(analysis.grid, analysis.lacking, failed, used), *earlier_means(used)]
-    found += [
-        told("warning", error.where, f"{error.came}; expected {error.expected}. {error.do}")
-        for error in analysis.missing
-    ]
+    found += [Remark("warning", error.where, error.advice) for error in analysis.missing]
     if analysis.balance is not None:
         above = analysis.balance.above_one()
         names = analysis.balance.grid.points.name[above]
@@ -173,5 +169,5 @@ def analysis_findings(
                 f"magnetic efficiency above 1 at {len(names)} points, at {int(analysis.balance.implausible().sum())} "
                 f"by more than U: {', '.join(map(str, names[:5]))}{' ...' if len(names) > 5 else ''}"
             )
-            found.append(told("warning", "efficiency", message))
+            found.append(Remark("warning", "efficiency", message))
     return tuple(found)

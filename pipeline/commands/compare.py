@@ -16,6 +16,7 @@ from pmg.pipeline.chapters.measured.sensor_fault import misread_warning
 from pmg.pipeline.chapters.page import build_report
 from pmg.pipeline.commands.analyse import analysis_findings
 from pmg.pipeline.commands.compare_and_diagnose import compare_and_diagnose, leave_model, summary_facts
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate, now
 from pmg.pipeline.commands.stored_analysis import analysed
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document
@@ -27,9 +28,9 @@ from pmg.pipeline.model.apply_model import remark
 from pmg.pipeline.model.model_file import FILE as MODEL
 from pmg.pipeline.model.read_model import read_model
 from pmg.pipeline.model.sensor_fault_correction import correct_sensor_fault
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store.store import Store
-from pmg.pipeline.wording.outcome import Outcome, told
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -139,7 +140,7 @@ def campaign_page(
     note: str,
     tolerances: Mapping[str, tuple[float, float]] | None,
     provenance: tuple[tuple[str, str], ...],
-) -> tuple[Report, tuple[dict[str, Any], ...]]:
+) -> tuple[Report, tuple[Remark, ...]]:
     """The report of a campaign, and the findings that go with it.
 
     Parameters
@@ -181,7 +182,7 @@ def campaign_page(
         faults=faults,
     )
     if faults and analysis.balance is not None:
-        remarks += (told("warning", "losses", misread_warning(faults, analysis.balance)),)
+        remarks += (Remark("warning", "losses", misread_warning(faults, analysis.balance)),)
     return page, remarks
 
 
@@ -191,7 +192,7 @@ class _RecordedPart:
 
     orders: Section | None
     signals: Encoded
-    findings: tuple[dict[str, Any], ...]
+    findings: tuple[Remark, ...]
 
 
 def _of_recordings(whole: StoredAnalysis, budget: Budget) -> _RecordedPart:

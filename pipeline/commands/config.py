@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.settings.chosen import KEYS, choose
 from pmg.pipeline.settings.settings import settings
 from pmg.pipeline.settings.template import template
-from pmg.pipeline.wording.outcome import Outcome, told
 from pmg.pipeline.wording.plurals import counted
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def run_check(path: Path) -> Outcome:
     chosen = choose(path)
     _ = chosen.options()
     absent = [name for name in MUST_EXIST if (place := chosen.path(name)) is not None and not place.exists()]
-    findings = [told("warning", f"{chosen.origins[n]}: {KEYS[n]}", f"{chosen.path(n)} is not there") for n in absent]
+    findings = [Remark("warning", f"{chosen.origins[n]}: {KEYS[n]}", f"{chosen.path(n)} is not there") for n in absent]
     if "limits" not in absent:
         _ = settings(chosen)
     assert chosen.file is not None  # it was read

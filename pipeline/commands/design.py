@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING, Any
 from pmg.pipeline.analysis.outputs import read_analysis
 from pmg.pipeline.chapters.explained.detectability import audit_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now, went_in
 from pmg.pipeline.diagnosis.design.audit import RESEMBLING, audit_design
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.grid.campaign import recorded_bench
 from pmg.pipeline.model.read_model import read_model
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.simulate.inputs import loss_model
 from pmg.pipeline.simulate.planned import planned_floor, planned_grid
 from pmg.pipeline.simulate.scenario_file import read_scenario
-from pmg.pipeline.wording.outcome import Outcome
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import BenchError
 from pmg.sim.signals import MINUTE
@@ -53,7 +54,7 @@ def run_design(
     began = now()
     taken: tuple[Path | SourceFile, ...] = () if plan is None else (plan,)
     bench = load_bench()
-    remarks: tuple[dict[str, Any], ...] = ()
+    remarks: tuple[Remark, ...] = ()
     whole = None if model_file is None else read_model(model_file)
     if plan is not None:
         file = read_scenario(plan, "a plan")

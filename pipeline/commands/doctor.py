@@ -6,13 +6,14 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.commands.design import told_audit
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.importers.supply import read_supply
 from pmg.pipeline.preflight.abilities import NO, Design, abilities
 from pmg.pipeline.preflight.environment import BAD, OK, environment
 from pmg.pipeline.preflight.rehearsal import audit, rehearse
 from pmg.pipeline.preflight.survey import survey
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.recording.supplied import NOTHING
-from pmg.pipeline.wording.outcome import Outcome, told
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.bench import load_bench
 
@@ -54,14 +55,14 @@ def run_doctor(
     checks = environment(place if found.stored else store, 0 if found.stored else size)
     campaigns = [_campaign(found.of(name), name, bench) for name in found.campaigns]
     possible = any(row["state"] != NO for part in campaigns for row in part["chapters"])
-    findings = [told("error", f.name, f"unusable: {f.unusable}") for f in found.files if f.unusable and not f.copy]
+    findings = [Remark("error", f.name, f"unusable: {f.unusable}") for f in found.files if f.unusable and not f.copy]
     findings += [
-        told("warning", file.name, f"the same bytes as {file.copy}: counts once") for file in found.files if file.copy
+        Remark("warning", file.name, f"the same bytes as {file.copy}: counts once") for file in found.files if file.copy
     ]
-    findings += [told("warning", file.name, file.damage) for file in found.files if file.damage]
-    findings += [told("warning", check.what, check.told) for check in checks if check.state != OK]
+    findings += [Remark("warning", file.name, file.damage) for file in found.files if file.damage]
+    findings += [Remark("warning", check.what, check.told) for check in checks if check.state != OK]
     findings += [
-        told("warning", part["campaign"], f"hole in the grid: {hole}") for part in campaigns for hole in part["holes"]
+        Remark("warning", part["campaign"], f"hole in the grid: {hole}") for part in campaigns for hole in part["holes"]
     ]
     data: dict[str, Any] = {
         "place": str(place),

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.importers.channel_map import RUN_KEYS, read_map
 from pmg.pipeline.importers.export import export_recording
 from pmg.pipeline.importers.import_recording import FORMATS, import_recording
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.windows.limits import chosen_limits
-from pmg.pipeline.wording.outcome import Outcome
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import BenchError, PmgError, RecordingError, near_miss
 
@@ -59,11 +60,8 @@ def run_import(
                 raise
         if progress is not None:
             progress(number, len(sources), source.name)
-    findings = [finding.to_dict() for imported in done for finding in imported.findings]
-    findings += [
-        {"severity": "error", "file": source.name, "where": _place(fault, source), "message": _told_of(fault)}
-        for source, fault in failed
-    ]
+    findings: list[Remark] = [finding for imported in done for finding in imported.findings]
+    findings += [Remark("error", _place(fault, source), fault.advice, source.name) for source, fault in failed]
     samples = sum(sum(imported.written.values()) for imported in done)
     rows = f"{counted(sum(imported.rows for imported in done), 'row')}, {counted(samples, 'sample')} of all channels"
     head = f"imported {len(done)} of {counted(len(sources), 'file')}, {rows}, into {out}"
@@ -77,11 +75,6 @@ def _place(fault: PmgError, source: Path) -> str:
         if fault.where.startswith(name):
             return fault.where.removeprefix(name).lstrip(":, ") or "file"
     return fault.where
-
-
-def _told_of(fault: PmgError) -> str:
-    """What is wrong and what to do; the place is told beside it."""
-    return f"{fault.came}; expected {fault.expected}. {fault.do}"
 
 
 def run_export(recording: Path, out: Path, rate_hz: float | None, limits: Path | None = None) -> Outcome:
@@ -101,7 +94,7 @@ def run_export(recording: Path, out: Path, rate_hz: float | None, limits: Path |
         "previews": done.previews,
         "limits": judged_by.document(),
     }
-    return Outcome(data, lines, tuple(finding.to_dict() for finding in done.findings))
+    return Outcome(data, lines, done.findings)
 
 
 def _readings(done: Iterable[Imported]) -> tuple[str, ...]:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pmg.pipeline.commands.ingest_files import ingest
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.grid.campaign import campaigns
 from pmg.pipeline.grid.copies import COPY, without_copies
 from pmg.pipeline.grid.missing_points import missing_points
 from pmg.pipeline.grid.window_facts import window_remarks
 from pmg.pipeline.importers.supply import read_supply
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.recording.supplied import NOTHING
 from pmg.pipeline.store.sources import Shard
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.windows.limits import chosen_limits
-from pmg.pipeline.wording.outcome import Outcome, told
 from pmg.pipeline.wording.plurals import counted
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ def run_ingest(
         "not_reached": len(missing_points),
         "campaigns": list(report.campaigns),
     }
-    findings = tuple(finding.to_dict() for finding in report.findings)
+    findings = tuple[Remark, ...](report.findings)
     judged = _told_windows(manifests, report.sha256)
     missing = any(not point.instead for point in missing_points)
     return Outcome(
@@ -100,10 +101,10 @@ def run_ingest(
     )
 
 
-def _told_windows(manifests: list[Manifest], sources: frozenset[str]) -> tuple[dict[str, Any], ...]:
+def _told_windows(manifests: list[Manifest], sources: frozenset[str]) -> tuple[Remark, ...]:
     """Windows of these sources that failed a check, and remarks on those that did not, as findings."""
     return tuple(
-        told(
+        Remark(
             "info" if window.accepted else "warning",
             f"{manifest.file}: {window.point}",
             ("accepted; " if window.accepted else "rejected: ") + "; ".join(words),
@@ -119,14 +120,14 @@ def _of_campaigns(manifests: list[Manifest]) -> list[list[Manifest]]:
     return [[m for m in manifests if m.campaign == name] for name in campaigns(manifests)]
 
 
-def _copied_windows(manifests: list[Manifest], sources: frozenset[str]) -> tuple[dict[str, Any], ...]:
+def _copied_windows(manifests: list[Manifest], sources: frozenset[str]) -> tuple[Remark, ...]:
     """Windows in two files of their campaign, one of them of these sources at least, as findings.
 
     The other may have come in before, as of another shard, which could not tell of this one.
     """
     files = _files(manifests, sources)
     return tuple(
-        told("warning", f"{manifest.file}: {window.point}", f"{reason}; it counts once, as there")
+        Remark("warning", f"{manifest.file}: {window.point}", f"{reason}; it counts once, as there")
         for campaign in _of_campaigns(manifests)
         for manifest in without_copies(campaign)
         for window in manifest.windows

@@ -230,7 +230,7 @@ def _shared_start(manifests: Iterable[Manifest], asked: Container[str]) -> Itera
         if other is not manifest and (manifest.sha256 in asked or other.sha256 in asked):
             came = f"the supplied start {manifest.started_at} is that of {other.file} too; expected one of its own"
             advice = "The order of the runs is lost, and they may count as copies: ingest each with a map of its own."
-            yield Finding(Code.RUN_VALUE, Severity.WARNING, manifest.file, "started_at", came, advice)
+            yield Finding(Severity.WARNING, "started_at", came, manifest.file, Code.RUN_VALUE, advice)
 
 
 def _unseen(folder: Path) -> StoreError:
@@ -243,7 +243,7 @@ def _unseen(folder: Path) -> StoreError:
 def _changed(source: StoredSource) -> Finding:
     message = "its bytes changed between listing and reading; expected a file that is at rest"
     advice = "Wait until the recorder has closed it, then ingest again."
-    return Finding(Code.UNREADABLE, Severity.ERROR, source.name, "whole file", message, advice)
+    return Finding(Severity.ERROR, "whole file", message, source.name, Code.UNREADABLE, advice)
 
 
 def _manifest(source: StoredSource, recording: Recording, windows: Sequence[Window], job: Job) -> Manifest:

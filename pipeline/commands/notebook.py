@@ -103,7 +103,11 @@ def ingest(
         raise
     counts = done.data
     found = IngestedCampaigns(
-        place, tuple(counts["campaigns"]), counts["windows"], counts["rejected"], tuple(map(dict, done.findings))
+        place,
+        tuple(counts["campaigns"]),
+        counts["windows"],
+        counts["rejected"],
+        tuple(remark.to_dict() for remark in done.findings),
     )
     if store is None:
         weakref.finalize(found, shutil.rmtree, place, ignore_errors=True)

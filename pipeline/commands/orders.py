@@ -13,6 +13,7 @@ import polars as pl
 from pmg.pipeline.chapters.measured.orders import orders_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.commands.crate import recordings_of
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.files.json_values import with_nulls
@@ -26,7 +27,6 @@ from pmg.pipeline.orders.survey import NOTHING_FOLLOWED, follow_lines
 from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store.store import Store
-from pmg.pipeline.wording.outcome import Outcome
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import FitError, StoreError, near_miss
@@ -98,7 +98,6 @@ def run_orders(
     followed = () if point is not None else follow_lines(table.filter("accepted"), bench)
     angles = [angle for m, orders in sources for angle in _load_angles(m, orders) if point in (None, angle["point"])]
     law = [] if point is not None else _laws(angles, bench)
-    findings = [plain for _, orders in sources for plain in orders.document["findings"]]
     data: dict[str, Any] = {
         "schema": SCHEMA,
         "campaign": name,
@@ -114,15 +113,17 @@ def run_orders(
         data["rows"] = table.to_dicts()
     if out is not None:
         data["files"] = _write(out, table, angles, data)
-    lines = _point_lines(table) if point is not None else _campaign_lines(name, followed)
-    written: tuple[str, ...] = ()
+    lines = list(_point_lines(table) if point is not None else _campaign_lines(name, followed))
+    lines += _angle_lines(angles, law)
     if report is not None:
         section = orders_section(followed, table.filter("accepted"), angles, choose_example(home, manifests))
         files = write_report(_page(name, followed, section, len(manifests)), report)
         leave_crate_of_files(report, "pmg orders", recordings_of(store, name), files, began)
         data |= {"report": str(files[0])}
         written = (f"report: {files[0]}",)
-    return Outcome(data, (*lines, *_angle_lines(angles, law), *written), tuple(findings))
+    return Outcome(
+        data, (*lines, *_angle_lines(angles, law), *written), tuple(f for _, orders in sources for f in orders.findings)
+    )
 
 
 def orders_chapter(store: Store, campaign: str, bench: BenchParameters) -> Section | None:
@@ -214,7 +215,7 @@ def _laws(angles: list[dict[str, Any]], bench: BenchParameters) -> list[dict[str
         try:
             law = wind_up(torque, value, u, bench.gear(gear), dof)
         except FitError as error:
-            laws.append(document | {"reason": f"{error.came}; expected {error.expected}. {error.do}"})
+            laws.append(document | {"reason": error.advice})
         else:
             laws.append(document | asdict(law))
     return laws

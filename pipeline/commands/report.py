@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,10 +17,11 @@ from pmg.pipeline.campaign_comparison.statement import statement
 from pmg.pipeline.campaign_comparison.transducers import Transducers
 from pmg.pipeline.campaign_comparison.verdict import PERMUTATION_SEED, judge
 from pmg.pipeline.chapters.campaigns.page import versus_report
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_two, now
 from pmg.pipeline.files.atomic import write_atomic
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.write import write_report
-from pmg.pipeline.wording.outcome import Outcome, told
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import StoreError
@@ -143,30 +144,32 @@ def _lines(versus: Versus, judged: ComparisonVerdict | None, page: Path) -> Iter
     yield f"report: {page}"
 
 
-def findings(versus: Versus) -> Iterator[dict[str, Any]]:
+def findings(versus: Versus) -> Iterator[Remark]:
     """What the reader of a comparison has to know beside it, as findings of a stage."""
     for side, left in ((versus.a, versus.matching.only_a), (versus.b, versus.matching.only_b)):
         if left:
             names = ", ".join(str(side.grid.points.name[one.row]) for one in left[:5])
             more = " ..." if len(left) > 5 else ""
             message = f"{counted(len(left), 'point')} without a partner: {names}{more}"
-            yield told("warning", side.name, message)
+            yield Remark("warning", side.name, message)
         for error in side.analysis.missing:
-            yield told("warning", f"{side.name}, {error.where}", f"{error.came}; expected {error.expected}. {error.do}")
+            yield Remark("warning", f"{side.name}, {error.where}", error.advice)
         if side.grid.origin != "published" and not (side.grid.points.zero & side.grid.accepted).any():
             message = "no zero check was accepted: by how much its zero was off is not known, and not in U"
-            yield told("warning", side.name, message)
+            yield Remark("warning", side.name, message)
         if side.grid.origin == "published":
             message = (
                 f"published grid, torques rounded to {side.grid.rounding:g} N m: the rounding is in its uncertainty, "
                 "no time and no transducers are known"
             )
-            yield told("warning", side.name, message)
+            yield Remark("warning", side.name, message)
     if versus.in_both:
-        yield told("warning", "A and B", f"{versus.in_both}; there, differences are those of two analyses of one test")
+        yield Remark(
+            "warning", "A and B", f"{versus.in_both}; there, differences are those of two analyses of one test"
+        )
     if len(versus.matching) and not versus.corrected:
         message = "no campaign has loss curves: speeds and loads that differ within the tolerances are not corrected"
-        yield told("warning", "set-points", message)
+        yield Remark("warning", "set-points", message)
 
 
 def _provenance(side: CampaignSide) -> list[tuple[str, str]]:

@@ -8,6 +8,7 @@ from pmg.pipeline.analysis.outputs import read_analysis
 from pmg.pipeline.chapters.explained.structure import structure_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.commands.compare import SEED
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now, went_in
 from pmg.pipeline.diagnosis.residuals.covariates import BY_ID
 from pmg.pipeline.diagnosis.residuals.fitted import FITS, LEVEL
@@ -17,9 +18,9 @@ from pmg.pipeline.fit.document import number
 from pmg.pipeline.fit.options import THESIS_OPTIONS
 from pmg.pipeline.grid.campaign import recorded_bench
 from pmg.pipeline.grid.tables import PUBLISHED, read_published
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
-from pmg.pipeline.wording.outcome import Outcome, told
 from pmg.pipeline.wording.probability import told_nominal, told_search
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import FitError, GridError, near_miss
@@ -84,7 +85,7 @@ def run_residuals(
     if draws < FEWEST_DRAWS:
         raise FitError("--draws", str(draws), f"{FEWEST_DRAWS} or more", "Ask for more synthetic grids.")
     bench = load_bench()
-    remarks: tuple[dict[str, Any], ...] = ()
+    remarks: tuple[Remark, ...] = ()
     if store is not None:
         grid, options = read_analysis(store)
         bench, remarks = recorded_bench(store, grid, bench)
@@ -131,9 +132,7 @@ def run_residuals(
         leave_crate_of_files(report, "pmg residuals", taken, files, began)
         data |= {"report": str(files[0]), "files": [str(path) for path in files]}
         lines.append(f"report: {files[0]}")
-    findings = tuple(
-        told("info", error.where, f"{error.came}; expected {error.expected}. {error.do}") for error in analysis.missing
-    )
+    findings = tuple(Remark("info", error.where, error.advice) for error in analysis.missing)
     return Outcome(data, tuple(lines), remarks + findings, mismatch=study.p_value <= LEVEL)
 
 

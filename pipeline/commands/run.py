@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.compare import run_compare
 from pmg.pipeline.commands.ingest import run_ingest
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.fit.options import AnalysisOptions
-from pmg.pipeline.wording.outcome import Outcome
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -55,11 +54,10 @@ def run_all(
         campaign = campaign or (ingested[0] if len(ingested) == 1 else None)
     parts["analyse"] = run_analyse(store, options, grids=grids, campaign=campaign)
     parts["compare"] = run_compare(store, report, note, model, tolerances=tolerances)
-    findings = {json.dumps(finding, sort_keys=True): finding for part in parts.values() for finding in part.findings}
     return Outcome(
         data={name: part.data for name, part in parts.items()},
         lines=tuple(line for part in parts.values() for line in part.lines),
-        findings=tuple(findings.values()),
+        findings=tuple(dict.fromkeys(remark for part in parts.values() for remark in part.findings)),
         partial=any(part.partial for part in parts.values()),
         mismatch=parts["compare"].mismatch,
     )

@@ -17,9 +17,10 @@ from pmg.pipeline.catalogue.find_run import FoundRun, find_run
 from pmg.pipeline.catalogue.index import Catalogue, open_catalogue
 from pmg.pipeline.catalogue.listing import aligned, comma_separated, for_json, printable, shown
 from pmg.pipeline.catalogue.query import column_named, texts_asked_for
+from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.store.store import RUNS, Store
 from pmg.pipeline.windows.limits import limit_told
-from pmg.pipeline.wording.outcome import Outcome, told
 from pmg.pipeline.wording.plurals import counted
 from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 from pmg.sim.bench import load_bench
@@ -80,13 +81,13 @@ def _chosen(columns: str | None) -> tuple[Column, ...]:
     return tuple(column_named(name.strip(), "--columns") for name in columns.split(","))
 
 
-def _unmet(catalogue: Catalogue, condition: str) -> Iterator[dict[str, Any]]:
+def _unmet(catalogue: Catalogue, condition: str) -> Iterator[Remark]:
     """Words that no run has, with the nearest that one has."""
     for column, text in texts_asked_for(condition):
         known = catalogue.values(column)
         if known and text not in known:
             hint = near_miss(text, known) if len(known) < 20 else closest(text, known)
-            yield told("warning", column.name, f"no run has {text!r}. {hint}".rstrip())
+            yield Remark("warning", column.name, f"no run has {text!r}. {hint}".rstrip())
 
 
 def run_show(store: Path, name: str) -> Outcome:
@@ -215,7 +216,7 @@ def run_diff(store: Path, a: str, b: str, store_b: Path | None = None) -> Outcom
     for own, their in paired(one, two):
         if own is None or their is None:
             alone = (own or their or {}).get("point")
-            remarks.append(told("warning", str(alone), f"only in {'a' if their is None else 'b'}"))
+            remarks.append(Remark("warning", str(alone), f"only in {'a' if their is None else 'b'}"))
             continue
         said, means = differing_rows(own, their), mean_differences(own, their, calibrations, bench)
         beyond |= any(mean.beyond for mean in means)
@@ -224,7 +225,7 @@ def run_diff(store: Path, a: str, b: str, store_b: Path | None = None) -> Outcom
         lines += _side_by_side(f"window {printable(title)}", said) + _mean_lines(means)
         if means and not whole:
             lines.append("  not analysed: U holds what varies within the windows, not what wanders between them")
-            remarks.append(told("info", title, "not analysed: u holds what varies within the windows only"))
+            remarks.append(Remark("info", title, "not analysed: u holds what varies within the windows only"))
         windows.append({"a": own["point"], "b": their["point"], "differs": _plain(said)} | _documents(means))
     data = {"a": one.name, "b": two.name, "differs": _plain(metadata), "windows": windows, "beyond_U": beyond}
     partial = not (catalogue.whole and other.whole)

@@ -6,6 +6,7 @@ import hashlib
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.chapters.simulated.simulation import simulation_report
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.report.write import PAGE
 from pmg.pipeline.simulate.files import simulation_files, write_simulation
@@ -14,7 +15,6 @@ from pmg.pipeline.simulate.scenario_file import read_scenario
 from pmg.pipeline.simulate.scenario_mechanisms import switch_on_by_words
 from pmg.pipeline.simulate.simulation import findings_of, simulate
 from pmg.pipeline.simulate.tables import summary_document
-from pmg.pipeline.wording.outcome import Outcome
 from pmg.sim.bench import load_bench
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION, SPEED_SUN

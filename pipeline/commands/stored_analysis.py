@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pmg.pipeline.commands.analyse import failed_sources
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.grid.campaign import choose_campaign
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
 from pmg.pipeline.grid.window_facts import marked_as_simulated, rated, window_facts
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.store.store import Store
 from pmg.sim.bench import load_bench
 
@@ -31,7 +32,7 @@ class SourceFacts:
 
     Parameters
     ----------
-    remarks : tuple of dict
+    remarks : tuple of Remark
         Findings of the recordings and of their transducers.
     inputs : tuple of (label, value)
         What the report says of its inputs: their number, first start, hash.
@@ -41,7 +42,7 @@ class SourceFacts:
         Sources of the store that are not usable, and those of the campaign.
     """
 
-    remarks: tuple[dict[str, Any], ...]
+    remarks: tuple[Remark, ...]
     inputs: tuple[tuple[str, str], ...]
     facts: WindowFacts | None
     failed: tuple[Manifest, ...]
@@ -97,7 +98,7 @@ def read_sources(store: Path, grid: Grid, bench: BenchParameters) -> SourceFacts
         return SourceFacts((), (("Input", "published grids, torques rounded to 0.01 N m"),), None, (), ())
     _, manifests = choose_campaign(Store(store), grid.campaign)
     failed = failed_sources(store)
-    remarks = tuple(finding.to_dict() for manifest in (*manifests, *failed) for finding in manifest.findings)
+    remarks: tuple[Remark, ...] = tuple(finding for manifest in (*manifests, *failed) for finding in manifest.findings)
     joined = "".join(sorted(manifest.sha256 for manifest in manifests))
     digest = hashlib.sha256(joined.encode()).hexdigest()
     first = min(manifest.started_at for manifest in manifests)

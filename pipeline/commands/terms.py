@@ -11,6 +11,7 @@ import numpy as np
 from pmg.pipeline.chapters.explained.balance import terms_sections
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.commands.compare import SEED
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
@@ -21,7 +22,6 @@ from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.report.document import Facts, Report
 from pmg.pipeline.report.document import Headline as Headline
 from pmg.pipeline.report.write import write_report
-from pmg.pipeline.wording.outcome import Outcome
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,14 +9,15 @@ import numpy as np
 
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.chapters.studies.validation import validation_section
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.grid.tables import PUBLISHED, read_published
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.thesis_figures import verdict
 from pmg.pipeline.thesis_figures.listing import documents, summary, table_lines, told
 from pmg.pipeline.thesis_figures.rounding import DRAWS, ROUNDING_SEED
-from pmg.pipeline.wording.outcome import Outcome
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
@@ -68,15 +69,13 @@ def run_validate(grids: Path, draws: int | None = None, seed: int | None = None,
     )
 
 
-def _findings(judged: tuple[JudgedFigure, ...]) -> tuple[dict[str, Any], ...]:
+def _findings(judged: tuple[JudgedFigure, ...]) -> tuple[Remark, ...]:
     """Every figure that rounding does not explain, or that the source states twice."""
     kinds = (verdict.FigureVerdict.NOT_EXPLAINED, verdict.FigureVerdict.INCONSISTENT)
     return tuple(
-        {
-            "severity": "info",
-            "where": j.figure.id,
-            "message": f"{j.figure.what}: {j.figure.text} {j.figure.unit.name}".rstrip() + f" is {told(j)}",
-        }
+        Remark(
+            "info", j.figure.id, f"{j.figure.what}: {j.figure.text} {j.figure.unit.name}".rstrip() + f" is {told(j)}"
+        )
         for j in judged
         if j.verdict in kinds
     )

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from scipy import stats
 
-from pmg.pipeline.wording.outcome import told
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.wording.plurals import counted, listed
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ ZERO_LEVEL = 0.01
 """Level of the test whether the zero checks read zero."""
 
 
-def budget_remarks(budget: Budget) -> Iterator[dict[str, Any]]:
+def budget_remarks(budget: Budget) -> Iterator[Remark]:
     """Remarks in the plain form of a stage's findings: windows whose noise is slow, a tare off or unknown."""
     grid, facts = budget.grid, budget.facts
     if facts is not None and facts.correlated.any():
@@ -28,7 +28,7 @@ def budget_remarks(budget: Budget) -> Iterator[dict[str, Any]]:
             f"at {counted(len(names), 'point')} low-frequency noise makes the mean less certain: {shown}; expected "
             "noise that settles within a twentieth of the window. Use longer windows."
         )
-        yield told("warning", "windows", message)
+        yield Remark("warning", "windows", message)
     checks = int((grid.points.zero & grid.accepted).sum())
     if grid.origin != "published" and checks < 2:
         message = (
@@ -36,7 +36,7 @@ def budget_remarks(budget: Budget) -> Iterator[dict[str, Any]]:
             "tares are off. What all points share holds no part for that, and is smaller than it should be; record "
             "one before and one after the campaign."
         )
-        yield told("warning", "zero checks", message)
+        yield Remark("warning", "zero checks", message)
     for shaft in budget:
         zeros = shaft.torque[grid.points.zero & grid.accepted]
         if len(zeros) > 2 and stats.ttest_1samp(zeros, 0.0).pvalue < ZERO_LEVEL:
@@ -44,4 +44,4 @@ def budget_remarks(budget: Budget) -> Iterator[dict[str, Any]]:
                 f"{len(zeros)} zero checks of the {shaft.side}: {zeros.mean() * 1e3:+.2f} mN m on average; expected "
                 "0 within their scatter. The offset is not subtracted and stands in the budget; tare the transducer."
             )
-            yield told("warning", "zero checks", message)
+            yield Remark("warning", "zero checks", message)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from pmg.pipeline.grid.copies import without_copies
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
 from pmg.pipeline.grid.transducer_uncertainty import common_uncertainty, tare_uncertainty, undithered
 from pmg.pipeline.grid.window_facts import rated, sorted_windows, window_facts, window_remarks
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.store.store import Store
 from pmg.sim.errors import StoreError, near_miss
 from pmg.sim.grid import Configuration, Grid, OperatingPoints
@@ -55,9 +56,7 @@ def choose_campaign(store: Store, name: str | None) -> tuple[str, list[Manifest]
     return chosen, without_copies([m for m in manifests if m.ingested and m.campaign == chosen])
 
 
-def recorded_bench(
-    store: Path, grid: Grid, bench: BenchParameters
-) -> tuple[BenchParameters, tuple[dict[str, Any], ...]]:
+def recorded_bench(store: Path, grid: Grid, bench: BenchParameters) -> tuple[BenchParameters, tuple[Remark, ...]]:
     """The bench with the nominal torques that the recordings behind an analysed grid state, and where they differ.
 
     Parameters

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pmg.pipeline.grid.levels import speed_levels
 from pmg.pipeline.grid.missing_points import lost_data, unreached_findings
 from pmg.pipeline.recording.codes import Severity
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.windows.reduce import REDUCTION
-from pmg.pipeline.wording.outcome import told
 from pmg.pipeline.wording.plurals import counted, listed
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
@@ -84,7 +84,7 @@ def _main(values: list[float]) -> list[float]:
 
 def lack_findings(
     grid: Grid, lacking: Sequence[str], failed: Sequence[Manifest] = (), used: Sequence[Manifest] = ()
-) -> tuple[dict[str, Any], ...]:
+) -> tuple[Remark, ...]:
     """What is missing, as findings of a stage: holes, with what may have filled them, files, windows.
 
     Parameters
@@ -119,30 +119,30 @@ def lack_findings(
         else:
             words = f"; it may be in what is not usable: {listed(files)}" if files else ""
             words += f"; it may be in what was lost of {listed(short)}" if short else ""
-        found.append(told("warning", "grid", f"no accepted point at {cell}{words}"))
+        found.append(Remark("warning", "grid", f"no accepted point at {cell}{words}"))
     for manifest, file in zip(failed, files, strict=True):
         why = next((f for f in manifest.findings if f.severity is Severity.ERROR), None)
         words = "" if why is None else f": {why.where}: {why.message}. {why.do}"
         cell = _asked_cell(manifest, grid)
         run = f" at {cell}" if cell else ""
-        found.append(told("warning", file, f"not usable, so not in the grid{run}{words}"))
+        found.append(Remark("warning", file, f"not usable, so not in the grid{run}{words}"))
     found += unreached_findings(used)
     for row in np.flatnonzero(~grid.accepted | (grid.reason != "")):
         where = f"window {grid.points.name[row]}"
         if grid.accepted[row]:
-            found.append(told("info", where, f"accepted; {grid.reason[row]}"))
+            found.append(Remark("info", where, f"accepted; {grid.reason[row]}"))
         else:
-            found.append(told("warning", where, f"rejected: {grid.reason[row]}"))
+            found.append(Remark("warning", where, f"rejected: {grid.reason[row]}"))
     return tuple(found)
 
 
-def earlier_means(used: Sequence[Manifest]) -> tuple[dict[str, Any], ...]:
+def earlier_means(used: Sequence[Manifest]) -> tuple[Remark, ...]:
     """Sources whose means were taken in an earlier way than those of today, as a finding of a stage."""
     files = [m.file for m in used if m.ingested and m.reduction != REDUCTION]
     if not files:
         return ()
     message = f"the means of {counted(len(files), 'recording')} were taken in an earlier way: {listed(files)}"
-    return (told("warning", "windows", f"{message}; expected today's. Run 'pmg ingest' on the recordings again."),)
+    return (Remark("warning", "windows", f"{message}; expected today's. Run 'pmg ingest' on the recordings again."),)
 
 
 def _asked_cell(manifest: Manifest, grid: Grid) -> str:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import defaultdict
 from dataclasses import asdict, dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pmg.pipeline.recording.codes import Severity
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.windows.gaps import GAP, LOSSES
-from pmg.pipeline.wording.outcome import told
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
@@ -59,13 +59,13 @@ class Unreached:
     instead: str
     without: str = ""
 
-    def finding(self) -> dict[str, Any]:
+    def finding(self) -> Remark:
         """The point as a finding of a stage."""
         words = f"{self.instead} holds an accepted point there" if self.instead else "no other file holds it instead"
         message = f"not reached: {self.why}; {self.like}, which begins as it does, runs it at {self.asked}; {words}"
         if self.without:
             message += f"; {self.without} begins so too and does not run it, so that it may not have been meant"
-        return told("info" if self.instead else "warning", f"{self.file}: {self.point}", message)
+        return Remark("info" if self.instead else "warning", f"{self.file}: {self.point}", message)
 
 
 @dataclass(frozen=True)
@@ -215,6 +215,6 @@ def asked(configuration: str, setpoints: Setpoints) -> str:
     return ", ".join([*([configuration] if configuration else []), *words])
 
 
-def unreached_findings(manifests: Sequence[Manifest]) -> Iterator[dict[str, Any]]:
+def unreached_findings(manifests: Sequence[Manifest]) -> Iterator[Remark]:
     """Points not reached in these sources of one campaign, as findings of a stage."""
     return (point.finding() for point in missing_points(manifests))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.wording.outcome import told
+from pmg.pipeline.recording.remark import Remark
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
 
 
-def transducer_remarks(facts: WindowFacts, bench: BenchParameters) -> Iterator[dict[str, Any]]:
+def transducer_remarks(facts: WindowFacts, bench: BenchParameters) -> Iterator[Remark]:
     """Findings of a stage: transducers whose nominal torque is not that of the bench.
 
     Parameters
@@ -36,4 +36,4 @@ def transducer_remarks(facts: WindowFacts, bench: BenchParameters) -> Iterator[d
                 "non-linearity is reckoned from the calibration's, with the bench's tolerances; correct whichever is "
                 "wrong."
             )
-            yield told("warning", f"transducer of the {side}", message)
+            yield Remark("warning", f"transducer of the {side}", message)

@@ -14,6 +14,7 @@ from pmg.pipeline.files.json_values import with_nulls
 from pmg.pipeline.orders.angle import index_of
 from pmg.pipeline.orders.point import Span, orders_of_point
 from pmg.pipeline.orders.row import OrderRow
+from pmg.pipeline.recording.findings import Finding
 from pmg.pipeline.store.store import ORDERS
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import StoreError
@@ -47,11 +48,16 @@ class SourceOrders:
     table : polars.DataFrame
         One row a window, signal and line: `KEYS` and the fields of `OrderRow`, SI, null where there is no number.
     document : dict
-        Places of the index pulses and load angle of each window.
+        Places of the index pulses, load angle of each window, and findings in plain form.
     """
 
     table: pl.DataFrame
     document: dict[str, Any]
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Findings on coils and index pulses."""
+        return tuple(Finding.from_dict(plain) for plain in self.document["findings"])
 
 
 def orders_of_source(recording: Recording, windows: Iterable[Window]) -> SourceOrders:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections import defaultdict, deque
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pmg.pipeline.point_signals.cell import BudgetRow, CellSignals, ChannelSignals, ShaftRows
 from pmg.pipeline.point_signals.traces import bins_for, speed_signals, stretch_of, torque_signals
-from pmg.pipeline.wording.outcome import told
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.wording.plurals import counted, listed
 from pmg.sim.errors import GridError, StoreError
 from pmg.sim.shafts import SIDES
@@ -40,12 +40,12 @@ class CampaignSignals:
     ----------
     cells : tuple of CellSignals
         One a row of the grid, in its order; none of a grid that comes from tables.
-    findings : tuple of dict
+    findings : tuple of Remark
         What is lacking, in the plain form of a stage's findings.
     """
 
     cells: tuple[CellSignals, ...]
-    findings: tuple[dict[str, Any], ...] = ()
+    findings: tuple[Remark, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def campaign_signals(store: Store, grid: Grid, budget: Budget) -> CampaignSignal
         )
     if grid.origin != "measured":
         message = f"a {grid.origin} grid has no recordings; expected a store of them. Its points show no signals."
-        return CampaignSignals((), (told("info", "signals of the points", message),))
+        return CampaignSignals((), (Remark("info", "signals of the points", message),))
     rows = [_rows_of(shaft) for shaft in budget]
     cells = [_without_signals(grid, budget, row, tuple(shaft(row) for shaft in rows)) for row in range(len(grid))]
     places = _places(store, grid)
@@ -221,14 +221,14 @@ def _with_signals(cell: CellSignals, place: _WindowPlace, run: Mapping[str, Arra
     return replace(known, channels=tuple(channels))
 
 
-def _findings(cells: list[CellSignals]) -> tuple[dict[str, Any], ...]:
+def _findings(cells: list[CellSignals]) -> tuple[Remark, ...]:
     """One finding for each way in which signals are lacking."""
     lacking: dict[str, list[str]] = defaultdict(list)
     for cell in cells:
         if cell.lacking:
             lacking[cell.lacking].append(cell.point)
     return tuple(
-        told(
+        Remark(
             "warning",
             "signals of the points",
             f"{counted(len(points), 'point')} without signals: {listed(points)}; {why}",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from pmg.pipeline.recording.codes import Code, Severity
+from pmg.pipeline.recording.remark import Remark
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -16,21 +17,21 @@ __all__ = ["LISTED", "LONGEST_TEXT", "Code", "Extent", "Finding", "Findings", "S
 
 
 @dataclass(frozen=True)
-class Finding:
+class Finding(Remark):
     """One thing found in one file.
 
     Parameters
     ----------
-    code : Code
-        What kind of thing.
     severity : Severity
         ``error``: data are lost or cannot be trusted; ``warning``: usable, but someone should look; ``info``.
-    file : str
-        Name of the file.
     where : str
         Topic, record, key or byte offset.
     message : str
         What came and what was expected.
+    file : str
+        Name of the file.
+    code : Code
+        What kind of thing.
     do : str
         What the user can do about it.
     byte_range, sample_range : (int, int), optional
@@ -39,11 +40,9 @@ class Finding:
         What is used all the same, and what is not; empty where the message says all.
     """
 
-    code: Code
     severity: Severity
-    file: str
-    where: str
-    message: str
+    file: str = field()
+    code: Code
     do: str
     byte_range: tuple[int, int] | None = None
     sample_range: tuple[int, int] | None = None
@@ -55,15 +54,8 @@ class Finding:
         return f"{self.file}: {self.where}: {self.message}. {self.do}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain form for JSON; what is not told is left out."""
-        plain: dict[str, Any] = {
-            "code": self.code.value,
-            "severity": self.severity.value,
-            "file": self.file,
-            "where": self.where,
-            "message": self.message,
-            "do": self.do,
-        }
+        """Plain form for JSON; empty fields are left out."""
+        plain = {"code": self.code.value, **super().to_dict(), "do": self.do}
         ranges = {"byte_range": self.byte_range, "sample_range": self.sample_range}
         plain |= {name: list(stretch) for name, stretch in ranges.items() if stretch is not None}
         return plain | {name: text for name, text in (("kept", self.kept), ("lost", self.lost)) if text}
@@ -192,7 +184,7 @@ class Findings:
         if self._count[kind] > LISTED:
             self.more[kind].add(extent.get("byte_range"), extent.get("sample_range"))
             return
-        self.gathered.append(Finding(code, severity, self.file, _short(where), _short(message), do, **extent))
+        self.gathered.append(Finding(severity, _short(where), _short(message), self.file, code, do, **extent))
         if self._count[kind] == LISTED:
             self.more[kind] = Rest(len(self.gathered) - 1)
 
@@ -202,11 +194,11 @@ def _counted(file: str, code: Code, severity: Severity, more: Rest) -> Finding:
     count, stretch = f"{more.count} more findings {code}", more.byte_range
     over = "" if stretch is None else f" over {more.covered} bytes between {stretch[0]} and {stretch[1]}"
     return Finding(
-        code,
         severity,
-        file,
         "whole file",
         f"{count}{over}; expected at most {LISTED}, which are listed one by one",
+        file,
+        code,
         "Treat them as those listed. A file with so much damage is best copied again.",
         byte_range=stretch,
         sample_range=more.sample_range,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.files.atomic import write_atomic
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.recording.write import SimulatedRun, rated_calibration, recording_bytes
 from pmg.pipeline.report.write import SUMMARY, report_files, write_report
 from pmg.pipeline.simulate.simulation import encoder_angles, recordable
@@ -43,7 +44,7 @@ _OURS = re.compile(r"(points|transient|response)\.(csv|parquet)|transient\.mcap|
 
 def simulation_files(
     simulation: Simulation, scenario: Scenario, bench: BenchParameters
-) -> tuple[dict[str, bytes], tuple[dict[str, str], ...]]:
+) -> tuple[dict[str, bytes], tuple[Remark, ...]]:
     """Tables and recordings of a simulation by their name, and findings on what could not be recorded.
 
     A value beyond the range of the bench's transducers cannot be recorded by them: that recording is left out.
@@ -71,7 +72,7 @@ def simulation_files(
                 files[name] = recording_bytes(run, calibration)
             except RecordingError as error:
                 message = f"not recorded: {error.came}; expected {error.expected}"
-                missing.append({"severity": "warning", "where": error.where, "message": message})
+                missing.append(Remark("warning", error.where, message))
     return files, tuple(missing)
 
 

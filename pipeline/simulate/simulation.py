@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.simulate.steady_points import SteadyPoints, steady_points
 from pmg.sim.dynamics.equilibrium import equilibrium
 from pmg.sim.dynamics.linear import check_control, frequency_response, linearise
@@ -209,7 +210,7 @@ def _answer(scenario: Scenario, given: Response, inputs: Inputs, points: SteadyP
     return Answer(given.side, about, response), state
 
 
-def findings_of(simulation: Simulation, scenario: Scenario, inputs: Inputs) -> tuple[dict[str, str], ...]:
+def findings_of(simulation: Simulation, scenario: Scenario, inputs: Inputs) -> tuple[Remark, ...]:
     """Remarks on a simulation: severity, where, message."""
     found: list[tuple[str, str, str]] = []
     points, run = simulation.points, simulation.run
@@ -237,7 +238,7 @@ def findings_of(simulation: Simulation, scenario: Scenario, inputs: Inputs) -> t
     if not recordable(scenario) and "mcap" in scenario.output.formats:
         message = "no recordings: their layout cannot say that the ring is held, and they would pass for others"
         found.append(("info", "output.formats", message))
-    return tuple({"severity": severity, "where": where, "message": message} for severity, where, message in found)
+    return tuple(Remark(*parts) for parts in found)
 
 
 LONG_RUN = 0.1

@@ -11,6 +11,7 @@ import polars as pl
 
 from pmg.pipeline.fit.document import number
 from pmg.pipeline.fit.losses import QUANTITIES
+from pmg.pipeline.recording.remark import Remark
 from pmg.sim.dynamics.assumptions import Assumptions
 from pmg.sim.mechanisms import Torques
 from pmg.sim.signals import REVOLUTION, SPEED_RING, SPEED_SUN
@@ -127,7 +128,7 @@ def summary_document(
     simulation: Simulation,
     scenario: Scenario,
     inputs: Inputs,
-    findings: tuple[dict[str, str], ...],
+    findings: tuple[Remark, ...],
     source: dict[str, str],
 ) -> dict[str, Any]:
     """All but the long tables, as JSON."""
@@ -150,7 +151,7 @@ def summary_document(
         "transient": None if run is None else _run_document(run),
         "response": None if simulation.answer is None else _answer_document(simulation.answer),
         "modes": [_mode_document(mode) for mode in simulation.modes],
-        "findings": list(findings),
+        "findings": [remark.to_dict() for remark in findings],
     }
 
 

@@ -170,12 +170,12 @@ def take_inventory(place: Path, shard: Shard | None = None) -> Inventory:
             unreadable += 1
             message = f"cannot be opened ({error.strerror or error}); expected a readable file"
             advice = "Check the link, the rights and the disk."
-            findings.append(Finding(Code.UNREADABLE, Severity.ERROR, name, "whole file", message, advice))
+            findings.append(Finding(Severity.ERROR, "whole file", message, name, Code.UNREADABLE, advice))
             continue
         if digest in sources:
             message = f"the same bytes as {sources[digest].name}; expected each run once. It is ingested once"
             findings.append(
-                Finding(Code.DUPLICATE_FILE, Severity.WARNING, name, "whole file", message, "Remove the copy.")
+                Finding(Severity.WARNING, "whole file", message, name, Code.DUPLICATE_FILE, "Remove the copy.")
             )
             continue
         sources[digest] = StoredSource(path, name, digest)

@@ -82,7 +82,7 @@ def test_a_campaign_without_zero_checks_is_told() -> None:
     checked = replace(without, analysis=replace(without.analysis, grid=replace(without.grid, points=first)))
     versus = subtract(without, without, Reach())
     for a, b, count in ((without, without, 2), (checked, without, 1), (checked, checked, 0)):
-        told = [finding["message"] for finding in findings(replace(versus, a=a, b=b))]
+        told = [finding.message for finding in findings(replace(versus, a=a, b=b))]
         assert sum("no zero check" in message for message in told) == count
 
 

@@ -22,7 +22,8 @@ from tests.importers import written
 from typer.testing import CliRunner
 
 from pmg.pipeline.cli.app import app
-from pmg.pipeline.wording.outcome import Outcome, told
+from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.recording.remark import Remark
 from pmg.sim.errors import StoreError
 
 RUNNER = CliRunner()
@@ -482,7 +483,7 @@ def raises(problem: BaseException) -> Callable[..., Outcome]:
     return stage
 
 
-FOUND = Outcome({"a": 1}, ("done",), (told("warning", "here", "something"),), mismatch=True)
+FOUND = Outcome({"a": 1}, ("done",), (Remark("warning", "here", "something"),), mismatch=True)
 PLANTED: tuple[tuple[Callable[..., Outcome], tuple[str, ...], int], ...] = (
     (gives(Outcome({}, ())), (), 0),
     (gives(Outcome({"a": 1}, (), partial=True)), (), 3),

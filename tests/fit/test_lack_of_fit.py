@@ -18,6 +18,7 @@ from tests.store.records import window
 from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.compare import run_compare
 from pmg.pipeline.commands.ingest_files import ingest
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.fit.calibration import calibrate
 from pmg.pipeline.fit.common_errors import causes_of_calibration, causes_of_fits
 from pmg.pipeline.fit.loss_fit import fit_losses
@@ -31,7 +32,6 @@ from pmg.pipeline.recording.run import RunRecord, Setpoints
 from pmg.pipeline.store.manifest import FAILED, Manifest
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.windows.limits import read_limits
-from pmg.pipeline.wording.outcome import Outcome
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import RecordingError
 from pmg.sim.losscurve import LossCurve
@@ -75,7 +75,7 @@ def lacking(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, Outcome,
 def test_analyse_and_compare_tell_of_files_and_windows_that_are_missing(lacking: tuple[Outcome, Outcome, Path]) -> None:
     for outcome in lacking[:2]:
         assert outcome.partial
-        told = {finding["where"]: finding["message"] for finding in outcome.findings}
+        told = {finding.where: finding.message for finding in outcome.findings}
         assert told["notes.mcap"].startswith("not usable, so not in the grid")
         assert told["window P2"].startswith("rejected: speed not settled")
     assert "1 of 2 points accepted; 1 of the store's sources not usable" in lacking[0].lines[0]
@@ -103,9 +103,9 @@ def test_a_hole_is_told_with_the_file_that_may_have_filled_it(file: str, words: 
     grid = measured(points("neutral", [100.0], [100.0]), np.ones(1), np.ones(1))
     failed = Manifest("x", file, status=FAILED)
     hole, *others = lack_findings(grid, ["neutral, sun 1404 rpm, ring 540 rpm"], [failed])
-    assert hole["message"].endswith(words)
-    assert [finding["where"] for finding in others] == [file]
-    assert lack_findings(grid, ["neutral, sun 1404 rpm, ring 54 rpm"], [failed])[0]["message"].count("may be in") == 1
+    assert hole.message.endswith(words)
+    assert [finding.where for finding in others] == [file]
+    assert lack_findings(grid, ["neutral, sun 1404 rpm, ring 54 rpm"], [failed])[0].message.count("may be in") == 1
     assert lack_findings(grid, []) == ()
 
 
@@ -125,8 +125,8 @@ def test_a_hole_is_told_with_the_unusable_file_that_was_run_there(run: dict[str,
     known = RunRecord(run.get("campaign", grid.campaign), configuration=run["configuration"], setpoints=setpoints)
     failed = Manifest("x", "x.mcap", status=FAILED, run=known)
     hole, other = lack_findings(grid, [cell or "neutral, sun 1404 rpm, ring 540 rpm"], [failed])
-    assert hole["message"].endswith("x.mcap was run there and is not usable") == bool(cell)
-    assert other["message"] == "not usable, so not in the grid" + (f" at {cell}" if cell else "")
+    assert hole.message.endswith("x.mcap was run there and is not usable") == bool(cell)
+    assert other.message == "not usable, so not in the grid" + (f" at {cell}" if cell else "")
 
 
 def twice(bench: Bench, **change: Any) -> tuple[Bench, Bench]:  # noqa: ANN401  (any field)
@@ -144,7 +144,7 @@ def test_a_run_in_two_files_is_one_point_and_the_fuller_one_is_kept(tmp_path: Pa
     assert grid.accepted.sum() == 2, "a repeat at another time is a point of its own"
     assert grid.reason[~grid.accepted].tolist() == [f"{COPY} {names[0]}"]
     outcome = run_analyse(store, OPTIONS, grids=None, campaign=None)
-    assert {f["message"] for f in outcome.findings} >= {f"rejected: {COPY} {names[0]}"}
+    assert {f.message for f in outcome.findings} >= {f"rejected: {COPY} {names[0]}"}
     assert outcome.partial
 
 
@@ -195,7 +195,7 @@ def test_the_nominal_torques_of_the_calibrations_reach_grid_and_findings(tmp_pat
     expected = np.hypot(0.002 * grid.torque_ring, 0.001 * 50.0) / np.sqrt(3.0)
     np.testing.assert_allclose(grid.common_ring, expected, rtol=1e-9)
     for outcome in both(store, tmp_path / "report"):
-        told = {f["where"]: f["message"] for f in outcome.findings}
+        told = {f.where: f.message for f in outcome.findings}
         assert "nominal torque of 50 N m; expected 10 N m" in told["transducer of the ring"]
         assert "transducer of the sun" not in told
     assert "nominal torque of 50 N m" in (tmp_path / "report" / "report.html").read_text()
@@ -219,7 +219,7 @@ def test_only_a_simulated_torque_may_stand_still(tmp_path: Path, code: Code, *, 
         replace(shaft, within=math.nan, std=0.0, resolution=math.nan) for shaft in (found.means.sun, found.means.ring)
     )
     means = replace(found.means, sun=sun, ring=ring)
-    marks = (Finding(code, Severity.INFO, "a.mcap", "whole file", "marked", ""),)
+    marks = (Finding(Severity.INFO, "whole file", "marked", "a.mcap", code, ""),)
     given = replace(given, windows=(replace(found, means=means),), findings=marks)
     grid = measured_grid(name, [given], load_bench())
     assert grid.accepted.tolist() == [accepted]
@@ -228,11 +228,11 @@ def test_only_a_simulated_torque_may_stand_still(tmp_path: Path, code: Code, *, 
 
 def test_the_means_of_an_earlier_reduction_are_told(tmp_path: Path) -> None:
     store = stored(tmp_path, ("a.mcap", Bench()), ("b.mcap", Bench(run={"started_at": SECOND})))
-    assert not [f for f in run_analyse(store, OPTIONS, grids=None, campaign=None).findings if f["where"] == "windows"]
+    assert not [f for f in run_analyse(store, OPTIONS, grids=None, campaign=None).findings if f.where == "windows"]
     path = next((store / "sources").glob("b-*.json"))
     path.write_text(path.read_text().replace('"reduction": ', '"reduction": 9'))
     for outcome in both(store, tmp_path / "report"):
-        (told,) = [f["message"] for f in outcome.findings if f["where"] == "windows"]
+        (told,) = [f.message for f in outcome.findings if f.where == "windows"]
         assert told.startswith("the means of 1 recording were taken in an earlier way: b.mcap")
 
 

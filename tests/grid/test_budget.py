@@ -187,7 +187,7 @@ def test_non_linearity_is_of_the_nominal_torque_of_the_calibration(nominal: tupl
         assert named(shaft, "linearity").remark.endswith(f"of {of:g} N m")
     names = {cause.name for cause in transducer_causes(grid, rated(BENCH, known))}
     assert "linearity of the ring transducer in neutral" in names
-    told = [remark["where"] for remark in transducer_remarks(known, BENCH)]
+    told = [remark.where for remark in transducer_remarks(known, BENCH)]
     ours = nominal == (5.0, 10.0)
     assert told == ([] if ours else ["transducer of the sun", "transducer of the ring"])
     assert (rated(BENCH, known) is BENCH) == ours
@@ -289,11 +289,11 @@ def test_a_tare_needs_two_zero_checks() -> None:
 def test_remarks_name_slow_noise_and_a_tare_that_is_off() -> None:
     assert list(budget_remarks(budget())) == []
     slow = list(budget_remarks(budget(flagged=3)))
-    assert [remark["where"] for remark in slow] == ["windows"]
-    assert campaign().points.name[3] in slow[0]["message"]
+    assert [remark.where for remark in slow] == ["windows"]
+    assert campaign().points.name[3] in slow[0].message
     off = list(budget_remarks(budget(campaign(zero=5e-3))))
-    assert [remark["where"] for remark in off] == ["zero checks"]
-    assert "sun" in off[0]["message"]
+    assert [remark.where for remark in off] == ["zero checks"]
+    assert "sun" in off[0].message
 
 
 @pytest.mark.parametrize(("kept", "word"), [(0, "none"), (1, "one"), (2, "")])
@@ -301,7 +301,7 @@ def test_a_campaign_without_two_zero_checks_is_told(kept: int, word: str) -> Non
     whole = campaign()
     ordinal = np.cumsum(whole.points.zero)
     grid = replace(whole, accepted=whole.accepted & (~whole.points.zero | (ordinal <= kept)))
-    found = [remark["message"] for remark in budget_remarks(budget(grid)) if remark["where"] == "zero checks"]
+    found = [remark.message for remark in budget_remarks(budget(grid)) if remark.where == "zero checks"]
     assert [message.split()[0] for message in found] == ([word] if word else [])
     assert not list(budget_remarks(budget(replace(grid, origin="published"))))
 

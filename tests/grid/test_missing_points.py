@@ -11,10 +11,10 @@ from tests.recording.writer import Bench
 from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.compare import run_compare
 from pmg.pipeline.commands.ingest import run_ingest
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.missing_points import missing_points
 from pmg.pipeline.store.store import Store
-from pmg.pipeline.wording.outcome import Outcome
 
 FIRST, LATER, LATEST = (f"2025-04-23T{hour:02}:00:00Z" for hour in (8, 9, 10))
 NAMES = ("A", "B", "C", "D")
@@ -62,7 +62,7 @@ def test_points_beyond_a_cut_are_named_with_their_set_points(tmp_path: Path) -> 
     analysed = run_analyse(store.path, AnalysisOptions(), grids=None, campaign=None)
     compared = run_compare(store.path, tmp_path / "report")
     for each in (outcome, analysed, compared):
-        assert {"cut.mcap: C", "cut.mcap: D"} == {f["where"] for f in each.findings if "not reached" in f["message"]}
+        assert {"cut.mcap: C", "cut.mcap: D"} == {f.where for f in each.findings if "not reached" in f.message}
     assert "cut.mcap: D" in (tmp_path / "report" / "report.html").read_text()
 
 
@@ -97,7 +97,7 @@ def test_points_that_were_run_again_are_told_with_the_file(tmp_path: Path) -> No
     )
     (lost,) = missing_points(store.manifests())
     assert (lost.point, lost.instead) == ("D", "rest.mcap")
-    assert {f["severity"] for f in outcome.findings if "not reached" in f["message"]} == {"info"}
+    assert {f.severity for f in outcome.findings if "not reached" in f.message} == {"info"}
 
 
 @pytest.mark.parametrize(
@@ -124,19 +124,19 @@ def test_a_point_that_a_whole_sequence_that_begins_alike_does_not_run_may_not_ha
     )
     lost = missing_points(store.manifests())
     assert [(point.point, point.without) for point in lost] == [("C", ""), ("D", "other.mcap")]
-    assert "whole.mcap, which begins as it does, runs it" in lost[0].finding()["message"]
-    assert "may not have been meant" not in lost[0].finding()["message"]
+    assert "whole.mcap, which begins as it does, runs it" in lost[0].finding().message
+    assert "may not have been meant" not in lost[0].finding().message
     assert (
         lost[1]
-        .finding()["message"]
-        .endswith("other.mcap begins so too and does not run it, so that it may not have been meant")
+        .finding()
+        .message.endswith("other.mcap begins so too and does not run it, so that it may not have been meant")
     )
 
 
 def test_ingest_tells_of_copies_of_a_run(tmp_path: Path) -> None:
     """As analyse does; the other bytes of a copy are what a byte-for-byte comparison misses."""
     store, outcome = stored(tmp_path, a=session(FIRST), b=session(FIRST, ("A", "B"), 2000))
-    told = {f["where"]: f["message"] for f in outcome.findings if "the same run" in f["message"]}
+    told = {f.where: f.message for f in outcome.findings if "the same run" in f.message}
     assert told == dict.fromkeys(("b.mcap: A", "b.mcap: B"), "the same run is in a.mcap; it counts once, as there")
     assert outcome.data["copies"] == 2
     assert "2 windows in two files: counted once" in outcome.lines

@@ -193,8 +193,8 @@ def test_a_recording_that_cannot_be_read_is_told_and_takes_no_other_point(
     assert [len(cell.channels) for cell in made.cells] == [4, 0, 4, 4]
     assert made.cells[1].shafts[0].torque == grid.torque_sun[1]
     (finding,) = made.findings
-    assert finding["severity"] == "warning"
-    assert "1 point without signals: B" in finding["message"]
+    assert finding.severity == "warning"
+    assert "1 point without signals: B" in finding.message
     page = encode(made.cells)
     assert page.index["cells"][1]["lacking"] == made.cells[1].lacking
     assert len(decode(page, 1)["budget"]) == 2
@@ -204,7 +204,7 @@ def test_published_grids_have_no_signals_and_say_so(published_folder: Path, tmp_
     grid = read_published(published_folder, BENCH)
     made = campaign_signals(Store(tmp_path / "none"), grid, budget_of(grid, None, BENCH))
     assert made.cells == ()
-    assert [finding["severity"] for finding in made.findings] == ["info"]
+    assert [finding.severity for finding in made.findings] == ["info"]
     assert encode(made.cells).index["cells"] == []
 
 

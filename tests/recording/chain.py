@@ -22,6 +22,7 @@ from pmg.pipeline.grid.completeness import holes, lack_findings
 from pmg.pipeline.recording.checks.stretches import stretches
 from pmg.pipeline.recording.codes import Severity
 from pmg.pipeline.recording.findings import Finding
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.store.manifest import Manifest
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.windows.gaps import LOSSES
@@ -169,7 +170,7 @@ class Chain:
     broken: tuple[str, ...]
 
 
-def ingested(data: bytes) -> tuple[Manifest, dict[str, npt.NDArray[np.float64]], Grid, list[dict[str, Any]]]:
+def ingested(data: bytes) -> tuple[Manifest, dict[str, npt.NDArray[np.float64]], Grid, list[Remark]]:
     """Manifest, samples and grid of a session, and what analyse would tell of it beside a whole repeat.
 
     No samples, and the grid of the repeat, where the session is not usable.
@@ -199,7 +200,7 @@ def ingested(data: bytes) -> tuple[Manifest, dict[str, npt.NDArray[np.float64]],
 
 
 @cache
-def undamaged() -> tuple[Manifest, dict[str, npt.NDArray[np.float64]], Grid, list[dict[str, Any]]]:
+def undamaged() -> tuple[Manifest, dict[str, npt.NDArray[np.float64]], Grid, list[Remark]]:
     """The same of the session before it is damaged."""
     return ingested(whole())
 
@@ -213,7 +214,7 @@ def follow(harm: Harm) -> Chain:
     broken: list[str] = []
     if not after.ingested:
         points = tuple(str(window["point"]) for window in before.document()["windows"])
-        silent = not any(f["where"] == SESSION and "not usable, so not in the grid: " in f["message"] for f in told)
+        silent = not any(f.where == SESSION and "not usable, so not in the grid: " in f.message for f in told)
         return Chain(((0, len(NAMES) * EACH),), points, points, ("the file is refused in silence",) * silent)
 
     gone = np.logical_or.reduce([np.isfinite(sound[name]) & np.isnan(samples[name]) for name in COLUMNS])
@@ -251,7 +252,7 @@ def follow(harm: Harm) -> Chain:
         touched.append(point)
         if point not in windows:
             absent.append(point)
-            if not any(f["where"] == f"{SESSION}: {point}" and "not reached" in f["message"] for f in told):
+            if not any(f.where == f"{SESSION}: {point}" and "not reached" in f.message for f in told):
                 broken.append(f"point {point} is gone, and nothing says so")
             continue
         broken += _rejected(windows[point], spoilt, (a, b), grid, rows[point], told)
@@ -264,7 +265,7 @@ def _rejected(
     span: Stretch,
     grid: Grid,
     row: int,
-    told: list[dict[str, Any]],
+    told: list[Remark],
 ) -> list[str]:
     """Links that are missing from the samples of a window to its row of the grid."""
     point, reasons = str(window["point"]), [str(reason) for reason in window["reasons"]]
@@ -279,7 +280,7 @@ def _rejected(
         broken.append(f"window {point} is rejected for something else: {reasons}")
     if grid.accepted[row] or grid.reason[row] != "; ".join(reasons):
         broken.append(f"row {point} of the grid does not carry the reason")
-    if not any(f["where"] == f"window {point}" and f["message"] == f"rejected: {grid.reason[row]}" for f in told):
+    if not any(f.where == f"window {point}" and f.message == f"rejected: {grid.reason[row]}" for f in told):
         broken.append(f"analyse does not tell of window {point}")
     return broken
 

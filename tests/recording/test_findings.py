@@ -116,7 +116,7 @@ def test_what_findings_say_reaches_manifest_and_page(tmp_path: Path) -> None:
     assert trailing["byte_range"] == [size - len(b"behind"), size]
     assert gap["sample_range"] == [4000, 4500]
     assert gap["lost"] == "500 samples"
-    table = findings_table(tuple(plain))
+    table = findings_table(report.findings)
     names = [column.name for column in table.columns]
     rows = {row[names.index("bytes")]: dict(zip(names, row, strict=True)) for row in table.rows}
     row = rows[f"{size - len(b'behind')} to {size}"]

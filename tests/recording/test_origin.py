@@ -21,7 +21,7 @@ from pmg.pipeline.store.store import Store
 
 from .writer import Bench, write
 
-TOLD = Finding(Code.SAMPLES_GAP, Severity.ERROR, "a.csv", "speed, from line 9", "3 empty; expected none", "Look.")
+TOLD = Finding(Severity.ERROR, "speed, from line 9", "3 empty; expected none", "a.csv", Code.SAMPLES_GAP, "Look.")
 
 
 def said(**other: str) -> tuple[tuple[str, dict[str, str]], ...]:

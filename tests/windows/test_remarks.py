@@ -18,6 +18,7 @@ from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.compare import run_compare
 from pmg.pipeline.commands.design import run_design
 from pmg.pipeline.commands.ingest import run_ingest
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.residuals import run_residuals
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.options import THESIS_OPTIONS, AnalysisOptions
@@ -26,7 +27,6 @@ from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.recording.codes import Code, Severity
 from pmg.pipeline.recording.findings import Finding
 from pmg.pipeline.store.manifest import Manifest
-from pmg.pipeline.wording.outcome import Outcome
 from pmg.sim.bench import BenchParameters, load_bench
 from pmg.sim.grid import Grid
 
@@ -57,18 +57,17 @@ def test_a_remark_on_an_accepted_window_is_in_every_list(tmp_path: Path) -> None
         drifts=Bench(torque_slope=0.0175, run={"point": "P2", "started_at": LATER}),
         noisy=Bench(4.0, spoil={TORQUE: slow}, run={"point": "P3", "started_at": LATEST}),
     )
-    told = {f["where"]: f for f in outcome.findings if f["message"].startswith("accepted")}
+    told = {f.where: f for f in outcome.findings if f.message.startswith("accepted")}
     assert set(told) == {"drifts.mcap: P2", "noisy.mcap: P3"}
     assert (
-        "half the limits would reject it: torque not settled: sun changes over the"
-        in told["drifts.mcap: P2"]["message"]
+        "half the limits would reject it: torque not settled: sun changes over the" in told["drifts.mcap: P2"].message
     )
-    assert "the noise of the torque of the sun may not be flat" in told["noisy.mcap: P3"]["message"]
+    assert "the noise of the torque of the sun may not be flat" in told["noisy.mcap: P3"].message
     assert outcome.data["rejected"] == 0
     assert not outcome.partial
     analysed = run_analyse(tmp_path / "s", AnalysisOptions(), grids=None, campaign=None)
     assert "3 of 3 points accepted" in analysed.lines[0]
-    assert {f["where"] for f in analysed.findings if "remark" in f["message"]} == {"window P2", "window P3"}
+    assert {f.where for f in analysed.findings if "remark" in f.message} == {"window P2", "window P3"}
     run_compare(tmp_path / "s", tmp_path / "report")
     table = (tmp_path / "report" / "tables" / "remarked-windows.csv").read_text().splitlines()
     assert [line.split(",")[0] for line in table[1:]] == ["P2", "P3"]
@@ -81,14 +80,14 @@ def test_a_hole_is_told_with_the_window_that_was_rejected_there() -> None:
     grid = measured(points("neutral", sun, ring), np.ones(6), np.ones(6))
     gone = np.arange(6) == 2
     grid = replace(grid, accepted=~gone, reason=np.where(gone, "emergency stop: pressed", ""))
-    cut = Finding(Code.TRUNCATED, Severity.ERROR, "cut.mcap", "byte 12", "cut", "copy it again")
+    cut = Finding(Severity.ERROR, "byte 12", "cut", "cut.mcap", Code.TRUNCATED, "copy it again")
     manifest = Manifest("cut", "cut.mcap", findings=(cut,))
     (hole,) = holes(grid)
     (found, rejected) = lack_findings(grid, [hole], (), [manifest])
-    assert found["message"] == f"no accepted point at {hole}; rejected there: window {grid.points.name[2]}"
-    assert rejected["where"] == f"window {grid.points.name[2]}"
+    assert found.message == f"no accepted point at {hole}; rejected there: window {grid.points.name[2]}"
+    assert rejected.where == f"window {grid.points.name[2]}"
     (found, *_) = lack_findings(grid, ["neutral, sun 5 rpm, ring 5 rpm"], (), [manifest])
-    assert found["message"].endswith("; it may be in what was lost of cut.mcap")
+    assert found.message.endswith("; it may be in what was lost of cut.mcap")
 
 
 @pytest.mark.parametrize("recorded_Nm", [10.0, 50.0])
@@ -112,6 +111,6 @@ def test_design_and_residuals_take_the_nominal_torque_that_was_recorded(
     outcomes = run_design(None, tmp_path / "s"), run_residuals(tmp_path / "s", None, fit="curves", draws=19)
     assert used == [recorded_Nm, recorded_Nm]
     for outcome in outcomes:
-        found = [f["message"] for f in outcome.findings if f["where"] == "transducer of the ring"]
+        found = [f.message for f in outcome.findings if f.where == "transducer of the ring"]
         assert len(found) == (recorded_Nm != 10.0)
         assert all("states a nominal torque of 50 N m; expected 10 N m" in message for message in found)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.chapters.measured.budget import budget_items
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Column, Facts, Section, Table, Text
 from pmg.pipeline.windows.reduce import UNCERTAINTY_SOURCE
 from pmg.pipeline.windows.window_mean import BERGER_YANG
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 def data_section(
     analysis: Analysis,
     note: str,
-    findings: tuple[Mapping[str, Any], ...],
+    findings: tuple[Remark, ...],
     budget: Budget | None = None,
     origins: tuple[tuple[str, ImportRecord], ...] = (),
 ) -> Section:
@@ -36,7 +37,7 @@ def data_section(
         The campaign.
     note : str
         What the user says of the data.
-    findings : tuple of mapping
+    findings : tuple of Remark
         What reading the recordings brought up, in the plain form of `Finding.to_dict`.
     budget : Budget, optional
         What the mean torques are uncertain by.
@@ -152,7 +153,7 @@ def origins_table(origins: tuple[tuple[str, ImportRecord], ...]) -> Table:
     )
 
 
-def findings_table(findings: tuple[Mapping[str, Any], ...]) -> Table:
+def findings_table(findings: tuple[Remark, ...]) -> Table:
     """What reading the recordings brought up: `findings` in the plain form of `Finding.to_dict` or of a stage."""
     return Table(
         id="findings",
@@ -167,7 +168,7 @@ def findings_table(findings: tuple[Mapping[str, Any], ...]) -> Table:
             Column("kept", "Kept"),
             Column("lost", "Lost"),
         ),
-        rows=tuple(_finding_row(plain) for plain in findings),
+        rows=tuple(_finding_row(finding.to_dict()) for finding in findings),
     )
 
 

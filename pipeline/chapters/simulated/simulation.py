@@ -12,6 +12,7 @@ from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.chapters.simulated.motion import NO_UNCERTAINTY, response_section, run_section
 from pmg.pipeline.fit.losses import QUANTITIES
 from pmg.pipeline.grid.levels import by_load
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import (
     Chart,
     Column,
@@ -45,7 +46,7 @@ def simulation_report(
     simulation: Simulation,
     scenario: Scenario,
     inputs: Inputs,
-    findings: tuple[dict[str, str], ...],
+    findings: tuple[Remark, ...],
     provenance: tuple[tuple[str, str], ...],
 ) -> Report:
     """The report of one scenario.
@@ -58,7 +59,7 @@ def simulation_report(
         What was asked for.
     inputs : Inputs
         The model.
-    findings : tuple of dict
+    findings : tuple of Remark
         Remarks: severity, where, message.
     provenance : tuple of (label, value)
         Scenario and its hash.
@@ -86,7 +87,7 @@ def _without_figures(section: Section) -> Section:
     return Section(section.id, section.title, kept, section.sources)
 
 
-def _verdict(simulation: Simulation, findings: tuple[dict[str, str], ...]) -> Headline:
+def _verdict(simulation: Simulation, findings: tuple[Remark, ...]) -> Headline:
     points, run = simulation.points, simulation.run
     told = []
     if points is not None:
@@ -101,7 +102,7 @@ def _verdict(simulation: Simulation, findings: tuple[dict[str, str], ...]) -> He
             told.append(f"A pole slipped after {trace.time[-1]:.3f} s; the run ends there.")
     if simulation.answer is not None:
         told.append(f"Frequency response to the {simulation.answer.side} motor's torque.")
-    grave = any(finding["severity"] != "info" for finding in findings)
+    grave = any(finding.severity != "info" for finding in findings)
     return Headline(" ".join(told), "attention" if grave else "neutral")
 
 
@@ -109,7 +110,7 @@ _WORDS = {None: "ideal", True: "yes", False: "no"}
 
 
 def _scenario_section(
-    simulation: Simulation, scenario: Scenario, inputs: Inputs, findings: tuple[dict[str, str], ...]
+    simulation: Simulation, scenario: Scenario, inputs: Inputs, findings: tuple[Remark, ...]
 ) -> Section:
     bench = scenario.bench
     mode = f"gear {bench.gear}, {bench.configuration}, {bench.held} held"
@@ -122,7 +123,7 @@ def _scenario_section(
         unit = RANGES[f.name][2] if f.name in RANGES and value is not None else ""
         rows.append((f.name, shown, "" if unit == "1" else unit, "default" if value == f.default else "chosen"))
     chosen = sum(row[-1] == "chosen" for row in rows)
-    told = "".join(f"{f['severity']}: {f['where']}: {f['message']}\n\n" for f in findings)
+    told = "".join(f"{f.severity}: {f.where}: {f.message}\n\n" for f in findings)
     items = (
         Text("Everything on this page is simulated. Nothing of it was measured.", kind="note"),
         Facts(facts),

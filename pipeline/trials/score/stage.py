@@ -8,8 +8,10 @@ import os
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
+from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.files.parallel import map_over
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.trials.nature import seal_truth
 from pmg.pipeline.trials.score.agreement import both_ways
@@ -20,7 +22,6 @@ from pmg.pipeline.trials.score.score import DiagnosisScore as Verdict
 from pmg.pipeline.trials.score.score import judge
 from pmg.pipeline.trials.score.sealed import open_truth, open_truths, seal
 from pmg.pipeline.trials.score.summary import Trial, case_row, score_lines, scores_document, summarise
-from pmg.pipeline.wording.outcome import Outcome
 from pmg.sim.errors import BenchError, near_miss
 
 if TYPE_CHECKING:
@@ -195,16 +196,16 @@ def _all(
     return Outcome(data, tuple(lines), _findings(trial))
 
 
-def _findings(trial: Trial) -> tuple[dict[str, Any], ...]:
+def _findings(trial: Trial) -> tuple[Remark, ...]:
     """Every false alarm and every wrong cause named with confidence."""
     worst = (Verdict.FALSE_ALARM, Verdict.WRONG)
     return tuple(
-        {
-            "severity": "warning",
-            "where": f"case {row['case']}",
-            "message": f"{row['outcome']}: {row['stratum']} ({row['reached_sigma']:.2f} sigma), said {row['verdict']}"
+        Remark(
+            "warning",
+            f"case {row['case']}",
+            f"{row['outcome']}: {row['stratum']} ({row['reached_sigma']:.2f} sigma), said {row['verdict']}"
             + (f" {', '.join(row['said'])}" if row["said"] else ""),
-        }
+        )
         for score, row in zip(trial.scores, trial.rows, strict=True)
         if score.outcome in worst
     )

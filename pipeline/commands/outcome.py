@@ -1,14 +1,17 @@
-"""What a stage did, as the command line tells it."""
+"""Outcome of a command: its results, its remarks and how it ended."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pmg.pipeline.recording.remark import Remark
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a stage did.
+    """Outcome of a command.
 
     Parameters
     ----------
@@ -16,24 +19,19 @@ class Outcome:
         Results, as JSON.
     lines : tuple of str
         The same for people, a few lines.
-    findings : tuple of dict
-        Remarks: severity, where, message.
+    findings : tuple of Remark
+        Remarks, among them the findings on recordings.
     partial : bool
         Something was left out that a new call, with better input, could add.
     mismatch : bool
         Simulation and recordings differ.
     failed : bool
-        Nothing can be done with what was given; what was found is told all the same.
+        Nothing can be done with what was given; the remarks say why.
     """
 
     data: dict[str, Any]
     lines: tuple[str, ...]
-    findings: tuple[dict[str, Any], ...] = ()
+    findings: tuple[Remark, ...] = ()
     partial: bool = False
     mismatch: bool = False
     failed: bool = False
-
-
-def told(severity: str, where: str, message: str) -> dict[str, Any]:
-    """A finding of a stage: ``error``, ``warning`` or ``info``, its place, and what was found."""
-    return {"severity": severity, "where": where, "message": message}
