@@ -120,10 +120,8 @@ def run_orders(
         files = write_report(_page(name, followed, section, len(manifests)), report)
         leave_crate_of_files(report, "pmg orders", recordings_of(store, name), files, began)
         data |= {"report": str(files[0])}
-        written = (f"report: {files[0]}",)
-    return Outcome(
-        data, (*lines, *_angle_lines(angles, law), *written), tuple(f for _, orders in sources for f in orders.findings)
-    )
+        lines.append(f"report: {files[0]}")
+    return Outcome(data, tuple(lines), tuple(finding for _, orders in sources for finding in orders.findings))
 
 
 def orders_chapter(store: Store, campaign: str, bench: BenchParameters) -> Section | None:
