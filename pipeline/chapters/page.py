@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Literal
 
@@ -23,7 +23,6 @@ from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.readings import predict
 from pmg.pipeline.model.apply_model import lead
-from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Headline, Report, Section, Signals, Table, Text
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.steady.gearbox import Gearbox
@@ -31,17 +30,16 @@ from pmg.sim.steady.gearbox import Gearbox
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pmg.pipeline.analysis.comparison import Residuals
     from pmg.pipeline.analysis.tolerance import Agreements, Tolerance
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.pipeline.fit.budget import Budget
     from pmg.pipeline.grid.conditions import Conditions
-    from pmg.pipeline.model.apply_model import Carried
-    from pmg.pipeline.model.extreme_steady_points import SteadyEnd
+    from pmg.pipeline.model.compared_campaign import ComparedCampaign
     from pmg.pipeline.model.sensor_fault_correction import Misread
     from pmg.pipeline.point_signals.encoded import Encoded
     from pmg.pipeline.recording.origin import ImportRecord
+    from pmg.pipeline.recording.remark import Remark
     from pmg.sim.bench import BenchParameters
 
 PACKAGES = ("pmg-bench", "numpy", "scipy", "pandas", "polars", "mcap", "matplotlib")
@@ -62,23 +60,43 @@ def versions(packages: tuple[str, ...]) -> str:
     return ", ".join(f"{name} {version(name)}" for name in packages)
 
 
+@dataclass(frozen=True)
+class RecordedFacts:
+    """What a report tells of the recordings behind a grid.
+
+    Parameters
+    ----------
+    findings : tuple of Remark
+        Remarks of the ingest.
+    origins : tuple of (file, mapping)
+        What recordings were imported from, where they were.
+    conditions : Conditions, optional
+        Under which conditions the campaign was run.
+    budget : Budget, optional
+        What the mean torques are uncertain by.
+    orders : Section, optional
+        What repeats with the turn of a shaft, where the ingest kept it.
+    signals : Encoded, optional
+        The signals behind the points of the grid.
+    """
+
+    findings: tuple[Remark, ...] = ()
+    origins: tuple[tuple[str, ImportRecord], ...] = ()
+    conditions: Conditions | None = None
+    budget: Budget | None = None
+    orders: Section | None = None
+    signals: Encoded | None = None
+
+
 def build_report(
     analysis: Analysis,
-    residuals: Residuals | None,
-    diagnosis: Diagnosis | None,
+    judged: ComparedCampaign | None,
     bench: BenchParameters,
+    recorded: RecordedFacts,
     *,
     note: str,
-    findings: tuple[Remark, ...],
     provenance: tuple[tuple[str, str], ...],
-    carried: Carried | None = None,
-    ends: tuple[SteadyEnd, ...] = (),
-    orders: Section | None = None,
-    budget: Budget | None = None,
-    origins: tuple[tuple[str, ImportRecord], ...] = (),
-    told: Conditions | None = None,
     tolerances: Mapping[str, Tolerance] | None = None,
-    signals: Encoded | None = None,
     faults: tuple[Misread, ...] = (),
 ) -> Report:
     """The report of one campaign, as far as its analysis reached.
@@ -87,42 +105,30 @@ def build_report(
     ----------
     analysis : Analysis
         Grids, fits, balance.
-    residuals : Residuals or None
-        Comparison with the simulator.
-    diagnosis : Diagnosis or None
-        Verdict.
+    judged : ComparedCampaign or None
+        What it says about the simulator.
     bench : BenchParameters
         Motor constants for the power flow.
+    recorded : RecordedFacts
+        What is known of the recordings.
     note : str
         What the reader must know about the data, such as that they are synthetic; may be empty.
-    findings : tuple of Remark
-        Remarks of the ingest.
     provenance : tuple of (label, value)
         Inputs, hashes, seed, command.
-    carried : Carried, optional
-        The model that was simulated instead of the calibrated baseline; the diagnosis is that of what it leaves.
-    ends : tuple of SteadyEnd
-        Where the moving bench comes to rest, without and with mechanisms.
-    orders : Section, optional
-        What repeats with the turn of a shaft, where the ingest kept it.
-    budget : Budget, optional
-        What the mean torques are uncertain by.
-    origins : tuple of (file, mapping)
-        What recordings were imported from, where they were.
-    told : Conditions, optional
-        Under which conditions the campaign was run.
     tolerances : mapping, optional
         Tolerances that were set for the comparison, by quantity.
-    signals : Encoded, optional
-        The signals behind the points of the grid.
     faults : tuple of Misread
         The losses without a fault of a reading, under each explanation that has one.
     """
+    residuals, diagnosis, carried, ends = (
+        (None, None, None, ()) if judged is None else (judged.residuals, judged.diagnosis, judged.carried, judged.ends)
+    )
+    signals = recorded.signals
     sections: list[Section] = [
-        conditions_section(told or conditions(()), note),
+        conditions_section(recorded.conditions or conditions(()), note),
         grids_section(analysis.grid, opens=signals is not None),
     ]
-    judged = analysis if carried is None else carried.analysis
+    left = analysis if carried is None else carried.analysis
     misread = () if analysis.balance is None else misread_items(faults, analysis.balance)
     if analysis.fits is not None:
         sections.append(neutral_section(analysis, analysis.fits))
@@ -135,9 +141,9 @@ def build_report(
     if residuals is not None and agreed is not None and analysis.calibration is not None:
         more = (() if carried is None else (prediction_table(carried),)) + ((ends_table(ends),) if ends else ())
         sections.append(comparison_section(residuals, agreed, more))
-    if diagnosis is not None and judged.calibration is not None:
+    if diagnosis is not None and left.calibration is not None:
         readings = diagnosis.mismatch.readings
-        residual = readings.torque - predict(readings, bench, judged.calibration.model)
+        residual = readings.torque - predict(readings, bench, left.calibration.model)
         sections.append(diagnosis_section(diagnosis, residual))
         if diagnosis.audit is not None:
             sections.append(audit_section(diagnosis.audit))
@@ -146,13 +152,13 @@ def build_report(
         behind = analysis.calibration, analysis.causes
         flow = flow_section(power_flows(gearbox, residuals.grid, residuals.simulated, bench, *behind))
         sections.append(_behind(flow, misread[:1]))
-    if orders is not None:
-        sections.append(orders)
+    if recorded.orders is not None:
+        sections.append(recorded.orders)
     if analysis.grid.origin == "published":
         from pmg.pipeline.chapters.studies.validation import published_sections
 
         sections.extend(published_sections(analysis.grid, bench))
-    sections.append(data_section(analysis, note, findings, budget, origins))
+    sections.append(data_section(analysis, note, recorded.findings, recorded.budget, recorded.origins))
     grid = analysis.grid
     return Report(
         title=f"Campaign {grid.campaign}",

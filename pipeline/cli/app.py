@@ -3,38 +3,17 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from pmg.pipeline.cli import config as cli_config
 from pmg.pipeline.cli import exchange, runs, studies
 from pmg.pipeline.cli import report as cli_report
-from pmg.pipeline.cli.frame import FailOn, FailOnOption, JsonOption, carry_out, progress_line
+from pmg.pipeline.cli.frame import Progress, command
 from pmg.pipeline.cli.group import AnswersInJson
-from pmg.pipeline.cli.options import (
-    CampaignOption,
-    ConfigOption,
-    CorrectionOption,
-    GridsOption,
-    LimitsOption,
-    ModelOption,
-    NoteOption,
-    Recordings,
-    ReportOption,
-    RestOption,
-    RobustOption,
-    SchedulerOption,
-    ShardOption,
-    StoreOption,
-    SupplyOption,
-    TermsRing,
-    TermsSun,
-    WorkersOption,
-)
-
-if TYPE_CHECKING:
-    from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.cli.options import ANALYSIS, RUN, CampaignOptions, Given, options_of
+from pmg.pipeline.commands.outcome import Outcome
 
 
 def _grouped(app: typer.Typer, groups: dict[str, typer.Typer]) -> typer.Typer:
@@ -79,186 +58,50 @@ def whole(
 
 
 @app.command()
-def ingest(
-    recordings: Recordings = None,
-    store: StoreOption = None,
-    workers: WorkersOption = None,
-    scheduler: SchedulerOption = None,
-    shard: ShardOption = None,
-    limits: LimitsOption = None,
-    chart: SupplyOption = None,
-    config: ConfigOption = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
+@command("ingest", options_of(CampaignOptions, "recordings store workers scheduler shard limits map config"))
+def ingest(given: Given, progress: Progress = None) -> Outcome:
     """Decode recordings into the store: torque [N m] and angle [rad] per run, windows judged, findings kept."""
+    from pmg.pipeline.commands.ingest import ingest_chosen
+    from pmg.pipeline.settings.chosen import choose
 
-    def stage() -> Outcome:
-        from pmg.pipeline.commands.ingest import run_ingest
-        from pmg.pipeline.settings.chosen import choose
-
-        chosen = choose(
-            config,
-            recordings=recordings,
-            store=store,
-            workers=workers,
-            scheduler=scheduler,
-            limits=limits,
-            map=chart,
-        )
-        with progress_line(as_json) as progress:
-            return run_ingest(
-                chosen.needed("recordings"),
-                chosen.needed("store"),
-                workers=chosen.workers,
-                scheduler=chosen.text("scheduler"),
-                shard=shard,
-                limits=chosen.limits,
-                chart=chosen.path("map"),
-                progress=progress,
-            )
-
-    carry_out("ingest", stage, as_json, fail_on)
+    shard = given.pop("shard")
+    return ingest_chosen(choose(**given), progress, shard)
 
 
 @app.command()
-def analyse(
-    store: StoreOption = None,
-    grids: GridsOption = None,
-    campaign: CampaignOption = None,
-    terms_sun: TermsSun = None,
-    terms_ring: TermsRing = None,
-    k_corr: CorrectionOption = None,
-    include_rest: RestOption = None,
-    robust: RobustOption = None,
-    model: ModelOption = None,
-    config: ConfigOption = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
+@command("analyse", options_of(CampaignOptions, f"store {ANALYSIS} model config"))
+def analyse(given: Given) -> Outcome:
     """Average windows into neutral and engaged grids, fit losses, calibrate, balance powers."""
+    from pmg.pipeline.commands.analyse import run_analyse
+    from pmg.pipeline.model.read_model import with_model
+    from pmg.pipeline.settings.chosen import choose
 
-    def stage() -> Outcome:
-        from pmg.pipeline.commands.analyse import run_analyse
-        from pmg.pipeline.model.read_model import with_model
-        from pmg.pipeline.settings.chosen import choose
-
-        chosen = choose(
-            config,
-            store=store,
-            grids=grids,
-            campaign=campaign,
-            terms_sun=terms_sun,
-            terms_ring=terms_ring,
-            k_corr=k_corr,
-            include_rest=include_rest,
-            robust=robust,
-        )
-        options = chosen.options()
-        if model is not None:  # the option alone: what a campaign file names is for the comparison
-            options = with_model(options, model, k_corr)
-        return run_analyse(
-            chosen.needed("store"), options, grids=chosen.path("grids"), campaign=chosen.text("campaign")
-        )
-
-    carry_out("analyse", stage, as_json, fail_on)
+    model = given.pop("model")
+    chosen = choose(**given)
+    options = chosen.options()
+    if model is not None:  # the option alone: what a campaign file names is for the comparison
+        options = with_model(options, model, given["k_corr"])
+    return run_analyse(chosen.needed("store"), options, grids=chosen.path("grids"), campaign=chosen.text("campaign"))
 
 
 @app.command()
-def compare(
-    store: StoreOption = None,
-    report: ReportOption = None,
-    note: NoteOption = None,
-    model: ModelOption = None,
-    config: ConfigOption = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
+@command("compare", options_of(CampaignOptions, "store report note model config"))
+def compare(given: Given) -> Outcome:
     """Set the simulator beside the bench, say whether and where they differ, and write the report."""
+    from pmg.pipeline.commands.compare import compare_chosen
+    from pmg.pipeline.settings.chosen import choose
 
-    def stage() -> Outcome:
-        from pmg.pipeline.commands.compare import run_compare
-        from pmg.pipeline.settings.chosen import choose
-
-        chosen = choose(config, store=store, report=report, note=note, model=model)
-        note_told = chosen.text("note") or ""
-        return run_compare(
-            chosen.needed("store"),
-            chosen.needed("report"),
-            note_told,
-            chosen.path("model"),
-            tolerances=chosen.tolerance,
-        )
-
-    carry_out("compare", stage, as_json, fail_on)
+    return compare_chosen(choose(**given))
 
 
 @app.command()
-def run(
-    recordings: Recordings = None,
-    store: StoreOption = None,
-    report: ReportOption = None,
-    grids: GridsOption = None,
-    campaign: CampaignOption = None,
-    terms_sun: TermsSun = None,
-    terms_ring: TermsRing = None,
-    k_corr: CorrectionOption = None,
-    include_rest: RestOption = None,
-    robust: RobustOption = None,
-    note: NoteOption = None,
-    model: ModelOption = None,
-    workers: WorkersOption = None,
-    scheduler: SchedulerOption = None,
-    limits: LimitsOption = None,
-    chart: SupplyOption = None,
-    config: ConfigOption = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
+@command("run", options_of(CampaignOptions, f"recordings {RUN} config"))
+def run(given: Given, progress: Progress = None) -> Outcome:
     """Ingest, analyse and compare in one go; or analyse and compare published grids (--grids)."""
+    from pmg.pipeline.commands.run import run_all
+    from pmg.pipeline.settings.chosen import choose
 
-    def stage() -> Outcome:
-        from pmg.pipeline.commands.run import run_all
-        from pmg.pipeline.settings.chosen import choose
-
-        chosen = choose(
-            config,
-            recordings=recordings,
-            grids=grids,
-            campaign=campaign,
-            store=store,
-            report=report,
-            workers=workers,
-            scheduler=scheduler,
-            limits=limits,
-            map=chart,
-            terms_sun=terms_sun,
-            terms_ring=terms_ring,
-            k_corr=k_corr,
-            include_rest=include_rest,
-            robust=robust,
-            note=note,
-            model=model,
-        )
-        with progress_line(as_json) as progress:
-            return run_all(
-                chosen.path("recordings"),
-                chosen.needed("store"),
-                chosen.needed("report"),
-                chosen.options(),
-                grids=chosen.path("grids"),
-                campaign=chosen.text("campaign"),
-                note=chosen.text("note") or "",
-                workers=chosen.workers,
-                scheduler=chosen.text("scheduler"),
-                limits=chosen.limits,
-                chart=chosen.path("map"),
-                progress=progress,
-                model=chosen.path("model"),
-                tolerances=chosen.tolerance,
-            )
-
-    carry_out("run", stage, as_json, fail_on)
+    return run_all(choose(**given), progress)
 
 
 simulate = app.command()(studies.simulate)

@@ -6,8 +6,11 @@ import json
 import os
 import sys
 import traceback
+from collections.abc import Callable
 from contextlib import contextmanager
 from enum import IntEnum, StrEnum
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -15,7 +18,7 @@ import typer
 from pmg.sim.errors import PmgError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator, Sequence
 
     from pmg.pipeline.commands.outcome import Outcome
 
@@ -45,6 +48,52 @@ class FailOn(StrEnum):
 
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 FailOnOption = Annotated[FailOn, typer.Option("--fail-on", help="Exit with 1 on a mismatch, or on any finding.")]
+
+Progress = Callable[[int, int, str], None] | None
+"""What a stage tells how far it is: how many are done, of how many, and which."""
+
+
+def command(
+    name: str, options: Sequence[Parameter] = (), *, fails: bool = True
+) -> Callable[[Callable[..., Outcome]], Callable[..., None]]:
+    """A stage as a command of the terminal, with its own parameters, a group of options and those on output.
+
+    Parameters
+    ----------
+    name : str
+        Words of the command, as results and errors name it.
+    options : sequence of Parameter
+        The group; the stage takes its values by name in a dict, as ``given``, and the call shows them in its place.
+    fails : bool
+        Whether the command takes ``--fail-on``.
+    """
+
+    def made(stage: Callable[..., Outcome]) -> Callable[..., None]:
+        own = dict(signature(stage, eval_str=True).parameters)
+        progress = own.pop("progress", None) is not None
+        shown = [one for key, each in own.items() for one in (options if key == "given" else (each,))]
+
+        @wraps(stage)
+        def carried(*, as_json: bool, fail_on: FailOn = FailOn.NEVER, **values: object) -> None:
+            if options:
+                values["given"] = {one.name: values.pop(one.name) for one in options}
+
+            def told() -> Outcome:
+                if not progress:
+                    return stage(**values)
+                with progress_line(as_json, "ingest" if name == "run" else name) as line:
+                    return stage(**values, progress=line)
+
+            carry_out(name, told, as_json, fail_on)
+
+        output = (("as_json", JsonOption, False), ("fail_on", FailOnOption, FailOn.NEVER))[: 2 if fails else 1]
+        shown += [Parameter(key, Parameter.KEYWORD_ONLY, default=value, annotation=kind) for key, kind, value in output]
+        carried.__signature__ = Signature(  # type: ignore[attr-defined]
+            [one.replace(kind=Parameter.KEYWORD_ONLY) for one in shown]
+        )
+        return carried
+
+    return made
 
 
 def carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on: FailOn) -> None:
@@ -139,7 +188,7 @@ def _exit_code(outcome: Outcome, fail_on: FailOn) -> ExitCode:
 
 
 @contextmanager
-def progress_line(quiet: bool, what: str = "ingest") -> Iterator[Callable[[int, int, str], None]]:
+def progress_line(quiet: bool, what: str) -> Iterator[Callable[[int, int, str], None]]:
     """A progress line on standard error: rewritten on a terminal, one line a tenth elsewhere."""
     terminal = sys.stderr.isatty()
     shown = -1

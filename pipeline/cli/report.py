@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from pmg.pipeline.campaign_comparison.transducers import Transducers
-from pmg.pipeline.cli.frame import FailOn, FailOnOption, JsonOption, carry_out
+from pmg.pipeline.cli.frame import command
 from pmg.pipeline.cli.options import NoteOption
-
-if TYPE_CHECKING:
-    from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.commands.outcome import Outcome
 
 
+@command("report")
 def report(
     stores: Annotated[list[Path], typer.Argument(help="Two stores with analysed campaigns.", metavar="A B")],
     folder: Annotated[Path, typer.Option("--report", help="Folder of report.html, figures, tables, versus.json.")],
@@ -30,25 +29,16 @@ def report(
         Transducers, typer.Option("--transducers", help="Whether A and B used the same; auto: by their calibrations.")
     ] = Transducers.AUTO,
     note: NoteOption = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
+) -> Outcome:
     """Set two campaigns beside each other: points matched, B minus A with its uncertainty, and what it follows."""
+    from pmg.pipeline.campaign_comparison.matching import Reach
+    from pmg.pipeline.commands.report import run_report
 
-    def stage() -> Outcome:
-        from pmg.pipeline.campaign_comparison.matching import Reach
-        from pmg.pipeline.commands.report import run_report, two
-
-        store_a, store_b = two(stores)
-        return run_report(
-            store_a,
-            store_b,
-            folder,
-            campaign_a=campaign_a,
-            campaign_b=campaign_b,
-            reach=Reach.parsed(speed_tolerance, load_tolerance),
-            transducers=transducers,
-            note=note or "",
-        )
-
-    carry_out("report", stage, as_json, fail_on)
+    return run_report(
+        stores,
+        folder,
+        campaigns=(campaign_a, campaign_b),
+        reach=Reach.parsed(speed_tolerance, load_tolerance),
+        transducers=transducers,
+        note=note or "",
+    )

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from pmg.pipeline.cli.frame import FailOn, FailOnOption, JsonOption, carry_out
-
-if TYPE_CHECKING:
-    from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.cli.frame import command
+from pmg.pipeline.commands.outcome import Outcome
 
 app = typer.Typer(
     help="What a store holds: list, show and compare its runs.", no_args_is_help=True, rich_markup_mode=None
@@ -20,6 +18,7 @@ StoreArgument = Annotated[Path, typer.Argument(help="Store with ingested recordi
 
 
 @app.command("list")
+@command("runs list")
 def listed(
     store: StoreArgument,
     where: Annotated[
@@ -28,50 +27,34 @@ def listed(
     sort: Annotated[str | None, typer.Option("--sort", help="Column; with a minus before it, largest first.")] = None,
     columns: Annotated[str | None, typer.Option("--columns", help="Columns, with commas between; or all.")] = None,
     as_csv: Annotated[bool, typer.Option("--csv", help="Comma-separated values.")] = False,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
+) -> Outcome:
     """List runs, one row a test window, with what was set, measured and found."""
+    from pmg.pipeline.commands.runs import run_list
 
-    def stage() -> Outcome:
-        from pmg.pipeline.commands.runs import run_list
-
-        return run_list(store, where, sort, columns, as_csv)
-
-    carry_out("runs list", stage, as_json, fail_on)
+    return run_list(store, where, sort, columns, as_csv)
 
 
 @app.command()
+@command("runs show")
 def show(
     store: StoreArgument,
     name: Annotated[str, typer.Argument(help="File, its name in the store, start of its hash, or test point.")],
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
+) -> Outcome:
     """Show one recording: run, calibration, channels, windows with reasons, findings, hashes, origin."""
+    from pmg.pipeline.commands.runs import run_show
 
-    def stage() -> Outcome:
-        from pmg.pipeline.commands.runs import run_show
-
-        return run_show(store, name)
-
-    carry_out("runs show", stage, as_json, fail_on)
+    return run_show(store, name)
 
 
 @app.command()
+@command("runs diff")
 def diff(
     store: StoreArgument,
     first: Annotated[str, typer.Argument(help="Recording or test point.", metavar="A")],
     second: Annotated[str, typer.Argument(help="Another one.", metavar="B")],
     store_b: Annotated[Path | None, typer.Option("--store-b", help="Store of B, where it is another.")] = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
+) -> Outcome:
     """Set two recordings or test points side by side: what differs, and which means differ beyond U."""
+    from pmg.pipeline.commands.runs import run_diff
 
-    def stage() -> Outcome:
-        from pmg.pipeline.commands.runs import run_diff
-
-        return run_diff(store, first, second, store_b)
-
-    carry_out("runs diff", stage, as_json, fail_on)
+    return run_diff(store, first, second, store_b)

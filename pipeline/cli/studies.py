@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from pmg.pipeline.cli.frame import FailOn, FailOnOption, JsonOption, carry_out, progress_line
-from pmg.pipeline.cli.options import CampaignOption, ModelOption, WithOption
-
-if TYPE_CHECKING:
-    from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.cli.frame import Progress, command
+from pmg.pipeline.cli.options import CampaignOption, Given, ModelOption, WithOption, options_of
+from pmg.pipeline.commands.outcome import Outcome
 
 
+@command("simulate")
 def simulate(
     scenario: Annotated[Path, typer.Argument(help="Scenario in TOML; examples in raw/scenarios.", metavar="SCENARIO")],
     out: Annotated[Path, typer.Option("--out", help="Folder of tables, recordings, report and summary.json.")],
@@ -22,19 +21,14 @@ def simulate(
     ] = None,
     model: ModelOption = None,
     switched: WithOption = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
+) -> Outcome:
     """Simulate a scenario: steady points, a run in time, a frequency response; tables, recordings and a report."""
+    from pmg.pipeline.commands.simulate import run_simulate
 
-    def stage() -> Outcome:
-        from pmg.pipeline.commands.simulate import run_simulate
-
-        return run_simulate(scenario, out, campaign, model=model, switched=switched or ())
-
-    carry_out("simulate", stage, as_json, fail_on)
+    return run_simulate(scenario, out, campaign, model=model, switched=switched or ())
 
 
+@command("validate")
 def validate(
     grids: Annotated[
         Path, typer.Option("--grids", help="Folder with the thesis's neutral_grid.csv and engaged_grid.csv.")
@@ -44,19 +38,14 @@ def validate(
     ] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the draws.")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
+) -> Outcome:
     """Compute every published figure of the thesis from its rounded grids, and say which come out."""
+    from pmg.pipeline.commands.validate import run_validate
 
-    def stage() -> Outcome:
-        from pmg.pipeline.commands.validate import run_validate
-
-        return run_validate(grids, draws, seed, report)
-
-    carry_out("validate", stage, as_json, fail_on)
+    return run_validate(grids, draws, seed, report)
 
 
+@command("residuals")
 def residuals(
     store: Annotated[Path | None, typer.Option("--store", help="Store with an analysed campaign.")] = None,
     grids: Annotated[
@@ -70,19 +59,14 @@ def residuals(
     ] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the synthetic grids.")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
+) -> Outcome:
     """Say what the residuals of the fits to a campaign follow beyond the known noise, and which points lie out."""
+    from pmg.pipeline.commands.residuals import run_residuals
 
-    def stage() -> Outcome:
-        from pmg.pipeline.commands.residuals import run_residuals
-
-        return run_residuals(store, grids, fit=fit, draws=draws, seed=seed, report=report)
-
-    carry_out("residuals", stage, as_json, fail_on)
+    return run_residuals(store, grids, fit=fit, draws=draws, seed=seed, report=report)
 
 
+@command("orders")
 def orders(
     store: Annotated[Path, typer.Option("--store", help="Store with ingested recordings.")],
     campaign: CampaignOption = None,
@@ -91,19 +75,14 @@ def orders(
         Path | None, typer.Option("--out", help="Folder of orders.csv, load_angles.csv, orders.json.")
     ] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
+) -> Outcome:
     """Say what repeats with the turn of a shaft: lines of torque, speed and flux density, and the load angle."""
+    from pmg.pipeline.commands.orders import run_orders
 
-    def stage() -> Outcome:
-        from pmg.pipeline.commands.orders import run_orders
-
-        return run_orders(store, campaign=campaign, point=point, out=out, report=report)
-
-    carry_out("orders", stage, as_json, fail_on)
+    return run_orders(store, campaign=campaign, point=point, out=out, report=report)
 
 
+@command("design")
 def design(
     plan: Annotated[
         Path | None, typer.Argument(help="TOML file with a [plan] of points to run.", metavar="[PLAN.toml]")
@@ -111,19 +90,14 @@ def design(
     store: Annotated[Path | None, typer.Option("--store", help="Store with an analysed campaign, instead.")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
     model: ModelOption = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
+) -> Outcome:
     """Say what a campaign's points can tell apart, before or after it is run, and which tests would add to it."""
+    from pmg.pipeline.commands.design import run_design
 
-    def stage() -> Outcome:
-        from pmg.pipeline.commands.design import run_design
-
-        return run_design(plan, store, report, model)
-
-    carry_out("design", stage, as_json, fail_on)
+    return run_design(plan, store, report, model)
 
 
+@command("terms")
 def terms(
     case: Annotated[Path, typer.Argument(help="Case in TOML; an example in raw/emps.", metavar="CASE")],
     out: Annotated[Path, typer.Option("--out", help="Folder of report.html, tables, terms.json, residuals.csv.")],
@@ -131,60 +105,42 @@ def terms(
         Path | None, typer.Option("--data", help="Folder of the recordings, instead of the one the case names.")
     ] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of synthetic records and decoys.")] = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
+) -> Outcome:
     """Name what the force balance of another machine lacks, by the same rules, from its recordings."""
+    from pmg.pipeline.commands.terms import run_terms
 
-    def stage() -> Outcome:
-        from pmg.pipeline.commands.terms import run_terms
-
-        return run_terms(case, out, data, seed)
-
-    carry_out("terms", stage, as_json, fail_on)
+    return run_terms(case, out, data, seed)
 
 
-def prove(
-    out: Annotated[Path, typer.Option("--out", help="Folder of seal, results, scores.json, report.html; resumed.")],
+class ProveOptions:
+    """Options of a trial, by the names of its settings."""
+
     campaigns: Annotated[
         int | None, typer.Option("--campaigns", help="How many concealed campaigns; 200 if not given.")
-    ] = None,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Master seed of the campaigns.")] = None,
+    ] = None
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Master seed of the campaigns.")] = None
     strata: Annotated[
         str | None, typer.Option("--strata", help="Kinds out of clean,one,outside,two,confounded; all if not given.")
-    ] = None,
-    route: Annotated[str, typer.Option("--route", help="grid (fast), or recordings: through files.")] = "grid",
+    ] = None
+    route: Annotated[str, typer.Option("--route", help="grid (fast), or recordings: through files.")] = "grid"
     recordings: Annotated[
         int | None,
         typer.Option("--recordings", help="So many concealed campaigns, and a third as many clean, go both ways."),
-    ] = None,
+    ] = None
     quick: Annotated[
         bool, typer.Option("--quick", help="12 campaigns, one of them both ways, unless told otherwise.")
-    ] = False,
-    workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="Processes; all processors if absent.")
-    ] = None,
-    case: Annotated[int | None, typer.Option("--case", help="Run this campaign only, and say what came.")] = None,
-    as_json: JsonOption = False,
-    fail_on: FailOnOption = FailOn.NEVER,
-) -> None:
+    ] = False
+    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes; all processors if absent.")] = None
+    case: Annotated[int | None, typer.Option("--case", help="Run this campaign only, and say what came.")] = None
+
+
+@command("prove", options_of(ProveOptions))
+def prove(
+    out: Annotated[Path, typer.Option("--out", help="Folder of seal, results, scores.json, report.html; resumed.")],
+    given: Given,
+    progress: Progress = None,
+) -> Outcome:
     """Try the diagnosis on concealed campaigns with sealed truths, and set each rate beside its aim."""
+    from pmg.pipeline.trials.score.stage import TrialOptions, run_prove
 
-    def stage() -> Outcome:
-        from pmg.pipeline.trials.score.stage import run_prove
-
-        with progress_line(as_json, "prove") as progress:
-            return run_prove(
-                out,
-                campaigns=campaigns,
-                seed=seed,
-                strata=strata,
-                route=route,
-                recordings=recordings,
-                quick=quick,
-                workers=workers,
-                case=case,
-                progress=progress,
-            )
-
-    carry_out("prove", stage, as_json, fail_on)
+    return run_prove(out, TrialOptions(**given), progress)

@@ -13,7 +13,7 @@ import numpy as np
 from pmg.pipeline.analysis.outputs import read_analysis
 from pmg.pipeline.analysis.tolerance import Tolerance
 from pmg.pipeline.chapters.measured.sensor_fault import misread_warning
-from pmg.pipeline.chapters.page import build_report
+from pmg.pipeline.chapters.page import RecordedFacts, build_report
 from pmg.pipeline.commands.analyse import analysis_findings
 from pmg.pipeline.commands.compare_and_diagnose import compare_and_diagnose, leave_model, summary_facts
 from pmg.pipeline.commands.outcome import Outcome
@@ -36,13 +36,14 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from pmg.pipeline.commands.compare_and_diagnose import ComparedCampaign
     from pmg.pipeline.commands.provenance import Clock
     from pmg.pipeline.commands.stored_analysis import StoredAnalysis
     from pmg.pipeline.fit.budget import Budget
+    from pmg.pipeline.model.compared_campaign import ComparedCampaign
     from pmg.pipeline.point_signals.encoded import Encoded
     from pmg.pipeline.recording.origin import ImportRecord
     from pmg.pipeline.report.document import Report, Section
+    from pmg.pipeline.settings.chosen import Chosen
     from pmg.pipeline.store.manifest import Manifest
 
 DIAGNOSIS = "diagnosis.json"
@@ -108,6 +109,17 @@ def run_compare(
     )
 
 
+def compare_chosen(chosen: Chosen) -> Outcome:
+    """Simulate, compare and report the analysed campaign that file and options name."""
+    return run_compare(
+        chosen.needed("store"),
+        chosen.needed("report"),
+        chosen.text("note") or "",
+        chosen.path("model"),
+        tolerances=chosen.tolerance,
+    )
+
+
 def write_results(
     page: Report,
     whole: StoredAnalysis,
@@ -165,20 +177,19 @@ def campaign_page(
     faults = correct_sensor_fault(diagnosis, analysis, bench, () if carried is None else carried.here.parts)
     page = build_report(
         analysis,
-        None if judged is None else judged.residuals,
-        diagnosis,
+        judged,
         bench,
+        RecordedFacts(
+            remarks + tuple(unreached_findings(sources.used)),
+            _origins(sources.used),
+            conditions(sources.used),
+            budget,
+            None if recorded is None else recorded.orders,
+            None if recorded is None else recorded.signals,
+        ),
         note=note,
-        findings=remarks + tuple(unreached_findings(sources.used)),
         provenance=(*sources.inputs, *provenance),
-        carried=carried,
-        ends=() if judged is None else judged.ends,
-        orders=None if recorded is None else recorded.orders,
-        budget=budget,
-        origins=_origins(sources.used),
-        told=conditions(sources.used),
         tolerances={name: Tolerance(*parts) for name, parts in (tolerances or {}).items()},
-        signals=None if recorded is None else recorded.signals,
         faults=faults,
     )
     if faults and analysis.balance is not None:

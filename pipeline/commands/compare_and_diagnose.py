@@ -10,9 +10,9 @@ from pmg.pipeline.analysis.tolerance import Tolerance, agreements
 from pmg.pipeline.diagnosis.design.audit import audit_design
 from pmg.pipeline.diagnosis.grid.decide import diagnose
 from pmg.pipeline.diagnosis.grid.document import mechanism_facts
-from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.files.atomic import write_atomic
-from pmg.pipeline.model.apply_model import apply_model, found_together, lead
+from pmg.pipeline.model.apply_model import apply_model, found_together
+from pmg.pipeline.model.compared_campaign import ComparedCampaign
 from pmg.pipeline.model.extreme_steady_points import extreme_steady_points
 from pmg.pipeline.model.model_file import model_of, model_text
 from pmg.sim.steady.baseline import baseline_mechanisms
@@ -26,11 +26,9 @@ if TYPE_CHECKING:
     import numpy as np
 
     from pmg.pipeline.analysis.comparison import Residuals
-    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.pipeline.fit.options import AnalysisOptions
     from pmg.pipeline.model.apply_model import Carried
-    from pmg.pipeline.model.extreme_steady_points import SteadyEnd
     from pmg.pipeline.model.model_file import Model
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
@@ -53,36 +51,6 @@ class SimulatedCampaign:
     residuals: Residuals
     carried: Carried | None
     plain: Gearbox
-
-
-@dataclass(frozen=True)
-class ComparedCampaign:
-    """What a campaign says about the simulator.
-
-    Parameters
-    ----------
-    residuals : Residuals
-        Measured less simulated, with the calibrated baseline or with the given model as it came.
-    diagnosis : Diagnosis
-        Of what the baseline leaves, or what the given model with its constants free leaves.
-    model : Model
-        Baseline and mechanisms after this campaign.
-    carried : Carried or None
-        The given model.
-    ends : tuple of SteadyEnd
-        Where the moving bench comes to rest; empty without a mechanism.
-    """
-
-    residuals: Residuals
-    diagnosis: Diagnosis
-    model: Model
-    carried: Carried | None
-    ends: tuple[SteadyEnd, ...]
-
-    @property
-    def statement(self) -> str:
-        """The verdict in sentences, after what a given model is told to be."""
-        return ("" if self.carried is None else lead(self.carried)) + statement(self.diagnosis)
 
 
 def compare_and_diagnose(

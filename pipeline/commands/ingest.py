@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.grid.missing_points import Unreached
+    from pmg.pipeline.settings.chosen import Chosen
     from pmg.pipeline.store.manifest import Manifest
     from pmg.pipeline.windows.limits import Steadiness
 
@@ -98,6 +99,22 @@ def run_ingest(
         tuple(lines),
         findings + judged + copies + tuple(point.finding() for point in missing_points),
         partial=bool(report.failed or report.rejected or missing),
+    )
+
+
+def ingest_chosen(
+    chosen: Chosen, progress: Callable[[int, int, str], None] | None, shard: str | None = None
+) -> Outcome:
+    """Decode the recordings that file and options name into the store that they name."""
+    return run_ingest(
+        chosen.needed("recordings"),
+        chosen.needed("store"),
+        workers=chosen.workers,
+        scheduler=chosen.text("scheduler"),
+        shard=shard,
+        limits=chosen.limits,
+        chart=chosen.path("map"),
+        progress=progress,
     )
 
 

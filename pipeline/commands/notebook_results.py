@@ -21,9 +21,10 @@ from pmg.sim.signals import SPEED_RING, SPEED_SUN
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pmg.pipeline.commands.compare_and_diagnose import ComparedCampaign, SimulatedCampaign
+    from pmg.pipeline.commands.compare_and_diagnose import SimulatedCampaign
     from pmg.pipeline.commands.stored_analysis import StoredAnalysis
     from pmg.pipeline.diagnosis.engine.verdict import Verdict
+    from pmg.pipeline.model.compared_campaign import ComparedCampaign
     from pmg.pipeline.report.document import Report
 
 

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 FILE = "versus.json"
 
 
-def two(stores: Sequence[Path]) -> tuple[Path, Path]:
+def _two(stores: Sequence[Path]) -> tuple[Path, Path]:
     """The two stores of a call.
 
     Raises
@@ -54,12 +54,10 @@ def two(stores: Sequence[Path]) -> tuple[Path, Path]:
 
 
 def run_report(
-    store_a: Path,
-    store_b: Path,
+    stores: Sequence[Path],
     report: Path,
     *,
-    campaign_a: str | None = None,
-    campaign_b: str | None = None,
+    campaigns: tuple[str | None, str | None] = (None, None),
     reach: Reach | None = None,
     transducers: Transducers = Transducers.AUTO,
     note: str = "",
@@ -69,11 +67,11 @@ def run_report(
 
     Parameters
     ----------
-    store_a, store_b : Path
-        Stores with the analyses; one and the same where it holds both campaigns.
+    stores : sequence of Path
+        The two stores with the analyses; one and the same where it holds both campaigns.
     report : Path
         Folder of the report.
-    campaign_a, campaign_b : str, optional
+    campaigns : (str or None, str or None)
         Which campaign of each store; the analysed one where it is not given.
     reach : Reach, optional
         How far apart two points may lie and still be the same test.
@@ -87,10 +85,10 @@ def run_report(
     Raises
     ------
     StoreError
-        A store lacks what is needed.
+        A store lacks what is needed, or there are not two.
     """
     began, bench = clock(), load_bench()
-    a, b = read_side("A", store_a, campaign_a, bench), read_side("B", store_b, campaign_b, bench)
+    a, b = (read_side(*side, bench) for side in zip("AB", _two(stores), campaigns, strict=True))
     versus = subtract(a, b, reach or Reach(), transducers)
     judged = judge(versus, np.random.default_rng(PERMUTATION_SEED))
     constants = constant_differences(versus)
@@ -106,7 +104,7 @@ def run_report(
     files = write_report(page, report, {"points": _points(versus)})
     path = report / FILE
     write_atomic(path, (json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode())
-    crate = leave_crate_of_two((*files, path), ((store_a, a.grid), (store_b, b.grid)), "pmg report", began, clock)
+    crate = leave_crate_of_two((*files, path), ((stores[0], a.grid), (stores[1], b.grid)), "pmg report", began, clock)
     data = {name: value for name, value in document.items() if name != "points"}
     data |= {"report": str(files[0]), "files": [str(file) for file in (*files, path, crate)]}
     return Outcome(

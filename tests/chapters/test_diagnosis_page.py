@@ -16,12 +16,13 @@ from tests.report.example import report
 
 from pmg.pipeline.chapters.explained.verdict import diagnosis_section
 from pmg.pipeline.chapters.measured.neutral import neutral_section
-from pmg.pipeline.commands.compare_and_diagnose import ComparedCampaign, compare_and_diagnose, summary_facts
+from pmg.pipeline.commands.compare_and_diagnose import compare_and_diagnose, summary_facts
 from pmg.pipeline.diagnosis.grid.decide import JUDGE_DRAWS
 from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
 from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.options import AnalysisOptions
+from pmg.pipeline.model.compared_campaign import ComparedCampaign
 from pmg.pipeline.report.document import Chart, Figure, Measured, Section, Table
 from pmg.pipeline.report.summary import summary
 from pmg.pipeline.trials.nature import draw_case, measure_case

@@ -10,7 +10,7 @@ import pytest
 
 from pmg.pipeline.chapters.measured.efficiency import efficiency_section
 from pmg.pipeline.chapters.measured.losses import losses_section
-from pmg.pipeline.chapters.page import build_report
+from pmg.pipeline.chapters.page import RecordedFacts, build_report
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.tables import read_published
@@ -29,7 +29,7 @@ def analysed() -> Analysis:
 @pytest.mark.parametrize("origin", ["published", "measured"])
 def test_no_speed_ratio_is_measured_where_the_speeds_are_those_that_were_set(analysed: Analysis, origin: str) -> None:
     of = replace(analysed, grid=replace(analysed.grid, origin=origin))
-    page = build_report(of, None, None, BENCH, note="", findings=(), provenance=())
+    page = build_report(of, None, BENCH, RecordedFacts(), note="", provenance=())
     assert ("speed-ratio-kept" in [section.id for section in page.sections]) == (origin == "measured")
 
 

@@ -16,7 +16,7 @@ from pmg.pipeline.trials.score.agreement import agree, both_ways
 from pmg.pipeline.trials.score.case_list import draw_lots
 from pmg.pipeline.trials.score.chapter import proof_page
 from pmg.pipeline.trials.score.run_case import SCHEMA, CaseTask
-from pmg.pipeline.trials.score.stage import QUICK, run_prove
+from pmg.pipeline.trials.score.stage import QUICK, TrialOptions, run_prove
 from pmg.pipeline.trials.score.summary import score_lines, scores_document, summarise
 from pmg.sim.errors import StoreError
 
@@ -139,11 +139,11 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, str, bool]]:
 
 
 def test_second_ways_are_kept_beside_and_resumed(tmp_path: Path, made: list[tuple[int, str, bool]]) -> None:
-    first = run_prove(tmp_path, campaigns=8, seed=4, workers=1)
+    first = run_prove(tmp_path, TrialOptions(campaigns=8, seed=4, workers=1))
     assert [entry[1:] for entry in made] == [("grid", True)] * 8
     assert first.data["scores"]["agreement"] is None
     made.clear()
-    again = run_prove(tmp_path, campaigns=8, seed=4, recordings=3, workers=1)
+    again = run_prove(tmp_path, TrialOptions(campaigns=8, seed=4, recordings=3, workers=1))
     wanted = [lot.number for lot in both_ways(draw_lots(8, 4), 3)]
     assert len(wanted) == 4
     assert made == [(number, "recordings", False) for number in wanted]
@@ -154,26 +154,26 @@ def test_second_ways_are_kept_beside_and_resumed(tmp_path: Path, made: list[tupl
     assert kept["sha256"] == sealed[wanted[1]]
     lost.write_text(json.dumps(kept | {"sha256": "0" * 64}))
     made.clear()
-    assert run_prove(tmp_path, campaigns=8, seed=4, recordings=3, workers=1).data["made"] == 1
+    assert run_prove(tmp_path, TrialOptions(campaigns=8, seed=4, recordings=3, workers=1)).data["made"] == 1
     assert made == [(wanted[1], "recordings", False)], "a result of another truth is made anew"
     path = tmp_path / "truths" / f"{wanted[1]:04d}.json"
     path.write_text(path.read_text().replace('"kind"', '"Kind"'))
     with pytest.raises(StoreError, match="sealed beforehand"):
-        run_prove(tmp_path, campaigns=8, seed=4, recordings=3, workers=1)
+        run_prove(tmp_path, TrialOptions(campaigns=8, seed=4, recordings=3, workers=1))
 
 
 def test_a_quick_trial_is_small_unless_told_otherwise(tmp_path: Path, made: list[tuple[int, str, bool]]) -> None:
-    found = run_prove(tmp_path / "quick", quick=True, workers=1)
+    found = run_prove(tmp_path / "quick", TrialOptions(quick=True, workers=1))
     assert len(found.data["scores"]["cases"]) == QUICK[0]
     assert sum(route == "recordings" for _, route, _ in made) == QUICK[1]
     made.clear()
-    run_prove(tmp_path / "told", quick=True, campaigns=5, recordings=0, workers=1)
+    run_prove(tmp_path / "told", TrialOptions(quick=True, campaigns=5, recordings=0, workers=1))
     assert [route for _, route, _ in made] == ["grid"] * 5
     made.clear()
-    run_prove(tmp_path / "files", quick=True, route="recordings", workers=1)
+    run_prove(tmp_path / "files", TrialOptions(quick=True, route="recordings", workers=1))
     assert made == [(number, "recordings", True) for number in range(QUICK[0])], "one way, with its further tests"
     made.clear()
-    run_prove(tmp_path / "one", quick=True, case=3, workers=1)
+    run_prove(tmp_path / "one", TrialOptions(quick=True, case=3, workers=1))
     assert made == [(3, "grid", True)]
 
 

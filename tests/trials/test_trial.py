@@ -21,7 +21,7 @@ from pmg.pipeline.trials.score.figures import Aim, Figured, figures
 from pmg.pipeline.trials.score.rates import Rate, fit_curve
 from pmg.pipeline.trials.score.score import DiagnosisScore, judge, resolution
 from pmg.pipeline.trials.score.sealed import FILE, open_truth, open_truths, seal
-from pmg.pipeline.trials.score.stage import run_prove
+from pmg.pipeline.trials.score.stage import TrialOptions, run_prove
 from pmg.pipeline.trials.score.summary import summarise
 from pmg.pipeline.trials.strata import strata
 from pmg.sim.bench import BenchParameters
@@ -360,7 +360,7 @@ def test_a_trial_resumes_and_makes_no_campaign_twice(
 
     monkeypatch.setattr(stage, "run_case", counting)
     monkeypatch.setattr(stage, "code_digest", lambda: before["code"])
-    again = run_prove(folder, campaigns=6, seed=SEED, workers=1)
+    again = run_prove(folder, TrialOptions(campaigns=6, seed=SEED, workers=1))
     assert made == [2]
     after = json.loads(lost.read_text())
     assert after.pop("seconds") != before.pop("seconds")
@@ -372,7 +372,7 @@ def test_a_trial_resumes_and_makes_no_campaign_twice(
 
 def test_one_campaign_runs_alone(trial: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     folder, _ = trial
-    alone = run_prove(tmp_path, campaigns=6, seed=SEED, workers=1, case=2)
+    alone = run_prove(tmp_path, TrialOptions(campaigns=6, seed=SEED, workers=1, case=2))
     assert alone.data["result"]["diagnosis"] == json.loads((folder / "cases" / "0002.json").read_text())["diagnosis"]
     assert alone.lines[0].startswith("case 2 (")
     assert not (tmp_path / "scores.json").exists()
@@ -444,4 +444,4 @@ def test_bad_arguments_are_refused_in_four_parts(arguments: tuple[str, ...], wor
 
 def test_choices_are_checked_before_anything_is_drawn(tmp_path: Path) -> None:
     with pytest.raises(BenchError, match="--strata"):
-        run_prove(tmp_path, strata="")
+        run_prove(tmp_path, TrialOptions(strata=""))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from dataclasses import dataclass
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
@@ -39,25 +40,12 @@ QUICK = (12, 1)
 """Campaigns of a quick trial, and how many concealed ones of them go both ways."""
 
 
-def run_prove(
-    out: Path,
-    *,
-    campaigns: int | None = None,
-    seed: int | None = None,
-    strata: str | None = None,
-    route: str = ROUTES[0],
-    recordings: int | None = None,
-    quick: bool = False,
-    workers: int | None = None,
-    case: int | None = None,
-    progress: Callable[[int, int, str], None] | None = None,
-) -> Outcome:
-    """Seal concealed campaigns, diagnose them, open the truths, score, report.
+@dataclass(frozen=True)
+class TrialOptions:
+    """What a trial is asked to run.
 
     Parameters
     ----------
-    out : Path
-        Folder of the trial; what it already holds of the same trial is not made again.
     campaigns, seed : int, optional
         How many, and the master seed.
     strata : str, optional
@@ -73,13 +61,35 @@ def run_prove(
         Processes; one for each processor when not given.
     case : int, optional
         This campaign only; nothing is scored over all.
+    """
+
+    campaigns: int | None = None
+    seed: int | None = None
+    strata: str | None = None
+    route: str = ROUTES[0]
+    recordings: int | None = None
+    quick: bool = False
+    workers: int | None = None
+    case: int | None = None
+
+
+def run_prove(out: Path, asked: TrialOptions, progress: Callable[[int, int, str], None] | None = None) -> Outcome:
+    """Seal concealed campaigns, diagnose them, open the truths, score, report.
+
+    Parameters
+    ----------
+    out : Path
+        Folder of the trial; what it already holds of the same trial is not made again.
+    asked : TrialOptions
+        Which campaigns, and by which route.
     progress : callable, optional
         Is told how many are done, of how many, and which.
     """
-    recordings = _asked_both(recordings, quick, route, case)
-    campaigns = (QUICK[0] if quick else CAMPAIGNS) if campaigns is None else campaigns
-    seed = SEED if seed is None else seed
-    kinds = chosen_kinds(strata)
+    route, case = asked.route, asked.case
+    recordings = _asked_both(asked.recordings, asked.quick, route, case)
+    campaigns = (QUICK[0] if asked.quick else CAMPAIGNS) if asked.campaigns is None else asked.campaigns
+    seed = SEED if asked.seed is None else asked.seed
+    kinds = chosen_kinds(asked.strata)
     if route not in ROUTES:
         raise BenchError("--route", repr(route), " or ".join(ROUTES), near_miss(route, ROUTES))
     if campaigns < 1:
@@ -89,11 +99,11 @@ def run_prove(
     lots = draw_lots(campaigns, seed, kinds)
     hashes = seal(lots, out, seed=seed, kinds=kinds, route=route)
     code = code_digest()
-    asked = lots if case is None else (lots[case],)
-    tasks = [CaseTask(lot, route, code, hashes[lot.number]) for lot in asked]
+    taken = lots if case is None else (lots[case],)
+    tasks = [CaseTask(lot, route, code, hashes[lot.number]) for lot in taken]
     tasks += [CaseTask(lot, ROUTES[1], code, hashes[lot.number], False) for lot in both_ways(lots, recordings)]
     missing = [task for task in tasks if read_case(out, task) is None]
-    for done, (task, result) in enumerate(map_over(run_case, missing, workers or os.cpu_count() or 1), 1):
+    for done, (task, result) in enumerate(map_over(run_case, missing, asked.workers or os.cpu_count() or 1), 1):
         write_atomic(case_file(out, task), (json.dumps(result, indent=1, allow_nan=False) + "\n").encode())
         if progress is not None:
             progress(len(tasks) - len(missing) + done, len(tasks), f"case {task.lot.number}")
