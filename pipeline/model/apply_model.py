@@ -188,8 +188,7 @@ def fit_together(
         sizes = tuple(name for name in names if name not in part.kind.shape)
         candidate = Candidate(part.kind, part.shaft, sizes)
         values = np.array([part.values.get(p.name, p.null) for p in candidate.parameters])
-        none = np.zeros(len(readings))
-        fits.append(CandidateFit(candidate, values, 0.0, none, none, ()))
+        fits.append(stage.fitted(candidate, values))
     return refit(stage, (*fits, *more))
 
 

@@ -214,10 +214,10 @@ def _search(d: TermsDiagnosis) -> Section:
     rows: list[tuple[Cell, ...]] = []
     for number, step in enumerate(d.found.rounds if d.found is not None else (), 1):
         for fit in step.ranking[:TERMS_SHOWN]:
-            shape = None if fit.term.shape is None else fit.shape
+            shape = None if fit.candidate.shape is None else fit.shape
             state = "entered" if fit.identifier in step.entered else ", ".join(fit.on_bound)
             note = f"{state} on its bound" if state and state != "entered" else state
-            rows.append((number, title_of(d, fit.identifier), fit.term.equation, fit.gain, fit.cost, shape, note))
+            rows.append((number, title_of(d, fit.identifier), fit.candidate.equation, fit.gain, fit.cost, shape, note))
     table = Table(
         "terms-ranking",
         "Ranking, round by round",

@@ -98,7 +98,10 @@ class RecordTable(Strict):
 
 
 class PrepareTable(Strict):
-    """Table ``[prepare]``."""
+    """Table ``[prepare]``: a zero-phase Butterworth low-pass on position, samples left out at both ends, decimation.
+
+    Below the rest speed the machine counts as at rest.
+    """
 
     rate_hz: Annotated[float, within(1.0, 1e6, "Hz")]
     low_pass_hz: float
@@ -178,10 +181,6 @@ class Case:
 
     Parameters
     ----------
-    path : Path
-        The file.
-    text : str
-        What stands in it.
     title : str
         What it is about.
     library : tuple of Term
@@ -190,18 +189,8 @@ class Case:
         Recordings; the second is never used for a choice or a fit. None without one.
     channels : dict of str to Channel
         ``time``, ``position`` and ``force``.
-    rate : float
-        Sample rate [Hz].
-    low_pass : float
-        Corner of the zero-phase Butterworth filter on position [Hz].
-    order : int
-        Its order.
-    drop : int
-        Samples left out at both ends.
-    keep_every : int
-        Decimation of the regression.
-    rest_speed : float
-        Speed below which the machine is at rest [m/s].
+    prepare : PrepareTable
+        How they are filtered and thinned.
     baseline : tuple of str
         Terms that are taken for granted, their amplitudes free.
     fixed : dict of str to float
@@ -212,19 +201,12 @@ class Case:
         Relative force errors [1] on the recordings ``fit`` and ``withheld``.
     """
 
-    path: Path
-    text: str
     title: str
     library: tuple[Term, ...]
     fit: Path
     withheld: Path | None
     channels: dict[str, Channel]
-    rate: float
-    low_pass: float
-    order: int
-    drop: int
-    keep_every: int
-    rest_speed: float
+    prepare: PrepareTable
     baseline: tuple[str, ...]
     fixed: dict[str, float]
     published: tuple[Published, ...]
@@ -246,25 +228,17 @@ def read_case(path: Path, data: Path | None = None) -> Case:
     BenchError
         When the file cannot be read, or asks for something unknown, out of range or contradictory.
     """
-    file = read_table_file(path, "a case", CaseTable)
-    given = file.table
-    record, prepare, errors = given.record, given.prepare, given.published_errors
+    given = read_table_file(path, "a case", CaseTable).table
+    record, errors = given.record, given.published_errors
     folder = path.parent / record.folder if data is None else data
     percents = {"fit": errors.fit_percent, "withheld": errors.withheld_percent}
     return Case(
-        path=path,
-        text=file.text,
         title=given.title,
         library=LIBRARIES[given.library],
         fit=folder / record.fit,
         withheld=folder / record.withheld if record.withheld else None,
         channels=dict(given.channels),
-        rate=prepare.rate_hz,
-        low_pass=prepare.low_pass_hz,
-        order=prepare.order,
-        drop=prepare.drop,
-        keep_every=prepare.keep_every,
-        rest_speed=prepare.rest_speed_m_s,
+        prepare=given.prepare,
         baseline=tuple(given.baseline.terms),
         fixed=given.baseline.fixed,
         published=tuple(given.published),

@@ -41,7 +41,9 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
         tables = [table for key, table in problem.tables.items() if key not in without]
         fits = sorted((fit_term(problem, t.term, refine=False) for t in tables), key=lambda fit: -problem.score(fit))
         first = FIRST_OF_PAIRS + 1 if self.refine else 0
-        fits[:first] = [fit if fit.term.shape is None else fit_term(problem, fit.term) for fit in fits[:first]]
+        fits[:first] = [
+            fit if fit.candidate.shape is None else fit_term(problem, fit.candidate) for fit in fits[:first]
+        ]
         return sorted(fits, key=lambda fit: -problem.score(fit))
 
 

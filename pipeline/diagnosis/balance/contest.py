@@ -13,7 +13,7 @@ from pmg.pipeline.diagnosis.balance.estimate import Estimate, FittedTerms, fit_t
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.balance.proof import held_out, set_against
 from pmg.pipeline.diagnosis.engine.naming import margin_beside
-from pmg.pipeline.fit.span import orthonormal
+from pmg.pipeline.diagnosis.engine.problem import freed
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming, TermSet
@@ -157,8 +157,9 @@ def refine(
 
 def settled(problem: TermProblem, fits: tuple[TermFit, ...]) -> TermProblem:
     """The problem with the columns of some terms free besides, their shapes kept."""
-    basis = orthonormal(np.hstack([problem.baseline, *(problem.columns_of(fit.term, fit.shape) for fit in fits)]))
-    return replace(problem, baseline=basis, left=problem.left - basis @ (basis.T @ problem.left))
+    columns = [problem.baseline, *(problem.columns_of(fit.candidate, fit.shape) for fit in fits)]
+    basis, left = freed(np.hstack(columns), problem.left)
+    return replace(problem, baseline=basis, left=left)
 
 
 def contest(

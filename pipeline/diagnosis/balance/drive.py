@@ -39,84 +39,33 @@ def _middle(values: Array) -> float:
     return 0.5 * float(values.min() + values.max())
 
 
-def _inertia(m: Motion, _: float) -> Array:
-    return _stack(m.acceleration)
-
-
-def _viscous(m: Motion, _: float) -> Array:
-    return _stack(m.speed)
-
-
-def _coulomb(m: Motion, _: float) -> Array:
-    return _stack(m.direction)
-
-
-def _offset(m: Motion, _: float) -> Array:
-    return _stack(np.ones_like(m.speed))
-
-
-def _one_sided_coulomb(m: Motion, _: float) -> Array:
-    return _stack(np.abs(m.direction))
-
-
-def _one_sided_viscous(m: Motion, _: float) -> Array:
-    return _stack(np.abs(m.speed))
-
-
-def _stribeck(m: Motion, speed: float) -> Array:
-    return _stack(m.direction * np.exp(-np.abs(m.speed) / speed))
-
-
-def _presliding(m: Motion, length: float) -> Array:
-    return _stack(-np.sign(m.speed) * np.exp(-m.travel / length))
-
-
 def _periodic(m: Motion, period: float) -> Array:
     angle = REVOLUTION * m.position / period
     return _stack(np.sin(angle), np.cos(angle))
 
 
-def _periodic_friction(m: Motion, period: float) -> Array:
-    return m.direction[:, None] * _periodic(m, period)
+def _part(name: str, unit: str, most: float) -> tuple[Quantity]:
+    """A single amplitude of either sign."""
+    return (Quantity(name, unit, (-most, most)),)
 
 
-def _friction_along(m: Motion, _: float) -> Array:
-    return _stack(m.direction * (m.position - _middle(m.position)))
+def _amount(name: str, unit: str, most: float) -> tuple[Quantity]:
+    """A single amplitude that is not negative."""
+    return (Quantity(name, unit, (0.0, most)),)
 
 
-def _spring(m: Motion, _: float) -> Array:
-    return _stack(m.position - _middle(m.position))
-
-
-def _load(m: Motion, _: float) -> Array:
-    return _stack(m.direction * np.abs(m.acceleration))
-
-
-def _quadratic(m: Motion, _: float) -> Array:
-    return _stack(m.speed * np.abs(m.speed))
-
-
-def _warming(m: Motion, _: float) -> Array:
-    return _stack(-m.speed * (m.time - m.time[0]) / (m.time[-1] - m.time[0]))
-
-
-def _gain(m: Motion, _: float) -> Array:
-    return _stack(m.modelled)
-
-
-def _delay(m: Motion, _: float) -> Array:
-    return _stack(np.gradient(m.modelled, m.sample_time))
-
+RIPPLE = _part("A", "N", 1e4) + _part("B", "N", 1e4)
+PERIOD = Quantity("p", "m", (2e-3, 1e-1), 3.0)
 
 DRIVE: tuple[Term, ...] = (
-    Term("inertia", "Inertia", "M a", (Quantity("M", "kg", (0.0, 1e5)),), _inertia, EMPS),
-    Term("viscous", "Viscous friction", "b v", (Quantity("b", "N s/m", (0.0, 1e6)),), _viscous, EMPS),
+    Term("inertia", "Inertia", "M a", _amount("M", "kg", 1e5), lambda m, _: _stack(m.acceleration), EMPS),
+    Term("viscous", "Viscous friction", "b v", _amount("b", "N s/m", 1e6), lambda m, _: _stack(m.speed), EMPS),
     Term(
         "coulomb",
         "Coulomb friction",
         "Fc sign(v)",
-        (Quantity("Fc", "N", (0.0, 1e5)),),
-        _coulomb,
+        _amount("Fc", "N", 1e5),
+        lambda m, _: _stack(m.direction),
         EMPS,
         separating_test=SPEED_TEST,
     ),
@@ -124,8 +73,8 @@ DRIVE: tuple[Term, ...] = (
         "constant_offset",
         "Constant offset of the drive",
         "F0",
-        (Quantity("F0", "N", (-1e4, 1e4)),),
-        _offset,
+        _part("F0", "N", 1e4),
+        lambda m, _: _stack(np.ones_like(m.speed)),
         EMPS,
         separating_test=REST_TEST,
     ),
@@ -133,8 +82,8 @@ DRIVE: tuple[Term, ...] = (
         "direction_dependent_coulomb",
         "Coulomb friction that depends on direction",
         "(F+ - F-)/2 |sign(v)|",
-        (Quantity("half_difference", "N", (-1e4, 1e4)),),
-        _one_sided_coulomb,
+        _part("half_difference", "N", 1e4),
+        lambda m, _: _stack(np.abs(m.direction)),
         EMPS,
         separating_test=REST_TEST,
     ),
@@ -142,8 +91,8 @@ DRIVE: tuple[Term, ...] = (
         "direction_dependent_viscous",
         "Viscous friction that depends on direction",
         "(b+ - b-)/2 |v|",
-        (Quantity("half_difference", "N s/m", (-1e6, 1e6)),),
-        _one_sided_viscous,
+        _part("half_difference", "N s/m", 1e6),
+        lambda m, _: _stack(np.abs(m.speed)),
         EMPS,
         separating_test=SPEED_TEST,
     ),
@@ -151,8 +100,8 @@ DRIVE: tuple[Term, ...] = (
         "stribeck",
         "Extra friction at low speed (Stribeck)",
         "Fs sign(v) exp(-|v|/vs)",
-        (Quantity("Fs", "N", (0.0, 1e4)),),
-        _stribeck,
+        _amount("Fs", "N", 1e4),
+        lambda m, speed: _stack(m.direction * np.exp(-np.abs(m.speed) / speed)),
         ARMSTRONG,
         shape=Quantity("vs", "m/s", (1e-3, 1e-1)),
         separating_test=SPEED_TEST,
@@ -161,8 +110,8 @@ DRIVE: tuple[Term, ...] = (
         "presliding",
         "Friction that rises over a length after reversal (Dahl)",
         "-Fd sign(v) exp(-travel/x0)",
-        (Quantity("Fd", "N", (0.0, 1e4)),),
-        _presliding,
+        _amount("Fd", "N", 1e4),
+        lambda m, length: _stack(-np.sign(m.speed) * np.exp(-m.travel / length)),
         DAHL,
         shape=Quantity("x0", "m", (1e-6, 1e-2)),
         separating_test="Reverse slowly over strokes shorter and longer than the length of rise",
@@ -171,10 +120,10 @@ DRIVE: tuple[Term, ...] = (
         "position_ripple",
         "Force periodic in position (cogging, screw pitch)",
         "A sin(2 pi q/p) + B cos(2 pi q/p)",
-        (Quantity("A", "N", (-1e4, 1e4)), Quantity("B", "N", (-1e4, 1e4))),
+        RIPPLE,
         _periodic,
         BALANCE,
-        shape=Quantity("p", "m", (2e-3, 1e-1), 3.0),
+        shape=PERIOD,
         separating_test=POSITION_TEST,
         even_grid=True,
     ),
@@ -182,10 +131,10 @@ DRIVE: tuple[Term, ...] = (
         "friction_ripple",
         "Friction periodic in position",
         "sign(v) (A sin(2 pi q/p) + B cos(2 pi q/p))",
-        (Quantity("A", "N", (-1e4, 1e4)), Quantity("B", "N", (-1e4, 1e4))),
-        _periodic_friction,
+        RIPPLE,
+        lambda m, period: m.direction[:, None] * _periodic(m, period),
         BALANCE,
-        shape=Quantity("p", "m", (2e-3, 1e-1), 3.0),
+        shape=PERIOD,
         separating_test=POSITION_TEST,
         even_grid=True,
     ),
@@ -193,8 +142,8 @@ DRIVE: tuple[Term, ...] = (
         "friction_along_slide",
         "Friction that changes along the slide",
         "c sign(v) (q - qm)",
-        (Quantity("c", "N/m", (-1e5, 1e5)),),
-        _friction_along,
+        _part("c", "N/m", 1e5),
+        lambda m, _: _stack(m.direction * (m.position - _middle(m.position))),
         BALANCE,
         separating_test=POSITION_TEST,
     ),
@@ -202,8 +151,8 @@ DRIVE: tuple[Term, ...] = (
         "spring",
         "Spring or cable, linear in position",
         "k (q - qm)",
-        (Quantity("k", "N/m", (-1e5, 1e5)),),
-        _spring,
+        _part("k", "N/m", 1e5),
+        lambda m, _: _stack(m.position - _middle(m.position)),
         BALANCE,
         separating_test=POSITION_TEST,
     ),
@@ -211,8 +160,8 @@ DRIVE: tuple[Term, ...] = (
         "load_dependent_friction",
         "Friction that grows with the force of acceleration",
         "m sign(v) |a|",
-        (Quantity("m", "kg", (0.0, 1e4)),),
-        _load,
+        _amount("m", "kg", 1e4),
+        lambda m, _: _stack(m.direction * np.abs(m.acceleration)),
         ARMSTRONG,
         separating_test="Repeat with a known mass added to the carriage",
     ),
@@ -220,8 +169,8 @@ DRIVE: tuple[Term, ...] = (
         "quadratic_drag",
         "Drag that grows as speed squared",
         "d v |v|",
-        (Quantity("d", "N s2/m2", (0.0, 1e6)),),
-        _quadratic,
+        _amount("d", "N s2/m2", 1e6),
+        lambda m, _: _stack(m.speed * np.abs(m.speed)),
         BALANCE,
         separating_test=SPEED_TEST,
     ),
@@ -229,8 +178,8 @@ DRIVE: tuple[Term, ...] = (
         "warming",
         "Viscous friction that falls during the record",
         "-w v t/T",
-        (Quantity("w", "N s/m", (0.0, 1e6)),),
-        _warming,
+        _amount("w", "N s/m", 1e6),
+        lambda m, _: _stack(-m.speed * (m.time - m.time[0]) / (m.time[-1] - m.time[0])),
         BALANCE,
         separating_test="Repeat the record after a rest and after a long run",
     ),
@@ -238,8 +187,8 @@ DRIVE: tuple[Term, ...] = (
         "actuator_gain",
         "Gain error of the actuator",
         "g (baseline terms)",
-        (Quantity("g", "1", (-0.3, 0.3)),),
-        _gain,
+        _part("g", "1", 0.3),
+        lambda m, _: _stack(m.modelled),
         BALANCE,
         separating_test="Push with a known force, or add a known mass",
         of_model=True,
@@ -248,8 +197,8 @@ DRIVE: tuple[Term, ...] = (
         "delay",
         "Delay of the position behind the force command",
         "T d/dt(baseline terms)",
-        (Quantity("T", "s", (-0.02, 0.02)),),
-        _delay,
+        _part("T", "s", 0.02),
+        lambda m, _: _stack(np.gradient(m.modelled, m.sample_time)),
         BALANCE,
         separating_test="Record both signals of one step through one input card",
         of_model=True,

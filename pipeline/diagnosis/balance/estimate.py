@@ -86,7 +86,7 @@ class FittedTerms:
 
 def design_of(recorded: Recorded, baseline: tuple[Term, ...], fits: tuple[TermFit, ...]) -> Array:
     """Thinned columns of baseline and terms at their shapes (n, k)."""
-    blocks = [recorded.columns(term) for term in baseline] + [recorded.columns(f.term, f.shape) for f in fits]
+    blocks = [recorded.columns(term) for term in baseline] + [recorded.columns(f.candidate, f.shape) for f in fits]
     return np.hstack(blocks)
 
 
@@ -111,14 +111,14 @@ def fit_together(
     again = solve(white[:, : design.shape[1]], force)
     white_error = np.sqrt(np.diag(covariance_of(white, force - white[:, : design.shape[1]] @ again, lags)))
     names = [(t.identifier, q.name, q.unit) for t in baseline for q in t.amplitudes]
-    names += [(f.identifier, q.name, q.unit) for f in fits for q in f.term.amplitudes]
+    names += [(f.identifier, q.name, q.unit) for f in fits for q in f.candidate.amplitudes]
     estimates = [
         Estimate(*name, float(v), float(e), float(w), float(we))
         for name, v, e, w, we in zip(names, values, error, again, white_error, strict=False)
     ]
-    shaped = [fit for fit in fits if fit.term.shape is not None]
+    shaped = [fit for fit in fits if fit.candidate.shape is not None]
     for i, fit in enumerate(shaped, start=len(values)):
-        quantity = fit.term.parameters[-1]
+        quantity = fit.candidate.parameters[-1]
         estimates.append(
             Estimate(
                 fit.identifier, quantity.name, quantity.unit, fit.shape, float(error[i]), float("nan"), float("nan")
@@ -134,8 +134,8 @@ def _slopes(recorded: Recorded, fits: tuple[TermFit, ...], amplitudes: Array) ->
     for fit in fits:
         own = amplitudes[first : first + len(fit.amplitudes)]
         first += len(fit.amplitudes)
-        if fit.term.shape is not None:
-            low, high = shape_step(fit.term, fit.shape)
-            rise = recorded.columns(fit.term, high) - recorded.columns(fit.term, low)
+        if fit.candidate.shape is not None:
+            low, high = shape_step(fit.candidate, fit.shape)
+            rise = recorded.columns(fit.candidate, high) - recorded.columns(fit.candidate, low)
             columns.append((rise @ own / (high - low))[:, None])
     return np.hstack(columns)

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import lsq_linear, minimize_scalar
+from scipy.optimize import minimize_scalar
 
-from pmg.pipeline.diagnosis.engine.problem import WhitenedProblem
+from pmg.pipeline.diagnosis.balance.term import Term
+from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem, bounded_sizes, freed
 from pmg.pipeline.diagnosis.engine.scan import ABSORBED
 from pmg.pipeline.fit.span import orthonormal
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.balance.recorded import Recorded
     from pmg.pipeline.diagnosis.balance.serial import SerialNoise
-    from pmg.pipeline.diagnosis.balance.term import Term
     from pmg.sim.signals import Array, Mask
 
 SHAPES = 24
@@ -26,7 +26,6 @@ SHAPES = 24
 
 PER_CYCLE = 3.0
 """Values of a period for each further cycle over the travel."""
-
 
 AT_ONCE = 32
 """Values of a shape whose columns are filtered at once."""
@@ -80,69 +79,24 @@ def tabulate(recorded: Recorded, terms: tuple[Term, ...], *, coarse: bool = Fals
 
 
 @dataclass(frozen=True)
-class TermFit:
+class TermFit(Fit[Term]):
     """A term fitted beside the baseline.
 
     Parameters
     ----------
-    term : Term
-        What was fitted.
     amplitudes : (a,) array
         Best amplitudes inside their bounds.
     shape : float
         Best shape; NaN without one.
-    gain : float
-        Fall of the whitened sum of squares; in units of the noise variance.
-    cost : float
-        Parameters it counts for: directions that the baseline does not hold already, and the shape's.
-    seen : (m,) array
-        Its effect, whitened, less what the baseline absorbs.
-    survives : float
-        Part of the whitened columns that survives the baseline.
-    on_bound : tuple of str
-        Parameters on a bound.
     """
 
-    term: Term
     amplitudes: Array
     shape: float
-    gain: float
-    cost: float
-    seen: Array
-    survives: float
-    on_bound: tuple[str, ...]
-
-    @property
-    def identifier(self) -> str:
-        """Id of the term."""
-        return self.term.identifier
-
-    @property
-    def visible(self) -> bool:
-        """Whether the baseline leaves anything of it to be seen."""
-        return self.survives >= ABSORBED
-
-    @property
-    def candidate(self) -> Term:
-        """The term."""
-        return self.term
-
-    @property
-    def place(self) -> str:
-        """A term acts in one place."""
-        return ""
 
     @property
     def admissible(self) -> bool:
         """Whether no parameter ran to a bound: a term that did is absent, or bends to anything."""
         return self.gain > 0.0 and not self.on_bound
-
-    needed = admissible
-
-    @property
-    def bends_to_anything(self) -> bool:
-        """An admissible term does not."""
-        return False
 
 
 @dataclass(frozen=True)
@@ -163,22 +117,16 @@ class TermProblem(WhitenedProblem[TermFit]):
     def of(self, rows: Mask) -> TermProblem:
         """The problem of some rows, before anything was taken out; the baseline is made orthonormal anew."""
         tables = {k: replace(t, columns=t.columns[rows]) for k, t in self.tables.items()}
-        basis = orthonormal(self.baseline[rows])
-        left = self.left[rows]
-        return TermProblem(
-            basis,
-            left - basis @ (basis.T @ left),
-            lambda term, shape: self.columns_of(term, shape)[rows],
-            tables,
-        )
+        basis, left = freed(self.baseline[rows], self.left[rows])
+        return TermProblem(basis, left, lambda term, shape: self.columns_of(term, shape)[rows], tables)
 
     def slopes(self, fit: TermFit) -> Array:
         """Whitened columns of a fitted term, and the derivative to its shape."""
-        columns = self.columns_of(fit.term, fit.shape)
-        if fit.term.shape is None:
+        columns = self.columns_of(fit.candidate, fit.shape)
+        if fit.candidate.shape is None:
             return columns
-        low, high = shape_step(fit.term, fit.shape)
-        slope = (self.columns_of(fit.term, high) - self.columns_of(fit.term, low)) / (high - low)
+        low, high = shape_step(fit.candidate, fit.shape)
+        slope = (self.columns_of(fit.candidate, high) - self.columns_of(fit.candidate, low)) / (high - low)
         return np.hstack([columns, (slope @ fit.amplitudes)[:, None]])
 
 
@@ -201,9 +149,8 @@ def term_problem(recorded: Recorded, tables: dict[str, Tabled], noise: SerialNoi
         return noise.whiten(recorded.columns(term, shape))
 
     white = {key: replace(table, columns=noise.whiten(table.columns)) for key, table in tables.items()}
-    basis = orthonormal(noise.whiten(baseline))
     force = noise.whiten(recorded.force[:, None])[:, 0]
-    return TermProblem(basis, force - basis @ (basis.T @ force), columns_of, white)
+    return TermProblem(*freed(noise.whiten(baseline), force), columns_of, white)
 
 
 def fit_term(problem: TermProblem, term: Term, *, refine: bool = True) -> TermFit:
@@ -216,36 +163,25 @@ def fit_term(problem: TermProblem, term: Term, *, refine: bool = True) -> TermFi
     shape = float(table.shapes[best])
     if term.shape is not None and refine:
         shape = _refined(problem, term, table.shapes, best, float(gains[best]))
-    whole = table.columns[:, best] if shape == table.shapes[best] else problem.columns_of(term, shape)
-    if term.shape is None or not refine:
-        whole = table.columns[:, best]
-    return _fit_at(problem, term, shape, whole)
-
-
-def _fit_at(problem: TermProblem, term: Term, shape: float, whole: Array) -> TermFit:
-    """Amplitudes inside their bounds at one shape."""
+    tabled = term.shape is None or shape == table.shapes[best]
+    whole = table.columns[:, best] if tabled else problem.columns_of(term, shape)
     seen = problem.project(whole)
     size = float(np.linalg.norm(whole))
     survives = float(np.linalg.norm(seen)) / size if size > 0.0 else 0.0
     bounds = np.array([q.bounds for q in term.amplitudes]).T
     shape_cost = 0.0 if term.shape is None else term.shape.cost
     if survives < ABSORBED:
-        none = np.zeros(len(term.amplitudes))
-        return TermFit(term, none, shape, 0.0, shape_cost, np.zeros(len(seen)), survives, ())
-    length = np.linalg.norm(seen, axis=0)
-    length[length == 0.0] = 1.0
-    found = lsq_linear(seen / length, problem.left, bounds=(bounds[0] * length, bounds[1] * length), method="bvls")
-    amplitudes = np.clip(found.x / length, bounds[0], bounds[1])
-    at = (amplitudes - bounds[0] < 1e-9 * np.ptp(bounds, axis=0)) | (
-        bounds[1] - amplitudes < 1e-9 * np.ptp(bounds, axis=0)
-    )
+        return TermFit(term, 0.0, shape_cost, np.zeros(len(seen)), (), np.zeros(len(term.amplitudes)), shape)
+    _, amplitudes = bounded_sizes(seen, problem.left, bounds)
+    margin = 1e-9 * np.ptp(bounds, axis=0)
+    at = (amplitudes - bounds[0] < margin) | (bounds[1] - amplitudes < margin)
     on_bound = [q.name for q, hit in zip(term.amplitudes, at, strict=True) if hit]
     if term.shape is not None and not 1.001 * term.shape.bounds[0] < shape < 0.999 * term.shape.bounds[1]:
         on_bound.append(term.shape.name)
     effect = seen @ amplitudes
     gain = float(problem.left @ problem.left - np.sum((problem.left - effect) ** 2))
     cost = float(orthonormal(seen, 1e-2).shape[1]) + shape_cost
-    return TermFit(term, amplitudes, shape, gain, cost, effect, survives, tuple(on_bound))
+    return TermFit(term, gain, cost, effect, tuple(on_bound), amplitudes, shape)
 
 
 def _gains(seen: Array, left: Array, term: Term) -> Array:

@@ -92,29 +92,31 @@ def read_recording(path: Path, case: Case) -> Recorded:
     """
     values = _channels(path, case)
     time, position, force = values["time"], values["position"], values["force"]
-    steps = np.diff(time) * case.rate
+    given = case.prepare
+    steps = np.diff(time) * given.rate_hz
     wrong = np.flatnonzero(np.abs(steps - 1.0) > RATE_TOLERANCE)
     if len(wrong):
-        came = f"{len(wrong)} of {len(steps)} steps differ from 1/{case.rate:g} s, the first after {time[wrong[0]]:g} s"
+        came = f"{len(wrong)} of {len(steps)} steps differ from 1/{given.rate_hz:g} s, "
+        came += f"the first after {time[wrong[0]]:g} s"
         raise RecordingError(f"{path}: time", came, "even sampling at prepare.rate_Hz", "Correct rate or unit of time.")
-    fewest = max(FEWEST * case.keep_every, 8 * case.order) + 2 * case.drop
+    fewest = max(FEWEST * given.keep_every, 8 * given.order) + 2 * given.drop
     if len(time) < fewest:
         raise RecordingError(str(path), f"{len(time)} samples", f"{fewest} or more", "Record longer, or thin less.")
     h = float((time[-1] - time[0]) / (len(time) - 1))
-    b, a = butter(case.order, case.low_pass, fs=1.0 / h)
+    b, a = butter(given.order, given.low_pass_hz, fs=1.0 / h)
     smooth = filtfilt(b, a, position)
     speed, acceleration = np.zeros_like(smooth), np.zeros_like(smooth)
     speed[1:-1] = (smooth[2:] - smooth[:-2]) / (2.0 * h)
     acceleration[1:-1] = (speed[2:] - speed[:-2]) / (2.0 * h)
-    inner = slice(case.drop, -case.drop)
+    inner = slice(given.drop, -given.drop)
     motion = Motion(
         time[inner],
         position[inner],
         speed[inner],
         acceleration[inner],
         force[inner],
-        np.zeros(len(time) - 2 * case.drop),
-        case.rest_speed,
+        np.zeros(len(time) - 2 * given.drop),
+        given.rest_speed_m_s,
     )
     return _with_model(path.name, motion, case)
 
@@ -127,10 +129,12 @@ def _with_model(name: str, motion: Motion, case: Case) -> Recorded:
     for key, value in case.fixed.items():
         known = known + value * columns[key]
     free = np.stack([columns[key] for key in case.baseline if key not in case.fixed], axis=1)
-    thinned = thin(np.c_[motion.force, known, free], case.keep_every)
+    thinned = thin(np.c_[motion.force, known, free], case.prepare.keep_every)
     rest = thinned[:, 0] - thinned[:, 1]
     solution = np.linalg.lstsq(thinned[:, 2:], rest, rcond=None)[0]
-    return Recorded(name, replace(motion, modelled=known + free @ solution), case.keep_every, rest, thinned[:, 1])
+    return Recorded(
+        name, replace(motion, modelled=known + free @ solution), case.prepare.keep_every, rest, thinned[:, 1]
+    )
 
 
 def _channels(path: Path, case: Case) -> dict[str, Array]:

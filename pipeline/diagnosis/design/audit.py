@@ -148,7 +148,7 @@ def audit_design(grid: Grid, bench: BenchParameters, model: LossModel, floor: No
     looked_for = len(families(readings, bench, model)) + len(candidates())
     threshold = float(stats.norm.isf(0.5 * LEVEL / looked_for))
     found = tuple(_visibility(problem, candidate, threshold) for candidate in candidates())
-    fits = {seen.candidate: _as_fit(problem, seen.candidate, seen.values_50) for seen in found if not seen.unseen}
+    fits = {seen.candidate: problem.fitted(seen.candidate, seen.values_50) for seen in found if not seen.unseen}
     pairs = _resembling(problem, fits)
     alike = [pair for pair in pairs if pair.correlation >= ALIKE]
     longer = tuple(
@@ -173,11 +173,6 @@ def _visibility(problem: GridProblem, candidate: Candidate, threshold: float) ->
     at_50[: len(candidate.sizes)] *= scale
     further = (threshold + float(stats.norm.isf(0.05))) / math.sqrt(left)
     return Visibility(candidate, absorbed, scale * rms, further * rms, at_50)
-
-
-def _as_fit(problem: GridProblem, candidate: Candidate, values: Array) -> CandidateFit:
-    effect = problem.effect(candidate, values)
-    return CandidateFit(candidate, values, 0.0, effect, problem.beyond_baseline(effect), ())
 
 
 def _resembling(problem: GridProblem, fits: dict[Candidate, CandidateFit]) -> list[LookAlike]:
@@ -214,7 +209,7 @@ def _with_test(
         for candidate in (pair.one, pair.other):
             values = fits[candidate].values.copy()
             values[: len(candidate.sizes)] *= SURE_SIZE
-            sets.append(GridExplanation((_as_fit(problem, candidate, values),), problem))
+            sets.append(GridExplanation((problem.fitted(candidate, values),), problem))
         one = sets[0]
         power = power_to_separate(_imitation(problem, one, sets[1]))
         better = best is None or (plan.seconds < best[0].seconds if min(power, best[1]) >= ENOUGH else power > best[1])
@@ -227,11 +222,10 @@ def _with_test(
 
 def _imitation(problem: GridProblem, one: GridExplanation, other: GridExplanation) -> float:
     """Noncentrality of one against the other at whatever size imitates it best."""
-    seen_one = problem.beyond_baseline(problem.effect(one.fits[0].candidate, one.fits[0].values))
-    seen_other = problem.beyond_baseline(problem.effect(other.fits[0].candidate, other.fits[0].values))
+    seen_one, seen_other = one.fits[0].seen, other.fits[0].seen
     length = float(seen_other @ seen_other)
     scale = float(seen_one @ seen_other) / length if length > 0.0 else 0.0
     fit = other.fits[0]
     values = fit.values.copy()
     values[: len(fit.candidate.sizes)] *= scale
-    return distance(problem, one, GridExplanation((_as_fit(problem, fit.candidate, values),), problem))
+    return distance(problem, one, GridExplanation((problem.fitted(fit.candidate, values),), problem))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic
 
 from pmg.pipeline.diagnosis.engine.catalogue import leaders
 from pmg.pipeline.diagnosis.engine.problem import F, P
@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
 SWAPS = 4
 """Candidates tried in the place of each one of a set."""
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -99,22 +97,15 @@ def without(problem: P, explanation: Explanation[F, P], place: int) -> tuple[P, 
 
 def replaced(explanation: Explanation[F, P], place: int, fit: F, rest: P, gain: float) -> Explanation[F, P]:
     """The set with another fit in one place; `gain` is what the one before it gained beside the `rest`."""
-    counted = with_gain(fit, explanation.fits[place].gain + fit.gain - gain)
+    counted = replace(fit, gain=explanation.fits[place].gain + fit.gain - gain)
     return Explanation((*explanation.fits[:place], counted, *explanation.fits[place + 1 :]), rest.take_out(fit))
-
-
-def with_gain(fit: T, gain: float) -> T:
-    """A fit that counts for another gain."""
-    same: Any = fit  # every fit is a dataclass
-    changed: T = replace(same, gain=gain)
-    return changed
 
 
 def all_in_detail(problem: P, catalogue: CandidateCatalogue[F, P], explanation: Explanation[F, P]) -> Explanation[F, P]:
     """Each candidate of a set in more detail beside the others, where the data call for it."""
     for place, fit in enumerate(explanation.fits):
         rest, gain = without(problem, explanation, place)
-        here = with_gain(fit, gain)
+        here = replace(fit, gain=gain)
         finer = catalogue.in_detail(rest, here, narrower=True)
         if finer is not here:
             explanation = replaced(explanation, place, finer, rest, gain)

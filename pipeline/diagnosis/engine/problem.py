@@ -8,57 +8,78 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
-    from collections.abc import Hashable
     from typing import Self
 
     from pmg.sim.signals import Array
 
 
-class Fit(Protocol):
-    """A candidate fitted beside the baseline."""
+class Candidate(Protocol):
+    """What may explain a mismatch; it can be hashed."""
 
     @property
     def identifier(self) -> str:
         """Id of the mechanism or term."""
 
-    @property
-    def gain(self) -> float:
-        """Fall of the whitened sum of squares, in noise variances."""
+
+C = TypeVar("C", bound=Candidate)
+
+
+@dataclass(frozen=True)
+class Fit(Generic[C]):
+    """A candidate fitted beside the baseline.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        What was fitted.
+    gain : float
+        Fall of the whitened sum of squares, in noise variances.
+    cost : float
+        Parameters it counts for.
+    seen : (m,) array
+        Its effect, whitened, less what the baseline absorbs.
+    on_bound : tuple of str
+        Parameters on a bound.
+    """
+
+    candidate: C
+    gain: float
+    cost: float
+    seen: Array
+    on_bound: tuple[str, ...]
 
     @property
-    def cost(self) -> float:
-        """Free parameters that it counts for."""
-
-    @property
-    def seen(self) -> Array:
-        """Its effect (m,), whitened, less what the baseline absorbs."""
-
-    @property
-    def candidate(self) -> Hashable:
-        """What was fitted."""
+    def identifier(self) -> str:
+        """Id of the mechanism or term."""
+        return self.candidate.identifier
 
     @property
     def place(self) -> str:
         """Where it acts, of several places where it may; empty where there is one only."""
+        return ""
 
     @property
     def admissible(self) -> bool:
         """Whether it may stand in a set at all."""
+        return True
 
     @property
     def needed(self) -> bool:
         """Whether its sizes are off their bounds, so that it is neither absent nor as large as can be."""
+        return self.admissible
 
     @property
     def bends_to_anything(self) -> bool:
         """Whether its shape ran to where it no longer gives the effect a form of its own."""
+        return False
 
 
-F = TypeVar("F", bound=Fit)
+F = TypeVar("F", bound=Fit[Any])
 P = TypeVar("P", bound="WhitenedProblem[Any]")
 
 
@@ -98,3 +119,17 @@ class WhitenedProblem(ABC, Generic[F]):
             "left": left - added @ (added.T @ left),
         }
         return replace(self, **changed)
+
+
+def freed(columns: Array, y: Array) -> tuple[Array, Array]:
+    """Orthonormal basis of columns (m, k), and what they leave of rows (m,)."""
+    basis = orthonormal(columns)
+    return basis, y - basis @ (basis.T @ y)
+
+
+def bounded_sizes(seen: Array, left: Array, bounds: Array) -> tuple[float, Array]:
+    """Sum of squares that columns (m, k) leave, and the sizes (k,) inside their bounds (2, k)."""
+    length = np.linalg.norm(seen, axis=0)
+    length[length == 0.0] = 1.0
+    found = lsq_linear(seen / length, left, bounds=(bounds[0] * length, bounds[1] * length), method="bvls")
+    return 2.0 * float(found.cost), np.clip(found.x / length, *bounds)

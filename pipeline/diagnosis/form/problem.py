@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.held_out import solve
+from pmg.pipeline.diagnosis.engine.problem import freed
 from pmg.pipeline.diagnosis.form.search import FormFit, Library, View, make_library, search
 from pmg.pipeline.diagnosis.grid.holdout import FOLDS
 from pmg.pipeline.fit.span import orthonormal
@@ -63,11 +64,10 @@ class Problem:
 
 def whole_view(problem: Problem) -> View:
     """All readings of the location, with the noise as it is."""
-    basis = orthonormal(problem.white(problem.baseline))
-    y = problem.white(problem.left)
-    matrix = problem.white(np.eye(len(y))[:, problem.rows] * problem.sign)
+    basis, left = freed(problem.white(problem.baseline), problem.white(problem.left))
+    matrix = problem.white(np.eye(len(left))[:, problem.rows] * problem.sign)
     seen = np.abs(matrix).max(axis=1) > 0.0
-    return View(matrix[seen], basis[seen], (y - basis @ (basis.T @ y))[seen])
+    return View(matrix[seen], basis[seen], left[seen])
 
 
 def choose(problem: Problem, library: Library, k: int) -> FormFit | None:

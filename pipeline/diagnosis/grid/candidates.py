@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.engine.problem import WhitenedProblem
+from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem, freed
 from pmg.pipeline.fit.calibration import jacobian
 from pmg.pipeline.fit.noise_floor import BASELINE_FREE
-from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.fit.whitening import undo
 from pmg.pipeline.grid.readings import Readings, predict
 from pmg.sim.mechanisms import CANDIDATES, Instrument
@@ -86,51 +85,24 @@ def rms(values: Array) -> float:
 
 
 @dataclass(frozen=True)
-class CandidateFit:
-    """A candidate fitted beside the baseline.
+class CandidateFit(Fit[Candidate]):
+    """A mechanism fitted beside the baseline.
 
     Parameters
     ----------
-    candidate : Candidate
-        What was fitted.
     values : (k,) array
         Its parameters: sizes, then shapes.
-    gain : float
-        Fall of the whitened sum of squares; in units of the noise variance.
     effect : (m,) array
         Change of each reading [N m], before anything is absorbed.
-    seen : (m,) array
-        The same whitened, with what the baseline absorbs taken out.
-    on_bound : tuple of str
-        Parameters on a bound.
     """
 
-    candidate: Candidate
     values: Array
-    gain: float
     effect: Array
-    seen: Array
-    on_bound: tuple[str, ...]
-
-    @property
-    def identifier(self) -> str:
-        """Id of the mechanism."""
-        return self.candidate.identifier
 
     @property
     def place(self) -> str:
         """Shaft on which it sits."""
         return self.candidate.shaft
-
-    @property
-    def cost(self) -> int:
-        """Free parameters."""
-        return len(self.values)
-
-    @property
-    def admissible(self) -> bool:
-        """Every mechanism may stand in a set."""
-        return True
 
     @property
     def needed(self) -> bool:
@@ -210,6 +182,13 @@ class GridProblem(WhitenedProblem[CandidateFit]):
         alone = steady(Gearbox(self.bench, (extra,)), self.readings.grid.points)
         return self.readings.of(alone) - self.ideal
 
+    def fitted(
+        self, candidate: Candidate, values: Array, gain: float = 0.0, on_bound: tuple[str, ...] = ()
+    ) -> CandidateFit:
+        """A candidate with values of its parameters, as a fit."""
+        effect = self.effect(candidate, values)
+        return CandidateFit(candidate, gain, len(values), self.beyond_baseline(effect), on_bound, values, effect)
+
     def tangents(self, fit: CandidateFit) -> Array:
         """Change of each reading per change of each parameter of a fitted candidate (m, k) [N m per unit]."""
         slopes = []
@@ -233,9 +212,7 @@ def grid_problem(
     columns = jacobian(readings, bench, model, BASELINE_FREE)
     if allowed is not None:
         columns = np.hstack([columns, allowed])
-    baseline = orthonormal(white(columns))
     predicted = predict(readings, bench, model)
     ideal = readings.of(steady(Gearbox(bench, ()), readings.grid.points))
     y = white((readings.torque - predicted)[:, None])[:, 0]
-    left = y - baseline @ (baseline.T @ y)
-    return GridProblem(baseline, left, readings, bench, model, white, predicted, ideal, columns)
+    return GridProblem(*freed(white(columns), y), readings, bench, model, white, predicted, ideal, columns)

@@ -7,14 +7,15 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import Bounds, least_squares, lsq_linear, minimize, minimize_scalar
+from scipy.optimize import Bounds, least_squares, minimize, minimize_scalar
 
-from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
+from pmg.pipeline.diagnosis.engine.problem import bounded_sizes
+from pmg.pipeline.diagnosis.grid.candidates import candidates
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pmg.pipeline.diagnosis.grid.candidates import Candidate, GridProblem
+    from pmg.pipeline.diagnosis.grid.candidates import Candidate, CandidateFit, GridProblem
     from pmg.sim.signals import Array
 
 SHAPE_STARTS = 4
@@ -47,15 +48,8 @@ def fit_candidate(problem: GridProblem, candidate: Candidate) -> CandidateFit:
     shape = np.arange(len(values)) >= len(candidate.sizes)
     near = np.maximum(SHAPE_PRECISION * values, margin)  # a search stops so far from a bound
     at_bound |= shape & ((values - low < near) | (high - values < near))
-    effect = problem.effect(candidate, values)
-    return CandidateFit(
-        candidate,
-        values,
-        float(problem.left @ problem.left) - cost,
-        effect,
-        problem.beyond_baseline(effect),
-        tuple(p.name for p, at in zip(parameters, at_bound, strict=True) if at),
-    )
+    on_bound = tuple(p.name for p, at in zip(parameters, at_bound, strict=True) if at)
+    return problem.fitted(candidate, values, float(problem.left @ problem.left) - cost, on_bound)
 
 
 def shapes(candidate: Candidate) -> Iterator[Array]:
@@ -71,11 +65,9 @@ def _sizes(problem: GridProblem, candidate: Candidate, shape: Array) -> tuple[fl
     """Sum of squares and sizes inside their bounds, for an effect proportional to them."""
     columns = signature(problem, candidate, shape)
     seen = np.stack([problem.beyond_baseline(column) for column in columns.T], axis=1)
-    length = np.linalg.norm(seen, axis=0)
-    length[length == 0.0] = 1.0
-    bounds = np.array([p.bounds for p in candidate.parameters[: len(candidate.sizes)]]).T * length
-    found = lsq_linear(seen / length, problem.left, bounds=(bounds[0], bounds[1]), method="bvls")
-    return 2.0 * float(found.cost), np.clip(found.x / length, *(bounds / length))
+    return bounded_sizes(
+        seen, problem.left, np.array([p.bounds for p in candidate.parameters[: len(candidate.sizes)]]).T
+    )
 
 
 def _by_proportion(problem: GridProblem, candidate: Candidate) -> tuple[float, Array]:
@@ -152,3 +144,17 @@ def signature(problem: GridProblem, candidate: Candidate, shape: Array) -> Array
         sizes[i] = SMALL * parameter.typical
         columns.append(problem.effect(candidate, np.r_[sizes, shape]) / sizes[i])
     return np.stack(columns, axis=1)
+
+
+def traces(problem: GridProblem) -> list[Array]:
+    """Whitened columns (m, sizes) of every mechanism on every shaft and in every shape from which a fit starts.
+
+    A smooth family spreads a test over several columns; a mechanism's own trace takes one, so that small effects of
+    the catalogue are seen earlier.
+    """
+    return [
+        problem.white(signature(problem, candidate, shape))
+        for candidate in candidates()
+        if candidate.shaft != "both" or not candidate.kind.both_at_once
+        for shape in shapes(candidate)
+    ]

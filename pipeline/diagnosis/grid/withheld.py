@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.engine.problem import freed
 from pmg.pipeline.diagnosis.engine.withheld import FOLDS, Withholding
 from pmg.pipeline.diagnosis.grid.candidates import CandidateFit, GridProblem
 from pmg.pipeline.diagnosis.grid.holdout import deal
-from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.fit.whitening import Whitener
 
 if TYPE_CHECKING:
@@ -31,13 +31,13 @@ class WithheldReadings(Withholding[CandidateFit, GridProblem]):
         """The problem of some readings; neighbours are no longer neighbours, so the noise is taken as white."""
         readings, white = self.problem.readings[rows], Whitener(self.scale[rows], ())
         columns, y = self.columns[rows], white(self.y[rows][:, None])[:, 0]
-        basis = orthonormal(white(columns))
+        basis, left = freed(white(columns), y)
         return replace(
             self.problem,
             readings=readings,
             white=white,
             baseline=basis,
-            left=y - basis @ (basis.T @ y),
+            left=left,
             predicted=self.problem.predicted[rows],
             ideal=self.problem.ideal[rows],
             columns=columns,
