@@ -31,7 +31,6 @@ _GATHERED = "its parameters are to be gathered into values"
 LONG_FUNCTIONS: dict[str, str] = {
     "pmg.pipeline.chapters.explained.balance._models": _SPLIT,
     "pmg.pipeline.chapters.measured.quality.data_section": _SPLIT,
-    "pmg.pipeline.commands.residuals.run_residuals": _SPLIT,
     "pmg.pipeline.diagnosis.design.plans._engaged": _GATHERED,
     "pmg.pipeline.diagnosis.design.plans.possible_plans": _SPLIT,
     "pmg.pipeline.diagnosis.grid.refit.refit": _SPLIT,
@@ -159,16 +158,12 @@ def a_class_name_is_used_once(modules: Sequence[Module]) -> Iterator[Breach]:
                 yield Breach(module.name, node.lineno, f"class {node.name}, which is one of {other} too", rule)
 
 
-DEFINED_TWICE = frozenset({"DRAWS", "LEVEL"})
-"""Constants that two modules of the diagnosis still define alike; none may join them."""
-
-
 def a_constant_is_defined_once(modules: Sequence[Module]) -> Iterator[Breach]:
     first: dict[tuple[str, str], str] = {}
     for module in modules:
         for name, value, line in constants_of(module.tree):
             other = first.setdefault((name, value), module.name)
-            if other != module.name and name not in DEFINED_TWICE:
+            if other != module.name:
                 rule = "a constant is defined once: import it, or give another thing another name"
                 yield Breach(module.name, line, f"{name} = {value}, as in {other}", rule)
 

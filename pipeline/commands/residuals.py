@@ -10,8 +10,10 @@ from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.commands.compare import SEED
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now, went_in
+from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
+from pmg.pipeline.diagnosis.grid.locate import DRAWS
 from pmg.pipeline.diagnosis.residuals.covariates import BY_ID
-from pmg.pipeline.diagnosis.residuals.fitted import FITS, LEVEL
+from pmg.pipeline.diagnosis.residuals.fitted import FITS
 from pmg.pipeline.diagnosis.residuals.search import study_residuals
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.document import number
@@ -32,14 +34,14 @@ if TYPE_CHECKING:
     from pmg.pipeline.commands.crate import SourceFile
     from pmg.pipeline.diagnosis.residuals.fitted import Outlier
     from pmg.pipeline.diagnosis.residuals.search import Followed, ResidualStudy, ShaftResidual
+    from pmg.pipeline.fit.analysis import Analysis
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import Grid
 
 SCHEMA = "pmg.residuals/1"
 
-DRAWS = 1000
-"""Synthetic grids where no number is chosen."""
-
 FEWEST_DRAWS = 19
-"""Below this no p-value of the search can be as small as `LEVEL`."""
+"""Below this no p-value of the search can be as small as `FALSE_ALARM_RATE`."""
 
 
 def run_residuals(
@@ -73,28 +75,16 @@ def run_residuals(
     FitError
         An unknown fit, too few draws, or a fit that these points do not allow.
     """
-    if (store is None) == (grids is None):
-        came = "neither" if store is None else "both"
-        raise GridError(
-            "--store and --grids", came, "one of them", "Name a store with an analysis, or published grids."
-        )
     began = now()
     draws, seed = DRAWS if draws is None else draws, SEED if seed is None else seed
     if fit is not None and fit not in FITS:
         raise FitError("--fit", repr(fit), ", ".join(FITS), near_miss(fit, FITS) or "Choose one, or leave it out.")
     if draws < FEWEST_DRAWS:
         raise FitError("--draws", str(draws), f"{FEWEST_DRAWS} or more", "Ask for more synthetic grids.")
-    bench = load_bench()
-    remarks: tuple[Remark, ...] = ()
-    if store is not None:
-        grid, options = read_analysis(store)
-        bench, remarks = recorded_bench(store, grid, bench)
-    else:
-        assert grids is not None  # one of the two is given
-        grid, options = read_published(grids, bench), THESIS_OPTIONS
-    analysis = analyse(grid, options, bench)
+    analysis, bench, remarks = _analysed(store, grids)
     if analysis.fits is None or (fit == "baseline" and analysis.calibration is None):
         raise analysis.missing[0]
+    grid = analysis.grid
     study = study_residuals(analysis, bench, tuple(FITS) if fit is None else (fit,), draws, seed)
     data: dict[str, Any] = {
         "schema": SCHEMA,
@@ -102,7 +92,7 @@ def run_residuals(
         "origin": grid.origin,
         "draws": draws,
         "seed": seed,
-        "level": LEVEL,
+        "level": FALSE_ALARM_RATE,
         "tested": study.tested,
         "p_value": study.p_value,
         "fits": [_document(part) for part in study.parts],
@@ -111,21 +101,7 @@ def run_residuals(
     lines = [line for part in study.parts for line in (*_lines(part, study.draws), "")]
     lines.append(_summary(study, grid.campaign))
     if report is not None:
-        page = Report(
-            title=f"What the residuals of campaign {grid.campaign} follow",
-            subtitle=f"{len(grid)} points; {', '.join(FITS[name] for name in _names(study))}",
-            verdict=Headline(_summary(study, grid.campaign), "attention" if study.p_value <= LEVEL else "good"),
-            sections=(structure_section(study),),
-            provenance=Facts(
-                (
-                    ("Input", f"campaign {grid.campaign}, {grid.origin}"),
-                    ("Synthetic grids", str(draws)),
-                    ("Their seed", str(seed)),
-                    ("Versions", versions(PACKAGES)),
-                )
-            ),
-        )
-        files = write_report(page, report)
+        files = write_report(_page(study, grid, seed), report)
         taken: tuple[Path | SourceFile, ...] = went_in(store, grid)
         if grids is not None:
             taken = tuple(grids / name for name in PUBLISHED)
@@ -133,7 +109,37 @@ def run_residuals(
         data |= {"report": str(files[0]), "files": [str(path) for path in files]}
         lines.append(f"report: {files[0]}")
     findings = tuple(Remark("info", error.where, error.advice) for error in analysis.missing)
-    return Outcome(data, tuple(lines), remarks + findings, mismatch=study.p_value <= LEVEL)
+    return Outcome(data, tuple(lines), remarks + findings, mismatch=study.p_value <= FALSE_ALARM_RATE)
+
+
+def _analysed(store: Path | None, grids: Path | None) -> tuple[Analysis, BenchParameters, tuple[Remark, ...]]:
+    """The analysis of a store or of published grids, its bench, and remarks on that."""
+    bench = load_bench()
+    if store is not None and grids is None:
+        grid, options = read_analysis(store)
+        bench, remarks = recorded_bench(store, grid, bench)
+        return analyse(grid, options, bench), bench, remarks
+    if grids is not None and store is None:
+        return analyse(read_published(grids, bench), THESIS_OPTIONS, bench), bench, ()
+    came, do = "neither" if store is None else "both", "Name a store with an analysis, or published grids."
+    raise GridError("--store and --grids", came, "one of them", do)
+
+
+def _page(study: ResidualStudy, grid: Grid, seed: int) -> Report:
+    return Report(
+        title=f"What the residuals of campaign {grid.campaign} follow",
+        subtitle=f"{len(grid)} points; {', '.join(FITS[name] for name in _names(study))}",
+        verdict=Headline(_summary(study, grid.campaign), "attention" if study.p_value <= FALSE_ALARM_RATE else "good"),
+        sections=(structure_section(study),),
+        provenance=Facts(
+            (
+                ("Input", f"campaign {grid.campaign}, {grid.origin}"),
+                ("Synthetic grids", str(study.draws)),
+                ("Their seed", str(seed)),
+                ("Versions", versions(PACKAGES)),
+            )
+        ),
+    )
 
 
 def _names(study: ResidualStudy) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.engine.withheld import FOLDS
 from pmg.pipeline.diagnosis.grid.candidates import grid_problem
-from pmg.pipeline.diagnosis.grid.holdout import deal
+from pmg.pipeline.diagnosis.grid.withheld import deal
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.fit.whitening import whitener

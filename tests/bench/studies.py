@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
+from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
 from pmg.pipeline.diagnosis.grid.locate import find_mismatch
-from pmg.pipeline.diagnosis.residuals.fitted import LEVEL
 from pmg.pipeline.diagnosis.residuals.search import study_residuals
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import THESIS_OPTIONS, AnalysisOptions
@@ -142,7 +142,7 @@ def residual_nulls(campaigns: int) -> None:
             seed = int(rng.integers(2**31))
             for name in ("curves", "baseline"):
                 study = study_residuals(null, bench, (name,), 199, seed)
-                alarms.setdefault(f"{name}: a covariate", []).append(study.p_value <= LEVEL)
+                alarms.setdefault(f"{name}: a covariate", []).append(study.p_value <= FALSE_ALARM_RATE)
                 stray = any(part.outliers for part in study.parts)
                 alarms.setdefault(f"{name}: an outlier", []).append(stray)
         report(f"residuals of rounded grids, {curves}", "cases", "alarms at 5 %")

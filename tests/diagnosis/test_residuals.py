@@ -16,7 +16,8 @@ from typer.testing import CliRunner
 
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.residuals import run_residuals
-from pmg.pipeline.diagnosis.residuals.fitted import FITS, LEVEL, lack_of_fit, linear_fits, outliers
+from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
+from pmg.pipeline.diagnosis.residuals.fitted import FITS, lack_of_fit, linear_fits, outliers
 from pmg.pipeline.diagnosis.residuals.search import Followed, ResidualStudy, study_residuals
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.options import AnalysisOptions
@@ -69,9 +70,9 @@ def test_false_alarms_keep_their_rate(bench: BenchParameters) -> None:
     for seed in range(60):
         rng = np.random.default_rng([1, seed])
         study = study_residuals(campaign(rng, neutral(rng)), bench, ("curves",), 39, seed)
-        alarms += study.p_value <= LEVEL
+        alarms += study.p_value <= FALSE_ALARM_RATE
         smallest.append(study.p_value)
-    assert alarms <= stats.binom.ppf(0.999, 60, LEVEL)
+    assert alarms <= stats.binom.ppf(0.999, 60, FALSE_ALARM_RATE)
     assert stats.kstest(smallest, "uniform").pvalue > 1e-3
     assert min(smallest) < 0.3
 

@@ -18,7 +18,7 @@ from pmg.pipeline.diagnosis.form.problem import Problem, placebo_errors, withhel
 from pmg.pipeline.diagnosis.form.search import View, make_library
 from pmg.pipeline.diagnosis.form.shape import LABEL, Shape
 from pmg.pipeline.diagnosis.form.symbolic import hold_up
-from pmg.pipeline.diagnosis.grid.holdout import FOLDS
+from pmg.pipeline.diagnosis.grid.withheld import STRUCTURE_FOLDS
 from pmg.pipeline.fit.whitening import Whitener
 from pmg.sim.signals import Array
 
@@ -58,7 +58,7 @@ def problem(effect: Array, known: tuple[FormCovariate, ...], rng: np.random.Gene
         covariates=known,
         smooth=columns,
         block=block,
-        fold=block % FOLDS,
+        fold=block % STRUCTURE_FOLDS,
     )
 
 
@@ -86,10 +86,11 @@ def test_a_planted_form_is_found_and_predicts_what_it_has_not_seen(name: str, rn
     assert shape is not None
     assert {c.name for c in shape.covariates} == truth
     assert shape.label == LABEL
-    assert shape.gain_interval[0] > 0.0
-    assert shape.rmse_after < 1.3 * NOISE < shape.rmse_before
-    assert shape.placebo_gain < 0.25 * (shape.rmse_before - shape.rmse_after)
-    assert shape.alike >= FOLDS // 2
+    assert shape.held_out.gain_interval[0] > 0.0
+    assert shape.held_out.rmse_after < 1.3 * NOISE < shape.held_out.rmse_before
+    assert shape.held_out.placebo_gain is not None
+    assert shape.held_out.placebo_gain < 0.25 * (shape.held_out.rmse_before - shape.held_out.rmse_after)
+    assert shape.alike >= STRUCTURE_FOLDS // 2
     # against the truth, with what the baseline may take taken out of both
     basis = np.linalg.qr(problem(planted, known, rng).baseline[: len(planted)])[0]
     apart = value(shape) - planted
@@ -138,8 +139,8 @@ def test_a_form_that_smooth_columns_beat_by_far_is_not_told(rng: np.random.Gener
     given_ = problem(planted, known, rng, smooth=6)
     shape = hold_up(given_, np.random.default_rng(1))
     if shape is not None:
-        gained = shape.rmse_before**2 - shape.rmse_after**2
-        assert gained >= 0.5 * (shape.rmse_before**2 - shape.rmse_smooth**2)
+        gained = shape.held_out.rmse_before**2 - shape.held_out.rmse_after**2
+        assert gained >= 0.5 * (shape.held_out.rmse_before**2 - shape.rmse_smooth**2)
     unsmooth = hold_up(replace(given_, smooth=given_.smooth[:, :0]), np.random.default_rng(1))
     assert unsmooth is not None
     assert np.isnan(unsmooth.rmse_smooth)
@@ -163,7 +164,7 @@ def test_the_same_readings_give_the_same_form(rng: np.random.Generator) -> None:
     assert first is not None
     assert again is not None
     assert first.formula == again.formula
-    assert first.placebo_gain == again.placebo_gain
+    assert first.held_out == again.held_out
 
 
 def everything() -> tuple[Form, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,7 +11,7 @@ from pmg.pipeline.diagnosis.balance.estimate import design_of
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
 from pmg.pipeline.diagnosis.engine.decoys import gains_of
-from pmg.pipeline.diagnosis.engine.held_out import HeldOut, gain_interval, solve
+from pmg.pipeline.diagnosis.engine.held_out import HeldOut, compared, solve, withheld_left
 from pmg.pipeline.diagnosis.engine.withheld import BLOCKS, FOLDS, Withholding
 
 if TYPE_CHECKING:
@@ -80,21 +79,9 @@ def withheld_samples(recorded: Recorded, problem: TermProblem, noise: SerialNois
 
 
 def held_out(split: str, before: Array, after: Array, noise: SerialNoise, rng: np.random.Generator) -> HeldOut:
-    """Errors before and after, with the interval of their difference from resampled blocks."""
-    block = blocks_of(len(before))
-    rows = [np.flatnonzero(block == k) for k in np.unique(block)]
-    squares = before**2, after**2
-    return HeldOut(
-        split,
-        math.sqrt(squares[0].mean()),
-        math.sqrt(squares[1].mean()),
-        noise.standard_deviation,
-        gain_interval(*squares, rows, rng),
-    )
-
-
-def _left(design: Array, y: Array, train: Mask) -> Array:
-    return np.asarray(y - design @ solve(design[train], y[train]))
+    """Errors of all samples before and after, with the interval of their difference from resampled blocks."""
+    scale, every = np.full(len(before), noise.standard_deviation), np.ones(len(before), dtype=np.bool_)
+    return compared(split, (before, after), scale, (blocks_of(len(before)), every), rng)
 
 
 def set_against(
@@ -106,15 +93,9 @@ def set_against(
 ) -> HeldOut:
     """Error on withheld blocks with one set of terms and with another, amplitudes fitted on the other blocks."""
     y = recorded.force
-    fold = blocks_of(len(y)) % FOLDS
-    errors = []
-    for fits in sets:
-        design = design_of(recorded, baseline, fits)
-        left = np.zeros_like(y)
-        for k in range(FOLDS):
-            left[fold == k] = _left(design, y, fold != k)[fold == k]
-        errors.append(left)
-    return held_out("blocks of neighbouring samples, a quarter at a time", errors[0], errors[1], noise, rng)
+    fold, even = blocks_of(len(y)) % FOLDS, np.ones(len(y))
+    before, after = (withheld_left(y, design_of(recorded, baseline, fits), even, fold, FOLDS) for fits in sets)
+    return held_out("blocks of neighbouring samples, a quarter at a time", before, after, noise, rng)
 
 
 @dataclass(frozen=True)

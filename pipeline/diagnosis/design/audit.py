@@ -11,6 +11,7 @@ from scipy import stats
 
 from pmg.pipeline.diagnosis.design.next_test import ENOUGH, distance, longer_problem, power_to_separate
 from pmg.pipeline.diagnosis.design.plans import Plan, possible_plans
+from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
 from pmg.pipeline.diagnosis.grid.candidates import Candidate, CandidateFit, GridProblem, candidates, grid_problem
 from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
 from pmg.pipeline.fit.structure import families
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
     from pmg.sim.grid import Grid
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.signals import Array
-
-LEVEL = 0.05
-"""False-alarm rate of the mismatch test, which the search over all structures pays for."""
 
 ALIKE = 0.95
 """Correlation of two signatures, each freed from the baseline, from which on they are look-alikes."""
@@ -146,7 +144,7 @@ def audit_design(grid: Grid, bench: BenchParameters, model: LossModel, floor: No
     readings = take_readings(grid, bench)
     problem = grid_problem(readings, bench, model, whitener(readings, bench, floor))
     looked_for = len(families(readings, bench, model)) + len(candidates())
-    threshold = float(stats.norm.isf(0.5 * LEVEL / looked_for))
+    threshold = float(stats.norm.isf(0.5 * FALSE_ALARM_RATE / looked_for))
     found = tuple(_visibility(problem, candidate, threshold) for candidate in candidates())
     fits = {seen.candidate: problem.fitted(seen.candidate, seen.values_50) for seen in found if not seen.unseen}
     pairs = _resembling(problem, fits)

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy.typing as npt
 
     from pmg.sim.signals import Array, Mask
@@ -75,6 +77,21 @@ class HeldOut:
         return self.rmse_after < self.rmse_before and after <= (1.0 - WITHHELD_SHARE) * before + chance
 
 
+def compared(
+    split: str,
+    errors: tuple[Array, Array],
+    noise: Array,
+    rows: tuple[npt.NDArray[np.int64], Mask],
+    rng: np.random.Generator,
+) -> HeldOut:
+    """Two errors of each withheld row (m,) compared over what is looked at; `rows` are blocks, and whether they are."""
+    block, touched = rows
+    squares = errors[0] ** 2, errors[1] ** 2
+    before, after, floor = (math.sqrt(float(of_rows[touched].mean())) for of_rows in (*squares, noise**2))
+    gain = gain_interval(*squares, touched_blocks(block, touched), rng)
+    return HeldOut(split, before, after, floor, gain, count=int(touched.sum()))
+
+
 def touched_blocks(block: npt.NDArray[np.int64], touched: Mask) -> list[npt.NDArray[np.intp]]:
     """Rows of each block that are looked at; blocks without any are left out."""
     return [np.flatnonzero((block == k) & touched) for k in np.unique(block[touched])]
@@ -97,3 +114,19 @@ def solve(design: Array, y: Array) -> Array:
     length = np.linalg.norm(design, axis=0)
     length[length == 0.0] = 1.0
     return np.asarray(np.linalg.lstsq(design / length, y, rcond=1e-8)[0] / length)
+
+
+def unpredicted(y: Array, columns: Array, scale: Array, train: Mask) -> Array:
+    """Rows (m,) less what the training rows, weighted by their scale, determine of some columns (m, k)."""
+    return np.asarray(y - columns @ solve(columns[train] / scale[train, None], y[train] / scale[train]))
+
+
+def withheld_left(
+    y: Array, columns: Array | Sequence[Array], scale: Array, fold: npt.NDArray[np.int64], folds: int
+) -> Array:
+    """Rows less what the other folds determine of some columns, or of those of each fold; as they are in no fold."""
+    left = y.copy()
+    for k in range(folds):
+        own = columns if isinstance(columns, np.ndarray) else columns[k]
+        left[fold == k] = unpredicted(y, own, scale, fold != k)[fold == k]
+    return left

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.engine.held_out import HeldOut, gain_interval, solve, touched_blocks
+from pmg.pipeline.diagnosis.engine.held_out import HeldOut, compared, touched_blocks, unpredicted, withheld_left
 from pmg.pipeline.diagnosis.engine.problem import F, P
 from pmg.sim.errors import FitError
 
@@ -117,19 +117,17 @@ def withhold(
     """
     y, columns, scale = rows.y, rows.columns, rows.scale
     touched = rows.touched(fits)
-    before, after = y.copy(), y.copy()
+    before, after = withheld_left(y, columns, scale, rows.fold, FOLDS), y.copy()
     reach_before, reach_after = np.zeros_like(y), np.zeros_like(y)
     sets: list[tuple[F, ...]] = []
     for k in range(FOLDS):
         train, test = rows.fold != k, rows.fold == k
         reach_before[test] = _reach(columns, scale, train, test)
-        before[test] = _left(y, columns, scale, train)[test]
         found = _choose_all(rows.part(train), catalogue, len(fits))
         sets.append(found)
         fixed, moving, slopes = rows.predictors(found)
-        after[test] = _left(y - fixed, np.hstack([columns, moving]), scale, train)[test]
+        after[test] = unpredicted(y - fixed, np.hstack([columns, moving]), scale, train)[test]
         reach_after[test] = _reach(np.hstack([columns, slopes]), scale, train, test)
-    squares = before**2, after**2
     touched &= reach_before <= FARTHEST
     reached, of = touched & (reach_after <= FARTHEST), int(touched.sum())
     touched = reached if reached.sum() >= (1.0 - LOST) * of else touched
@@ -139,17 +137,12 @@ def withhold(
         raise FitError(where, came, "two or more", "Measure more speeds, or record when each point was run.")
     named = {fit.identifier for fit in fits}
     kept, tries = sum(fit.identifier in named for found in sets for fit in found), FOLDS * len(fits)
-    interval = gain_interval(*squares, blocks, rng)
-    return HeldOut(
-        split=_split(rows, f"{kept} of {tries}", of - int(touched.sum()), of),
-        rmse_before=math.sqrt(squares[0][touched].mean()),
-        rmse_after=math.sqrt(squares[1][touched].mean()),
-        noise_floor=math.sqrt(float(np.mean(scale[touched] ** 2))),
-        gain_interval=interval,
+    split = _split(rows, f"{kept} of {tries}", of - int(touched.sum()), of)
+    return replace(
+        compared(split, (before, after), scale, (rows.block, touched), rng),
         placebo_gain=_placebo_gain(rows, rows.effect(fits), before, touched, placebo_rng or rng),
         expected_before=_expected(scale, reach_before, touched),
         expected_after=_expected(scale, reach_after, touched),
-        count=int(touched.sum()),
         kept=kept / tries,
         elsewhere=() if kept >= STEADY * tries else _elsewhere(sets, named),
     )
@@ -181,11 +174,8 @@ def _placebo_gain(
         shuffled = effect.copy()
         for group in rows.groups:
             shuffled[group] = effect[rng.permutation(group)]
-        after = rows.y.copy()
         columns = np.column_stack([rows.columns, shuffled])
-        for k in range(FOLDS):
-            train, test = rows.fold != k, rows.fold == k
-            after[test] = _left(rows.y, columns, rows.scale, train)[test]
+        after = withheld_left(rows.y, columns, rows.scale, rows.fold, FOLDS)
         gains.append(without - math.sqrt((after[touched] ** 2).mean()))
     return float(np.mean(gains))
 
@@ -201,11 +191,6 @@ def _reach(columns: Array, scale: Array, train: Mask, test: Mask) -> Array:
 def _expected(scale: Array, reach: Array, touched: Mask) -> float:
     """Withheld error that noise alone gives: that of the row and that of the fit which predicts it."""
     return math.sqrt(float(np.mean((scale[touched] ** 2) * (1.0 + np.minimum(reach[touched], FARTHEST) ** 2))))
-
-
-def _left(y: Array, columns: Array, scale: Array, train: Mask) -> Array:
-    """Rows less what the training rows determine of some columns."""
-    return np.asarray(y - columns @ solve(columns[train] / scale[train, None], y[train] / scale[train]))
 
 
 def _choose_all(problem: P, catalogue: CandidateCatalogue[F, P], count: int) -> tuple[F, ...]:

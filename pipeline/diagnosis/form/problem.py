@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.engine.held_out import solve
+from pmg.pipeline.diagnosis.engine.held_out import withheld_left
 from pmg.pipeline.diagnosis.engine.problem import freed
 from pmg.pipeline.diagnosis.form.search import FormFit, Library, View, make_library, search
-from pmg.pipeline.diagnosis.grid.holdout import FOLDS
+from pmg.pipeline.diagnosis.grid.withheld import STRUCTURE_FOLDS
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class Problem:
     smooth : (m, j) array
         Columns of the location's family; none where it has none.
     block, fold : (m,) array of int
-        Neighbours, and the part with which each reading is withheld; a reading in fold `FOLDS` always trains.
+        Neighbours, and the part with which each reading is withheld; a reading in fold `STRUCTURE_FOLDS` always trains.
     """
 
     left: Array
@@ -87,15 +87,9 @@ def choose(problem: Problem, library: Library, k: int) -> FormFit | None:
 
 def withheld_errors(problem: Problem, extra: list[Array | None] | list[Array] | None) -> Array:
     """Error at each reading [N m] when its fold is left out of the fit; with further columns for each fold."""
-    scale = problem.white.scale
-    y, errors = problem.left / scale, np.zeros(len(problem.left))
-    for k in range(FOLDS):
-        train, test = problem.fold != k, problem.fold == k
-        more = None if extra is None else extra[k]
-        columns = problem.baseline if more is None else np.hstack([problem.baseline, more])
-        design = columns / scale[:, None]
-        errors[test] = (y[test] - design[test] @ solve(design[train], y[train])) * scale[test]
-    return errors
+    added = [None] * STRUCTURE_FOLDS if extra is None else extra
+    columns = [problem.baseline if more is None else np.hstack([problem.baseline, more]) for more in added]
+    return withheld_left(problem.left, columns, problem.white.scale, problem.fold, STRUCTURE_FOLDS)
 
 
 def placebo_errors(problem: Problem, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -118,6 +112,6 @@ def placebo_errors(problem: Problem, rng: np.random.Generator) -> tuple[Array, A
         covariates=tuple(replace(c, values=c.values[source]) for c in problem.covariates),
     )
     library = make_library(exchanged.covariates)
-    chosen = [choose(exchanged, library, k) for k in range(FOLDS)]
+    chosen = [choose(exchanged, library, k) for k in range(STRUCTURE_FOLDS)]
     after = withheld_errors(exchanged, [None if fit is None else problem.laid_out(fit.columns) for fit in chosen])
     return withheld_errors(exchanged, None), after

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
+    from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.form.atoms import FormCovariate
     from pmg.sim.signals import Array
 
@@ -56,16 +57,12 @@ class Shape:
         Linear ones first.
     as_drag : bool
         Whether it turns its sign with the direction of rotation.
-    rmse_before, rmse_after, rmse_smooth : float
-        Error on withheld readings [N m] of the baseline, with a form chosen and fitted without them, and with the
-        smooth columns of the location's family; NaN where it has none.
-    noise_floor : float
-        Noise of the same readings [N m].
-    gain_interval : (low, high)
-        95 % interval of `rmse_before` - `rmse_after` [N m], from resampled blocks.
-    placebo_gain : float
-        Fall of the withheld error [N m], beyond that by a constant, when the covariates of whole blocks are exchanged
-        before the search: what the search gains from nothing, at or below zero up to noise.
+    held_out : HeldOut
+        Errors on withheld readings of the baseline, and with a form chosen and fitted without them. The gain of the
+        placebo is that, beyond a constant's, of a search with the covariates of whole blocks exchanged before it: what
+        the search gains from nothing, at or below zero up to noise.
+    rmse_smooth : float
+        The same error with the smooth columns of the location's family [N m]; NaN where it has none.
     alike : int
         Folds in which the same form was chosen without the withheld readings.
     folds : int
@@ -87,12 +84,8 @@ class Shape:
     covariates: tuple[FormCovariate, ...]
     constants: tuple[Constant, ...]
     as_drag: bool
-    rmse_before: float
-    rmse_after: float
+    held_out: HeldOut
     rmse_smooth: float
-    noise_floor: float
-    gain_interval: tuple[float, float]
-    placebo_gain: float
     alike: int
     folds: int
     rows: npt.NDArray[np.int64]
@@ -103,6 +96,7 @@ class Shape:
 
 def shape_document(shape: Shape) -> dict[str, Any]:
     """The shape as JSON: formula, constants, errors on withheld readings."""
+    held = shape.held_out
     return {
         "label": shape.label,
         "signal": shape.signal,
@@ -117,12 +111,12 @@ def shape_document(shape: Shape) -> dict[str, Any]:
             {"name": c.name, "value": c.value, "standard_error": c.standard_error, "unit": c.unit}
             for c in shape.constants
         ],
-        "rmse_before_Nm": shape.rmse_before,
-        "rmse_after_Nm": shape.rmse_after,
+        "rmse_before_Nm": held.rmse_before,
+        "rmse_after_Nm": held.rmse_after,
         "rmse_smooth_Nm": None if math.isnan(shape.rmse_smooth) else shape.rmse_smooth,
-        "noise_floor_Nm": shape.noise_floor,
-        "gain_interval_Nm": list(shape.gain_interval),
-        "placebo_gain_Nm": shape.placebo_gain,
+        "noise_floor_Nm": held.noise_floor,
+        "gain_interval_Nm": list(held.gain_interval),
+        "placebo_gain_Nm": held.placebo_gain,
         "alike": shape.alike,
         "folds": shape.folds,
     }

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.engine.held_out import gain_interval, solve, touched_blocks
+from pmg.pipeline.diagnosis.engine.held_out import compared, gain_interval, solve, touched_blocks
 from pmg.pipeline.diagnosis.form.atoms import levels
 from pmg.pipeline.diagnosis.form.covariates import covariates_of, rows_of
 from pmg.pipeline.diagnosis.form.grammar import text_of
 from pmg.pipeline.diagnosis.form.problem import Problem, choose, placebo_errors, whole_view, withheld_errors
 from pmg.pipeline.diagnosis.form.search import FormFit, View, make_library, search
 from pmg.pipeline.diagnosis.form.shape import Constant, Shape
-from pmg.pipeline.diagnosis.grid.holdout import FOLDS, deal
 from pmg.pipeline.diagnosis.grid.locate import located_families
+from pmg.pipeline.diagnosis.grid.withheld import STRUCTURE_FOLDS, deal
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.grid.candidates import GridProblem
@@ -61,7 +61,7 @@ def find_shape(whole: GridProblem, locations: tuple[Location, ...], rng: np.rand
         return None
     here = (place.signal, place.configuration)
     others = tuple(other for other in locations if (other.signal, other.configuration) != here)
-    block, fold = deal(readings, FOLDS)
+    block, fold = deal(readings, STRUCTURE_FOLDS)
     as_drag = place.covariates != ("direction",)
     problem = Problem(
         left=readings.torque - whole.predicted,
@@ -99,25 +99,24 @@ def hold_up(problem: Problem, rng: np.random.Generator) -> Shape | None:
     best = leading[0]
     touched = np.zeros(len(problem.left), dtype=bool)
     touched[problem.rows] = True
-    touched &= problem.fold < FOLDS
+    touched &= problem.fold < STRUCTURE_FOLDS
     blocks = touched_blocks(problem.block, touched)
     if len(blocks) < 2:
         return None
     before = withheld_errors(problem, None)
-    chosen = [choose(problem, library, k) for k in range(FOLDS)]
+    chosen = [choose(problem, library, k) for k in range(STRUCTURE_FOLDS)]
     after = withheld_errors(problem, [None if fit is None else problem.laid_out(fit.columns) for fit in chosen])
-    rmse_before, rmse_after = (math.sqrt(float(np.mean(e[touched] ** 2))) for e in (before, after))
-    gain = gain_interval(before**2, after**2, blocks, rng)
+    held = compared("", (before, after), problem.white.scale, (problem.block, touched), rng)
     rmse_smooth = math.nan
     if problem.smooth.shape[1]:
-        smooth = withheld_errors(problem, [problem.smooth] * FOLDS)
+        smooth = withheld_errors(problem, [problem.smooth] * STRUCTURE_FOLDS)
         rmse_smooth = math.sqrt(float(np.mean(smooth[touched] ** 2)))
-        if rmse_before**2 - rmse_after**2 < SMOOTH_SHARE * (rmse_before**2 - rmse_smooth**2):
+        if held.rmse_before**2 - held.rmse_after**2 < SMOOTH_SHARE * (held.rmse_before**2 - rmse_smooth**2):
             return None
-    if gain[0] <= 0.0:
+    if held.gain_interval[0] <= 0.0:
         return None
     same = sum(fit is not None and fit.form.covariates == best.form.covariates for fit in chosen)
-    if same < FOLDS / 2:
+    if same < STRUCTURE_FOLDS / 2:
         return None
     constant, placebo = np.mean([np.square(placebo_errors(problem, rng)) for _ in range(PLACEBOS)], axis=0)
     if gain_interval(constant, placebo, blocks, rng)[0] > 0.0:
@@ -132,14 +131,10 @@ def hold_up(problem: Problem, rng: np.random.Generator) -> Shape | None:
         covariates=best.form.covariates,
         constants=constants,
         as_drag=True,
-        rmse_before=rmse_before,
-        rmse_after=rmse_after,
+        held_out=replace(held, placebo_gain=rmse_constant - rmse_placebo),
         rmse_smooth=rmse_smooth,
-        noise_floor=math.sqrt(float(np.mean(problem.white.scale[touched] ** 2))),
-        gain_interval=gain,
-        placebo_gain=rmse_constant - rmse_placebo,
         alike=sum(fit is not None and fit.form.name == best.form.name for fit in chosen),
-        folds=FOLDS,
+        folds=STRUCTURE_FOLDS,
         rows=problem.rows,
         located=located,
         fitted=fitted,

@@ -21,14 +21,13 @@ from pmg.pipeline.diagnosis.grid.catalogue import MECHANISMS
 from pmg.pipeline.diagnosis.grid.decoys import smooth_decoys
 from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis, Rival
 from pmg.pipeline.diagnosis.grid.evidence import campaign_evidence
-from pmg.pipeline.diagnosis.grid.holdout import hold_out
 from pmg.pipeline.diagnosis.grid.locate import find_mismatch, located_families
 from pmg.pipeline.diagnosis.grid.outliers import without_outliers
 from pmg.pipeline.diagnosis.grid.refit import about, refit
-from pmg.pipeline.diagnosis.grid.withheld import withheld_readings
-from pmg.pipeline.fit.calibration import jacobian
+from pmg.pipeline.diagnosis.grid.withheld import prove_structure, withheld_readings
+from pmg.pipeline.fit.calibration import jacobian, start_model
 from pmg.pipeline.fit.whitening import whitener
-from pmg.pipeline.grid.readings import predict
+from pmg.pipeline.grid.readings import predict, take_readings
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
@@ -116,9 +115,11 @@ def diagnose(
             shafts = {fit.candidate.identifier: fit.candidate.shaft for fit in best.fits}
             said = replace(said, naming=replace(naming, best=best, shafts=shafts), weak=True)
             return replace(_with_causes(said, problem, calibration, tuple(others), held), verdict=Verdict.AMBIGUOUS)
+    every = take_readings(grid, bench)
+    whole = grid_problem(every, bench, start_model(fits), whitener(every, bench, floor))
     return replace(
         said,
-        held_out=hold_out(grid, fits, floor, bench, beyond.locations, rng),
+        held_out=prove_structure(whole, beyond.locations, rng),
         absorbed=_absorbed(beyond, calibration, bench),
         shape=find_shape(first, beyond.locations, rng),
     )

@@ -147,8 +147,8 @@ def shape_sentence(diagnosis: Diagnosis) -> str:
     names = ", ".join(f"{c.symbol} {c.meaning}" for c in shape.covariates)
     return (
         f"A short form that holds up on withheld readings ({shape.label}): {shape.text}"
-        f"{f', with {names}' if names else ''}; their error falls from {shape.rmse_before * 1e3:.2f} to "
-        f"{shape.rmse_after * 1e3:.2f} mN m."
+        f"{f', with {names}' if names else ''}; their error falls from {shape.held_out.rmse_before * 1e3:.2f} to "
+        f"{shape.held_out.rmse_after * 1e3:.2f} mN m."
     )
 
 

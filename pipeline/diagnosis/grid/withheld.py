@@ -1,4 +1,4 @@
-"""Readings of a campaign withheld: blocks of neighbours in the order of the test, or rows of sun speed."""
+"""Readings of a campaign withheld, and what is proved on them: named mechanisms, or else the located structure."""
 
 from __future__ import annotations
 
@@ -7,14 +7,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.engine.held_out import compared, touched_blocks, withheld_left
 from pmg.pipeline.diagnosis.engine.problem import freed
-from pmg.pipeline.diagnosis.engine.withheld import FOLDS, Withholding
+from pmg.pipeline.diagnosis.engine.withheld import BLOCKS, FOLDS, Withholding
 from pmg.pipeline.diagnosis.grid.candidates import CandidateFit, GridProblem
-from pmg.pipeline.diagnosis.grid.holdout import deal
+from pmg.pipeline.diagnosis.grid.locate import located_families
 from pmg.pipeline.fit.whitening import Whitener
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from pmg.pipeline.diagnosis.engine.held_out import HeldOut
+    from pmg.pipeline.diagnosis.grid.locate import Location
+    from pmg.pipeline.grid.readings import Readings
     from pmg.sim.signals import Array, Mask
+
+STRUCTURE_FOLDS = 8
+"""Parts of the readings withheld in turn where a structure or its form, and not a candidate, is proved."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +70,6 @@ def withheld_readings(problem: GridProblem) -> WithheldReadings:
     readings = problem.readings
     block, fold = deal(readings, FOLDS)
     places = np.char.add(np.where(readings.sun, "sun ", "ring "), readings.configuration)
-    ordered = readings.grid.points.ordered
     return WithheldReadings(
         y=readings.torque - problem.predicted,
         columns=problem.columns,
@@ -69,6 +77,52 @@ def withheld_readings(problem: GridProblem) -> WithheldReadings:
         block=block,
         fold=fold,
         groups=[np.flatnonzero(places == place) for place in np.unique(places)],
-        what="blocks of neighbouring points in the order of the test" if ordered else "inner rows of sun speed",
+        what=_blocks_told(readings),
         problem=problem,
     )
+
+
+def deal(readings: Readings, folds: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Block and fold of each reading; blocks follow the order of the test, or the sun's speed where it is not known.
+
+    Without an order the outermost rows are in no fold (`folds`): they always train, as a fit is not asked to reach
+    beyond its data.
+    """
+    at = readings.grid.points
+    key = at.started_at[readings.row] if at.ordered else np.abs(at.speed_sun[readings.row])
+    levels = np.unique(key)
+    n_blocks = min(BLOCKS if at.ordered else len(levels), len(levels))
+    block = np.asarray((np.searchsorted(levels, key) * n_blocks) // len(levels))
+    fold = block % folds
+    if not at.ordered:
+        fold = np.where((block == 0) | (block == n_blocks - 1), folds, fold)
+    return block, fold
+
+
+def prove_structure(problem: GridProblem, locations: tuple[Location, ...], rng: np.random.Generator) -> HeldOut | None:
+    """Errors on withheld readings without and with the located families; None where no location follows a family.
+
+    The families were chosen on all readings; their coefficients never see the block they predict.
+    """
+    readings = problem.readings
+    structure = located_families(readings, problem.bench, problem.model, locations)
+    if structure.shape[1] == 0:
+        return None
+    y, baseline, scale = readings.torque - problem.predicted, problem.columns, problem.white.scale
+    block, fold = deal(readings, STRUCTURE_FOLDS)
+    touched = (structure != 0.0).any(axis=1) & (fold < STRUCTURE_FOLDS)
+    before, after = (
+        withheld_left(y, columns, scale, fold, STRUCTURE_FOLDS)
+        for columns in (baseline, np.hstack([baseline, structure]))
+    )
+    count = len(touched_blocks(block, touched))
+    split = (
+        f"{count} {_blocks_told(readings)}, dealt to {STRUCTURE_FOLDS} folds; the kind of "
+        "structure was chosen on all readings, its coefficients without the withheld ones"
+    )
+    return compared(split, (before, after), scale, (block, touched), rng)
+
+
+def _blocks_told(readings: Readings) -> str:
+    ordered = readings.grid.points.ordered
+    return "blocks of neighbouring points in the order of the test" if ordered else "inner rows of sun speed"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
+from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
 from pmg.pipeline.diagnosis.engine.scan import MINIMUM_ROOM
 from pmg.pipeline.fit.calibration import jacobian
 from pmg.pipeline.fit.noise_floor import repeat_contrasts
@@ -36,9 +37,6 @@ FITS = {
 
 FEWEST_REPEATS = 3
 """Differences between repeats from which they are the noise that a fit is judged by."""
-
-LEVEL = 0.05
-"""Corrected p-value at which a covariate or a point is said to stand out."""
 
 
 @dataclass(frozen=True)
@@ -243,7 +241,7 @@ def lack_of_fit(fit: Fitted, floor: NoiseFloor, bench: BenchParameters, shaft: s
 
 
 def outliers(fit: Fitted, shaft: str, explained: Array | None = None) -> tuple[Outlier, ...]:
-    r"""Points of one shaft that stand out at `LEVEL`, most surprising first.
+    r"""Points of one shaft that stand out at `FALSE_ALARM_RATE`, most surprising first.
 
     Parameters
     ----------
@@ -285,5 +283,5 @@ def outliers(fit: Fitted, shaft: str, explained: Array | None = None) -> tuple[O
     n = len(fit.readings)
     p = np.minimum(2.0 * n * stats.t.sf(np.abs(surprise), free - 1.0), 1.0)
     order = np.argsort(p, kind="stable")
-    found = [Outlier(int(rows[i]), float(surprise[i]), float(p[i]), n) for i in order if p[i] <= LEVEL]
+    found = [Outlier(int(rows[i]), float(surprise[i]), float(p[i]), n) for i in order if p[i] <= FALSE_ALARM_RATE]
     return tuple(sorted(found, key=lambda one: -abs(one.surprise)))

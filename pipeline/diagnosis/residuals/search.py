@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.evidence import Evidence
-from pmg.pipeline.diagnosis.engine.mismatch import search
+from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, search
 from pmg.pipeline.diagnosis.grid.evidence import both_shafts
 from pmg.pipeline.diagnosis.grid.locate import same_trace
 from pmg.pipeline.diagnosis.residuals.covariates import BY_ID, Look, looks, untested
-from pmg.pipeline.diagnosis.residuals.fitted import LEVEL, Fitted, lack_of_fit, linear_fits, outliers
+from pmg.pipeline.diagnosis.residuals.fitted import Fitted, lack_of_fit, linear_fits, outliers
 from pmg.pipeline.fit.calibration import start_model
 from pmg.pipeline.fit.rounding import unrounded
 from pmg.pipeline.fit.whitening import synthetic_noise, undo, whitener
@@ -78,7 +78,7 @@ class Followed:
     @property
     def stands_out(self) -> bool:
         """Whether it does, the search paid for."""
-        return self.p_search <= LEVEL
+        return self.p_search <= FALSE_ALARM_RATE
 
     @property
     def words(self) -> str:
@@ -196,7 +196,7 @@ def study_residuals(
         elsewhere = np.min([np.ones(draws), *smallest[:k], *smallest[k + 1 :]], axis=0)
         steps = _steps(trial, elsewhere)
         found = _followed(trial, steps)
-        ranked = [trial.looks[step.best].family.columns for step in steps if step.p_value <= LEVEL]
+        ranked = [trial.looks[step.best].family.columns for step in steps if step.p_value <= FALSE_ALARM_RATE]
         explained = np.hstack([trial.fit.design[:, :0], *ranked])
         lacks = [(shaft, lack_of_fit(trial.fit, floor, bench, shaft)) for shaft in SIDES]
         parts += [_part(trial, shaft, found, explained, lack) for shaft, lack in lacks]
@@ -207,7 +207,7 @@ def _steps(trial: _FitEvidence, elsewhere: Array, most: int = MOST_STEPS) -> lis
     """The search through one fit, paid for together with the others; repeats have a test of their own."""
     if not trial.looks:
         return []
-    return list(search(trial.evidence, steps=most, level=LEVEL, elsewhere=elsewhere))
+    return list(search(trial.evidence, steps=most, level=FALSE_ALARM_RATE, elsewhere=elsewhere))
 
 
 def _keys(readings: Readings) -> Array:
@@ -250,7 +250,7 @@ def _followed(trial: _FitEvidence, steps: list[Step]) -> _Found:
     if not steps:
         return (), ()
     first, last = steps[0], steps[-1]
-    rank = {step.best: (number, step) for number, step in enumerate(steps, 1) if step.p_value <= LEVEL}
+    rank = {step.best: (number, step) for number, step in enumerate(steps, 1) if step.p_value <= FALSE_ALARM_RATE}
     families, found, absorbed = tuple(look.family for look in trial.looks), [], []
     for i, look in enumerate(trial.looks):
         basis = first.scan.bases[i]
