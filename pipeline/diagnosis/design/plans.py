@@ -12,6 +12,8 @@ from pmg.sim.mechanisms import Experiment
 from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
 
@@ -96,138 +98,90 @@ def possible_plans(at: OperatingPoints, bench: BenchParameters) -> tuple[Plan, .
     """Plans that fit a campaign: at its own speeds and loads, after its last point."""
     begin = float(at.started_at.max()) if at.ordered and len(at) else 0.0
     sun = _spread(np.abs(at.speed_sun[at.speed_sun != 0.0]), 6)
-    ring = _spread(np.abs(at.speed_ring[at.neutral & (at.speed_ring != 0.0)]), 6)
-    loads = np.abs(at.load_set[at.engaged])
-    plans: list[Plan] = []
-    ratio = bench.gear1.ratio
-    if len(loads):
-        lowest, highest = loads.min(), loads.max()
-        plans += [
-            _engaged(
-                Experiment.REVERSED_FLOW,
-                "Engaged with the ring motor driving: {points} points at {speeds} speeds and the lowest and highest "
-                "load",
-                sun,
-                -np.array([lowest, highest]),
-                bench.gear1.ratio,
-                name="F",
-                drive="ring",
-                begin=begin,
-            ),
-            _engaged(
-                Experiment.ENGAGED_LOADS,
-                "Engaged at a third of the lowest load and at the highest: {points} points at {speeds} speeds",
-                sun,
-                np.array([lowest / 3.0, highest]),
-                bench.gear1.ratio,
-                name="L",
-                begin=begin,
-            ),
-            *_other_stage(at, bench, sun, np.array([lowest, highest]), begin),
-        ]
-    if len(ring):
-        pair = min(len(sun), len(ring))
-        sun_n, ring_n = sun[:pair], ring[::-1][:pair]
-        sense = float(np.sign(np.median(at.speed_ring[at.neutral & (at.speed_ring != 0.0)])))
-        back = make_points("B", "neutral", -sun_n, -sense * ring_n, np.zeros(pair), begin=begin)
-        if len(loads):
-            load = np.full(len(sun), loads.max())
-            after = begin + A_POINT * pair
-            back = join_points(back, make_points("BE", "engaged", -sun, sun / ratio, -load, begin=after))
-        rows = np.linspace(0, pair * pair - 1, 10).astype(int)
-        rows = np.random.default_rng(SEED).permutation(rows)
-        again_sun, again_ring = sun_n[rows % pair], sense * ring_n[rows // pair]
-        low = np.array(LOW_SPEEDS) * RPM
-        plans += [
-            Plan(
-                Experiment.REVERSED_ROTATION,
-                f"Both shafts turning backwards: {len(back)} points",
-                back,
-                len(back) * A_POINT,
-            ),
-            Plan(
-                Experiment.REPEATS,
-                "Ten neutral points spread over the grid, in random order, right after the campaign and again after "
-                "two hours of rest",
-                join_points(
-                    make_points("R", "neutral", again_sun, again_ring, np.zeros(10), begin=begin),
-                    make_points(
-                        "C", "neutral", again_sun, again_ring, np.zeros(10), begin=begin + PAUSE + 10 * A_POINT
-                    ),
-                ),
-                20 * A_POINT + PAUSE,
-            ),
-            Plan(
-                Experiment.NEUTRAL_SWEEP,
-                "Neutral at low speed, each shaft turning alone: ten points",
-                join_points(
-                    make_points("S", "neutral", low, np.zeros(5), np.zeros(5), begin=begin),
-                    make_points("T", "neutral", np.zeros(5), low / ratio, np.zeros(5), begin=begin + 300.0),
-                ),
-                10 * A_POINT,
-            ),
-        ]
     zero = np.zeros(5)
-    plans.append(
-        Plan(
-            Experiment.ZERO_CHECKS,
-            "Five zero checks, shafts free and at rest, over half an hour",
-            replace(
-                make_points("Z", "zero", zero, zero, zero, begin=begin),
-                started_at=begin + ZERO_CHECKS_OVER * np.arange(1.0, 6.0) / 5.0,
-            ),
-            ZERO_CHECKS_OVER,
-        )
+    checks = replace(
+        make_points("Z", "zero", zero, zero, zero, begin=begin),
+        started_at=begin + ZERO_CHECKS_OVER * np.arange(1.0, 6.0) / 5.0,
     )
-    return tuple(plans)
+    words = "Five zero checks, shafts free and at rest, over half an hour"
+    return (
+        *_engaged_plans(at, bench, sun, begin),
+        *_neutral_plans(at, bench, sun, begin),
+        Plan(Experiment.ZERO_CHECKS, words, checks, ZERO_CHECKS_OVER),
+    )
+
+
+ENGAGED = {
+    Experiment.REVERSED_FLOW: ("F", "ring", 1),
+    Experiment.ENGAGED_LOADS: ("L", "sun", 1),
+    Experiment.OTHER_STAGE: ("G", "sun", 2),
+}
+"""Of each engaged test the first letter of its points, the motor that drives, and the stage."""
+
+
+def _engaged_plans(at: OperatingPoints, bench: BenchParameters, sun: Array, begin: float) -> Iterator[Plan]:
+    """Every speed of the sun engaged: ring motor driving, at low loads, and in stage 2 if the campaign is without it.
+
+    In stage 2 torques stand in another ratio, so what follows one of them parts from what follows the other; its speeds
+    lie within the loss curves of both shafts. Hysteresis and eddy damping are taken as those of stage 1; they do not
+    grow with load.
+    """
+    loads = np.abs(at.load_set[at.engaged])
+    if not len(loads):
+        return
+    lowest, highest = loads.min(), loads.max()
+    words = "Engaged with the ring motor driving: {points} points at {speeds} speeds and the lowest and highest load"
+    yield _engaged(Experiment.REVERSED_FLOW, words, sun, -np.array([lowest, highest]), bench, begin)
+    words = "Engaged at a third of the lowest load and at the highest: {points} points at {speeds} speeds"
+    yield _engaged(Experiment.ENGAGED_LOADS, words, sun, np.array([lowest / 3.0, highest]), bench, begin)
+    speeds = sun[sun <= float(np.abs(at.speed_ring).max()) * bench.gear2.ratio * (1.0 + 1e-9)]
+    if len(speeds) and not (at.gear[at.engaged] == 2).any():
+        words = "Engaged in stage 2: {points} points at {speeds} speeds and the lowest and highest load"
+        for times, more in ((1, ""), (AGAIN, f", {AGAIN} times over")):
+            repeated = np.tile([lowest, highest], times)
+            yield _engaged(Experiment.OTHER_STAGE, words + more, speeds, repeated, bench, begin)
 
 
 def _engaged(
-    experiment: Experiment,
-    words: str,
-    sun: Array,
-    loads: Array,
-    ratio: float,
-    *,
-    name: str,
-    begin: float,
-    drive: str = "sun",
-    gear: int = 1,
+    experiment: Experiment, words: str, sun: Array, loads: Array, bench: BenchParameters, begin: float
 ) -> Plan:
     """Every sun speed [rad/s] engaged at every load [N m on the ring], one load after the other."""
+    name, drive, gear = ENGAGED[experiment]
+    ratio = bench.gear1.ratio if gear == 1 else bench.gear2.ratio
     speed, load = np.tile(sun, len(loads)), np.repeat(loads, len(sun))
-    return Plan(
-        experiment,
-        words.format(points=len(speed), speeds=len(sun)),
-        make_points(name, "engaged", speed, -speed / ratio, load, drive=drive, gear=gear, begin=begin),
-        len(speed) * A_POINT,
+    points = make_points(name, "engaged", speed, -speed / ratio, load, drive=drive, gear=gear, begin=begin)
+    return Plan(experiment, words.format(points=len(speed), speeds=len(sun)), points, len(speed) * A_POINT)
+
+
+def _neutral_plans(at: OperatingPoints, bench: BenchParameters, sun: Array, begin: float) -> Iterator[Plan]:
+    """Both shafts backwards, neutral points repeated cold, and each shaft alone at low speed."""
+    turning = at.speed_ring[at.neutral & (at.speed_ring != 0.0)]
+    ring, loads = _spread(np.abs(turning), 6), np.abs(at.load_set[at.engaged])
+    if not len(ring):
+        return
+    pair, sense, ratio = min(len(sun), len(ring)), float(np.sign(np.median(turning))), bench.gear1.ratio
+    sun_n, ring_n = sun[:pair], ring[::-1][:pair]
+    back = make_points("B", "neutral", -sun_n, -sense * ring_n, np.zeros(pair), begin=begin)
+    if len(loads):
+        load, after = np.full(len(sun), loads.max()), begin + A_POINT * pair
+        back = join_points(back, make_points("BE", "engaged", -sun, sun / ratio, -load, begin=after))
+    words = f"Both shafts turning backwards: {len(back)} points"
+    yield Plan(Experiment.REVERSED_ROTATION, words, back, len(back) * A_POINT)
+    rows = np.random.default_rng(SEED).permutation(np.linspace(0, pair * pair - 1, 10).astype(int))
+    again = "neutral", sun_n[rows % pair], sense * ring_n[rows // pair], np.zeros(10)
+    words = (
+        "Ten neutral points spread over the grid, in random order, right after the campaign and again after two hours "
+        "of rest"
     )
-
-
-def _other_stage(at: OperatingPoints, bench: BenchParameters, sun: Array, loads: Array, begin: float) -> list[Plan]:
-    """Engaged in stage 2, at speeds within the loss curves of both shafts; none where the campaign knows stage 2.
-
-    Its torques stand in another ratio, so what follows one of them parts from what follows the other. Hysteresis and
-    eddy damping are taken as those of stage 1; they do not grow with load.
-    """
-    fastest = float(np.abs(at.speed_ring).max()) * bench.gear2.ratio
-    speeds = sun[sun <= fastest * (1.0 + 1e-9)]
-    if not len(speeds) or (at.gear[at.engaged] == 2).any():
-        return []
-    words = "Engaged in stage 2: {points} points at {speeds} speeds and the lowest and highest load"
-    return [
-        _engaged(
-            Experiment.OTHER_STAGE,
-            words + more,
-            speeds,
-            np.tile(loads, times),
-            bench.gear2.ratio,
-            name="G",
-            gear=2,
-            begin=begin,
-        )
-        for times, more in ((1, ""), (AGAIN, f", {AGAIN} times over"))
-    ]
+    warm, cold = (make_points(n, *again, begin=t) for n, t in (("R", begin), ("C", begin + PAUSE + 10 * A_POINT)))
+    yield Plan(Experiment.REPEATS, words, join_points(warm, cold), 20 * A_POINT + PAUSE)
+    low, none = np.array(LOW_SPEEDS) * RPM, np.zeros(5)
+    alone = join_points(
+        make_points("S", "neutral", low, none, none, begin=begin),
+        make_points("T", "neutral", none, low / ratio, none, begin=begin + 300.0),
+    )
+    words = "Neutral at low speed, each shaft turning alone: ten points"
+    yield Plan(Experiment.NEUTRAL_SWEEP, words, alone, 10 * A_POINT)
 
 
 def _spread(values: Array, count: int) -> Array:
