@@ -31,7 +31,6 @@ _GATHERED = "its parameters are to be gathered into values"
 LONG_FUNCTIONS: dict[str, str] = {
     "pmg.pipeline.chapters.explained.balance._models": _SPLIT,
     "pmg.pipeline.chapters.measured.quality.data_section": _SPLIT,
-    "pmg.pipeline.diagnosis.grid.refit.refit": _SPLIT,
     "pmg.pipeline.grid.campaign.measured_grid": _SPLIT,
     "pmg.pipeline.recording.decode._frequency_from_edges": _SPLIT,
 }

@@ -110,8 +110,8 @@ def test_viscous_friction_of_direction_is_told_from_an_offset(tmp_path: Path) ->
     first, last = found.stands[0], found.stands[-1]
     assert last.error_withheld < 0.2 * first.error_withheld
     assert not found.left_over.found
-    assert found.decoys.entered == 0, "no decoy enters once everything is in"
-    assert max(found.decoys.gains) < 0.01 * first.error_withheld
+    assert found.further_decoys.entered == 0, "no decoy enters once everything is in"
+    assert max(found.further_decoys.gains) < 0.01 * first.error_withheld
 
 
 def test_a_gain_error_needs_something_that_is_known(tmp_path: Path) -> None:

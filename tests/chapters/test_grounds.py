@@ -31,7 +31,9 @@ HELD = HeldOut("a quarter at a time", 3e-3, 1e-3, 0.9e-3, (1e-3, 3e-3), -2e-6)
 
 def diagnosis(**parts: Any) -> Diagnosis:  # noqa: ANN401 - whatever field a test sets
     """A diagnosis of which these chapters read only what is given."""
-    return replace(Diagnosis("c", Verdict.NAMED, cast("Any", None), cast("Any", None)), **parts)
+    return replace(
+        Diagnosis(verdict=Verdict.NAMED, campaign="c", mismatch=cast("Any", None), floor=cast("Any", None)), **parts
+    )
 
 
 def facts(items: Sequence[object]) -> dict[str, str]:

@@ -149,15 +149,16 @@ def _models(d: TermsDiagnosis) -> Section:
         "shapes are those of the fitted record; the withheld record takes part in no choice and no fit. Blocks of "
         "neighbours are withheld a quarter at a time; their interval is at 95 %, from resampled blocks."
     ]
-    if d.held is not None:
+    held, more = d.held_out, d.further_decoys
+    if held is not None:
         texts.append(
-            f"Choice made anew for every part: {d.held.split}. {d.held.rmse_before:.3f} N before, "
-            f"{d.held.rmse_after:.3f} N after, gain {d.held.gain_interval[0]:.3f} to {d.held.gain_interval[1]:.3f} N."
+            f"Choice made anew for every part: {held.split}. {held.rmse_before:.3f} N before, "
+            f"{held.rmse_after:.3f} N after, gain {held.gain_interval[0]:.3f} to {held.gain_interval[1]:.3f} N."
         )
-    gain = max(d.decoys.gains, default=math.nan)
+    gain = max(more.gains, default=math.nan)
     texts.append(
-        f"{d.decoys.tried} decoys (columns of the library, phases drawn at random) were offered after the named terms: "
-        f"the best brought evidence {d.decoys.most_evidence:.0f}, which a refinement must exceed"
+        f"{more.tried} decoys (columns of the library, phases drawn at random) were offered after the named terms: "
+        f"the best brought evidence {more.most_evidence:.0f}, which a refinement must exceed"
         + (
             "."
             if math.isnan(gain)
@@ -212,7 +213,7 @@ def _parameters(d: TermsDiagnosis) -> Section:
 
 def _search(d: TermsDiagnosis) -> Section:
     rows: list[tuple[Cell, ...]] = []
-    for number, step in enumerate(d.found.rounds if d.found is not None else (), 1):
+    for number, step in enumerate(d.naming.rounds if d.naming is not None else (), 1):
         for fit in step.ranking[:TERMS_SHOWN]:
             shape = None if fit.candidate.shape is None else fit.shape
             state = "entered" if fit.identifier in step.entered else ", ".join(fit.on_bound)

@@ -31,6 +31,7 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
 
     refine: bool = True
     pairs_at_once: ClassVar[bool] = True
+    tells_weak: ClassVar[bool] = False
 
     def fit(self, problem: TermProblem, candidate: Term) -> TermFit:
         """Best amplitudes and shape of one term with the baseline free to move."""

@@ -10,14 +10,14 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, Twins, find_twins
 from pmg.pipeline.diagnosis.balance.contest import Contest, Scene, Stand, contest, refine, settled, stand_of
 from pmg.pipeline.diagnosis.balance.estimate import design_of
-from pmg.pipeline.diagnosis.balance.fitting import tabulate, term_problem
+from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem, tabulate, term_problem
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, noise_of, record_evidence
 from pmg.pipeline.diagnosis.balance.proof import FurtherDecoys, surrogate_decoys, try_decoys, withheld_samples
 from pmg.pipeline.diagnosis.balance.structure import families_of
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
+from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, conclude
 from pmg.pipeline.diagnosis.engine.decoys import offer_decoys
-from pmg.pipeline.diagnosis.engine.explanation import explain_with
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
@@ -25,19 +25,17 @@ from pmg.pipeline.diagnosis.engine.withheld import withhold
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.case_file import Case
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
-    from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
     from pmg.pipeline.diagnosis.balance.mismatch import NoiseModel, Place
     from pmg.pipeline.diagnosis.balance.recorded import Recorded
     from pmg.pipeline.diagnosis.balance.term import Term
-    from pmg.pipeline.diagnosis.engine.decoys import Decoys
     from pmg.pipeline.diagnosis.engine.evidence import Evidence
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
     from pmg.pipeline.fit.structure import ResidualStructure
 
 
-@dataclass(frozen=True)
-class TermsDiagnosis:
+@dataclass(frozen=True, kw_only=True)
+class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     """Mismatch, terms and verdict.
 
     Parameters
@@ -46,16 +44,10 @@ class TermsDiagnosis:
         The case.
     recorded, withheld : Recorded
         Its recordings; None without a withheld one.
-    verdict : Verdict
-        One of the words of the bench's diagnosis.
     noise : NoiseModel
         Noise that it was judged against.
     mismatch : Mismatch
         Test and places.
-    found : Naming or None
-        What the library says; None without a mismatch.
-    held : HeldOut or None
-        Withheld blocks, the choice made anew for each.
     stands : tuple of Stand
         Baseline, then one named term after the other.
     refinements : tuple of Stand
@@ -63,12 +55,8 @@ class TermsDiagnosis:
         of their form.
     twins : tuple of Twins
         What the design of the recording cannot tell apart.
-    absorbed : tuple of Absorbed
-        Baseline parameters before and after.
-    decoys : FurtherDecoys
+    further_decoys : FurtherDecoys
         Terms without a meaning, offered to what the named ones leave.
-    instead : Decoys or None
-        The same, offered in place of the named ones.
     contests : tuple of Contest
         Sets of terms that came near the named one, each set against it with the refinements in.
     left_over : Mismatch
@@ -78,17 +66,12 @@ class TermsDiagnosis:
     case: Case
     recorded: Recorded
     withheld: Recorded | None
-    verdict: Verdict
     noise: NoiseModel
     mismatch: Mismatch[Place]
-    found: TermNaming | None
-    held: HeldOut | None
     stands: tuple[Stand, ...]
     refinements: tuple[Stand, ...]
     twins: tuple[Twins, ...]
-    absorbed: tuple[Absorbed, ...]
-    decoys: FurtherDecoys
-    instead: Decoys | None
+    further_decoys: FurtherDecoys
     contests: tuple[Contest, ...]
     left_over: Mismatch[Place]
 
@@ -171,13 +154,13 @@ def diagnose_terms(
     """
     s = _search(case, recorded, rng)
     noise, found, named = s.noise.noise, s.found, s.named
-    decoys, instead = FurtherDecoys(0, 0, 0.0, ()), None
+    further, decoys = FurtherDecoys(0, 0, 0.0, ()), None
     apart = rng.spawn(1)[0]
     if found is not None:
         design = design_of(recorded, s.free, named)
         other = None if withheld is None else (withheld, design_of(withheld, s.free, named))
-        decoys = try_decoys(found.best.problem, noise, design, recorded, other, rng)
-        instead = offer_decoys(s.problem, found, surrogate_decoys(s.problem, recorded, noise, apart))
+        further = try_decoys(found.best.problem, noise, design, recorded, other, rng)
+        decoys = offer_decoys(s.problem, found, surrogate_decoys(s.problem, recorded, noise, apart))
     scene = Scene(recorded, withheld, s.noise, s.free)
     stands = tuple(stand_of(scene, named[:k], rng) for k in range(len(named) + 1))
     held: HeldOut | None = None
@@ -187,32 +170,30 @@ def diagnose_terms(
     if found is not None and named:
         rows = withheld_samples(recorded, s.problem, noise, design_of(recorded, s.free, ()))
         held = withhold(rows, TermCatalogue(refine=False), named, rng, apart)
-        if found.explained and held.predicts:
-            remainder_of = adequacy_test(s.evidence)
-            refinements = refine(scene, found.best, remainder_of, max(ENTRY, decoys.most_evidence), rng)
-            by_parts = [explain_with(s.problem, TermCatalogue(), terms) for terms in held.elsewhere]
-            known = {rival.ids for rival in found.rivals}
-            found = replace(found, rivals=(*found.rivals, *(rival for rival in by_parts if rival.ids not in known)))
+        conclusion = conclude(s.problem, TermCatalogue(), found, lambda _: held)
+        if conclusion.verdict.names and conclusion.naming is not None:
+            found, remainder_of = conclusion.naming, adequacy_test(s.evidence)
+            refinements = refine(scene, found.best, remainder_of, max(ENTRY, further.most_evidence), rng)
             contests = contest(scene, s.problem, found, refinements, remainder_of, rng)
             verdict = Verdict.AMBIGUOUS if any(c.open for c in contests) else Verdict.NAMED
     last = settled(s.problem, (refinements or stands)[-1].fitted.fits)
     return TermsDiagnosis(
-        case,
-        recorded,
-        withheld,
-        verdict,
-        s.noise,
-        s.mismatch,
-        found,
-        held,
-        stands,
-        refinements,
-        find_twins(s.problem),
-        _absorbed(stands),
-        decoys,
-        instead,
-        contests,
-        find_mismatch(record_evidence(s.noise, last, s.looked, s.evidence.null), s.looked),
+        verdict=verdict,
+        naming=found,
+        held_out=held,
+        absorbed=_absorbed(stands),
+        decoys=decoys,
+        case=case,
+        recorded=recorded,
+        withheld=withheld,
+        noise=s.noise,
+        mismatch=s.mismatch,
+        stands=stands,
+        refinements=refinements,
+        twins=find_twins(s.problem),
+        further_decoys=further,
+        contests=contests,
+        left_over=find_mismatch(record_evidence(s.noise, last, s.looked, s.evidence.null), s.looked),
     )
 
 

@@ -23,7 +23,7 @@ SCHEMA = "pmg.terms-diagnosis/1"
 
 def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
     """Everything that was found, as JSON; forces in N, relative errors as part of 1."""
-    found = diagnosis.found
+    found = diagnosis.naming
     return {
         "schema": SCHEMA,
         "case": diagnosis.case.title,
@@ -57,7 +57,7 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
         ],
         "models": [_model(stand) for stand in diagnosis.stands],
         "refinements": [_model(stand) for stand in diagnosis.refinements],
-        "held_out": None if diagnosis.held is None else _held(diagnosis.held),
+        "held_out": None if diagnosis.held_out is None else _held(diagnosis.held_out),
         "contests": [_contest(contest) for contest in diagnosis.contests],
         "rivals": [_contest(contest)["ids"] for contest in diagnosis.contests if contest.open],
         "cannot_be_told": [
@@ -70,11 +70,11 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
         ],
         "left_over": {"p_value": diagnosis.left_over.p_value, "locations": _places(diagnosis.left_over)},
         "decoys": {
-            "tried": diagnosis.decoys.tried,
-            "entered": diagnosis.decoys.entered,
-            "most_evidence": diagnosis.decoys.most_evidence,
-            "most_gain_withheld": max(diagnosis.decoys.gains, default=None),
-            "in_place_of_named": None if diagnosis.instead is None else asdict(diagnosis.instead),
+            "tried": diagnosis.further_decoys.tried,
+            "entered": diagnosis.further_decoys.entered,
+            "most_evidence": diagnosis.further_decoys.most_evidence,
+            "most_gain_withheld": max(diagnosis.further_decoys.gains, default=None),
+            "in_place_of_named": None if diagnosis.decoys is None else asdict(diagnosis.decoys),
         },
     }
 
@@ -200,6 +200,6 @@ def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
             lines.append(
                 f"{' and '.join(twins.ids)} are one and the same here. {separating_test(diagnosis, twins.ids)}."
             )
-    if diagnosis.left_over.found and diagnosis.found is not None:
+    if diagnosis.left_over.found and diagnosis.naming is not None:
         lines.append(f"What is left still follows: {'; '.join(p.name for p in diagnosis.left_over.locations)}")
     return lines

@@ -23,6 +23,9 @@ class CandidateCatalogue(ABC, Generic[F, P]):
     pairs_at_once: ClassVar[bool] = False
     """Whether two may enter together where neither explains enough of the rest by itself."""
 
+    tells_weak: ClassVar[bool] = True
+    """Whether the causes of a mismatch that is too weak to name one are told as a set."""
+
     @abstractmethod
     def rank(self, problem: P, without: Collection[str] = ()) -> list[F]:
         """All candidates but some fitted, best score first."""

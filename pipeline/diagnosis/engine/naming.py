@@ -96,6 +96,8 @@ class Naming(Generic[F, P]):
         best first.
     rounds : tuple of SearchRound
         The rounds; the first ranks every single candidate.
+    by_parts : int
+        How many of the rivals, the last ones, are there because parts of the rows name them, not by their evidence.
     """
 
     best: Explanation[F, P]
@@ -105,6 +107,7 @@ class Naming(Generic[F, P]):
     explained: bool
     weak: tuple[Explanation[F, P], ...]
     rounds: tuple[SearchRound[F], ...]
+    by_parts: int = 0
 
     @property
     def ranking(self) -> tuple[F, ...]:
@@ -175,7 +178,9 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
     margin = margin_beside(remainder)
     near = [e for e in sorted(pool, key=lambda e: -e.score) if e.score > max(0.0, best.score - margin)]
     rivals, shafts = _rivals(best, near)
-    weak = _weak(singles, lambda leader: remainder if leader is best else remainder_of(leader.problem))
+    weak: tuple[Explanation[F, P], ...] = ()
+    if catalogue.tells_weak:
+        weak = _weak(singles, lambda leader: remainder if leader is best else remainder_of(leader.problem))
     return Naming(best, rivals, shafts, remainder, _explains(best, remainder), weak, tuple(rounds))
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem, freed
-from pmg.pipeline.fit.calibration import jacobian
+from pmg.pipeline.fit.calibration import jacobian, parameter_names
 from pmg.pipeline.fit.noise_floor import BASELINE_FREE
 from pmg.pipeline.fit.whitening import undo
 from pmg.pipeline.grid.readings import Readings, predict
@@ -161,6 +161,11 @@ class GridProblem(WhitenedProblem[CandidateFit]):
     predicted: Array
     ideal: Array
     columns: Array
+
+    @property
+    def allowed(self) -> Array:
+        """Columns that the baseline may follow besides its constants (m, j)."""
+        return self.columns[:, len(parameter_names(self.model, BASELINE_FREE)) :]
 
     def beyond_baseline(self, effect: Array) -> Array:
         """What of an effect [N m] the baseline cannot absorb, whitened."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,8 +11,8 @@ from pmg.pipeline.diagnosis.design.blind import confounded_shafts, slow_changes
 from pmg.pipeline.diagnosis.design.next_test import lifting_test, next_test
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
-from pmg.pipeline.diagnosis.engine.explanation import explain_with
-from pmg.pipeline.diagnosis.engine.naming import MOST_RIVALS, name_candidates
+from pmg.pipeline.diagnosis.engine.conclusion import conclude
+from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
 from pmg.pipeline.diagnosis.form.symbolic import find_shape
@@ -44,9 +44,6 @@ if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
-
-NOT_WORSE = 1.03
-"""Withheld error with a weak mechanism in, over that without, up to which it stays in the set of what may be."""
 
 BEYOND_SLOW = 0.005
 """p-value from which on a blind design claims something that no slow change made: the slow changes it allows for are
@@ -87,10 +84,18 @@ def diagnose(
     beyond = mismatch
     if blind and mismatch.found:
         beyond = find_mismatch(readings.grid, fits, floor, bench, rng, allowed=allowed)
+    said = Diagnosis(
+        verdict=Verdict.CONSISTENT,
+        campaign=grid.campaign,
+        mismatch=beyond,
+        floor=floor,
+        blind=blind,
+        outliers=outliers,
+    )
     if not beyond.found or (blind and beyond.p_value > BEYOND_SLOW):
         verdict = Verdict.CONFOUNDED if blind else Verdict.CONSISTENT
         lifting = lifting_test(readings, bench, calibration.model, floor, blind) if blind else None
-        return Diagnosis(grid.campaign, verdict, mismatch, floor, blind, outliers=outliers, lifting=lifting)
+        return replace(said, verdict=verdict, mismatch=mismatch, lifting=lifting)
     first = problem = grid_problem(readings, bench, calibration.model, whitener(readings, bench, floor), allowed)
     naming = name_candidates(problem, MECHANISMS, adequacy_test(campaign_evidence(problem, floor, JUDGE_DRAWS, rng)))
     for _ in range(ROUNDS):
@@ -101,52 +106,26 @@ def diagnose(
         if better.best.unexplained >= naming.best.unexplained - ENTRY:
             break
         problem, naming = again, better
-    said = Diagnosis(grid.campaign, Verdict.NOT_IN_LIBRARY, beyond, floor, blind, naming, outliers=outliers)
-    if naming.explained and not naming.weak:
-        held = _withheld(problem, naming.best, rng)
-        if held is not None and held.predicts:
-            said = _with_causes(said, problem, calibration, naming.rivals, held)
-            verdict = Verdict.AMBIGUOUS if said.rivals else Verdict.NAMED
-            return replace(said, verdict=verdict, decoys=smooth_decoys(problem, naming, rng))
-    if naming.weak:
-        best, *others = naming.weak
-        held = _withheld(problem, best, rng)
-        if held is not None and held.rmse_after <= NOT_WORSE * held.rmse_before:
-            shafts = {fit.candidate.identifier: fit.candidate.shaft for fit in best.fits}
-            said = replace(said, naming=replace(naming, best=best, shafts=shafts), weak=True)
-            return replace(_with_causes(said, problem, calibration, tuple(others), held), verdict=Verdict.AMBIGUOUS)
-    every = take_readings(grid, bench)
-    whole = grid_problem(every, bench, start_model(fits), whitener(every, bench, floor))
-    return replace(
-        said,
-        held_out=prove_structure(whole, beyond.locations, rng),
-        absorbed=_absorbed(beyond, calibration, bench),
-        shape=find_shape(first, beyond.locations, rng),
-    )
-
-
-def _with_causes(
-    said: Diagnosis,
-    problem: GridProblem,
-    calibration: FittedBaseline,
-    rivals: tuple[GridExplanation, ...],
-    held: HeldOut,
-) -> Diagnosis:
-    """What is said with the leading mechanisms fitted, and a separating test for each rival."""
-    assert said.naming is not None
-    best = said.naming.best
-    found = refit(problem, best.fits)
-    close = tuple(Rival(rival, next_test(problem, best, rival, said.floor)) for rival in rivals)
-    known = {rival.ids for rival in rivals}
-    elsewhere = held.elsewhere[: max(MOST_RIVALS - len(close), 1)]
-    others = [explain_with(problem, MECHANISMS, candidates) for candidates in elsewhere]
+    conclusion = conclude(problem, MECHANISMS, naming, lambda best: _withheld(problem, best, rng))
+    said = replace(said, **{f.name: getattr(conclusion, f.name) for f in fields(conclusion)})
+    if not said.verdict.names:
+        every = take_readings(grid, bench)
+        whole = grid_problem(every, bench, start_model(fits), whitener(every, bench, floor))
+        return replace(
+            said,
+            held_out=prove_structure(whole, beyond.locations, rng),
+            absorbed=_absorbed(beyond, calibration, bench),
+            shape=find_shape(first, beyond.locations, rng),
+        )
+    assert conclusion.naming is not None
+    best, rivals = conclusion.naming.best, conclusion.naming.rivals
+    found, close = refit(problem, best.fits), len(rivals) - conclusion.naming.by_parts
     return replace(
         said,
         refit=found,
-        rivals=close
-        + tuple(Rival(e, next_test(problem, best, e, said.floor), by_parts=True) for e in others if e.ids not in known),
+        rivals=tuple(Rival(e, next_test(problem, best, e, floor), i >= close) for i, e in enumerate(rivals)),
         absorbed=_swallowed(calibration, found),
-        held_out=held,
+        decoys=None if said.weak else smooth_decoys(problem, naming, rng),
     )
 
 

@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.engine.conclusion import Conclusion
+from pmg.pipeline.diagnosis.grid.candidates import CandidateFit, GridProblem
 from pmg.sim.mechanisms import Component
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.design.audit import Audit
     from pmg.pipeline.diagnosis.design.next_test import NextTest
-    from pmg.pipeline.diagnosis.engine.decoys import Decoys
-    from pmg.pipeline.diagnosis.engine.held_out import HeldOut
-    from pmg.pipeline.diagnosis.engine.verdict import Absorbed
     from pmg.pipeline.diagnosis.form.shape import Shape
-    from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation, GridNaming
+    from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
     from pmg.pipeline.diagnosis.grid.locate import CampaignMismatch, Location
     from pmg.pipeline.diagnosis.grid.refit import Refit
     from pmg.pipeline.fit.noise import NoiseFloor
@@ -40,40 +38,28 @@ class Rival:
     by_parts: bool = False
 
 
-@dataclass(frozen=True)
-class Diagnosis:
-    """CampaignMismatch, place, cause and verdict.
+@dataclass(frozen=True, kw_only=True)
+class Diagnosis(Conclusion[CandidateFit, GridProblem]):
+    """Mismatch, place, cause and verdict of a campaign.
 
     Parameters
     ----------
     campaign : str
         Name of the campaign.
-    verdict : Verdict
-        One of the five words.
     mismatch : CampaignMismatch
         Test and locations.
     floor : NoiseFloor
         Noise it was judged against.
     blind : tuple of str
         Shafts whose points were run in the order of their speed, without repeats.
-    naming : GridNaming or None
-        What the catalogue says; None without a mismatch.
     refit : Refit or None
         Baseline and mechanisms fitted together.
     rivals : tuple of Rival
         Explanations that cannot be told from it.
-    absorbed : tuple of Absorbed
-        What the baseline had swallowed.
-    held_out : HeldOut or None
-        Error on withheld readings without and with what was left out.
     outliers : tuple of str
         Points that stand out by themselves and were set aside before the rest was judged.
     lifting : NextTest or None
         The test that a blind design lacks.
-    weak : bool
-        Whether the mismatch is too weak to name its cause, so that the set is what may make it.
-    decoys : Decoys or None
-        What smooth structures of nobody's making would have achieved.
     audit : Audit or None
         What the points of the campaign can tell at all.
     shape : Shape or None
@@ -81,19 +67,13 @@ class Diagnosis:
     """
 
     campaign: str
-    verdict: Verdict
     mismatch: CampaignMismatch
     floor: NoiseFloor
     blind: tuple[str, ...] = ()
-    naming: GridNaming | None = None
     refit: Refit | None = None
     rivals: tuple[Rival, ...] = ()
-    absorbed: tuple[Absorbed, ...] = ()
-    held_out: HeldOut | None = None
     outliers: tuple[str, ...] = ()
     lifting: NextTest | None = None
-    weak: bool = False
-    decoys: Decoys | None = None
     audit: Audit | None = None
     shape: Shape | None = None
 

@@ -12,7 +12,6 @@ from scipy.optimize import least_squares
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
 from pmg.pipeline.diagnosis.grid.candidates import grid_problem, predict_with
 from pmg.pipeline.fit.calibration import CONSTANTS, parameter_names, parameter_values, with_parameters
-from pmg.pipeline.fit.noise_floor import BASELINE_FREE
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
@@ -76,20 +75,15 @@ def refit(problem: GridProblem, fits: tuple[CandidateFit, ...]) -> Refit:
     standard errors are widened by the square root of the mean square that is left (Birge 1932).
     """
     names = parameter_names(problem.model, FREE)
+    parameters = [p for fit in fits for p in fit.candidate.parameters]
     n_curves = len(names) - len(FREE)
-    begin = [parameter_values(problem.model, FREE)]
-    scale = [np.r_[np.full(n_curves, 0.1), [CONSTANTS[name].typical for name in FREE]]]
-    low = [np.r_[np.full(n_curves, -np.inf), [CONSTANTS[name].bounds[0] for name in FREE]]]
-    high = [np.r_[np.full(n_curves, np.inf), [CONSTANTS[name].bounds[1] for name in FREE]]]
-    for fit in fits:
-        parameters = fit.candidate.parameters
-        begin.append(fit.values)
-        scale.append(np.array([p.typical for p in parameters]))
-        low.append(np.array([p.bounds[0] for p in parameters]))
-        high.append(np.array([p.bounds[1] for p in parameters]))
-    start, size, lower, upper = (np.concatenate(parts) for parts in (begin, scale, low, high))
-    cuts = np.cumsum([len(part) for part in begin])[:-1]
-    stuck = [name in fit.on_bound for fit in fits for name in (p.name for p in fit.candidate.parameters)]
+    constants = [CONSTANTS[name] for name in FREE]
+    start = np.concatenate([parameter_values(problem.model, FREE), *(fit.values for fit in fits)])
+    size = np.r_[np.full(n_curves, 0.1), [p.typical for p in (*constants, *parameters)]]
+    bounds = np.array([p.bounds for p in (*constants, *parameters)])
+    lower, upper = np.r_[np.full(n_curves, -np.inf), bounds[:, 0]], np.r_[np.full(n_curves, np.inf), bounds[:, 1]]
+    cuts = np.cumsum([len(names), *(len(fit.values) for fit in fits)])[:-1]
+    stuck = [p.name in fit.on_bound for fit in fits for p in fit.candidate.parameters]
     loose = ~np.r_[np.zeros(len(names), dtype=bool), np.array(stuck, dtype=bool)]
 
     def predicted(values: Array) -> Array:
@@ -103,30 +97,23 @@ def refit(problem: GridProblem, fits: tuple[CandidateFit, ...]) -> Refit:
         values[loose] = scaled * size[loose]
         return values
 
-    n_constants = len(parameter_names(problem.model, BASELINE_FREE))
-    allowed = orthonormal(problem.white(problem.columns[:, n_constants:]))
+    allowed = orthonormal(problem.white(problem.allowed))
 
     def residuals(scaled: Array) -> Array:
         left = problem.white((problem.readings.torque - predicted(whole(scaled)))[:, None])[:, 0]
         return np.asarray(left - allowed @ (allowed.T @ left))
 
     inside = np.clip(start, lower + 1e-6 * size, upper - 1e-6 * size)[loose] / size[loose]
-    bounds = (lower / size)[loose], (upper / size)[loose]
-    found = least_squares(residuals, inside, bounds=bounds, xtol=1e-7, ftol=1e-8, max_nfev=MOST_STEPS)
+    within = (lower / size)[loose], (upper / size)[loose]
+    found = least_squares(residuals, inside, bounds=within, xtol=1e-7, ftol=1e-8, max_nfev=MOST_STEPS)
     values = whole(found.x)
     margin = 1e-4 * size
     free = loose & (values - lower > margin) & (upper - values > margin)
-    errors = np.full(len(values), np.nan)
     free &= found.status > 0  # a fit that ran out of steps has no error bars
-    slopes = np.zeros((len(problem.readings), len(values)))
-    slopes[:, loose] = np.asarray(found.jac)
-    _, singular, right = np.linalg.svd(slopes[:, free], full_matrices=False)
-    weak = singular < WEAK * singular.max(initial=0.0)
-    spread = np.where(weak[:, None], 0.0, right / np.where(weak, 1.0, singular)[:, None])
-    lost = (np.abs(right[weak]) > 0.3).any(axis=0) if weak.any() else np.zeros(int(free.sum()), dtype=bool)
+    errors = np.full(len(values), np.nan)
     spare = len(problem.left) - int(free.sum()) - allowed.shape[1]
     wider = math.sqrt(max(2.0 * float(found.cost) / max(spare, 1), 1.0))
-    errors[free] = wider * np.where(lost, np.nan, np.sqrt(np.sum(spread**2, axis=0)) * size[free])
+    errors[free] = wider * (_spread(np.asarray(found.jac)[:, free[loose]]) * size[free])
     own, *added = np.split(values, cuts)
     own_errors, *added_errors = np.split(errors, cuts)
     return Refit(
@@ -139,6 +126,15 @@ def refit(problem: GridProblem, fits: tuple[CandidateFit, ...]) -> Refit:
     )
 
 
+def _spread(slopes: Array) -> Array:
+    """Standard errors (k,) for whitened slopes (m, k); NaN where a direction that is not determined enters."""
+    _, singular, right = np.linalg.svd(slopes, full_matrices=False)
+    weak = singular < WEAK * singular.max(initial=0.0)
+    spread = np.where(weak[:, None], 0.0, right / np.where(weak, 1.0, singular)[:, None])
+    lost = (np.abs(right[weak]) > 0.3).any(axis=0)
+    return np.where(lost, np.nan, np.sqrt(np.sum(spread**2, axis=0)))
+
+
 def about(problem: GridProblem, explanation: GridExplanation) -> GridProblem | None:
     """The problem about the baseline that is fitted together with a set of mechanisms; None where it gains nothing.
 
@@ -148,8 +144,7 @@ def about(problem: GridProblem, explanation: GridExplanation) -> GridProblem | N
     if not explanation.fits:
         return None
     found = refit(problem, explanation.fits)
-    n_constants = len(parameter_names(problem.model, BASELINE_FREE))
-    here = grid_problem(problem.readings, problem.bench, found.model, problem.white, problem.columns[:, n_constants:])
+    here = grid_problem(problem.readings, problem.bench, found.model, problem.white, problem.allowed)
     effects = [here.effect(candidate, v) for candidate, v in zip(found.candidates, found.values, strict=True)]
     left, before = here.left - here.beyond_baseline(np.sum(effects, axis=0)), explanation.problem.left
     return here if float(left @ left) < float(before @ before) - ENTRY else None

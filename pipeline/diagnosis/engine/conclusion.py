@@ -1,0 +1,103 @@
+"""What a search of the candidates and its proof on withheld rows allow to be said."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Generic
+
+from pmg.pipeline.diagnosis.engine.explanation import explain_with
+from pmg.pipeline.diagnosis.engine.naming import MOST_RIVALS
+from pmg.pipeline.diagnosis.engine.problem import F, P
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pmg.pipeline.diagnosis.engine.catalogue import CandidateCatalogue
+    from pmg.pipeline.diagnosis.engine.decoys import Decoys
+    from pmg.pipeline.diagnosis.engine.explanation import Explanation
+    from pmg.pipeline.diagnosis.engine.held_out import HeldOut
+    from pmg.pipeline.diagnosis.engine.naming import Naming
+    from pmg.pipeline.diagnosis.engine.verdict import Absorbed
+
+NOT_WORSE = 1.03
+"""Withheld error with a weak candidate in, over that without, up to which it stays in the set of what may be."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conclusion(Generic[F, P]):
+    """Verdict, with the set of candidates that is named or comes nearest.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        One of the five words.
+    naming : Naming or None
+        What the catalogue says, rivals included; None without a mismatch.
+    held_out : HeldOut or None
+        Errors on withheld rows without and with what was left out.
+    weak : bool
+        Whether the mismatch is too weak to name its cause, so that the set is what may make it.
+    absorbed : tuple of Absorbed
+        What the baseline had swallowed.
+    decoys : Decoys or None
+        What structures without a meaning would have achieved in place of what is named.
+    """
+
+    verdict: Verdict
+    naming: Naming[F, P] | None = None
+    held_out: HeldOut | None = None
+    weak: bool = False
+    absorbed: tuple[Absorbed, ...] = ()
+    decoys: Decoys | None = None
+
+
+def conclude(
+    problem: P,
+    catalogue: CandidateCatalogue[F, P],
+    naming: Naming[F, P],
+    prove: Callable[[Explanation[F, P]], HeldOut | None],
+) -> Conclusion[F, P]:
+    """The verdict on a mismatch.
+
+    Parameters
+    ----------
+    problem : WhitenedProblem
+        Rows with the baseline free.
+    catalogue : CandidateCatalogue
+        What may be named.
+    naming : Naming
+        What of it explains the rows.
+    prove : callable
+        Errors of a set on withheld rows, the choice made anew for each part; None where there are too few rows.
+
+    Notes
+    -----
+    A set is named when it is good enough and predicts most of the mismatch of withheld rows. Rivals are the sets of
+    close evidence, and those that parts of the rows name instead. Where the mismatch is too weak to tell an effect of
+    another kind by what it leaves, the candidates that explain it are told as what may be, and none is named.
+    """
+    if naming.explained and not naming.weak:
+        held = prove(naming.best)
+        if held is not None and held.predicts:
+            naming = _with_parts(problem, catalogue, naming, held)
+            verdict = Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
+            return Conclusion(verdict=verdict, naming=naming, held_out=held)
+    if naming.weak:
+        best, *others = naming.weak
+        held = prove(best)
+        if held is not None and held.rmse_after <= NOT_WORSE * held.rmse_before:
+            places = {fit.identifier: fit.place for fit in best.fits}
+            told = replace(naming, best=best, rivals=tuple(others), shafts=places)
+            told = _with_parts(problem, catalogue, told, held)
+            return Conclusion(verdict=Verdict.AMBIGUOUS, naming=told, held_out=held, weak=True)
+    return Conclusion(verdict=Verdict.NOT_IN_LIBRARY, naming=naming)
+
+
+def _with_parts(problem: P, catalogue: CandidateCatalogue[F, P], naming: Naming[F, P], held: HeldOut) -> Naming[F, P]:
+    """What the catalogue says with the sets among its rivals that parts of the rows name instead."""
+    known = {rival.ids for rival in naming.rivals}
+    sets = held.elsewhere[: max(MOST_RIVALS - len(naming.rivals), 1)]
+    others = [explain_with(problem, catalogue, candidates) for candidates in sets]
+    added = tuple(e for e in others if e.ids not in known)
+    return replace(naming, rivals=(*naming.rivals, *added), by_parts=len(added))
