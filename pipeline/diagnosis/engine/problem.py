@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 
-class Candidate(Protocol):
+class Nameable(Protocol):
     """What may explain a mismatch; it can be hashed."""
 
     @property
@@ -26,7 +26,7 @@ class Candidate(Protocol):
         """Id of the mechanism or term."""
 
 
-C = TypeVar("C", bound=Candidate)
+C = TypeVar("C", bound=Nameable)
 
 
 @dataclass(frozen=True)
