@@ -155,15 +155,12 @@ def _models(d: TermsDiagnosis) -> Section:
             f"Choice made anew for every part: {held.split}. {held.rmse_before:.3f} N before, "
             f"{held.rmse_after:.3f} N after, gain {held.gain_interval[0]:.3f} to {held.gain_interval[1]:.3f} N."
         )
-    gain = max(more.gains, default=math.nan)
+    best = (
+        f"; none lowered the error on the withheld record by more than {percent(max(more.gains))}" if more.gains else ""
+    )
     texts.append(
         f"{more.tried} decoys (columns of the library, phases drawn at random) were offered after the named terms: "
-        f"the best brought evidence {more.most_evidence:.0f}, which a refinement must exceed"
-        + (
-            "."
-            if math.isnan(gain)
-            else f"; none lowered the error on the withheld record by more than {percent(gain)}."
-        )
+        f"the best brought evidence {more.most_evidence:.0f}, which a refinement must exceed{best}."
     )
     return Section("terms-models-section", "Models and their errors", (Text("\n\n".join(texts)), table))
 

@@ -147,9 +147,10 @@ def _engaged(
 ) -> Plan:
     """Every sun speed [rad/s] engaged at every load [N m on the ring], one load after the other."""
     name, drive, gear = ENGAGED[experiment]
-    ratio = bench.gear1.ratio if gear == 1 else bench.gear2.ratio
     speed, load = np.tile(sun, len(loads)), np.repeat(loads, len(sun))
-    points = make_points(name, "engaged", speed, -speed / ratio, load, drive=drive, gear=gear, begin=begin)
+    points = make_points(
+        name, "engaged", speed, -speed / bench.gear(gear).ratio, load, drive=drive, gear=gear, begin=begin
+    )
     return Plan(experiment, words.format(points=len(speed), speeds=len(sun)), points, len(speed) * A_POINT)
 
 

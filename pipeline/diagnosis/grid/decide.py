@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
-    from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
+    from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation, GridNaming
     from pmg.pipeline.diagnosis.grid.locate import CampaignMismatch
     from pmg.pipeline.diagnosis.grid.refit import Refit
     from pmg.pipeline.fit.calibration import FittedBaseline
@@ -96,16 +96,8 @@ def diagnose(
         verdict = Verdict.CONFOUNDED if blind else Verdict.CONSISTENT
         lifting = lifting_test(readings, bench, calibration.model, floor, blind) if blind else None
         return replace(said, verdict=verdict, mismatch=mismatch, lifting=lifting)
-    first = problem = grid_problem(readings, bench, calibration.model, whitener(readings, bench, floor), allowed)
-    naming = name_candidates(problem, MECHANISMS, adequacy_test(campaign_evidence(problem, floor, JUDGE_DRAWS, rng)))
-    for _ in range(ROUNDS):
-        again = None if naming.explained and naming.remainder.adequate else about(problem, naming.best)
-        if again is None:
-            break
-        better = name_candidates(again, MECHANISMS, adequacy_test(campaign_evidence(again, floor, JUDGE_DRAWS, rng)))
-        if better.best.unexplained >= naming.best.unexplained - ENTRY:
-            break
-        problem, naming = again, better
+    first = grid_problem(readings, bench, calibration.model, whitener(readings, bench, floor), allowed)
+    problem, naming = _searched(first, floor, rng)
     conclusion = conclude(problem, MECHANISMS, naming, lambda best: _withheld(problem, best, rng))
     said = replace(said, **{f.name: getattr(conclusion, f.name) for f in fields(conclusion)})
     if not said.verdict.names:
@@ -127,6 +119,20 @@ def diagnose(
         absorbed=_swallowed(calibration, found),
         decoys=None if said.weak else smooth_decoys(problem, naming, rng),
     )
+
+
+def _searched(problem: GridProblem, floor: NoiseFloor, rng: np.random.Generator) -> tuple[GridProblem, GridNaming]:
+    """What the catalogue says, and the problem about the baseline that was fitted together with what it names."""
+    naming = name_candidates(problem, MECHANISMS, adequacy_test(campaign_evidence(problem, floor, JUDGE_DRAWS, rng)))
+    for _ in range(ROUNDS):
+        again = None if naming.explained and naming.remainder.adequate else about(problem, naming.best)
+        if again is None:
+            break
+        better = name_candidates(again, MECHANISMS, adequacy_test(campaign_evidence(again, floor, JUDGE_DRAWS, rng)))
+        if better.best.unexplained >= naming.best.unexplained - ENTRY:
+            break
+        problem, naming = again, better
+    return problem, naming
 
 
 def _withheld(problem: GridProblem, explanation: GridExplanation, rng: np.random.Generator) -> HeldOut | None:
