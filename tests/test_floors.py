@@ -27,7 +27,6 @@ MOST_LINES = 60
 MOST_PARAMETERS = 8
 
 _SPLIT = "to be split into parts with names"
-_GATHERED = "its parameters are to be gathered into values"
 LONG_FUNCTIONS: dict[str, str] = {
     "pmg.pipeline.chapters.explained.balance._models": _SPLIT,
     "pmg.pipeline.chapters.measured.quality.data_section": _SPLIT,
