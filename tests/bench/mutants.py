@@ -153,8 +153,8 @@ STATISTICS = (
     mutant("outliers not paid for", "outliers", "2.0 * n * stats.t.sf", "2.0 * stats.t.sf", ESTIMATORS),
     mutant(
         "outliers judged by a scatter with them in it",
-        "outliers",
-        "total - scaled[rows] ** 2 / room[rows]",
+        "studentised",
+        "total - left[rows] ** 2 / room[rows]",
         "total - 0.0 * room[rows]",
         ESTIMATORS,
     ),

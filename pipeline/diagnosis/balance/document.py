@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.estimate import Estimate
     from pmg.pipeline.diagnosis.balance.mismatch import Place
-    from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
 
 SCHEMA = "pmg.terms-diagnosis/1"
@@ -57,17 +56,14 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
         ],
         "models": [_model(stand) for stand in diagnosis.stands],
         "refinements": [_model(stand) for stand in diagnosis.refinements],
-        "held_out": None if diagnosis.held_out is None else _held(diagnosis.held_out),
+        "held_out": None if diagnosis.held_out is None else diagnosis.held_out.document("N"),
         "contests": [_contest(contest) for contest in diagnosis.contests],
         "rivals": [_contest(contest)["ids"] for contest in diagnosis.contests if contest.open],
         "cannot_be_told": [
             {"ids": list(t.ids), "correlation": t.correlation, "separating_test": separating_test(diagnosis, t.ids)}
             for t in diagnosis.twins
         ],
-        "absorbed": [
-            {"parameter": a.parameter, "before": a.before, "after": a.after, "standard_error": a.standard_error}
-            for a in diagnosis.absorbed
-        ],
+        "absorbed": [row.document for row in diagnosis.absorbed],
         "left_over": {"p_value": diagnosis.left_over.p_value, "locations": _places(diagnosis.left_over)},
         "decoys": {
             "tried": diagnosis.further_decoys.tried,
@@ -81,16 +77,6 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
 
 def _places(mismatch: Mismatch[Place]) -> list[dict[str, Any]]:
     return [{"depends_on": p.name, "p_value": p.p_value, "rms_in_noise": p.rms} for p in mismatch.locations]
-
-
-def _held(held: HeldOut) -> dict[str, Any]:
-    return {
-        "split": held.split,
-        "rmse_before_N": held.rmse_before,
-        "rmse_after_N": held.rmse_after,
-        "noise_floor_N": held.noise_floor,
-        "gain_interval_N": list(held.gain_interval),
-    }
 
 
 def _estimate(e: Estimate) -> dict[str, Any]:
@@ -113,7 +99,7 @@ def _model(stand: Stand) -> dict[str, Any]:
         "relative_error_fit": stand.error_fit,
         "relative_error_withheld": number(stand.error_withheld),
         "withheld_gain_interval_N": [number(end) for end in stand.carried],
-        "held_out": None if stand.held is None else _held(stand.held),
+        "held_out": None if stand.held is None else stand.held.document("N"),
         "parameters": [_estimate(e) for e in stand.fitted.estimates],
     }
 
@@ -124,7 +110,7 @@ def _contest(contest: Contest) -> dict[str, Any]:
         "open": contest.open,
         "lead": contest.lead,
         "margin": contest.margin,
-        "held_out": _held(contest.held),
+        "held_out": contest.held.document("N"),
         "beside_the_named": [_estimate(e) for e in contest.beside],
         "relative_error_fit": contest.error_fit,
         "relative_error_withheld": number(contest.error_withheld),

@@ -60,6 +60,16 @@ class HeldOut:
     kept: float = 1.0
     elsewhere: tuple[tuple[Any, ...], ...] = ()
 
+    def document(self, unit: str) -> dict[str, Any]:
+        """Split, errors before and after, noise and interval as JSON."""
+        return {
+            "split": self.split,
+            f"rmse_before_{unit}": self.rmse_before,
+            f"rmse_after_{unit}": self.rmse_after,
+            f"noise_floor_{unit}": self.noise_floor,
+            f"gain_interval_{unit}": list(self.gain_interval),
+        }
+
     @property
     def predicts(self) -> bool:
         r"""Whether what was named predicts most of the mismatch of withheld rows.

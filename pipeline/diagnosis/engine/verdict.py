@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 
 class Verdict(StrEnum):
@@ -33,3 +34,8 @@ class Absorbed:
     after: float
     standard_error: float | None
     error_before: float | None = None
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The same as JSON."""
+        return {name: getattr(self, name) for name in ("parameter", "before", "after", "standard_error")}

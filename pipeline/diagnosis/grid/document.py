@@ -50,21 +50,10 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "mechanisms": _mechanisms(diagnosis),
         "rivals": [_rival(diagnosis, rival) for rival in diagnosis.rivals],
-        "absorbed": [
-            {"parameter": a.parameter, "before": a.before, "after": a.after, "standard_error": a.standard_error}
-            for a in diagnosis.absorbed
-        ],
+        "absorbed": [row.document for row in diagnosis.absorbed],
         "held_out": None
         if held is None
-        else {
-            "split": held.split,
-            "rmse_before_Nm": held.rmse_before,
-            "rmse_after_Nm": held.rmse_after,
-            "noise_floor_Nm": held.noise_floor,
-            "gain_interval_Nm": list(held.gain_interval),
-            "placebo_gain_Nm": held.placebo_gain,
-            "expected_Nm": held.expected_after,
-        },
+        else held.document("Nm") | {"placebo_gain_Nm": held.placebo_gain, "expected_Nm": held.expected_after},
         "next_tests": _next_tests(diagnosis),
         "decoys": None if diagnosis.decoys is None else asdict(diagnosis.decoys),
         "design": _design(diagnosis),

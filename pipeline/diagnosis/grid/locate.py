@@ -10,9 +10,8 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, Mismatch, search
 from pmg.pipeline.diagnosis.grid.candidates import grid_problem
-from pmg.pipeline.diagnosis.grid.evidence import broad_and_narrow, campaign_evidence
+from pmg.pipeline.diagnosis.grid.evidence import broad_and_narrow, campaign_evidence, swings
 from pmg.pipeline.diagnosis.grid.fitting import traces
-from pmg.pipeline.diagnosis.grid.swings import swings
 from pmg.pipeline.fit.calibration import start_model
 from pmg.pipeline.fit.structure import families
 from pmg.pipeline.fit.whitening import undo, whitener

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.diagnosis.engine.scan import MINIMUM_ROOM
+from pmg.pipeline.diagnosis.engine.problem import freed
+from pmg.pipeline.diagnosis.engine.scan import studentised
+from pmg.pipeline.diagnosis.grid.evidence import both_shafts
 from pmg.pipeline.diagnosis.grid.locate import find_mismatch
 from pmg.pipeline.fit.calibration import start_model
 from pmg.pipeline.fit.noise_floor import noise_floor, structured_columns
-from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.fit.whitening import floor_scale
 from pmg.pipeline.grid.readings import predict, take_readings
 
@@ -80,24 +81,13 @@ def _far_off(grid: Grid, fits: LossFits, floor: NoiseFloor, bench: BenchParamete
 
 
 def _surprises(readings: Readings, bench: BenchParameters, model: LossModel, floor: NoiseFloor) -> Array:
-    r"""p-value of each reading by its externally studentised residual, shaft by shaft; 1 where the fit leaves no room.
-
-    Notes
-    -----
-    :math:`t_i = r_i / (s_{(i)}\sqrt{1 - h_i})` with the scatter without the reading (Belsley, Kuh and Welsch 1980).
-    """
+    """p-value of each reading by its externally studentised residual, shaft by shaft; 1 where it is not judged."""
     scale = floor_scale(readings, bench, floor)
-    basis = orthonormal(structured_columns(readings, bench, model) / scale[:, None])
     y = (readings.torque - predict(readings, bench, model)) / scale
-    left = y - basis @ (basis.T @ y)
+    basis, left = freed(structured_columns(readings, bench, model) / scale[:, None], y)
     room = 1.0 - np.einsum("ij,ij->i", basis, basis)
     found = np.ones(len(readings))
-    for sun in (True, False):
-        rows = np.flatnonzero((readings.sun == sun) & (room > MINIMUM_ROOM**2))
-        dof = float(np.sum(room[readings.sun == sun])) - 1.0
-        if dof <= 1.0:
-            continue
-        own = left[rows] ** 2 / room[rows]
-        without = np.maximum(float(np.sum(left[readings.sun == sun] ** 2)) - own, 1e-12) / dof
-        found[rows] = 2.0 * stats.t.sf(np.sqrt(own / without), dof)
+    for mine in both_shafts(readings):
+        rows, surprise, dof = studentised(left, room, mine)
+        found[rows] = 2.0 * stats.t.sf(np.abs(surprise), dof)
     return found

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
-from pmg.pipeline.diagnosis.engine.scan import MINIMUM_ROOM
+from pmg.pipeline.diagnosis.engine.scan import studentised
 from pmg.pipeline.fit.calibration import jacobian
 from pmg.pipeline.fit.noise_floor import repeat_contrasts
 from pmg.pipeline.fit.plane_fit import plane_columns
@@ -241,7 +241,7 @@ def lack_of_fit(fit: Fitted, floor: NoiseFloor, bench: BenchParameters, shaft: s
 
 
 def outliers(fit: Fitted, shaft: str, explained: Array | None = None) -> tuple[Outlier, ...]:
-    r"""Points of one shaft that stand out at `FALSE_ALARM_RATE`, most surprising first.
+    """Points of one shaft that stand out at `FALSE_ALARM_RATE`, most surprising first.
 
     Parameters
     ----------
@@ -254,13 +254,8 @@ def outliers(fit: Fitted, shaft: str, explained: Array | None = None) -> tuple[O
 
     Notes
     -----
-    :math:`t_i = e_i / (s_{(i)} \sqrt{1 - h_i})` with the scatter :math:`s_{(i)}` of the other points has Student's
-    distribution with one degree of freedom less than the fit. The p-value is multiplied by the number of points of
-    the fit, both shafts together (Bonferroni). Points of which the fit leaves less than `MINIMUM_ROOM` are not judged.
-
-    References
-    ----------
-    R. D. Cook, S. Weisberg, 'Residuals and Influence in Regression', Chapman and Hall, 1982, section 2.2.
+    The p-value is multiplied by the number of points of the fit, both shafts together (Bonferroni). Points of which the
+    fit leaves less than `MINIMUM_ROOM` are not judged.
     """
     if explained is not None and explained.shape[1]:
         root = np.sqrt(fit.weights)
@@ -271,17 +266,11 @@ def outliers(fit: Fitted, shaft: str, explained: Array | None = None) -> tuple[O
             design=np.hstack([fit.design, explained]),
             residual=(left - basis @ (basis.T @ left)) / root,
         )
-    mine = fit.readings.sun == (shaft == "sun")
     room = 1.0 - fit.leverage()
     scaled = fit.residual * np.sqrt(fit.weights)
-    free, total = float(np.sum(room[mine])), float(scaled[mine] @ scaled[mine])
-    rows = np.flatnonzero(mine & (np.sqrt(np.maximum(room, 0.0)) > MINIMUM_ROOM))
-    if free <= 2.0 or total <= 0.0:
-        return ()
-    others = np.maximum(total - scaled[rows] ** 2 / room[rows], 1e-300) / (free - 1.0)
-    surprise = scaled[rows] / np.sqrt(others * room[rows])
+    rows, surprise, dof = studentised(scaled, room, fit.readings.sun == (shaft == "sun"))
     n = len(fit.readings)
-    p = np.minimum(2.0 * n * stats.t.sf(np.abs(surprise), free - 1.0), 1.0)
+    p = np.minimum(2.0 * n * stats.t.sf(np.abs(surprise), dof), 1.0)
     order = np.argsort(p, kind="stable")
     found = [Outlier(int(rows[i]), float(surprise[i]), float(p[i]), n) for i in order if p[i] <= FALSE_ALARM_RATE]
     return tuple(sorted(found, key=lambda one: -abs(one.surprise)))
