@@ -24,7 +24,7 @@ from pmg.pipeline.grid.contributions import Contribution, ShaftBudget
 from pmg.pipeline.grid.readings import Readings, predict, take_readings
 from pmg.pipeline.grid.transducer_uncertainty import tare_uncertainty
 from pmg.pipeline.orders.fit import Orders
-from pmg.pipeline.recording.checks.clock import fit_clock
+from pmg.pipeline.recording.checks.clock import _fit_clock
 from pmg.pipeline.recording.layouts.wire import ClockMark
 from pmg.pipeline.windows.reduce import mean_uncertainty
 from pmg.pipeline.windows.revolutions import WholeRevolutions
@@ -134,7 +134,7 @@ def test_the_drift_of_the_clock_has_the_error_of_a_linear_regression(rng: np.ran
         )
         for s, x in zip(sample, late, strict=True)
     ]
-    fit = fit_clock(marks, rate)
+    fit = _fit_clock(marks, rate)
     line = stats.linregress(sample / rate, np.round(late * 1e9) * 1e-9)
     assert not fit.jumps
     assert fit.drift == pytest.approx(-line.slope / (1.0 + line.slope), rel=1e-4)

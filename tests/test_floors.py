@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.house import FLOORS, FOLDERS, MODULES, Breach, Module, floor_of, imported_modules, room_of
+from tests.house import FLOORS, FOLDERS, MODULES, Breach, Module, dotted, floor_of, imported_modules, room_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -209,6 +209,84 @@ def a_manifest_is_a_record(modules: Sequence[Module]) -> Iterator[Breach]:
                 yield Breach(module.name, getattr(node, "lineno", 1), f"{root_of(node)} is asked for {key!r}", rule)
 
 
+Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
+
+
+def names_in(*nodes: ast.AST | None) -> set[str]:
+    """Names that stand in these pieces of code."""
+    return {one.id for node in nodes if node is not None for one in ast.walk(node) if isinstance(one, ast.Name)}
+
+
+def used_elsewhere(modules: Sequence[Module]) -> set[str]:
+    """Full names that modules import from others or ask of others, and whatever stands in a module read as text."""
+    names = {module.name for module in modules}
+    used: set[str] = set()
+    for module in modules:
+        targets = {one.target for one in module.imports if one.target.rpartition(".")[0] != module.name}
+        used |= targets
+        short = {target.rpartition(".")[2]: target for target in targets & names}
+        for node in ast.walk(module.tree):
+            if isinstance(node, ast.ImportFrom):
+                whole = {one.asname: f"{node.module}.{one.name}" for one in node.names if one.asname is not None}
+                short |= {key: target for key, target in whole.items() if target in names}
+            elif isinstance(node, ast.Attribute) and dotted(node.value) in short:
+                used.add(f"{short[dotted(node.value)]}.{node.attr}")
+            elif isinstance(node, ast.Call) and dotted(node.func) == "inspect.getsource":
+                used |= {f"{short.get(dotted(one))}.*" for one in node.args}
+    return used
+
+
+def interface_of(node: ast.AST | None) -> set[str]:
+    """Names in the annotations of a function; of a class in its bases, its attributes and its methods as well."""
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+        given = node.args
+        each = (*given.posonlyargs, *given.args, *given.kwonlyargs, given.vararg, given.kwarg)
+        return names_in(node.returns, *(one.annotation for one in each if one is not None))
+    if not isinstance(node, ast.ClassDef):
+        return set()
+    found = names_in(*node.bases)
+    for part in node.body:
+        if isinstance(part, ast.Assign | ast.AnnAssign):
+            found |= names_in(part.value, getattr(part, "annotation", None))
+        elif isinstance(part, Definition) and (not part.name.startswith("_") or part.name.endswith("__")):
+            found |= interface_of(part)
+    return found
+
+
+def public_is_used_elsewhere(modules: Sequence[Module]) -> Iterator[Breach]:
+    """Functions and classes without an underscore: of use to another module, or a command, or in ``__all__``.
+
+    A class may also be public because the interface of a public one, or a value another module imports, names it.
+    """
+    used = used_elsewhere(modules)
+    for module in modules:
+        held = {node.name: node for node in module.tree.body if isinstance(node, Definition)}
+        public = {name for name in held if used & {f"{module.name}.{name}", f"{module.name}.*"}}
+        public |= {
+            name
+            for name, node in held.items()
+            for one in node.decorator_list
+            if isinstance(one, ast.Call) and dotted(one.func).split(".")[-1] in ("command", "callback")
+        }
+        for node in module.tree.body:
+            if isinstance(node, ast.Assign | ast.AnnAssign):
+                target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+                if dotted(target) == "__all__" and node.value is not None:
+                    public |= set(ast.literal_eval(node.value))
+                elif f"{module.name}.{dotted(target)}" in used:
+                    named = names_in(node.value, getattr(node, "annotation", None))
+                    public |= {name for name in named if isinstance(held.get(name), ast.ClassDef)}
+        new = public
+        while new:
+            named = {name for one in new for name in interface_of(held.get(one))} - public
+            new = {name for name in named if isinstance(held.get(name), ast.ClassDef)}
+            public |= new
+        for name, node in held.items():
+            if not name.startswith("_") and name not in public:
+                rule = "public is what another module of the product uses: call it private, or delete it"
+                yield Breach(module.name, node.lineno, f"{name} is used by no other module", rule)
+
+
 RULES: tuple[Callable[[Sequence[Module]], Iterator[Breach]], ...] = (
     imports_go_down,
     every_room_has_a_floor,
@@ -220,6 +298,7 @@ RULES: tuple[Callable[[Sequence[Module]], Iterator[Breach]], ...] = (
     a_class_name_is_used_once,
     a_manifest_is_a_record,
     a_constant_is_defined_once,
+    public_is_used_elsewhere,
 )
 
 
@@ -335,6 +414,33 @@ PLANTED: tuple[tuple[Callable[[Sequence[Module]], Iterator[Breach]], str, tuple[
         "a class name in two rooms",
         (_lines("pmg.sim.bench", "class Quantity: ..."), _lines("pmg.pipeline.fit.a", "class Quantity: ...")),
     ),
+    (
+        public_is_used_elsewhere,
+        "a public function for its own module alone",
+        (
+            _lines("pmg.sim.roots", "def f(): ...\ndef g():\n    return f()"),
+            _lines("pmg.sim.a", "from pmg.sim.roots import g"),
+        ),
+    ),
+    (
+        public_is_used_elsewhere,
+        "a function of the same name in another module",
+        (
+            _lines("pmg.sim.roots", "def f(): ..."),
+            _lines("pmg.sim.bench", "def f(): ..."),
+            _lines("pmg.sim.a", "from pmg.sim import bench\nbench.f()"),
+        ),
+    ),
+    (
+        public_is_used_elsewhere,
+        "a class that only a private function names",
+        (_lines("pmg.sim.roots", "class A: ...\ndef _f() -> A: ..."),),
+    ),
+    (
+        public_is_used_elsewhere,
+        "a class that imports itself",
+        (_lines("pmg.sim.roots", "from pmg.sim.roots import A\nclass A: ..."),),
+    ),
 )
 
 
@@ -356,7 +462,11 @@ def test_sound_modules_raise_no_alarm() -> None:
         Module("pmg.pipeline.cli", ""),
         Module("pmg.pipeline.cli.start", "from pmg.sim import signals\nfrom pmg.sim.roots import a"),
         Module("pmg.sim", ""),
-        Module("pmg.sim.signals", ""),
-        Module("pmg.sim.roots", f"from pmg.sim.signals import Array\nclass A:\n{longest}"),
+        Module("pmg.sim.signals", "class Array: ...\ndef f(): ...\nclass Part: ...\nclass Whole:\n    part: Part"),
+        Module(
+            "pmg.sim.roots",
+            f"from pmg.sim.signals import Array, Whole\n@command('a')\ndef g(): ...\nclass _A:\n{longest}",
+        ),
+        Module("pmg.sim.bench", "from pmg.sim import signals\nsignals.f()"),
     )
     assert [str(breach) for rule in RULES for breach in rule(sound)] == []

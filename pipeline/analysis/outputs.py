@@ -89,7 +89,7 @@ def balance_frame(balance: PowerBalance) -> pd.DataFrame:
     return pd.DataFrame(columns | {"K_corr": np.full(len(at), _fitted(balance))})
 
 
-def means_frame(balance: PowerBalance) -> pd.DataFrame:
+def _means_frame(balance: PowerBalance) -> pd.DataFrame:
     """Means over the points of each load: the independent part falls with their number, the common one does not, SI."""
     rows = []
     for load, chosen in by_load(balance.grid.points):
@@ -174,7 +174,7 @@ def analysis_document(analysis: Analysis, budget: Budget | None = None) -> dict[
         else _calibration_document(analysis.calibration, analysis.causes),
         "correction_by_rule": number(analysis.rule_correction),
         "damping": [damping_document(fit) for fit in analysis.damping],
-        "means_by_load": None if analysis.balance is None else means_frame(analysis.balance).to_dict("records"),
+        "means_by_load": None if analysis.balance is None else _means_frame(analysis.balance).to_dict("records"),
         **further_document(analysis),
         "budget": None if budget is None else budget_document(budget),
     }
@@ -226,7 +226,7 @@ def _loss_tables(analysis: Analysis, folder: Path) -> dict[str, pd.DataFrame]:
     """Losses, their means and the power flow, written; where there are none, those of an earlier run go."""
     tables: dict[str, pd.DataFrame] = {}
     if analysis.balance is not None:
-        tables |= {"losses": balance_frame(analysis.balance), "means_by_load": means_frame(analysis.balance)}
+        tables |= {"losses": balance_frame(analysis.balance), "means_by_load": _means_frame(analysis.balance)}
     if analysis.calibration is not None and analysis.causes is not None:
         bench = load_bench()
         gearbox = Gearbox.calibrated(bench, analysis.calibration.model)

@@ -113,10 +113,10 @@ def read_side(label: str, store: Path, campaign: str | None, bench: BenchParamet
     if manifests:
         bench = rated(bench, window_facts(manifests))
     analysis = analyse(grid, options, bench)
-    return CampaignSide(label, analysis, bench, transducers_of(manifests), tuple(manifests))
+    return CampaignSide(label, analysis, bench, _transducers_of(manifests), tuple(manifests))
 
 
-def transducers_of(manifests: Sequence[Manifest]) -> dict[str, TransducerIdentity | None]:
+def _transducers_of(manifests: Sequence[Manifest]) -> dict[str, TransducerIdentity | None]:
     """The transducer of each shaft, where every recording names the same one by its serial number."""
     found: dict[str, TransducerIdentity | None] = {}
     for side in SIDES:

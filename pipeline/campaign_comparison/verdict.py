@@ -158,7 +158,7 @@ def judge(versus: Versus, rng: np.random.Generator, draws: int = DRAWS) -> Compa
     far as that was found. A shaft that turns backwards has the sign of its difference changed, so that more drag
     counts as more in both directions.
     """
-    ready = ready_family(versus)
+    ready = _ready_family(versus)
     if ready is None:
         return None
     family, differences, groups = ready
@@ -201,7 +201,7 @@ def _shares(differences: Array, own: Array, slopes: Array) -> list[float]:
 Kind = tuple[Configuration, str, tuple[DifferenceCovariate, ...]]
 
 
-def ready_family(versus: Versus) -> tuple[DifferenceFamily, Array, tuple[Kind, ...]] | None:
+def _ready_family(versus: Versus) -> tuple[DifferenceFamily, Array, tuple[Kind, ...]] | None:
     """The family of tests, the differences (m,) in the direction of rotation [N m], and what its blocks are."""
     at = versus.at
     n = len(at)

@@ -53,50 +53,50 @@ def recording_entry(manifest: Manifest) -> Entry:
     run, origin = manifest.run, manifest.origin
     severities = [finding.severity for finding in manifest.findings]
     fields: dict[str, Cell] = {
-        "campaign": text(run.campaign),
-        "name": text(manifest.identifier),
-        "file": text(manifest.file),
-        "status": text(manifest.status),
-        "point": text(run.point),
-        "configuration": text(run.configuration),
-        "gear": whole(run.gear),
-        "drive": text(run.drive),
-        "measurement_begin": text(run.started_at),
+        "campaign": _text(run.campaign),
+        "name": _text(manifest.identifier),
+        "file": _text(manifest.file),
+        "status": _text(manifest.status),
+        "point": _text(run.point),
+        "configuration": _text(run.configuration),
+        "gear": _whole(run.gear),
+        "drive": _text(run.drive),
+        "measurement_begin": _text(run.started_at),
         "findings": len(manifest.findings),
         "errors": severities.count(Severity.ERROR),
         "simulated": int(marked_as_simulated(manifest)),
-        "rate_hz": number(manifest.rate_hz),
-        "samples": whole(manifest.samples),
-        "size": whole(manifest.size),
-        "sha256": text(manifest.sha256),
-        "origin": None if origin is None else text(origin.source),
-        "note": text(run.note),
+        "rate_hz": _number(manifest.rate_hz),
+        "samples": _whole(manifest.samples),
+        "size": _whole(manifest.size),
+        "sha256": _text(manifest.sha256),
+        "origin": None if origin is None else _text(origin.source),
+        "note": _text(run.note),
     }
     return Entry(fields, tuple(_window(window) for window in manifest.windows))
 
 
 def _window(window: StoredWindow) -> Entry:
     means, asked = window.means, window.setpoints
-    load = number(asked.torque_ring)
+    load = _number(asked.torque_ring)
     if window.configuration is not Configuration.ENGAGED:
         load = 0.0
     elif load is None and not math.isnan(means.ring.torque):
         load = round(means.ring.torque, 1)
-    begin = number(window.started_at_s)
+    begin = _number(window.started_at_s)
     fields: dict[str, Cell] = {
-        "name": text(window.point),
-        "configuration": text(window.configuration.value),
-        "gear": whole(window.gear),
-        "drive": text(window.drive),
-        "measurement_begin": None if begin is None else moment(begin),
+        "name": _text(window.point),
+        "configuration": _text(window.configuration.value),
+        "gear": _whole(window.gear),
+        "drive": _text(window.drive),
+        "measurement_begin": None if begin is None else _moment(begin),
         "begin_s": begin,
-        "seconds": number(means.duration),
-        "number_of_rows": whole(window.stop_sample - window.first_sample),
+        "seconds": _number(means.duration),
+        "number_of_rows": _whole(window.stop_sample - window.first_sample),
         "sun_set": _shown(SPEED_SUN.display, asked.speed_sun),
         "ring_set": _shown(SPEED_RING.display, asked.speed_ring),
         "load": load,
         "accepted": int(window.accepted),
-        "reasons": text("; ".join(window.reasons)),
+        "reasons": _text("; ".join(window.reasons)),
         "rest_sun": int(window.rest_sun),
         "rest_ring": int(window.rest_ring),
         "analysed": 0,
@@ -108,17 +108,17 @@ def _quantities(side: str, means: ShaftMeans) -> tuple[Entry, Entry]:
     """Torque and speed of a shaft over a window; the uncertainty is that from within the window."""
     speed, torque = SPEEDS[side], TORQUES[side]
     return (
-        Entry(_quantity(torque.name, torque.unit, means.torque) | {"u": number(means.within)} | _scatter(means)),
+        Entry(_quantity(torque.name, torque.unit, means.torque) | {"u": _number(means.within)} | _scatter(means)),
         Entry(_quantity(speed.name, speed.display_unit, _shown(speed.display, means.speed))),
     )
 
 
 def _quantity(name: str, unit: str, average: object) -> dict[str, Cell]:
-    return {"name": name, "unit": unit, "average": number(average)}
+    return {"name": name, "unit": unit, "average": _number(average)}
 
 
 def _scatter(means: ShaftMeans) -> dict[str, Cell]:
-    return {"standard_deviation": number(means.std)}
+    return {"standard_deviation": _number(means.std)}
 
 
 def grid_entry(grid: Grid) -> Entry:
@@ -129,15 +129,15 @@ def grid_entry(grid: Grid) -> Entry:
 
 
 def _point(grid: Grid, row: int) -> Entry:
-    at, begin = grid.points, number(float(grid.points.started_at[row]))
+    at, begin = grid.points, _number(float(grid.points.started_at[row]))
     fields: dict[str, Cell] = {
         "name": str(at.name[row]),
         "configuration": str(at.configuration[row]),
         "gear": int(at.gear[row]),
         "drive": str(at.drive[row]),
-        "measurement_begin": None if begin is None else moment(begin),
+        "measurement_begin": None if begin is None else _moment(begin),
         "begin_s": begin,
-        "load": number(float(at.load_set[row])),
+        "load": _number(float(at.load_set[row])),
         "accepted": int(grid.accepted[row]),
         "reasons": str(grid.reason[row]),
         "rest_sun": int(at.rest_sun[row]),
@@ -157,17 +157,17 @@ def _point(grid: Grid, row: int) -> Entry:
 def grid_uncertainty(grid: Grid, side: str, row: int) -> dict[str, Cell]:
     """Both parts of the standard uncertainty of a point's torque, as the analysis gives them [N m]."""
     return {
-        "u": number(float(getattr(grid, f"u_{side}")[row])),
-        "u_common": number(float(getattr(grid, f"common_{side}")[row])),
+        "u": _number(float(getattr(grid, f"u_{side}")[row])),
+        "u_common": _number(float(getattr(grid, f"common_{side}")[row])),
     }
 
 
 def _shown(display: Callable[[float], Array], value: object) -> float | None:
-    known = number(value)
+    known = _number(value)
     return None if known is None else float(display(known))
 
 
-def moment(seconds: float) -> str:
+def _moment(seconds: float) -> str:
     """A time since 1970 [s] as ISO 8601 in UTC, to the millisecond."""
     try:
         return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds")
@@ -175,7 +175,7 @@ def moment(seconds: float) -> str:
         raise ValueError(f"{seconds} is no time") from error
 
 
-def text(value: object) -> str | None:
+def _text(value: object) -> str | None:
     """Text that a table can hold; what UTF-8 cannot is spelled out."""
     if value is None:
         return None
@@ -184,7 +184,7 @@ def text(value: object) -> str | None:
     return value.encode("utf-8", "backslashreplace").decode()
 
 
-def number(value: object) -> float | None:
+def _number(value: object) -> float | None:
     """A finite number; None where it is not known."""
     if value is None or isinstance(value, bool) or not isinstance(value, int | float):
         if value is None:
@@ -193,7 +193,7 @@ def number(value: object) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def whole(value: object) -> int | None:
+def _whole(value: object) -> int | None:
     """A whole number of a size that is one; None where it is not known."""
     if value is None:
         return None
@@ -209,7 +209,7 @@ def rejected_as_copies(entries: Sequence[Entry], manifests: Sequence[Manifest]) 
             entry.fields,
             tuple(
                 Entry(
-                    part.fields | {"accepted": int(window.accepted), "reasons": text("; ".join(window.reasons))},
+                    part.fields | {"accepted": int(window.accepted), "reasons": _text("; ".join(window.reasons))},
                     part.parts,
                 )
                 for part, window in zip(entry.parts, manifest.windows, strict=True)

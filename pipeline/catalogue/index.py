@@ -121,12 +121,12 @@ def open_catalogue(store: Store) -> Catalogue:
         There is no store.
     """
     store.require()
-    path, stamp = store.path / FILE, stamp_of(store.path)
+    path, stamp = store.path / FILE, _stamp_of(store.path)
     connection = _opened(path, stamp)
     rebuilt = connection is None
     unwritten: tuple[Remark, ...] = ()
     if connection is None:
-        connection = built(gather(store), stamp)
+        connection = _built(gather(store), stamp)
         try:
             write_atomic(path, connection.serialize())
         except OSError as error:
@@ -135,7 +135,7 @@ def open_catalogue(store: Store) -> Catalogue:
     return Catalogue(connection, rebuilt, (*(Remark(*remark) for remark in remarks), *unwritten))
 
 
-def stamp_of(folder: Path) -> str:
+def _stamp_of(folder: Path) -> str:
     """Hash of all that the catalogue is made from: names and bytes, and which recordings have their samples."""
     digest = hashlib.sha256(SCHEMA.encode())
     sources = sorted(path for path in (folder / SOURCES).glob("*.json") if not path.name.startswith(PREFIX))
@@ -147,7 +147,7 @@ def stamp_of(folder: Path) -> str:
     return digest.hexdigest()
 
 
-def built(gathered: Gathered, stamp: str) -> sqlite3.Connection:
+def _built(gathered: Gathered, stamp: str) -> sqlite3.Connection:
     """The catalogue of what was gathered, in memory."""
     connection = sqlite3.connect(":memory:")
     for name, fields in TABLES.items():

@@ -57,11 +57,11 @@ def comma_separated(columns: Sequence[Column], rows: Sequence[Sequence[Cell]]) -
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow([column.name for column in columns])
     for row in rows:
-        writer.writerow([plain(column, value) for column, value in zip(columns, row, strict=True)])
+        writer.writerow([_plain(column, value) for column, value in zip(columns, row, strict=True)])
     return stream.getvalue().removesuffix("\n").split("\n")
 
 
-def plain(column: Column, value: Cell) -> Cell:
+def _plain(column: Column, value: Cell) -> Cell:
     """A value for a table."""
     if column.kind is Kind.FLAG and value is not None:
         return "yes" if value else "no"

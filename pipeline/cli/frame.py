@@ -27,7 +27,7 @@ RESUMES = ("ingest", "run", "prove")
 """Commands that go on where an interrupted call of theirs ended."""
 
 
-class ExitCode(IntEnum):
+class _ExitCode(IntEnum):
     """What the exit code says."""
 
     DONE = 0
@@ -38,7 +38,7 @@ class ExitCode(IntEnum):
     INTERRUPTED = 130
 
 
-class FailOn(StrEnum):
+class _FailOn(StrEnum):
     """What makes a finished command exit with 1."""
 
     NEVER = "never"
@@ -47,7 +47,7 @@ class FailOn(StrEnum):
 
 
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
-FailOnOption = Annotated[FailOn, typer.Option("--fail-on", help="Exit with 1 on a mismatch, or on any finding.")]
+FailOnOption = Annotated[_FailOn, typer.Option("--fail-on", help="Exit with 1 on a mismatch, or on any finding.")]
 
 Progress = Callable[[int, int, str], None] | None
 """What a stage tells how far it is: how many are done, of how many, and which."""
@@ -74,19 +74,19 @@ def command(
         shown = [one for key, each in own.items() for one in (options if key == "given" else (each,))]
 
         @wraps(stage)
-        def carried(*, as_json: bool, fail_on: FailOn = FailOn.NEVER, **values: object) -> None:
+        def carried(*, as_json: bool, fail_on: _FailOn = _FailOn.NEVER, **values: object) -> None:
             if options:
                 values["given"] = {one.name: values.pop(one.name) for one in options}
 
             def told() -> Outcome:
                 if not progress:
                     return stage(**values)
-                with progress_line(as_json, "ingest" if name == "run" else name) as line:
+                with _progress_line(as_json, "ingest" if name == "run" else name) as line:
                     return stage(**values, progress=line)
 
-            carry_out(name, told, as_json, fail_on)
+            _carry_out(name, told, as_json, fail_on)
 
-        output = (("as_json", JsonOption, False), ("fail_on", FailOnOption, FailOn.NEVER))[: 2 if fails else 1]
+        output = (("as_json", JsonOption, False), ("fail_on", FailOnOption, _FailOn.NEVER))[: 2 if fails else 1]
         shown += [Parameter(key, Parameter.KEYWORD_ONLY, default=value, annotation=kind) for key, kind, value in output]
         carried.__signature__ = Signature(  # type: ignore[attr-defined]
             [one.replace(kind=Parameter.KEYWORD_ONLY) for one in shown]
@@ -96,7 +96,7 @@ def command(
     return made
 
 
-def carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on: FailOn) -> None:
+def _carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on: _FailOn) -> None:
     """Run a stage, print what it gave, and exit with the code that says how it went."""
     outcome: Outcome | None = None
     error: dict[str, str] | None = None
@@ -107,16 +107,16 @@ def carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on
         if as_json:  # a value that JSON cannot hold is a defect like any other
             text = as_text(command, code, outcome, None)
     except PmgError as problem:
-        code = ExitCode.COULD_NOT_RUN
+        code = _ExitCode.COULD_NOT_RUN
         error = {"where": problem.where, "came": problem.came, "expected": problem.expected, "do": problem.do}
         _tell_error(command, f"{problem.where}: {problem.came}; expected {problem.expected}.", problem.do)
     except OSError as problem:
-        code = ExitCode.COULD_NOT_RUN
+        code = _ExitCode.COULD_NOT_RUN
         where, came = str(problem.filename or command), problem.strerror or str(problem)
         error = {"where": where, "came": came, "expected": "a readable, writable place", "do": "Check path and rights."}
         _tell_error(command, f"{where}: {came}.", "Check path, rights and free space.")
     except KeyboardInterrupt:
-        code = ExitCode.INTERRUPTED
+        code = _ExitCode.INTERRUPTED
         again = "Run it again to resume." if command in RESUMES else "Run it again; it begins anew."
         error = {
             "where": command,
@@ -126,7 +126,7 @@ def carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on
         }
         _tell_error(command, "interrupted; what has been written is whole.", again)
     except Exception as problem:  # the outermost place: a defect of pmg, shown with its trace
-        code = ExitCode.INTERNAL_ERROR
+        code = _ExitCode.INTERNAL_ERROR
         do = "Report this as a defect of pmg."
         error = {"where": command, "came": repr(problem), "expected": "no such error", "do": do}
         traceback.print_exc()
@@ -175,20 +175,20 @@ def _tell_findings(outcome: Outcome) -> None:
         typer.echo(f"... and {len(grave) - FINDINGS_SHOWN} more; --json and the report list them all.", err=True)
 
 
-def _exit_code(outcome: Outcome, fail_on: FailOn) -> ExitCode:
+def _exit_code(outcome: Outcome, fail_on: _FailOn) -> _ExitCode:
     if outcome.failed:
-        return ExitCode.COULD_NOT_RUN
+        return _ExitCode.COULD_NOT_RUN
     if outcome.partial:
-        return ExitCode.PARTLY_DONE
-    if fail_on is not FailOn.NEVER and outcome.mismatch:
-        return ExitCode.FINDINGS
-    if fail_on is FailOn.FINDINGS and outcome.findings:
-        return ExitCode.FINDINGS
-    return ExitCode.DONE
+        return _ExitCode.PARTLY_DONE
+    if fail_on is not _FailOn.NEVER and outcome.mismatch:
+        return _ExitCode.FINDINGS
+    if fail_on is _FailOn.FINDINGS and outcome.findings:
+        return _ExitCode.FINDINGS
+    return _ExitCode.DONE
 
 
 @contextmanager
-def progress_line(quiet: bool, what: str) -> Iterator[Callable[[int, int, str], None]]:
+def _progress_line(quiet: bool, what: str) -> Iterator[Callable[[int, int, str], None]]:
     """A progress line on standard error: rewritten on a terminal, one line a tenth elsewhere."""
     terminal = sys.stderr.isatty()
     shown = -1

@@ -112,7 +112,7 @@ def terms(
     return run_terms(case, out, data, seed)
 
 
-class ProveOptions:
+class _ProveOptions:
     """Options of a trial, by the names of its settings."""
 
     campaigns: Annotated[
@@ -134,7 +134,7 @@ class ProveOptions:
     case: Annotated[int | None, typer.Option("--case", help="Run this campaign only, and say what came.")] = None
 
 
-@command("prove", options_of(ProveOptions))
+@command("prove", options_of(_ProveOptions))
 def prove(
     out: Annotated[Path, typer.Option("--out", help="Folder of seal, results, scores.json, report.html; resumed.")],
     given: Given,

@@ -63,7 +63,7 @@ def run_analyse(
     return Outcome(
         data={"analysis": analysis_document(analysis, budget), "folder": str(folder)},
         lines=_analysis_lines(analysis, folder, len(failed)),
-        findings=replaced(folder, before, grid.campaign)
+        findings=_replaced(folder, before, grid.campaign)
         + analysis_findings(analysis, failed, gathered.used)
         + gathered.remarks
         + tuple(budget_remarks(budget)),
@@ -124,7 +124,7 @@ def gather(store: Path, grids: Path | None, campaign: str | None) -> GatheredCam
     )
 
 
-def replaced(folder: Path, before: str | None, campaign: str) -> tuple[Remark, ...]:
+def _replaced(folder: Path, before: str | None, campaign: str) -> tuple[Remark, ...]:
     """A warning where the analysis of another campaign stood in this folder."""
     if before is None or before == campaign:
         return ()

@@ -85,7 +85,7 @@ def run_compare(
     judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, np.random.default_rng(SEED), given)
     hashed = () if model is None else ((f"SHA-256 of {model.name}", hashlib.sha256(model.read_bytes()).hexdigest()),)
     page, remarks = campaign_page(
-        whole, judged, note, tolerances, (*hashed, seeded(SEED), ("Command", command_told(note, model)))
+        whole, judged, note, tolerances, (*hashed, seeded(SEED), ("Command", _command_told(note, model)))
     )
     grid = whole.analysis.grid
     files, made = write_results(page, whole, judged, report, tolerances, given=model)
@@ -222,7 +222,7 @@ def seeded(seed: int) -> tuple[str, str]:
     return "Seed of the synthetic campaigns", str(seed)
 
 
-def command_told(note: str, model: Path | None) -> str:
+def _command_told(note: str, model: Path | None) -> str:
     """The stage's command with what changes the page; folders are the reader's own."""
     options = (("--model", "" if model is None else model.name), ("--note", note))
     told = " ".join(f"{option} {shlex.quote(value)}" for option, value in options if value)

@@ -133,12 +133,12 @@ def write_crate(folder: Path, action: CrateAction) -> Path:
         A time has no time zone.
     """
     path = folder / FILE
-    text = json.dumps(crate_document(folder, action), indent=1, ensure_ascii=False) + "\n"
+    text = json.dumps(_crate_document(folder, action), indent=1, ensure_ascii=False) + "\n"
     write_atomic(path, text.encode("utf-8", "backslashreplace"))
     return path
 
 
-def crate_document(folder: Path, action: CrateAction) -> dict[str, Any]:
+def _crate_document(folder: Path, action: CrateAction) -> dict[str, Any]:
     """The metadata as JSON-LD."""
     if action.started.tzinfo is None or action.ended.tzinfo is None:
         raise ValueError("times of a crate need a time zone")

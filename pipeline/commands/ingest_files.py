@@ -40,7 +40,7 @@ DONE, THERE = "done", "there"
 
 
 @dataclass(frozen=True)
-class Job:
+class _Job:
     """One file, the folder of the store, by their full paths, as a worker may stand elsewhere; limits and supply."""
 
     source: StoredSource
@@ -127,14 +127,14 @@ def ingest(
     done = len(inventory.sources) - len(todo)
     counts = Counter[str]()
     folder = store.path.absolute()
-    jobs = [Job(replace(source, path=source.path.absolute()), folder, limits, supplied) for source in todo]
+    jobs = [_Job(replace(source, path=source.path.absolute()), folder, limits, supplied) for source in todo]
     for job, did in map_over(_ingest_one, jobs, workers, scheduler):
         done += 1
         counts[did] += 1
         if progress is not None:
             progress(done, len(inventory.sources), job.source.name)
     store.sweep()
-    supersede(store, inventory.sources)
+    _supersede(store, inventory.sources)
     known = {manifest.sha256: manifest for manifest in store.manifests()}
     if scheduler is not None and any(source.sha256 not in known for source in todo):
         raise _unseen(store.path)
@@ -154,7 +154,7 @@ def ingest(
     )
 
 
-def supersede(store: Store, sources: tuple[StoredSource, ...]) -> None:
+def _supersede(store: Store, sources: tuple[StoredSource, ...]) -> None:
     """Remove what the store holds of earlier contents of these very files.
 
     Other bytes at the same place that tell of the same run (campaign and start) are a corrected version; a failed
@@ -179,7 +179,7 @@ def _run_of(manifest: Manifest) -> tuple[str, str] | None:
     return (manifest.campaign, manifest.started_at) if manifest.ingested else None
 
 
-def _ingest_one(job: Job) -> str:
+def _ingest_one(job: _Job) -> str:
     """Read, judge, condense and store one file; what became of it."""
     source, store = job.source, Store(job.store)
     if not store.made:
@@ -246,7 +246,7 @@ def _changed(source: StoredSource) -> Finding:
     return Finding(Severity.ERROR, "whole file", message, source.name, Code.UNREADABLE, advice)
 
 
-def _manifest(source: StoredSource, recording: Recording, windows: Sequence[Window], job: Job) -> Manifest:
+def _manifest(source: StoredSource, recording: Recording, windows: Sequence[Window], job: _Job) -> Manifest:
     """The manifest of a usable recording."""
     run, supplied, origin = recording.run, recording.supplied, recording.origin
     return Manifest(

@@ -110,7 +110,7 @@ def run_report(
     return Outcome(
         data,
         tuple(_lines(versus, judged, files[0])),
-        tuple(findings(versus)),
+        tuple(_findings(versus)),
         partial=judged is not None and bool(a.analysis.missing or b.analysis.missing),
         mismatch=judged is not None and judged.differ,
         failed=judged is None,
@@ -142,7 +142,7 @@ def _lines(versus: Versus, judged: ComparisonVerdict | None, page: Path) -> Iter
     yield f"report: {page}"
 
 
-def findings(versus: Versus) -> Iterator[Remark]:
+def _findings(versus: Versus) -> Iterator[Remark]:
     """What the reader of a comparison has to know beside it, as findings of a stage."""
     for side, left in ((versus.a, versus.matching.only_a), (versus.b, versus.matching.only_b)):
         if left:

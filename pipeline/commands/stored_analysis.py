@@ -87,12 +87,12 @@ def analysed(store: Path, grid: Grid, options: AnalysisOptions) -> StoredAnalysi
         Choices.
     """
     bench = load_bench()
-    sources = read_sources(store, grid, bench)
+    sources = _read_sources(store, grid, bench)
     bench = rated(bench, sources.facts)
     return StoredAnalysis(store, options, bench, analyse(grid, options, bench), sources)
 
 
-def read_sources(store: Path, grid: Grid, bench: BenchParameters) -> SourceFacts:
+def _read_sources(store: Path, grid: Grid, bench: BenchParameters) -> SourceFacts:
     """What is known of the sources of a grid: recordings of a store, or published tables."""
     if grid.origin == "published":
         return SourceFacts((), (("Input", "published grids, torques rounded to 0.01 N m"),), None, (), ())

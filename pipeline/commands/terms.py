@@ -59,7 +59,7 @@ def run_terms(case_file: Path, out: Path, data: Path | None = None, seed: int | 
     digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
     document = terms_document(diagnosis) | {"seed": seed, "sha256": digests}
     write_atomic(out / DOCUMENT, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
-    write_atomic(out / RESIDUALS, residual_table(diagnosis).encode())
+    write_atomic(out / RESIDUALS, _residual_table(diagnosis).encode())
     page = write_report(_page(diagnosis, seed, digests), out)
     written = [str(path) for path in (*page, out / DOCUMENT, out / RESIDUALS)]
     leave_crate_of_files(out, "pmg terms", tuple(files), (*page, out / DOCUMENT, out / RESIDUALS), began)
@@ -72,7 +72,7 @@ def run_terms(case_file: Path, out: Path, data: Path | None = None, seed: int | 
     )
 
 
-def residual_table(diagnosis: TermsDiagnosis) -> str:
+def _residual_table(diagnosis: TermsDiagnosis) -> str:
     """Thinned samples of the fitted recording, and what baseline, named terms and refinements leave, as CSV."""
     recorded = diagnosis.recorded
     truth = recorded.force + recorded.known

@@ -53,17 +53,17 @@ def map_over(
     if not items:
         return
     if scheduler is not None:
-        with cluster(scheduler) as executor:
-            yield from spread(executor, work, items)
+        with _cluster(scheduler) as executor:
+            yield from _spread(executor, work, items)
     elif workers <= 1 or len(items) <= 1:
         for item in items:
             yield item, work(item)
     else:
-        with processes(min(workers, len(items))) as executor:
-            yield from spread(executor, work, items)
+        with _processes(min(workers, len(items))) as executor:
+            yield from _spread(executor, work, items)
 
 
-def spread(executor: Executor, work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[Item, Result]]:
+def _spread(executor: Executor, work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[Item, Result]]:
     """Results of an executor as they are ready, each with its item; what is left is called off when one fails.
 
     Parameters
@@ -84,7 +84,7 @@ def spread(executor: Executor, work: Callable[[Item], Result], items: Sequence[I
 
 
 @contextmanager
-def processes(workers: int) -> Iterator[Executor]:
+def _processes(workers: int) -> Iterator[Executor]:
     """Processes of this machine, which end with the one that started them, even when that is killed.
 
     Parameters
@@ -114,7 +114,7 @@ def processes(workers: int) -> Iterator[Executor]:
 
 
 @contextmanager
-def cluster(address: str) -> Iterator[Executor]:
+def _cluster(address: str) -> Iterator[Executor]:
     """Workers of a dask cluster. Work of a worker that is lost is done by another one.
 
     Parameters

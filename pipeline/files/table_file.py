@@ -72,7 +72,7 @@ class TableFile(Generic[Table]):
 
     def where(self, *key: str | int) -> str:
         """File, line and key for a message; the line is that of the innermost table that stands in the file."""
-        return place_of(self.path, self.text, key)
+        return _place_of(self.path, self.text, key)
 
     def refusal(self, came: str, expected: str, do: str, *key: str | int) -> PmgError:
         """A fault of what stands at a key, as an error."""
@@ -121,10 +121,10 @@ def read_table_file(
     spelled = tuple(word for word, _ in _walk(model, found["loc"], unit))
     key = _in_file(data, (*spelled, *(refused.key if isinstance(refused, RefusalError) else ())))
     came, expected, do = _parts(found, key, _known_keys(model, found["loc"][:-1], unit))
-    raise error(place_of(path, text, key), came, expected, do)
+    raise error(_place_of(path, text, key), came, expected, do)
 
 
-def place_of(path: Path, text: str, key: Key) -> str:
+def _place_of(path: Path, text: str, key: Key) -> str:
     """File, line and key; of a list, entries are counted from 1."""
     if not key:
         return str(path)

@@ -107,7 +107,7 @@ class Drift:
     reason: str = ""
 
 
-def monotone_runs(levels: Array, *, rising: bool) -> list[tuple[int, int]]:
+def _monotone_runs(levels: Array, *, rising: bool) -> list[tuple[int, int]]:
     """Stretches (begin, end) of a series that never turn back and pass at least five values.
 
     Parameters
@@ -147,7 +147,7 @@ def _order(grid: Grid, shaft: str) -> OrderContrast | None:
     levels = np.asarray(np.round(np.abs(reading.speed[rows])), dtype=np.float64)
     passed: dict[bool, dict[tuple[int, int, int], list[int]]] = {True: {}, False: {}}
     for rising in (True, False):
-        for begin, end in monotone_runs(levels, rising=rising):
+        for begin, end in _monotone_runs(levels, rising=rising):
             for i in rows[begin:end]:
                 key = (int(at.gear[i]), round(float(at.speed_sun[i])), round(float(at.speed_ring[i])))
                 passed[rising].setdefault(key, []).append(int(i))

@@ -128,7 +128,7 @@ class PlaneFits(PerShaft[PlaneFit]):
         return tuple((fit.shaft, term) for fit in self for term in fit.terms if term.found)
 
 
-def holm(p: Array) -> Array:
+def _holm(p: Array) -> Array:
     r"""p-values (m,) corrected for m tests: :math:`\max_{j \le i} (m - j + 1) p_{(j)}`, at most 1.
 
     References
@@ -259,7 +259,7 @@ def plane_fits(grid: Grid, fits: LossFits, bench: BenchParameters) -> PlaneFits:
     """
     both = [_plane_fit(grid, fit, bench) for fit in fits]
     tested = [(i, j) for i, fit in enumerate(both) for j, term in enumerate(fit.terms) if term.tested]
-    corrected = holm(np.array([both[i].terms[j].p for i, j in tested]))
+    corrected = _holm(np.array([both[i].terms[j].p for i, j in tested]))
     for (i, j), value in zip(tested, corrected, strict=True):
         terms = list(both[i].terms)
         terms[j] = replace(terms[j], p_holm=float(value))

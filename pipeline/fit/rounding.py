@@ -26,7 +26,7 @@ SWEEPS, HALVINGS = 4, 16
 """Turns over both shafts, and halvings of the interval in each."""
 
 
-def rounded_moments(torque: Array, wander: float, step: float) -> tuple[Array, Array]:
+def _rounded_moments(torque: Array, wander: float, step: float) -> tuple[Array, Array]:
     """Bias [N m] and variance [(N m)^2] of torques (m,) that wander normally and are then rounded to a step."""
     reach = math.ceil(6.0 * wander / step) + 1
     values = (np.round(torque / step)[:, None] + np.arange(-reach, reach + 1)) * step
@@ -84,13 +84,13 @@ def unrounded(
     torque, bias, variance = fitted, np.zeros(len(readings)), np.zeros(len(readings))
     for _ in range(SWEEPS):
         for sun, rows in shafts.items():
-            bias[rows], variance[rows] = rounded_moments(torque[rows], wander[sun], step)
+            bias[rows], variance[rows] = _rounded_moments(torque[rows], wander[sun], step)
         torque = fitted - scale * (own @ (own.T @ (bias / scale)))
         for sun, rows in shafts.items():
             low, high = math.log(SMALLEST * step), math.log(LARGEST * step)
             for _ in range(HALVINGS if rows.any() else 0):
                 middle = 0.5 * (low + high)
-                bias[rows], variance[rows] = rounded_moments(torque[rows], math.exp(middle), step)
+                bias[rows], variance[rows] = _rounded_moments(torque[rows], math.exp(middle), step)
                 left = square[rows] @ (variance / scale**2) + (beyond[rows] @ (bias / scale)) ** 2
                 low, high = (middle, high) if float(left.sum()) < float(seen[rows].sum()) else (low, middle)
             wander[sun] = math.exp(0.5 * (low + high))

@@ -84,7 +84,7 @@ class TermChoice:
         return self.ranking[0].powers
 
 
-def candidates() -> tuple[tuple[float, ...], ...]:
+def _candidates() -> tuple[tuple[float, ...], ...]:
     """All sets of 1 to 5 exponents out of `POWERS` that hold 0, 1/2 or 1."""
     sets = (chosen for size in range(1, MOST_TERMS + 1) for chosen in combinations(POWERS, size))
     return tuple(chosen for chosen in sets if set(chosen) & set(NEEDED))
@@ -159,7 +159,7 @@ def choose_terms(reading: ShaftDrag, weights: Array | None = None, *, robust: bo
     sizes = np.array([block.sum() for block in blocks], dtype=np.float64)
     floor = n * (EXACT * float(np.abs(target).max(initial=1e-300))) ** 2
     found: list[tuple[tuple[float, ...], float, float, float]] = []
-    for powers in candidates():
+    for powers in _candidates():
         k = len(powers)
         if k >= len(names) or n <= k + 2:
             continue

@@ -156,7 +156,7 @@ def missing_points(manifests: Sequence[Manifest]) -> tuple[Unreached, ...]:
                 Unreached(
                     broken.file,
                     window.point,
-                    asked(window.configuration, window.setpoints),
+                    _asked(window.configuration, window.setpoints),
                     like.file,
                     where,
                     instead,
@@ -201,7 +201,7 @@ def _broken_off(sequence: _Sequence) -> str:
     return f"{end} ({last})" if last.startswith(CUT_REASONS) else ""
 
 
-def asked(configuration: str, setpoints: Setpoints) -> str:
+def _asked(configuration: str, setpoints: Setpoints) -> str:
     """Configuration and the set-points that are stated, in words."""
     words = [
         f"{name} {display(value):.5g} {unit}"

@@ -120,7 +120,7 @@ def window_facts(manifests: Sequence[Manifest]) -> WindowFacts:
         for side in SIDES
     )
     simulated = [marked_as_simulated(source) for _, source in pairs]
-    return WindowFacts(sun, ring, limit_sets(manifests), np.array(simulated, dtype=bool))
+    return WindowFacts(sun, ring, _limit_sets(manifests), np.array(simulated, dtype=bool))
 
 
 def marked_as_simulated(manifest: Manifest) -> bool:
@@ -128,7 +128,7 @@ def marked_as_simulated(manifest: Manifest) -> bool:
     return any(finding.code is Code.SIMULATED for finding in manifest.findings)
 
 
-def limit_sets(manifests: Sequence[Manifest]) -> tuple[LimitSet, ...]:
+def _limit_sets(manifests: Sequence[Manifest]) -> tuple[LimitSet, ...]:
     """Every set of limits by which these recordings were judged, the one of most windows first.
 
     A manifest that names none was judged by the defaults.

@@ -112,10 +112,10 @@ def block_file(path: Path, started_at: datetime, rate_hz: float) -> Iterator[Blo
     with opened_aside(path) as stream:
         writer = Writer(stream, compression=CompressionType.ZSTD, enable_crcs=True, enable_data_crcs=True)
         writer.start(profile="pmg", library=f"pmg {version('pmg-bench')}")
-        yield BlockFile(writer, nanoseconds(started_at), rate_hz)
+        yield BlockFile(writer, _nanoseconds(started_at), rate_hz)
         writer.finish()  # type: ignore[no-untyped-call]
 
 
-def nanoseconds(moment: datetime) -> int:
+def _nanoseconds(moment: datetime) -> int:
     """A time as nanoseconds since 1970, without loss [ns]."""
     return (moment - EPOCH) // timedelta(microseconds=1) * 1000

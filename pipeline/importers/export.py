@@ -95,7 +95,7 @@ def export_recording(path: Path, out: Path, rate_hz: float | None = None, limits
     with block_file(out, begin, signals.rate_hz) as file:
         file.writer.add_metadata(RECORD, _origin(recording, signals, preview, limits))
         _announce(file, signals)
-        schema = json.dumps(preview_schema(), ensure_ascii=False).encode()
+        schema = json.dumps(_preview_schema(), ensure_ascii=False).encode()
         topic = file.add_json_topic(PREVIEW_TOPIC, PREVIEW_NAME, schema, {"rate_hz": repr(preview.rate_hz)})
         chunk = max(1, round(signals.rate_hz))
         shown = 0
@@ -110,7 +110,7 @@ def export_recording(path: Path, out: Path, rate_hz: float | None = None, limits
     )
 
 
-def preview_schema() -> dict[str, Any]:
+def _preview_schema() -> dict[str, Any]:
     """JSON schema of a preview message."""
     values = {s.display_name: {"type": "number", "description": s.label} for s in DERIVED}
     flags = {name: {"type": "integer", "minimum": 0, "maximum": 1, "description": FLAGS[name]} for name in FLAGS}

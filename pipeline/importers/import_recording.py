@@ -105,7 +105,7 @@ def import_recording(
     findings = Findings(path.name)
     stat = path.stat()
     sha256 = sha256_of(path)
-    source = open_source(path, channel_map, findings)
+    source = _open_source(path, channel_map, findings)
     run, entries = _run(channel_map, source, words or {})
     _tell_unasked(run, channel_map, findings)
     calibration, attachment = _calibration(channel_map)
@@ -161,7 +161,7 @@ def import_recording(
     return Imported(path, out, kind, reader, sha256, reading, stat.st_size, count, rate, written, told)
 
 
-def open_source(path: Path, channel_map: ChannelMap, findings: Findings) -> ForeignSource:
+def _open_source(path: Path, channel_map: ChannelMap, findings: Findings) -> ForeignSource:
     """The reader for a file, by the end of its name.
 
     Raises

@@ -24,13 +24,13 @@ SEPARATORS = ",="
 """Signs that no name of a field may hold."""
 
 
-class RateTable(Strict):
+class _RateTable(Strict):
     """Table ``[time]``."""
 
     rate_hz: Rate | None = None
 
 
-class FieldTable(Strict):
+class _FieldTable(Strict):
     """A field of the messages of some topic, as a table ``[[channel]]``."""
 
     topic: Topic
@@ -40,7 +40,7 @@ class FieldTable(Strict):
     timebase_hz: Clock | None = None
 
     @model_validator(mode="after")
-    def _a_name(self) -> FieldTable:
+    def _a_name(self) -> _FieldTable:
         if not self.field or any(sign in self.field for sign in SEPARATORS):
             refuse(f"'{self.field}'", "a name without ',' and '='", "Correct it.", "field")
         return self
@@ -55,17 +55,17 @@ class FieldTable(Strict):
         return MappedField(self.source, self.field, self.topic, metadata)
 
 
-class SupplyTable(Strict):
+class _SupplyTable(Strict):
     """All tables of a map for an ingest; each may be left out, not all of them."""
 
     schema_: Annotated[str, one_of(SCHEMA), Field(alias="schema")]
     calibration: str | None = None
     run: Run = Field(default_factory=dict)
-    time: RateTable = RateTable()
-    channel: list[FieldTable] = Field(default_factory=list)
+    time: _RateTable = _RateTable()
+    channel: list[_FieldTable] = Field(default_factory=list)
 
     @model_validator(mode="after")
-    def _says_something(self) -> SupplyTable:
+    def _says_something(self) -> _SupplyTable:
         for key, value in self.run.items():
             if isinstance(value, Lookup) and value.source == "property":
                 do = 'Write the value, or { file = "stem" }.'
@@ -92,7 +92,7 @@ def read_supply(path: Path) -> Supplied:
     UnusableRecordingError
         When the calibration that it names cannot be used.
     """
-    file = read_table_file(path, "a map", SupplyTable)
+    file = read_table_file(path, "a map", _SupplyTable)
     given = file.table
     text = None if given.calibration is None else _calibration(file, given.calibration)
     return Supplied(
@@ -106,7 +106,7 @@ def read_supply(path: Path) -> Supplied:
     )
 
 
-def _calibration(file: TableFile[SupplyTable], name: str) -> bytes:
+def _calibration(file: TableFile[_SupplyTable], name: str) -> bytes:
     """The calibration that the map names, proven by the reader's own check."""
     path = file.beside(name)
     try:

@@ -73,9 +73,9 @@ def extreme_steady_points(
     The states of the whole drivetrain that do not change, by Newton's method: what a run in time would end at. The
     warmth of each point is that of the campaign's history.
     """
-    rows = spread_over(grid)
+    rows = _spread_over(grid)
     ends: list[SteadyEnd] = []
-    shown = [torques_at_rest(grid.points, rows, bench, mechanisms) for mechanisms in (before, after)]
+    shown = [_torques_at_rest(grid.points, rows, bench, mechanisms) for mechanisms in (before, after)]
     for i, row in enumerate(rows):
         neutral = bool(grid.points.neutral[row])
         ends += [
@@ -92,7 +92,7 @@ def extreme_steady_points(
     return tuple(ends)
 
 
-def spread_over(grid: Grid) -> npt.NDArray[np.int64]:
+def _spread_over(grid: Grid) -> npt.NDArray[np.int64]:
     """Rows of set-points at the ends of what was run: two in neutral and two engaged, as far as there are."""
     at = grid.points
     power = np.abs(at.speed_sun) * np.maximum(np.abs(at.torque_ring), 1e-3)
@@ -109,7 +109,7 @@ def _ends(size: Array, rows: Mask) -> list[int]:
     return list(dict.fromkeys((int(order[0]), int(order[-1]))))
 
 
-def torques_at_rest(
+def _torques_at_rest(
     at: OperatingPoints, rows: npt.NDArray[np.int64], bench: BenchParameters, mechanisms: tuple[Mechanism, ...]
 ) -> Torques:
     """What the transducers show at those rows once nothing changes any more [N m]."""

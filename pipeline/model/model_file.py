@@ -158,7 +158,7 @@ def _lines(model: Model) -> Iterator[str]:
         yield ""
         yield "[[mechanism]]"
         yield f"id = {_word(part.kind.identifier)}  # {part.kind.title}"
-        if is_refined(part.kind):
+        if _is_refined(part.kind):
             yield "refined = true"
         yield f"shaft = {_word(part.shaft)}"
         yield f"component = {_word(str(part.kind.component_on(part.shaft)))}"
@@ -169,7 +169,7 @@ def _lines(model: Model) -> Iterator[str]:
                 yield f"{known.name} = {told}  # {known.meaning}"
 
 
-def is_refined(kind: type[Mechanism]) -> bool:
+def _is_refined(kind: type[Mechanism]) -> bool:
     """Whether it is the more detailed form of a mechanism of the catalogue."""
     return kind not in CANDIDATES
 

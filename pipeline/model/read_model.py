@@ -38,7 +38,7 @@ KIND_OF = {kind.identifier: kind for kind in CANDIDATES}
 Speed = Annotated[float, within(1e-3, 1e6, "rad/s")]
 
 
-class StatedQuantity(Strict):
+class _StatedQuantity(Strict):
     """A value, which may be written alone, with its unit and standard error."""
 
     value: FiniteFloat
@@ -59,10 +59,10 @@ class StatedQuantity(Strict):
         return self.value
 
 
-def constant(name: str) -> AfterValidator:
+def _constant(name: str) -> AfterValidator:
     """A check that a quantity lies inside the bounds of a constant of the baseline."""
 
-    def check(given: StatedQuantity) -> StatedQuantity:
+    def check(given: _StatedQuantity) -> _StatedQuantity:
         given.checked(CONSTANTS[name])
         return given
 
@@ -75,7 +75,7 @@ def _exponents(powers: list[float]) -> list[float]:
     return powers
 
 
-class CurveTable(Strict):
+class _CurveTable(Strict):
     """A loss curve: powers of speed and their coefficients; a standard error that is not known is nan."""
 
     powers: Annotated[list[FiniteFloat], AfterValidator(_exponents)]
@@ -85,7 +85,7 @@ class CurveTable(Strict):
     speed_limit_rad_per_s: Speed
 
     @model_validator(mode="after")
-    def _one_for_each_power(self) -> CurveTable:
+    def _one_for_each_power(self) -> _CurveTable:
         for key, numbers in (
             ("coefficients_Nm", self.coefficients_nm),
             ("standard_errors_Nm", self.standard_errors_nm or self.powers),
@@ -105,15 +105,15 @@ class CurveTable(Strict):
         return {f"{shaft}[{power:g}]": error for power, error in pairs if math.isfinite(error)}
 
 
-class BaselineTable(Strict):
+class _BaselineTable(Strict):
     """Table ``[baseline]``."""
 
-    K_corr: Annotated[StatedQuantity, constant("K_corr")]
-    b: Annotated[StatedQuantity, constant("b")]
-    c: Annotated[StatedQuantity, constant("c")]
-    d: Annotated[StatedQuantity, constant("d")]
-    sun: CurveTable
-    ring: CurveTable
+    K_corr: Annotated[_StatedQuantity, _constant("K_corr")]
+    b: Annotated[_StatedQuantity, _constant("b")]
+    c: Annotated[_StatedQuantity, _constant("c")]
+    d: Annotated[_StatedQuantity, _constant("d")]
+    sun: _CurveTable
+    ring: _CurveTable
 
     def losses(self) -> LossModel:
         """The baseline's losses."""
@@ -122,23 +122,23 @@ class BaselineTable(Strict):
 
     def errors(self) -> dict[str, float]:
         """Standard errors, by name of the parameter."""
-        constants = {name: quantity for name, quantity in self if isinstance(quantity, StatedQuantity)}
-        return {**errors_of(constants), **self.sun.errors("sun"), **self.ring.errors("ring")}
+        constants = {name: quantity for name, quantity in self if isinstance(quantity, _StatedQuantity)}
+        return {**_errors_of(constants), **self.sun.errors("sun"), **self.ring.errors("ring")}
 
 
-def errors_of(quantities: Mapping[str, StatedQuantity]) -> dict[str, float]:
+def _errors_of(quantities: Mapping[str, _StatedQuantity]) -> dict[str, float]:
     """Standard errors of those that state one."""
     return {name: q.standard_error for name, q in quantities.items() if q.standard_error is not None}
 
 
-class MechanismTable(Strict):
+class _MechanismTable(Strict):
     """A mechanism beside the baseline, as a table ``[[mechanism]]``."""
 
     id: Annotated[str, one_of(*KIND_OF)]
     refined: bool = False
     shaft: str
     component: str | None = None
-    parameters: dict[str, StatedQuantity]
+    parameters: dict[str, _StatedQuantity]
 
     @property
     def kind(self) -> type[Mechanism]:
@@ -147,7 +147,7 @@ class MechanismTable(Strict):
         return plain.refined if self.refined and plain.refined is not None else plain
 
     @model_validator(mode="after")
-    def _fits_the_mechanism(self) -> MechanismTable:
+    def _fits_the_mechanism(self) -> _MechanismTable:
         if self.refined and KIND_OF[self.id].refined is None:
             refuse("true", f"false: {self.id} has no more detail", "Take it out.", "refined")
         kind = self.kind
@@ -169,19 +169,19 @@ class MechanismTable(Strict):
         """The mechanism with its numbers."""
         given = {name: self.parameters[name] for name in names_on(self.kind, self.shaft) if name in self.parameters}
         values = {name: quantity.value for name, quantity in given.items()}
-        return Part(self.kind, self.shaft, values, errors_of(given))
+        return Part(self.kind, self.shaft, values, _errors_of(given))
 
 
-class ModelTable(Strict):
+class _ModelTable(Strict):
     """All tables of a model file."""
 
     schema_: Annotated[str, one_of(SCHEMA), Field(alias="schema")]
     provenance: dict[str, Annotated[str, BeforeValidator(str)]] = Field(default_factory=dict)
-    baseline: BaselineTable
-    mechanism: list[MechanismTable] = Field(default_factory=list)
+    baseline: _BaselineTable
+    mechanism: list[_MechanismTable] = Field(default_factory=list)
 
     @model_validator(mode="after")
-    def _each_once(self) -> ModelTable:
+    def _each_once(self) -> _ModelTable:
         refuse_twice((part.id for part in self.mechanism), "mechanism", "id")
         return self
 
@@ -194,7 +194,7 @@ def read_model(path: Path) -> Model:
     BenchError
         The file is not there, is no TOML, or holds something unknown, contradictory or out of its bounds.
     """
-    given = read_table_file(path, "a model that 'pmg compare' wrote,", ModelTable).table
+    given = read_table_file(path, "a model that 'pmg compare' wrote,", _ModelTable).table
     baseline, parts = given.baseline, tuple(part.part() for part in given.mechanism)
     return Model(baseline.losses(), baseline.errors(), parts, given.provenance)
 

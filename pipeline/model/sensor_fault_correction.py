@@ -120,7 +120,7 @@ def _without(faults: tuple[Part, ...], analysis: Analysis, bench: BenchParameter
 
     def taken(parts: Sequence[Part]) -> tuple[Array, Array]:
         kinds = [part.mechanism(bench, baseline) for part in parts]
-        return torques_behind(
+        return _torques_behind(
             [kind for kind in kinds if isinstance(kind, Instrument)], at, grid.torque_sun, grid.torque_ring
         )
 
@@ -143,7 +143,7 @@ def _without(faults: tuple[Part, ...], analysis: Analysis, bench: BenchParameter
     )
 
 
-def torques_behind(
+def _torques_behind(
     faults: Sequence[Instrument], at: OperatingPoints, torque_sun: Array, torque_ring: Array
 ) -> tuple[Array, Array]:
     """Torques of sun and ring [N m] (n,) that faulty transducers show as the given readings.

@@ -56,10 +56,10 @@ def index_of(recording: Recording, side: str) -> Index | None:
         return None
     angle = recording.samples[f"angle_{side}"].to_numpy()
     pulses, bits = recording.beside.pulses[side], recording.beside.bits[side]
-    return find_index(angle, recording.first_sample, pulses, recording.calibration.counts_per_rev[side], bits)
+    return _find_index(angle, recording.first_sample, pulses, recording.calibration.counts_per_rev[side], bits)
 
 
-def find_index(
+def _find_index(
     angle: Array, first_sample: int, pulses: Sequence[IndexPulse], counts_per_rev: int, bits: int
 ) -> Index | None:
     r"""Place of the index from the latched counts; None with fewer than `FEWEST_PULSES` pulses in agreement.

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-from scipy import fft
-
 from pmg.sim import sources
 from pmg.sim.errors import BenchError
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
-    from pmg.sim.signals import Array, Number
+    from pmg.sim.signals import Number
 
 COIL_KINDS = ("radial", "tangential")
 
@@ -71,31 +68,3 @@ def flux_of_lines(voltage: Number, rate: Number, area: float) -> Number:
     `SOURCE`.
     """
     return 1j * voltage / (area * rate)
-
-
-def flux_over_turn(voltage: Array, speed: float, area: float) -> Array:
-    r"""Flux density over a turn [T], without its mean, from the average voltage over whole turns.
-
-    Parameters
-    ----------
-    voltage : (b,) array
-        Voltage at equal steps of angle in the sense of rotation [V], such as from `angle.average_turn`.
-    speed : float
-        Speed of the shaft, its magnitude [rad/s].
-    area : float
-        Turns times area [m2].
-
-    Notes
-    -----
-    Integrated order by order, :math:`\hat B_m = i\hat V_m/(NA\,m\omega)`, on a window that closes upon itself: the
-    order 0, in which an offset would run away, is left out, and no filter is needed.
-
-    References
-    ----------
-    `SOURCE`.
-    """
-    spectrum = fft.rfft(voltage)
-    order = fft.rfftfreq(len(voltage), 1.0 / len(voltage))
-    spectrum[1:] = flux_of_lines(spectrum[1:], order[1:] * abs(speed), area)
-    spectrum[0] = 0.0
-    return np.asarray(fft.irfft(spectrum, n=len(voltage)), dtype=np.float64)

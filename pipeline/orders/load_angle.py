@@ -110,14 +110,14 @@ def load_angle(
     middle = float(phase.mean())
     turned = WholeRevolutions(phase - middle, whole_revolutions(sun))
     u, dof, _, _ = mean_uncertainty(turned, turned.batches(), 1.0)
-    u = math.hypot(u, math.hypot(p_s * count_rhythm(sun, steps["sun"]), p_r * count_rhythm(ring, steps["ring"])))
+    u = math.hypot(u, math.hypot(p_s * _count_rhythm(sun, steps["sun"]), p_r * _count_rhythm(ring, steps["ring"])))
     tenth = max(1, len(phase) // 10)
     slipped = float(phase[-tenth:].mean() - phase[:tenth].mean()) / REVOLUTION
     mean = float(wrapped(np.array(middle + turned.mean())))
     return LoadAngle(mean, u, dof, u_index, float(phase.std()), slipped, both)
 
 
-def count_rhythm(angle: Array, step: float) -> float:
+def _count_rhythm(angle: Array, step: float) -> float:
     r"""Standard uncertainty of a mean angle by the rhythm in which samples fall between the counts [rad].
 
     Parameters

@@ -60,7 +60,7 @@ class SourceOrders:
         return tuple(Finding.from_dict(plain) for plain in self.document["findings"])
 
 
-def orders_of_source(recording: Recording, windows: Iterable[Window]) -> SourceOrders:
+def _orders_of_source(recording: Recording, windows: Iterable[Window]) -> SourceOrders:
     """The lines of every accepted window of a recording.
 
     Parameters
@@ -111,10 +111,10 @@ def orders_of_manifest(store: Store, manifest: Manifest) -> SourceOrders:
 
 def keep_orders(store: Path, identifier: str, recording: Recording, windows: Sequence[Window]) -> None:
     """Write the lines of a recording into the store; called before its manifest is written."""
-    write_orders(store, identifier, orders_of_source(recording, windows))
+    _write_orders(store, identifier, _orders_of_source(recording, windows))
 
 
-def write_orders(store: Path, identifier: str, found: SourceOrders) -> None:
+def _write_orders(store: Path, identifier: str, found: SourceOrders) -> None:
     """Write the lines of a source: the table first, the document last."""
     buffer = io.BytesIO()
     found.table.write_parquet(buffer, compression="zstd", statistics=False)

@@ -74,9 +74,7 @@ import zlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from pmg.pipeline.point_signals.quantised import Numbers, values_of
+from pmg.pipeline.point_signals.quantised import Numbers
 from pmg.sim.errors import GridError
 
 if TYPE_CHECKING:
@@ -157,31 +155,6 @@ def encode(cells: Sequence[CellSignals]) -> Encoded:
         for channel in signals
     ]
     return Encoded({"schema": SCHEMA, "channels": channels, "budget": shared, "cells": entries}, b"".join(pieces))
-
-
-def decode(encoded: Encoded, row: int) -> dict[str, Any]:
-    """One cell, as a page sees it: the header, with its arrays as numbers in the units shown.
-
-    Parameters
-    ----------
-    encoded : Encoded
-        From `encode`.
-    row : int
-        Which of its cells.
-    """
-    entry = encoded.index["cells"][row]
-    plain = zlib.decompress(encoded.data[entry["at"] : entry["at"] + entry["length"]], wbits=-zlib.MAX_WBITS)
-    start = struct.calcsize("<I") + struct.unpack_from("<I", plain)[0]
-    cell: dict[str, Any] = json.loads(plain[struct.calcsize("<I") : start])
-    codes = np.frombuffer(plain, dtype="<i2", offset=start)
-
-    for channel in cell["channels"]:
-        channel |= {key: values_of(channel[key], codes) for key in ("low", "high", "filtered")}
-        if channel["spectrum"] is not None:
-            channel["spectrum"] |= {
-                key: values_of(channel["spectrum"][key], codes) for key in ("frequency", "amplitude")
-            }
-    return cell
 
 
 def _packed(cell: CellSignals) -> bytes:

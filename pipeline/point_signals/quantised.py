@@ -44,7 +44,7 @@ class Numbers:
         return [first, len(codes), offset, scale, int(log)]
 
 
-def values_of(where: Sequence[float], codes: npt.NDArray[np.int16]) -> Array:
+def _values_of(where: Sequence[float], codes: npt.NDArray[np.int16]) -> Array:
     """The values of an array, as `Numbers.add` says where it stands among all codes."""
     first, count, offset, scale, log = int(where[0]), int(where[1]), where[2], where[3], where[4]
     part = codes[first : first + count]

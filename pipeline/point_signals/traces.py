@@ -82,7 +82,7 @@ def stretch_of(first: int, stop: int, rows: int, rate: float, margin: float = MA
     return Stretch(max(first - beside, 0), first, stop, min(stop + beside, rows), rate, most)
 
 
-def binned(stretch: Stretch, most: int | None = None) -> tuple[Bins, npt.NDArray[np.int64]]:
+def _binned(stretch: Stretch, most: int | None = None) -> tuple[Bins, npt.NDArray[np.int64]]:
     """Bins of a stretch, and the rows at which they begin, the end of the last one behind them.
 
     A bin is one row at least; a part that holds rows has a bin at least, however few there are to be. There are as many
@@ -120,7 +120,7 @@ def torque_signals(signal: Signal, torque: Array, stretch: Stretch, resolution: 
     -----
     Mean and uncertainty are those of the grid, which is told elsewhere; here they are NaN.
     """
-    bins, edges = binned(stretch)
+    bins, edges = _binned(stretch)
     shown = torque[stretch.start : stretch.end]
     known = np.where(np.isfinite(shown), shown, np.nan)
     window = known[stretch.first - stretch.start : stretch.stop - stretch.start]
@@ -172,7 +172,7 @@ def speed_signals(signal: Signal, angle: Array, stretch: Stretch, count: float) 
     needed = count / (COUNT_SHARE * abs(mean)) if abs(mean) > 0.0 else math.inf
     longest = min(LONGEST_BIN, shown / FEWEST_BINS)
     step = max(shown / stretch.most, longest if math.isnan(needed) else min(needed, longest))
-    bins, edges = binned(stretch, max(min(int(shown / step), (stretch.stop - stretch.first) // 2), 1))
+    bins, edges = _binned(stretch, max(min(int(shown / step), (stretch.stop - stretch.first) // 2), 1))
     starts, ends = edges[:-1], edges[1:].copy()
     ends[bins.within.stop - 1] = stretch.stop - 1
     ends[-1] = stretch.end - 1

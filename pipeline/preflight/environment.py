@@ -86,13 +86,13 @@ def _packages(needed: Iterable[str]) -> Check:
         except PackageNotFoundError:
             wrong.append(f"{found[0]} is missing, {asked} is asked for")
             continue
-        if not within(came, asked):
+        if not _within(came, asked):
             wrong.append(f"{found[0]} {came}, {asked} is asked for")
     told = "; ".join(wrong) or f"{count} packages in the ranges asked for"
     return Check("packages", BAD if any("missing" in w for w in wrong) else MIND if wrong else OK, told)
 
 
-def within(came: str, asked: str) -> bool:
+def _within(came: str, asked: str) -> bool:
     """Whether a version lies in a range such as ``<3,>=2.1``; of a version, only the numbers count."""
     tests = {
         "<": lambda a, b: a < b,

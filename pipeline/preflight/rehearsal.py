@@ -44,7 +44,7 @@ TYPICAL = LossModel(
 """Losses of the size that the thesis's neutral grids show: what is concluded depends on the points, not on these."""
 
 
-def operating_points(asked: Sequence[Asked]) -> OperatingPoints:
+def _operating_points(asked: Sequence[Asked]) -> OperatingPoints:
     """Test points as the analysis takes them; a set-point that is not named counts as zero."""
 
     def column(name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
@@ -68,9 +68,9 @@ def operating_points(asked: Sequence[Asked]) -> OperatingPoints:
     )
 
 
-def made_up(asked: Sequence[Asked], bench: BenchParameters) -> Grid:
+def _made_up(asked: Sequence[Asked], bench: BenchParameters) -> Grid:
     """The points with torques of a typical bench and noise: seeded, so the same points give the same readings."""
-    at = operating_points(asked)
+    at = _operating_points(asked)
     simulated = steady(Gearbox.calibrated(bench, TYPICAL), at)
     rng, noise = np.random.default_rng(SEED), np.full(len(at), NOISE)
     torque_ring = simulated.torque_ring + NOISE * rng.standard_normal(len(at))
@@ -92,7 +92,7 @@ def made_up(asked: Sequence[Asked], bench: BenchParameters) -> Grid:
 
 def rehearse(asked: Sequence[Asked], bench: BenchParameters) -> Analysis:
     """How far the analysis of these points would come; what it lacks is in `Analysis.missing`."""
-    return analyse(made_up(asked, bench), AnalysisOptions(), bench)
+    return analyse(_made_up(asked, bench), AnalysisOptions(), bench)
 
 
 def audit(analysis: Analysis, bench: BenchParameters) -> Audit | None:

@@ -70,7 +70,7 @@ def survey(
     known: dict[str, str] = {}
     for done, path in enumerate(paths, start=1):
         name = path.relative_to(base).as_posix()
-        file = look(path, name, supplied)
+        file = _look(path, name, supplied)
         original = known.setdefault(file.sha256, name) if file.sha256 else name
         files.append(file if original == name else replace(file, copy=original))
         if progress is not None:
@@ -78,7 +78,7 @@ def survey(
     return Survey(place, False, tuple(files))
 
 
-def look(path: Path, name: str, supplied: Supplied = NOTHING) -> File:
+def _look(path: Path, name: str, supplied: Supplied = NOTHING) -> File:
     """One recording, without its samples."""
     findings = Findings(name)
     supply = Supply(supplied, findings)

@@ -178,7 +178,7 @@ def _checked(entries: Mapping[str, str], findings: Findings) -> RunInfo | None:
             "the key is missing in an engaged run; expected 'sun' or 'ring'. Taken as 'sun'",
             "Let the recorder write which side drives.",
         )
-    started = _parsed(entries, "started_at", utc, "a time such as 2025-04-23T08:00:40.390872Z", findings)
+    started = _parsed(entries, "started_at", _utc, "a time such as 2025-04-23T08:00:40.390872Z", findings)
     setpoints = _setpoints(entries, findings)
     errors = sum(f.severity == "error" for f in findings.gathered) - errors_before
     if errors or configuration is None or gear is None or drive is None or started is None:
@@ -205,7 +205,7 @@ def known_of_run(records: Iterable[tuple[str, Mapping[str, str]]]) -> dict[str, 
     for key, words in (("configuration", CONFIGURATIONS), ("gear", GEARS), ("drive", DRIVES)):
         if (word := _vocabulary(entries, key, words, told)) is not None:
             known[key] = int(word) if key == "gear" else word
-    if (started := _parsed(entries, "started_at", utc, "a time", told)) is not None:
+    if (started := _parsed(entries, "started_at", _utc, "a time", told)) is not None:
         known["started_at"] = started.isoformat()
     asked = _setpoints(entries, told)
     return known | ({"setpoints": asked} if asked != NO_SETPOINTS else {})
@@ -239,7 +239,7 @@ def step_setpoints(point: str, entries: Mapping[str, float], findings: Findings)
     return Setpoints(**known)
 
 
-def utc(text: str) -> datetime:
+def _utc(text: str) -> datetime:
     """The time that an RFC 3339 text names, in UTC; digits beyond the microsecond are cut.
 
     Raises

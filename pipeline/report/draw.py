@@ -115,11 +115,6 @@ def draw_all(figures: Sequence[Figure], title: str = "") -> Drawings:
     return replace(made, pdf=book.getvalue())
 
 
-def draw_pdf(figure: Figure) -> bytes:
-    """A figure as a PDF of one page with its caption below; the same figure gives the same bytes."""
-    return draw_all((figure,), figure.title).pdf
-
-
 def _captioned(canvas: Canvas, figure: Figure, count: int) -> Bbox:
     """The page [in] that holds a figure and, below it, its caption, which is added here."""
     width, height = canvas.get_size_inches()

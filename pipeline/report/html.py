@@ -55,7 +55,7 @@ def html(report: Report, drawings: Mapping[str, str] | None = None) -> str:
         report=report,
         drawings={figure.id: _drawing(figure, drawings) for figure in report.figures},
         live={figure.id: _embedded(live_figure(figure)) for figure in report.figures},
-        csv={table.id: deflated(table.csv().encode("utf-8", "backslashreplace")) for table in report.tables},
+        csv={table.id: _deflated(table.csv().encode("utf-8", "backslashreplace")) for table in report.tables},
         numbers={table.id: count for count, table in enumerate(report.tables, 1)}
         | {figure.id: count for count, figure in enumerate(report.figures, 1)},
         cited={
@@ -73,7 +73,7 @@ def html(report: Report, drawings: Mapping[str, str] | None = None) -> str:
     )
 
 
-def deflated(data: bytes) -> str:
+def _deflated(data: bytes) -> str:
     """Bytes as base64 of raw deflate, as the page unpacks them."""
     packer = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
     return base64.b64encode(packer.compress(data) + packer.flush()).decode("ascii")
@@ -95,7 +95,7 @@ def _library() -> str:
 
 @lru_cache(maxsize=1)
 def _packed_library() -> str:
-    return deflated(_library().encode())
+    return _deflated(_library().encode())
 
 
 def _hash(script: str) -> str:

@@ -72,7 +72,7 @@ def workbook(report: Report, pictures: Mapping[str, bytes]) -> bytes:
     with Workbook(file, taken) as book:
         book.set_properties({"title": spelled(report.title), "created": _MADE})
         styles = _Styles(book)
-        names = sheet_names(report.tables)
+        names = _sheet_names(report.tables)
         _write_contents(book.add_worksheet(CONTENTS), report, names, styles)
         for table in report.tables:
             _write_table(book.add_worksheet(names[table.id]), table, styles)
@@ -81,7 +81,7 @@ def workbook(report: Report, pictures: Mapping[str, bytes]) -> bytes:
     return file.getvalue()
 
 
-def sheet_names(tables: Iterable[Table]) -> dict[str, str]:
+def _sheet_names(tables: Iterable[Table]) -> dict[str, str]:
     """Name of each table's sheet by its id: the id itself, cut and counted where Excel wants it shorter or other."""
     ids = [table.id for table in tables]
     fit = {name for name in ids if len(name) <= LONGEST_NAME and name not in _TAKEN}
@@ -98,7 +98,7 @@ def sheet_names(tables: Iterable[Table]) -> dict[str, str]:
     return names
 
 
-def number_format(text: str) -> str:
+def _number_format(text: str) -> str:
     """Excel's format that shows a number with as many digits as a text of `numerals.number` does."""
     shown = _SHOWN.fullmatch(text)
     if shown is None:
@@ -109,16 +109,16 @@ def number_format(text: str) -> str:
     return f"+{code};-{code};{code}" if shown["sign"] else code
 
 
-def number_formats(column: Column, cell: Cell) -> tuple[str, str]:
+def _number_formats(column: Column, cell: Cell) -> tuple[str, str]:
     """Excel's formats of a value and of its uncertainty, after the text that the page shows."""
     if not isinstance(cell, Measured) or math.isnan(cell.u):
-        return number_format(column.text(cell)), "General"
+        return _number_format(column.text(cell)), "General"
     text = column.text(cell)
     if scaled := _SCALED.fullmatch(text):
-        value = number_format(scaled[1].partition(" ± ")[0] + scaled[2])
+        value = _number_format(scaled[1].partition(" ± ")[0] + scaled[2])
         return value, "0.0E+00"
     value, _, u = text.partition(" ± ")
-    return number_format(value), number_format(u)
+    return _number_format(value), _number_format(u)
 
 
 class _Styles:
@@ -203,7 +203,7 @@ def _write_table(sheet: Worksheet, table: Table, styles: _Styles) -> None:
             _text(sheet, 1, place + offset, column.unit, styles.unit)
         for row, cell in enumerate(cells, HEAD):
             value, u = split(cell)
-            formats = number_formats(column, cell)
+            formats = _number_formats(column, cell)
             _cell(sheet, row, place, value, formats[0], styles)
             if pair:
                 _cell(sheet, row, place + 1, u, formats[1], styles)

@@ -45,7 +45,7 @@ def _correction(value: object) -> object:
     return text
 
 
-def key(meaning: str, option: str, example: str) -> Any:  # noqa: ANN401 - what pydantic takes for a field
+def _key(meaning: str, option: str, example: str) -> Any:  # noqa: ANN401 - what pydantic takes for a field
     """A key that may be left out: its meaning, the option that does the same, and a value as it may be written."""
     return Field(default=None, description=meaning, json_schema_extra={"option": option, "example": example})
 
@@ -58,40 +58,40 @@ Correction = Annotated[str, BeforeValidator(_correction)]
 class RecordingsTable(Strict):
     """What is analysed; paths are relative to the file."""
 
-    path: Place | None = key("folder of recordings, or one file", "RECORDINGS", '"recordings"')
-    grids: Place | None = key("folder of published grids, instead of recordings", "--grids", '"raw/published"')
-    campaign: str | None = key("which campaign, if the store holds several", "--campaign", '"reference"')
+    path: Place | None = _key("folder of recordings, or one file", "RECORDINGS", '"recordings"')
+    grids: Place | None = _key("folder of published grids, instead of recordings", "--grids", '"raw/published"')
+    campaign: str | None = _key("which campaign, if the store holds several", "--campaign", '"reference"')
 
 
 class StoreTable(Strict):
     """Where decoded runs and results are kept."""
 
-    path: Place | None = key("folder of the store; made if absent", "--store", '"store"')
+    path: Place | None = _key("folder of the store; made if absent", "--store", '"store"')
 
 
 class ReportTable(Strict):
     """Where the report goes."""
 
-    path: Place | None = key("folder of the report", "--report", '"report"')
+    path: Place | None = _key("folder of the report", "--report", '"report"')
 
 
 class IngestTable(Strict):
     """How recordings are decoded."""
 
-    workers: Annotated[int, Field(ge=1)] | None = key("parallel workers", "--workers", "2")
-    scheduler: str | None = key("address of a dask cluster", "--scheduler", '"tcp://host:8786"')
-    limits: Place | None = key("file with a table [windows], instead of the table here", "--limits", '"limits.toml"')
-    map: Place | None = key("file with what recordings lack: run, calibration, channels", "--map", '"map.toml"')
+    workers: Annotated[int, Field(ge=1)] | None = _key("parallel workers", "--workers", "2")
+    scheduler: str | None = _key("address of a dask cluster", "--scheduler", '"tcp://host:8786"')
+    limits: Place | None = _key("file with a table [windows], instead of the table here", "--limits", '"limits.toml"')
+    map: Place | None = _key("file with what recordings lack: run, calibration, channels", "--map", '"map.toml"')
 
 
 class AnalysisTable(Strict):
     """How losses are fitted."""
 
-    terms_sun: Terms | None = key("powers of speed in the sun's loss curve, or auto", "--terms-sun", '"0,1/2,1,2"')
-    terms_ring: Terms | None = key("the same for the ring", "--terms-ring", '"auto"')
-    k_corr: Correction | None = key("correction factor: joint, rule, or a number", "--k-corr", '"joint"')
-    include_rest: bool | None = key("use readings of resting shafts in the curves", "--include-rest", "false")
-    robust: bool | None = key("Huber's M-estimate instead of least squares", "--robust", "false")
+    terms_sun: Terms | None = _key("powers of speed in the sun's loss curve, or auto", "--terms-sun", '"0,1/2,1,2"')
+    terms_ring: Terms | None = _key("the same for the ring", "--terms-ring", '"auto"')
+    k_corr: Correction | None = _key("correction factor: joint, rule, or a number", "--k-corr", '"joint"')
+    include_rest: bool | None = _key("use readings of resting shafts in the curves", "--include-rest", "false")
+    robust: bool | None = _key("Huber's M-estimate instead of least squares", "--robust", "false")
 
 
 def _tolerances(table: object) -> object:
@@ -113,9 +113,9 @@ def _tolerances(table: object) -> object:
 class CompareTable(Strict):
     """How simulation and bench are compared."""
 
-    note: str | None = key("told at the head of the report", "--note", '"first run after the rebuild"')
-    model: Place | None = key("model file to simulate", "--model", '"model.toml"')
-    tolerance: Annotated[dict[str, tuple[str, tuple[float, float]]], BeforeValidator(_tolerances)] | None = key(
+    note: str | None = _key("told at the head of the report", "--note", '"first run after the rebuild"')
+    model: Place | None = _key("model file to simulate", "--model", '"model.toml"')
+    tolerance: Annotated[dict[str, tuple[str, tuple[float, float]]], BeforeValidator(_tolerances)] | None = _key(
         "by signal: absolute, relative in %, or the larger of both",
         "",
         '{ torque_sun = "10 mN m or 2 %", efficiency = "1 %", loss = "0.5 W" }',

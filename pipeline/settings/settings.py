@@ -64,7 +64,7 @@ def settings(chosen: Chosen) -> tuple[Setting, ...]:
             value = chosen.values.get(name, usual.get(name, (None, DEFAULT))[0])
             origin = chosen.origins.get(name) or usual.get(name, (None, DEFAULT))[1]
             plain = str(value) if isinstance(value, Path) else value
-            found.append(Setting(key, plain, "", written(plain), origin))
+            found.append(Setting(key, plain, "", _written(plain), origin))
     return (*found, *_tolerances(chosen))
 
 
@@ -128,7 +128,7 @@ def _tolerances(chosen: Chosen) -> Iterator[Setting]:
         yield Setting(key, value, dimension.unit, f'"{" or ".join(parts)}"', chosen.file.origin(key))
 
 
-def written(value: object) -> str:
+def _written(value: object) -> str:
     """A value as TOML; what is not set as such."""
     if value is None:
         return NOT_SET

@@ -52,7 +52,7 @@ class Switched:
         return f"{self.kind.identifier} ({numbers})"
 
 
-def key_of_parameter(parameter: Parameter) -> str:
+def _key_of_parameter(parameter: Parameter) -> str:
     """Key of a parameter in a scenario: its name, and its unit where it has one."""
     if parameter.unit == "1":
         return parameter.name
@@ -60,7 +60,7 @@ def key_of_parameter(parameter: Parameter) -> str:
     return f"{parameter.name}_{unit}"
 
 
-def sizes_of(kind: type[Mechanism]) -> tuple[str, ...]:
+def _sizes_of(kind: type[Mechanism]) -> tuple[str, ...]:
     """Parameters that vanish at the null, of all shafts."""
     return tuple(dict.fromkeys(name for names in kind.by_shaft.values() for name in names))
 
@@ -100,7 +100,7 @@ def _one(name: str, given: object) -> Switched:
         refuse(came, "true or false, where there is more detail", "Take it out.", name, REFINED)
     if refined and kind.refined is not None:
         kind = kind.refined
-    keys = {key_of_parameter(parameter): parameter for parameter in kind.parameters()}
+    keys = {_key_of_parameter(parameter): parameter for parameter in kind.parameters()}
     known_keys = [*keys, *([REFINED] if known[name].refined else [])]
     chosen: dict[str, float] = {}
     for key, value in given.items():
@@ -110,8 +110,8 @@ def _one(name: str, given: object) -> Switched:
             bare = [whole for whole, parameter in keys.items() if parameter.name == key]
             do = f"Did you mean '{bare[0]}'?" if bare else near_miss(str(key), known_keys)
             refuse("unknown key", "a known one, its unit included", do, name, str(key))
-        chosen[keys[key].name] = checked(value, keys[key], name, str(key))
-    sizes = sizes_of(kind)
+        chosen[keys[key].name] = _checked(value, keys[key], name, str(key))
+    sizes = _sizes_of(kind)
     absent = any(size in chosen for size in sizes)
     values = tuple(
         (p.name, chosen.get(p.name, p.null if absent and p.name in sizes else p.typical)) for p in kind.parameters()
@@ -119,7 +119,7 @@ def _one(name: str, given: object) -> Switched:
     return Switched(kind, values)
 
 
-def checked(value: object, parameter: Parameter, *key: str) -> float:
+def _checked(value: object, parameter: Parameter, *key: str) -> float:
     """A finite number inside the bounds of a parameter."""
     (low, high), unit = parameter.bounds, "" if parameter.unit == "1" else f" {parameter.unit}"
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):

@@ -34,7 +34,7 @@ _MECHANICAL = {"mechanical_in", "mechanical_out", "unexplained"}
 """Parts of the chain that stand in the table already, or are zero for the simulator's own torques."""
 
 
-def slug(text: str) -> str:
+def _slug(text: str) -> str:
     """A title as part of a column's name."""
     return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
 
@@ -110,7 +110,7 @@ def transient_frame(trace: Trace) -> pl.DataFrame:
     }
     powers = trace.powers()
     for group in GROUPS:
-        columns |= {f"{group}_{slug(name)}_W": value for name, value in getattr(powers, group).items()}
+        columns |= {f"{group}_{_slug(name)}_W": value for name, value in getattr(powers, group).items()}
     return _frame({name: np.broadcast_to(np.asarray(value, dtype=np.float64), n) for name, value in columns.items()})
 
 

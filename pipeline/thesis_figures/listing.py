@@ -17,7 +17,7 @@ HEADINGS = ("figure", "published", "ours", "interval", "unit", "verdict")
 """Columns of the table; a number in brackets after a verdict refers to the remarks below it."""
 
 
-def digits(judged: JudgedFigure) -> tuple[str, str, str]:
+def _digits(judged: JudgedFigure) -> tuple[str, str, str]:
     """Ours and the ends of its interval, one decimal finer than printed."""
     places = max(judged.figure.decimals + 1, 0)
     ours, low, high = (f"{value:.{places}f}" for value in (judged.ours, judged.low, judged.high))
@@ -40,7 +40,7 @@ def table_lines(judged: tuple[JudgedFigure, ...]) -> list[str]:
             rows.append(_summed_up(tuple(members), remarks))
             continue
         for j in members:
-            ours, low, high = digits(j)
+            ours, low, high = _digits(j)
             verdict = told(j) + _reference(j, remarks)
             rows.append((j.figure.what, j.figure.text, ours, f"{low} .. {high}", j.figure.unit.name, verdict))
     widths = [max(len(row[i]) for row in rows) for i in range(len(HEADINGS))]
@@ -62,7 +62,7 @@ def _reference(judged: JudgedFigure, known: dict[str, int]) -> str:
 def _summed_up(members: tuple[JudgedFigure, ...], remarks: dict[str, int]) -> tuple[str, ...]:
     furthest = max(members, key=lambda j: abs(j.distance))
     states = ", ".join(f"{n} {verdict}" for verdict, n in count(members).items() if n)
-    ours, low, high = digits(furthest)
+    ours, low, high = _digits(furthest)
     what = furthest.figure.what
     return (
         f"{len(members)} sun torques, furthest: {what.removeprefix('sun torque at ')}",

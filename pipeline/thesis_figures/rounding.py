@@ -60,7 +60,7 @@ class RoundingSpread:
         return max(self.ours - self.low, self.high - self.ours, 0.0)
 
 
-def draw(sample: Sample, rng: np.random.Generator) -> Sample:
+def _draw(sample: Sample, rng: np.random.Generator) -> Sample:
     """Tables that would be printed as these are: every torque even within half a unit of its last digit."""
     coarse, fine = 0.5 * ROUNDING_PUBLISHED, 0.5 * ROUNDING_FINE
     grid = sample.grid
@@ -102,7 +102,7 @@ def spreads(
     if draws < FEWEST_DRAWS:
         raise FitError("draws", str(draws), f"{FEWEST_DRAWS} or more", "Ask for more draws with --draws.")
     ours = replicate(sample, bench, choices)
-    drawn = [replicate(draw(sample, rng), bench, choices) for _ in range(draws)]
+    drawn = [replicate(_draw(sample, rng), bench, choices) for _ in range(draws)]
     found = {}
     for id_, value in ours.items():
         low, high = np.quantile([figures[id_] for figures in drawn], OUTER)

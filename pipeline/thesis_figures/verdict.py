@@ -77,7 +77,7 @@ class JudgedFigure:
         return remarks_on(self.figure.id, differs=self.verdict is not FigureVerdict.REPRODUCED)
 
 
-def judge(figure: PublishedFigure, spread: RoundingSpread) -> JudgedFigure:
+def _judge(figure: PublishedFigure, spread: RoundingSpread) -> JudgedFigure:
     """The verdict on a figure."""
     ours, shift = spread.ours / figure.unit.scale, spread.shift / figure.unit.scale
     value, upper, reach = figure.value, figure.upper, shift + figure.rounding
@@ -125,7 +125,7 @@ def validate(
         Too few draws.
     """
     found = spreads(printed(grid), bench, draws, rng)
-    return tuple(judge(figure, found[figure.id]) for figure in figures)
+    return tuple(_judge(figure, found[figure.id]) for figure in figures)
 
 
 def count(judged: tuple[JudgedFigure, ...]) -> dict[FigureVerdict, int]:

@@ -14,9 +14,7 @@ from pmg.pipeline.trials.effect import BenchRun, Effect, torques
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pmg.pipeline.trials.design import CampaignDesign
     from pmg.pipeline.trials.effect import Pair
-    from pmg.pipeline.trials.world import World
     from pmg.sim.signals import Array
 
 POWERS = (0.0, 0.5, 1.0, 2.0)
@@ -128,15 +126,13 @@ class Scaled:
         return abs(came - self.asked) > 0.02 * self.asked
 
 
-def scale_effect(
-    world: World, design: CampaignDesign, effect: Effect, size_sigma: float, basis: str = "absorbed"
-) -> Scaled:
-    """The effect, as large as asked for.
+def scale_on(yardstick: Yardstick, effect: Effect, size_sigma: float, basis: str = "absorbed") -> Scaled:
+    """The effect, as large as asked for; one yardstick serves several effects of one scene.
 
     Parameters
     ----------
-    world, design : World, CampaignDesign
-        Where it acts.
+    yardstick : Yardstick
+        Of the scene in which it acts.
     effect : Effect
         Its form, shaft and shape; of its size only the order matters.
     size_sigma : float
@@ -149,11 +145,6 @@ def scale_effect(
     An effect that a free baseline takes up nearly whole would have to be absurdly large; it stops at `CEILING`
     or at what its form can be at most, and says so.
     """
-    return scale_on(Yardstick(BenchRun(design, world)), effect, size_sigma, basis)
-
-
-def scale_on(yardstick: Yardstick, effect: Effect, size_sigma: float, basis: str = "absorbed") -> Scaled:
-    """As `scale_effect`, for several effects of one scene."""
     size = effect.form.first
     for _ in range(ROUNDS):
         found = _measured(yardstick, replace(effect, size=size), size_sigma, basis)

@@ -21,13 +21,13 @@ DIFFERENCE = 100.0
 """Speed difference at which a size is given [rad/s]."""
 
 
-def load_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _load_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """A power of the load, or the friction of a radial load that has a part without torque."""
     law = str(rng.choice(["power", "radial"]))
     return {"law": law, "power": rng.uniform(0.9, 1.3), "dead_load": rng.uniform(0.1, 0.5)}
 
 
-def load_friction(scene: BenchRun, effect: Effect) -> Pair:
+def _load_friction(scene: BenchRun, effect: Effect) -> Pair:
     r"""Size times :math:`x^q` or :math:`\sqrt{f^2+x^2}-f`, x the torque carried over a reference one."""
     found = []
     for carried, reference, direction in zip(
@@ -46,12 +46,12 @@ def load_friction(scene: BenchRun, effect: Effect) -> Pair:
     return on_shaft(effect.shaft, *found)
 
 
-def mixed_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _mixed_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """A Lorentz curve, or the cube of a hyperbola."""
     return {"law": str(rng.choice(["lorentz", "rational"])), "speed": rng.uniform(5.0, 25.0)}
 
 
-def mixed_lubrication(scene: BenchRun, effect: Effect) -> Pair:
+def _mixed_lubrication(scene: BenchRun, effect: Effect) -> Pair:
     """Size times 1/(1+x²) or 1/(1+x/2)³, x the speed over a reference one."""
     found = []
     for speed in scene.speeds:
@@ -61,12 +61,12 @@ def mixed_lubrication(scene: BenchRun, effect: Effect) -> Pair:
     return on_shaft(effect.shaft, *found)
 
 
-def windage_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _windage_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """A power of speed, and a laminar part."""
     return {"power": rng.uniform(1.7, 2.3), "laminar": rng.uniform(0.05, 0.3)}
 
 
-def windage(scene: BenchRun, effect: Effect) -> Pair:
+def _windage(scene: BenchRun, effect: Effect) -> Pair:
     """Size times x^q + l x, x the speed over the highest one, in every configuration."""
     found = []
     for speed, fastest in zip(scene.speeds, (FASTEST_SUN, FASTEST_RING), strict=True):
@@ -76,13 +76,13 @@ def windage(scene: BenchRun, effect: Effect) -> Pair:
     return on_shaft(effect.shaft, *found)
 
 
-def relative_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _relative_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """A logarithm or a power of the difference, and the width over which it turns its sign."""
     law = str(rng.choice(["logarithm", "power"]))
     return {"law": law, "power": rng.uniform(0.4, 0.8), "width": rng.uniform(1.0, 6.0), "knee": rng.uniform(10, 40)}
 
 
-def relative_bearing(scene: BenchRun, effect: Effect) -> Pair:
+def _relative_bearing(scene: BenchRun, effect: Effect) -> Pair:
     """Drag between the shafts: on the sun, and its reaction on the ring."""
     difference = scene.speeds[0] - scene.speeds[1]
     x = np.abs(difference)
@@ -95,12 +95,12 @@ def relative_bearing(scene: BenchRun, effect: Effect) -> Pair:
     return on_sun, -on_sun
 
 
-def rubbing_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _rubbing_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """How much the friction falls up to the highest speed."""
     return {"fall": rng.uniform(-0.1, 0.25)}
 
 
-def rubbing(scene: BenchRun, effect: Effect) -> Pair:
+def _rubbing(scene: BenchRun, effect: Effect) -> Pair:
     """Size, falling slightly with speed, when engaged only."""
     found = []
     for speed, fastest in zip(scene.speeds, (FASTEST_SUN, FASTEST_RING), strict=True):
@@ -110,12 +110,12 @@ def rubbing(scene: BenchRun, effect: Effect) -> Pair:
 
 
 DRAGS: tuple[EffectForm, ...] = (
-    EffectForm("load_dependent_bearing_friction", BEARINGS, "N m", 0.01, load_knobs, drag=load_friction),
-    EffectForm("stribeck_mixed_lubrication", BEARINGS, "N m", 0.02, mixed_knobs, 0.15, mixed_lubrication),
-    EffectForm("windage", BEARINGS, "N m", 0.02, windage_knobs, 0.04, windage),
+    EffectForm("load_dependent_bearing_friction", BEARINGS, "N m", 0.01, _load_knobs, drag=_load_friction),
+    EffectForm("stribeck_mixed_lubrication", BEARINGS, "N m", 0.02, _mixed_knobs, 0.15, _mixed_lubrication),
+    EffectForm("windage", BEARINGS, "N m", 0.02, _windage_knobs, 0.04, _windage),
     EffectForm(
-        "relative_bearing_drag", {"both": "relative_bearing"}, "N m", 0.01, relative_knobs, drag=relative_bearing
+        "relative_bearing_drag", {"both": "relative_bearing"}, "N m", 0.01, _relative_knobs, drag=_relative_bearing
     ),
-    EffectForm("engaged_dry_friction", GEAR_BY_SHAFT, "N m", 5e-3, rubbing_knobs, 0.03, rubbing),
+    EffectForm("engaged_dry_friction", GEAR_BY_SHAFT, "N m", 5e-3, _rubbing_knobs, 0.03, _rubbing),
 )
 """Forms of drag."""

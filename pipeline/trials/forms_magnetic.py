@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 GEAR = {"both": "magnetic_gear"}
 
 
-def residual_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _residual_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """Where the coupling is strongest, how it falls beyond, and how much of it belongs to the second stage."""
     law = str(rng.choice(["exponential", "saturating"]))
     return {"law": law, "slip": rng.uniform(300.0, 1200.0), "second_stage": rng.uniform(0.0, 0.4)}
 
 
-def residual_coupling(scene: BenchRun, effect: Effect) -> Pair:
+def _residual_coupling(scene: BenchRun, effect: Effect) -> Pair:
     """Drag of slipping poles in neutral: x exp(1-x), or a hyperbolic tangent that falls again, on both stages."""
     w_s, w_r = scene.speeds
     sun, ring = np.zeros_like(w_s), np.zeros_like(w_r)
@@ -39,12 +39,12 @@ def residual_coupling(scene: BenchRun, effect: Effect) -> Pair:
     return sun, ring
 
 
-def skin_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _skin_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """Speed at which a slab is as thick as the currents reach."""
     return {"corner": rng.uniform(10.0, 50.0)}
 
 
-def skin_effect(scene: BenchRun, effect: Effect) -> Pair:
+def _skin_effect(scene: BenchRun, effect: Effect) -> Pair:
     """More eddy drag, that of a slab: size times w tanh(x)/x, x the root of speed over the corner."""
     return _engaged(scene, effect, _slab)
 
@@ -55,12 +55,12 @@ def _slab(speed: Array, effect: Effect) -> Array:
     return np.asarray(np.abs(speed) / FASTEST_SUN * within)
 
 
-def iron_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _iron_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """Powers of speed and load."""
     return {"speed_power": rng.uniform(1.05, 1.3), "load_power": rng.uniform(1.7, 2.1)}
 
 
-def load_iron_loss(scene: BenchRun, effect: Effect) -> Pair:
+def _load_iron_loss(scene: BenchRun, effect: Effect) -> Pair:
     """Size times load squared times speed, nearly."""
     load = (np.abs(scene.load) / LOAD_RING) ** effect.number("load_power")
     sun, ring = _engaged(scene, effect, _speed_power)
@@ -80,8 +80,8 @@ def _engaged(scene: BenchRun, effect: Effect, shape: Callable[[Array, Effect], A
 
 
 MAGNETICS: tuple[EffectForm, ...] = (
-    EffectForm("residual_magnetic_coupling", GEAR, "N m", 1e-3, residual_knobs, drag=residual_coupling),
-    EffectForm("eddy_skin_effect", GEAR, "N m", 0.02, skin_knobs, 0.1, skin_effect),
-    EffectForm("load_dependent_iron_loss", GEAR, "N m", 0.01, iron_knobs, drag=load_iron_loss),
+    EffectForm("residual_magnetic_coupling", GEAR, "N m", 1e-3, _residual_knobs, drag=_residual_coupling),
+    EffectForm("eddy_skin_effect", GEAR, "N m", 0.02, _skin_knobs, 0.1, _skin_effect),
+    EffectForm("load_dependent_iron_loss", GEAR, "N m", 0.01, _iron_knobs, drag=_load_iron_loss),
 )
 """Forms of magnetic drag."""

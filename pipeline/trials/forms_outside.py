@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 
-def bump_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _bump_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """Where in the range of speeds a resonance sits, and how wide it is."""
     return {"place": rng.uniform(0.3, 0.75), "width": rng.uniform(0.06, 0.14)}
 
 
-def resonance_bump(scene: BenchRun, effect: Effect) -> Pair:
+def _resonance_bump(scene: BenchRun, effect: Effect) -> Pair:
     """More drag about one speed."""
 
     def shape(x: Array, before: Array) -> Array:
@@ -33,13 +33,13 @@ def resonance_bump(scene: BenchRun, effect: Effect) -> Pair:
     return _of_speed(scene, effect, shape)
 
 
-def step_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _step_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """When a seal has run in (its drag goes) or tilts (its drag comes), and how fast."""
     way = str(rng.choice(["goes", "comes"]))
     return {"way": way, "when": rng.uniform(0.25, 0.75), "width": rng.uniform(0.002, 0.01)}
 
 
-def run_in_step(scene: BenchRun, effect: Effect) -> Pair:
+def _run_in_step(scene: BenchRun, effect: Effect) -> Pair:
     """Drag that changes once, at some time."""
     elapsed = scene.design.elapsed
     t = elapsed / max(float(elapsed[-1]), 1.0)
@@ -51,12 +51,12 @@ def run_in_step(scene: BenchRun, effect: Effect) -> Pair:
     return _of_speed(scene, effect, shape)
 
 
-def memory_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _memory_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """How sharply the drag follows."""
     return {"sharpness": rng.uniform(0.1, 0.3)}
 
 
-def previous_speed(scene: BenchRun, effect: Effect) -> Pair:
+def _previous_speed(scene: BenchRun, effect: Effect) -> Pair:
     """Drag that follows the speed of the point before."""
 
     def shape(x: Array, before: Array) -> Array:
@@ -65,7 +65,7 @@ def previous_speed(scene: BenchRun, effect: Effect) -> Pair:
     return _of_speed(scene, effect, shape)
 
 
-def approach_hysteresis(scene: BenchRun, effect: Effect) -> Pair:
+def _approach_hysteresis(scene: BenchRun, effect: Effect) -> Pair:
     """Drag that is higher when the speed has been approached from below."""
 
     def shape(x: Array, before: Array) -> Array:
@@ -83,24 +83,24 @@ def _of_speed(scene: BenchRun, effect: Effect, shape: Callable[[Array, Array], A
     return on_shaft(effect.shaft, *found)
 
 
-def periodic_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _periodic_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """Period and phase."""
     return {"period": rng.uniform(400.0, 1800.0), "phase": rng.uniform(0.0, 1.0)}
 
 
-def periodic(scene: BenchRun, effect: Effect, true: Pair) -> Pair:
+def _periodic(scene: BenchRun, effect: Effect, true: Pair) -> Pair:
     """A reading that swings with time, as the room's air conditioning switches."""
     turns = scene.design.elapsed / effect.number("period") + effect.number("phase")
     swing = effect.size * np.sin(REVOLUTION * turns)
     return on_shaft(effect.shaft, swing, swing)
 
 
-def saturating_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _saturating_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """Power at which the drag saturates, in parts of the largest."""
     return {"saturation": rng.uniform(0.08, 0.25)}
 
 
-def saturating_power(scene: BenchRun, effect: Effect) -> Pair:
+def _saturating_power(scene: BenchRun, effect: Effect) -> Pair:
     """Engaged drag that saturates with the product of load and speed."""
     found = []
     for speed, fastest in zip(scene.speeds, (FASTEST_SUN, FASTEST_RING), strict=True):
@@ -110,11 +110,11 @@ def saturating_power(scene: BenchRun, effect: Effect) -> Pair:
 
 
 OUTSIDERS: tuple[EffectForm, ...] = (
-    EffectForm("outside_resonance_bump", BEARINGS, "N m", 0.01, bump_knobs, drag=resonance_bump),
-    EffectForm("outside_run_in_step", BEARINGS, "N m", 5e-3, step_knobs, drag=run_in_step),
-    EffectForm("outside_previous_speed", BEARINGS, "N m", 5e-3, memory_knobs, drag=previous_speed),
-    EffectForm("outside_approach_hysteresis", BEARINGS, "N m", 5e-3, memory_knobs, drag=approach_hysteresis),
-    EffectForm("outside_periodic_time", TRANSDUCERS, "N m", 5e-3, periodic_knobs, reading=periodic),
-    EffectForm("outside_saturating_load_speed", GEAR_BY_SHAFT, "N m", 0.01, saturating_knobs, drag=saturating_power),
+    EffectForm("outside_resonance_bump", BEARINGS, "N m", 0.01, _bump_knobs, drag=_resonance_bump),
+    EffectForm("outside_run_in_step", BEARINGS, "N m", 5e-3, _step_knobs, drag=_run_in_step),
+    EffectForm("outside_previous_speed", BEARINGS, "N m", 5e-3, _memory_knobs, drag=_previous_speed),
+    EffectForm("outside_approach_hysteresis", BEARINGS, "N m", 5e-3, _memory_knobs, drag=_approach_hysteresis),
+    EffectForm("outside_periodic_time", TRANSDUCERS, "N m", 5e-3, _periodic_knobs, reading=_periodic),
+    EffectForm("outside_saturating_load_speed", GEAR_BY_SHAFT, "N m", 0.01, _saturating_knobs, drag=_saturating_power),
 )
 """Forms outside any library."""

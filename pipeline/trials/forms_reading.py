@@ -18,26 +18,26 @@ WALK_TERMS = 8
 """Terms of the expansion of a random walk."""
 
 
-def sign_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _sign_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """Which way it goes."""
     return {"sign": float(rng.choice([-1.0, 1.0]))}
 
 
-def zero_offset(scene: BenchRun, effect: Effect, true: Pair) -> Pair:
+def _zero_offset(scene: BenchRun, effect: Effect, true: Pair) -> Pair:
     """A constant, everywhere."""
     constant = np.full(len(true[0]), effect.number("sign") * effect.size)
     return on_shaft(effect.shaft, constant, constant)
 
 
-def drift_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _drift_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """A zero that settles, or one that walks on top of a trend."""
-    found = sign_knobs(scene, rng) | {"settled": rng.uniform(0.15, 1.2), "trend": rng.uniform(0.6, 1.5)}
+    found = _sign_knobs(scene, rng) | {"settled": rng.uniform(0.15, 1.2), "trend": rng.uniform(0.6, 1.5)}
     found |= {f"walk_{i}": float(z) for i, z in enumerate(rng.standard_normal(WALK_TERMS))}
     found["law"] = str(rng.choice(["settling", "walk"]))
     return found
 
 
-def zero_drift(scene: BenchRun, effect: Effect, true: Pair) -> Pair:
+def _zero_drift(scene: BenchRun, effect: Effect, true: Pair) -> Pair:
     """Size times 1-exp(-t/s), or a random walk (its sine expansion) beside a trend; t in campaign lengths."""
     elapsed = scene.design.elapsed
     t = elapsed / max(float(elapsed[-1]), 1.0)
@@ -52,12 +52,12 @@ def zero_drift(scene: BenchRun, effect: Effect, true: Pair) -> Pair:
     return on_shaft(effect.shaft, zero, zero)
 
 
-def gain_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _gain_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """Which way, and how much of it is not linear."""
-    return {"quadratic": rng.uniform(-0.3, 0.3)} | sign_knobs(scene, rng)
+    return {"quadratic": rng.uniform(-0.3, 0.3)} | _sign_knobs(scene, rng)
 
 
-def gain_error(scene: BenchRun, effect: Effect, true: Pair) -> Pair:
+def _gain_error(scene: BenchRun, effect: Effect, true: Pair) -> Pair:
     """Size times T (1 + q |T|/T_nominal)."""
     found = [
         effect.number("sign") * effect.size * torque * (1.0 + effect.number("quadratic") * np.abs(torque) / nominal)
@@ -66,13 +66,13 @@ def gain_error(scene: BenchRun, effect: Effect, true: Pair) -> Pair:
     return on_shaft(effect.shaft, *found)
 
 
-def crosstalk_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _crosstalk_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """Whether the reading follows the other torque with its sign and a small lag, or a power of its magnitude."""
     law = str(rng.choice(["lag", "lag", "magnitude"]))
-    return sign_knobs(scene, rng) | {"law": law, "lag": rng.uniform(0.02, 0.1), "power": rng.uniform(0.8, 1.2)}
+    return _sign_knobs(scene, rng) | {"law": law, "lag": rng.uniform(0.02, 0.1), "power": rng.uniform(0.8, 1.2)}
 
 
-def crosstalk(scene: BenchRun, effect: Effect, true: Pair) -> Pair:
+def _crosstalk(scene: BenchRun, effect: Effect, true: Pair) -> Pair:
     """Size times the other shaft's torque, a little of it still that of the point before; or N |T/N|^p, unsigned."""
     found = []
     for other, nominal in ((true[1], NOMINAL_RING), (true[0], NOMINAL_SUN)):
@@ -86,9 +86,9 @@ def crosstalk(scene: BenchRun, effect: Effect, true: Pair) -> Pair:
 
 
 READINGS: tuple[EffectForm, ...] = (
-    EffectForm("torque_zero_offset", TRANSDUCERS, "N m", 5e-3, sign_knobs, reading=zero_offset),
-    EffectForm("torque_zero_drift", TRANSDUCERS, "N m", 5e-3, drift_knobs, reading=zero_drift),
-    EffectForm("torque_gain_error", TRANSDUCERS, "1", 0.01, gain_knobs, reading=gain_error),
-    EffectForm("torque_crosstalk", TRANSDUCERS, "1", 0.01, crosstalk_knobs, reading=crosstalk),
+    EffectForm("torque_zero_offset", TRANSDUCERS, "N m", 5e-3, _sign_knobs, reading=_zero_offset),
+    EffectForm("torque_zero_drift", TRANSDUCERS, "N m", 5e-3, _drift_knobs, reading=_zero_drift),
+    EffectForm("torque_gain_error", TRANSDUCERS, "1", 0.01, _gain_knobs, reading=_gain_error),
+    EffectForm("torque_crosstalk", TRANSDUCERS, "1", 0.01, _crosstalk_knobs, reading=_crosstalk),
 )
 """Forms of faulty readings."""

@@ -38,7 +38,7 @@ LEAST_FLUX = 0.5
 """What is left of the remanence at the very least; beyond, magnets are spoilt for good."""
 
 
-def two_nodes(
+def _two_nodes(
     scene: BenchRun,
     power: Array,
     nodes: tuple[float, float, float, float],
@@ -72,7 +72,7 @@ def two_nodes(
     back = np.linalg.inv(vectors)
     heated, room_in = back[:, 0] / capacity_in, back[:, 1] / (outer * capacity_out)
     around, warmed = np.broadcast_to(housing, power.shape), back[:, 1] / capacity_out
-    time, room = scene.design.elapsed, room_drift(scene)
+    time, room = scene.design.elapsed, _room_drift(scene)
     steps = np.diff(time)
     long = steps > LONG_PAUSE
     idle, split = np.where(long, 0.0, power[:-1]), np.where(long, steps - AFTER_PAUSE, steps * SPEED_UP)
@@ -91,7 +91,7 @@ def two_nodes(
     return np.asarray((modes + within) @ vectors[0])
 
 
-def room_drift(scene: BenchRun) -> Array:
+def _room_drift(scene: BenchRun) -> Array:
     """Temperature of the room above that at the start [K]: a drift, and the heating that switches."""
     time = scene.design.elapsed
     whole = max(float(time[-1]), 1.0)
@@ -99,7 +99,7 @@ def room_drift(scene: BenchRun) -> Array:
     return scene.world.drift * (time / whole) ** 0.8 + swing
 
 
-def viscosity(temperature: Array, law: str) -> Array:
+def _viscosity(temperature: Array, law: str) -> Array:
     """Viscosity over that at the reference temperature, by Walther's law or an exponential one."""
     if law == "exponential":
         return np.asarray(np.exp(-EXPONENTIAL * (temperature - REFERENCE)))
@@ -109,7 +109,7 @@ def viscosity(temperature: Array, law: str) -> Array:
     return np.asarray((10.0**10.0**double - WALTHER_SHIFT) / at_reference)
 
 
-def viscosity_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _viscosity_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """The law, two resistances and two time constants, and the heat that crosses from the other shaft's housing."""
     return {
         "law": str(rng.choice(["walther", "exponential"])),
@@ -121,7 +121,7 @@ def viscosity_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, floa
     }
 
 
-def lubricant_viscosity(scene: BenchRun, effect: Effect) -> Pair:
+def _lubricant_viscosity(scene: BenchRun, effect: Effect) -> Pair:
     """Total bearing drag, times the relative viscosity to the power of the size, less the drag itself."""
     nodes = tuple(effect.number(name) for name in ("resistance_inner", "resistance_outer", "time_inner", "time_outer"))
     world = scene.world
@@ -134,13 +134,13 @@ def lubricant_viscosity(scene: BenchRun, effect: Effect) -> Pair:
             found.append(0.0 * part)
             continue
         crossed = effect.number("cross") * power[other]
-        rise = two_nodes(scene, power[own], (nodes[0], nodes[1], nodes[2], nodes[3]), world.start_rise, crossed)
-        relative = viscosity(world.ambient + rise, str(effect.knobs["law"]))
+        rise = _two_nodes(scene, power[own], (nodes[0], nodes[1], nodes[2], nodes[3]), world.start_rise, crossed)
+        relative = _viscosity(world.ambient + rise, str(effect.knobs["law"]))
         found.append(bearing[own] * np.expm1(effect.size * np.log(relative)))
     return on_shaft(effect.shaft, *found)
 
 
-def magnet_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+def _magnet_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
     """Two resistances and two time constants, and how much of the loss warms the magnets."""
     return {
         "resistance_inner": rng.uniform(1.0, 3.0),
@@ -151,7 +151,7 @@ def magnet_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float |
     }
 
 
-def magnet_temperature(scene: BenchRun, effect: Effect) -> Pair:
+def _magnet_temperature(scene: BenchRun, effect: Effect) -> Pair:
     """Magnetic drag with the square of a remanence that falls as the magnets warm; the size scales their rise."""
     names = ("resistance_inner", "resistance_outer", "time_inner", "time_outer")
     inner, outer, fast, slow = (effect.number(name) for name in names)
@@ -160,7 +160,7 @@ def magnet_temperature(scene: BenchRun, effect: Effect) -> Pair:
     loss = sum(drag * w for drag, w in zip(magnetic, scene.speeds, strict=True))
     total = sum(drag * w for drag, w in zip(scene.drags, scene.speeds, strict=True))
     heat = np.asarray(loss + effect.number("from_bearings") * (total - loss))
-    rise = two_nodes(scene, heat, (inner, outer, fast, slow), 0.5 * world.start_rise)
+    rise = _two_nodes(scene, heat, (inner, outer, fast, slow), 0.5 * world.start_rise)
     flux = np.maximum(1.0 - effect.size * REMANENCE * rise, LEAST_FLUX)
     return magnetic[0] * (flux**2 - 1.0), magnetic[1] * (flux**2 - 1.0)
 
@@ -171,10 +171,10 @@ THERMALS: tuple[EffectForm, ...] = (
         {"sun": "sun_bearings", "ring": "ring_bearings", "both": "both"},
         "1",
         0.3,
-        viscosity_knobs,
+        _viscosity_knobs,
         1.5,
-        lubricant_viscosity,
+        _lubricant_viscosity,
     ),
-    EffectForm("magnet_temperature", GEAR, "1", 1.0, magnet_knobs, 2.0, magnet_temperature),
+    EffectForm("magnet_temperature", GEAR, "1", 1.0, _magnet_knobs, 2.0, _magnet_temperature),
 )
 """Forms that have a memory of heat."""

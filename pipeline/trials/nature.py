@@ -142,7 +142,7 @@ def _effect_truth(scaled: Scaled) -> dict[str, Any]:
     }
 
 
-def draw_effect(
+def _draw_effect(
     identifier: str,
     shaft: str,
     scene: BenchRun,
@@ -159,7 +159,7 @@ def draw_case(stratum: Stratum, rng: np.random.Generator) -> ConcealedCampaign:
     world = draw_world(rng, stratum.outliers)
     design = draw_design(rng, order=stratum.order, extended=stratum.extended, one_way=stratum.one_way)
     yardstick = Yardstick(BenchRun(design, world))
-    drawn = [draw_effect(*named, yardstick.scene, rng, stratum.pinned) for named in stratum.effects]
+    drawn = [_draw_effect(*named, yardstick.scene, rng, stratum.pinned) for named in stratum.effects]
     effects = tuple(scale_on(yardstick, effect, stratum.size, stratum.basis) for effect in drawn)
     return ConcealedCampaign(f"campaign-{rng.bytes(4).hex()}", stratum, design, world, effects, rng.bytes(16).hex())
 

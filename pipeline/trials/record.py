@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 
-def bench_calibration() -> Calibration:
+def _bench_calibration() -> Calibration:
     """Transducers and encoders of the proving bench."""
     sun, ring = (
         Transducer(NULL_FREQUENCY_HZ, nominal, SPAN_HZ, "concealed") for nominal in (NOMINAL_SUN, NOMINAL_RING)
@@ -30,7 +30,7 @@ def bench_calibration() -> Calibration:
     return Calibration(sun, ring, COUNTS_PER_REV, COUNTS_PER_REV)
 
 
-def record_case(case: ConcealedCampaign, rng: np.random.Generator) -> Iterator[tuple[str, bytes]]:
+def _record_case(case: ConcealedCampaign, rng: np.random.Generator) -> Iterator[tuple[str, bytes]]:
     """Name and content of each recording, in the order in which the points were run.
 
     Parameters
@@ -41,7 +41,7 @@ def record_case(case: ConcealedCampaign, rng: np.random.Generator) -> Iterator[t
         Noise of this run of the campaign; the same state gives the same bytes.
     """
     held, at, noise = hold_points(case, rng), case.design.at, case.world.noise
-    calibration, n = bench_calibration(), round(WINDOW * RATE)
+    calibration, n = _bench_calibration(), round(WINDOW * RATE)
     time = np.arange(n) / RATE
     for i in range(len(at)):
         torque_sun, torque_ring = (
@@ -75,7 +75,7 @@ def record_case(case: ConcealedCampaign, rng: np.random.Generator) -> Iterator[t
 
 def write_case(case: ConcealedCampaign, folder: Path, rng: np.random.Generator) -> None:
     """The recordings, written into a folder that is there already; the truth is not among them."""
-    for name, content in record_case(case, rng):
+    for name, content in _record_case(case, rng):
         (folder / name).write_bytes(content)
 
 

@@ -86,11 +86,6 @@ def strata() -> tuple[Stratum, ...]:
     return (*_clean(), *_one(LIBRARY_FORMS, "one"), *_one(OUTSIDERS, "outside"), *_two(), *_confounded())
 
 
-def find_stratum(name: str) -> Stratum:
-    """The stratum of that name."""
-    return next(stratum for stratum in strata() if stratum.name == name)
-
-
 def form_of(identifier: str) -> EffectForm:
     """The form with that id."""
     return next(form for form in FORMS if form.identifier == identifier)

@@ -195,7 +195,7 @@ def limits_file(path: Path) -> TableFile[LimitsFile]:
     return read_table_file(path, f"a table [{TABLE}]", LimitsFile, RecordingError)
 
 
-def read_limits(path: Path) -> Steadiness:
+def _read_limits(path: Path) -> Steadiness:
     """The limits in a file, as `limits_file` reads it."""
     return limits_file(path).table.windows
 
@@ -204,4 +204,4 @@ def chosen_limits(given: Path | Steadiness | None) -> Steadiness:
     """The limits of a call: those given, or those of a file, or the defaults."""
     if given is None:
         return LIMITS
-    return given if isinstance(given, Steadiness) else read_limits(given)
+    return given if isinstance(given, Steadiness) else _read_limits(given)

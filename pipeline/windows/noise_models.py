@@ -49,7 +49,7 @@ UNSAFE = 0.1
 
 
 @dataclass(frozen=True)
-class NoiseForm:
+class _NoiseForm:
     r"""Noise whose correlation is a sum of exponentials, with or without independent noise beside it.
 
     Parameters
@@ -140,24 +140,24 @@ class Forms:
     unsafe: Mask
 
 
-def kinds() -> tuple[NoiseForm, ...]:
+def _kinds() -> tuple[_NoiseForm, ...]:
     """Kinds of noise that are weighed; those of first order first, by memory."""
     one = np.ones(1, dtype=np.complex128)
-    found = [NoiseForm(one[:0], one[:0], (0.0,), INDEPENDENT, 0.0)]
+    found = [_NoiseForm(one[:0], one[:0], (0.0,), INDEPENDENT, 0.0)]
     memories = np.geomspace(SHORTEST_MEMORY, LONGEST_MEMORY, MEMORIES)
-    found += [NoiseForm(one, one / float(memory), (0.0,), 1.0, float(memory)) for memory in memories]
+    found += [_NoiseForm(one, one / float(memory), (0.0,), 1.0, float(memory)) for memory in memories]
     each = SLOW_WEIGHT / len(SLOW) / len(SLOW_WHITE)
-    found += [NoiseForm(one, one / memory, SLOW_WHITE, each, np.nan) for memory in SLOW]
+    found += [_NoiseForm(one, one / memory, SLOW_WHITE, each, np.nan) for memory in SLOW]
     times = np.geomspace(FINEST, REACH, TIMES).astype(np.complex128)
     for power in POWERS:
         size = times ** (power - 1.0)
-        found.append(NoiseForm(size / size.sum(), 1.0 / times, (0.0,), POWER_WEIGHT / len(POWERS), np.nan))
+        found.append(_NoiseForm(size / size.sum(), 1.0 / times, (0.0,), POWER_WEIGHT / len(POWERS), np.nan))
     each = CYCLES_WEIGHT / len(CYCLES) / len(DAMPING) / len(RING_WHITE)
     for cycles in CYCLES:
         for damping in DAMPING:
             root = np.sqrt(1.0 - damping**2)
             rate = REVOLUTION * cycles * (damping - 1j * root) * one
-            found.append(NoiseForm((1.0 - 1j * damping / root) * one, rate, RING_WHITE, each, np.nan))
+            found.append(_NoiseForm((1.0 - 1j * damping / root) * one, rate, RING_WHITE, each, np.nan))
     return tuple(found)
 
 
@@ -166,7 +166,7 @@ def forms(m: int) -> Forms:
     """All forms for m pieces."""
     lag = np.abs(np.subtract.outer(np.arange(m), np.arange(m)))
     turn, rows = [], []
-    for number, kind in enumerate(kinds()):
+    for number, kind in enumerate(_kinds()):
         own = kind.covariance(m)[lag]
         along, axes = np.linalg.eigh(own)
         turn.append(axes.T)

@@ -61,12 +61,12 @@ def reduce_window(samples: pl.DataFrame, window: Window, rate_hz: float) -> Poin
     return PointMeans(
         n=int(np.count_nonzero(both)),
         duration=length / rate_hz,
-        sun=reduce_shaft(columns["torque_sun"], columns["angle_sun"], rate_hz),
-        ring=reduce_shaft(columns["torque_ring"], columns["angle_ring"], rate_hz),
+        sun=_reduce_shaft(columns["torque_sun"], columns["angle_sun"], rate_hz),
+        ring=_reduce_shaft(columns["torque_ring"], columns["angle_ring"], rate_hz),
     )
 
 
-def reduce_shaft(torque: Array, angle: Array, rate_hz: float) -> ShaftMeans:
+def _reduce_shaft(torque: Array, angle: Array, rate_hz: float) -> ShaftMeans:
     r"""Means of one shaft.
 
     Parameters
@@ -98,14 +98,14 @@ def reduce_shaft(torque: Array, angle: Array, rate_hz: float) -> ShaftMeans:
     """
     known = torque[np.isfinite(torque)]
     speed = end_to_end_speed(angle, rate_hz)
-    step = resolution(known)
+    step = _resolution(known)
     if len(known) < 2 or len(known) < len(torque):
         mean = float(known.mean()) if len(known) else math.nan
         std = float(known.std(ddof=1)) if len(known) > 1 else math.nan
         return ShaftMeans(mean, math.nan, 0, 0, std, math.nan, math.nan, speed, resolution=step)
     turned = WholeRevolutions(torque, whole_revolutions(angle))
     batches = turned.batches()
-    noise = MeanNoise() if _still(torque) else mean_noise(turned, batches, rate_hz)
+    noise = _MeanNoise() if _still(torque) else _mean_noise(turned, batches, rate_hz)
     return ShaftMeans(
         torque=turned.mean(),
         within=noise.within,
@@ -122,7 +122,7 @@ def reduce_shaft(torque: Array, angle: Array, rate_hz: float) -> ShaftMeans:
 
 
 @dataclass(frozen=True)
-class MeanNoise:
+class _MeanNoise:
     """What the mean of a window is uncertain by.
 
     Parameters
@@ -142,27 +142,27 @@ class MeanNoise:
 
 def mean_uncertainty(turned: WholeRevolutions, batches: Batches, rate_hz: float) -> tuple[float, float, str, float]:
     """Standard uncertainty of the mean, its degrees of freedom, where both come from, and the correlation time."""
-    found = mean_noise(turned, batches, rate_hz)
+    found = _mean_noise(turned, batches, rate_hz)
     return found.within, found.dof, found.method, found.correlation_time
 
 
-def mean_noise(turned: WholeRevolutions, batches: Batches, rate_hz: float) -> MeanNoise:
+def _mean_noise(turned: WholeRevolutions, batches: Batches, rate_hz: float) -> _MeanNoise:
     """What the mean of a window is uncertain by, from its batches or from its finer pieces."""
     if len(batches.means) < 2:
-        return MeanNoise()
+        return _MeanNoise()
     within = math.sqrt(float(batches.means.var(ddof=1)) * batches.length / turned.used)
     dof, scatter = float(len(batches.means) - 1), turned.scatter()
     short = within**2 * turned.used / rate_hz / (2.0 * scatter**2) if scatter > 0.0 else math.nan
     pieces = turned.pieces()
     count, found = len(pieces.means), serial_mean(pieces.means)
     if found is None:
-        return MeanNoise(within, dof, BATCH_METHOD, short, bool(short * rate_hz > LONG_MEMORY * len(turned.torque)))
+        return _MeanNoise(within, dof, BATCH_METHOD, short, bool(short * rate_hz > LONG_MEMORY * len(turned.torque)))
     samples = count * pieces.length
     time = short if found.memory * count < RESOLVED else found.memory * samples / rate_hz
     if found.unsafe <= DOUBTED:
-        return MeanNoise(within, dof, BATCH_METHOD, time, found.uneven > FLAGGED)
+        return _MeanNoise(within, dof, BATCH_METHOD, time, found.uneven > FLAGGED)
     u = found.u * math.sqrt(samples / turned.used)
-    return MeanNoise(u, found.dof, MEMORY_METHOD, time, found.uneven > FLAGGED)
+    return _MeanNoise(u, found.dof, MEMORY_METHOD, time, found.uneven > FLAGGED)
 
 
 def _still(torque: Array) -> bool:
@@ -170,7 +170,7 @@ def _still(torque: Array) -> bool:
     return len(torque) > 0 and float(np.ptp(torque)) <= STILL * max(1.0, float(np.max(np.abs(torque))))
 
 
-def resolution(torque: Array) -> float:
+def _resolution(torque: Array) -> float:
     """Step between neighbouring values [N m]: the middle one among those that occur; NaN where none differ."""
     if _still(torque):
         return math.nan

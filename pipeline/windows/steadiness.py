@@ -95,7 +95,7 @@ class WindowEvidence:
     lacking: Collection[str] = ()
 
 
-def too_short(window: WindowEvidence, limits: Steadiness) -> Reason | None:
+def _too_short(window: WindowEvidence, limits: Steadiness) -> Reason | None:
     """Less time than a mean needs, or than the test step announces."""
     seconds = (window.stop - window.first) / window.rate_hz
     meant = window.meant / window.rate_hz
@@ -128,13 +128,13 @@ def _places(found: npt.NDArray[np.int64], window: WindowEvidence) -> str:
     return f"samples {first} to {stop}" if len(found) == 1 else f"{count} samples from {first} to {stop}"
 
 
-def flagged(window: WindowEvidence, _: Steadiness) -> Reason | None:
+def _flagged(window: WindowEvidence, _: Steadiness) -> Reason | None:
     """Blocks that the recorder itself marks as overrun, restarted or saturated."""
     named = _blemished(window, by_recorder=True)
     return Reason("flagged by the recorder", named) if named else None
 
 
-def faulty(window: WindowEvidence, _: Steadiness) -> Reason | None:
+def _faulty(window: WindowEvidence, _: Steadiness) -> Reason | None:
     """Samples in which the reading found a fault: slips of an encoder, held values, the shunt signal."""
     named = _blemished(window, by_recorder=False)
     return Reason("found faulty", named) if named else None
@@ -146,7 +146,7 @@ def _blemished(window: WindowEvidence, *, by_recorder: bool) -> str:
     return ", ".join(sorted({f"{b.code.value} on {b.topic}" for b in marks if (b.code in BY_RECORDER) == by_recorder}))
 
 
-def emergency_stop(window: WindowEvidence, _: Steadiness) -> Reason | None:
+def _emergency_stop(window: WindowEvidence, _: Steadiness) -> Reason | None:
     """Emergency stop pressed at any time in the window."""
     if bool((window.lines & EMERGENCY_STOP).any()):
         place = window.first + int(np.argmax((window.lines & EMERGENCY_STOP) > 0))
@@ -206,14 +206,14 @@ def torque_unsettled(window: WindowEvidence, limits: Steadiness) -> Reason | Non
         if len(means) < FEWEST_MEANS:
             continue
         limit = limits.torque_drift * window.calibration[side].nominal_torque
-        for what, change, error in torque_changes(means):
+        for what, change, error in _torque_changes(means):
             if abs(change) > limit and abs(change) > limits.torque_drift_sigmas * error:
                 detail = f"{side} {what} {change * 1e3:+.1f} mN m, limit {limit * 1e3:.1f} mN m"
                 return Reason("torque not settled", detail)
     return None
 
 
-def torque_out_of_range(window: WindowEvidence, limits: Steadiness) -> Reason | None:
+def _torque_out_of_range(window: WindowEvidence, limits: Steadiness) -> Reason | None:
     """Torque beyond the nominal range, or a frequency outside the rated band; readings there are bounds."""
     for side in SIDES:
         transducer = window.calibration[side]
@@ -234,15 +234,15 @@ def torque_out_of_range(window: WindowEvidence, limits: Steadiness) -> Reason | 
 
 
 CHECKS: tuple[Callable[[WindowEvidence, Steadiness], Reason | None], ...] = (
-    too_short,
+    _too_short,
     gaps,
-    flagged,
-    faulty,
-    emergency_stop,
+    _flagged,
+    _faulty,
+    _emergency_stop,
     speed_unsettled,
     speed_off,
     torque_unsettled,
-    torque_out_of_range,
+    _torque_out_of_range,
 )
 """Every check that a window must meet."""
 
@@ -257,7 +257,7 @@ def _speeds(angle: Array, size: int, rate_hz: float) -> Array:
     return np.asarray((angle[starts + size - 1] - angle[starts]) * rate_hz / (size - 1))
 
 
-def torque_changes(means: Array) -> tuple[tuple[str, float, float], ...]:
+def _torque_changes(means: Array) -> tuple[tuple[str, float, float], ...]:
     r"""What speaks against one level, in words, with its size and standard error [N m].
 
     Parameters

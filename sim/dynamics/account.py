@@ -43,7 +43,7 @@ class Account:
         return (self.inflow - sum(self.stored.values())) / self.turnover if self.turnover else 0.0
 
 
-def names_of_flows(drivetrain: Drivetrain) -> tuple[tuple[str, ...], ...]:
+def _names_of_flows(drivetrain: Drivetrain) -> tuple[tuple[str, ...], ...]:
     """Names of the flows in the order of `integrands`, by group."""
     found = flows(drivetrain, drivetrain.at_rest())
     return tuple(tuple(group) for group in found)
@@ -70,7 +70,7 @@ def settle(drivetrain: Drivetrain, begin: Array, end: Array, sums: Array) -> Acc
     """
     before, after = energies(drivetrain, begin.tolist()), energies(drivetrain, end.tolist())
     stored = {name: float(after[name] - before[name]) for name in after}
-    drawn_names, dissipated_names, created_names = names_of_flows(drivetrain)
+    drawn_names, dissipated_names, created_names = _names_of_flows(drivetrain)
     drawn, dissipated, created = np.split(sums, np.cumsum([len(drawn_names), len(dissipated_names)]))
     supplied = {name: float(value) + stored[WINDINGS[name]] for name, value in zip(drawn_names, drawn, strict=True)}
     return Account(

@@ -61,7 +61,7 @@ def _function(name: str, arguments: str, targets: Sequence[tuple[str, sympy.Expr
     return f"{DECORATOR}def {name}({arguments}):\n" + "\n".join(lines or ["    pass"]) + "\n\n\n"
 
 
-def elimination_order(pattern: set[tuple[int, int]], size: int) -> list[int]:
+def _elimination_order(pattern: set[tuple[int, int]], size: int) -> list[int]:
     """Order of diagonal pivots that creates little fill (Markowitz's count, updated as fill appears)."""
     left, filled, order = set(range(size)), set(pattern), []
     while left:
@@ -77,7 +77,7 @@ def elimination_order(pattern: set[tuple[int, int]], size: int) -> list[int]:
 def _linear(pattern: Sequence[tuple[int, int]], size: int) -> tuple[str, int]:
     """Functions ``factor`` and ``solve`` of d I - J for a pattern of J, without a loop, and how many factors."""
     whole = set(pattern) | {(i, i) for i in range(size)}
-    order = elimination_order(whole, size)
+    order = _elimination_order(whole, size)
     place = {k: at for at, k in enumerate(order)}
     at = {entry: n for n, entry in enumerate(pattern)}
     value: dict[tuple[int, int], str] = {}
@@ -114,7 +114,7 @@ def _linear(pattern: Sequence[tuple[int, int]], size: int) -> tuple[str, int]:
     return text + f"{DECORATOR}def solve(lu, b):\n" + "\n".join(ahead) + "\n\n\n", len(slots)
 
 
-def jacobian_formulas(given: Formulas) -> dict[tuple[int, int], sympy.Expr]:
+def _jacobian_formulas(given: Formulas) -> dict[tuple[int, int], sympy.Expr]:
     """Elements of the Jacobian that are not zero, by row and column."""
     found = {}
     for i, rate in enumerate(given.rates):
@@ -149,7 +149,7 @@ def solver_text(given: Formulas, cache: bool) -> str:
     """
     y, a, p = (tuple(map(str, symbols)) for symbols in (given.state, given.asked, given.parameters))
     size = len(given.state)
-    jacobian = jacobian_formulas(given)
+    jacobian = _jacobian_formulas(given)
     pattern = list(jacobian)
     linear, factors = _linear(pattern, size)
     v = [sympy.Symbol(f"v{k}", real=True) for k in range(len(a))]

@@ -26,7 +26,7 @@ END = "\n# whole\n"
 """Last line of a solver that was written to its end."""
 
 
-def cache_folder() -> Path:
+def _cache_folder() -> Path:
     """Folder of the compiled solvers."""
     named = os.environ.get(SETTING)
     if named:
@@ -63,7 +63,7 @@ def load_solver(structure: str, lasting: bool, make: Callable[[bool], str]) -> M
     if not lasting:
         return _run(make(False), name)
     try:
-        path = cache_folder() / f"{name}.py"
+        path = _cache_folder() / f"{name}.py"
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not _own(path.parent):
             return _run(make(False), name)

@@ -42,7 +42,7 @@ class Course(NamedTuple):
     failed: str
 
 
-def asked_at(rows: Array, time: float) -> SetPoints:
+def _asked_at(rows: Array, time: float) -> SetPoints:
     """What both motors are asked for on a leg at a time."""
     sun, ring = follow(rows[0], time), follow(rows[1], time)
     return SetPoints(sun[0], ring[0], sun[1], ring[1])
@@ -111,7 +111,7 @@ def course(
 
 def _rates(drivetrain: Drivetrain, rows: Array) -> Callable[[float, Array], Array]:
     def rates(time: float, y: Array) -> Array:
-        return np.array(drivetrain.rates(y.tolist(), asked_at(rows, time)))
+        return np.array(drivetrain.rates(y.tolist(), _asked_at(rows, time)))
 
     return rates
 

@@ -37,13 +37,13 @@ _CALLS: dict[str, Callable[..., sympy.Expr]] = {
 
 def _plain(value: Any) -> sympy.Expr:  # noqa: ANN401  (a number of any kind)
     """As a formula; whole and half numbers stay exact, so that powers are products and roots, and ones vanish."""
-    if isinstance(value, Traced):
+    if isinstance(value, _Traced):
         return value.formula
     number = float(value)
     return sympy.Rational(round(2.0 * number), 2) if (2.0 * number).is_integer() else sympy.Float(number, 17)
 
 
-class Traced:
+class _Traced:
     """A number that remembers how it was made; NumPy's functions and the operators work on it."""
 
     __slots__ = ("formula",)
@@ -52,45 +52,45 @@ class Traced:
     def __init__(self, formula: sympy.Expr) -> None:
         self.formula = formula
 
-    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: object, **_: object) -> Traced:
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: object, **_: object) -> _Traced:
         if method != "__call__" or ufunc.__name__ not in _CALLS:
             raise TypeError(f"the equations use numpy.{ufunc.__name__}, which has no formula in {__name__}")
-        return Traced(_CALLS[ufunc.__name__](*(_plain(value) for value in inputs)))
+        return _Traced(_CALLS[ufunc.__name__](*(_plain(value) for value in inputs)))
 
     def __bool__(self) -> bool:
         if self.formula.is_positive:
             return True
         raise TypeError(f"the equations ask whether {self.formula} is zero; make that a flag of the constants")
 
-    def __add__(self, other: object) -> Traced:
-        return Traced(self.formula + _plain(other))
+    def __add__(self, other: object) -> _Traced:
+        return _Traced(self.formula + _plain(other))
 
-    def __radd__(self, other: object) -> Traced:
-        return Traced(_plain(other) + self.formula)
+    def __radd__(self, other: object) -> _Traced:
+        return _Traced(_plain(other) + self.formula)
 
-    def __sub__(self, other: object) -> Traced:
-        return Traced(self.formula - _plain(other))
+    def __sub__(self, other: object) -> _Traced:
+        return _Traced(self.formula - _plain(other))
 
-    def __rsub__(self, other: object) -> Traced:
-        return Traced(_plain(other) - self.formula)
+    def __rsub__(self, other: object) -> _Traced:
+        return _Traced(_plain(other) - self.formula)
 
-    def __mul__(self, other: object) -> Traced:
-        return Traced(self.formula * _plain(other))
+    def __mul__(self, other: object) -> _Traced:
+        return _Traced(self.formula * _plain(other))
 
-    def __rmul__(self, other: object) -> Traced:
-        return Traced(_plain(other) * self.formula)
+    def __rmul__(self, other: object) -> _Traced:
+        return _Traced(_plain(other) * self.formula)
 
-    def __truediv__(self, other: object) -> Traced:
-        return Traced(self.formula / _plain(other))
+    def __truediv__(self, other: object) -> _Traced:
+        return _Traced(self.formula / _plain(other))
 
-    def __rtruediv__(self, other: object) -> Traced:
-        return Traced(_plain(other) / self.formula)
+    def __rtruediv__(self, other: object) -> _Traced:
+        return _Traced(_plain(other) / self.formula)
 
-    def __pow__(self, other: object) -> Traced:
-        return Traced(self.formula ** _plain(other))
+    def __pow__(self, other: object) -> _Traced:
+        return _Traced(self.formula ** _plain(other))
 
-    def __neg__(self) -> Traced:
-        return Traced(-self.formula)
+    def __neg__(self) -> _Traced:
+        return _Traced(-self.formula)
 
 
 @dataclass(frozen=True)
@@ -118,9 +118,9 @@ def formulas(drivetrain: Drivetrain) -> Formulas:
     """Formulas of the equations of motion and of the powers, by running them on symbols."""
     parameters: list[sympy.Symbol] = []
 
-    def symbol(_: float) -> Traced:
+    def symbol(_: float) -> _Traced:
         parameters.append(sympy.Symbol(f"p{len(parameters)}", positive=True))
-        return Traced(parameters[-1])
+        return _Traced(parameters[-1])
 
     def ignore(_: str) -> None:
         return None
@@ -134,7 +134,7 @@ def formulas(drivetrain: Drivetrain) -> Formulas:
     )
     state = tuple(sympy.Symbol(f"y{i}", real=True) for i in range(len(STATES)))
     asked = tuple(sympy.Symbol(f"a{i}", real=True) for i in range(len(SetPoints._fields)))
-    on = [Traced(y) for y in state]
-    rates = traced.rates(on, SetPoints(*(Traced(a) for a in asked)))
+    on = [_Traced(y) for y in state]
+    rates = traced.rates(on, SetPoints(*(_Traced(a) for a in asked)))
     sums = integrand_parts(traced, on)
     return Formulas(state, asked, tuple(parameters), tuple(map(_plain, rates)), tuple(_plain(value) for value in sums))

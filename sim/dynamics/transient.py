@@ -59,6 +59,9 @@ LOCKED = 2.0
 """Rate of the electrical phase below which the gear counts as locked [rad/s]."""
 
 
+__all__ = ["OnSlip", "Solver", "Task", "transient", "transients"]
+
+
 class OnSlip(StrEnum):
     """What to do when a pole slips."""
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Number
 
 
-def breakdown(strength: Number, slip: Number) -> Number:
+def _breakdown(strength: Number, slip: Number) -> Number:
     """Torque of an eddy-current coupling at a slip in units of the critical one (Kloss's equation)."""
     return strength * 2.0 * slip / (1.0 + slip * slip)
 
@@ -57,7 +57,7 @@ class CouplingLeftInNeutral(RotorLaw):
         strengths, critical = self.coupling()
         sun, ring = 0.0 * speed_sun, 0.0 * speed_ring
         for (p_s, p_r), strength in zip(self.pole_pairs, strengths, strict=False):
-            pull = breakdown(strength, (p_s * speed_sun + p_r * speed_ring) / critical)
+            pull = _breakdown(strength, (p_s * speed_sun + p_r * speed_ring) / critical)
             sun, ring = sun - p_s * pull, ring - p_r * pull
         return Torques(sun, ring)
 

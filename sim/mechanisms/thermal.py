@@ -24,7 +24,7 @@ STOPPED = 120.0
 """Time between two recordings beyond which it is a pause, in which the motors may stand still [s]."""
 
 
-def temperature_rise(
+def _temperature_rise(
     at: OperatingPoints,
     heat: Array,
     time_constant: float,
@@ -151,8 +151,8 @@ class WarmingInTwoSteps(WarmingBearings):
             if resistance == race == start == 0.0:
                 found.append(np.zeros(len(at)))
                 continue
-            rise = temperature_rise(at, resistance * power, self.time_constant, start, self.dwell, self.idle)
-            fast = temperature_rise(at, race * power, self.race_time, 0.0, self.dwell, self.idle)
+            rise = _temperature_rise(at, resistance * power, self.time_constant, start, self.dwell, self.idle)
+            fast = _temperature_rise(at, race * power, self.race_time, 0.0, self.dwell, self.idle)
             found.append(rise + fast + self.room * elapsed)
         return PerShaft(*found)
 
@@ -222,7 +222,7 @@ class LubricantViscosity(WarmingBearings):
 
         def rise(side: str) -> Array:
             heat = resistance[side] * power[side]
-            return temperature_rise(at, heat, self.time_constant, start[side], self.dwell, self.idle)
+            return _temperature_rise(at, heat, self.time_constant, start[side], self.dwell, self.idle)
 
         return per_shaft(rise)
 
@@ -273,7 +273,7 @@ class MagnetTemperature(Mechanism):
             np.where(at.engaged, self.b * np.abs(speed) + self.c * speed**2, 0.0)
             for speed in (at.speed_sun, at.speed_ring)
         ]
-        return temperature_rise(at, self.resistance * (loss[0] + loss[1]), self.time_constant, self.start)
+        return _temperature_rise(at, self.resistance * (loss[0] + loss[1]), self.time_constant, self.start)
 
     def torque(self, at: OperatingPoints) -> Torques:
         """What warming takes off the magnetic drag."""

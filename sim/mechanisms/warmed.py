@@ -32,7 +32,7 @@ MAGNET_COEFFICIENT = 1.2e-3
 """Relative fall of the remanence of sintered NdFeB per kelvin [1/K]; losses and torque follow its square."""
 
 
-def relief(rise: Number) -> Number:
+def _relief(rise: Number) -> Number:
     """Relative change of viscous drag at a rise above ambient [K]; negative when warm."""
     return np.expm1(-LUBRICANT_COEFFICIENT * rise)
 
@@ -120,13 +120,13 @@ class WarmingBearings(Mechanism):
     def torque(self, at: OperatingPoints) -> Torques:
         """What warming takes off the drag."""
         part = np.where(at.neutral, 1.0, np.where(at.engaged, self.correction, 0.0))
-        sun, ring = (relief(rise) * part for rise in self.rises(at))
+        sun, ring = (_relief(rise) * part for rise in self.rises(at))
         return self._held(sun, ring).law(at.speed_sun, at.speed_ring)
 
     def in_motion(self, configuration: Configuration, warmth: Warmth) -> WarmBearings | None:
         """The law at a warmth that stays over the run."""
         part = 1.0 if configuration is Configuration.NEUTRAL else self.correction
-        return self._held(*(float(relief(rise)) * part for rise in (warmth.sun, warmth.ring)))
+        return self._held(*(float(_relief(rise)) * part for rise in (warmth.sun, warmth.ring)))
 
     def _held(self, part_sun: Number, part_ring: Number) -> WarmBearings:
         return WarmBearings(self.curve_sun, self.curve_ring, part_sun, part_ring)

@@ -57,7 +57,7 @@ class ForwardSpeeds:
         return np.asarray(self.balances > 1)
 
 
-def locked(gearbox: Gearbox, at: OperatingPoints, speed_sun: Array) -> OperatingPoints:
+def _locked(gearbox: Gearbox, at: OperatingPoints, speed_sun: Array) -> OperatingPoints:
     """The points at other sun speeds [rad/s], the ring following through the gear, carrier at rest."""
     turning = speed_sun != 0.0
     return replace(
@@ -65,7 +65,7 @@ def locked(gearbox: Gearbox, at: OperatingPoints, speed_sun: Array) -> Operating
     )
 
 
-def balancing_torque(gearbox: Gearbox, at: OperatingPoints) -> Array:
+def _balancing_torque(gearbox: Gearbox, at: OperatingPoints) -> Array:
     """Sun torque that holds each engaged point at its speed [N m]; the balance of `pmg.sim.steady.solve.steady`."""
     drag = gearbox.torque(at)
     return np.asarray((at.torque_ring + drag.ring) / gearbox.ratio(at) - drag.sun)
@@ -73,17 +73,6 @@ def balancing_torque(gearbox: Gearbox, at: OperatingPoints) -> Array:
 
 def _pairs(n: int, copies: int) -> npt.NDArray[np.int64]:
     return np.tile(np.arange(n), copies)
-
-
-def torque_slope(gearbox: Gearbox, at: OperatingPoints) -> Array:
-    """Slope of the balancing sun torque with the sun's speed in the locked gear [N m s/rad].
-
-    Central differences that do not step across rest, where friction changes sides.
-    """
-    n, step = len(at), _STEP * np.maximum(np.abs(at.speed_sun), _CREEP)
-    both = locked(gearbox, at[_pairs(n, 2)], np.concatenate([at.speed_sun - step, at.speed_sun + step]))
-    torque = balancing_torque(gearbox, both)
-    return np.asarray((torque[n:] - torque[:n]) / (2.0 * step))
 
 
 def forward(
@@ -134,7 +123,7 @@ def forward(
     way = np.where(net < 0.0, -1.0, 1.0)
     speeds = np.concatenate([[_CREEP], speed_limit * (np.arange(1, _SCAN + 1) / _SCAN) ** 1.5])
     tiled = at[_pairs(n, len(speeds))]
-    torque = balancing_torque(gearbox, locked(gearbox, tiled, np.multiply.outer(speeds, way).ravel()))
+    torque = _balancing_torque(gearbox, _locked(gearbox, tiled, np.multiply.outer(speeds, way).ravel()))
     excess = way * (torque.reshape(len(speeds), n) - given)
     _refuse_stall(at, net, excess, speed_limit)
     over = excess >= 0.0
@@ -146,13 +135,13 @@ def forward(
     def missing(magnitude: Array) -> tuple[Array, Array]:
         step = _STEP * magnitude
         speed = np.concatenate([way * magnitude, way * (magnitude - step), way * (magnitude + step)])
-        here, left, right = balancing_torque(gearbox, locked(gearbox, thrice, speed)).reshape(3, n)
+        here, left, right = _balancing_torque(gearbox, _locked(gearbox, thrice, speed)).reshape(3, n)
         return way * (here - given), way * (right - left) / (2.0 * step)
 
     secant = low - below * (high - low) / (above - below)
     rounding = 0.5 * ROUNDING * (np.abs(given) + np.abs(at.torque_ring))
     magnitude, slope = rising_root(missing, low, high, secant, rounding)
-    points = locked(gearbox, at, way * magnitude)
+    points = _locked(gearbox, at, way * magnitude)
     _refuse_slip(gearbox, points, maps or {})
     return ForwardSpeeds(points, slope, np.count_nonzero(over[1:] != over[:-1], axis=0))
 

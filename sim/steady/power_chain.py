@@ -65,7 +65,7 @@ class PowerChain:
         )
 
 
-def motor_electric_power(torque: Array, speed: Array, motor: MotorParameters, convention: MotorConvention) -> Array:
+def _motor_electric_power(torque: Array, speed: Array, motor: MotorParameters, convention: MotorConvention) -> Array:
     r"""Electric power that a motor draws at steady speed [W]; negative when it gives power back.
 
     Notes
@@ -122,8 +122,8 @@ def power_chain(
         else:
             loss["gear"] += on_sun + on_ring
     power_sun, power_ring = grid.torque_sun * at.speed_sun, grid.torque_ring * at.speed_ring
-    electric_sun = motor_electric_power(grid.torque_sun, at.speed_sun, bench.motor, convention)
-    electric_ring = motor_electric_power(grid.torque_ring, at.speed_ring, bench.motor, convention)
+    electric_sun = _motor_electric_power(grid.torque_sun, at.speed_sun, bench.motor, convention)
+    electric_ring = _motor_electric_power(grid.torque_ring, at.speed_ring, bench.motor, convention)
     reverse = np.asarray(at.drive == "ring")
     mechanical_in = np.where(reverse, power_ring, power_sun)
     mechanical_out = -np.where(reverse, power_sun, power_ring)

@@ -23,11 +23,11 @@ from pmg.pipeline.diagnosis.grid.decide import diagnose
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.trials.nature import draw_case, measure_case
-from pmg.pipeline.trials.strata import find_stratum
 from pmg.sim.bench import load_bench
 from pmg.sim.mechanisms import CANDIDATES
 from tests.bench.case import timed
 from tests.bench.speed import report
+from tests.trials.strata_by_name import find_stratum
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 
 from pmg.sim.dynamics.jacobian import dense
 from pmg.sim.dynamics.kernel import kernel_of
-from pmg.sim.dynamics.radau import asked_at
+from pmg.sim.dynamics.radau import _asked_at
 from pmg.sim.dynamics.segments import make_legs
 from pmg.sim.dynamics.state import STATES, SetPoints
 from pmg.sim.dynamics.transient import SCALES, Solver, Task, transient
@@ -62,10 +62,10 @@ def scipy_solver(times: Array, method: Literal["Radau", "LSODA"], machine_code: 
 
     def right_hand_side(rows: Array) -> Callable[[float, Array], Array]:
         def plain(t: float, y: Array) -> Array:
-            return np.array(train.rates(y.tolist(), asked_at(rows, t)))
+            return np.array(train.rates(y.tolist(), _asked_at(rows, t)))
 
         def fast(t: float, y: Array) -> Array:
-            return kernel.rates(y, np.array(asked_at(rows, t)))
+            return kernel.rates(y, np.array(_asked_at(rows, t)))
 
         return fast if machine_code else plain
 
@@ -177,7 +177,7 @@ def pathsim_block(times: Array) -> Peer:
     legs = make_legs(*programmes(POINT), 1e3)
 
     def rates(y: Array, _: object, t: float) -> Array:
-        return kernel.rates(np.asarray(y), np.array(asked_at(legs.rows[0 if t < RAMP else 1], t)))
+        return kernel.rates(np.asarray(y), np.array(_asked_at(legs.rows[0 if t < RAMP else 1], t)))
 
     def jacobian(y: Array, _: object, __: float) -> Array:
         return kernel.jacobian(np.asarray(y))

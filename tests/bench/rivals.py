@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.trials.score.case_list import CAMPAIGNS, SEED, draw_lots
-from pmg.pipeline.trials.score.stage import code_digest
+from pmg.pipeline.trials.score.stage import _code_digest
 from pmg.sim.errors import BenchError, PmgError
 from tests.bench.bout import Answer, Reply, enter
 from tests.bench.contestants import contestants
@@ -66,7 +66,7 @@ def chosen(campaigns: int, seed: int, clean: int | None, concealed: int | None) 
 
 def state() -> str:
     """SHA-256 over all that the answers depend on; answers of another state are made anew."""
-    digest = hashlib.sha256(code_digest().encode())
+    digest = hashlib.sha256(_code_digest().encode())
     for name in SOURCES:
         digest.update((Path(__file__).parent / name).read_bytes())
     return digest.hexdigest()

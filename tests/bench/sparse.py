@@ -13,7 +13,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.engine.withheld import FOLDS
 from pmg.pipeline.diagnosis.grid.candidates import candidates
-from pmg.pipeline.diagnosis.grid.fitting import signature
+from pmg.pipeline.diagnosis.grid.fitting import _signature
 from tests.bench.bout import TOUCHED, Answer, Reply
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def physical_library(bout: Bout, *, beside: bool = False) -> Library:
         if candidate.shaft == "both" and candidate.kind.both_at_once:
             continue
         shape = np.array([parameter.typical for parameter in candidate.parameters[len(candidate.sizes) :]])
-        found = signature(bout.stage, candidate, shape)
+        found = _signature(bout.stage, candidate, shape)
         columns.append(found / bout.scale[:, None])
         owners += [(candidate.identifier, candidate.shaft)] * found.shape[1]
     theta, names = _unit(np.hstack(columns), owners)

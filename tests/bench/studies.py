@@ -19,7 +19,6 @@ from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import THESIS_OPTIONS, AnalysisOptions
 from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.trials.nature import draw_case, measure_case
-from pmg.pipeline.trials.strata import find_stratum
 from pmg.sim.bench import load_bench
 from pmg.sim.lossmodel import LossModel
 from pmg.sim.signals import EFFICIENCY_TOTAL
@@ -28,6 +27,7 @@ from pmg.sim.steady.solve import steady
 from tests.bench.case import PUBLISHED
 from tests.bench.coverage import uncertainty_coverage
 from tests.bench.speed import report
+from tests.trials.strata_by_name import find_stratum
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -31,7 +31,7 @@ from pmg.pipeline.recording.channels import SPECS, check_channel
 from pmg.pipeline.recording.container.contents import open_container
 from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.layouts.convert_topics import convert_topics
-from pmg.pipeline.recording.layouts.wire import sample_block, scalar
+from pmg.pipeline.recording.layouts.wire import _double, fields, sample_block
 from pmg.pipeline.recording.read import read_recording
 from tests.bench.recorded import Column, counted, record
 from tests.recording.foreign import single
@@ -131,7 +131,7 @@ SINGLE_PART = 20
 
 DECODED: Mapping[str, Callable[[bytes], Any]] = {
     "pmg.v1.SampleBlock": lambda data: sample_block(data).values,
-    "pmg.v1.Scalar": lambda data: [scalar(data).value],
+    "pmg.v1.Scalar": lambda data: [_double(*each) for each in fields(data) if each[0] == 3],
     "bench_msgs/msg/Reading": lambda data: [LAST_DOUBLE.unpack_from(data, len(data) - LAST_DOUBLE.size)[0]],
     "bench.Reading": lambda data: [json.loads(data)["value"]],
 }

@@ -12,7 +12,7 @@ from scipy import stats
 
 from pmg.pipeline.recording.means import MEMORY_METHOD
 from pmg.pipeline.trials.score.rates import count
-from pmg.pipeline.windows.reduce import reduce_shaft
+from pmg.pipeline.windows.reduce import _reduce_shaft
 from pmg.pipeline.windows.revolutions import batch_means
 from pmg.sim.signals import REVOLUTION, RPM
 from tests.bench.colours import COLOURS, SPAN, Colour, first_order
@@ -42,7 +42,7 @@ class Tally:
     Parameters
     ----------
     held, batches, naive : (n,) array of bool
-        The truth in the interval of `reduce_shaft`, of batches alone about the mean of all samples, and of
+        The truth in the interval of `_reduce_shaft`, of batches alone about the mean of all samples, and of
         s over root n.
     flagged, remembered : (n,) array of bool
         Window flagged; uncertainty taken from the memory of the noise.
@@ -84,7 +84,7 @@ def tally(memory: float | Colour, runs: int, rate: float = RATE, seed: int = SEE
     told = memory.name if isinstance(memory, Colour) else f"correlation time {memory * 1e3:g} ms"
     for run in range(runs):
         torque, angle = window(memory, np.random.default_rng([seed, *own, run]), rate)
-        found, plain = reduce_shaft(torque, angle, rate), batch_means(torque, angle)
+        found, plain = _reduce_shaft(torque, angle, rate), batch_means(torque, angle)
         mean, n = float(torque.mean()), len(torque)
         u_batch = math.sqrt(float(plain.means.var(ddof=1)) * plain.length / n)
         reach = [float(stats.t.ppf(0.5 + LEVEL / 2.0, dof)) for dof in (found.dof, len(plain.means) - 1)]

@@ -14,8 +14,8 @@ from pmg.pipeline.campaign_comparison.difference import Versus, subtract
 from pmg.pipeline.campaign_comparison.family import LinearEstimate
 from pmg.pipeline.campaign_comparison.matching import Reach
 from pmg.pipeline.campaign_comparison.side import CampaignSide
-from pmg.pipeline.campaign_comparison.statement import alike, clearest, statement
-from pmg.pipeline.campaign_comparison.verdict import SIGNIFICANCE, judge, ready_family
+from pmg.pipeline.campaign_comparison.statement import _clearest, alike, statement
+from pmg.pipeline.campaign_comparison.verdict import SIGNIFICANCE, _ready_family, judge
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.store.manifest import Manifest
 from pmg.sim.errors import GridError
@@ -78,7 +78,7 @@ def test_a_loss_of_sensitivity_is_followed_against_torque(rng: np.random.Generat
     judged = judge(versus, rng, 499)
     assert judged is not None
     engaged = next(group for group in judged.groups if group.configuration == "engaged")
-    assert clearest(judged).shaft == "sun"
+    assert _clearest(judged).shaft == "sun"
     best = alike(engaged)[0]
     assert best.covariate.words.startswith("torque of the shaft")
     assert best.slope.value == pytest.approx(0.02, abs=3.0 * best.slope.u)
@@ -92,9 +92,9 @@ def test_the_group_called_clearest_is_so_by_what_is_told_of_it(rng: np.random.Ge
     sharp = LinearEstimate(1e-3, 1e-6, 0.0, 0.0)
     followed = tuple(replace(one, share=0.1, slope=sharp) for one in shifted.followed)
     none = replace(shifted, mean=LinearEstimate(0.0, 1e-3, 0.0, 1.0), followed=followed, p_value=0.0)
-    assert clearest(replace(judged, groups=(none, shifted))) is shifted
+    assert _clearest(replace(judged, groups=(none, shifted))) is shifted
     weak = replace(shifted, mean=LinearEstimate(1e-3, 1e-3, 0.0, 0.3), followed=(), p_value=0.2)
-    assert clearest(replace(judged, groups=(weak, none))) is none
+    assert _clearest(replace(judged, groups=(weak, none))) is none
 
 
 def test_recordings_that_are_in_both_campaigns_are_told() -> None:
@@ -129,7 +129,7 @@ def test_of_pairs_that_differ_by_nothing_five_percent_are_said_to(serial: str, r
     causes = sides[0].analysis.causes
     assert causes is not None
     errors = len(causes.transducers)
-    ready = ready_family(subtract(sides[0], sides[1], REACH))
+    ready = _ready_family(subtract(sides[0], sides[1], REACH))
     assert ready is not None
     family = ready[0]
     null = family.smallest(family.drawn(999, rng))
@@ -139,7 +139,7 @@ def test_of_pairs_that_differ_by_nothing_five_percent_are_said_to(serial: str, r
         z[1] = z[0] if serial == "one" else z[1]
         a, b = (drawn(*each, rng) for each in zip(sides, truths, z, strict=True))
         versus = subtract(a, b, REACH)
-        again = ready_family(versus)
+        again = _ready_family(versus)
         assert again is not None
         seen = float(family.smallest(again[1][:, None])[0])
         found += bool((1 + np.count_nonzero(null <= seen)) / 1000 <= SIGNIFICANCE)

@@ -16,12 +16,12 @@ from pmg.pipeline.analysis.outputs import write_analysis
 from pmg.pipeline.campaign_comparison.constants import constant_differences, curve_differences
 from pmg.pipeline.campaign_comparison.difference import subtract
 from pmg.pipeline.campaign_comparison.matching import Reach
-from pmg.pipeline.campaign_comparison.side import TransducerIdentity, transducers_of
+from pmg.pipeline.campaign_comparison.side import TransducerIdentity, _transducers_of
 from pmg.pipeline.campaign_comparison.verdict import judge
 from pmg.pipeline.chapters.campaigns.page import versus_report
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.analyse import run_analyse
-from pmg.pipeline.commands.report import findings
+from pmg.pipeline.commands.report import _findings
 from pmg.pipeline.fit.options import THESIS_OPTIONS
 from pmg.pipeline.recording.calibration import Calibration, Transducer
 from pmg.pipeline.store.manifest import Manifest
@@ -82,7 +82,7 @@ def test_a_campaign_without_zero_checks_is_told() -> None:
     checked = replace(without, analysis=replace(without.analysis, grid=replace(without.grid, points=first)))
     versus = subtract(without, without, Reach())
     for a, b, count in ((without, without, 2), (checked, without, 1), (checked, checked, 0)):
-        told = [finding.message for finding in findings(replace(versus, a=a, b=b))]
+        told = [finding.message for finding in _findings(replace(versus, a=a, b=b))]
         assert sum("no zero check" in message for message in told) == count
 
 
@@ -142,9 +142,9 @@ def test_a_transducer_is_known_only_where_every_recording_names_the_same() -> No
         of = Transducer(10_000.0, nominal, 5000.0, serial)
         return Manifest("x", calibration=Calibration(of, replace(of, serial="r"), 5120, 5120))
 
-    found = transducers_of([recording("s"), recording("s")])
+    found = _transducers_of([recording("s"), recording("s")])
     assert found == {"sun": TransducerIdentity("s", 5.0, 5000.0), "ring": TransducerIdentity("r", 5.0, 5000.0)}
-    assert transducers_of([recording("s"), recording("t")])["sun"] is None
-    assert transducers_of([recording("s"), recording("s", 10.0)])["sun"] is None
-    assert transducers_of([recording("")])["sun"] is None
-    assert transducers_of([]) == {"sun": None, "ring": None}
+    assert _transducers_of([recording("s"), recording("t")])["sun"] is None
+    assert _transducers_of([recording("s"), recording("s", 10.0)])["sun"] is None
+    assert _transducers_of([recording("")])["sun"] is None
+    assert _transducers_of([]) == {"sun": None, "ring": None}

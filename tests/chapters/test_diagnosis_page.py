@@ -13,6 +13,7 @@ import jsonschema
 import numpy as np
 import pytest
 from tests.report.example import report
+from tests.trials.strata_by_name import find_stratum
 
 from pmg.pipeline.chapters.explained.verdict import diagnosis_section
 from pmg.pipeline.chapters.measured.neutral import neutral_section
@@ -26,7 +27,6 @@ from pmg.pipeline.model.compared_campaign import ComparedCampaign
 from pmg.pipeline.report.document import Chart, Figure, Measured, Section, Table
 from pmg.pipeline.report.summary import summary
 from pmg.pipeline.trials.nature import draw_case, measure_case
-from pmg.pipeline.trials.strata import find_stratum
 from pmg.sim.bench import load_bench
 from pmg.sim.mechanisms.warmed import WarmingBearings
 

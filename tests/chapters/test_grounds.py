@@ -16,7 +16,7 @@ from pmg.pipeline.diagnosis.engine.decoys import Decoys
 from pmg.pipeline.diagnosis.engine.held_out import HeldOut
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
-from pmg.pipeline.diagnosis.grid.document import set_points
+from pmg.pipeline.diagnosis.grid.document import _set_points
 from pmg.pipeline.fit.calibration import CONSTANTS
 from pmg.pipeline.fit.noise import GROWTHS, NO_CORRELATION, Growth, NoiseFloor, ShaftNoise
 from pmg.pipeline.report.document import Facts, Measured, Table
@@ -106,7 +106,7 @@ def test_the_points_of_a_lifting_test_are_all_listed_in_order() -> None:
         test = NextTest(plan, ("torque_zero_drift",), 0.7)
         *_, tests, points = next_test_items(diagnosis(lifting=test))
         assert tests.rows[0][0] == plan.description
-        assert len(points.rows) == len(plan.points) == len(set_points(plan.points))
+        assert len(points.rows) == len(plan.points) == len(_set_points(plan.points))
         minutes = [float(cast("float", row[0])) for row in points.rows]
         assert minutes[0] == 0.0
         assert minutes == sorted(minutes)

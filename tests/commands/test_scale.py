@@ -17,7 +17,7 @@ from tests.bench.throughput import LAYOUTS, RATE_HZ, by_blocks, by_official, by_
 from tests.conftest import FILES
 from tests.recording.writer import CALIBRATION, RUN, Bench, write
 
-from pmg.pipeline.commands.ingest_files import Job, _ingest_one, ingest, supersede
+from pmg.pipeline.commands.ingest_files import _ingest_one, _Job, _supersede, ingest
 from pmg.pipeline.files.atomic import ABANDONED, PREFIX, abandoned, write_atomic
 from pmg.pipeline.files.parallel import map_over
 from pmg.pipeline.recording.codes import Code, Severity
@@ -144,10 +144,10 @@ def test_the_same_bytes_ingested_under_two_names_at_once_count_once(tmp_path: Pa
     store.prepare()
     sources = [take_inventory(folder).sources[0] for folder in (one, other)]
     for source in sources:
-        _ingest_one(Job(source, store.path))
+        _ingest_one(_Job(source, store.path))
     assert len(store.manifests()) == 2
     for source in reversed(sources):
-        supersede(store, (source,))
+        _supersede(store, (source,))
     assert [m.file for m in store.manifests()] == ["a.mcap"]
     assert len(list((store.path / "runs").iterdir())) == 1
 
@@ -156,7 +156,7 @@ def test_a_file_that_changes_after_it_was_listed_is_not_kept_under_its_old_hash(
     write(tmp_path / "a.mcap", Bench())
     store = Store(tmp_path / "s")
     store.prepare()
-    assert _ingest_one(Job(StoredSource(tmp_path / "a.mcap", "a.mcap", "0" * 64), store.path)) == FAILED
+    assert _ingest_one(_Job(StoredSource(tmp_path / "a.mcap", "a.mcap", "0" * 64), store.path)) == FAILED
     (manifest,) = store.manifests()
     (finding,) = manifest.document()["findings"]
     assert (finding["code"], finding["severity"]) == (Code.UNREADABLE, Severity.ERROR)
@@ -165,7 +165,7 @@ def test_a_file_that_changes_after_it_was_listed_is_not_kept_under_its_old_hash(
 
 def test_a_worker_that_does_not_see_the_store_makes_none_of_its_own(tmp_path: Path) -> None:
     write(tmp_path / "a.mcap", Bench())
-    job = Job(take_inventory(tmp_path).sources[0], tmp_path / "elsewhere")
+    job = _Job(take_inventory(tmp_path).sources[0], tmp_path / "elsewhere")
     with pytest.raises(StoreError, match="one folder that all of them share"):
         _ingest_one(job)
     assert not job.store.exists()

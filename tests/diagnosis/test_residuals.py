@@ -21,7 +21,7 @@ from pmg.pipeline.diagnosis.residuals.fitted import FITS, lack_of_fit, linear_fi
 from pmg.pipeline.diagnosis.residuals.search import Followed, ResidualStudy, study_residuals
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.options import AnalysisOptions
-from pmg.pipeline.fit.rounding import rounded_moments, unrounded
+from pmg.pipeline.fit.rounding import _rounded_moments, unrounded
 from pmg.sim.bench import BenchParameters, load_bench
 from pmg.sim.errors import PmgError
 from pmg.sim.grid import Grid, OperatingPoints
@@ -145,7 +145,7 @@ def test_fits_that_do_not_apply_are_left_out(rng: np.random.Generator, bench: Be
 def test_moments_of_rounded_torques_are_those_of_many_draws(torque: float, wander: float, seed: int) -> None:
     drawn = np.random.default_rng(seed).normal(torque, wander, 40000)
     off = np.round(drawn / 0.01) * 0.01 - torque
-    bias, variance = rounded_moments(np.array([torque]), wander, 0.01)
+    bias, variance = _rounded_moments(np.array([torque]), wander, 0.01)
     u = np.sqrt(variance[0] / len(off)) + 1e-12
     assert abs(off.mean() - bias[0]) < 6.0 * u + 1e-6
     fourth = np.mean((off - off.mean()) ** 4)

@@ -17,7 +17,7 @@ from pmg.pipeline.diagnosis.form.grammar import Form, forms, text_of
 from pmg.pipeline.diagnosis.form.problem import Problem, placebo_errors, withheld_errors
 from pmg.pipeline.diagnosis.form.search import View, make_library
 from pmg.pipeline.diagnosis.form.shape import LABEL, Shape
-from pmg.pipeline.diagnosis.form.symbolic import hold_up
+from pmg.pipeline.diagnosis.form.symbolic import _hold_up
 from pmg.pipeline.diagnosis.grid.withheld import STRUCTURE_FOLDS
 from pmg.pipeline.fit.whitening import Whitener
 from pmg.sim.signals import Array
@@ -82,7 +82,7 @@ def test_a_planted_form_is_found_and_predicts_what_it_has_not_seen(name: str, rn
     effect, truth = PLANTED[name]
     known = covariates(rng)
     planted = effect(*(c.values for c in known))
-    shape = hold_up(problem(planted, known, rng), rng)
+    shape = _hold_up(problem(planted, known, rng), rng)
     assert shape is not None
     assert {c.name for c in shape.covariates} == truth
     assert shape.label == LABEL
@@ -102,7 +102,7 @@ def test_constants_of_a_planted_form_lie_within_their_errors(rng: np.random.Gene
     for _ in range(5):
         known = covariates(rng, 100)[2:]
         planted = 5e-3 * np.sin(2.0 * np.pi * known[0].values / 530.0)
-        shape = hold_up(problem(planted, known, rng), rng)
+        shape = _hold_up(problem(planted, known, rng), rng)
         assert shape is not None
         assert "cos(2π·t/P1)" in shape.text
         a, b, period = shape.constants
@@ -118,7 +118,7 @@ def test_noise_has_no_form(rng: np.random.Generator) -> None:
     found = 0
     for _ in range(40):
         known = covariates(rng, 80)[:2]
-        found += hold_up(problem(np.zeros(80), known, rng), rng) is not None
+        found += _hold_up(problem(np.zeros(80), known, rng), rng) is not None
     assert found <= 2
 
 
@@ -127,7 +127,7 @@ def test_what_follows_no_covariate_has_no_form(rng: np.random.Generator) -> None
     found = 0
     for _ in range(8):
         known = covariates(rng, 80)[:2]
-        found += hold_up(problem(4.0 * NOISE * rng.standard_normal(80), known, rng), rng) is not None
+        found += _hold_up(problem(4.0 * NOISE * rng.standard_normal(80), known, rng), rng) is not None
     assert found <= 1
 
 
@@ -137,11 +137,11 @@ def test_a_form_that_smooth_columns_beat_by_far_is_not_told(rng: np.random.Gener
     scaled = 2.0 * (np.sqrt(known[0].values) - 4.0) / 10.0 - 1.0
     planted = np.polynomial.legendre.legvander(scaled, 6)[:, 3:] @ np.array([4e-3, -6e-3, 5e-3, -6e-3])
     given_ = problem(planted, known, rng, smooth=6)
-    shape = hold_up(given_, np.random.default_rng(1))
+    shape = _hold_up(given_, np.random.default_rng(1))
     if shape is not None:
         gained = shape.held_out.rmse_before**2 - shape.held_out.rmse_after**2
         assert gained >= 0.5 * (shape.held_out.rmse_before**2 - shape.rmse_smooth**2)
-    unsmooth = hold_up(replace(given_, smooth=given_.smooth[:, :0]), np.random.default_rng(1))
+    unsmooth = _hold_up(replace(given_, smooth=given_.smooth[:, :0]), np.random.default_rng(1))
     assert unsmooth is not None
     assert np.isnan(unsmooth.rmse_smooth)
 
@@ -160,7 +160,7 @@ def test_the_same_readings_give_the_same_form(rng: np.random.Generator) -> None:
     known = covariates(rng)
     known = known[:2]
     posed = problem(1e-4 * known[0].values * known[1].values, known, rng)
-    first, again = (hold_up(posed, np.random.default_rng(3)) for _ in range(2))
+    first, again = (_hold_up(posed, np.random.default_rng(3)) for _ in range(2))
     assert first is not None
     assert again is not None
     assert first.formula == again.formula

@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 from tests.points import measured, points
 
-from pmg.pipeline.fit.drift import find_drift, monotone_runs
+from pmg.pipeline.fit.drift import _monotone_runs, find_drift
 from pmg.pipeline.grid.tables import read_published
 from pmg.sim.bench import BenchParameters
 from pmg.sim.grid import Grid
@@ -79,9 +79,9 @@ def test_drag_of_reversed_rotation_drifts_with_the_same_sign(rng: np.random.Gene
 
 def test_runs_never_turn_back_and_pass_five_speeds() -> None:
     levels = np.array([1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 4.0, 3.0, 2.0, 6.0, 5.0, 4.0, 3.0, 2.0])
-    assert monotone_runs(levels, rising=True) == [(0, 6)]
-    assert monotone_runs(levels, rising=False) == [(9, 14)]
-    assert monotone_runs(np.zeros(0), rising=True) == []
+    assert _monotone_runs(levels, rising=True) == [(0, 6)]
+    assert _monotone_runs(levels, rising=False) == [(9, 14)]
+    assert _monotone_runs(np.zeros(0), rising=True) == []
 
 
 def test_one_direction_or_no_order_gives_one_sentence(

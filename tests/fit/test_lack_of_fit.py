@@ -31,12 +31,12 @@ from pmg.pipeline.recording.findings import Finding
 from pmg.pipeline.recording.run import RunRecord, Setpoints
 from pmg.pipeline.store.manifest import FAILED, Manifest
 from pmg.pipeline.store.store import Store
-from pmg.pipeline.windows.limits import read_limits
+from pmg.pipeline.windows.limits import _read_limits
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import RecordingError
 from pmg.sim.losscurve import LossCurve
 from pmg.sim.lossmodel import LossModel
-from pmg.sim.mechanisms.thermal import temperature_rise
+from pmg.sim.mechanisms.thermal import _temperature_rise
 from pmg.sim.signals import RPM
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import steady
@@ -206,9 +206,9 @@ def test_a_frequency_range_of_nothing_is_refused(tmp_path: Path, table: str) -> 
     path = tmp_path / "limits.toml"
     path.write_text(f"[windows]\n{table}\n", encoding="utf-8")
     with pytest.raises(RecordingError, match="the lower one first"):
-        read_limits(path)
+        _read_limits(path)
     path.write_text("[windows]\nfrequency_low = 4e3\n", encoding="utf-8")
-    assert read_limits(path).frequency_low == pytest.approx(4e3)
+    assert _read_limits(path).frequency_low == pytest.approx(4e3)
 
 
 @pytest.mark.parametrize(("code", "accepted"), [(Code.SIMULATED, True), (Code.SATURATED, False)])
@@ -273,6 +273,6 @@ def test_an_unknown_reading_of_a_rejected_window_does_not_reach_the_others() -> 
     assert np.isfinite(causes_of_fits(holed, fits, bench).moved).all()
     heat = np.where(out, np.nan, 10.0 + np.arange(len(grid)))
     at = replace(grid.points, started_at=np.linspace(0.0, 6000.0, len(grid)))
-    rise = temperature_rise(at, heat, 600.0)
+    rise = _temperature_rise(at, heat, 600.0)
     assert np.isnan(rise[out]).all()
-    np.testing.assert_array_equal(rise[~out], temperature_rise(at[~out], heat[~out], 600.0))
+    np.testing.assert_array_equal(rise[~out], _temperature_rise(at[~out], heat[~out], 600.0))

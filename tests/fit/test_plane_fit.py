@@ -11,7 +11,7 @@ from scipy import stats
 from tests.points import measured, points
 
 from pmg.pipeline.fit.loss_fit import fit_losses
-from pmg.pipeline.fit.plane_fit import FORMS, PlaneFits, holm, plane_fits
+from pmg.pipeline.fit.plane_fit import FORMS, PlaneFits, _holm, plane_fits
 from pmg.pipeline.grid.tables import read_published
 from pmg.sim.bench import BenchParameters
 from pmg.sim.grid import Grid
@@ -100,9 +100,9 @@ def test_terms_that_forward_rotation_cannot_split_are_named(rng: np.random.Gener
 
 
 def test_holm_steps_down() -> None:
-    np.testing.assert_allclose(holm(np.array([0.01, 0.04, 0.03, 0.005])), [0.03, 0.06, 0.06, 0.02])
-    np.testing.assert_allclose(holm(np.array([0.9, 0.8])), [1.0, 1.0])
-    assert len(holm(np.array([]))) == 0
+    np.testing.assert_allclose(_holm(np.array([0.01, 0.04, 0.03, 0.005])), [0.03, 0.06, 0.06, 0.02])
+    np.testing.assert_allclose(_holm(np.array([0.9, 0.8])), [1.0, 1.0])
+    assert len(_holm(np.array([]))) == 0
 
 
 def test_an_unread_ring_leaves_the_sun_tested(rng: np.random.Generator, bench: BenchParameters) -> None:

@@ -10,7 +10,7 @@ from tests.points import measured, points
 
 from pmg.pipeline.fit.loss_fit import ShaftDrag, fit_losses, shaft_drags
 from pmg.pipeline.fit.options import AnalysisOptions, chosen_options
-from pmg.pipeline.fit.term_choice import NEEDED, candidates, choose_terms
+from pmg.pipeline.fit.term_choice import NEEDED, _candidates, choose_terms
 from pmg.sim.errors import FitError
 from pmg.sim.losscurve import SPEED_REFERENCE_SUN, LossCurve
 from pmg.sim.signals import Array
@@ -26,7 +26,7 @@ def drag(powers: tuple[float, ...], coefficients: tuple[float, ...], noise: Arra
 
 
 def test_candidates_hold_a_term_that_rises_no_faster_than_speed() -> None:
-    every = candidates()
+    every = _candidates()
     assert len(every) == len(set(every)) == 104
     assert all(set(powers) & set(NEEDED) and 1 <= len(powers) <= 5 for powers in every)
 

@@ -25,7 +25,7 @@ from pmg.pipeline.grid.contributions import Contribution, ShaftBudget
 from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
 from pmg.pipeline.grid.transducer_uncertainty import common_parts, common_uncertainty, tare_uncertainty, undithered
-from pmg.pipeline.grid.window_facts import LimitSet, ShaftFacts, WindowFacts, limit_sets, rated
+from pmg.pipeline.grid.window_facts import LimitSet, ShaftFacts, WindowFacts, _limit_sets, rated
 from pmg.pipeline.report.document import Table, Text
 from pmg.pipeline.store.manifest import Manifest
 from pmg.pipeline.windows.limits import LIMITS
@@ -340,7 +340,7 @@ def test_the_chapter_shows_one_point_its_sum_and_the_limits() -> None:
 
 def test_every_set_of_limits_that_judged_a_window_has_a_table() -> None:
     plain, strict = Manifest("a", windows=(WINDOW,)), replace(LIMITS, shortest=4.0).document()
-    sets = limit_sets([plain, replace(plain, limits=strict), plain, replace(plain, limits=LIMITS.document())])
+    sets = _limit_sets([plain, replace(plain, limits=strict), plain, replace(plain, limits=LIMITS.document())])
     assert [(each.windows, each.recordings, each.limits["shortest"]) for each in sets] == [(3, 3, 1.0), (1, 1, 4.0)]
     found = budget()
     assert found.facts is not None

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from pmg.pipeline.importers.derived import FLAGS, derive
-from pmg.pipeline.importers.export import PREFIX, PREVIEW_TOPIC, export_recording, preview_schema
+from pmg.pipeline.importers.export import PREFIX, PREVIEW_TOPIC, _preview_schema, export_recording
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.recording.join import Blemish
 from pmg.pipeline.recording.layouts.schema import SAMPLE_BLOCK
@@ -155,7 +155,7 @@ def test_the_official_reader_finds_a_preview_that_follows_its_schema(tmp_path: P
     schema, channel, _ = previews[0]
     assert (schema.encoding, channel.message_encoding, len(previews), done.previews) == ("jsonschema", "json", 250, 250)
     declared = json.loads(schema.data)
-    assert declared == preview_schema()
+    assert declared == _preview_schema()
     jsonschema.Draft202012Validator.check_schema(declared)
     checker = jsonschema.Draft202012Validator(declared)
     start = round(written.START.timestamp() * 1e6) * 1000

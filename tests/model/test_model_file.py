@@ -24,10 +24,10 @@ from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.readings import take_readings
 from pmg.pipeline.model.apply_model import apply_model, lead, remark
-from pmg.pipeline.model.extreme_steady_points import extreme_steady_points, spread_over
+from pmg.pipeline.model.extreme_steady_points import _spread_over, extreme_steady_points
 from pmg.pipeline.model.model_file import Model, Part, grid_digest, model_of, model_text
 from pmg.pipeline.model.read_model import names_on, read_model, with_model
-from pmg.pipeline.simulate.scenario_mechanisms import key_of_parameter, switch_on_by_words
+from pmg.pipeline.simulate.scenario_mechanisms import _key_of_parameter, switch_on_by_words
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import BenchError
 from pmg.sim.grid import Grid
@@ -218,7 +218,7 @@ def test_the_moving_bench_ends_where_the_steady_solver_does() -> None:
     grid = campaign(2, *faulty)
     plain = baseline_mechanisms(BASELINE_HERE, BENCH)
     ends = extreme_steady_points(grid, BENCH, plain, (*plain, *faulty))
-    rows = spread_over(grid)
+    rows = _spread_over(grid)
     assert len(rows) == 4
     assert [end.configuration for end in ends] == ["neutral"] * 4 + ["engaged"] * 2
     wanted = steady(Gearbox(BENCH, (*plain, *faulty)), grid.points)
@@ -242,7 +242,7 @@ def test_analyse_holds_the_correction_of_a_model_and_nothing_else(tmp_path: Path
 
 
 def test_keys_carry_their_units() -> None:
-    keys = {key_of_parameter(p) for kind in KINDS for p in kind.parameters()}
+    keys = {_key_of_parameter(p) for kind in KINDS for p in kind.parameters()}
     assert {"extra_sun_Nm", "mu_sun", "k_sun_Nm_s2_per_rad2", "resistance_sun_K_per_W", "shielding_s_per_rad"} <= keys
     assert all(re.fullmatch(r"[A-Za-z0-9_]+", key) for key in keys)
 

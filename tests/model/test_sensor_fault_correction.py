@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.points import points
 
-from pmg.pipeline.model.sensor_fault_correction import torques_behind
+from pmg.pipeline.model.sensor_fault_correction import _torques_behind
 from pmg.sim.mechanisms.base import Instrument, Torques
 from pmg.sim.mechanisms.instruments import Crosstalk, GainError, ZeroOffset, distorted
 
@@ -35,12 +35,12 @@ def test_the_torque_behind_a_faulty_reading_is_found_again(
     faults = (GainError(gain_sun=gain, gain_ring=other), ZeroOffset(offset_sun=zero), Crosstalk(part_ring=cross))
     shown = readings(faults, sun, ring)
     at = points("engaged", np.linspace(200, 1800, 9), -np.linspace(80, 700, 9), shown.ring)
-    found = torques_behind(faults, at, shown.sun, shown.ring)
+    found = _torques_behind(faults, at, shown.sun, shown.ring)
     assert np.allclose(found[0], sun, atol=1e-6)
     assert np.allclose(found[1], ring, atol=1e-6)
 
 
 def test_a_reading_without_faults_stays_as_it_is() -> None:
     at = points("engaged", [500.0], [-192.0], 1.0)
-    sun, ring = torques_behind((), at, np.array([0.5]), np.array([1.0]))
+    sun, ring = _torques_behind((), at, np.array([0.5]), np.array([1.0]))
     assert (sun.tolist(), ring.tolist()) == ([0.5], [1.0])

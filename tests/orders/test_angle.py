@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pmg.pipeline.orders.angle import average_turn, by_angle, find_index, order_amplitudes
+from pmg.pipeline.orders.angle import _find_index, average_turn, by_angle, order_amplitudes
 from pmg.pipeline.recording.layouts.wire import IndexPulse
 from pmg.sim.errors import RecordingError
 from pmg.sim.signals import REVOLUTION, RPM, Array
@@ -45,7 +45,7 @@ def shaft(rpm: Array, rate_hz: float, place: float, latch: str) -> tuple[Array, 
 def test_the_index_is_found_however_the_count_is_latched(place: float, speed: float, latch: str, ramp: bool) -> None:
     rpm = np.linspace(0.2 if ramp else 1.0, 1.0, 60_000) * speed
     angle, pulses = shaft(rpm, 10_000.0, place, latch)
-    index = find_index(angle, FIRST, pulses, COUNTS, BITS)
+    index = _find_index(angle, FIRST, pulses, COUNTS, BITS)
     assert index is not None
     assert (index.pulses, index.left_out) == (len(pulses), 0)
     error = abs(math.remainder(index.angle - place, REVOLUTION))
@@ -56,7 +56,7 @@ def test_the_index_is_found_however_the_count_is_latched(place: float, speed: fl
 def test_missing_pulses_harm_nothing_and_strays_are_left_out() -> None:
     angle, pulses = shaft(np.full(60_000, 600.0), 10_000.0, 2.0, "edge")
     stray = [IndexPulse(p.sample + 400, (p.count + 1900) % (1 << BITS)) for p in pulses[5:8]]
-    index = find_index(angle, FIRST, [*pulses[::4], *stray], COUNTS, BITS)
+    index = _find_index(angle, FIRST, [*pulses[::4], *stray], COUNTS, BITS)
     assert index is not None
     assert index.left_out == len(stray)
     assert abs(index.angle - 2.0) < 3.0 * index.u
@@ -64,10 +64,10 @@ def test_missing_pulses_harm_nothing_and_strays_are_left_out() -> None:
 
 def test_too_few_pulses_or_pulses_without_a_common_place_give_none(rng: np.random.Generator) -> None:
     angle, pulses = shaft(np.full(60_000, 600.0), 10_000.0, 2.0, "edge")
-    assert find_index(angle, FIRST, pulses[:2], COUNTS, BITS) is None
-    assert find_index(angle, FIRST, [], COUNTS, BITS) is None
+    assert _find_index(angle, FIRST, pulses[:2], COUNTS, BITS) is None
+    assert _find_index(angle, FIRST, [], COUNTS, BITS) is None
     anywhere = [IndexPulse(p.sample, int(rng.integers(1 << BITS))) for p in pulses]
-    assert find_index(angle, FIRST, anywhere, COUNTS, BITS) is None
+    assert _find_index(angle, FIRST, anywhere, COUNTS, BITS) is None
 
 
 @settings(max_examples=30)

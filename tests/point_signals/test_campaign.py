@@ -7,10 +7,12 @@ import json
 import math
 import re
 import shutil
+import struct
 import subprocess
 import zlib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,8 +29,8 @@ from pmg.pipeline.grid.window_facts import window_facts
 from pmg.pipeline.point_signals import encoded as contract
 from pmg.pipeline.point_signals.campaign import CampaignSignals, campaign_signals
 from pmg.pipeline.point_signals.cell import CellSignals
-from pmg.pipeline.point_signals.encoded import Encoded, decode, encode
-from pmg.pipeline.point_signals.quantised import Numbers, values_of
+from pmg.pipeline.point_signals.encoded import Encoded, encode
+from pmg.pipeline.point_signals.quantised import Numbers, _values_of
 from pmg.pipeline.store.store import Store
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import GridError, StoreError
@@ -48,6 +50,23 @@ FILES = {
     "3.mcap": Bench(4.0, lines=(900, 950), run={"point": "C", "started_at": "2025-04-23T11:00:00Z"}),
 }
 """A sequence, a point and its repeat, and one with the emergency stop pressed."""
+
+
+def decode(encoded: Encoded, row: int) -> dict[str, Any]:
+    """One cell, as a page sees it: the header, with its arrays as numbers in the units shown."""
+    entry = encoded.index["cells"][row]
+    plain = zlib.decompress(encoded.data[entry["at"] : entry["at"] + entry["length"]], wbits=-zlib.MAX_WBITS)
+    start = struct.calcsize("<I") + struct.unpack_from("<I", plain)[0]
+    cell: dict[str, Any] = json.loads(plain[struct.calcsize("<I") : start])
+    codes = np.frombuffer(plain, dtype="<i2", offset=start)
+
+    for channel in cell["channels"]:
+        channel |= {key: _values_of(channel[key], codes) for key in ("low", "high", "filtered")}
+        if channel["spectrum"] is not None:
+            channel["spectrum"] |= {
+                key: _values_of(channel["spectrum"][key], codes) for key in ("frequency", "amplitude")
+            }
+    return cell
 
 
 @pytest.fixture(scope="module")
@@ -233,7 +252,7 @@ def test_a_quantised_number_is_off_by_half_a_step_at_most(one: list[float], othe
     spread = float(np.ptp(known)) if len(known) else 0.0
     size = float(np.abs(known).max()) if len(known) else 0.0
     for place, array in zip(where, arrays, strict=True):
-        back = values_of(place, codes)
+        back = _values_of(place, codes)
         assert (np.isnan(back) == np.isnan(array)).all()
         off = np.abs(back - array)[np.isfinite(array)]
         assert (off <= spread / 120000.0 * (1.0 + 1e-9) + 4.0 * np.finfo(float).eps * size + 1e-300).all()

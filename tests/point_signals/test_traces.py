@@ -16,7 +16,7 @@ from pmg.pipeline.point_signals.traces import (
     MOST_BINS,
     MOST_FILTERED,
     PLENTY,
-    binned,
+    _binned,
     bins_for,
     speed_signals,
     stretch_of,
@@ -80,7 +80,7 @@ def test_two_sines_show_both_amplitudes() -> None:
 def test_no_bin_lies_on_both_sides_of_a_border(spans: tuple[int, int, int], most: int) -> None:
     before, inside, after = spans
     stretch = stretch_of(before, before + inside, before + inside + after, RATE)
-    bins, edges = binned(stretch, most)
+    bins, edges = _binned(stretch, most)
     assert len(edges) == sum(bins.counts) + 1 == len(bins.middles) + 1
     assert sum(bins.counts) <= max(most, 3)
     assert (np.diff(edges) > 0).all()
@@ -116,7 +116,7 @@ def test_the_envelope_holds_every_sample_and_nothing_more(rng: np.random.Generat
     torque = rng.normal(size=7000)
     stretch = stretch_of(1000, 6000, 7000, RATE)
     made = torque_signals(TORQUE_SUN, torque, stretch)
-    _, edges = binned(stretch)
+    _, edges = _binned(stretch)
     parts = [torque[a:b] for a, b in pairwise(edges)]
     assert len(parts) == MOST_BINS
     assert made.low.tolist() == [part.min() for part in parts]

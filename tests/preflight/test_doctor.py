@@ -15,10 +15,10 @@ from typer.testing import CliRunner
 
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.preflight.abilities import IN_PART, NO, YES, Design, abilities
-from pmg.pipeline.preflight.environment import BAD, GROWTH, MIND, OK, environment, within
+from pmg.pipeline.preflight.environment import BAD, GROWTH, MIND, OK, _within, environment
 from pmg.pipeline.preflight.found import Asked, File, Survey
-from pmg.pipeline.preflight.rehearsal import audit, made_up, operating_points, rehearse
-from pmg.pipeline.preflight.survey import look, survey
+from pmg.pipeline.preflight.rehearsal import _made_up, _operating_points, audit, rehearse
+from pmg.pipeline.preflight.survey import _look, survey
 from pmg.pipeline.recording.run import Setpoints
 from pmg.sim.bench import BenchParameters
 from pmg.sim.signals import RPM
@@ -94,9 +94,9 @@ def test_one_more_point_at_the_same_set_points_is_a_repeat() -> None:
 
 
 def test_made_up_readings_depend_on_the_points_alone(example: Survey, bench: BenchParameters) -> None:
-    one, other = (made_up(example.points, bench) for _ in range(2))
+    one, other = (_made_up(example.points, bench) for _ in range(2))
     np.testing.assert_array_equal(one.torque_sun, other.torque_sun)
-    at = operating_points(example.points)
+    at = _operating_points(example.points)
     assert at.rest_sun.sum() > 0
     assert np.isfinite(one.torque_sun).all()
 
@@ -106,12 +106,12 @@ def test_a_sequence_gives_its_measured_steps(tmp_path: Path) -> None:
     steps = [(0, "A", "START", asked), (100, "A", "MEASURE", asked), (600, "A", "END", asked)]
     steps += [(700, "B", "MEASURE", asked | {"ring_torque_Nm": 4.0}), (900, "B", "END", asked)]
     run = {"configuration": "engaged", "point": None}
-    found = look(write(tmp_path / "a.mcap", Bench(steps=steps, run=run, with_index=True)), "a.mcap")
+    found = _look(write(tmp_path / "a.mcap", Bench(steps=steps, run=run, with_index=True)), "a.mcap")
     assert [p.point for p in found.points] == ["A", "B"]
     assert found.points[1].setpoints.torque_ring == pytest.approx(4.0)
     assert found.points[1].started_at - found.points[0].started_at == pytest.approx(600 / 500.0)
     assert Survey(tmp_path, False, (found,)).recorded("/index") == 1
-    untold = look(write(tmp_path / "b.mcap", Bench()), "b.mcap")
+    untold = _look(write(tmp_path / "b.mcap", Bench()), "b.mcap")
     assert untold.untold
     assert not untold.unusable
 
@@ -216,7 +216,7 @@ def test_what_a_map_states_is_reckoned_with_and_its_lack_is_told_with_the_remedy
     ],
 )
 def test_versions_are_compared_number_by_number(came: str, asked: str, inside: bool) -> None:
-    assert within(came, asked) is inside
+    assert _within(came, asked) is inside
 
 
 def test_room_and_rights_are_checked_where_the_store_would_be(tmp_path: Path) -> None:

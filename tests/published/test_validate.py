@@ -21,9 +21,9 @@ from pmg.pipeline.thesis_figures.claim import Other, PublishedFigure, Unit
 from pmg.pipeline.thesis_figures.figures import FIGURES, WATT
 from pmg.pipeline.thesis_figures.listing import documents, table_lines
 from pmg.pipeline.thesis_figures.replicate import replicate
-from pmg.pipeline.thesis_figures.rounding import FEWEST_DRAWS, RoundingSpread, draw, spreads
+from pmg.pipeline.thesis_figures.rounding import FEWEST_DRAWS, RoundingSpread, _draw, spreads
 from pmg.pipeline.thesis_figures.tables import LOADS, SPEEDS, TORQUE_RING, TORQUE_SUN, printed
-from pmg.pipeline.thesis_figures.verdict import FigureVerdict, JudgedFigure, judge, validate
+from pmg.pipeline.thesis_figures.verdict import FigureVerdict, JudgedFigure, _judge, validate
 from pmg.sim.bench import BenchParameters
 from pmg.sim.errors import FitError, GridError
 from pmg.sim.grid import Grid
@@ -45,7 +45,7 @@ def found(grid: Grid, bench: BenchParameters) -> dict[str, RoundingSpread]:
 
 @pytest.fixture(scope="module")
 def judged(found: dict[str, RoundingSpread]) -> dict[str, JudgedFigure]:
-    return {figure.id: judge(figure, found[figure.id]) for figure in FIGURES}
+    return {figure.id: _judge(figure, found[figure.id]) for figure in FIGURES}
 
 
 def test_every_figure_is_computed_and_has_a_verdict(
@@ -142,21 +142,21 @@ SIZED = replace(PLAIN, value=0.0, size=1.0)
     ],
 )
 def test_the_verdict_by_table(figure: PublishedFigure, ours: float, shift: float, verdict: FigureVerdict) -> None:
-    assert judge(figure, RoundingSpread(ours, ours - shift, ours)).verdict is verdict
-    assert judge(figure, RoundingSpread(ours, ours, ours + shift)).verdict is verdict
+    assert _judge(figure, RoundingSpread(ours, ours - shift, ours)).verdict is verdict
+    assert _judge(figure, RoundingSpread(ours, ours, ours + shift)).verdict is verdict
 
 
 def test_distance_is_in_half_widths_of_the_interval() -> None:
-    j = judge(PLAIN, RoundingSpread(11.0, 10.55, 11.2))
+    j = _judge(PLAIN, RoundingSpread(11.0, 10.55, 11.2))
     assert j.reach == pytest.approx(0.5)
     assert j.distance == pytest.approx(2.0)
     in_milli = replace(PLAIN, unit=Unit("mW", 1e-3))
-    assert judge(in_milli, RoundingSpread(0.011, 0.01055, 0.0112)).distance == pytest.approx(2.0)
+    assert _judge(in_milli, RoundingSpread(0.011, 0.01055, 0.0112)).distance == pytest.approx(2.0)
 
 
 def test_draws_stay_within_the_rounding_and_round_to_the_tables(grid: Grid, rng: np.random.Generator) -> None:
     sample = printed(grid)
-    drawn = draw(sample, rng)
+    drawn = _draw(sample, rng)
     for name in ("torque_sun", "torque_ring"):
         np.testing.assert_allclose(np.round(getattr(drawn.grid, name), 2), getattr(grid, name), atol=1e-9)
         assert np.abs(getattr(drawn.grid, name) - getattr(grid, name)).max() > 0.0045
@@ -167,7 +167,7 @@ def test_draws_stay_within_the_rounding_and_round_to_the_tables(grid: Grid, rng:
 def test_rounding_once_more_adds_scatter_and_moves_the_constant_both_ways(grid: Grid, bench: BenchParameters) -> None:
     sample = printed(grid)
     ours = replicate(sample, bench)
-    drawn = [replicate(draw(sample, np.random.default_rng(i)), bench) for i in range(12)]
+    drawn = [replicate(_draw(sample, np.random.default_rng(i)), bench) for i in range(12)]
     assert min(d["damping-0.80.rmse"] for d in drawn) > ours["damping-0.80.rmse"] - 0.05
     c = [d["damping-0.80.c"] - ours["damping-0.80.c"] for d in drawn]
     assert min(c) < 0.0 < max(c)
@@ -185,8 +185,8 @@ def test_the_known_disagreements_are_told(judged: dict[str, JudgedFigure]) -> No
 
 @pytest.mark.parametrize("id_", ["chain-implied.sun-bearings", "design.ratio-1", "run.loss", "point-implied.1872-1.95"])
 def test_a_planted_wrong_value_is_called_out(id_: str, found: dict[str, RoundingSpread]) -> None:
-    right = judge(BY_ID[id_], found[id_])
-    wrong = judge(replace(BY_ID[id_], value=1.25 * BY_ID[id_].value), found[id_])
+    right = _judge(BY_ID[id_], found[id_])
+    wrong = _judge(replace(BY_ID[id_], value=1.25 * BY_ID[id_].value), found[id_])
     assert right.verdict is FigureVerdict.REPRODUCED
     assert wrong.verdict is FigureVerdict.NOT_EXPLAINED
     assert wrong.distance < -1.0

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pmg.pipeline.chapters.measured.quality import findings_table
+from pmg.pipeline.chapters.measured.quality import _findings_table
 from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.recording.codes import Code
 from pmg.pipeline.recording.container.records import HEAD, MAGIC, Op
@@ -116,7 +116,7 @@ def test_what_findings_say_reaches_manifest_and_page(tmp_path: Path) -> None:
     assert trailing["byte_range"] == [size - len(b"behind"), size]
     assert gap["sample_range"] == [4000, 4500]
     assert gap["lost"] == "500 samples"
-    table = findings_table(report.findings)
+    table = _findings_table(report.findings)
     names = [column.name for column in table.columns]
     rows = {row[names.index("bytes")]: dict(zip(names, row, strict=True)) for row in table.rows}
     row = rows[f"{size - len(b'behind')} to {size}"]

@@ -12,7 +12,7 @@ import pytest
 from pmg.pipeline.recording.codes import Code, Severity
 from pmg.pipeline.recording.findings import Finding, UnusableRecordingError
 from pmg.pipeline.recording.read import read_recording
-from pmg.pipeline.recording.run import known_of_run, utc
+from pmg.pipeline.recording.run import _utc, known_of_run
 from pmg.sim.grid import Configuration
 from pmg.sim.signals import RPM
 
@@ -185,7 +185,7 @@ def test_findings_survive_json_and_the_error_survives_pickling(tmp_path: Path) -
     ],
 )
 def test_times_of_rfc_3339_are_read(text: str, micro: int) -> None:
-    assert utc(text) == datetime(2025, 4, 23, 8, 0, 0, micro, tzinfo=UTC)
+    assert _utc(text) == datetime(2025, 4, 23, 8, 0, 0, micro, tzinfo=UTC)
 
 
 @pytest.mark.parametrize(

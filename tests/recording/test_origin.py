@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from tests.importers import written
 
-from pmg.pipeline.chapters.measured.quality import origins_table
+from pmg.pipeline.chapters.measured.quality import _origins_table
 from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.importers.channel_map import read_map
 from pmg.pipeline.importers.import_recording import import_recording
@@ -41,7 +41,7 @@ def test_source_hash_format_and_findings_come_back() -> None:
         "r 1",
     )
     assert (origin.findings, findings.told()) == ((TOLD,), ())
-    (row,) = origins_table((("a.mcap", origin.record),)).rows
+    (row,) = _origins_table((("a.mcap", origin.record),)).rows
     assert row == ("a.mcap", "a.csv", "csv", "r 1", "7", "ab", 1.0)
 
 

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pmg.pipeline.recording.checks.clock import fit_clock
+from pmg.pipeline.recording.checks.clock import _fit_clock
 from pmg.pipeline.recording.checks.slips import find_slips
 from pmg.pipeline.recording.checks.stretches import LISTED_STRETCHES, joined, stretches
 from pmg.pipeline.recording.codes import Code, Severity
@@ -422,7 +422,7 @@ def test_the_drift_is_right_within_its_uncertainty(ppm: float, seed: int) -> Non
         ClockMark(0, 10_000 * k, START_NS + round((k * (1 - ppm * 1e-6) + rng.normal(0, u)) * 1e9), u * 1e9, "ntp")
         for k in range(30)
     ]
-    fit = fit_clock(given_marks, 10_000.0)
+    fit = _fit_clock(given_marks, 10_000.0)
     assert abs(fit.drift - ppm * 1e-6) < 5 * fit.u_drift + 1e-6
     assert fit.u_drift == pytest.approx(u * math.sqrt(12 / 30**3), rel=0.8)
     assert fit.jumps == ()

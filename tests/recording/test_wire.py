@@ -60,7 +60,6 @@ def test_arbitrary_bytes_never_fail_otherwise_than_as_wire_error(data: bytes) ->
         wire.index_pulse,
         wire.line_event,
         wire.test_step,
-        wire.scalar,
     ):
         try:
             read(data)
@@ -94,10 +93,3 @@ def test_events_are_read_field_by_field_and_unknown_fields_are_passed_over() -> 
     assert wire.test_step(writer.step(65_000, "E_1", "MEASURE", setpoint) + later) == wire.TestStep(
         65_000, "E_1", "MEASURE", setpoint
     )
-
-
-def test_a_scalar_has_its_time_in_nanoseconds_also_before_1970() -> None:
-    seconds = writer.varint((1 << 64) - 2)
-    stamp = writer.key(1, 0) + seconds + writer.key(2, 0) + writer.varint(500_000_000)
-    data = writer.lump(1, stamp) + writer.key(2, 1) + struct.pack("<Q", 4) + writer.key(3, 1) + struct.pack("<d", 21.5)
-    assert wire.scalar(data) == wire.Scalar(-1_500_000_000, 4, 21.5)

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.points import points
+from tests.trials.strata_by_name import find_stratum
 
 from pmg.pipeline.diagnosis.engine.explanation import Explanation, all_in_detail, explain_with, swapped
 from pmg.pipeline.diagnosis.grid.candidates import Candidate, GridProblem, candidates, grid_problem, refinement
@@ -19,7 +20,6 @@ from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import take_readings
 from pmg.pipeline.trials.nature import ConcealedCampaign, draw_case, measure_case
-from pmg.pipeline.trials.strata import find_stratum
 from pmg.sim.bench import BenchParameters
 from pmg.sim.mechanisms.base import Torques
 from pmg.sim.mechanisms.friction import MixedLubrication, MixedLubricationExponent

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.trials.strata_by_name import find_stratum
 
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.candidates import CandidateFit, candidates, grid_problem
@@ -17,7 +18,6 @@ from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import take_readings
 from pmg.pipeline.trials.nature import draw_case, measure_case
-from pmg.pipeline.trials.strata import find_stratum
 from pmg.sim.bench import BenchParameters
 
 

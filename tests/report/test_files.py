@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import pytest
 
 from pmg.pipeline.report.document import Figure, Report, Section, Text
-from pmg.pipeline.report.draw import Drawings, draw_all, draw_pdf, draw_png, draw_svg
+from pmg.pipeline.report.draw import Drawings, draw_all, draw_png, draw_svg
 from pmg.pipeline.report.theme import LIGHT
 from pmg.pipeline.report.write import report_files, write_report
 
@@ -63,7 +63,10 @@ def test_every_figure_has_its_page_as_wide_as_the_drawing_and_higher_by_its_capt
     found = pages(drawn().pdf)
     assert len(found) == len(example.report().figures)
     assert [width for width, _ in found] == pytest.approx([(8.4 + 0.5) * 72.0] * 3)
-    short, long = pages(draw_pdf(flow()))[0], pages(draw_pdf(flow("It is lost. " * 60)))[0]
+    short, long = (
+        pages(draw_all((flow(),), "flow").pdf)[0],
+        pages(draw_all((flow("It is lost. " * 60),), "flow").pdf)[0],
+    )
     assert long[0] == short[0]
     assert long[1] > short[1] + 50.0
 

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from pmg.pipeline.report import workbook as module
 from pmg.pipeline.report.document import Column, Facts, Headline, Measured, Report, Section, Table
 from pmg.pipeline.report.draw import draw_all
-from pmg.pipeline.report.workbook import LONGEST_NAME, LONGEST_TEXT, number_format, sheet_names, workbook
+from pmg.pipeline.report.workbook import LONGEST_NAME, LONGEST_TEXT, _number_format, _sheet_names, workbook
 
 from . import example
 
@@ -147,7 +147,7 @@ IDS = st.builds(
 
 @given(st.lists(IDS, max_size=12, unique=True))
 def test_names_of_sheets_are_legal_and_unique(ids: list[str]) -> None:
-    names = sheet_names([table((), name=name) for name in ids])
+    names = _sheet_names([table((), name=name) for name in ids])
     assert list(names) == ids
     assert len(set(names.values())) == len(names)
     assert not {"contents", "figures", "history"} & set(names.values())
@@ -170,13 +170,13 @@ def test_names_of_sheets_are_legal_and_unique(ids: list[str]) -> None:
     ],
 )
 def test_a_cell_shows_the_digits_that_the_page_shows(cell: Cell, shown: tuple[str, str]) -> None:
-    assert module.number_formats(Column("x"), cell) == shown
+    assert module._number_formats(Column("x"), cell) == shown
     found = sheet((cell,))
     assert found.cell(3, 1).number_format == shown[0]
 
 
 def test_formats_of_signs_percents_and_thousands() -> None:
-    assert [number_format(text) for text in ("+1.20", "95.3%", "1,234.5", "−7", "–", "∞")] == [
+    assert [_number_format(text) for text in ("+1.20", "95.3%", "1,234.5", "−7", "–", "∞")] == [
         "+0.00;-0.00;0.00",
         "0.0%",
         "#,##0.0",

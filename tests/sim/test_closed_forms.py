@@ -59,11 +59,11 @@ from pmg.sim.mechanisms.thermal import (
     LubricantViscosity,
     MagnetTemperature,
     WarmingInTwoSteps,
-    temperature_rise,
+    _temperature_rise,
 )
 from pmg.sim.steady.baseline import baseline_mechanisms
 from pmg.sim.steady.gearbox import Gearbox
-from pmg.sim.steady.power_chain import MotorConvention, motor_electric_power
+from pmg.sim.steady.power_chain import MotorConvention, _motor_electric_power
 from pmg.sim.steady.solve import steady
 
 BENCH = load_bench()
@@ -256,31 +256,31 @@ def test_a_node_warms_by_what_was_held_and_cools_while_the_motors_stand_still() 
     first = start * math.exp(-100.0 / tau) + (1.0 - math.exp(-100.0 / tau)) * (0.8 * 40.0 + 0.2 * 10.0)
     warm = (1.0 - 0.3) * (0.8 * 20.0 + 0.2 * 40.0)
     second = first * math.exp(-600.0 / tau) + (1.0 - math.exp(-600.0 / tau)) * warm
-    found = temperature_rise(at, heat, tau, start, dwell, idle)
+    found = _temperature_rise(at, heat, tau, start, dwell, idle)
     assert found == pytest.approx([start, first, second], rel=1e-12)
 
 
 @given(pause=st.floats(STOPPED + 1.0, 1e5), start=st.floats(-40.0, 120.0))
 def test_in_a_pause_with_still_motors_nothing_warms(pause: float, start: float) -> None:
     at = replace(points("neutral", [900.0] * 2, [300.0] * 2), started_at=held([pause]))
-    found = temperature_rise(at, np.array([50.0, 50.0]), 1000.0, start, 0.8, 1.0)
+    found = _temperature_rise(at, np.array([50.0, 50.0]), 1000.0, start, 0.8, 1.0)
     assert found[1] == pytest.approx(start * math.exp(-pause / 1000.0), rel=1e-6, abs=1e-9)
 
 
 def test_a_short_gap_is_no_pause_and_the_order_of_the_table_is_not_that_of_the_test() -> None:
     at = replace(points("neutral", [900.0] * 3, [300.0] * 3), started_at=held([STOPPED, STOPPED]))
     heat = np.array([1.0, 2.0, 3.0])
-    found = temperature_rise(at, heat, 200.0, 0.0, 1.0, 1.0)
+    found = _temperature_rise(at, heat, 200.0, 0.0, 1.0, 1.0)
     assert found[1] == pytest.approx(2.0 * (1.0 - math.exp(-STOPPED / 200.0)))
     mixed = np.array([2, 0, 1])
-    assert temperature_rise(at[mixed], heat[mixed], 200.0, 0.0, 1.0, 1.0) == pytest.approx(found[mixed])
+    assert _temperature_rise(at[mixed], heat[mixed], 200.0, 0.0, 1.0, 1.0) == pytest.approx(found[mixed])
 
 
 def test_a_point_whose_heat_is_not_known_is_not_there_for_the_others() -> None:
     at = replace(points("neutral", [900.0] * 3, [300.0] * 3), started_at=held([60.0, 60.0]))
-    found = temperature_rise(at, np.array([5.0, np.nan, 7.0]), 300.0)
+    found = _temperature_rise(at, np.array([5.0, np.nan, 7.0]), 300.0)
     assert np.isnan(found[1])
-    assert found[[0, 2]] == pytest.approx(temperature_rise(at[np.array([0, 2])], np.array([5.0, 7.0]), 300.0))
+    assert found[[0, 2]] == pytest.approx(_temperature_rise(at[np.array([0, 2])], np.array([5.0, 7.0]), 300.0))
 
 
 def test_warm_bearings_lose_drag_by_the_viscosity() -> None:
@@ -366,11 +366,11 @@ def test_a_motor_draws_shaft_power_friction_and_copper_loss(torque: float, speed
     current = (torque + motor.damping * speed) / motor.torque_constant
     wanted = torque * speed + motor.damping * speed**2 + motor.resistance * current**2
     one = np.array([torque]), np.array([speed])
-    found = motor_electric_power(*one, motor, MotorConvention.CONSISTENT)
+    found = _motor_electric_power(*one, motor, MotorConvention.CONSISTENT)
     assert found[0] == pytest.approx(wanted, rel=1e-12)
     size = (abs(torque) + motor.damping * abs(speed)) / motor.torque_constant
     gain = math.copysign(1.0, torque * speed) * (motor.resistance * size + motor.back_emf_constant * abs(speed)) * size
-    assert motor_electric_power(*one, motor, MotorConvention.THESIS)[0] == pytest.approx(gain, rel=1e-12)
+    assert _motor_electric_power(*one, motor, MotorConvention.THESIS)[0] == pytest.approx(gain, rel=1e-12)
 
 
 @given(x=st.floats(1.0, 3.0))

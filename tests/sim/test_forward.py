@@ -19,7 +19,7 @@ from pmg.sim.lossmodel import LossModel
 from pmg.sim.maps.analytic import analytic_map
 from pmg.sim.roots import rising_root
 from pmg.sim.signals import Array
-from pmg.sim.steady.forward import SPEED_LIMIT, balancing_torque, forward, locked, torque_slope
+from pmg.sim.steady.forward import SPEED_LIMIT, _balancing_torque, _locked, forward
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import steady
 
@@ -56,7 +56,7 @@ def test_forward_is_the_inverse_of_steady(rows: list[tuple[float, float, int]]) 
 @given(st.floats(1.0, 300.0), load, number)
 def test_the_balance_of_forward_is_that_of_steady(sun: float, torque: float, gear: int) -> None:
     at = engaged(sun, torque, gear)
-    assert balancing_torque(GEARBOX, at)[0] == steady(GEARBOX, at).torque_sun[0]
+    assert _balancing_torque(GEARBOX, at)[0] == steady(GEARBOX, at).torque_sun[0]
 
 
 @given(st.floats(50.0, 2500.0), load, st.floats(1e-3, 0.05))
@@ -152,5 +152,6 @@ def test_an_equation_without_a_value_is_named() -> None:
 def test_the_slope_with_speed_is_that_of_the_laws() -> None:
     """Eddy damping alone: c on the sun, and c over the squared ratio from the ring."""
     alone = Gearbox.calibrated(BENCH, replace(MODEL, correction=0.0, b=0.0, d=0.0))
-    at = locked(alone, engaged(100.0, 1.0), np.array([SPEED_LIMIT / 3.0]))
-    assert torque_slope(alone, at)[0] == pytest.approx(MODEL.c * (1.0 + 1.0 / 2.6**2), rel=1e-9)
+    at, speed = engaged(100.0, 1.0), SPEED_LIMIT / 3.0
+    low, high = (_balancing_torque(alone, _locked(alone, at, np.array([speed * part])))[0] for part in (0.999, 1.001))
+    assert (high - low) / (0.002 * speed) == pytest.approx(MODEL.c * (1.0 + 1.0 / 2.6**2), rel=1e-9)

@@ -15,7 +15,7 @@ from pmg.sim.losscurve import LossCurve
 from pmg.sim.lossmodel import LossModel
 from pmg.sim.signals import RPM
 from pmg.sim.steady.gearbox import Gearbox
-from pmg.sim.steady.power_chain import MotorConvention, motor_electric_power, power_chain
+from pmg.sim.steady.power_chain import MotorConvention, _motor_electric_power, power_chain
 from pmg.sim.steady.solve import steady
 
 BENCH = load_bench()
@@ -95,7 +95,7 @@ def test_the_power_chain_closes_in_either_direction(
 
 @given(st.floats(-3.0, 3.0), st.floats(-200.0, 200.0))
 def test_a_consistent_motor_never_gives_more_than_it_takes(torque: float, speed_sun: float) -> None:
-    electric = motor_electric_power(np.array([torque]), np.array([speed_sun]), BENCH.motor, MotorConvention.CONSISTENT)
+    electric = _motor_electric_power(np.array([torque]), np.array([speed_sun]), BENCH.motor, MotorConvention.CONSISTENT)
     assert electric[0] >= torque * speed_sun - 1e-12
 
 

@@ -134,7 +134,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, str, bool]]:
         return kept | (QUIET if task.lot.stratum.kind == "clean" else NAMED)
 
     monkeypatch.setattr(stage, "run_case", quick)
-    monkeypatch.setattr(stage, "code_digest", lambda: "0" * 64)
+    monkeypatch.setattr(stage, "_code_digest", lambda: "0" * 64)
     return gone
 
 

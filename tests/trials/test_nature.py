@@ -12,16 +12,17 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from tests.conftest import ROOT
+from tests.trials.strata_by_name import find_stratum
 
 from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.recording.write import rated_calibration
-from pmg.pipeline.trials.absorb import CEILING, Yardstick, scale_effect
+from pmg.pipeline.trials.absorb import CEILING, Yardstick, scale_on
 from pmg.pipeline.trials.design import ORDERS, POLE_PAIRS, RATIO, CampaignDesign, acting, draw_design
 from pmg.pipeline.trials.effect import BenchRun, Effect, torques
-from pmg.pipeline.trials.forms_thermal import two_nodes
-from pmg.pipeline.trials.nature import ConcealedCampaign, draw_case, draw_effect, measure_case, seal_truth
-from pmg.pipeline.trials.record import bench_calibration, record_case, write_case
-from pmg.pipeline.trials.strata import FORMS, LIBRARY_FORMS, find_stratum, strata
+from pmg.pipeline.trials.forms_thermal import _two_nodes
+from pmg.pipeline.trials.nature import ConcealedCampaign, _draw_effect, draw_case, measure_case, seal_truth
+from pmg.pipeline.trials.record import _bench_calibration, _record_case, write_case
+from pmg.pipeline.trials.strata import FORMS, LIBRARY_FORMS, strata
 from pmg.pipeline.trials.world import FASTEST_SUN, World, draw_world
 from pmg.sim.bench import BenchParameters
 from pmg.sim.signals import Array
@@ -54,7 +55,7 @@ def scene_of(rng: np.random.Generator, order: str | None = None) -> BenchRun:
 
 
 def sized(identifier: str, shaft: str, scene: BenchRun, rng: np.random.Generator, size: float = 4.0) -> Effect:
-    return scale_effect(scene.world, scene.design, draw_effect(identifier, shaft, scene, rng), size).effect
+    return scale_on(Yardstick(scene), _draw_effect(identifier, shaft, scene, rng), size).effect
 
 
 def changes(scene: BenchRun, effect: Effect) -> tuple[Array, Array]:
@@ -103,7 +104,7 @@ def test_two_thermal_nodes_follow_their_equations(rng: np.random.Generator) -> N
     still = BenchRun(scene.design, replace(scene.world, drift=0.0))
     nodes = (0.5, 0.8, 120.0, 1500.0)
     n = len(scene.design.at)
-    rise = two_nodes(still, np.full(n, 20.0), nodes, 10.0)
+    rise = _two_nodes(still, np.full(n, 20.0), nodes, 10.0)
     c_in, c_out = nodes[2] / nodes[0], nodes[3] / nodes[1]
     between = np.diff(scene.design.elapsed)
     stop = int(np.argmax(between > 120.0)) if np.any(between > 120.0) else n - 1  # up to the first pause
@@ -192,7 +193,7 @@ def test_an_effect_is_as_large_as_asked_for_or_says_that_it_is_not(
 ) -> None:
     for size in (0.25, 2.0):
         scene = scene_of(rng)
-        scaled = scale_effect(scene.world, scene.design, draw_effect(identifier, shaft, scene, rng), size)
+        scaled = scale_on(Yardstick(scene), _draw_effect(identifier, shaft, scene, rng), size)
         if scaled.limited:
             assert identifier in MOSTLY_ABSORBED
             assert scaled.reached < size
@@ -312,9 +313,9 @@ def test_the_same_seed_gives_the_same_bytes(case: ConcealedCampaign) -> None:
     assert seal_truth(other)[1] != seal_truth(case)[1]
     one, two = (measure_case(case, np.random.default_rng(1)) for _ in range(2))
     np.testing.assert_array_equal(one.torque_sun, two.torque_sun)
-    first, second = (next(record_case(case, np.random.default_rng(2))) for _ in range(2))
+    first, second = (next(_record_case(case, np.random.default_rng(2))) for _ in range(2))
     assert first == second
-    assert next(record_case(case, np.random.default_rng(3))) != first
+    assert next(_record_case(case, np.random.default_rng(3))) != first
 
 
 def test_a_truth_is_sealed_and_complete(case: ConcealedCampaign) -> None:
@@ -380,7 +381,7 @@ def test_every_mechanism_that_shows_in_means_has_a_form() -> None:
 def test_the_proving_bench_is_built_like_the_real_one(bench: BenchParameters, rng: np.random.Generator) -> None:
     pairs = tuple((round(gear.pole_pairs_sun), round(gear.pole_pairs_ring)) for gear in (bench.gear1, bench.gear2))
     assert pairs == POLE_PAIRS
-    ours, rated = bench_calibration(), rated_calibration(bench)
+    ours, rated = _bench_calibration(), rated_calibration(bench)
     assert (ours.sun.nominal_torque, ours.ring.nominal_torque) == (rated.sun.nominal_torque, rated.ring.nominal_torque)
     world: World = draw_world(rng)
     assert world.noise.outliers == 0

@@ -16,11 +16,11 @@ from tests.bench.bout import Answer, Bout, Reply, enter
 from tests.bench.contestants import BestOfCatalogue
 from tests.bench.rivals import chosen, read_proof, run
 from tests.bench.rivalscore import CALIBRATED, Row, calibrated_threshold, cell, proof_row, rows_of, score, table
+from tests.trials.strata_by_name import find_stratum
 
 from pmg.pipeline.trials.score.case_list import SEED, Lot, draw_lots
 from pmg.pipeline.trials.score.figures import Figured
 from pmg.pipeline.trials.score.score import DiagnosisScore
-from pmg.pipeline.trials.strata import find_stratum
 from pmg.sim.errors import BenchError, FitError
 
 if TYPE_CHECKING:

@@ -359,7 +359,7 @@ def test_a_trial_resumes_and_makes_no_campaign_twice(
         return run_case.run_case(task)
 
     monkeypatch.setattr(stage, "run_case", counting)
-    monkeypatch.setattr(stage, "code_digest", lambda: before["code"])
+    monkeypatch.setattr(stage, "_code_digest", lambda: before["code"])
     again = run_prove(folder, TrialOptions(campaigns=6, seed=SEED, workers=1))
     assert made == [2]
     after = json.loads(lost.read_text())
@@ -385,10 +385,10 @@ def test_results_of_another_state_of_the_program_are_made_anew(
     result = json.loads((folder / "cases" / "0000.json").read_text())
     lot = draw_lots(6, SEED)[0]
     task = run_case.CaseTask(lot, "grid", result["code"], result["sha256"])
-    assert stage.read_case(folder, task) == result
-    assert len(stage.code_digest()) == len(result["code"]) == 64
-    assert stage.read_case(folder, run_case.CaseTask(lot, "grid", "other", result["sha256"])) is None
-    assert stage.read_case(folder, run_case.CaseTask(lot, "recordings", result["code"], result["sha256"])) is None
+    assert stage._read_case(folder, task) == result
+    assert len(stage._code_digest()) == len(result["code"]) == 64
+    assert stage._read_case(folder, run_case.CaseTask(lot, "grid", "other", result["sha256"])) is None
+    assert stage._read_case(folder, run_case.CaseTask(lot, "recordings", result["code"], result["sha256"])) is None
 
 
 def test_an_ambiguous_case_is_run_anew_with_the_points_of_the_proposed_test(
@@ -405,16 +405,16 @@ def test_an_ambiguous_case_is_run_anew_with_the_points_of_the_proposed_test(
         assert len(measure_case(case, rng)) == seen[-1]
         return document("consistent"), case.design.at
 
-    monkeypatch.setattr(run_case, "diagnosed", diagnosed)
+    monkeypatch.setattr(run_case, "_diagnosed", diagnosed)
     at = case.design.at
     plan = possible_plans(at, bench)[0]
     said = document("ambiguous", (GAIN, "sun"), rival=WIND)
     said["next_tests"] = [{"description": plan.description, "minutes": 9.0, "power": 0.9}]
-    found = run_case.extended(case, said, at, lot.rng("extend"), "grid")
+    found = run_case._extended(case, said, at, lot.rng("extend"), "grid")
     assert found is not None
     assert found["test"] == plan.description
     assert seen == [len(at) + len(plan.points)]
-    assert run_case.extended(case, document("named", (GAIN, "sun")), at, lot.rng("extend"), "grid") is None
+    assert run_case._extended(case, document("named", (GAIN, "sun")), at, lot.rng("extend"), "grid") is None
 
 
 def test_scores_need_no_campaign_of_every_kind() -> None:

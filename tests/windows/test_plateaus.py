@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from tests.recording.writer import Bench, write
 
 from pmg.pipeline.recording.read import read_recording
-from pmg.pipeline.windows.limits import LIMITS, chosen_limits, read_limits
+from pmg.pipeline.windows.limits import LIMITS, _read_limits, chosen_limits
 from pmg.pipeline.windows.plateaus import plateaus
-from pmg.pipeline.windows.steadiness import torque_changes
+from pmg.pipeline.windows.steadiness import _torque_changes
 from pmg.pipeline.windows.window import Window
 from pmg.pipeline.windows.windows import find_windows
 from pmg.sim.errors import RecordingError
@@ -176,7 +176,7 @@ def test_a_drift_a_step_and_a_stray_batch_stand_out_of_the_noise(
     means = np.random.default_rng(seed).standard_normal(BATCHES)
     at = np.arange(BATCHES)
     shape = {"drift": at / BATCHES, "step": at >= place, "stray": at == place}[kind]
-    changed = torque_changes(shift + means + 40.0 * size * shape)
+    changed = _torque_changes(shift + means + 40.0 * size * shape)
     assert max(abs(change) / error for _, change, error in changed) > LIMITS.torque_drift_sigmas
 
 
@@ -184,7 +184,7 @@ def test_noise_alone_seldom_stands_out(rng: np.random.Generator) -> None:
     """Of 2000 windows whose limit is so low that only the standard error holds, fewer than 1 in 100."""
     tripped = 0
     for _ in range(2000):
-        changes = torque_changes(rng.standard_normal(BATCHES))
+        changes = _torque_changes(rng.standard_normal(BATCHES))
         tripped += any(abs(change) > LIMITS.torque_drift_sigmas * error for _, change, error in changes)
     assert tripped < 20
 
@@ -193,7 +193,7 @@ def test_noise_alone_seldom_stands_out(rng: np.random.Generator) -> None:
 def test_changes_scale_with_the_torque_and_know_no_level(scale: float, shift: float, seed: int) -> None:
     means = np.random.default_rng(seed).standard_normal(BATCHES)
     for (_, change, error), (_, scaled, of_scaled) in zip(
-        torque_changes(means), torque_changes(scale * means + shift), strict=True
+        _torque_changes(means), _torque_changes(scale * means + shift), strict=True
     ):
         assert scaled == pytest.approx(scale * change, rel=1e-6, abs=1e-9)
         assert of_scaled == pytest.approx(scale * error, rel=1e-6, abs=1e-9)
@@ -202,7 +202,7 @@ def test_changes_scale_with_the_torque_and_know_no_level(scale: float, shift: fl
 def test_limits_come_from_a_file_speeds_in_rpm(tmp_path: Path) -> None:
     path = tmp_path / "limits.toml"
     path.write_text("[windows]\nspeed_change_rpm = 2\ntorque_drift = 0.002\nparts = 5\nsettle = 0\n", encoding="utf-8")
-    limits = read_limits(path)
+    limits = _read_limits(path)
     assert limits.speed_change == pytest.approx(2.0 * 2.0 * math.pi / 60.0)
     assert (limits.torque_drift, limits.parts, limits.settle) == (0.002, 5, 0.0)
     assert limits.speed_offset == LIMITS.speed_offset
@@ -224,7 +224,7 @@ def test_a_limit_that_is_none_is_refused(tmp_path: Path, text: str, told: str) -
     path = tmp_path / "limits.toml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(RecordingError, match=told):
-        read_limits(path)
+        _read_limits(path)
 
 
 def test_no_limit_given_is_the_default() -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal, stats
 
-from pmg.pipeline.windows.reduce import end_to_end_speed, low_pass, reduce_shaft
+from pmg.pipeline.windows.reduce import _reduce_shaft, end_to_end_speed, low_pass
 from pmg.pipeline.windows.revolutions import batch_means
 from pmg.sim.signals import RPM
 
@@ -49,18 +49,18 @@ def test_the_filter_takes_ripple_away_and_keeps_what_is_slow() -> None:
 @given(level=st.floats(-10.0, 10.0), n=st.integers(2, 300))
 def test_a_torque_that_does_not_vary_has_no_known_uncertainty(level: float, n: int) -> None:
     """The rounding of its sums, 1e-15 N m, is none."""
-    found = reduce_shaft(np.full(n, level), turning(600.0, n), RATE)
+    found = _reduce_shaft(np.full(n, level), turning(600.0, n), RATE)
     assert found.torque == pytest.approx(level, abs=1e-12)
     assert math.isnan(found.within)
     assert found.dof == 0.0
     assert math.isnan(found.resolution)
-    rounded = reduce_shaft(level + 1e-15 * np.arange(float(n)), turning(600.0, n), RATE)
+    rounded = _reduce_shaft(level + 1e-15 * np.arange(float(n)), turning(600.0, n), RATE)
     assert math.isnan(rounded.within)
 
 
 def test_a_torque_of_little_noise_keeps_its_uncertainty() -> None:
     noise = np.random.default_rng(3).normal(0.0, 1e-9, N)
-    assert 0.0 < reduce_shaft(1.0 + noise, turning(600.0), RATE).within < 1e-9
+    assert 0.0 < _reduce_shaft(1.0 + noise, turning(600.0), RATE).within < 1e-9
 
 
 @given(speed=st.floats(-2000.0, 2000.0))
@@ -73,8 +73,8 @@ def test_speed_from_end_to_end_is_right_to_one_count(speed: float) -> None:
 def test_ripple_of_once_per_revolution_does_not_count_as_noise(speed: float) -> None:
     angle = turning(speed)
     noise = np.random.default_rng(3).normal(0.0, 0.01, N)
-    clean = reduce_shaft(1.0 + noise, angle, RATE)
-    rippled = reduce_shaft(1.0 + noise + 0.2 * np.sin(speed * RPM * T), angle, RATE)
+    clean = _reduce_shaft(1.0 + noise, angle, RATE)
+    rippled = _reduce_shaft(1.0 + noise + 0.2 * np.sin(speed * RPM * T), angle, RATE)
     assert rippled.revolutions_per_batch >= 1
     assert rippled.within == pytest.approx(clean.within, rel=0.25)
 
@@ -107,7 +107,7 @@ def test_the_uncertainty_covers_the_truth_as_often_as_it_says(
     for _ in range(500):
         white = rng.normal(0.0, 0.01, N + 500)
         noise = signal.lfilter([1.0], [1.0, -keep], white)[500:]
-        found = reduce_shaft(2.0 + noise + ripple, angle, RATE)
+        found = _reduce_shaft(2.0 + noise + ripple, angle, RATE)
         held += abs(found.torque - 2.0) < stats.t.ppf(0.975, found.dof) * found.within
         naive += abs(found.torque - 2.0) < 1.96 * noise.std() / math.sqrt(N)
     assert 0.92 <= held / 500 <= 0.98
@@ -120,7 +120,7 @@ def test_the_correlation_time_is_that_of_the_noise(correlation_s: float, rng: np
     """The median of many windows, since each one knows its own only to about 30 %."""
     keep = math.exp(-1.0 / (RATE * correlation_s))
     noise = signal.lfilter([1.0], [1.0, -keep], rng.normal(0.0, 1.0, (200, N + 500)), axis=1)[:, 500:]
-    found = [reduce_shaft(row, np.zeros(N), RATE).correlation_time for row in noise]
+    found = [_reduce_shaft(row, np.zeros(N), RATE).correlation_time for row in noise]
     assert np.median(found) == pytest.approx(correlation_s, rel=0.2)
 
 
@@ -128,7 +128,7 @@ def test_a_gap_leaves_mean_and_speed_and_no_uncertainty() -> None:
     torque, angle = np.full(N, 0.7), turning(600.0)
     torque[100:200] = np.nan
     angle[300:400] = np.nan
-    found = reduce_shaft(torque, angle, RATE)
+    found = _reduce_shaft(torque, angle, RATE)
     assert found.torque == pytest.approx(0.7)
     assert found.speed / RPM == pytest.approx(600.0, abs=0.01)
     assert math.isnan(found.within)
@@ -136,7 +136,7 @@ def test_a_gap_leaves_mean_and_speed_and_no_uncertainty() -> None:
 
 
 def test_nothing_gives_nothing() -> None:
-    found = reduce_shaft(np.empty(0), np.empty(0), RATE)
+    found = _reduce_shaft(np.empty(0), np.empty(0), RATE)
     assert math.isnan(found.torque)
     assert math.isnan(found.speed)
     assert found.dof == 0

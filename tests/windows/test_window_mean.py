@@ -13,8 +13,8 @@ from tests.bench.colours import Colour, power_law, resonance
 from tests.bench.windowed import NOISE, TORQUE, tally, window
 
 from pmg.pipeline.recording.means import BATCH_METHOD, MEMORY_METHOD
-from pmg.pipeline.windows.noise_models import forms, kinds
-from pmg.pipeline.windows.reduce import reduce_shaft, resolution
+from pmg.pipeline.windows.noise_models import _kinds, forms
+from pmg.pipeline.windows.reduce import _reduce_shaft, _resolution
 from pmg.pipeline.windows.revolutions import SLACK, WholeRevolutions, whole_revolutions
 from pmg.pipeline.windows.window_mean import FEWEST_PIECES, serial_mean
 from pmg.sim.signals import RPM
@@ -56,9 +56,9 @@ def test_noise_without_a_time_of_its_own_is_flagged_and_widens_the_interval() ->
 
 
 @settings(max_examples=40)
-@given(m=st.integers(FEWEST_PIECES, 60), number=st.integers(0, len(kinds()) - 1))
+@given(m=st.integers(FEWEST_PIECES, 60), number=st.integers(0, len(_kinds()) - 1))
 def test_the_mean_is_as_uncertain_however_the_stretch_is_cut(m: int, number: int) -> None:
-    kind = kinds()[number]
+    kind = _kinds()[number]
     lag = np.abs(np.subtract.outer(np.arange(m), np.arange(m)))
     assert kind.covariance(m)[lag].mean() == pytest.approx(kind.coarser(m, 1), rel=1e-6)
 
@@ -79,7 +79,7 @@ def test_ripple_over_a_part_of_a_turn_stays_out_of_the_mean() -> None:
     angle = np.asarray(speed * np.arange(n) / RATE, dtype=np.float64)
     torque = 1.0 + 0.05 * np.sin(angle)
     assert torque.mean() - 1.0 == pytest.approx(0.05 / (10.5 * math.pi), rel=0.01)
-    assert reduce_shaft(torque, angle, RATE).torque == pytest.approx(1.0, abs=2e-5)
+    assert _reduce_shaft(torque, angle, RATE).torque == pytest.approx(1.0, abs=2e-5)
 
 
 @settings(max_examples=25)
@@ -94,8 +94,8 @@ def test_mean_and_uncertainty_move_with_the_torque(
     shift: float, scale: float, sign: float, memory: float, seed: int
 ) -> None:
     torque, angle = window(memory, np.random.default_rng(seed), 200.0)
-    plain = reduce_shaft(torque, angle, 200.0)
-    moved = reduce_shaft(sign * scale * torque + shift, -angle, 200.0)
+    plain = _reduce_shaft(torque, angle, 200.0)
+    moved = _reduce_shaft(sign * scale * torque + shift, -angle, 200.0)
     assert moved.torque == pytest.approx(sign * scale * plain.torque + shift, rel=1e-9, abs=1e-9)
     assert moved.within == pytest.approx(scale * plain.within, rel=1e-5)
     assert moved.dof == pytest.approx(plain.dof, rel=1e-5)
@@ -124,14 +124,14 @@ def test_ripple_is_taken_for_no_memory_at_any_speed(speed: float, rng: np.random
     """Ripple five times the noise; at most a window in five flagged, where an average turn left in would flag all."""
     angle = np.asarray(speed * RPM * np.arange(5000) / RATE, dtype=np.float64)
     ripple = 0.05 * np.sin(angle) + 0.02 * np.sin(3.0 * angle + 1.0)
-    found = [reduce_shaft(1.0 + ripple + rng.normal(0.0, 0.01, 5000), angle, RATE) for _ in range(20)]
+    found = [_reduce_shaft(1.0 + ripple + rng.normal(0.0, 0.01, 5000), angle, RATE) for _ in range(20)]
     assert sum(f.correlated for f in found) <= 4
     assert all(f.revolutions_per_batch for f in found)
 
 
 def test_batches_stay_where_noise_is_short_and_give_way_where_it_is_long(rng: np.random.Generator) -> None:
-    short = [reduce_shaft(*window(0.0, rng, RATE), RATE).method for _ in range(20)]
-    long = [reduce_shaft(*window(0.5, rng, RATE), RATE).method for _ in range(20)]
+    short = [_reduce_shaft(*window(0.0, rng, RATE), RATE).method for _ in range(20)]
+    long = [_reduce_shaft(*window(0.5, rng, RATE), RATE).method for _ in range(20)]
     assert short.count(BATCH_METHOD) >= 17
     assert long.count(MEMORY_METHOD) >= 17
 
@@ -150,5 +150,5 @@ def test_too_few_or_equal_pieces_tell_nothing() -> None:
 
 def test_resolution_is_the_step_of_the_readings(rng: np.random.Generator) -> None:
     step = 2.0e-3
-    assert resolution(step * np.round(rng.normal(0.0, NOISE, 2000) / step)) == pytest.approx(step)
-    assert math.isnan(resolution(np.full(10, TORQUE)))
+    assert _resolution(step * np.round(rng.normal(0.0, NOISE, 2000) / step)) == pytest.approx(step)
+    assert math.isnan(_resolution(np.full(10, TORQUE)))

@@ -128,11 +128,11 @@ def _windows(budget: Budget) -> tuple[Text | Table, ...]:
     if len(sets) > 1:
         words = f"Windows were judged by {len(sets)} sets of limits: ingest all recordings by one to compare like."
         items.append(Text(words, kind="warning"))
-    items += [limits_table(each, number, len(sets)) for number, each in enumerate(sets, 1)]
+    items += [_limits_table(each, number, len(sets)) for number, each in enumerate(sets, 1)]
     return tuple(items)
 
 
-def limits_table(of: LimitSet, number: int = 1, sets: int = 1) -> Table:
+def _limits_table(of: LimitSet, number: int = 1, sets: int = 1) -> Table:
     """A set of limits by which windows were judged, speeds in rpm.
 
     Parameters

@@ -118,15 +118,15 @@ def data_section(
             )
         )
     if origins:
-        items.append(origins_table(origins))
+        items.append(_origins_table(origins))
     if findings:
-        items.append(findings_table(findings))
+        items.append(_findings_table(findings))
     items += [Text(f"Not done: {error}", kind="warning") for error in analysis.missing]
     used = (sources.GUM,) if budget is None or budget.facts is None else (sources.GUM, UNCERTAINTY_SOURCE, BERGER_YANG)
     return Section("data", "Data quality", tuple(items), used)
 
 
-def origins_table(origins: tuple[tuple[str, ImportRecord], ...]) -> Table:
+def _origins_table(origins: tuple[tuple[str, ImportRecord], ...]) -> Table:
     """What recordings were imported from: names of the files, and the source of each."""
     count = sum(origin.findings for _, origin in origins)
     return Table(
@@ -153,7 +153,7 @@ def origins_table(origins: tuple[tuple[str, ImportRecord], ...]) -> Table:
     )
 
 
-def findings_table(findings: tuple[Remark, ...]) -> Table:
+def _findings_table(findings: tuple[Remark, ...]) -> Table:
     """What reading the recordings brought up: `findings` in the plain form of `Finding.to_dict` or of a stage."""
     return Table(
         id="findings",

@@ -45,13 +45,13 @@ class Channel(Strict):
         return 1.0
 
 
-class TimeChannel(Channel):
+class _TimeChannel(Channel):
     """Times of the samples."""
 
     unit: Annotated[str, one_of(*UNITS["time"])]
 
 
-class PositionChannel(Channel):
+class _PositionChannel(Channel):
     """Position of the slide."""
 
     unit: Annotated[str, one_of(*UNITS["position"])]
@@ -61,14 +61,14 @@ def _newton(value: object) -> object:
     return value if isinstance(value, str) else number_within(value, -1e9, 1e9, "N")
 
 
-class ForceChannel(Channel):
+class _ForceChannel(Channel):
     """Force, or the command that makes it."""
 
     unit: Annotated[str, one_of(*UNITS["force"])]
     newton_per_unit: Annotated[str | float, BeforeValidator(_newton)] | None = None
 
     @model_validator(mode="after")
-    def _makes_newton(self) -> ForceChannel:
+    def _makes_newton(self) -> _ForceChannel:
         if self.newton_per_unit is None and self.unit in ("V", "A"):
             refuse("missing", f"newton of one {self.unit}", "Add newton_per_unit.", "newton_per_unit")
         if self.newton_per_unit == 0.0:
@@ -81,15 +81,15 @@ class ForceChannel(Channel):
         return 1.0 if self.newton_per_unit is None else self.newton_per_unit
 
 
-class ChannelsTable(Strict):
+class _ChannelsTable(Strict):
     """Table ``[channels]``."""
 
-    time: TimeChannel
-    position: PositionChannel
-    force: ForceChannel
+    time: _TimeChannel
+    position: _PositionChannel
+    force: _ForceChannel
 
 
-class RecordTable(Strict):
+class _RecordTable(Strict):
     """Table ``[record]``: recordings, in a folder beside the file."""
 
     folder: str = "."
@@ -117,7 +117,7 @@ class PrepareTable(Strict):
         return self
 
 
-class KnownTermsTable(Strict):
+class _KnownTermsTable(Strict):
     """Table ``[baseline]``: terms taken for granted, and amplitudes that are known [SI]."""
 
     terms: Annotated[list[str], Field(min_length=1), EACH_ONCE]
@@ -133,28 +133,28 @@ class Published(Strict):
     unit: str
 
 
-class ErrorsTable(Strict):
+class _ErrorsTable(Strict):
     """Table ``[published_errors]``: relative force errors [%]."""
 
     fit_percent: Annotated[float, within(0.0, 1e4, "%")] | None = None
     withheld_percent: Annotated[float, within(0.0, 1e4, "%")] | None = None
 
 
-class CaseTable(Strict):
+class _CaseTable(Strict):
     """All tables of a case file."""
 
     schema_: Annotated[str, one_of(SCHEMA), Field(alias="schema")]
     title: str
     library: Annotated[str, one_of(*LIBRARIES)]
-    record: RecordTable
-    channels: ChannelsTable
+    record: _RecordTable
+    channels: _ChannelsTable
     prepare: PrepareTable
-    baseline: KnownTermsTable
+    baseline: _KnownTermsTable
     published: list[Published] = Field(default_factory=list)
-    published_errors: ErrorsTable = ErrorsTable()
+    published_errors: _ErrorsTable = _ErrorsTable()
 
     @model_validator(mode="after")
-    def _fits_the_library(self) -> CaseTable:
+    def _fits_the_library(self) -> _CaseTable:
         terms = {term.identifier: term for term in LIBRARIES[self.library]}
         plain = [name for name, term in terms.items() if not term.of_model and term.shape is None]
         for i, name in enumerate(self.baseline.terms):
@@ -228,7 +228,7 @@ def read_case(path: Path, data: Path | None = None) -> Case:
     BenchError
         When the file cannot be read, or asks for something unknown, out of range or contradictory.
     """
-    given = read_table_file(path, "a case", CaseTable).table
+    given = read_table_file(path, "a case", _CaseTable).table
     record, errors = given.record, given.published_errors
     folder = path.parent / record.folder if data is None else data
     percents = {"fit": errors.fit_percent, "withheld": errors.withheld_percent}

@@ -76,12 +76,12 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     left_over: Mismatch[Place]
 
 
-def free_terms(case: Case) -> tuple[Term, ...]:
+def _free_terms(case: Case) -> tuple[Term, ...]:
     """Terms of the baseline whose amplitudes are free."""
     return tuple(t for name in case.baseline for t in case.library if t.identifier == name and name not in case.fixed)
 
 
-def searched_terms(case: Case) -> tuple[Term, ...]:
+def _searched_terms(case: Case) -> tuple[Term, ...]:
     """Terms that may be named; one whose amplitude is taken as known may be off by what its bounds allow."""
     terms = []
     for term in case.library:
@@ -111,7 +111,7 @@ class _Searched:
 
 def _search(case: Case, recorded: Recorded, rng: np.random.Generator) -> _Searched:
     """The mismatch test and the search of the library; twice, the second time with noise freed from what was named."""
-    looked, free, searched = families_of(recorded), free_terms(case), searched_terms(case)
+    looked, free, searched = families_of(recorded), _free_terms(case), _searched_terms(case)
     tables = tabulate(recorded, searched, coarse=True)
     plain = design_of(recorded, free, ())
     allowed = [table.columns.reshape(len(plain), -1) for table in tables.values()]

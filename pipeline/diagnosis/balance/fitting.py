@@ -50,7 +50,7 @@ class Tabled:
     columns: Array
 
 
-def shape_grid(term: Term, travel: float, *, coarse: bool = False) -> Array:
+def _shape_grid(term: Term, travel: float, *, coarse: bool = False) -> Array:
     """Values of the shape at which a term is looked at first; four of them where it is only to be allowed for."""
     if term.shape is None:
         return np.array([math.nan])
@@ -67,7 +67,7 @@ def tabulate(recorded: Recorded, terms: tuple[Term, ...], *, coarse: bool = Fals
     travel = float(np.ptp(recorded.motion.position))
     tables = {}
     for term in terms:
-        shapes = shape_grid(term, travel, coarse=coarse)
+        shapes = _shape_grid(term, travel, coarse=coarse)
         parts = []
         for first in range(0, len(shapes), AT_ONCE):
             some = shapes[first : first + AT_ONCE]

@@ -28,7 +28,7 @@ DECOYS = 40
 """Decoy terms that are tried."""
 
 
-def blocks_of(samples: int) -> npt.NDArray[np.int64]:
+def _blocks_of(samples: int) -> npt.NDArray[np.int64]:
     """Block of neighbours of each sample."""
     return (np.arange(samples) * BLOCKS) // samples
 
@@ -63,7 +63,7 @@ class WithheldSamples(Withholding[TermFit, TermProblem]):
 def withheld_samples(recorded: Recorded, problem: TermProblem, noise: SerialNoise, plain: Array) -> WithheldSamples:
     """The samples of a record beside the free columns (n, k) of its baseline, dealt to the folds of the proof."""
     n = len(recorded.force)
-    block = blocks_of(n)
+    block = _blocks_of(n)
     return WithheldSamples(
         y=recorded.force,
         columns=plain,
@@ -81,7 +81,7 @@ def withheld_samples(recorded: Recorded, problem: TermProblem, noise: SerialNois
 def held_out(split: str, before: Array, after: Array, noise: SerialNoise, rng: np.random.Generator) -> HeldOut:
     """Errors of all samples before and after, with the interval of their difference from resampled blocks."""
     scale, every = np.full(len(before), noise.standard_deviation), np.ones(len(before), dtype=np.bool_)
-    return compared(split, (before, after), scale, (blocks_of(len(before)), every), rng)
+    return compared(split, (before, after), scale, (_blocks_of(len(before)), every), rng)
 
 
 def set_against(
@@ -93,7 +93,7 @@ def set_against(
 ) -> HeldOut:
     """Error on withheld blocks with one set of terms and with another, amplitudes fitted on the other blocks."""
     y = recorded.force
-    fold, even = blocks_of(len(y)) % FOLDS, np.ones(len(y))
+    fold, even = _blocks_of(len(y)) % FOLDS, np.ones(len(y))
     before, after = (withheld_left(y, design_of(recorded, baseline, fits), even, fold, FOLDS) for fits in sets)
     return held_out("blocks of neighbouring samples, a quarter at a time", before, after, noise, rng)
 

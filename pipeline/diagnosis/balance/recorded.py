@@ -54,7 +54,7 @@ class Recorded:
 
     def thin(self, columns: Array) -> Array:
         """Every column filtered and decimated like the force (parallel filtering)."""
-        return thin(columns, self.keep_every)
+        return _thin(columns, self.keep_every)
 
     def columns(self, term: Term, shape: float = float("nan")) -> Array:
         """Thinned columns of a term (n, amplitudes) [N per unit]."""
@@ -66,7 +66,7 @@ class Recorded:
         return np.asarray(self.motion.time[:: self.keep_every])
 
 
-def thin(columns: Array, keep_every: int) -> Array:
+def _thin(columns: Array, keep_every: int) -> Array:
     """Filtered without phase and decimated along the first axis."""
     if keep_every == 1:
         return columns
@@ -129,7 +129,7 @@ def _with_model(name: str, motion: Motion, case: Case) -> Recorded:
     for key, value in case.fixed.items():
         known = known + value * columns[key]
     free = np.stack([columns[key] for key in case.baseline if key not in case.fixed], axis=1)
-    thinned = thin(np.c_[motion.force, known, free], case.prepare.keep_every)
+    thinned = _thin(np.c_[motion.force, known, free], case.prepare.keep_every)
     rest = thinned[:, 0] - thinned[:, 1]
     solution = np.linalg.lstsq(thinned[:, 2:], rest, rcond=None)[0]
     return Recorded(

@@ -50,7 +50,7 @@ class NextTest:
     power: float
 
 
-def with_points(grid: Grid, more: OperatingPoints) -> Grid:
+def _with_points(grid: Grid, more: OperatingPoints) -> Grid:
     """A grid with points that have not been run yet: their readings are placeholders."""
     n = len(more)
     zero, points = np.zeros(n), join_points(grid.points, more)
@@ -79,7 +79,7 @@ def with_points(grid: Grid, more: OperatingPoints) -> Grid:
 
 def longer_problem(problem: GridProblem, plan: Plan, floor: NoiseFloor) -> GridProblem:
     """The problem as it would be with the plan's points in, nothing read yet."""
-    readings = take_readings(with_points(problem.readings.grid, plan.points), problem.bench)
+    readings = take_readings(_with_points(problem.readings.grid, plan.points), problem.bench)
     return grid_problem(readings, problem.bench, problem.model, whitener(readings, problem.bench, floor))
 
 
@@ -120,7 +120,7 @@ def lifting_test(
     if not plans or not kinds:
         return None
     plan = plans[0]
-    whole = take_readings(with_points(readings.grid, plan.points), bench)
+    whole = take_readings(_with_points(readings.grid, plan.points), bench)
     problem = grid_problem(whole, bench, model, whitener(whole, bench, floor))
     powers = []
     for candidate in kinds:

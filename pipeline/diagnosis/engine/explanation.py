@@ -69,8 +69,8 @@ def explain_with(problem: P, catalogue: CandidateCatalogue[F, P], candidates: It
     for candidate in candidates:
         found = found.plus(catalogue.fit(found.problem, candidate))
     for place, fit in enumerate(found.fits if len(found.fits) > 1 else ()):
-        rest, gain = without(problem, found, place)
-        found = replaced(found, place, catalogue.fit(rest, fit.candidate), rest, gain)
+        rest, gain = _without(problem, found, place)
+        found = _replaced(found, place, catalogue.fit(rest, fit.candidate), rest, gain)
     return found
 
 
@@ -87,7 +87,7 @@ def leaders_in_detail(
     return sorted(found, key=lambda e: -e.score)
 
 
-def without(problem: P, explanation: Explanation[F, P], place: int) -> tuple[P, float]:
+def _without(problem: P, explanation: Explanation[F, P], place: int) -> tuple[P, float]:
     """The problem with all candidates of a set taken out but one, and what that one gains there."""
     for other in (*explanation.fits[:place], *explanation.fits[place + 1 :]):
         problem = problem.take_out(other)
@@ -95,7 +95,7 @@ def without(problem: P, explanation: Explanation[F, P], place: int) -> tuple[P, 
     return problem, float(problem.left @ problem.left - rest @ rest)
 
 
-def replaced(explanation: Explanation[F, P], place: int, fit: F, rest: P, gain: float) -> Explanation[F, P]:
+def _replaced(explanation: Explanation[F, P], place: int, fit: F, rest: P, gain: float) -> Explanation[F, P]:
     """The set with another fit in one place; `gain` is what the one before it gained beside the `rest`."""
     counted = replace(fit, gain=explanation.fits[place].gain + fit.gain - gain)
     return Explanation((*explanation.fits[:place], counted, *explanation.fits[place + 1 :]), rest.take_out(fit))
@@ -104,11 +104,11 @@ def replaced(explanation: Explanation[F, P], place: int, fit: F, rest: P, gain: 
 def all_in_detail(problem: P, catalogue: CandidateCatalogue[F, P], explanation: Explanation[F, P]) -> Explanation[F, P]:
     """Each candidate of a set in more detail beside the others, where the data call for it."""
     for place, fit in enumerate(explanation.fits):
-        rest, gain = without(problem, explanation, place)
+        rest, gain = _without(problem, explanation, place)
         here = replace(fit, gain=gain)
         finer = catalogue.in_detail(rest, here, narrower=True)
         if finer is not here:
-            explanation = replaced(explanation, place, finer, rest, gain)
+            explanation = _replaced(explanation, place, finer, rest, gain)
     return explanation
 
 
@@ -116,10 +116,10 @@ def swapped(problem: P, catalogue: CandidateCatalogue[F, P], explanation: Explan
     """Sets in which one candidate of a set gave way to another, or to itself in another place."""
     found = []
     for place, fit in enumerate(explanation.fits):
-        rest, gain = without(problem, explanation, place)
+        rest, gain = _without(problem, explanation, place)
         ranked = catalogue.rank(rest, explanation.ids - {fit.identifier})
         detailed = [catalogue.in_detail(rest, one) for one in leaders(ranked)]
         tried = sorted([*ranked, *detailed], key=lambda one: -rest.score(one))
         seen = {fit.candidate: fit, **{one.candidate: one for one in tried}}
-        found += [replaced(explanation, place, one, rest, gain) for one in list(seen.values())[1 : SWAPS + 1]]
+        found += [_replaced(explanation, place, one, rest, gain) for one in list(seen.values())[1 : SWAPS + 1]]
     return [one for one in found if one.needed]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 
-class Nameable(Protocol):
+class _Nameable(Protocol):
     """What may explain a mismatch; it can be hashed."""
 
     @property
@@ -26,7 +26,7 @@ class Nameable(Protocol):
         """Id of the mechanism or term."""
 
 
-C = TypeVar("C", bound=Nameable)
+C = TypeVar("C", bound=_Nameable)
 
 
 @dataclass(frozen=True)

@@ -74,13 +74,13 @@ def find_shape(whole: GridProblem, locations: tuple[Location, ...], rng: np.rand
         block=block,
         fold=fold,
     )
-    found = hold_up(problem, rng)
+    found = _hold_up(problem, rng)
     if found is None:
         return None
     return replace(found, signal=place.signal, configuration=place.configuration, as_drag=as_drag)
 
 
-def hold_up(problem: Problem, rng: np.random.Generator) -> Shape | None:
+def _hold_up(problem: Problem, rng: np.random.Generator) -> Shape | None:
     """The best form of a problem, where it holds up on withheld readings.
 
     Notes

@@ -79,7 +79,7 @@ def refinement(candidate: Candidate) -> Candidate | None:
     return Candidate(kind, candidate.shaft, tuple(dict.fromkeys(name for group in groups for name in group)))
 
 
-def rms(values: Array) -> float:
+def _rms(values: Array) -> float:
     """Root mean square; 0 of nothing."""
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
 
@@ -117,7 +117,7 @@ class CandidateFit(Fit[Candidate]):
     @property
     def size(self) -> float:
         """Root mean square of the effect over the readings it touches [N m], before anything is absorbed."""
-        return rms(self.effect[self.effect != 0.0])
+        return _rms(self.effect[self.effect != 0.0])
 
     @property
     def without_scale(self) -> bool:
@@ -173,7 +173,7 @@ class GridProblem(WhitenedProblem[CandidateFit]):
 
     def visible(self, fit: CandidateFit) -> float:
         """Root mean square of what the baseline cannot take up of a fit, over the readings it touches [N m]."""
-        return rms(undo(self.white, fit.seen)[fit.effect != 0.0])
+        return _rms(undo(self.white, fit.seen)[fit.effect != 0.0])
 
     def effect(self, candidate: Candidate, values: Array) -> Array:
         """Change of each reading by a candidate [N m].

@@ -198,7 +198,7 @@ def _next_tests(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     return [
         {
             "description": test.plan.description,
-            "points": set_points(test.plan.points),
+            "points": _set_points(test.plan.points),
             "minutes": test.plan.seconds / MINUTE,
             "separates": list(test.separates),
             "power": test.power,
@@ -207,7 +207,7 @@ def _next_tests(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     ]
 
 
-def set_points(at: OperatingPoints) -> list[str]:
+def _set_points(at: OperatingPoints) -> list[str]:
     """The points of a test in words, in their order: what to set on the bench."""
     told = []
     for i, configuration in enumerate(at.configuration):

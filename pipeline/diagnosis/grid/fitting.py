@@ -52,7 +52,7 @@ def fit_candidate(problem: GridProblem, candidate: Candidate) -> CandidateFit:
     return problem.fitted(candidate, values, float(problem.left @ problem.left) - cost, on_bound)
 
 
-def shapes(candidate: Candidate) -> Iterator[Array]:
+def _shapes(candidate: Candidate) -> Iterator[Array]:
     """Values of the shape parameters from which a fit starts."""
     parameters = candidate.parameters[len(candidate.sizes) :]
     axes = [[p.typical] for p in parameters]
@@ -63,7 +63,7 @@ def shapes(candidate: Candidate) -> Iterator[Array]:
 
 def _sizes(problem: GridProblem, candidate: Candidate, shape: Array) -> tuple[float, Array]:
     """Sum of squares and sizes inside their bounds, for an effect proportional to them."""
-    columns = signature(problem, candidate, shape)
+    columns = _signature(problem, candidate, shape)
     seen = np.stack([problem.beyond_baseline(column) for column in columns.T], axis=1)
     return bounded_sizes(
         seen, problem.left, np.array([p.bounds for p in candidate.parameters[: len(candidate.sizes)]]).T
@@ -72,7 +72,7 @@ def _sizes(problem: GridProblem, candidate: Candidate, shape: Array) -> tuple[fl
 
 def _by_proportion(problem: GridProblem, candidate: Candidate) -> tuple[float, Array]:
     """Sum of squares and values; the only search is over the shapes, on logarithms."""
-    starts = [(*_sizes(problem, candidate, shape), shape) for shape in shapes(candidate)]
+    starts = [(*_sizes(problem, candidate, shape), shape) for shape in _shapes(candidate)]
     cost, sizes, shape = min(starts, key=lambda start: start[0])
     if not len(shape):
         return cost, sizes
@@ -124,7 +124,7 @@ def _by_search(problem: GridProblem, candidate: Candidate) -> tuple[float, Array
         return 2.0 * float(found.cost), found.x
 
     ends = []
-    for shape in shapes(candidate):
+    for shape in _shapes(candidate):
         start = np.r_[_sizes(problem, candidate, shape)[1], shape]
         ends.append(search(np.clip(start, low + 1e-9 * typical, high - 1e-9 * typical) / typical, FIRST_STEPS))
     best = sorted(ends, key=lambda end: end[0])[:FOLLOWED]
@@ -136,7 +136,7 @@ SMALL = 0.05
 """Part of a parameter's typical value at which its signature is taken."""
 
 
-def signature(problem: GridProblem, candidate: Candidate, shape: Array) -> Array:
+def _signature(problem: GridProblem, candidate: Candidate, shape: Array) -> Array:
     """Effect on each reading per unit of each size (m, sizes), at small size and a given shape [N m per unit]."""
     columns = []
     for i, parameter in enumerate(candidate.parameters[: len(candidate.sizes)]):
@@ -153,8 +153,8 @@ def traces(problem: GridProblem) -> list[Array]:
     the catalogue are seen earlier.
     """
     return [
-        problem.white(signature(problem, candidate, shape))
+        problem.white(_signature(problem, candidate, shape))
         for candidate in candidates()
         if candidate.shaft != "both" or not candidate.kind.both_at_once
-        for shape in shapes(candidate)
+        for shape in _shapes(candidate)
     ]

@@ -56,13 +56,13 @@ def _told(diagnosis: Diagnosis) -> str:
     sentences = [_place(diagnosis)]
     if diagnosis.naming is None or diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
         sentences.append(f"No mechanism of the catalogue explains it{_nearest(diagnosis)}. We can show where, not why.")
-        sentences.append(shape_sentence(diagnosis))
+        sentences.append(_shape_sentence(diagnosis))
     elif diagnosis.verdict is Verdict.NAMED:
-        sentences.append(f"Cause: {causes(diagnosis, diagnosis.naming.best)}.")
+        sentences.append(f"Cause: {_causes(diagnosis, diagnosis.naming.best)}.")
         sentences.append(_settled_by(diagnosis.naming))
     else:
-        sets = [causes(diagnosis, diagnosis.naming.best)]
-        sets += [causes(diagnosis, rival.explanation) for rival in diagnosis.rivals]
+        sets = [_causes(diagnosis, diagnosis.naming.best)]
+        sets += [_causes(diagnosis, rival.explanation) for rival in diagnosis.rivals]
         known = "; or ".join(sets)
         if diagnosis.weak:
             sentences.append(f"It is too weak to name its cause. Possible causes: {known}.")
@@ -79,7 +79,7 @@ def _told(diagnosis: Diagnosis) -> str:
     return " ".join(sentence for sentence in sentences if sentence)
 
 
-def causes(diagnosis: Diagnosis, explanation: GridExplanation) -> str:
+def _causes(diagnosis: Diagnosis, explanation: GridExplanation) -> str:
     """A set of mechanisms in words: what is left to see of each, and its whole effect against a bench without it."""
     shafts = diagnosis.naming.shafts if diagnosis.naming is not None else {}
     words = []
@@ -139,7 +139,7 @@ def _lifting(diagnosis: Diagnosis) -> str:
     )
 
 
-def shape_sentence(diagnosis: Diagnosis) -> str:
+def _shape_sentence(diagnosis: Diagnosis) -> str:
     """The short form and its error on withheld readings, or that none holds up."""
     shape = diagnosis.shape
     if shape is None:

@@ -42,7 +42,7 @@ DRIFT_SIGMAS = 3.0
 
 
 @dataclass(frozen=True)
-class ClockFit:
+class _ClockFit:
     """The sample clock against UTC.
 
     Parameters
@@ -60,7 +60,7 @@ class ClockFit:
     jumps: tuple[tuple[int, int, float], ...]
 
 
-def fit_clock(marks: Sequence[ClockMark], rate_hz: float) -> ClockFit:
+def _fit_clock(marks: Sequence[ClockMark], rate_hz: float) -> _ClockFit:
     r"""The sample clock against UTC, from marks in the order of their samples.
 
     Notes
@@ -72,7 +72,7 @@ def fit_clock(marks: Sequence[ClockMark], rate_hz: float) -> ClockFit:
     .. math:: u^2 = \frac{\bar u^2 + s^2}{\sum_k (t_k - \bar t)^2}.
     """
     if len(marks) < 2:
-        return ClockFit(math.nan, math.nan, ())
+        return _ClockFit(math.nan, math.nan, ())
     sample = np.array([m.sample for m in marks], dtype=np.int64)
     nominal = (sample - sample[0]) / rate_hz
     excess = np.array([m.utc_ns - marks[0].utc_ns for m in marks], dtype=np.int64) * 1e-9 - nominal
@@ -87,7 +87,7 @@ def fit_clock(marks: Sequence[ClockMark], rate_hz: float) -> ClockFit:
     jumped = np.abs(off) > limit
     jumps = tuple((int(sample[k]), int(sample[k + 1]), float(off[k])) for k in np.flatnonzero(jumped))
     calm = excess - np.concatenate(([0.0], np.cumsum(np.where(jumped, off, 0.0))))
-    return ClockFit(*_line(nominal, calm, u), jumps)
+    return _ClockFit(*_line(nominal, calm, u), jumps)
 
 
 def _line(t: Array, excess: Array, u: Array) -> tuple[float, float]:
@@ -142,7 +142,7 @@ def sound_marks(
             lost=f"{len(bad)} marks",
         )
     shared = sorted((m for m in kept if m.clock_id == SHARED_CLOCK), key=lambda m: m.sample)
-    fit = fit_clock(shared, rate_hz)
+    fit = _fit_clock(shared, rate_hz)
     _tell(fit, rate_hz, (shared[0].sample, shared[-1].sample + 1) if shared else (0, 0), findings)
     offset = mark_offset_s(kept, span[0], rate_hz, run.started_at)
     if offset is not None and abs(offset) > TOLERANCE_S:
@@ -163,7 +163,7 @@ def _tells_time(mark: ClockMark, span: tuple[int, int], rate_hz: float) -> bool:
     return timely and (mark.clock_id != SHARED_CLOCK or span[0] - far <= mark.sample <= span[1] + far)
 
 
-def _tell(fit: ClockFit, rate_hz: float, ends: tuple[int, int], findings: Findings) -> None:
+def _tell(fit: _ClockFit, rate_hz: float, ends: tuple[int, int], findings: Findings) -> None:
     for start, stop, step in fit.jumps[:NAMED_FAULTS]:
         findings.warning(
             Code.CLOCK_JUMP,

@@ -34,7 +34,7 @@ ZERO = ord("0")
 
 
 @dataclass(frozen=True)
-class NumberField:
+class _NumberField:
     """A number in a form: path of its field, place of its first byte, and of its point and its end."""
 
     path: str
@@ -44,7 +44,7 @@ class NumberField:
 
 
 @dataclass(frozen=True)
-class MessageForm:
+class _MessageForm:
     """Messages that differ only in the digits of their numbers.
 
     Parameters
@@ -62,7 +62,7 @@ class MessageForm:
     data: npt.NDArray[np.uint8]
     digits: npt.NDArray[np.bool_]
     firsts: npt.NDArray[np.int64]
-    numbers: list[NumberField]
+    numbers: list[_NumberField]
 
     def alike(self, rows: Bytes) -> npt.NDArray[np.bool_]:
         """Which of the messages (n, length) are of this form."""
@@ -110,13 +110,13 @@ def read_alike(payloads: Messages, take: Callable[[dict[str, Any], Fields], None
     return found, done
 
 
-def _forms(rows: Bytes, take: Callable[[dict[str, Any], Fields], None]) -> Iterator[tuple[Places, MessageForm]]:
+def _forms(rows: Bytes, take: Callable[[dict[str, Any], Fields], None]) -> Iterator[tuple[Places, _MessageForm]]:
     """Forms of messages of one length, (n, length), and which of them each form takes."""
     left = np.arange(len(rows))
     for _ in range(MOST_FORMS):
         if len(left) < FEWEST or rows.shape[1] == 0:
             return
-        form = form_of(rows[left[0]].tobytes(), take)
+        form = _form_of(rows[left[0]].tobytes(), take)
         if form is None:
             return
         alike = form.alike(rows[left])
@@ -126,7 +126,7 @@ def _forms(rows: Bytes, take: Callable[[dict[str, Any], Fields], None]) -> Itera
         left = left[~alike]
 
 
-def form_of(data: bytes, take: Callable[[dict[str, Any], Fields], None]) -> MessageForm | None:
+def _form_of(data: bytes, take: Callable[[dict[str, Any], Fields], None]) -> _MessageForm | None:
     """The form of a message; None for one that is not an object of plain numbers, objects, truth values and nulls."""
     tokens = [token for token in TOKEN.finditer(data) if token["number"] is not None]
     order = iter(range(len(tokens)))
@@ -153,11 +153,11 @@ def form_of(data: bytes, take: Callable[[dict[str, Any], Fields], None]) -> Mess
         if len(whole) > 1:
             firsts.append(token.start("whole"))
         point = token.start("part") if part else token.end()
-        numbers.append(NumberField(path, token.start(), point, token.end()))
-    return MessageForm(np.frombuffer(data, np.uint8), digits, np.array(firsts, dtype=np.int64), numbers)
+        numbers.append(_NumberField(path, token.start(), point, token.end()))
+    return _MessageForm(np.frombuffer(data, np.uint8), digits, np.array(firsts, dtype=np.int64), numbers)
 
 
-def _values(rows: Bytes, number: NumberField) -> npt.NDArray[Any]:
+def _values(rows: Bytes, number: _NumberField) -> npt.NDArray[Any]:
     """Numbers as they stand in JSON, (n, length), as `int` and `float` read them.
 
     Notes

@@ -35,7 +35,7 @@ PACKED = {number << 3 | BYTES: number for number in SAMPLE_FIELDS}
 
 
 @dataclass(frozen=True)
-class Head:
+class _Head:
     """How a block is laid out whose samples are its last field.
 
     Parameters
@@ -109,7 +109,7 @@ def many_blocks(payloads: Messages) -> Found:
     found = Found(wide[0], wide[1], wide[2], np.zeros(size, dtype=np.int64), np.zeros(size, dtype=np.int64))
     for places, rows in payloads.by_length():
         alike = np.zeros(len(rows), dtype=np.bool_)
-        head = head_of(rows[0].tobytes())
+        head = _head_of(rows[0].tobytes())
         if head is not None:
             alike = (rows[:, head.fixed] == rows[0, head.fixed]).all(axis=1)
             alike &= (rows[:, [head.at[name] for name in ("clock", "flags") if name in head.at]] < 0x80).all(axis=1)
@@ -119,7 +119,7 @@ def many_blocks(payloads: Messages) -> Found:
     return found
 
 
-def head_of(data: bytes) -> Head | None:
+def _head_of(data: bytes) -> _Head | None:
     """How a block is laid out; None unless it is as nearly every writer leaves it.
 
     That is: each field at most once, in the order of their numbers, the samples in one packed piece up to the end, and
@@ -148,10 +148,10 @@ def head_of(data: bytes) -> Head | None:
     if any(data[said[name]] >= 0x80 for name in ("clock", "flags") if name in said):
         return None
     fixed.extend(range(at, samples))
-    return Head(fixed, said, number, samples)
+    return _Head(fixed, said, number, samples)
 
 
-def _note(found: Found, places: Places, rows: Bytes, head: Head) -> None:
+def _note(found: Found, places: Places, rows: Bytes, head: _Head) -> None:
     """Note blocks that are laid out alike, (n, length)."""
     if "first" in head.at:
         at = head.at["first"]

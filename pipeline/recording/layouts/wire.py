@@ -135,15 +135,6 @@ class TestStep:
     setpoint: Mapping[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Scalar:
-    """One value of a slow signal: UTC [ns], sample index, value in the channel's unit."""
-
-    utc_ns: int
-    sample: int
-    value: float
-
-
 def sample_block(data: bytes) -> SampleBlock:
     """The SampleBlock in these bytes.
 
@@ -234,20 +225,6 @@ def test_step(data: bytes) -> TestStep:
     return TestStep(sample, point, phase, setpoint)
 
 
-def scalar(data: bytes) -> Scalar:
-    """The Scalar in these bytes."""
-    utc = sample = 0
-    amount = 0.0
-    for number, kind, value in fields(data):
-        if number == 1 and isinstance(value, bytes):
-            utc = _timestamp(value)
-        elif number == 2:
-            sample = _unsigned(number, kind, value, FIXED64)
-        elif number == 3:
-            amount = _double(number, kind, value)
-    return Scalar(utc, sample, amount)
-
-
 def _unsigned(number: int, kind: int, value: int | bytes, expected: int) -> int:
     if kind != expected:
         raise WireError(f"field {number} has wire type {kind}, the layout says {expected}")
@@ -277,12 +254,3 @@ def _entry(data: bytes) -> tuple[str, float]:
         elif number == 2:
             amount = _double(number, kind, value)
     return name, amount
-
-
-def _timestamp(data: bytes) -> int:
-    parts = {1: 0, 2: 0}
-    for number, kind, value in fields(data):
-        if number in parts:
-            parts[number] = _unsigned(number, kind, value, VARINT)
-    seconds = parts[1] - (1 << 64) if parts[1] >= 1 << 63 else parts[1]
-    return seconds * 1_000_000_000 + parts[2]

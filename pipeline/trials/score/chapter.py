@@ -45,7 +45,7 @@ def proof_page(trial: Trial, told: Mapping[str, Any]) -> Report:
             f"{met} of {len(aimed)} aims are met over {len(trial.scores)} campaigns.",
             "good" if met == len(aimed) else "attention",
         ),
-        sections=(proof_section(trial), cases_section(trial)),
+        sections=(_proof_section(trial), _cases_section(trial)),
         provenance=Facts(
             (
                 ("Master seed", str(told["seed"])),
@@ -58,7 +58,7 @@ def proof_page(trial: Trial, told: Mapping[str, Any]) -> Report:
     )
 
 
-def proof_section(trial: Trial) -> Section:
+def _proof_section(trial: Trial) -> Section:
     """Figures, detection and confusion."""
     time = time_document(trial)
     items: list[Text | Facts | Table | Figure] = [
@@ -192,7 +192,7 @@ def _confusion(trial: Trial) -> Table:
     )
 
 
-def cases_section(trial: Trial) -> Section:
+def _cases_section(trial: Trial) -> Section:
     """Every campaign."""
     table = Table(
         "cases",

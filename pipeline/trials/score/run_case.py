@@ -52,9 +52,9 @@ def run_case(task: CaseTask) -> dict[str, Any]:
     lot, began = task.lot, time.perf_counter()
     case = lot.draw()
     try:
-        document, points = diagnosed(case, lot.rng("measure"), task.route)
+        document, points = _diagnosed(case, lot.rng("measure"), task.route)
         seconds = time.perf_counter() - began
-        further = extended(case, document, points, lot.rng("extend"), task.route) if task.further else None
+        further = _extended(case, document, points, lot.rng("extend"), task.route) if task.further else None
     except Exception as defect:
         defect.add_note(
             f"campaign {lot.number} of the trial with seed {lot.seed}: run it alone with --case {lot.number}"
@@ -73,7 +73,7 @@ def run_case(task: CaseTask) -> dict[str, Any]:
     }
 
 
-def diagnosed(
+def _diagnosed(
     case: ConcealedCampaign, rng: np.random.Generator, route: str
 ) -> tuple[dict[str, Any] | None, OperatingPoints]:
     """Diagnosis of a campaign (None where it could not be made) and the points it had."""
@@ -100,7 +100,7 @@ def _by_recordings(case: ConcealedCampaign, rng: np.random.Generator) -> tuple[d
         return found, read_analysis(store)[0].points
 
 
-def extended(
+def _extended(
     case: ConcealedCampaign,
     document: dict[str, Any] | None,
     points: OperatingPoints,
@@ -126,5 +126,5 @@ def extended(
         "test": best["description"],
         "minutes": best["minutes"],
         "power": best["power"],
-        "diagnosis": diagnosed(again, rng, route)[0],
+        "diagnosis": _diagnosed(again, rng, route)[0],
     }

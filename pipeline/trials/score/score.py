@@ -117,7 +117,7 @@ class Score:
 def judge(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Score:
     """A diagnosis document beside the truth."""
     effects, kind = truth["effects"], str(truth["kind"])
-    outcome = naming_outcome(truth, document)
+    outcome = _naming_outcome(truth, document)
     tested = document is not None and any(rival["separating_test"] for rival in document["rivals"])
     told = outcome is DiagnosisScore.SAID_CONFOUNDED or (outcome is DiagnosisScore.RIGHT_SET and tested)
     held = None if document is None else document["held_out"]
@@ -128,16 +128,16 @@ def judge(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Score
         ids=tuple(str(effect["id"]) for effect in effects),
         reached=float(np.sqrt(sum(effect["reached_sigma"] ** 2 for effect in effects))),
         verdict="" if document is None else str(document["verdict"]),
-        named=said_ids(document),
+        named=_said_ids(document),
         outcome=outcome,
         p_value=None if document is None else float(document["p_value"]),
-        parameter=parameter_beside(truth, document),
+        parameter=_parameter_beside(truth, document),
         held_out=float(held["rmse_after_Nm"] / held["noise_floor_Nm"]) if after and held is not None else None,
         recognised=told if kind == "confounded" else None,
     )
 
 
-def said_ids(document: Mapping[str, Any] | None) -> tuple[str, ...]:
+def _said_ids(document: Mapping[str, Any] | None) -> tuple[str, ...]:
     """Every id that a verdict names, those of its rivals too."""
     if document is None or document["verdict"] not in ("named", "ambiguous"):
         return ()
@@ -147,7 +147,7 @@ def said_ids(document: Mapping[str, Any] | None) -> tuple[str, ...]:
     return tuple(dict.fromkeys(ids))
 
 
-def naming_outcome(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> DiagnosisScore:
+def _naming_outcome(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> DiagnosisScore:
     """What was said of the cause.
 
     A mechanism is right with its shaft, or with the shaft left open. `DiagnosisScore.WRONG` is a verdict ``named``
@@ -165,7 +165,7 @@ def naming_outcome(truth: Mapping[str, Any], document: Mapping[str, Any] | None)
     if verdict == "not_in_library":
         return DiagnosisScore.NOT_IN_LIBRARY
     true = {effect["id"]: effect["shaft"] for effect in truth["effects"]}
-    said = set(said_ids(document))
+    said = set(_said_ids(document))
     if verdict == "ambiguous":
         return DiagnosisScore.RIGHT_SET if set(true) <= said else DiagnosisScore.WRONG_SET
     if said - set(true):
@@ -176,9 +176,9 @@ def naming_outcome(truth: Mapping[str, Any], document: Mapping[str, Any] | None)
     return DiagnosisScore.RIGHT if said == set(true) else DiagnosisScore.PART
 
 
-def parameter_beside(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> ParameterScore | None:
+def _parameter_beside(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> ParameterScore | None:
     """The fitted size of a single effect that was named right, where a parameter corresponds to it."""
-    if document is None or len(truth["effects"]) != 1 or naming_outcome(truth, document) is not DiagnosisScore.RIGHT:
+    if document is None or len(truth["effects"]) != 1 or _naming_outcome(truth, document) is not DiagnosisScore.RIGHT:
         return None
     effect = truth["effects"][0]
     stem, shaft = PARAMETERS.get(effect["id"]), effect["shaft"]
@@ -206,7 +206,7 @@ def resolution(truth: Mapping[str, Any], extended: Mapping[str, Any] | None) -> 
     """What the separating test made of a set: ``resolved``, ``still a set``, ``wrong``, ``lost`` or ``not tested``."""
     if extended is None:
         return "not tested"
-    outcome = naming_outcome(truth, extended["diagnosis"])
+    outcome = _naming_outcome(truth, extended["diagnosis"])
     if outcome in (DiagnosisScore.RIGHT, DiagnosisScore.WRONG_SHAFT):
         return "resolved"
     if outcome in (DiagnosisScore.RIGHT_SET, DiagnosisScore.WRONG_SET):

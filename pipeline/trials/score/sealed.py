@@ -43,7 +43,7 @@ def seal(lots: tuple[Lot, ...], folder: Path, *, seed: int, kinds: tuple[str, ..
     }
     path = folder / FILE
     if path.exists():
-        there = read_seal(path)
+        there = _read_seal(path)
         for name, value in document.items():
             if there.get(name) != value:
                 told = "other truths" if name == "sha256" else f"{name} {there.get(name)}"
@@ -59,7 +59,7 @@ def seal(lots: tuple[Lot, ...], folder: Path, *, seed: int, kinds: tuple[str, ..
     return hashes
 
 
-def read_seal(path: Path) -> dict[str, Any]:
+def _read_seal(path: Path) -> dict[str, Any]:
     """The published hashes and what they are of."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
@@ -95,7 +95,7 @@ def open_truths(lots: tuple[Lot, ...], folder: Path) -> dict[int, dict[str, Any]
 
     A truth that already lies there is the one that is checked.
     """
-    published = read_seal(folder / FILE)["sha256"]
+    published = _read_seal(folder / FILE)["sha256"]
     found = {}
     for lot in lots:
         path = folder / "truths" / f"{lot.number:04d}.json"

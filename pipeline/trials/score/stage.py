@@ -98,16 +98,16 @@ def run_prove(out: Path, asked: TrialOptions, progress: Callable[[int, int, str]
         raise BenchError("--case", str(case), f"0 to {campaigns - 1}", "Name a campaign of this trial.")
     lots = draw_lots(campaigns, seed, kinds)
     hashes = seal(lots, out, seed=seed, kinds=kinds, route=route)
-    code = code_digest()
+    code = _code_digest()
     taken = lots if case is None else (lots[case],)
     tasks = [CaseTask(lot, route, code, hashes[lot.number]) for lot in taken]
     tasks += [CaseTask(lot, ROUTES[1], code, hashes[lot.number], False) for lot in both_ways(lots, recordings)]
-    missing = [task for task in tasks if read_case(out, task) is None]
+    missing = [task for task in tasks if _read_case(out, task) is None]
     for done, (task, result) in enumerate(map_over(run_case, missing, asked.workers or os.cpu_count() or 1), 1):
-        write_atomic(case_file(out, task), (json.dumps(result, indent=1, allow_nan=False) + "\n").encode())
+        write_atomic(_case_file(out, task), (json.dumps(result, indent=1, allow_nan=False) + "\n").encode())
         if progress is not None:
             progress(len(tasks) - len(missing) + done, len(tasks), f"case {task.lot.number}")
-    results = {task: found for task in tasks if (found := read_case(out, task)) is not None}
+    results = {task: found for task in tasks if (found := _read_case(out, task)) is not None}
     if case is not None:
         return _one(tasks[0], results[tasks[0]], out)
     told = {"seed": seed, "strata": list(kinds), "route": route, "code": code}
@@ -129,14 +129,14 @@ def _asked_both(recordings: int | None, quick: bool, route: str, case: int | Non
     return recordings
 
 
-def case_file(out: Path, task: CaseTask) -> Path:
+def _case_file(out: Path, task: CaseTask) -> Path:
     """Where the result of a campaign is kept; that of the second way beside that of the first."""
     return out / "cases" / f"{task.lot.number:04d}{'' if task.further else '-' + task.route}.json"
 
 
-def read_case(out: Path, task: CaseTask) -> dict[str, Any] | None:
+def _read_case(out: Path, task: CaseTask) -> dict[str, Any] | None:
     """A result that is there, if it is of this truth, by this route and by this state of the program."""
-    path = case_file(out, task)
+    path = _case_file(out, task)
     if not path.exists():
         return None
     try:
@@ -148,7 +148,7 @@ def read_case(out: Path, task: CaseTask) -> dict[str, Any] | None:
     return document if known else None
 
 
-def code_digest() -> str:
+def _code_digest() -> str:
     """SHA-256 over the sources that a diagnosis depends on: results of another state of the program are made anew."""
     digest = hashlib.sha256()
     for package in ("pmg.sim", "pmg.pipeline"):
@@ -175,7 +175,7 @@ def _one(task: CaseTask, result: dict[str, Any], out: Path) -> Outcome:
     lines = [
         f"case {lot.number} ({row['stratum']}; {row['reached_sigma']:.2f} sigma after absorption): {row['outcome']}",
         f"verdict {row['verdict'] or 'none'}" + (f": {', '.join(row['said'])}" if row["said"] else ""),
-        f"diagnosis: {case_file(out, task)}",
+        f"diagnosis: {_case_file(out, task)}",
     ]
     return Outcome({"case": row, "truth": truth, "result": result}, tuple(lines))
 

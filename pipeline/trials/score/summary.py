@@ -94,14 +94,14 @@ class Trial:
         for score in self.scores:
             if score.kind in ("clean", "one", "outside"):
                 true = score.ids[0] if score.ids else NOTHING
-                found.setdefault(true, Counter())[said(score)] += 1
+                found.setdefault(true, Counter())[_said(score)] += 1
         ids = sorted({name for counted in found.values() for name in counted} - {NOTHING, A_SET, OTHER_SET, NOT_IN})
         columns = (*ids, A_SET, OTHER_SET, NOT_IN, NOTHING)
         order = sorted(found, key=lambda name: (name == NOTHING, name.startswith("outside_"), name))
         return columns, {name: dict(found[name]) for name in order}
 
 
-def said(score: Score) -> str:
+def _said(score: Score) -> str:
     """What was said of a campaign, as a column of the confusion table."""
     if score.verdict == "named":
         return score.named[0]

@@ -15,7 +15,7 @@ from tests.sim.dynamics.bench_in_motion import BENCH, CURVE, MODEL, SIZES, drive
 from pmg.sim.dynamics import kernelcache
 from pmg.sim.dynamics.account import integrands
 from pmg.sim.dynamics.assumptions import Assumptions
-from pmg.sim.dynamics.codegen import elimination_order, solver_text
+from pmg.sim.dynamics.codegen import _elimination_order, solver_text
 from pmg.sim.dynamics.constants import Control
 from pmg.sim.dynamics.drivetrain import Drivetrain
 from pmg.sim.dynamics.jacobian import dense
@@ -23,7 +23,7 @@ from pmg.sim.dynamics.kernel import kernel_of
 from pmg.sim.dynamics.programme import Programme
 from pmg.sim.dynamics.state import STATES, SetPoints
 from pmg.sim.dynamics.structure import survey
-from pmg.sim.dynamics.tracing import Traced, formulas
+from pmg.sim.dynamics.tracing import _Traced, formulas
 from pmg.sim.dynamics.transient import OnSlip, Solver, Task, transient, transients
 from pmg.sim.errors import BenchError
 from pmg.sim.grid import Configuration
@@ -180,7 +180,7 @@ def test_many_runs_are_the_single_ones() -> None:
 
 @given(st.sets(st.tuples(st.integers(0, 5), st.integers(0, 5)), max_size=20))
 def test_every_pivot_is_eliminated_once(pattern: set[tuple[int, int]]) -> None:
-    assert sorted(elimination_order(pattern, 6)) == list(range(6))
+    assert sorted(_elimination_order(pattern, 6)) == list(range(6))
 
 
 def test_the_text_is_the_same_every_time() -> None:
@@ -190,9 +190,9 @@ def test_the_text_is_the_same_every_time() -> None:
 def test_a_question_about_a_number_is_refused_while_tracing() -> None:
     traced = formulas(drivetrain()).rates[0]
     with pytest.raises(TypeError, match="make that a flag"):
-        bool(Traced(traced))
+        bool(_Traced(traced))
     with pytest.raises(TypeError, match=r"numpy\.floor"):
-        np.floor(Traced(traced))
+        np.floor(_Traced(traced))
 
 
 def test_a_cache_that_cannot_be_written_is_done_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
