@@ -26,15 +26,6 @@ MOST_LINES = 60
 
 MOST_PARAMETERS = 8
 
-_SPLIT = "to be split into parts with names"
-LONG_FUNCTIONS: dict[str, str] = {
-    "pmg.pipeline.chapters.explained.balance._models": _SPLIT,
-    "pmg.pipeline.chapters.measured.quality.data_section": _SPLIT,
-    "pmg.pipeline.grid.campaign.measured_grid": _SPLIT,
-    "pmg.pipeline.recording.decode._frequency_from_edges": _SPLIT,
-}
-"""Functions beyond a limit, each with its reason; the list may only shrink."""
-
 
 # --- the rules -----------------------------------------------------------------------------------------
 
@@ -119,23 +110,13 @@ def parameters_of(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 
 
 def functions_stay_small(modules: Sequence[Module]) -> Iterator[Breach]:
-    rule = f"at most {MOST_LINES} lines and {MOST_PARAMETERS} parameters a function, or a reason in LONG_FUNCTIONS"
+    rule = f"at most {MOST_LINES} lines and {MOST_PARAMETERS} parameters a function"
     for module in modules:
         for name, function in functions_of(module.tree, module.name):
             lines, parameters = lines_of(function), parameters_of(function)
-            if (lines > MOST_LINES or parameters > MOST_PARAMETERS) and not LONG_FUNCTIONS.get(name):
+            if lines > MOST_LINES or parameters > MOST_PARAMETERS:
                 found = f"{name} has {lines} lines and {parameters} parameters"
                 yield Breach(module.name, function.lineno, found, rule)
-
-
-def no_reason_is_kept_in_vain(modules: Sequence[Module]) -> Iterator[Breach]:
-    held = {name: one for module in modules for name, one in functions_of(module.tree, module.name)}
-    for module in modules:
-        for name in () if module.name in packages(modules) else LONG_FUNCTIONS:
-            one = held.get(name)
-            short = one is None or (lines_of(one) <= MOST_LINES and parameters_of(one) <= MOST_PARAMETERS)
-            if name.startswith(f"{module.name}.") and short:
-                yield Breach(module.name, 1, f"{name} is within the limits", "LONG_FUNCTIONS lists what is beyond them")
 
 
 NAMED_TWICE = frozenset({"Column", "Text"})
@@ -294,7 +275,6 @@ RULES: tuple[Callable[[Sequence[Module]], Iterator[Breach]], ...] = (
     no_loose_modules,
     folders_stay_small,
     functions_stay_small,
-    no_reason_is_kept_in_vain,
     a_class_name_is_used_once,
     a_manifest_is_a_record,
     a_constant_is_defined_once,
@@ -319,15 +299,8 @@ def test_the_floors_are_twelve_and_name_only_rooms_that_exist() -> None:
     assert all((FOLDERS["pmg.sim"].parent / room.replace(".", "/") / "__init__.py").is_file() for room in rooms)
 
 
-def test_the_list_of_long_functions_names_modules_that_exist() -> None:
-    assert all(any(name.startswith(f"{module.name}.") for module in MODULES) for name in LONG_FUNCTIONS)
-
-
 def _lines(name: str, text: str) -> Module:
     return Module(name, text)
-
-
-_LISTED = next(iter(LONG_FUNCTIONS))
 
 
 PLANTED: tuple[tuple[Callable[[Sequence[Module]], Iterator[Breach]], str, tuple[Module, ...]], ...] = (
@@ -388,12 +361,6 @@ PLANTED: tuple[tuple[Callable[[Sequence[Module]], Iterator[Breach]], str, tuple[
         "a function within a function, of nine parameters",
         (_lines("pmg.sim.roots", "def f():\n    def g(a, b, c, /, d, *e, f, g, h, **i):\n        pass"),),
     ),
-    (
-        no_reason_is_kept_in_vain,
-        "a reason for a short function",
-        (_lines(_LISTED.rpartition(".")[0], f"def {_LISTED.rpartition('.')[2]}():\n    pass"),),
-    ),
-    (no_reason_is_kept_in_vain, "a reason for a function that is gone", (_lines(_LISTED.rpartition(".")[0], ""),)),
     (
         a_constant_is_defined_once,
         "a constant defined in two rooms",

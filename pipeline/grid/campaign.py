@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.store.store import Store
 from pmg.sim.errors import StoreError, near_miss
 from pmg.sim.grid import Configuration, Grid, OperatingPoints
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -99,48 +101,23 @@ def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) 
             "Check that the sequence holds MEASURE steps.",
         )
 
-    def column(shaft: str, key: str) -> Array:
-        return np.array([getattr(window.means[shaft], key) for window in windows], dtype=np.float64)
-
-    def asked(key: str) -> Array:
-        values = [getattr(window.setpoints, key) for window in windows]
-        return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
-
-    def flags(key: str) -> Mask:
-        return np.array([getattr(window, key) for window in windows], dtype=bool)
-
-    def words(key: str) -> np.ndarray[tuple[int], np.dtype[np.str_]]:
-        return np.array([str(getattr(window, key)) for window in windows], dtype=np.str_)
-
-    torque_sun, torque_ring = column("sun", "torque"), column("ring", "torque")
-    speed_sun, speed_ring = column("sun", "speed"), column("ring", "speed")
+    torque_sun, torque_ring = (_numbers(windows, f"means.{side}.torque") for side in SIDES)
+    speed_sun, speed_ring = (_numbers(windows, f"means.{side}.speed") for side in SIDES)
     within_sun, within_ring = (
-        np.hypot(_known(column(side, "within"), shaft, facts.simulated), undithered(shaft.resolution, shaft.std))
+        np.hypot(
+            _known(_numbers(windows, f"means.{side}.within"), shaft, facts.simulated),
+            undithered(shaft.resolution, shaft.std),
+        )
         for side, shaft in facts.items()
     )
-    configuration = words("configuration")
-    load = asked("torque_ring")
-    engaged = configuration == Configuration.ENGAGED
     complete = np.isfinite(torque_sun + torque_ring + speed_sun + speed_ring + within_sun + within_ring)
-    accepted = flags("accepted") & complete
-    zeros = accepted & (configuration == Configuration.ZERO)
+    accepted = _flags(windows, "accepted") & complete
+    points = _points(windows, torque_ring, speed_sun, speed_ring)
+    zeros = accepted & points.zero
     tares = tare_uncertainty(torque_sun[zeros])[0], tare_uncertainty(torque_ring[zeros])[0]
     nominal = facts.sun.nominal, facts.ring.nominal
     common_sun, common_ring = common_uncertainty(torque_sun, torque_ring, bench, tares, nominal)
     reasons = [_reason(window, bool(whole)) for window, whole in zip(windows, complete, strict=True)]
-    points = OperatingPoints(
-        name=words("point"),
-        configuration=configuration,
-        gear=np.array([window.gear for window in windows], dtype=np.int64),
-        drive=words("drive"),
-        speed_sun=np.where(np.isfinite(speed_sun), speed_sun, asked("speed_sun")),
-        speed_ring=np.where(np.isfinite(speed_ring), speed_ring, asked("speed_ring")),
-        torque_ring=np.where(engaged & np.isnan(torque_ring), load, torque_ring),
-        load_set=np.where(engaged, np.where(np.isfinite(load), load, np.round(torque_ring, 1)), 0.0),
-        started_at=np.array([window.started_at_s for window in windows], dtype=np.float64),
-        rest_sun=flags("rest_sun"),
-        rest_ring=flags("rest_ring"),
-    )
     return Grid(
         origin="measured",
         campaign=name,
@@ -156,6 +133,40 @@ def measured_grid(name: str, manifests: list[Manifest], bench: BenchParameters) 
         accepted=accepted,
         reason=np.array(reasons, dtype=np.str_),
     )
+
+
+def _points(windows: list[StoredWindow], torque_ring: Array, speed_sun: Array, speed_ring: Array) -> OperatingPoints:
+    """Points of windows in their order; what was asked for where a torque [N m] or speed [rad/s] is not known."""
+    configuration = _words(windows, "configuration")
+    engaged = configuration == Configuration.ENGAGED
+    load = _numbers(windows, "setpoints.torque_ring")
+    return OperatingPoints(
+        name=_words(windows, "point"),
+        configuration=configuration,
+        gear=np.array([window.gear for window in windows], dtype=np.int64),
+        drive=_words(windows, "drive"),
+        speed_sun=np.where(np.isfinite(speed_sun), speed_sun, _numbers(windows, "setpoints.speed_sun")),
+        speed_ring=np.where(np.isfinite(speed_ring), speed_ring, _numbers(windows, "setpoints.speed_ring")),
+        torque_ring=np.where(engaged & np.isnan(torque_ring), load, torque_ring),
+        load_set=np.where(engaged, np.where(np.isfinite(load), load, np.round(torque_ring, 1)), 0.0),
+        started_at=np.array([window.started_at_s for window in windows], dtype=np.float64),
+        rest_sun=_flags(windows, "rest_sun"),
+        rest_ring=_flags(windows, "rest_ring"),
+    )
+
+
+def _numbers(windows: list[StoredWindow], path: str) -> Array:
+    """A number of each window (n,); NaN where it was not stated."""
+    values = map(attrgetter(path), windows)
+    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+
+
+def _flags(windows: list[StoredWindow], name: str) -> Mask:
+    return np.array([getattr(window, name) for window in windows], dtype=bool)
+
+
+def _words(windows: list[StoredWindow], name: str) -> np.ndarray[tuple[int], np.dtype[np.str_]]:
+    return np.array([str(getattr(window, name)) for window in windows], dtype=np.str_)
 
 
 def _known(within: Array, shaft: ShaftFacts, simulated: Mask) -> Array:

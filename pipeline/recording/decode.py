@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.calibration import Calibration
     from pmg.pipeline.recording.channels import ChannelSpec, ChannelTerms
     from pmg.pipeline.recording.container.contents import Topic
+    from pmg.pipeline.recording.edges import EdgeFrequency
     from pmg.pipeline.recording.findings import Findings
     from pmg.pipeline.recording.join import Track
     from pmg.pipeline.recording.layouts.wire import IndexPulse
@@ -252,33 +253,53 @@ def _frequency_from_edges(
         return None
     values = edge_track.values[in_edges], tick_track.values[in_ticks]
     found = edge_frequency(*values, present, edge_terms.rate_hz, timebase, (widths[0], widths[1]))
+    _tell_edges(found, first, timebase, (edge_spec.topic, tick_spec.topic), findings)
+    blemishes = edge_track.blemishes + tick_track.blemishes
+    return Decoded(edge_spec.topic, first, edge_terms.rate_hz, found.frequency, present, blemishes)
+
+
+def _tell_edges(found: EdgeFrequency, first: int, timebase: float, topics: tuple[str, str], findings: Findings) -> None:
+    """Say where edges and ticks contradict each other, where the edges pause, and by what the time base drifts.
+
+    Parameters
+    ----------
+    found : EdgeFrequency
+        What came of the counts.
+    first : int
+        Number of its first sample.
+    timebase : float
+        Of the ticks [Hz].
+    topics : (str, str)
+        Of the edges and of the ticks.
+    findings : Findings
+        Are told.
+    """
+    edges, ticks = topics
     words = (
-        f"of {len(present)} end a step in which the edge count or the tick runs backward, or one moves without the "
-        "other",
+        f"of {len(found.frequency)} end a step in which the edge count or the tick runs backward, or one moves "
+        "without the other",
         "both to grow together",
         "Check that both are latched at once, and the time base.",
     )
     whole = not np.isfinite(found.frequency).any()
     kept = "no torque of this run" if whole else "the torque before and after"
     wrong = stretches(found.wrong) + first
-    tell_stretches(findings.error, Code.EDGES_INCONSISTENT, tick_spec.topic, wrong, words, kept=kept, lost="{n} steps")
+    tell_stretches(findings.error, Code.EDGES_INCONSISTENT, ticks, wrong, words, kept=kept, lost="{n} steps")
     words = (
-        f"of {len(present)} have no edges at a time base of {timebase:g} Hz",
+        f"of {len(found.frequency)} have no edges at a time base of {timebase:g} Hz",
         "edges without pause",
         "The transducer's output stopped, or timebase_hz is wrong: check cable, supply and recorder.",
     )
     silent = stretches(found.stalled) + first
-    tell_stretches(findings.error, Code.EDGES_STALLED, edge_spec.topic, silent, words, lost="{n} samples")
+    tell_stretches(findings.error, Code.EDGES_STALLED, edges, silent, words, lost="{n} samples")
     if found.drift:
         findings.warning(
             Code.TIMEBASE_DRIFT,
-            tick_spec.topic,
+            ticks,
             f"the time base runs {found.drift * 1e6:+.1f} ppm off the sample clock; expected one oscillator. "
             "Frequencies are in terms of the time base",
             "Lock the counter's time base to the sample clock.",
         )
-    blemishes = edge_track.blemishes + tick_track.blemishes
-    return Decoded(edge_spec.topic, first, edge_terms.rate_hz, found.frequency, present, blemishes)
 
 
 def _bits(terms: ChannelTerms, track: Track, findings: Findings) -> int | None:

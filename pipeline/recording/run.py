@@ -94,6 +94,45 @@ class RunRecord:
 
 
 @dataclass(frozen=True)
+class WindowRecord:
+    """Test point, samples and verdict of a window.
+
+    Parameters
+    ----------
+    point : str
+        Test point.
+    configuration : Configuration
+        Neutral, engaged or zero.
+    gear : int
+        1 or 2.
+    drive : str
+        Side that drives when engaged.
+    first_sample, stop_sample : int
+        Sample indices, `stop_sample` left out.
+    setpoints : Setpoints
+        What was asked for.
+    accepted : bool
+        Whether every check was met.
+    reasons : tuple of str
+        Why not, each with its numbers; of an accepted window what the reader should know all the same.
+    rest_sun, rest_ring : bool
+        Shaft held at rest.
+    """
+
+    point: str
+    configuration: Configuration
+    gear: int
+    drive: str
+    first_sample: int
+    stop_sample: int
+    setpoints: Setpoints
+    accepted: bool
+    reasons: tuple[str, ...]
+    rest_sun: bool
+    rest_ring: bool
+
+
+@dataclass(frozen=True)
 class RunInfo:
     """The run as its recorder describes it.
 

@@ -11,7 +11,7 @@ from pmg.pipeline.recording.calibration import Calibration, Transducer
 from pmg.pipeline.recording.findings import Finding
 from pmg.pipeline.recording.means import BATCH_METHOD, PointMeans, ShaftMeans
 from pmg.pipeline.recording.origin import ImportRecord
-from pmg.pipeline.recording.run import RunRecord, Setpoints
+from pmg.pipeline.recording.run import RunRecord, Setpoints, WindowRecord
 from pmg.pipeline.recording.supplied import SuppliedRecord
 from pmg.sim.grid import Configuration
 
@@ -33,47 +33,18 @@ NOT_RUN = RunRecord()
 
 
 @dataclass(frozen=True)
-class StoredWindow:
+class StoredWindow(WindowRecord):
     """A judged window and its means.
 
     Parameters
     ----------
-    point : str
-        Test point.
-    configuration : Configuration
-        Neutral, engaged or zero.
-    gear : int
-        1 or 2.
-    drive : str
-        Side that drives when engaged.
     started_at_s : float
         Time of the first sample since 1970 [s].
-    first_sample, stop_sample : int
-        Sample indices, `stop_sample` left out.
-    setpoints : Setpoints
-        What was asked for.
-    accepted : bool
-        Whether every check was met.
-    reasons : tuple of str
-        Why not; of an accepted window what the reader should know all the same.
-    rest_sun, rest_ring : bool
-        Shaft held at rest.
     means : PointMeans
         Of both shafts; a number that is not known is NaN.
     """
 
-    point: str
-    configuration: Configuration
-    gear: int
-    drive: str
     started_at_s: float
-    first_sample: int
-    stop_sample: int
-    setpoints: Setpoints
-    accepted: bool
-    reasons: tuple[str, ...]
-    rest_sun: bool
-    rest_ring: bool
     means: PointMeans
 
 
@@ -242,6 +213,9 @@ def _window(plain: Mapping[str, Any]) -> StoredWindow:
 
 def _window_document(window: StoredWindow) -> dict[str, Any]:
     document = asdict(window)
+    document = {
+        key: document.pop(key) for key in ("point", "configuration", "gear", "drive", "started_at_s")
+    } | document
     means = {key: document["means"][key] for key in MEANS}
     return document | {"reasons": list(window.reasons), "means": with_nulls(means)}
 

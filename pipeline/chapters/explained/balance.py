@@ -100,27 +100,24 @@ def _mean_over(x: Array, y: Array) -> tuple[Array, Array]:
     return np.array([x[which == k].mean() for k in filled]), np.array([y[which == k].mean() for k in filled])
 
 
+def _stand_row(d: TermsDiagnosis, kind: str, stand: Stand) -> tuple[Cell, ...]:
+    """What one more term changes: its evidence, both errors, withheld blocks with the interval of the gain."""
+    held, (low, high) = stand.held, stand.carried
+    carries = "–" if math.isnan(low) else "yes" if low > 0.0 else "no" if high < 0.0 else "not certain"
+    return (
+        title_of(d, stand.added) if stand.added else "baseline: " + ", ".join(d.case.baseline),
+        kind if stand.added else "baseline",
+        stand.evidence if stand.added else None,
+        100.0 * stand.error_fit,
+        100.0 * stand.error_withheld,
+        *((None,) * 4 if held is None else (held.rmse_before, held.rmse_after, *held.gain_interval)),
+        carries,
+    )
+
+
 def _models(d: TermsDiagnosis) -> Section:
-    rows: list[tuple[Cell, ...]] = []
-    for kind, stands in (("named", d.stands), ("refinement", d.refinements)):
-        for stand in stands:
-            name = title_of(d, stand.added) if stand.added else "baseline: " + ", ".join(d.case.baseline)
-            held, (low, high) = stand.held, stand.carried
-            carries = "–" if math.isnan(low) else "yes" if low > 0.0 else "no" if high < 0.0 else "not certain"
-            rows.append(
-                (
-                    name,
-                    kind if stand.added else "baseline",
-                    stand.evidence if stand.added else None,
-                    100.0 * stand.error_fit,
-                    100.0 * stand.error_withheld,
-                    None if held is None else held.rmse_before,
-                    None if held is None else held.rmse_after,
-                    None if held is None else held.gain_interval[0],
-                    None if held is None else held.gain_interval[1],
-                    carries,
-                )
-            )
+    kinds = (("named", d.stands), ("refinement", d.refinements))
+    rows = [_stand_row(d, kind, stand) for kind, stands in kinds for stand in stands]
     for which, error in d.case.published_errors.items():
         fit, withheld = (100.0 * error, None) if which == "fit" else (None, 100.0 * error)
         rows.append((f"published, {which}", "published", None, fit, withheld, None, None, None, None, "–"))

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from pmg.pipeline.chapters.measured.budget import budget_items
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Column, Facts, Section, Table, Text
 from pmg.pipeline.windows.reduce import UNCERTAINTY_SOURCE
 from pmg.pipeline.windows.window_mean import BERGER_YANG
 from pmg.sim import sources
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.fit.budget import Budget
     from pmg.pipeline.fit.noise import ShaftNoise
     from pmg.pipeline.recording.origin import ImportRecord
+    from pmg.sim.grid import Grid
 
 
 def data_section(
@@ -44,22 +44,7 @@ def data_section(
     origins : tuple of (file, mapping)
         What recordings were imported from, where they were.
     """
-    grid = analysis.grid
-    at = grid.points
-    rows = [
-        ("Campaign", grid.campaign),
-        (
-            "Points",
-            f"{len(grid)}: {int(at.neutral.sum())} neutral, {int(at.engaged.sum())} engaged, "
-            f"{int(at.zero.sum())} zero checks",
-        ),
-        ("Note", note or "none"),
-        ("Accepted", f"{int(grid.accepted.sum())} of {len(grid)}"),
-        ("Holes in the grids", f"{len(analysis.lacking)}" if analysis.lacking else "none"),
-        ("Order of the test", "known" if at.ordered else "not recorded"),
-        ("Bearing temperature", "not used: this version reads no temperature channel"),
-    ]
-    items: list[Text | Facts | Table] = [Facts(tuple(rows))]
+    items: list[Text | Facts | Table] = [_overview(analysis, note)]
     if analysis.floor is not None:
         items += [
             Text(
@@ -71,42 +56,7 @@ def data_section(
         ]
     if budget is not None:
         items += budget_items(budget)
-    rejected = np.flatnonzero(~grid.accepted)
-    if len(rejected):
-        items.append(
-            Table(
-                id="rejected-windows",
-                title="Rejected windows",
-                caption=f"{len(rejected)} of {len(grid)} windows failed a check; they take no part in any fit.",
-                columns=(Column("point", "Point"), Column("reason", "Reason")),
-                rows=tuple((str(at.name[i]), str(grid.reason[i])) for i in rejected),
-            )
-        )
-    remarked = np.flatnonzero(grid.accepted & (grid.reason != ""))
-    if len(remarked):
-        items.append(
-            Table(
-                id="remarked-windows",
-                title="Accepted with a remark",
-                caption=f"{len(remarked)} of {int(grid.accepted.sum())} accepted windows are near a limit, hold slow "
-                "noise, or end where data were lost; they count as the others do, with their own uncertainty.",
-                columns=(
-                    Column("point", "Point"),
-                    Column("reason", "Remark"),
-                    Column("u_sun", "u sun", "mN m", digits=2),
-                    Column("u_ring", "u ring", "mN m", digits=2),
-                ),
-                rows=tuple(
-                    (
-                        str(at.name[i]),
-                        str(grid.reason[i]),
-                        float(grid.within_sun[i]) * 1e3,
-                        float(grid.within_ring[i]) * 1e3,
-                    )
-                    for i in remarked
-                ),
-            )
-        )
+    items += _judged_windows(analysis.grid)
     if analysis.lacking:
         items.append(
             Table(
@@ -124,6 +74,57 @@ def data_section(
     items += [Text(f"Not done: {error}", kind="warning") for error in analysis.missing]
     used = (sources.GUM,) if budget is None or budget.facts is None else (sources.GUM, UNCERTAINTY_SOURCE, BERGER_YANG)
     return Section("data", "Data quality", tuple(items), used)
+
+
+def _overview(analysis: Analysis, note: str) -> Facts:
+    """Counts of the points, and what is known of the campaign as a whole."""
+    grid, at = analysis.grid, analysis.grid.points
+    kinds = f"{int(at.neutral.sum())} neutral, {int(at.engaged.sum())} engaged, {int(at.zero.sum())} zero checks"
+    return Facts(
+        (
+            ("Campaign", grid.campaign),
+            ("Points", f"{len(grid)}: {kinds}"),
+            ("Note", note or "none"),
+            ("Accepted", f"{int(grid.accepted.sum())} of {len(grid)}"),
+            ("Holes in the grids", f"{len(analysis.lacking)}" if analysis.lacking else "none"),
+            ("Order of the test", "known" if at.ordered else "not recorded"),
+            ("Bearing temperature", "not used: this version reads no temperature channel"),
+        )
+    )
+
+
+def _judged_windows(grid: Grid) -> list[Table]:
+    """Tables of the rejected windows, and of those accepted with a remark; neither where there are none."""
+    remarked = grid.accepted & (grid.reason != "")
+    u = [within * 1e3 for within in (grid.within_sun, grid.within_ring)]
+    u_columns = [Column(f"u_{shaft}", f"u {shaft}", "mN m", digits=2) for shaft in SIDES]
+    tables = (
+        (
+            ~grid.accepted,
+            ("rejected-windows", "Rejected windows"),
+            f"{int((~grid.accepted).sum())} of {len(grid)} windows failed a check; they take no part in any fit.",
+            [Column("reason", "Reason")],
+            [grid.reason],
+        ),
+        (
+            remarked,
+            ("remarked-windows", "Accepted with a remark"),
+            f"{int(remarked.sum())} of {int(grid.accepted.sum())} accepted windows are near a limit, hold slow "
+            "noise, or end where data were lost; they count as the others do, with their own uncertainty.",
+            [Column("reason", "Remark"), *u_columns],
+            [grid.reason, *u],
+        ),
+    )
+    return [
+        Table(
+            *called,
+            caption,
+            (Column("point", "Point"), *columns),
+            tuple(zip(grid.points.name[which].tolist(), *(one[which].tolist() for one in values), strict=True)),
+        )
+        for which, called, caption, columns, values in tables
+        if which.any()
+    ]
 
 
 def _origins_table(origins: tuple[tuple[str, ImportRecord], ...]) -> Table:
