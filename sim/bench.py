@@ -37,7 +37,7 @@ class SourcedQuantity(float):
         return quantity
 
     def __getnewargs__(self) -> tuple[float, str, float | None, Source]:  # type: ignore[override]  # more than a float
-        """What a copy in another process is made of."""
+        """Parts that a copy in another process is made of."""
         return float(self), self.unit, self.u, self.source
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LossModel:
-    """What a calibration determines.
+    """Parameters that a calibration determines.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _LONGEST = 200
 ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
-"""What the last digits of a number of size one may be wrong by."""
+"""Rounding error of a number of size one."""
 
 
 def rising_root(

@@ -52,12 +52,12 @@ class PerShaft(Generic[T_co]):
         return zip(SIDES, self, strict=True)
 
     def map(self, function: Callable[[T_co], U]) -> PerShaft[U]:
-        """What the function makes of each value."""
+        """The function of each value."""
         return PerShaft(function(self.sun), function(self.ring))
 
 
 def per_shaft(function: Callable[[str], U]) -> PerShaft[U]:
-    """What the function makes of the name of each shaft."""
+    """The function of the name of each shaft."""
     return PerShaft(*map(function, SIDES))
 
 

@@ -15,7 +15,7 @@ Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 Number: TypeAlias = Any
-"""What plain arithmetic takes: a float, a complex number or an array of either."""
+"""Argument of plain arithmetic: a float, a complex number or an array of either."""
 
 RPM = math.pi / 30.0
 """One revolution per minute [rad/s]."""

@@ -1,4 +1,4 @@
-"""What an analysis leaves in the store: grids as CSV and Parquet, losses, fits; and how the next stage reads it."""
+"""Outputs of an analysis in the store: grids as CSV and Parquet, losses, fits; and how they are read again."""
 
 from __future__ import annotations
 
@@ -207,7 +207,7 @@ def write_analysis(analysis: Analysis, store: Path, budget: Budget | None = None
 
 
 def analysis_files(folder: Path) -> tuple[Path, ...]:
-    """What `write_analysis` left in its folder; files that others put there are not among them."""
+    """Files that `write_analysis` left in its folder; those of others are not among them."""
     tables = (folder / f"{name}{suffix}" for name in TABLES for suffix in (".csv", ".parquet"))
     return tuple(path for path in (*tables, folder / "power_flow.json", folder / SUMMARY) if path.is_file())
 

@@ -27,7 +27,7 @@ COMPARED: tuple[tuple[str, Signal], ...] = (
 
 
 class ToleranceState(StrEnum):
-    """How a simulated value stands to the measured one."""
+    """Agreement of a simulated value with the measured one."""
 
     WITHIN = "within tolerance"
     OUT = "out of tolerance"
@@ -43,7 +43,7 @@ def _states(compared: Mask, within: Mask) -> tuple[ToleranceState, ...]:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far a simulated value may lie from the measured one: the larger of two bounds.
+    """Tolerance of a simulated value about the measured one: the larger of two bounds.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What was fitted to each campaign, subtracted: constants of the calibration, and loss curves."""
+"""Fitted constants of two campaigns, subtracted: constants of the calibration, and loss curves."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class LinearEstimate:
 
 @dataclass(frozen=True)
 class DifferenceFamily:
-    r"""What is known of m differences where there is none, and the tests that look for one.
+    r"""Law of m differences where there is none, and the tests that look for one.
 
     Parameters
     ----------

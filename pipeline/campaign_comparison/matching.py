@@ -30,7 +30,7 @@ OUT_OF_REACH = 1e6
 
 @dataclass(frozen=True)
 class Reach:
-    """How far apart two points may lie and still be the same test.
+    """Distances within which two points are the same test.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def match(a: Grid, b: Grid, reach: Reach) -> Matching:
 
 
 def _kinds(at: OperatingPoints) -> list[tuple[object, ...]]:
-    """What must be the same for two points to be the same test."""
+    """Facts that must be the same for two points to be the same test."""
     columns = (at.configuration, at.gear, at.drive, at.rest_sun, at.rest_ring)
     neutral = at.configuration != "engaged"
     kinds: list[tuple[object, ...]] = []
@@ -173,7 +173,7 @@ def _in_tolerances(apart: Array, reach: Reach) -> Array:
 
 
 ROUNDING = 1e-9
-"""What a distance may be beyond a tolerance, relative, by the rounding of numbers."""
+"""Allowance beyond a tolerance, relative, for the rounding of numbers."""
 
 
 def _assigned(
@@ -190,7 +190,7 @@ def _assigned(
 
 
 def _turns(at: OperatingPoints, rows: Rows, reach: Reach) -> Array:
-    """How many points of the same set-point went before each, rows being in order."""
+    """Count of points of the same set-point before each, rows being in order."""
     near = (np.abs(_in_tolerances(_apart(at, at, rows, rows), reach)) <= 1.0).all(axis=0)
     return np.asarray(np.tril(near, -1).sum(axis=1), dtype=np.float64)
 

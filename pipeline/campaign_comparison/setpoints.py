@@ -1,4 +1,4 @@
-"""What quantities would change by between two sets of speeds and loads, by the calibrated models."""
+"""Changes of quantities between two sets of speeds and loads, by the calibrated models."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def left_over(
     a: tuple[tuple[TransducerCause, ...], Array],
     b: tuple[tuple[TransducerCause, ...], Array],
 ) -> Array:
-    """What one standard uncertainty of each common error leaves in B minus A.
+    """Effect of one standard uncertainty of each common error on B minus A.
 
     Parameters
     ----------

@@ -97,7 +97,7 @@ def _clearest_words(judged: ComparisonVerdict) -> str:
 
 
 def alike(group: GroupResult) -> tuple[DifferenceTrend, ...]:
-    """What the difference of a group follows best, with what takes up nearly as much; none where nothing is clear."""
+    """Covariate that the difference of a group follows best, and those nearly as good; none where nothing is clear."""
     if not group.followed:
         return ()
     best = group.followed[0]

@@ -43,7 +43,7 @@ FEWEST = 4
 
 @dataclass(frozen=True)
 class DifferenceCovariate:
-    """What a difference may follow: in words, the unit of one step, and the SI value of that step."""
+    """Covariate that a difference may follow: in words, the unit of one step, and the SI value of that step."""
 
     words: str
     unit: str
@@ -59,7 +59,7 @@ TIME_B = DifferenceCovariate("time in B", "h", 60.0 * MINUTE)
 
 @dataclass(frozen=True)
 class DifferenceTrend:
-    """How the difference of a group changes with a covariate.
+    """Slope of a group's difference against a covariate.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class GroupResult:
 
 @dataclass(frozen=True)
 class ComparisonVerdict:
-    """What the tests say.
+    """Results of the tests.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ def _linear_tests(
 def _covariates(
     versus: Versus, configuration: Configuration, shaft: str, rows: npt.NDArray[np.intp]
 ) -> list[tuple[DifferenceCovariate, Array]]:
-    """What the difference of a group may follow, in steps of each; engaged, the ring's speed is that of the sun."""
+    """Covariates of the difference of a group, in steps of each; engaged, the ring's speed is that of the sun."""
     at, there = versus.at[rows], versus.b.grid.points[versus.matching.b[rows]]
     times = [(TIME_A, at.started_at), (TIME_B, there.started_at)]
     found = [(covariate, (x - np.nanmin(x)) / covariate.step) for covariate, x in times if np.isfinite(x).all()]

@@ -7,7 +7,7 @@ from enum import StrEnum
 
 
 class Kind(StrEnum):
-    """What a column holds, and so how it is compared."""
+    """Kind of content of a column, and so how it is compared."""
 
     TEXT = "text"
     NUMBER = "number"

@@ -25,7 +25,7 @@ ENDS = math.sqrt(6.0)
 SINE = math.pi
 """Steepest slope of one period of a sine over a range of two, for an amplitude of one."""
 WHAT = ("run", "calibration", "limits", "rate_hz", "size", "sha256", "origin")
-"""What of two manifests is compared."""
+"""Parts of two manifests that are compared."""
 OF_WINDOW = ("configuration", "gear", "drive", "start", "seconds", "sun_set_rpm", "ring_set_rpm", "load")
 OF_WINDOW_TOO = ("accepted", "reasons", "analysed", "rest_sun", "rest_ring", "findings", "simulated", "status")
 
@@ -86,7 +86,7 @@ def differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> dict[str, tuple[Any
 
 
 def differing_rows(a: Mapping[str, Cell], b: Mapping[str, Cell]) -> dict[str, tuple[Cell, Cell]]:
-    """What is said of two windows, beside their means, and differs."""
+    """Facts of two windows that differ, other than their means."""
     return {key: (a[key], b[key]) for key in (*OF_WINDOW, *OF_WINDOW_TOO) if a[key] != b[key]}
 
 

@@ -1,4 +1,4 @@
-"""What a manifest says, as the rows of the catalogue's tables."""
+"""Rows of the catalogue's tables, from a manifest."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ LISTED = 6
 
 @dataclass(frozen=True)
 class FoundRun:
-    """What a name stands for.
+    """Run or window that a name stands for.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class FoundRun:
 
     @property
     def name(self) -> str:
-        """What it is called in a listing."""
+        """Title in a listing."""
         first = self.rows[0]
         recording = str(first["file"] or first["campaign"])
         return f"{recording}: {first['point']}" if len(self.rows) == 1 and first["point"] else recording

@@ -26,7 +26,7 @@ FILE = "catalogue.sqlite"
 SCHEMA = "pmg.catalogue/1"
 MAGIC = b"SQLite format 3\0"
 ANALYSIS = ("analysis/analysis.json", "analysis/grid.parquet")
-"""What of an analysis the catalogue holds, beside the manifests."""
+"""Columns of an analysis that the catalogue holds, in addition to the manifests."""
 
 TABLES: dict[str, tuple[str, ...]] = {
     "Environment": ("name TEXT", "stamp TEXT"),
@@ -105,7 +105,7 @@ class Catalogue:
         return select(self.connection, columns, condition, by, (*TABLES, "runs"))
 
     def values(self, column: Column) -> list[str]:
-        """What a column of text holds, each once."""
+        """Values of a column of text, each once."""
         asked = f"SELECT DISTINCT {column.name} FROM runs WHERE {column.name} IS NOT NULL"
         return [str(value) for (value,) in self.connection.execute(asked)]
 

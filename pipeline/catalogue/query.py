@@ -137,7 +137,7 @@ def _refuse_what_sql_takes_otherwise(condition: str) -> None:
 
 
 def _told(fault: Exception, seconds: float) -> QueryError:
-    """What SQLite says, in four parts."""
+    """Message of SQLite, in four parts."""
     code, said = getattr(fault, "sqlite_errorname", ""), str(fault)
     if code == "SQLITE_INTERRUPT":
         return QueryError("--where", f"not done after {seconds:g} s", "a quicker condition", "Ask in several steps.")

@@ -1,4 +1,4 @@
-"""What all commands share: exit codes, the options on output, and how a stage is carried out and told."""
+"""The frame of all commands: exit codes, output options, and how a command is run and reported."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ RESUMES = ("ingest", "run", "prove")
 
 
 class _ExitCode(IntEnum):
-    """What the exit code says."""
+    """Exit codes."""
 
     DONE = 0
     FINDINGS = 1
@@ -39,7 +39,7 @@ class _ExitCode(IntEnum):
 
 
 class _FailOn(StrEnum):
-    """What makes a finished command exit with 1."""
+    """Reasons for a finished command to exit with 1."""
 
     NEVER = "never"
     MISMATCH = "mismatch"

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 KINDS = {int: "a whole number", float: "a number"}
-"""What an option takes, by the type of its values."""
+"""Names of option values, by type."""
 
 
 USAGE = typer.BadParameter.__mro__[1]
-"""What every complaint of typer about the words of a call is; typer gives the class no public name."""
+"""Base class of typer's complaints about the words of a call; typer gives it no public name."""
 
 
 class AnswersInJson(TyperGroup):
@@ -50,7 +50,7 @@ class AnswersInJson(TyperGroup):
 
 
 class _Fault(NamedTuple):
-    """What is wrong with the words: what came, what was expected, what to do."""
+    """Fault of the words in three parts: what came, what was expected, what to do."""
 
     came: str
     expected: str

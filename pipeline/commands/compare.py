@@ -218,7 +218,7 @@ def _of_recordings(whole: StoredAnalysis, budget: Budget) -> _RecordedPart:
 
 
 def seeded(seed: int) -> tuple[str, str]:
-    """How the report names the seed."""
+    """Name of the seed in the report."""
     return "Seed of the synthetic campaigns", str(seed)
 
 

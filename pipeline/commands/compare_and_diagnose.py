@@ -128,7 +128,7 @@ def summary_facts(
     bench: BenchParameters,
     tolerances: Mapping[str, tuple[float, float]] | None = None,
 ) -> dict[str, Any]:
-    """What `report.summary` adds for programs: points, the diagnosis's word, mechanisms, counts of the comparison.
+    """Facts that `report.summary` adds for programs: points, verdict, mechanisms, counts of the comparison.
 
     Parameters
     ----------

@@ -83,7 +83,7 @@ class SourceFile:
 
 @dataclass(frozen=True)
 class CrateAction:
-    """What was done.
+    """Record of an action.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def source_file(path: Path) -> SourceFile:
 
 
 def _imported(origin: ImportRecord | None) -> SourceFile | None:
-    """What a recording was imported from; None where it was not, or its hash is none."""
+    """Source of an imported recording; None where it was not imported, or its hash is none."""
     if origin is None or len(origin.sha256) != 64 or not set(origin.sha256) <= set("0123456789abcdef"):
         return None
     return SourceFile(origin.source, origin.sha256, int(origin.size) if origin.size.isdecimal() else None)

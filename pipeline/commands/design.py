@@ -102,7 +102,7 @@ def run_design(
 
 
 def told_audit(audit: Audit) -> str:
-    """What an audit came to, in a sentence."""
+    """Result of an audit, in a sentence."""
     unseen = [f"{row.candidate.identifier} ({row.candidate.shaft})" for row in audit.visible if row.unseen]
     hidden = f"cannot be seen at any size: {', '.join(unseen)}" if unseen else "every mechanism can be seen"
     n = len(audit.alike)

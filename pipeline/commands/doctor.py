@@ -32,7 +32,7 @@ def run_doctor(
     progress: Callable[[int, int, str], None] | None = None,
     chart: Path | None = None,
 ) -> Outcome:
-    """What recordings, or a store, permit.
+    """Abilities of recordings, or of a store.
 
     Parameters
     ----------

@@ -98,7 +98,7 @@ def run_export(recording: Path, out: Path, rate_hz: float | None, limits: Path |
 
 
 def _readings(done: Iterable[Imported]) -> tuple[str, ...]:
-    """How files were read whose format leaves it open, one line for those that were read alike."""
+    """Dialects found in files whose format leaves it open, one line for those read alike."""
     alike: dict[str, list[str]] = {}
     for imported in done:
         words = ", ".join(f"{name.replace('_', ' ')} {word}" for name, word in imported.reading.items())

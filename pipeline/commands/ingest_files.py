@@ -36,7 +36,7 @@ WORTH_A_PROCESS = 64 * 2**20
 """Bytes of recordings from which a second process pays for its start."""
 
 DONE, THERE = "done", "there"
-"""What became of a file: ingested, or ingested meanwhile by another process; `FAILED`: not usable."""
+"""Outcomes for a file: ingested, or ingested meanwhile by another process; `FAILED`: not usable."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class _Job:
 
 @dataclass(frozen=True)
 class IngestReport:
-    """What an ingest did.
+    """Result of an ingest.
 
     Parameters
     ----------

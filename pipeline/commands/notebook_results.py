@@ -1,4 +1,4 @@
-"""What the functions for notebooks give: tables of points, an analysis, a comparison, a diagnosis."""
+"""Results of the functions for notebooks: tables of points, an analysis, a comparison, a diagnosis."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class PointTable:
         return pl.DataFrame({str(name): self.frame[name].tolist() for name in self.frame.columns})
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """HTML for a notebook."""
         return str(self.frame.to_html(max_rows=20))
 
 
@@ -163,7 +163,7 @@ class CampaignComparison:
 
 @dataclass(frozen=True)
 class CampaignDiagnosis:
-    """What the simulation of a campaign left out.
+    """Diagnosis of a campaign.
 
     Parameters
     ----------

@@ -143,7 +143,7 @@ def _lines(versus: Versus, judged: ComparisonVerdict | None, page: Path) -> Iter
 
 
 def _findings(versus: Versus) -> Iterator[Remark]:
-    """What the reader of a comparison has to know beside it, as findings of a stage."""
+    """Remarks on a comparison of two campaigns."""
     for side, left in ((versus.a, versus.matching.only_a), (versus.b, versus.matching.only_b)):
         if left:
             names = ", ".join(str(side.grid.points.name[one.row]) for one in left[:5])

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SourceFacts:
-    """What is known of the sources of a grid.
+    """Known facts of the sources of a grid.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def analysed(store: Path, grid: Grid, options: AnalysisOptions) -> StoredAnalysi
 
 
 def _read_sources(store: Path, grid: Grid, bench: BenchParameters) -> SourceFacts:
-    """What is known of the sources of a grid: recordings of a store, or published tables."""
+    """Known facts of the sources of a grid: recordings of a store, or published tables."""
     if grid.origin == "published":
         return SourceFacts((), (("Input", "published grids, torques rounded to 0.01 N m"),), None, (), ())
     _, manifests = choose_campaign(Store(store), grid.campaign)

@@ -32,7 +32,7 @@ DOCUMENT = "terms.json"
 """The diagnosis as JSON."""
 
 RESIDUALS = "residuals.csv"
-"""What the models leave, sample by sample."""
+"""Residuals of the models, sample by sample."""
 
 
 def run_terms(case_file: Path, out: Path, data: Path | None = None, seed: int | None = None) -> Outcome:

@@ -23,7 +23,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 ADDRESS = re.compile(r"(?:(?:tcp|tls|ucx|wss?)://)?(?:\[[^\]\s]+\]|[^\s/:]+):\d+")
-"""What an address of a scheduler looks like."""
+"""Form of a scheduler's address."""
 
 PATIENCE = 30.0
 """Time within which a cluster has to answer and to show a worker [s]."""

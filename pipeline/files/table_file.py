@@ -37,7 +37,7 @@ KINDS = {
     "too_short": "at least one entry",
     "string_too_short": "a name",
 }
-"""What was expected, by the kind of fault that pydantic names."""
+"""Expected kind of value, by the kind of fault that pydantic names."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ def _text_of(path: Path, what: str, error: type[PmgError]) -> str:
 
 
 def _fault_of_form(path: Path, text: str, fault: tomllib.TOMLDecodeError, error: type[PmgError]) -> PmgError:
-    """What the parser says, with line and column."""
+    """The parser's message, with line and column."""
     place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", str(fault))
     line = place[1] if place and place[1] else str(max(1, len(text.splitlines())))
     came = str(fault)[: place.start()] if place else str(fault)
@@ -166,7 +166,7 @@ def _rank(found: Mapping[str, Any]) -> int:
 
 
 def _parts(found: Mapping[str, Any], key: Key, known: list[str]) -> tuple[str, str, str]:
-    """What came, what was expected and what to do, of a fault as pydantic tells it."""
+    """A fault of pydantic in three parts: what came, what was expected, what to do."""
     details, kind = found.get("ctx", {}), found["type"]
     refused = details.get("error")
     if isinstance(refused, RefusalError):

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Analysis:
-    """What the grids of one campaign give; None where they do not reach.
+    """Results from the grids of one campaign; None where they do not reach.
 
     Parameters
     ----------

@@ -82,7 +82,7 @@ def _shaft(
 def _independent(
     grid: Grid, side: str, noise: ShaftNoise | None, facts: ShaftFacts | None
 ) -> tuple[Contribution, Contribution, Contribution]:
-    """What differs from point to point: scatter, wander, resolution."""
+    """Contributions that differ from point to point: scatter, wander, resolution."""
     own, u = grid.within[side], grid.u[side]
     unknown = np.full(len(grid), np.nan)
     dof = unknown if facts is None else facts.dof
@@ -119,7 +119,7 @@ def _independent(
 
 
 def _common(grid: Grid, side: str, bench: BenchParameters, facts: ShaftFacts | None) -> tuple[Contribution, ...]:
-    """What all points of a transducer share: tare, sensitivity, non-linearity, calibration."""
+    """Contributions that all points of a transducer share: tare, sensitivity, non-linearity, calibration."""
     unknown = np.full(len(grid), np.nan)
     stated = None if facts is None else facts.nominal
     parts = common_parts(grid, bench, side, stated)
@@ -163,7 +163,7 @@ def _common(grid: Grid, side: str, bench: BenchParameters, facts: ShaftFacts | N
 
 
 def _scatter(grid: Grid, within: Array, dof: Array) -> Contribution:
-    """What varies within the window; of a grid from tables, the rounding of their torques."""
+    """Scatter within the window; for a grid from tables, the rounding of their torques."""
     if grid.rounding:
         return _half_width("within", "rounding of the table", within * RECTANGULAR, "half a step", common=False)
     remark = "means over whole revolutions, pooled where windows are alike"

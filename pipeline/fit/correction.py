@@ -72,7 +72,7 @@ class CorrectionStudy:
 
     @property
     def bounds_in_words(self) -> tuple[str, ...]:
-        """What sits on a bound, as sentences."""
+        """Parameters on a bound, as sentences."""
         said = []
         for name in self.joint.on_bound:
             low, high = CONSTANTS[name].bounds

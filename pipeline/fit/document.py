@@ -151,7 +151,7 @@ def _study_document(study: CorrectionStudy) -> dict[str, Any]:
 
 
 def further_document(analysis: Analysis) -> dict[str, Any]:
-    """What goes beyond the curves themselves; null where a step was not made."""
+    """Results beyond the curves themselves; null where a step was not made."""
     study = analysis.study
     return {
         "terms": {choice.shaft: _choice_document(choice) for choice in analysis.choices},

@@ -90,7 +90,7 @@ class RepeatDrift:
 
 @dataclass(frozen=True)
 class Drift:
-    """What order and repeats of a campaign tell.
+    """Drift and repeatability from the order and the repeats of a campaign.
 
     Parameters
     ----------

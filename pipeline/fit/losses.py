@@ -33,7 +33,7 @@ AVERAGED: tuple[Signal, ...] = (
     signals.LOSS_BEARINGS,
     signals.LOSS_MAGNETIC,
 )
-"""What is averaged over the points of a load."""
+"""Quantities averaged over the points of a load."""
 
 QUANTITIES: tuple[Signal, ...] = (
     signals.POWER_IN,
@@ -45,7 +45,7 @@ QUANTITIES: tuple[Signal, ...] = (
     signals.EFFICIENCY_MAGNETIC,
     signals.EFFICIENCY_BEARINGS,
 )
-"""What a balance gives, in this order."""
+"""Quantities of a balance, in this order."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ GROWTHS = np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0])
 
 @dataclass(frozen=True)
 class Growth:
-    r"""How the noise of a shaft grows with its speed.
+    r"""Growth of a shaft's noise with its speed.
 
     Parameters
     ----------

@@ -123,7 +123,7 @@ def _growth(readings: Readings, residual: Array, basis: Array, side: str) -> Gro
 
 
 def structured_columns(readings: Readings, bench: BenchParameters, model: LossModel) -> Array:
-    """What is no noise (m, k) [N m per unit]: slopes of the baseline's constants, and every family of structure."""
+    """Columns that are no noise (m, k) [N m per unit]: slopes of the baseline, and every family of structure."""
     columns = [family.columns for family in families(readings, bench, model)]
     return np.hstack([jacobian(readings, bench, model, BASELINE_FREE), *columns])
 

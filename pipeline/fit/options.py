@@ -1,4 +1,4 @@
-"""What the user may choose about an analysis, kept beside its results."""
+"""Options of an analysis, stored with its results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far points wander before their torques are rounded, from the scatter that is left after it."""
+"""Wander of points before their torques were rounded, from the scatter that is left after it."""
 
 from __future__ import annotations
 

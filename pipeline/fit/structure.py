@@ -1,4 +1,4 @@
-"""What a residual may follow: families of smooth structure over the covariates of a campaign.
+"""Families of smooth structure over the covariates of a campaign, which a residual may follow.
 
 Each family is a set of columns over the readings, as drag on the shaft that is read. They carry no physics: they
 locate a mismatch, and what none of them explains is the noise.

@@ -51,7 +51,7 @@ class Chain:
     lag: Array
 
     def whiten(self, columns: Array, rho: float) -> Array:
-        """What is new in each link (k, c)."""
+        """The new part of each link (k, c)."""
         keep = (rho**self.lag)[:, None]
         out = columns.copy()
         out[1:] = (columns[1:] - keep * columns[:-1]) / np.sqrt(1.0 - keep**2)

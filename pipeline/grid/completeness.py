@@ -1,4 +1,4 @@
-"""What a campaign lacks: holes in its grids, files that are not usable, windows that were rejected."""
+"""Gaps of a campaign: holes in its grids, files that are not usable, windows that were rejected."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _main(values: list[float]) -> list[float]:
 def lack_findings(
     grid: Grid, lacking: Sequence[str], failed: Sequence[Manifest] = (), used: Sequence[Manifest] = ()
 ) -> tuple[Remark, ...]:
-    """What is missing, as findings of a stage: holes, with what may have filled them, files, windows.
+    """Gaps as remarks: holes, with what may have filled them, files, windows.
 
     Parameters
     ----------

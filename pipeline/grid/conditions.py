@@ -22,12 +22,12 @@ UNRECORDED = (
     "Lubricant",
     "Running-in before the test",
 )
-"""What a reader asks of such a test and the layout of recordings has no field for, or the bench no sensor."""
+"""Conditions that the layout of recordings has no field for, or the bench no sensor."""
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """What the recordings of a campaign say of how it was run.
+    """Test conditions that the recordings of a campaign state.
 
     Parameters
     ----------

@@ -179,7 +179,7 @@ def _sequence(manifest: Manifest) -> _Sequence | None:
 
 
 def _key(window: StoredWindow) -> Key:
-    """What tells a point again in another file: its set-points, or its name where none is stated."""
+    """Key of a point in another file: its set-points, or its name where none is stated."""
     asked = asdict(window.setpoints)
     stated = [f"{name} {value:.{SETPOINT_DIGITS}f}" for name, value in sorted(asked.items()) if value is not None]
     return (str(window.configuration), str(window.gear), window.drive, *(stated or [window.point]))

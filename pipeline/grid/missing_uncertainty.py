@@ -113,7 +113,7 @@ def _numbers(value: object, path: tuple[str, ...], within: dict[str, Any]) -> It
 
 
 def unstated_in(document: dict[str, Any]) -> list[dict[str, str]]:
-    """What a JSON document holds without an uncertainty beside it: where, and why.
+    """Numbers of a JSON document without an uncertainty: where, and why.
 
     Parameters
     ----------

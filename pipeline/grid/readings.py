@@ -105,6 +105,6 @@ def take_readings(grid: Grid, bench: BenchParameters) -> Readings:
 
 
 def predict(readings: Readings, bench: BenchParameters, model: LossModel) -> Array:
-    """What the calibrated simulator gives for each reading [N m]."""
+    """Simulated value of each reading by the calibrated model [N m]."""
     simulated = steady(Gearbox.calibrated(bench, model), readings.grid.points)
     return readings.of(simulated)

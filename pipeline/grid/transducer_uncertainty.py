@@ -1,4 +1,4 @@
-"""What all readings of a torque transducer share: sensitivity, non-linearity, tare."""
+"""Uncertainty common to all readings of a torque transducer: sensitivity, non-linearity, tare."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the store knows of the windows behind a grid, beside their means."""
+"""Facts of the windows behind a grid, in addition to their means."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def window_remarks(window: StoredWindow) -> tuple[str, ...]:
 
 
 def window_facts(manifests: Sequence[Manifest]) -> WindowFacts:
-    """What the manifests say of the windows of `measured_grid`; a number that an earlier version left out is NaN."""
+    """Facts of the windows of `measured_grid` by the manifests; a number that an earlier version left out is NaN."""
     pairs = _with_source(manifests)
     sun, ring = (
         _of_shaft(

@@ -87,7 +87,7 @@ Run: TypeAlias = Annotated[
 
 @dataclass(frozen=True)
 class Timing:
-    """How a row of the file finds its place in time.
+    """Time of a row of the file.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ class Mapped(Interleaved):
 
     @property
     def wanted(self) -> Wanted:
-        """What is asked of the file."""
+        """Requests to the file."""
         return self._wanted(self.source)
 
 

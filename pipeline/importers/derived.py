@@ -1,4 +1,4 @@
-"""What a recording says about the bench: torques, speeds, powers and flags, as means over equal stretches of time."""
+"""Signals derived from a recording: torques, speeds, powers and flags, as means over equal stretches of time."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ RECORD = "pmg.derived"
 
 @dataclass(frozen=True)
 class Exported:
-    """What an export did.
+    """Result of an export.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ FORMATS = {".csv": "csv", ".txt": "csv", ".tsv": "csv", ".asc": "csv", ".tdms": 
 
 @dataclass(frozen=True)
 class Imported:
-    """What an import did.
+    """Result of an import.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def _conversion(
 
 
 def _timing(timing: Timing, source: ForeignSource, wanted: list[Wanted]) -> Timing:
-    """What the map says about time, filled up with what the file says."""
+    """Times by the map, completed from the file."""
     if timing.column is not None:
         return timing
     channels = [channel_of(source, want.name, source.path.name) for want in wanted]
@@ -251,7 +251,7 @@ def _head(
     channel_map: ChannelMap,
     conversions: dict[str, Conversion],
 ) -> None:
-    """What stands before the samples."""
+    """Records that stand before the samples."""
     file.writer.add_metadata(RECORD, entries)
     start = file.start_ns
     file.writer.add_attachment(start, start, ATTACHMENT, "application/toml", attachment)

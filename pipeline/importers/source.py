@@ -56,7 +56,7 @@ class SourceChannel:
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is asked of a channel: all of its values, or one of the columns that are interleaved in it.
+    """Request for a channel: all of its values, or one of the columns that are interleaved in it.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class Block:
 
 
 class ForeignSource(Protocol):
-    """What every reader gives."""
+    """Interface of every reader."""
 
     path: Path
     format: str
@@ -98,12 +98,12 @@ class ForeignSource(Protocol):
     reader: str
     """Library that reads it, with its version."""
     place: str
-    """What `Block.places` counts: ``line`` or ``sample``."""
+    """Unit of `Block.places`: ``line`` or ``sample``."""
     channels: tuple[SourceChannel, ...]
     properties: Mapping[str, str]
-    """What the file says of itself."""
+    """Facts that the file states itself."""
     reading: Mapping[str, str]
-    """How it was found to be written, where the format leaves that open; else empty."""
+    """Dialect that was found, where the format leaves it open; else empty."""
     started_at: datetime | None
     """Start of the recording [UTC], where the file says so."""
 
@@ -152,7 +152,7 @@ def optional(library: str, extra: str, path: Path) -> ModuleType:
 
 
 def _unheard(_: object) -> None:
-    """What is done about a fault in an object that is thrown away: nothing."""
+    """No action on a fault in an object that is thrown away."""
 
 
 @contextmanager

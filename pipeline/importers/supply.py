@@ -1,4 +1,4 @@
-"""What a user states for recordings that lack it, in the words of the channel map of the import."""
+"""Facts that a user supplies for recordings that lack them, in the words of the channel map of the import."""
 
 from __future__ import annotations
 

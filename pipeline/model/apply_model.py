@@ -87,7 +87,7 @@ class Carried:
         )
 
     def slopes(self, readings: Readings) -> Array:
-        """How readings move with each parameter of the mechanisms [N m per unit], (m, k)."""
+        """Slopes of the readings against each parameter of the mechanisms [N m per unit], (m, k)."""
         base = self.here.baseline
         columns = []
         for i, part in enumerate(self.here.parts):
@@ -218,12 +218,12 @@ def _predictions(readings: Readings, as_is: Array, recalibrated: Array, refitted
 
 
 def lead(carried: Carried) -> str:
-    """What the verdict is about, to stand before it."""
+    """The model that the verdict is about, to stand before it."""
     return f"Beside the model as fitted here ({carried.model.description}): "
 
 
 def remark(carried: Carried) -> str:
-    """What the predictions say, in a sentence."""
+    """Errors of the predictions, in sentences."""
     whole = carried.predictions[-1]
     about = (
         "The model was made from this campaign, so this is no prediction"

@@ -112,7 +112,7 @@ def _ends(size: Array, rows: Mask) -> list[int]:
 def _torques_at_rest(
     at: OperatingPoints, rows: npt.NDArray[np.int64], bench: BenchParameters, mechanisms: tuple[Mechanism, ...]
 ) -> Torques:
-    """What the transducers show at those rows once nothing changes any more [N m]."""
+    """Steady readings of the transducers at those rows [N m]."""
     gearbox = Gearbox(bench, mechanisms)
     faults = tuple(mechanism for mechanism in mechanisms if isinstance(mechanism, Instrument))
     load = true_load(gearbox, at) if faults else at.torque_ring

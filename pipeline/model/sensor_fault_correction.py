@@ -1,4 +1,4 @@
-"""What losses become when a fault of a torque reading that the diagnosis found is taken out of them.
+"""Losses corrected for a fault of a torque reading that the diagnosis found.
 
 Losses and efficiencies are told as they were read; a fault of a transducer is in them, and no uncertainty of a sound
 transducer covers it. Beside them stand the losses under each explanation that has such a fault.

@@ -147,7 +147,7 @@ def _count_rhythm(angle: Array, step: float) -> float:
 
 @dataclass(frozen=True)
 class WindUp:
-    """How the load angle follows the load, beside what the pull-out torque implies.
+    """Load angle against load, with the angle that the pull-out torque implies.
 
     Parameters
     ----------

@@ -182,7 +182,7 @@ def _reference(line: Line, index: Mapping[str, Index | None]) -> tuple[bool, flo
 
 
 def _factor(signal: str, rate: float, bench: BenchParameters) -> complex:
-    """What turns the amplitude that was fitted, of torque, angle or voltage, into that of the signal."""
+    """Factor from the fitted amplitude, of torque, angle or voltage, to that of the signal."""
     if signal in SPEEDS:
         return 1j * rate
     if signal.startswith(FLUX):

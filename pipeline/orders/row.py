@@ -60,7 +60,7 @@ class OrderRow:
 
 @dataclass(frozen=True)
 class LineFit:
-    """What a fit gives of one line in one signal: amplitude, its uncertainty, interval and band."""
+    """Fit of one line in one signal: amplitude, its uncertainty, interval and band."""
 
     c: complex
     u: float
@@ -85,7 +85,7 @@ class LineFit:
 
 @dataclass(frozen=True)
 class Made:
-    """How it becomes a line of the signal.
+    """Conversion of a fit to a line of the signal.
 
     Parameters
     ----------

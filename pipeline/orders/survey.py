@@ -1,4 +1,4 @@
-"""What the lines of a whole campaign follow, and which mechanism of the catalogue makes such a line."""
+"""Covariates that the lines of a whole campaign follow, and mechanisms of the catalogue that make such lines."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 FEWEST_FOLLOWED = 3
 """Points of one configuration from which a line is followed."""
 NOTHING_FOLLOWED = f"no line has a number at {FEWEST_FOLLOWED} or more accepted points of one configuration"
-"""What is said where there is nothing to follow."""
+"""Text for a line with nothing to follow."""
 FEWEST_FITTED = 5
 """Points beyond their band from which growth with speed or load is fitted."""
 FALSE_ALARM_LEVEL = 0.05
@@ -125,7 +125,7 @@ class _Points:
 
 
 def follow_lines(table: pl.DataFrame, bench: BenchParameters) -> tuple[LineSurvey, ...]:
-    """What each line of a campaign follows, those that are present first.
+    """Covariates that each line of a campaign follows, lines that are present first.
 
     Parameters
     ----------

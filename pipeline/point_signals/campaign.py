@@ -140,7 +140,7 @@ def _places(store: Store, grid: Grid) -> dict[int, _WindowPlace]:
 
 
 def _without_signals(grid: Grid, budget: Budget, row: int, shafts: tuple[ShaftRows, ...]) -> CellSignals:
-    """What grid and budget say of a point."""
+    """Facts of a point from grid and budget."""
     at, reason = grid.points, str(grid.reason[row])
     flags: list[str] = []
     if budget.facts is not None:

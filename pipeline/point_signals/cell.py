@@ -147,7 +147,7 @@ class ShaftRows:
 
 @dataclass(frozen=True)
 class CellSignals:
-    """What lies behind one point of a grid. Each row of a grid is one window: repeats are rows of their own.
+    """Signals behind one point of a grid. Each row of a grid is one window: repeats are rows of their own.
 
     Parameters
     ----------

@@ -210,7 +210,7 @@ def _spectrum(channel: ChannelSignals, spectrum: Spectrum, numbers: Numbers) -> 
 
 
 def _contributions(shaft: ShaftRows) -> dict[str, Any]:
-    """What the budgets of all points have in common."""
+    """The part common to the budgets of all points."""
     rows = [
         {
             "key": row.key,

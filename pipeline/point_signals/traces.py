@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array, Signal
 
 MARGIN = 0.15
-"""What is shown before and after a window, as part of its length, as far as the recording reaches."""
+"""Stretch shown before and after a window, as part of its length, as far as the recording reaches."""
 MOST_BINS, FEWEST_SHOWN = 300, 60
 """Bins of a signal: most, and what a page with very many points leaves it at least."""
 PLENTY = 400

@@ -116,7 +116,7 @@ def _levels(point: Asked) -> tuple[float, float, float]:
 
 
 def abilities(found: Survey, rehearsed: Analysis | None, bench: BenchParameters) -> tuple[Ability, ...]:
-    """What one campaign permits.
+    """Abilities of one campaign.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ def _load_angle(found: Survey, points: tuple[Asked, ...], design: Design, named:
 
 
 def _thermal(found: Survey, rehearsed: Analysis | None, design: Design) -> Ability:
-    """What changes with time: repeats; temperatures are not read so far."""
+    """Ability to see changes with time: repeats; temperatures are not read so far."""
     beside = "; temperatures were recorded, pmg does not read them" if found.recorded(TEMPERATURES) else ""
     chapter = "warming and drift"
     if rehearsed is None:

@@ -1,4 +1,4 @@
-"""What a place holds, as nouns: the test points asked for, the recordings they are from, all of them together."""
+"""Content of a place: the test points asked for, the recordings they are from, all of them together."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Asked:
 
     @property
     def key(self) -> tuple[str, float, str]:
-        """What is the same in two files of one run."""
+        """The part that is the same in two files of one run."""
         return self.campaign, self.started_at, self.point
 
 

@@ -91,7 +91,7 @@ def _made_up(asked: Sequence[Asked], bench: BenchParameters) -> Grid:
 
 
 def rehearse(asked: Sequence[Asked], bench: BenchParameters) -> Analysis:
-    """How far the analysis of these points would come; what it lacks is in `Analysis.missing`."""
+    """Steps that the analysis of these points would reach; the others are in `Analysis.missing`."""
     return analyse(_made_up(asked, bench), AnalysisOptions(), bench)
 
 

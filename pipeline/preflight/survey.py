@@ -46,7 +46,7 @@ NEEDED = {
 def survey(
     place: Path, progress: Callable[[int, int, str], None] | None = None, supplied: Supplied = NOTHING
 ) -> Survey:
-    """What a place holds.
+    """Content of a folder or a store.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a recording holds beside torque and angle: voltages of the coils, index pulses, width of the counters."""
+"""Auxiliary channels of a recording: voltages of the coils, index pulses, width of the counters."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Coil:
 
 @dataclass(frozen=True)
 class Beside:
-    """What a recording holds beside torque and angle.
+    """Auxiliary channels of a recording, next to torque and angle.
 
     Parameters
     ----------

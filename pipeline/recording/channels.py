@@ -1,4 +1,4 @@
-"""What the layout expects of each sampled channel, and whether a recording keeps to it."""
+"""Channels that the layout expects, and the check of a recording against them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LARGEST_RATE = 1e8
 
 @dataclass(frozen=True)
 class ChannelSpec:
-    """What the layout says of a channel.
+    """Specification of a channel by the layout.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class Severity(StrEnum):
-    """How much a finding costs."""
+    """Severity of a finding."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -14,7 +14,7 @@ class Severity(StrEnum):
 
 
 class Code(StrEnum):
-    """What was found; stable words for filters and tests."""
+    """Kinds of findings; stable words for filters and tests."""
 
     UNREADABLE = "container.unreadable"
     NOT_MCAP = "container.not_mcap"

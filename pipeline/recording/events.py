@@ -26,7 +26,7 @@ PHASES = ("START", "SETTLED", "MEASURE", "END")
 
 @dataclass(frozen=True)
 class SequenceStep:
-    """What the test sequence did from a sample on.
+    """Step of the test sequence from a sample on.
 
     Parameters
     ----------

@@ -82,7 +82,7 @@ def _stretch(ends: Sequence[int] | None) -> tuple[int, int] | None:
 
 
 class Extent(TypedDict, total=False):
-    """What a finding may say beside its words; see `Finding`."""
+    """Optional fields of a finding; see `Finding`."""
 
     byte_range: tuple[int, int]
     sample_range: tuple[int, int]

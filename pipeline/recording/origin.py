@@ -1,4 +1,4 @@
-"""What a recording was imported from, as the import wrote it down."""
+"""Origin of an imported recording, as the import wrote it down."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RECORD = "pmg.import"
 
 @dataclass(frozen=True)
 class ImportRecord:
-    """What a recording was imported from: name, SHA-256, bytes, format, reader, and how many findings that gave."""
+    """Source of an imported recording: name, SHA-256, bytes, format, reader, and the number of findings."""
 
     source: str = ""
     sha256: str = ""
@@ -55,7 +55,7 @@ class Origin:
 
 
 def read_origin(metadata: Sequence[tuple[str, Mapping[str, str]]], findings: Findings) -> Origin | None:
-    """What a recording was imported from; None for one that was recorded as it is.
+    """Origin of a recording; None for one that was recorded as it is.
 
     Parameters
     ----------

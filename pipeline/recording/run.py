@@ -1,4 +1,4 @@
-"""What a recording says about its run: campaign, configuration, set-points, start."""
+"""Facts of a run that its recording states: campaign, configuration, set-points, start."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ RFC_3339 = re.compile(r"(\d{4}-\d\d-\d\d)[Tt ](\d\d:\d\d:\d\d)(?:\.(\d+))?(?:([Z
 
 @dataclass(frozen=True)
 class Setpoints:
-    """What was asked for; None where the recording does not say.
+    """Set-points of a run; None where the recording does not state them.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ def _checked(entries: Mapping[str, str], findings: Findings) -> RunInfo | None:
 
 
 def known_of_run(records: Iterable[tuple[str, Mapping[str, str]]]) -> dict[str, Any]:
-    """What is known of the run of a recording that cannot be used: sound keys, and its `Setpoints`."""
+    """Known facts of the run of a recording that cannot be used: sound keys, and its `Setpoints`."""
     found = [entries for name, entries in records if name == RECORD]
     if not found or any(entries != found[0] for entries in found):
         return {}

@@ -1,4 +1,4 @@
-"""What a user states beside a recording, used only where the recording does not say it itself."""
+"""Facts that a user supplies with a recording, used only where the recording does not state them itself."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class MappedField:
 
 @dataclass(frozen=True)
 class Supplied:
-    """What stands beside the recordings.
+    """Facts supplied with the recordings.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class Supplied:
 
 @dataclass(frozen=True)
 class SuppliedRecord:
-    """What a recording lacked and took from files beside it: their names and hashes, and which parts it took."""
+    """Parts that a recording lacked and took from files supplied with it: their names and hashes."""
 
     hashes: Mapping[str, str]
     parts: tuple[str, ...]
@@ -95,7 +95,7 @@ NOTHING = Supplied("", "", {})
 
 @dataclass
 class Supply:
-    """What one recording takes of what is supplied.
+    """Supplied facts as one recording takes them.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class Supply:
     own: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def record(self) -> SuppliedRecord | None:
-        """What was taken; None where nothing was."""
+        """The parts that were taken; None where there were none."""
         return SuppliedRecord(self.given.hashes(), tuple(self.taken)) if self.taken else None
 
     def run(self, records: Records, stem: str) -> Records:

@@ -148,7 +148,7 @@ class Headline:
 
 @dataclass(frozen=True)
 class Signals:
-    """What a page can open behind a test point, packed.
+    """Signals that a page can open behind a test point, packed.
 
     Parameters
     ----------

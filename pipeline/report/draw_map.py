@@ -97,7 +97,7 @@ def _contours(ax: Axes, chart: SpeedMap, z: Masked, sheet: Sheet) -> None:
 
 
 def _key(box: SubFigure, chart: SpeedMap, z: Masked, hatched: Mask, sheet: Sheet) -> None:
-    """What grey and hatched cells mean, where there are any."""
+    """Legend of grey and hatched cells, where there are any."""
     entries = []
     if np.ma.getmaskarray(z).any():
         entries.append((Patch(facecolor=sheet.palette["missing"]), "not measured"))

@@ -1,4 +1,4 @@
-"""What a figure shows, as plain data: the one specification that every drawing starts from."""
+"""Figures as plain data: the one specification that every drawing starts from."""
 
 from __future__ import annotations
 

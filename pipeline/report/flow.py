@@ -16,7 +16,7 @@ _CLOSED = 1e-9
 
 @dataclass(frozen=True)
 class Branch:
-    """What leaves (or, as a gain, enters) the trunk at one place.
+    """A branch that leaves (or, as a gain, enters) the trunk at one place.
 
     Parameters
     ----------

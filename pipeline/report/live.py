@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def live_figure(figure: Figure) -> Mapping[str, Any]:
-    """What the page draws in place of a figure.
+    """Live drawing of a figure.
 
     Parameters
     ----------

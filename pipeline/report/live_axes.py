@@ -1,4 +1,4 @@
-"""What all live drawings share: numbers as JSON takes them, axes, fonts and margins."""
+"""Parts common to all live drawings: numbers as JSON takes them, axes, fonts and margins."""
 
 from __future__ import annotations
 

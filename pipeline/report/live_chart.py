@@ -62,7 +62,7 @@ def _heading(title: str, series: tuple[Series, ...]) -> str:
 
 
 def _look(place: int, styles: set[str]) -> str:
-    """How the series of a group are drawn, which are of these styles."""
+    """Styles of the series of a group."""
     line = f"{('solid', 'dashed', 'dotted', 'dash-dotted')[place % len(_DASHES)]} lines"
     markers = "hollow markers" if place else "filled markers"
     return " and ".join(

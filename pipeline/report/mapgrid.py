@@ -1,4 +1,4 @@
-"""What the drawings of a map share: borders of its cells, the scale of its colours, its lines and lettering."""
+"""Parts common to the drawings of a map: borders of its cells, scale of its colours, lines and lettering."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a report comes to, for programs: the JSON document ``pmg.summary/1``; its schema lies beside this module."""
+"""Summary of a report for programs: the JSON document ``pmg.summary/1``; its schema lies in this folder."""
 
 from __future__ import annotations
 

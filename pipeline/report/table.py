@@ -40,7 +40,7 @@ class Measured:
 
 
 Cell: TypeAlias = "str | SupportsFloat | Measured | None"
-"""What a cell may hold; numpy scalars count as numbers, and None as absent."""
+"""Content of a cell; numpy scalars count as numbers, and None as absent."""
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ SUMMARY = "summary.json"
 WORKBOOK = "report.xlsx"
 FIGURES = "figures.pdf"
 LISTING = "report-files.json"
-"""What the report consists of; the next one removes what it no longer contains, and nothing else."""
+"""Files of the report; the next one removes those it no longer makes, and nothing else."""
 
 _OURS = re.compile(r"figures/[a-z0-9_-]+\.(png|svg)|tables/[a-z0-9_-]+\.csv|figures\.pdf|report\.xlsx|summary\.json")
 
@@ -91,7 +91,7 @@ def _listing(names: set[str]) -> bytes:
 
 
 def _listed(path: Path) -> set[str]:
-    """What an earlier report wrote beside its page; names of any other form are not ours to remove."""
+    """Files that an earlier report wrote with its page; names of any other form are not ours to remove."""
     if not path.exists():
         return set()
     try:

@@ -56,7 +56,7 @@ Correction = Annotated[str, BeforeValidator(_correction)]
 
 
 class RecordingsTable(Strict):
-    """What is analysed; paths are relative to the file."""
+    """Campaign to be analysed; paths are relative to the file."""
 
     path: Place | None = _key("folder of recordings, or one file", "RECORDINGS", '"recordings"')
     grids: Place | None = _key("folder of published grids, instead of recordings", "--grids", '"raw/published"')
@@ -76,7 +76,7 @@ class ReportTable(Strict):
 
 
 class IngestTable(Strict):
-    """How recordings are decoded."""
+    """Options for decoding recordings."""
 
     workers: Annotated[int, Field(ge=1)] | None = _key("parallel workers", "--workers", "2")
     scheduler: str | None = _key("address of a dask cluster", "--scheduler", '"tcp://host:8786"')
@@ -85,7 +85,7 @@ class IngestTable(Strict):
 
 
 class AnalysisTable(Strict):
-    """How losses are fitted."""
+    """Options for fitting losses."""
 
     terms_sun: Terms | None = _key("powers of speed in the sun's loss curve, or auto", "--terms-sun", '"0,1/2,1,2"')
     terms_ring: Terms | None = _key("the same for the ring", "--terms-ring", '"auto"')
@@ -111,7 +111,7 @@ def _tolerances(table: object) -> object:
 
 
 class CompareTable(Strict):
-    """How simulation and bench are compared."""
+    """Options for comparing simulation and bench."""
 
     note: str | None = _key("told at the head of the report", "--note", '"first run after the rebuild"')
     model: Place | None = _key("model file to simulate", "--model", '"model.toml"')
@@ -178,11 +178,11 @@ class CampaignFile:
 
     @property
     def windows(self) -> Steadiness | None:
-        """What its table ``[windows]`` asks for; None without one."""
+        """Limits from its table ``[windows]``; None without one."""
         return self.file.table.windows
 
     def count(self, table: str) -> int:
-        """How many keys a table of the file holds."""
+        """Count of keys in a table of the file."""
         return sum(words[0] == table and len(words) == 2 for words in self.file.lines)
 
     def has(self, name: str) -> bool:

@@ -1,4 +1,4 @@
-"""What a call works with: the built-in default, what a campaign file sets, and the options given, in that order."""
+"""Settings of a call: the built-in default, the campaign file, and the options given, in that order."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ FLAGS = {
 
 @dataclass(frozen=True)
 class Chosen:
-    """What a call works with.
+    """Settings of a call.
 
     Parameters
     ----------

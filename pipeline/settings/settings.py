@@ -69,7 +69,7 @@ def settings(chosen: Chosen) -> tuple[Setting, ...]:
 
 
 def _usual(chosen: Chosen) -> dict[str, tuple[Any, str]]:
-    """What holds where nothing is set, and why."""
+    """Default where nothing is set, and its reason."""
     options = chosen.options()
     origin = DEFAULT if chosen.path("grids") is None else THESIS
 

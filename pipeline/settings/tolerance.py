@@ -1,4 +1,4 @@
-"""How far simulation and bench may lie apart for a user's purpose, written with units."""
+"""Tolerances of simulation against bench for a user's purpose, written with units."""
 
 from __future__ import annotations
 

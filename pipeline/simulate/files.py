@@ -1,4 +1,4 @@
-"""What a simulation leaves: tables as CSV and Parquet, recordings as MCAP, and how a folder of them is written."""
+"""Files of a simulation: tables as CSV and Parquet, recordings as MCAP, and how a folder of them is written."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
 
 LISTING = "simulation-files.json"
-"""What a simulation wrote; the next one removes what it no longer contains, and writes over nothing else."""
+"""Files that a simulation wrote; the next one removes those it no longer makes, and writes over nothing else."""
 
 RECORDINGS = "recordings"
 

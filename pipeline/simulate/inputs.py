@@ -1,4 +1,4 @@
-"""What a scenario names, gathered: losses, torque map and recorded programmes, made into a model and its programmes."""
+"""Inputs that a scenario names: losses, torque map and recorded programmes, made into a model and its programmes."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Inputs:
 def gather_inputs(
     file: ScenarioFile, bench: BenchParameters, model_file: Path | None = None, switched: tuple[Switched, ...] = ()
 ) -> Inputs:
-    """What a scenario names, read and made into a model.
+    """Inputs that a scenario names, read and made into a model.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def gather_inputs(
 
 
 NO_LOSSES = LossModel(LossCurve((0.0,), np.zeros(1), 1.0, 1.0), LossCurve((0.0,), np.zeros(1), 1.0, 1.0), 1.0, 0, 0, 0)
-"""What mechanisms stand on where a scenario has no losses."""
+"""Losses under the mechanisms where a scenario has none."""
 
 
 def _refuse_twice(file: ScenarioFile, mechanisms: tuple[Mechanism, ...]) -> None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def programme_of(file: ScenarioFile, side: str, motor: Motor | None, control: Control) -> Programme:
-    """What a motor is asked for [N m] or [rad/s]."""
+    """Demand on a motor [N m] or [rad/s]."""
     if motor is None:
         return Programme.hold(0.0)
     unit = SPEED_SUN.scale if control is Control.SPEED else 1.0

@@ -150,7 +150,7 @@ FORMATS: tuple[Format, ...] = ("csv", "parquet", "mcap")
 
 
 class Output(Strict):
-    """What is written, and how finely."""
+    """Formats and resolution of the output."""
 
     rate_hz: Annotated[float, within(1.0, 100_000.0, "Hz")] = 500.0
     seconds: Annotated[float, within(1.0, 3_600.0, "s")] = 5.0
@@ -177,7 +177,7 @@ class PlannedCampaign(Strict):
 
 
 def _assumptions(table: object) -> Assumptions:
-    """What the thesis leaves open, as a table of the file chooses it."""
+    """Choices that the thesis leaves open, as a table of the file makes them."""
     if not isinstance(table, dict):
         refuse(repr(table), "a table", "Write [assumptions] above the keys.")
     kinds = {"motor_signs": MotorConvention, "rotor_inertia": RotorInertia}

@@ -41,7 +41,7 @@ def read_scenario(path: Path, what: str = "a scenario") -> ScenarioFile:
 
 
 def _contradictions(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:
-    """What each table allows by itself and all of them together do not: key, came, expected, do."""
+    """Faults of tables that are sound one by one but not together: key, came, expected, do."""
     bench, point, grid, output = scenario.bench, scenario.point, scenario.grid, scenario.output
     neutral, recorded = bench.configuration is Configuration.NEUTRAL, "mcap" in output.formats
     if neutral and bench.held is Member.RING:

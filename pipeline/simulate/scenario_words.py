@@ -108,7 +108,7 @@ _FORMS = ("hold", "ramp", "step", "points", "recorded")
 
 
 class Motor(Strict):
-    """What a motor is asked for: one form, and a sweep on top of it."""
+    """Demand on a motor: one form, and a sweep on top of it."""
 
     hold: Asked | None = Field(default=None, validation_alias=_by_unit("hold"))
     ramp: Ramp | None = None

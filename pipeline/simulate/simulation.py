@@ -246,7 +246,7 @@ LONG_RUN = 0.1
 
 
 def _held(simulation: Simulation, scenario: Scenario, inputs: Inputs) -> list[tuple[str, str, str]]:
-    """What is held over a run or left out of settled points."""
+    """Remarks on values held over a run or left out of settled points."""
     found = []
     if simulation.run is not None and inputs.limits:
         lasts, shortest = float(simulation.run.trace.time[-1]), min(inputs.limits)

@@ -111,7 +111,7 @@ def steady_points(scenario: Scenario, inputs: Inputs) -> SteadyPoints:
 
 
 def _readings(inputs: Inputs, grid: Grid) -> Torques:
-    """What the transducers show at the points of a grid [N m]."""
+    """Readings of the transducers at the points of a grid [N m]."""
     true = Torques(grid.torque_sun, grid.torque_ring)
     faults = inputs.drivetrain.instruments
     if not faults:

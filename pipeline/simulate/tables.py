@@ -76,7 +76,7 @@ def points_frame(points: SteadyPoints, scenario: Scenario) -> pl.DataFrame:
 
 
 def _shown(true: Torques, readings: Torques) -> dict[str, Any]:
-    """What the transducers show, where a fault distorts it."""
+    """Readings of the transducers, where a fault distorts them."""
     if np.array_equal(true.sun, readings.sun) and np.array_equal(true.ring, readings.ring):
         return {}
     return {"reading_sun_Nm": readings.sun, "reading_ring_Nm": readings.ring}

@@ -50,7 +50,7 @@ class StoredWindow(WindowRecord):
 
 @dataclass(frozen=True)
 class Manifest:
-    """What the store knows of one source file.
+    """Record of one source file in the store.
 
     Parameters
     ----------

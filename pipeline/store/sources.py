@@ -1,4 +1,4 @@
-"""What there is to ingest: the files of a folder, each by its name and its content."""
+"""Files of a folder that are to be ingested, each by its name and its content."""
 
 from __future__ import annotations
 

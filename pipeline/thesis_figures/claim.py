@@ -25,7 +25,7 @@ class Unit:
 
 @dataclass(frozen=True)
 class Other:
-    """What the source prints, or implies by what it prints, for the same figure elsewhere."""
+    """Value that the source prints, or implies, for the same figure elsewhere."""
 
     value: float
     decimals: int

@@ -32,7 +32,7 @@ def _again(figures: tuple[PublishedFigure, ...], group: str, told: str) -> tuple
 
 
 AT_IMPLIED = "c = 2.2965e-4"
-"""How rows are marked that use the eddy constant which the power chain implies."""
+"""Mark of rows that use the eddy constant which the power chain implies."""
 
 DESIGN = (
     *_several(

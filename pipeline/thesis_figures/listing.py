@@ -75,7 +75,7 @@ def _summed_up(members: tuple[JudgedFigure, ...], remarks: dict[str, int]) -> tu
 
 
 def summary(judged: Iterable[JudgedFigure]) -> str:
-    """How many figures have which verdict, as a sentence."""
+    """Counts of figures by verdict, as a sentence."""
     all_ = tuple(judged)
     parts = [f"{n} {verdict}" for verdict, n in count(all_).items() if n]
     return f"{len(all_)} published figures: {', '.join(parts)}"

@@ -1,4 +1,4 @@
-"""What is known of the reasons why a published figure does not come out of the rounded tables."""
+"""Known reasons why a published figure does not come out of the rounded tables."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ REASONS: tuple[tuple[str, str], ...] = (
 
 
 def remarks_on(id_: str, *, differs: bool) -> tuple[str, ...]:
-    """What there is to say of a figure that differs from what is printed, or of one that does not."""
+    """Remarks on a figure, whether or not it differs from what is printed."""
     lists = (NOTES, REASONS) if differs else (NOTES,)
     found = (next((text for pattern, text in known if fnmatchcase(id_, pattern)), "") for known in lists)
     return tuple(text for text in found if text)

@@ -49,7 +49,7 @@ DURATION = 20.0
 
 @dataclass(frozen=True)
 class Choices:
-    """What a replication takes for given.
+    """Given values of a replication.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def _grids(sample: Sample, fits: LossFits) -> dict[str, float]:
 
 
 def _printed(sample: Sample) -> dict[str, float]:
-    """What follows from printed figures alone, without a model."""
+    """Figures that follow from printed ones alone, without a model."""
     at = sample.grid.points
     top = sample.rows[-1, -1]
     squares = at.speed_sun[top] ** 2 + at.speed_ring[top] ** 2

@@ -1,4 +1,4 @@
-"""What the rounding of the thesis's tables can have moved each figure by: tables drawn anew within their last digit."""
+"""Shifts of each figure by the rounding of the thesis's tables: tables drawn anew within their last digit."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class RoundingSpread:
 
     @property
     def shift(self) -> float:
-        """What rounding moves the figure by, to either side: the larger distance of the two quantiles.
+        """Shift of the figure by rounding, to either side: the larger distance of the two quantiles.
 
         Notes
         -----

@@ -1,4 +1,4 @@
-"""Does a published figure come out of the published tables?"""
+"""Comparison of published figures with the published tables."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WIDE = 0.20
 
 
 class FigureVerdict(StrEnum):
-    """What can be said of a figure.
+    """Verdict on a figure.
 
     ``REPRODUCED``: what is printed lies in our interval. ``NOT_EXPLAINED``: it lies outside. ``NOT_DETERMINED``: it
     lies inside, but the interval is wider than a fifth of it, or reaches over the limit that is claimed.
@@ -73,7 +73,7 @@ class JudgedFigure:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What is known about it."""
+        """Known remarks on the figure."""
         return remarks_on(self.figure.id, differs=self.verdict is not FigureVerdict.REPRODUCED)
 
 
@@ -129,5 +129,5 @@ def validate(
 
 
 def count(judged: tuple[JudgedFigure, ...]) -> dict[FigureVerdict, int]:
-    """How many figures have each verdict."""
+    """Counts of figures by verdict."""
     return {verdict: sum(j.verdict is verdict for j in judged) for verdict in FigureVerdict}

@@ -1,4 +1,4 @@
-"""How large an effect is once a free baseline has taken its part, in units of a point's standard uncertainty."""
+"""Size of an effect once a free baseline has absorbed its part, in standard uncertainties of a point."""
 
 from __future__ import annotations
 
@@ -78,11 +78,11 @@ class Yardstick:
         return np.asarray(found[:, np.abs(np.diag(triangle)) > 1e-9])
 
     def signature(self, effect: Effect) -> Array:
-        """What an effect changes in the readings [N m]."""
+        """Change of the readings by an effect [N m]."""
         return self.stack(torques(self.scene, (effect,))[1]) - self.bare
 
     def left(self, signature: Array) -> Array:
-        """What the generic baseline cannot take up [N m]."""
+        """The part that the generic baseline cannot absorb [N m]."""
         return signature - self.space @ (self.space.T @ signature)
 
     @cached_property

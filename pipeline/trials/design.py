@@ -1,4 +1,4 @@
-"""What a concealed campaign runs, in which order and when."""
+"""Points of a concealed campaign, their order and their times."""
 
 from __future__ import annotations
 

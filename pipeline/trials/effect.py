@@ -1,4 +1,4 @@
-"""What an effect is, and what a bench with effects reads before any noise."""
+"""Effects, and the readings of a bench with effects before any noise."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class BenchRun:
 
 @dataclass(frozen=True)
 class EffectForm:
-    """How an effect acts.
+    """Law of an effect.
 
     Parameters
     ----------
@@ -133,5 +133,5 @@ def torques(scene: BenchRun, effects: Iterable[Effect]) -> tuple[Pair, Pair]:
 
 
 def on_shaft(shaft: str, sun: Array, ring: Array) -> Pair:
-    """What acts on the shaft named, or on both."""
+    """Torque on the shaft named, or on both."""
     return (sun if shaft in ("sun", "both") else 0.0 * sun, ring if shaft in ("ring", "both") else 0.0 * ring)

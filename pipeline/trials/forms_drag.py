@@ -96,7 +96,7 @@ def _relative_bearing(scene: BenchRun, effect: Effect) -> Pair:
 
 
 def _rubbing_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
-    """How much the friction falls up to the highest speed."""
+    """Fall of the friction up to the highest speed."""
     return {"fall": rng.uniform(-0.1, 0.25)}
 
 

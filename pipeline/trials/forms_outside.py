@@ -52,7 +52,7 @@ def _run_in_step(scene: BenchRun, effect: Effect) -> Pair:
 
 
 def _memory_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
-    """How sharply the drag follows."""
+    """Sharpness of the drag's dependence."""
     return {"sharpness": rng.uniform(0.1, 0.3)}
 
 

@@ -20,7 +20,7 @@ SPEED_UP = 0.35
 LONG_PAUSE = 120.0
 """Time between points beyond which the motors stand still in between [s]."""
 AFTER_PAUSE = 15.0
-"""How long before a point its speeds are reached after a long pause [s]."""
+"""Time before a point at which its speeds are reached after a long pause [s]."""
 ROOM_PERIOD = 5400.0
 """Period in which the room's heating switches [s]."""
 KELVIN = 273.15
@@ -35,7 +35,7 @@ EXPONENTIAL = 0.04
 REMANENCE = 1.15e-3
 """Relative fall of the magnets' remanence per kelvin [1/K]."""
 LEAST_FLUX = 0.5
-"""What is left of the remanence at the very least; beyond, magnets are spoilt for good."""
+"""Least part of the remanence that is left; beyond, magnets are spoilt for good."""
 
 
 def _two_nodes(

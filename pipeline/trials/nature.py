@@ -172,7 +172,7 @@ def seal_truth(case: ConcealedCampaign) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class WindowReadings:
-    """What the bench holds through each window: readings with their wander [N m], and speeds [rad/s]."""
+    """State of the bench through each window: readings with their wander [N m], and speeds [rad/s]."""
 
     torques: Pair
     speeds: Pair

@@ -46,7 +46,7 @@ class DragCurve:
 
 @dataclass(frozen=True)
 class ReadingNoise:
-    """How readings scatter.
+    """Scatter of the readings.
 
     Parameters
     ----------

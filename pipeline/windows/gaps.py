@@ -49,7 +49,7 @@ class Hole:
 
 @dataclass(frozen=True)
 class LostEnd:
-    """What a file of one window lost after it.
+    """Losses of a file of one window after that window.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def holes(recording: Recording, measured: Sequence[tuple[int, int]], shortest: i
 
 
 def lost_end(recording: Recording, first: int, stop: int) -> LostEnd:
-    """What is known of the end of a window that lasts over the whole file, from sample `first` to `stop`.
+    """Known end of a window that lasts over the whole file, from sample `first` to `stop`.
 
     Notes
     -----

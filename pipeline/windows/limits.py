@@ -29,7 +29,7 @@ DIMENSIONS: dict[str, Dimension] = {
     **dict.fromkeys(("completeness", "speed_change_relative", "speed_offset_relative"), RATIO),
     **dict.fromkeys(("torque_drift", "step_torque"), RATIO),
 }
-"""What the limits are that may be written with their unit, such as ``speed_change = "0.5 rpm"``."""
+"""Kinds of limits that may be written with their unit, such as ``speed_change = "0.5 rpm"``."""
 MAY_BE_ZERO = ("settle", "counts")
 TABLE = "windows"
 """Table of the file that holds the limits."""
@@ -46,7 +46,7 @@ def _limit(value: float, meaning: str) -> Any:  # noqa: ANN401 - what a dataclas
 
 @dataclass(frozen=True)
 class Steadiness:
-    """What counts as a steady window.
+    """Limits for a steady window.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 REDUCTION = 2
-"""How means and their uncertainty are taken, counted up with every change; a store holds which it has."""
+"""Version of the reduction to means and uncertainties, counted up with every change; a store holds which it has."""
 CUTOFF_HZ = 0.5
 """Cut-off of the brick-wall filter that the bench's evaluation applies to the torques [Hz]."""
 DOUBTED = 0.45
@@ -123,7 +123,7 @@ def _reduce_shaft(torque: Array, angle: Array, rate_hz: float) -> ShaftMeans:
 
 @dataclass(frozen=True)
 class _MeanNoise:
-    """What the mean of a window is uncertain by.
+    """Uncertainty of the mean of a window.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def mean_uncertainty(turned: WholeRevolutions, batches: Batches, rate_hz: float)
 
 
 def _mean_noise(turned: WholeRevolutions, batches: Batches, rate_hz: float) -> _MeanNoise:
-    """What the mean of a window is uncertain by, from its batches or from its finer pieces."""
+    """Uncertainty of the mean of a window, from its batches or from its finer pieces."""
     if len(batches.means) < 2:
         return _MeanNoise()
     within = math.sqrt(float(batches.means.var(ddof=1)) * batches.length / turned.used)

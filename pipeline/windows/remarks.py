@@ -1,4 +1,4 @@
-"""What is told of a window that was accepted all the same."""
+"""Remarks on windows that were accepted all the same."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NEAR = 0.5
 
 
 def near_limits(window: WindowEvidence, limits: Steadiness) -> tuple[str, ...]:
-    """What speaks against an accepted window by `NEAR` of the limits of speed and torque."""
+    """Remarks on an accepted window within `NEAR` of the limits of speed and torque."""
     part = replace(
         limits,
         speed_change=NEAR * limits.speed_change,

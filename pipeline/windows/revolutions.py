@@ -128,7 +128,7 @@ class WholeRevolutions:
         return float(np.sqrt(0.5 * np.mean((self.torque[later] - earlier) ** 2)))
 
     def _average_turn(self) -> Array:
-        """What repeats from turn to turn, at each sample, with no mean over the whole revolutions (n,)."""
+        """The part that repeats from turn to turn, at each sample, with no mean over the whole revolutions (n,)."""
         turns = self.turns[:-1]
         count = int(np.clip(len(turns) / max(float(self.turns[-1]), 1.0) / 4.0, 4, PHASES))
         place = np.minimum((turns % 1.0 * count).astype(np.intp), count - 1)

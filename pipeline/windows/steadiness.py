@@ -40,7 +40,7 @@ TRIMMED = 1.6
 
 @dataclass(frozen=True)
 class Reason:
-    """What speaks against a window: a stable name, and the numbers."""
+    """Reason against a window: a stable name, and the numbers."""
 
     name: str
     detail: str
@@ -52,7 +52,7 @@ class Reason:
 
 @dataclass(frozen=True)
 class WindowEvidence:
-    """What is known of a window when it is judged.
+    """Known facts of a window when it is judged.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def _speeds(angle: Array, size: int, rate_hz: float) -> Array:
 
 
 def _torque_changes(means: Array) -> tuple[tuple[str, float, float], ...]:
-    r"""What speaks against one level, in words, with its size and standard error [N m].
+    r"""Evidence against one level, in words, with its size and standard error [N m].
 
     Parameters
     ----------

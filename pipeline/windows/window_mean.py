@@ -1,4 +1,4 @@
-"""How far the mean of a short stretch of correlated noise may lie from the truth."""
+"""Error of the mean of a short stretch of correlated noise."""
 
 from __future__ import annotations
 

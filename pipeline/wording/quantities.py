@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Dimension:
-    """What a quantity is.
+    """Kind of a quantity.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ KINDS = {
     "angle": ANGLE,
     "speed": SPEED,
 }
-"""What a unit says about a channel."""
+"""Meaning of a unit for a channel."""
 
 TAKEN = {"frequency": ("frequency", "torque", "electric"), "count": ("count", "angle", "speed")}
 """Kinds of source by the last word of the topic; every other topic takes counts only."""
@@ -66,7 +66,7 @@ def declared(unit: str) -> str:
 
 
 def kind_of(topic: str, unit: str, where: str) -> str:
-    """What a channel in this unit is, for a topic that can be made from it.
+    """Kind of channel that a unit stands for, for a topic that can be made from it.
 
     Raises
     ------

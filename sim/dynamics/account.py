@@ -39,7 +39,7 @@ class Account:
 
     @property
     def residual(self) -> float:
-        """What the account leaves over, relative to the turnover."""
+        """Imbalance of the account, relative to the turnover."""
         return (self.inflow - sum(self.stored.values())) / self.turnover if self.turnover else 0.0
 
 

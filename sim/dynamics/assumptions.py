@@ -1,4 +1,4 @@
-"""What the thesis leaves open about the moving bench: one named option each, with its default and the reason for it."""
+"""Assumptions where the thesis is silent about the moving bench: one named option each, with default and reason."""
 
 from __future__ import annotations
 

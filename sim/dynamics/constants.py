@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Control(StrEnum):
-    """What a motor follows."""
+    """Demand that a motor follows."""
 
     TORQUE = "torque"
     SPEED = "speed"

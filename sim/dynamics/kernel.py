@@ -32,7 +32,7 @@ MOST_SLIPS = 10_000
 
 
 class SolverRun(NamedTuple):
-    """What a run of the compiled solver gave; `ended` is one of the codes of `run_values`."""
+    """Output of a run of the compiled solver; `ended` is one of the codes of `run_values`."""
 
     ended: int
     steps: int
@@ -84,7 +84,7 @@ class Kernel:
 
     @property
     def number_of_sums(self) -> int:
-        """How many powers are summed."""
+        """Count of powers in the sum."""
         return int(self.module.SUMS)
 
     def solution(self, state: Array, d: float, right: Array) -> Array:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class ModeKind(StrEnum):
-    """What mostly moves in a mode."""
+    """Main motion of a mode."""
 
     LOOP_SUN = "sun torque loop"
     LOOP_RING = "ring torque loop"

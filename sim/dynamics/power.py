@@ -39,7 +39,7 @@ class Powers:
 
     @property
     def residual(self) -> Array:
-        """What the balance leaves over [W]; rounding, if every element is accounted for."""
+        """Imbalance of the power [W]; rounding, if every element is accounted for."""
         gained = sum(self.supplied.values()) + sum(self.created.values())
         return np.asarray(gained - sum(self.stored.values()) - sum(self.dissipated.values()))
 

@@ -1,4 +1,4 @@
-"""What a motor is asked for over time: straight lines between knots, and sine sweeps on top."""
+"""Demand on a motor over time: straight lines between knots, and sine sweeps on top."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ _WEIGHTS = np.array([(16.0 - np.sqrt(6.0)) / 36.0, (16.0 + np.sqrt(6.0)) / 36.0,
 
 
 class Course(NamedTuple):
-    """How a run went: what either solver gives.
+    """Result of a run of either solver.
 
     `failed` says why no step converges; `slipped_at` is the time of the slip that ended the run, or NaN; `states`
     belong to the first of the wanted instants; `sums` are the integrals of `account.integrands` [J].
@@ -43,7 +43,7 @@ class Course(NamedTuple):
 
 
 def _asked_at(rows: Array, time: float) -> SetPoints:
-    """What both motors are asked for on a leg at a time."""
+    """Demands on both motors, one segment at a time."""
     sun, ring = follow(rows[0], time), follow(rows[1], time)
     return SetPoints(sun[0], ring[0], sun[1], ring[1])
 

@@ -155,7 +155,7 @@ def _bend(k: Array) -> None:
 
 
 def _shrinkage(error: float) -> float:
-    """What the step is to be divided by for an error of the tolerance."""
+    """Divisor of the step for an error of the tolerance."""
     shrinkage: float = error**0.25 / 0.9
     return max(0.2, min(6.0, shrinkage))
 

@@ -1,4 +1,4 @@
-"""What a run of the fast solver is given and gives: named values that compiled code takes and makes."""
+"""Inputs and outputs of a run of the fast solver: named values that compiled code takes and makes."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 DONE, STOPPED, NO_STEP, TOO_MANY = 0, 1, -1, -2
-"""How a run ended: at its end, at a slipped pole, without a step that converges, after too many steps."""
+"""Ends of a run: at its end, at a slipped pole, without a step that converges, after too many steps."""
 
 
 class Settings(NamedTuple):
-    """How a run is integrated.
+    """Settings of the integration of a run.
 
     `rtol` is the relative tolerance, the absolute one is this times `scales` (20,), the usual size of each state;
     `locked` the rate of the phase below which the gear counts as locked [rad/s]; `stop` says whether to end at the
@@ -34,7 +34,7 @@ class Well(NamedTuple):
 
 
 class Room(NamedTuple):
-    """What a run fills.
+    """Arrays that a run fills.
 
     `states` (m, 20) at the wanted instants; `energy` (k,), the sums over time of the powers, empty when not wanted;
     `slips` (q,), the times of slipped poles.
@@ -46,7 +46,7 @@ class Room(NamedTuple):
 
 
 class Ended(NamedTuple):
-    """How a run ended.
+    """End of a run.
 
     `code` is one of the codes above; then the numbers of steps, rejected steps, instants reported and slipped poles;
     `locked_at` is the time from which it stayed locked (NaN if it did not), `time` the time reached [s].

@@ -1,4 +1,4 @@
-"""What the fast solver calls and `codegen` generates: the signatures only, for readers and type checkers.
+"""Functions that the fast solver calls and `codegen` generates: signatures only, for readers and type checkers.
 
 `y` is the state (20,), `a` the four numbers of `SetPoints`, `p` the parameters.
 """

@@ -43,7 +43,7 @@ STATES = State._fields
 
 
 class SetPoints(NamedTuple):
-    """What the two motors are asked for, and the rate of it.
+    """Demands on the two motors, and their rates.
 
     A torque [N m, N m/s], or, where the motor is speed-controlled, a speed [rad/s, rad/s2].
     """

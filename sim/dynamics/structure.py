@@ -1,4 +1,4 @@
-"""What a drivetrain's equations are made of: their structure, and the numbers that fill it."""
+"""Equations of a drivetrain: their structure, and the numbers that fill it."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def walk(thing: Any, leaf: Callable[[float], Any], note: Callable[[str], None]) 
 
 
 def parts(drivetrain: Drivetrain) -> tuple[Any, ...]:
-    """What the equations of a drivetrain are made of."""
+    """Parts of the equations of a drivetrain."""
     return drivetrain.constants, drivetrain.losses, drivetrain.coupling
 
 

@@ -75,7 +75,7 @@ class Trace:
 
     @property
     def readings(self) -> Torques:
-        """What the two torque transducers show [N m]: the torques that the motors give, and what faults add to them."""
+        """Readings of the two torque transducers [N m]: torques that the motors give, with the faults of the readings."""
         true = Torques(self.torque_sun, self.torque_ring)
         faults = self.drivetrain.instruments
         if not faults:

@@ -63,7 +63,7 @@ __all__ = ["OnSlip", "Solver", "Task", "transient", "transients"]
 
 
 class OnSlip(StrEnum):
-    """What to do when a pole slips."""
+    """Action when a pole slips."""
 
     STOP = "stop"
     GO_ON = "go on"

@@ -53,7 +53,7 @@ class FemTable:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """What a table may be off by.
+    """Uncertainty of a table.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Tolerances:
 
 @dataclass(frozen=True)
 class TableQuality:
-    """How good a table and the map made of it are; relative numbers refer to the root mean square of the torques.
+    """Quality of a table and of the map made of it; relative numbers refer to the root mean square of the torques.
 
     Parameters
     ----------

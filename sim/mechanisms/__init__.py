@@ -61,7 +61,7 @@ CANDIDATES: tuple[type[Mechanism], ...] = (
     GainError,
     Crosstalk,
 )
-"""What may be left out of the baseline and shows in mean torques: what the diagnosis may name."""
+"""Mechanisms beyond the baseline that show in mean torques: those the diagnosis may name."""
 
 REFINED: tuple[type[Mechanism], ...] = tuple(kind.refined for kind in CANDIDATES if kind.refined is not None)
 """Candidates in more detail, under the same ids."""
@@ -75,7 +75,7 @@ OTHERS: tuple[type[Mechanism], ...] = (
     EncoderScale,
     ClockOffset,
 )
-"""What shows in speeds or within a turn, not in mean torques."""
+"""Mechanisms that show in speeds or within a turn, not in mean torques."""
 
 LIBRARY: tuple[type[Mechanism], ...] = (*BASELINE, *CANDIDATES, *OTHERS)
 """Every mechanism pmg knows."""

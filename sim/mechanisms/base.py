@@ -1,4 +1,4 @@
-"""What a mechanism is: its equation, its parameters and what reveals it, declared once."""
+"""Mechanisms: equation, parameters and the experiments that reveal them, declared once."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ class Warmth(NamedTuple):
 
 
 class Instant(NamedTuple):
-    """What a mechanism feels at an instant of a run: floats, complex numbers, arrays or symbols.
+    """State that a mechanism acts on at an instant of a run: floats, complex numbers, arrays or symbols.
 
     Speeds of the rotors [rad/s]; the torque put on the ring from outside [N m]; the magnitude of the gear's speed
     ratio; the width of the smooth passage through rest [rad/s], see `against`.
@@ -179,7 +179,7 @@ class Mechanism(ABC):
         return tuple(Parameter(f.name, **f.metadata) for f in fields(cls) if "unit" in f.metadata)
 
     def in_motion(self, configuration: Configuration, warmth: Warmth) -> MotionLaw | None:
-        """What it does in a run, in that configuration and at that warmth; None where it does not act.
+        """Torque in a run, in that configuration and at that warmth; None where it does not act.
 
         Raises
         ------
@@ -211,7 +211,7 @@ class Instrument(Mechanism):
 
     @abstractmethod
     def distortion(self, at: OperatingPoints, true: Torques) -> Torques:
-        """What each transducer shows too much [N m], given the torques that the motors apply."""
+        """Error of each transducer [N m], given the torques that the motors apply."""
 
 
 @dataclass(frozen=True)

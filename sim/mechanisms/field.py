@@ -140,7 +140,7 @@ class SkinEffect(RotorDamping):
         return cls(model.c)
 
     def drag(self, speed: Number, rest: float = 0.0) -> Number:
-        """What shielding takes off the eddy torque."""
+        """Reduction of the eddy torque by shielding."""
         x = speed * self.shielding
         return self.c * speed * (1.0 - (1.0 + x * x) ** -0.25)
 

@@ -125,7 +125,7 @@ class ThinFilm(RotorLaw):
 
     @abstractmethod
     def left(self, x: Number) -> Number:
-        """What is left of the extra drag at a speed in units of `speed`."""
+        """Part of the extra drag that is left at a speed in units of `speed`."""
 
     def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
         """Extra drag on both rotors."""

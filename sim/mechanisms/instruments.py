@@ -75,7 +75,7 @@ class DriftingZero(Instrument):
 
     @abstractmethod
     def moved(self, time: Array) -> Torques:
-        """How far the zeros have moved at times since the first point [s]."""
+        """Drift of the zeros at times since the first point [s]."""
 
     def distortion(self, at: OperatingPoints, true: Torques) -> Torques:
         """The zero at each point's time; none where the order is not known."""
@@ -247,7 +247,7 @@ class Crosstalk(ShownTorque):
 
 
 def distorted(instruments: tuple[Instrument, ...], at: OperatingPoints, true: Torques) -> tuple[Array, Array]:
-    """What all faults together add to the readings [N m]."""
+    """Sum of all faults on the readings [N m]."""
     sun, ring = np.zeros(len(at)), np.zeros(len(at))
     for instrument in instruments:
         part = instrument.distortion(at, true)

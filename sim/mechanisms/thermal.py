@@ -276,7 +276,7 @@ class MagnetTemperature(Mechanism):
         return _temperature_rise(at, self.resistance * (loss[0] + loss[1]), self.time_constant, self.start)
 
     def torque(self, at: OperatingPoints) -> Torques:
-        """What warming takes off the magnetic drag."""
+        """Reduction of the magnetic drag by warming."""
         part = np.where(at.engaged, 1.0 - field_left(self.rise(at)), 0.0)
         return self._held(part).law(at.speed_sun, at.speed_ring)
 

@@ -1,4 +1,4 @@
-"""What warmth takes off drag: at the rises of a run history, or held over a run in time."""
+"""Reduction of drag by warmth: at the rises of a run history, or held over a run in time."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class WarmBearings(RotorLaw):
     part_ring: float
 
     def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
-        """What warmth takes off the drag of both shafts."""
+        """Reduction of the drag of both shafts by warmth."""
         sun = self.part_sun * self.curve_sun.law(modulus(speed_sun, rest))
         ring = self.part_ring * self.curve_ring.law(modulus(speed_ring, rest))
         return Torques(against(speed_sun, sun, rest), against(speed_ring, ring, rest))
@@ -88,7 +88,7 @@ class WarmMagnets(RotorDamping):
     part: float
 
     def drag(self, speed: Number, rest: float = 0.0) -> Number:
-        """What warmth takes off the drag of a rotor."""
+        """Reduction of the drag of a rotor by warmth."""
         return self.part * (self.c * speed - against(speed, self.b, rest))
 
 
@@ -118,7 +118,7 @@ class WarmingBearings(Mechanism):
         return per_shaft(lambda side: part * curve[side].torque(at.speed[side]) * np.abs(at.speed[side]))
 
     def torque(self, at: OperatingPoints) -> Torques:
-        """What warming takes off the drag."""
+        """Reduction of the drag by warming."""
         part = np.where(at.neutral, 1.0, np.where(at.engaged, self.correction, 0.0))
         sun, ring = (_relief(rise) * part for rise in self.rises(at))
         return self._held(sun, ring).law(at.speed_sun, at.speed_ring)

@@ -1,4 +1,4 @@
-"""How warm the bench is at each point of its history."""
+"""Temperature rise of the bench at each point of its history."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Waveform(Mechanism):
-    """What shows within a turn and not in a mean: its mean torque is none."""
+    """Mechanism that shows within a turn and not in a mean: its mean torque is none."""
 
     dissipates = False
     instead = "Leave it out: no run carries it yet."

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class MotorConvention(StrEnum):
-    """How the power of the motors is reckoned.
+    """Method of reckoning the power of the motors.
 
     ``CONSISTENT``: one constant for torque and back-EMF and physical signs, so that nothing is created or lost.
     ``THESIS``: torque constant 1.19 N m/A beside a back-EMF constant of 1.0219 V s/rad (peak against rms, a slip of

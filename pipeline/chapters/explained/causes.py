@@ -1,4 +1,4 @@
-"""What was left out: the mechanisms, what else would show them, the residual before and after, the ranking."""
+"""The cause: the mechanisms, what else would show them, the residual before and after, the ranking."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def ranking_items(diagnosis: Diagnosis) -> list[Table]:
 
 
 def _revealed_by(diagnosis: Diagnosis) -> Facts:
-    """What else would show each mechanism, from its card in the catalogue."""
+    """Experiments that would show each mechanism, from its card in the catalogue."""
     assert diagnosis.naming is not None
     kinds = {fit.candidate.kind for fit in diagnosis.naming.best.fits}
     return Facts(

@@ -1,4 +1,4 @@
-"""What a verdict stands on: what the points cannot tell, withheld readings, what the baseline had absorbed, decoys."""
+"""Grounds of a verdict: limits of detection, withheld readings, what the baseline had absorbed, decoys."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def noise_words(floor: NoiseFloor, side: str) -> str:
 
 
 def cannot_tell(diagnosis: Diagnosis) -> tuple[tuple[str, str], ...]:
-    """What no reading at these points could show, as facts; none where nothing is out of reach."""
+    """Effects that no reading at these points could show, as facts; none where nothing is out of reach."""
     rows: list[tuple[str, str]] = []
     if diagnosis.blind:
         shafts = " and ".join(diagnosis.blind)
@@ -103,7 +103,7 @@ def withheld_items(diagnosis: Diagnosis) -> list[Facts | Table]:
 
 
 def decoy_items(diagnosis: Diagnosis) -> list[Facts]:
-    """How random smooth structures fare in place of what leads; none where they were not offered."""
+    """Success of random smooth structures in place of the leading cause; none where they were not offered."""
     decoys = diagnosis.decoys
     if decoys is None:
         return []

@@ -1,4 +1,4 @@
-"""What the recordings cannot tell from the leading cause, and the tests that would: points to run, one by one."""
+"""Rivals of the leading cause, and the tests that would tell: points to run, one by one."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ def _axis(covariate: FormCovariate) -> tuple[Array, str]:
 
 
 def _figure(diagnosis: Diagnosis, shape: Shape) -> Figure:
-    """What is left at the location against the first covariate, with the form; against the second where it has two."""
+    """Residual at the location against the first covariate, with the formula; against the second where it has two."""
     readings = diagnosis.mismatch.readings
     u = readings.u[shape.rows] / RESIDUAL.scale
     panels = []

@@ -171,7 +171,7 @@ def _figure(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.dtype[np.f
 
 
 def _memory(diagnosis: Diagnosis) -> tuple[str, tuple[Chart, ...]]:
-    """What the zero of the residual is where a mechanism remembers, and the fitted temperature over the test."""
+    """Meaning of the residual's zero where a mechanism remembers, and the fitted temperature over the test."""
     naming, found = diagnosis.naming, diagnosis.refit
     if naming is None or found is None or not any(fit.candidate.kind.memory for fit in naming.best.fits):
         return "", ()
@@ -196,7 +196,7 @@ def _memory(diagnosis: Diagnosis) -> tuple[str, tuple[Chart, ...]]:
 
 
 def _rise(mechanism: Mechanism, place: Location, at: OperatingPoints) -> tuple[str, Array]:
-    """What a mechanism warms, and how far above the room it is at each point [K]; NaN where it warms nothing."""
+    """Part that a mechanism warms, and its rise above the room at each point [K]; NaN where it warms nothing."""
     if isinstance(mechanism, WarmingBearings):
         shaft = place.signal.removeprefix("torque_")
         rise = mechanism.rises(at)[shaft]

@@ -34,7 +34,7 @@ def orders_section(
     angles: Sequence[dict[str, Any]],
     example: Example | None,
 ) -> Section:
-    """What repeats with the turn of a shaft.
+    """Order analysis of a campaign.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ def data_section(
     budget: Budget | None = None,
     origins: tuple[tuple[str, ImportRecord], ...] = (),
 ) -> Section:
-    """What was recorded and what of it could be used.
+    """Recorded data, and the part of them that could be used.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def _judged_windows(grid: Grid) -> list[Table]:
 
 
 def _origins_table(origins: tuple[tuple[str, ImportRecord], ...]) -> Table:
-    """What recordings were imported from: names of the files, and the source of each."""
+    """Sources of imported recordings: names of the files, and the source of each."""
     count = sum(origin.findings for _, origin in origins)
     return Table(
         id="imported",
@@ -155,7 +155,7 @@ def _origins_table(origins: tuple[tuple[str, ImportRecord], ...]) -> Table:
 
 
 def _findings_table(findings: tuple[Remark, ...]) -> Table:
-    """What reading the recordings brought up: `findings` in the plain form of `Finding.to_dict` or of a stage."""
+    """Table of the remarks on the recordings."""
     return Table(
         id="findings",
         title="Findings of the ingest",

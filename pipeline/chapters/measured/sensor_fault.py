@@ -1,4 +1,4 @@
-"""What a chapter on losses says where the diagnosis found a fault of a torque reading."""
+"""Text of a chapter on losses where the diagnosis found a fault of a torque reading."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ WORST = 10
 
 
 def comparison_section(residuals: Residuals, agreed: Agreements, more: tuple[Table, ...] = ()) -> Section:
-    """How well the simulator meets the measurement, point by point; `more` tables stand behind the facts."""
+    """Agreement of simulator and measurement, point by point; `more` tables stand behind the facts."""
     facts = []
     for name, signal in COMPARED:
         shown = _SHOWN_DIFFERENCE.get(name, signal)

@@ -145,7 +145,7 @@ def _one(moved: int, counts_per_rev: int) -> int:
 
 
 def _residue(moved: Counts, counts_per_rev: int) -> Counts:
-    """What is left of a distance beyond whole turns, to the nearer side."""
+    """Remainder of a distance beyond whole turns, to the nearer side."""
     half = counts_per_rev // 2
     return np.asarray((moved + half) % counts_per_rev - half)
 

@@ -20,13 +20,13 @@ CHUNK_LIMIT = 256 << 20
 """Largest chunk that is expanded [bytes]; recorders write a few megabytes, so more is damage or a bomb."""
 
 FREE_EXPANSION = 1 << 30
-"""What the chunks of a file may hold together, however small the file is [bytes]."""
+"""Bytes that the chunks of a file may hold together, however small the file is."""
 
 FREE_WASTE = 16 << 30
-"""What may be expanded of chunks that turn out damaged, however small the file is [bytes]."""
+"""Bytes that may be expanded of chunks that turn out damaged, however small the file is."""
 
 LARGEST_EXPANSION = 100
-"""What they may hold together beyond that, in sizes of the file."""
+"""Allowance for chunks beyond that, in sizes of the file."""
 
 COMPRESSIONS = ("", "zstd", "lz4")
 """Names of the compressions that are known; the empty one is none."""
@@ -47,7 +47,7 @@ MOST_FRAMES = 64
 
 @dataclass
 class Allowance:
-    """What may still be expanded in a file.
+    """Allowance for what may still be expanded in a file.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Allowance:
 
     @classmethod
     def of(cls, size: int) -> Allowance:
-        """What a file of a size is allowed."""
+        """Allowance of a file by its size."""
         allowed = LARGEST_EXPANSION * size
         return cls(max(FREE_EXPANSION, allowed), max(FREE_WASTE, allowed))
 
@@ -82,7 +82,7 @@ class TooLargeError(ChunkError):
 
 @dataclass(frozen=True)
 class ChunkHead:
-    """What a chunk declares.
+    """Head of a chunk.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class ChunkHead:
 
 
 def chunk_head(source: ByteSource, frame: Frame) -> ChunkHead:
-    """What the chunk at a place declares; its own length of the records counts, not that of the record around them.
+    """Head of the chunk at a place; its own length of the records counts, not that of the record around them.
 
     Raises
     ------

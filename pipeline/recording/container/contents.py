@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Topic:
-    """What was recorded under one topic.
+    """Messages recorded under one topic.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class Container:
 
 
 def open_container(path: Path, wanted: Callable[[str], bool], findings: Findings) -> Container:
-    """What a file holds; damage is reported and passed over.
+    """Contents of a file; damage is reported and passed over.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def _description(gathered: WholeRecords, channel: ChannelRecord) -> tuple[str, s
 
 
 def _topic(gathered: WholeRecords, channel: ChannelRecord, identities: list[int]) -> Topic:
-    """What the channels of one topic hold together, one after another."""
+    """Messages of the channels of one topic, one channel after another."""
     schema = gathered.schemas.get(channel.schema_id)
     payloads = gathered.payloads.pop(identities[0], Messages())
     for identity in identities[1:]:

@@ -1,4 +1,4 @@
-"""What a pass over the records of a file has gathered, by channel."""
+"""Messages gathered in a pass over the records of a file, by channel."""
 
 from __future__ import annotations
 

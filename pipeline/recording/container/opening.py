@@ -39,7 +39,7 @@ class Opening:
         self.source = source
         self.gathered = gathered
         self.allowance = Allowance.of(source.size)
-        """What may still be expanded."""
+        """Bytes that may still be expanded."""
         self.met = False
         """Whether the file has chunks."""
         self.unproven = 0

@@ -80,7 +80,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Schema:
-    """How the messages of some channels are laid out."""
+    """Layout of the messages of some channels."""
 
     id: int
     name: str

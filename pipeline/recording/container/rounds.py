@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.container.gathered import WholeRecords
 
 MARKED = struct.Struct("<BQH")
-"""What a message is known by: its code, its length and its channel."""
+"""Key of a message: its code, its length and its channel."""
 MARK = MARKED.size
 """Length of that [bytes]."""
 LONGEST = 256
@@ -131,7 +131,7 @@ class Round:
         return place
 
     def _alike(self, rows: npt.NDArray[np.uint8], starts: npt.NDArray[np.int64]) -> int:
-        """How many rounds go on like the one whose messages begin at those places."""
+        """Count of rounds that go on like the one whose messages begin at those places."""
         heads = (starts[:, None] + np.arange(MARK)).ravel()
         own = self._bytes[heads]
         heads -= starts[0]

@@ -17,7 +17,7 @@ FOOTER_BEFORE_CRC = 16
 
 
 class Summary:
-    """What stands after the data.
+    """Summary after the data.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What one record says, added to what is gathered."""
+"""One record, added to what is gathered."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ INDEX_ENTRY = 16
 """Length of an entry in an index of messages [bytes]."""
 
 SEARCHED_START = 16 * BLOCK
-"""How far a recording is searched for in a file that does not begin as one [bytes]."""
+"""Part of a file that does not begin as a recording, which is searched for one [bytes]."""
 
 
 def walk_records(stream: BinaryIO, size: int, gathered: WholeRecords) -> ByteSource:

@@ -28,7 +28,7 @@ TEXT_TIME = "#utc"
 LATEST_YEAR = "2200"
 """Nanoseconds since 1970 fit into a signed number up to beyond this year."""
 UTC_TEXT = re.compile(r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d:\d\d(?:\.\d+)?Z", flags=re.ASCII)
-"""What such a time looks like; numpy alone takes offsets and parts of a time too."""
+"""Form of such a time; numpy alone takes offsets and parts of a time too."""
 INT64 = 1 << 63
 
 
@@ -114,7 +114,7 @@ def _take(
 def _column(
     size: int, places: list[int], values: list[Any], pieces: list[Piece]
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
-    """How many numbers each message has in a field, and the numbers; one by one, and from messages that stand alike."""
+    """Count of numbers in a field of each message, and the numbers; one by one, or together from messages alike."""
     if pieces and set(map(type, values)) <= set(NUMBER):
         own = _numbers(values) if values else np.empty(0, dtype=np.int64)
         if own.dtype != np.uint64:

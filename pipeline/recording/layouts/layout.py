@@ -58,7 +58,7 @@ class Leaf:
 
 @dataclass(frozen=True)
 class Template:
-    """How one message is laid out.
+    """Layout of one message.
 
     Parameters
     ----------

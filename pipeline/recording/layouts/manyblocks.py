@@ -36,7 +36,7 @@ PACKED = {number << 3 | BYTES: number for number in SAMPLE_FIELDS}
 
 @dataclass(frozen=True)
 class _Head:
-    """How a block is laid out whose samples are its last field.
+    """Layout of a block whose samples are its last field.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class _Head:
 
 @dataclass(frozen=True)
 class Found:
-    """What blocks say, each at its place.
+    """Contents of blocks, each at its place.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class Found:
 
 
 def many_blocks(payloads: Messages) -> Found:
-    """What each of many SampleBlocks says."""
+    """Contents of many SampleBlocks."""
     size = len(payloads)
     wide = [np.zeros(size, dtype=np.uint64) for _ in range(3)]
     found = Found(wide[0], wide[1], wide[2], np.zeros(size, dtype=np.int64), np.zeros(size, dtype=np.int64))
@@ -120,7 +120,7 @@ def many_blocks(payloads: Messages) -> Found:
 
 
 def _head_of(data: bytes) -> _Head | None:
-    """How a block is laid out; None unless it is as nearly every writer leaves it.
+    """Layout of a block; None unless it is as nearly every writer leaves it.
 
     That is: each field at most once, in the order of their numbers, the samples in one packed piece up to the end, and
     clock and flags below 128.

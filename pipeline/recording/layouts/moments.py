@@ -41,7 +41,7 @@ NICE_DIGITS, NICE = 3, 1e-4
 
 @dataclass(frozen=True)
 class Moments:
-    """What the messages of a channel say about time, one entry for each sound message.
+    """Times of the messages of a channel, one entry for each sound message.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Event = TypeVar("Event")
 
 OPTIONAL: dict[str, Any] = {"clock_id": 0, "changed": 0, "u_ns": 0.0, "source": "", "setpoint": {}}
-"""What a field that is left out reads as; the other fields are required."""
+"""Value of a field that is left out; the other fields are required."""
 LARGEST = 1 << 64
 SETPOINT = "setpoint."
 SETPOINT_NAMES = (f"{SETPOINT}key", f"{SETPOINT}name")

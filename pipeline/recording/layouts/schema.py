@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 Value: TypeAlias = Any
-"""What a field takes: a number, a text, a mapping for a message; a sequence or array of them when repeated."""
+"""Value of a field: a number, a text, a mapping for a message; a sequence or array of them when repeated."""
 
 
 @dataclass(frozen=True)

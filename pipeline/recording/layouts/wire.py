@@ -125,7 +125,7 @@ class LineEvent:
 
 @dataclass(frozen=True)
 class TestStep:
-    """What the test sequence did from a sample on; set-points as written, with their unit in the key."""
+    """Step of the test sequence from a sample on; set-points as written, with their unit in the key."""
 
     __test__ = False  # a message, not a test case
 

@@ -107,7 +107,7 @@ class TrialAgreement:
 
     @property
     def figures(self) -> tuple[Figured, ...]:
-        """How often both ways agree, with Clopper and Pearson's intervals, and by how much withheld errors differ.
+        """Rate of agreement of both ways, with Clopper and Pearson's intervals, and the difference of withheld errors.
 
         Both ways share the campaign and its wander from point to point; the noise within the windows is drawn anew.
         """

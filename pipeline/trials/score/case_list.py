@@ -26,7 +26,7 @@ SEED = 20260401
 CASES, ORDER = 0, 1
 """Branches of the master seed: campaigns, and the order of what is drawn."""
 PURPOSES = ("draw", "measure", "extend")
-"""What a campaign needs random numbers for, each with its own."""
+"""Uses of random numbers in a campaign, each with its own stream."""
 
 
 @dataclass(frozen=True)

@@ -58,13 +58,13 @@ class Rate:
 
 
 def count(mask: Mask | list[bool]) -> Rate:
-    """How many are true."""
+    """Count of those that are true."""
     return Rate(int(np.sum(mask)), len(mask))
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What a curve is fitted to.
+    """Points that a curve is fitted to.
 
     Parameters
     ----------

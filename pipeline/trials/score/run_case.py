@@ -35,7 +35,7 @@ SCHEMA = "pmg.proof-case/1"
 
 @dataclass(frozen=True)
 class CaseTask:
-    """What a worker is given: a campaign, the way to go, which state of the program goes it, the sealed hash.
+    """Task of a worker: a campaign, the way to go, which state of the program goes it, the sealed hash.
 
     `further`: the test that its diagnosis asks for is run too.
     """
@@ -107,7 +107,7 @@ def _extended(
     rng: np.random.Generator,
     route: str,
 ) -> dict[str, Any] | None:
-    """What the campaign says with the points of the most powerful proposed test added, run anew by the same bench.
+    """Diagnosis with the points of the most powerful proposed test added, run anew by the same bench.
 
     None where the diagnosis is neither ambiguous nor confounded, or proposes nothing.
     """

@@ -1,4 +1,4 @@
-"""What a diagnosis was worth, beside the truth; nothing here draws, reads or writes."""
+"""Score of a diagnosis against the truth; nothing here draws, reads or writes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ QUANTILE = 1.96
 
 
 class DiagnosisScore(StrEnum):
-    """How a diagnosis came out."""
+    """Outcomes of a diagnosis."""
 
     QUIET = "quiet"
     FALSE_ALARM = "false alarm"
@@ -148,7 +148,7 @@ def _said_ids(document: Mapping[str, Any] | None) -> tuple[str, ...]:
 
 
 def _naming_outcome(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> DiagnosisScore:
-    """What was said of the cause.
+    """Score of the named cause.
 
     A mechanism is right with its shaft, or with the shaft left open. `DiagnosisScore.WRONG` is a verdict ``named``
     with an id that is not true, whatever else it names.
@@ -203,7 +203,7 @@ def _least_squares(truth: Mapping[str, Any], identifier: str, shaft: str) -> flo
 
 
 def resolution(truth: Mapping[str, Any], extended: Mapping[str, Any] | None) -> str:
-    """What the separating test made of a set: ``resolved``, ``still a set``, ``wrong``, ``lost`` or ``not tested``."""
+    """Result of the separating test: ``resolved``, ``still a set``, ``wrong``, ``lost`` or ``not tested``."""
     if extended is None:
         return "not tested"
     outcome = _naming_outcome(truth, extended["diagnosis"])

@@ -115,7 +115,7 @@ def run_prove(out: Path, asked: TrialOptions, progress: Callable[[int, int, str]
 
 
 def _asked_both(recordings: int | None, quick: bool, route: str, case: int | None) -> int:
-    """How many concealed campaigns go both ways."""
+    """Count of concealed campaigns that go both ways."""
     if recordings is not None and recordings < 0:
         raise BenchError("--recordings", str(recordings), "0 or more", "Give a number of campaigns.")
     if recordings and route != ROUTES[0]:
@@ -168,7 +168,7 @@ def _sources(folder: Traversable, name: str) -> list[tuple[str, bytes]]:
 
 
 def _one(task: CaseTask, result: dict[str, Any], out: Path) -> Outcome:
-    """What came of one campaign."""
+    """Result of one campaign."""
     lot = task.lot
     truth = open_truth(seal_truth(lot.draw())[0], task.sha256, f"campaign {lot.number}")
     row = case_row(lot.number, judge(truth, result["diagnosis"]), truth, result)

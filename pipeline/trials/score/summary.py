@@ -60,7 +60,7 @@ class Trial:
 
     @property
     def outcomes(self) -> dict[str, dict[str, int]]:
-        """How many campaigns of each kind came out how."""
+        """Counts of outcomes by kind of campaign."""
         found: dict[str, dict[str, int]] = {}
         for kind in SHARES:
             counted = Counter(score.outcome for score in self.scores if score.kind == kind)
@@ -70,7 +70,7 @@ class Trial:
 
     @property
     def by_design(self) -> dict[str, dict[str, int]]:
-        """How many clean campaigns of each design came out how."""
+        """Counts of outcomes of clean campaigns by design."""
         names = dict.fromkeys(score.stratum for score in self.scores if score.kind == "clean")
         found = {name: Counter(str(s.outcome) for s in self.scores if s.stratum == name) for name in sorted(names)}
         return {name: dict(counted) for name, counted in found.items()}
@@ -102,7 +102,7 @@ class Trial:
 
 
 def _said(score: Score) -> str:
-    """What was said of a campaign, as a column of the confusion table."""
+    """Column of the confusion table for the diagnosis of a campaign."""
     if score.verdict == "named":
         return score.named[0]
     if score.verdict == "ambiguous":
