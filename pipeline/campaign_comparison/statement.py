@@ -87,7 +87,7 @@ def _clearest_words(judged: ComparisonVerdict) -> str:
     found = alike(group)
     if not found:
         share = f"{FOLLOWED:.0%}"
-        return f"{lead}: {mean} on average; no line against speed, torque or time takes up {share} of its variance."
+        return f"{lead}: {mean} on average; no line against speed, torque or time explains {share} of its variance."
     best = found[0]
     slope = _told(best.slope.value / RESIDUAL.scale, best.slope.u / RESIDUAL.scale, RESIDUAL.display_unit)
     names = " or ".join(one.covariate.words for one in found)

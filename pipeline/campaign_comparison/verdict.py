@@ -256,7 +256,7 @@ def _root(side: CampaignSide, readings: Readings) -> Array:
             side.name,
             "readings without any noise, as a simulation gives them",
             "readings of a bench, whose noise decides what differs",
-            "Set simulations beside each other by their tables, points.csv.",
+            "Compare simulations by their tables, points.csv.",
         )
     return np.asarray((readings.u / white.scale)[:, None] * undo(white, np.eye(len(readings))))
 

@@ -19,7 +19,7 @@ from pmg.pipeline.chapters.measured.neutral import neutral_section
 from pmg.pipeline.chapters.measured.quality import data_section
 from pmg.pipeline.chapters.measured.sensor_fault import misread_items, misread_warning
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
-from pmg.pipeline.diagnosis.grid.statement import statement
+from pmg.pipeline.diagnosis.grid.statement import phrase, statement
 from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.readings import predict
 from pmg.pipeline.model.apply_model import lead
@@ -44,15 +44,6 @@ if TYPE_CHECKING:
 
 PACKAGES = ("pmg-bench", "numpy", "scipy", "pandas", "polars", "mcap", "matplotlib")
 """Distributions whose versions the report names."""
-
-VERDICT_WORDS = {
-    "consistent": "no difference found",
-    "named": "cause named",
-    "ambiguous": "several causes fit",
-    "not_in_library": "no known cause fits",
-    "confounded": "the campaign cannot tell",
-}
-"""Verdicts as people read them; one that is not here is shown as it is."""
 
 
 def versions(packages: tuple[str, ...]) -> str:
@@ -201,6 +192,6 @@ def _verdict(
         reason = str(analysis.missing[0]) if analysis.missing else ""
         text = f"No comparison was possible. {reason}".strip()
         return Headline(text, "attention", tuple(figures), tuple(warnings))
-    figures.append(("Verdict", VERDICT_WORDS.get(diagnosis.verdict, diagnosis.verdict)))
+    figures.append(("Verdict", phrase(diagnosis)))
     state: Literal["good", "attention"] = "attention" if diagnosis.verdict != "consistent" or warnings else "good"
     return Headline(before + statement(diagnosis), state, tuple(figures), tuple(warnings))

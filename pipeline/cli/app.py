@@ -26,8 +26,8 @@ def _grouped(app: typer.Typer, groups: dict[str, typer.Typer]) -> typer.Typer:
 app = _grouped(
     typer.Typer(
         cls=AnswersInJson,
-        help="From recordings of a planetary magnetic gearbox to losses, a simulation beside them, and what explains "
-        "the difference.",
+        help="From recordings of a planetary magnetic gearbox to losses, a comparison with the simulation "
+        "and the cause of the difference.",
         epilog="Exit codes: 0 done, 1 done with findings under --fail-on, 2 could not run, 3 partly done (run again to "
         "resume), 70 internal error, 130 interrupted.",
         no_args_is_help=True,
@@ -60,7 +60,7 @@ def whole(
 @app.command()
 @command("ingest", options_of(CampaignOptions, "recordings store workers scheduler shard limits map config"))
 def ingest(given: Given, progress: Progress = None) -> Outcome:
-    """Decode recordings into the store: torque [N m] and angle [rad] per run, windows judged, findings kept."""
+    """Decode recordings into a store: torque and angle of each run, steady windows, remarks on the data."""
     from pmg.pipeline.commands.ingest import ingest_chosen
     from pmg.pipeline.settings.chosen import choose
 
@@ -71,7 +71,7 @@ def ingest(given: Given, progress: Progress = None) -> Outcome:
 @app.command()
 @command("analyse", options_of(CampaignOptions, f"store {ANALYSIS} model config"))
 def analyse(given: Given) -> Outcome:
-    """Average windows into neutral and engaged grids, fit losses, calibrate, balance powers."""
+    """Fit the losses of a campaign: mean torques of its points, loss curves, calibration, power balance."""
     from pmg.pipeline.commands.analyse import run_analyse
     from pmg.pipeline.model.read_model import with_model
     from pmg.pipeline.settings.chosen import choose
@@ -87,7 +87,7 @@ def analyse(given: Given) -> Outcome:
 @app.command()
 @command("compare", options_of(CampaignOptions, "store report note model config"))
 def compare(given: Given) -> Outcome:
-    """Set the simulator beside the bench, say whether and where they differ, and write the report."""
+    """Compare simulation and bench: where they differ, the cause of it, and the report."""
     from pmg.pipeline.commands.compare import compare_chosen
     from pmg.pipeline.settings.chosen import choose
 
@@ -97,7 +97,7 @@ def compare(given: Given) -> Outcome:
 @app.command()
 @command("run", options_of(CampaignOptions, f"recordings {RUN} config"))
 def run(given: Given, progress: Progress = None) -> Outcome:
-    """Ingest, analyse and compare in one go; or analyse and compare published grids (--grids)."""
+    """Run ingest, analyse and compare in one go; or analyse and compare published grids (--grids)."""
     from pmg.pipeline.commands.run import run_all
     from pmg.pipeline.settings.chosen import choose
 

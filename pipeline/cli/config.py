@@ -21,7 +21,7 @@ config = typer.Typer(
 @config.command()
 @command("config show", options_of(CampaignOptions, f"recordings config origin {RUN}"), fails=False)
 def show(given: Given) -> Outcome:
-    """Print every setting of 'pmg run' as it would hold with this file and these options."""
+    """Print the settings that 'pmg run' would use with this file and these options."""
     from pmg.pipeline.commands.config import run_show
     from pmg.pipeline.settings.chosen import choose
 
@@ -34,7 +34,7 @@ def show(given: Given) -> Outcome:
 def check(
     file: Annotated[Path, typer.Argument(help="Campaign file in TOML.", metavar="FILE")],
 ) -> Outcome:
-    """Say whether a campaign file is sound, and whether what it names is there."""
+    """Check a campaign file, and that the files it names exist."""
     from pmg.pipeline.commands.config import run_check
 
     return run_check(file)
@@ -43,7 +43,7 @@ def check(
 @config.command()
 @command("config template", fails=False)
 def template() -> Outcome:
-    """Print a campaign file to begin with: every key with its meaning, commented out."""
+    """Print a campaign file to start from: every key with its meaning, commented out."""
     from pmg.pipeline.commands.config import run_template
 
     return run_template()
@@ -61,7 +61,7 @@ def doctor(
     config: ConfigOption = None,
     progress: Progress = None,
 ) -> Outcome:
-    """Say what a set of recordings permits before anything is run, and which recording would permit more."""
+    """Check recordings before a run: the chapters they allow, what is missing, and this machine."""
     from pmg.pipeline.commands.doctor import run_doctor
     from pmg.pipeline.settings.chosen import choose
 

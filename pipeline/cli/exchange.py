@@ -22,7 +22,7 @@ def bring(
     ] = None,
     progress: Progress = None,
 ) -> Outcome:
-    """Bring recordings in CSV, TDMS or MF4 into layout pmg.v1, by a channel map."""
+    """Convert recordings in CSV, TDMS or MF4 to MCAP of layout pmg.v1, by a channel map."""
     from pmg.pipeline.commands.exchange import run_import
 
     return run_import(source, chart, out, words or (), progress)
@@ -37,7 +37,7 @@ def export(
     ] = None,
     limits: LimitsOption = None,
 ) -> Outcome:
-    """Write torques, speeds, powers and flags of a recording as MCAP, with a 50 Hz preview that viewers plot."""
+    """Write torques, speeds, powers and flags of a recording as MCAP, with a 50 Hz preview for viewers."""
     from pmg.pipeline.commands.exchange import run_export
 
     return run_export(recording, out, rate, limits)

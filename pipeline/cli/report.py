@@ -1,4 +1,4 @@
-"""The command that sets two campaigns beside each other."""
+"""The command that compares two campaigns."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def report(
     ] = Transducers.AUTO,
     note: NoteOption = None,
 ) -> Outcome:
-    """Set two campaigns beside each other: points matched, B minus A with its uncertainty, and what it follows."""
+    """Compare two campaigns: matched points, B minus A with its uncertainty, and the covariate it follows."""
     from pmg.pipeline.campaign_comparison.matching import Reach
     from pmg.pipeline.commands.report import run_report
 

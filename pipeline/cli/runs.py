@@ -28,7 +28,7 @@ def listed(
     columns: Annotated[str | None, typer.Option("--columns", help="Columns, with commas between; or all.")] = None,
     as_csv: Annotated[bool, typer.Option("--csv", help="Comma-separated values.")] = False,
 ) -> Outcome:
-    """List runs, one row a test window, with what was set, measured and found."""
+    """List runs, one row for each test window: set-points, means and remarks."""
     from pmg.pipeline.commands.runs import run_list
 
     return run_list(store, where, sort, columns, as_csv)
@@ -40,7 +40,7 @@ def show(
     store: StoreArgument,
     name: Annotated[str, typer.Argument(help="File, its name in the store, start of its hash, or test point.")],
 ) -> Outcome:
-    """Show one recording: run, calibration, channels, windows with reasons, findings, hashes, origin."""
+    """Show one recording: run, calibration, channels, windows with reasons, remarks, hashes, origin."""
     from pmg.pipeline.commands.runs import run_show
 
     return run_show(store, name)
@@ -54,7 +54,7 @@ def diff(
     second: Annotated[str, typer.Argument(help="Another one.", metavar="B")],
     store_b: Annotated[Path | None, typer.Option("--store-b", help="Store of B, where it is another.")] = None,
 ) -> Outcome:
-    """Set two recordings or test points side by side: what differs, and which means differ beyond U."""
+    """Compare two recordings or test points: settings that differ, and means that differ by more than U."""
     from pmg.pipeline.commands.runs import run_diff
 
     return run_diff(store, first, second, store_b)

@@ -1,4 +1,4 @@
-"""Commands beside the way from recordings to a report: simulate, validate, residuals, orders, design, prove."""
+"""Commands for studies: simulate, validate, residuals, orders, design, prove and others."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def validate(
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the draws.")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
 ) -> Outcome:
-    """Compute every published figure of the thesis from its rounded grids, and say which come out."""
+    """Recompute every published figure of the thesis from its rounded grids, each with a verdict."""
     from pmg.pipeline.commands.validate import run_validate
 
     return run_validate(grids, draws, seed, report)
@@ -60,7 +60,7 @@ def residuals(
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the synthetic grids.")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
 ) -> Outcome:
-    """Say what the residuals of the fits to a campaign follow beyond the known noise, and which points lie out."""
+    """Analyse the residuals of the fits: the covariates they follow beyond noise, and outliers."""
     from pmg.pipeline.commands.residuals import run_residuals
 
     return run_residuals(store, grids, fit=fit, draws=draws, seed=seed, report=report)
@@ -76,7 +76,7 @@ def orders(
     ] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
 ) -> Outcome:
-    """Say what repeats with the turn of a shaft: lines of torque, speed and flux density, and the load angle."""
+    """Order analysis: lines of torque, speed and flux density, and the load angle."""
     from pmg.pipeline.commands.orders import run_orders
 
     return run_orders(store, campaign=campaign, point=point, out=out, report=report)
@@ -91,7 +91,7 @@ def design(
     report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
     model: ModelOption = None,
 ) -> Outcome:
-    """Say what a campaign's points can tell apart, before or after it is run, and which tests would add to it."""
+    """Detectability of effects in a campaign, before or after it is run, and the tests that would improve it."""
     from pmg.pipeline.commands.design import run_design
 
     return run_design(plan, store, report, model)
@@ -106,7 +106,7 @@ def terms(
     ] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of synthetic records and decoys.")] = None,
 ) -> Outcome:
-    """Name what the force balance of another machine lacks, by the same rules, from its recordings."""
+    """Find the terms that the force balance of another machine lacks, by the same rules, from its recordings."""
     from pmg.pipeline.commands.terms import run_terms
 
     return run_terms(case, out, data, seed)
@@ -140,7 +140,7 @@ def prove(
     given: Given,
     progress: Progress = None,
 ) -> Outcome:
-    """Try the diagnosis on concealed campaigns with sealed truths, and set each rate beside its aim."""
+    """Test the diagnosis on concealed campaigns with sealed truths: rates of right and wrong causes, with aims."""
     from pmg.pipeline.trials.score.stage import TrialOptions, run_prove
 
     return run_prove(out, TrialOptions(**given), progress)

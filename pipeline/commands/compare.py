@@ -20,6 +20,7 @@ from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate, now
 from pmg.pipeline.commands.stored_analysis import analysed
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document
+from pmg.pipeline.diagnosis.grid.statement import phrase
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.fit.budget import budget_of
 from pmg.pipeline.grid.conditions import conditions
@@ -94,7 +95,7 @@ def run_compare(
     if judged is not None:
         data["diagnosis"] = json.loads((report / DIAGNOSIS).read_bytes())
         data |= {"statement": judged.statement} | made
-        lines.insert(0, f"{judged.diagnosis.verdict}: {judged.statement}")
+        lines.insert(0, f"{phrase(judged.diagnosis)}: {judged.statement}")
         lines += [] if judged.carried is None else [remark(judged.carried)]
     ours = ((DIAGNOSIS, judged is not None), (MODEL, bool(data.get("model"))))
     written = (*files, *(report / name for name, there in ours if there))

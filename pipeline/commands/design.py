@@ -106,7 +106,7 @@ def told_audit(audit: Audit) -> str:
     unseen = [f"{row.candidate.identifier} ({row.candidate.shaft})" for row in audit.visible if row.unseen]
     hidden = f"cannot be seen at any size: {', '.join(unseen)}" if unseen else "every mechanism can be seen"
     n = len(audit.alike)
-    pairs = f"{n} pair{'s look' if n > 1 else ' looks'} alike" if n else "no two of them look alike"
+    pairs = f"{n} pair{'s' if n > 1 else ''} cannot be separated" if n else "all of them can be separated"
     return f"Of the catalogue, {hidden}; {pairs}."
 
 
@@ -125,13 +125,13 @@ def _lines(audit: Audit) -> list[str]:
             else (f"{pair.plan.experiment}, {pair.plan.seconds / MINUTE:.0f} min, power {pair.power:.0%}")
         )
         rows.append(
-            f"look alike ({pair.correlation:.3f}): {pair.one.identifier} ({pair.one.shaft}) and "
+            f"cannot be separated (correlation {pair.correlation:.3f}): {pair.one.identifier} ({pair.one.shaft}) and "
             f"{pair.other.identifier} ({pair.other.shaft}); {test}"
         )
     if audit.resembling:
         near = audit.resembling[0]
         rows.append(
-            f"told apart, though they resemble each other by {RESEMBLING:g} or more: {len(audit.resembling)} pairs, "
+            f"separable, but with a correlation of {RESEMBLING:g} or more: {len(audit.resembling)} pairs, "
             f"closest ({near.correlation:.3f}) {near.one.identifier} ({near.one.shaft}) and "
             f"{near.other.identifier} ({near.other.shaft})"
         )

@@ -150,11 +150,11 @@ def _summary(study: ResidualStudy, campaign: str) -> str:
     """The outcome as a sentence."""
     clear = sum(one.rank is not None for part in study.parts for one in part.followed)
     stray = sum(still for part in study.parts for _, still in part.outliers)
-    found = f"{clear} of {study.tested} tests of a covariate stand out"
-    none = f"none of {study.tested} tests of a covariate stands out"
+    found = f"{clear} of {study.tested} tests of a covariate are significant"
+    none = f"none of {study.tested} tests of a covariate is significant"
     return (
-        f"Campaign {campaign}: {found if clear else none}, the search paid for "
-        f"(p {told_search(study.p_value, study.draws)}); {stray} residuals lie out beside what they follow."
+        f"Campaign {campaign}: {found if clear else none}, corrected for multiple testing "
+        f"(p {told_search(study.p_value, study.draws)}); {stray} residuals are outliers."
     )
 
 
@@ -170,7 +170,7 @@ def _lines(part: ShaftResidual, draws: int) -> list[str]:
     rows += [f"  {one.rank}. {one.words} ({one.look.family.configuration}): {_told(one, draws)}" for one in ranked]
     also = [one for one in part.followed if one.rank is None and one.stands_out]
     if also:
-        rows.append("  alone these stand out too, beside the numbered ones no longer: " + "; ".join(map(_short, also)))
+        rows.append("  significant alone, but not with the numbered ones fitted: " + "; ".join(map(_short, also)))
     for outlier, still in part.outliers:
         rows.append(f"  point {_point(part, outlier, still)}")
     quiet = [one for one in part.followed if one.rank is None and not one.stands_out]
@@ -195,7 +195,7 @@ def _told(one: Followed, draws: int) -> str:
     size, u = RESIDUAL.display(one.size), RESIDUAL.display(one.size_u)
     return (
         f"{size:.2f} mN m rms (u {u:.2f}); {one.told_shape}; p {told_nominal(one.p_value)}, with look-elsewhere "
-        f"{told_search(one.p_search, draws)}, beside the clearer ones {told_search(one.p_beyond, draws)}"
+        f"{told_search(one.p_search, draws)}, with the clearer ones fitted {told_search(one.p_beyond, draws)}"
     )
 
 
@@ -205,7 +205,7 @@ def _point(part: ShaftResidual, outlier: Outlier, still: bool) -> str:
     return (
         f"{name}: observed {readings.torque[outlier.row]:.4f}, fitted {part.fit.torque[outlier.row]:.4f} N m, "
         f"{outlier.surprise:+.1f} standard deviations, p {told_nominal(outlier.p_value)} over {outlier.looked_at} "
-        "points" + ("" if still else "; beside the numbered covariates no longer")
+        "points" + ("" if still else "; not with the numbered covariates fitted")
     )
 
 

@@ -242,7 +242,7 @@ def _documents(means: tuple[MeanDifference, ...]) -> dict[str, Any]:
 
 def _side_by_side(title: str, differing: Mapping[str, tuple[Any, Any]]) -> list[str]:
     if not differing:
-        return ["", title, "  nothing differs beside the means" if title.startswith("window") else "  nothing differs"]
+        return ["", title, "  nothing differs but the means" if title.startswith("window") else "  nothing differs"]
     cells = [(key, *(_cell(key, value) for value in pair)) for key, pair in differing.items()]
     wide = max(len(key) for key, _, _ in cells), max(len(a) for _, a, _ in cells)
     return ["", title, *(f"  {key:<{wide[0]}}  {a:<{wide[1]}}  {b}" for key, a, b in cells)]

@@ -197,7 +197,7 @@ def _solved(shaft: str, design: Array, measured: Array) -> tuple[Array, Array, A
         raise FitError(
             f"loss fit of the {shaft}",
             f"{k} terms that are alike over these speeds",
-            "terms that can be told apart",
+            "terms that can be separated",
             "Choose fewer terms, or powers further apart.",
         )
     return np.asarray(coefficients, dtype=np.float64), right.T / singular, length

@@ -219,19 +219,19 @@ def _predictions(readings: Readings, as_is: Array, recalibrated: Array, refitted
 
 def lead(carried: Carried) -> str:
     """The model that the verdict is about, to stand before it."""
-    return f"Beside the model as fitted here ({carried.model.description}): "
+    return f"With the model fitted to this campaign ({carried.model.description}): "
 
 
 def remark(carried: Carried) -> str:
     """Errors of the predictions, in sentences."""
     whole = carried.predictions[-1]
     about = (
-        "The model was made from this campaign, so this is no prediction"
+        "The given model was made from this campaign, so this is no prediction"
         if carried.own
-        else "Nothing of this campaign went into the model as it came"
+        else "The given model uses nothing of this campaign"
     )
     return (
-        f"{about}: {whole.as_is * 1e3:.2f} mN m rms at {whole.count} readings, against "
-        f"{whole.recalibrated * 1e3:.2f} mN m of the plain baseline calibrated on them and "
-        f"{whole.noise * 1e3:.2f} mN m of noise."
+        f"{about}. Its error is {whole.as_is * 1e3:.2f} mN m rms at {whole.count} readings. "
+        f"The plain baseline, calibrated on them, has {whole.recalibrated * 1e3:.2f} mN m; "
+        f"repeatability is {whole.noise * 1e3:.2f} mN m."
     )

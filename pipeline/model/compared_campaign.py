@@ -1,4 +1,4 @@
-"""What a campaign says about the simulator: residuals, diagnosis, and the model that comes of them."""
+"""A campaign compared with the simulator: residuals, diagnosis, and the model that comes of them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ComparedCampaign:
-    """What a campaign says about the simulator.
+    """A campaign compared with the simulator.
 
     Parameters
     ----------

@@ -75,7 +75,7 @@ class Trace:
 
     @property
     def readings(self) -> Torques:
-        """Readings of the two torque transducers [N m]: torques that the motors give, with the faults of the readings."""
+        """Readings of the two torque transducers [N m]: torques of the motors, with the faults of the readings."""
         true = Torques(self.torque_sun, self.torque_ring)
         faults = self.drivetrain.instruments
         if not faults:

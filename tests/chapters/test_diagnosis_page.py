@@ -68,8 +68,27 @@ def test_the_head_leads_with_what_is_left_to_see_and_says_what_the_whole_is_coun
     visible = diagnosis.naming.best.problem.visible(fit)
     assert visible == pytest.approx(diagnosis.mismatch.locations[0].size, rel=0.3)
     assert fit.size > 2.0 * visible
-    said = f"{visible * 1e3:.1f} mN m rms beyond what the baseline takes up, of {fit.size * 1e3:.1f} against bearings"
-    assert said in statement(diagnosis)
+    repeatability = diagnosis.floor.ring.u * 1e3
+    said = statement(diagnosis)
+    assert f"({visible * 1e3:.1f} mN m rms; repeatability is {repeatability:.1f} mN m)" in said
+    assert f"Against bearings at room temperature, its full effect is {fit.size * 1e3:.1f} mN m rms" in said
+
+
+def test_the_drag_that_a_cause_changes_has_the_size_that_is_said(judged: ComparedCampaign) -> None:
+    diagnosis = judged.diagnosis
+    assert diagnosis.naming is not None
+    (fit,) = diagnosis.naming.best.fits
+    found = re.search(r"It changes the ring drag by ([-+][\d.]+) to ([-+][\d.]+) mN m", statement(diagnosis))
+    assert found is not None
+    low, high = (float(found[i]) for i in (1, 2))
+    assert low < 0.0 < high
+    assert high - low < 4.0 * fit.size * 1e3
+    assert max(-low, high) > diagnosis.naming.best.problem.visible(fit) * 1e3
+
+
+def test_a_sentence_of_the_verdict_has_one_thought(judged: ComparedCampaign) -> None:
+    for sentence in re.split(r"(?<=[.;:]) (?=[A-Za-z])", statement(judged.diagnosis)):
+        assert len(re.findall(r"[A-Za-z]{2,}", sentence)) <= 20, sentence
 
 
 def test_what_the_baseline_could_take_up_is_not_left_to_see(judged: ComparedCampaign) -> None:

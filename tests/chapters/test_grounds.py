@@ -43,16 +43,16 @@ def facts(items: Sequence[object]) -> dict[str, str]:
 
 def test_the_placebo_is_told_beside_the_gain_without_a_negative_zero() -> None:
     told = facts(withheld_items(diagnosis(held_out=HELD)))
-    assert told["Gain, 95 % interval"] == "1.00 to 3.00 mN m"
-    assert told["Gain of a placebo"].startswith("0.00 mN m")
+    assert told["Reduction of that error, 95 % interval"] == "1.00 to 3.00 mN m"
+    assert told["Reduction by a placebo"].startswith("0.00 mN m")
     worse = facts(withheld_items(diagnosis(held_out=replace(HELD, placebo_gain=-4e-5))))
-    assert worse["Gain of a placebo"].startswith("−0.04 mN m")
+    assert worse["Reduction by a placebo"].startswith("−0.04 mN m")
 
 
 def test_a_structure_without_placebo_claims_none() -> None:
     told = facts(withheld_items(diagnosis(held_out=replace(HELD, expected_after=0.95e-3))))
-    assert told["Error that noise alone gives"].startswith("0.95 mN m")
-    assert "Gain of a placebo" not in facts(withheld_items(diagnosis(held_out=replace(HELD, placebo_gain=None))))
+    assert told["Error expected from noise alone"].startswith("0.95 mN m")
+    assert "Reduction by a placebo" not in facts(withheld_items(diagnosis(held_out=replace(HELD, placebo_gain=None))))
 
 
 def test_decoys_that_passed_are_counted_on_the_page() -> None:
@@ -96,7 +96,7 @@ def test_noise_that_grows_says_from_what_to_what() -> None:
 
 def test_a_blind_design_is_said_first() -> None:
     assert cannot_tell(diagnosis()) == ()
-    assert cannot_tell(diagnosis(blind=("sun",)))[0][0] == "Slow changes"
+    assert cannot_tell(diagnosis(blind=("sun",)))[0][0] == "Drift"
 
 
 def test_the_points_of_a_lifting_test_are_all_listed_in_order() -> None:

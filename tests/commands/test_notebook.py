@@ -7,6 +7,7 @@ import json
 import runpy
 import subprocess
 import sys
+from html import unescape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,11 +19,14 @@ from pmg.pipeline import analyse, compare, ingest, write_report
 from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.compare import run_compare
 from pmg.pipeline.commands.notebook_results import CampaignDiagnosis, IngestedCampaigns
+from pmg.pipeline.diagnosis.grid.statement import PHRASES
 from pmg.pipeline.fit.options import chosen_options
 from pmg.sim.errors import FitError, RecordingError
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from pmg.pipeline.commands.outcome import Outcome
 
 EXAMPLE = ROOT / "raw" / "example"
 
@@ -36,14 +40,34 @@ def diagnosis() -> CampaignDiagnosis:
 
 
 @pytest.fixture(scope="module")
-def commanded(diagnosis: CampaignDiagnosis, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path]:
+def compared(diagnosis: CampaignDiagnosis, tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, Path]:
     """What the commands say of the same store, and their report."""
     folder = tmp_path_factory.mktemp("commanded")
     ingested = diagnosis.analysis.kept
     assert isinstance(ingested, IngestedCampaigns)
     options = chosen_options(published=False, terms_sun="0,1/2,1")
     run_analyse(ingested.store, options, grids=None, campaign=None)
-    return run_compare(ingested.store, folder).data, folder
+    return run_compare(ingested.store, folder), folder
+
+
+@pytest.fixture(scope="module")
+def commanded(compared: tuple[Outcome, Path]) -> tuple[dict[str, Any], Path]:
+    """Data of those commands, and their report."""
+    outcome, folder = compared
+    return outcome.data, folder
+
+
+def test_the_verdict_is_the_same_in_report_chapter_document_and_terminal(compared: tuple[Outcome, Path]) -> None:
+    outcome, folder = compared
+    document = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
+    phrase, said = document["phrase"], document["statement"]
+    assert (phrase, outcome.lines[0]) == ("cause named", f"cause named: {said}")
+    page = unescape((folder / "report.html").read_text(encoding="utf-8"))
+    first, chapter = page.split('<section aria-labelledby="diagnosis">')
+    for part in (first, chapter):
+        assert said in part
+        assert phrase in part
+        assert not [other for other in PHRASES.values() if other != phrase and other in part]
 
 
 def test_the_diagnosis_is_that_of_the_commands(

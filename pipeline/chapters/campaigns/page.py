@@ -81,7 +81,7 @@ def versus_report(
     sections.append(_matching(versus))
     return Report(
         title=f"{versus.b.name} against {versus.a.name}",
-        subtitle=note or "Two campaigns beside each other: B minus A, point by point",
+        subtitle=note or "Comparison of two campaigns: B minus A, point by point",
         verdict=_verdict(versus, judged),
         sections=tuple(sections),
         provenance=Facts((*provenance, ("Versions", versions(PACKAGES)))),
@@ -207,8 +207,8 @@ def _followed(versus: Versus, judged: ComparisonVerdict) -> Section:
     table = Table(
         "followed",
         "What the differences follow",
-        "Straight lines, one covariate at a time, on torques in the direction of rotation. Covariates that take up "
-        "nearly the same share are not told apart: the order of a test may be the order of its speeds.",
+        "Straight lines, one covariate at a time, on torques in the direction of rotation. Covariates that explain "
+        "nearly the same share cannot be separated: the order of a test may be the order of its speeds.",
         (
             Column("group", "Torque"),
             Column("covariate", "Against"),

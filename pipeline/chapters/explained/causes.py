@@ -85,10 +85,10 @@ def _mechanisms(diagnosis: Diagnosis) -> Table:
             ]
     title, told = "Cause", "Baseline and mechanism fitted together, every constant free"
     if diagnosis.weak:
-        title, told = "Possible cause", f"The first of a set too weak to tell apart. {told}"
+        title, told = "Possible cause", f"The first of a set too weak to separate. {told}"
     elif diagnosis.rivals:
         weight = probabilities(diagnosis)[0]
-        title, told = "Possible cause", f"{told}; weight among what cannot be told apart {weight:.0%}"
+        title, told = "Possible cause", f"{told}; weight among the causes that fit {weight:.0%}"
     return Table(
         "mechanisms",
         title,
@@ -134,13 +134,13 @@ def _before_and_after(diagnosis: Diagnosis, residual: Array) -> Figure:
             title=title,
             y_limits=(-reach, reach),
         )
-        for title, part, colour in (("baseline alone", residual, 0), ("with what was left out", after, 1))
+        for title, part, colour in (("baseline alone", residual, 0), ("with the cause", after, 1))
     )
     return Figure(
         "before-and-after",
         "Before and after",
         f"Residual of the {shaft} torque where the mechanism acts: {before_rms * 1e3:.2f} mN m rms with the baseline "
-        f"alone, {after_rms * 1e3:.2f} mN m with it in.",
+        f"alone, {after_rms * 1e3:.2f} mN m with the mechanism.",
         panels,
         columns=2,
     )

@@ -40,7 +40,7 @@ def cannot_tell(diagnosis: Diagnosis) -> tuple[tuple[str, str], ...]:
     if diagnosis.blind:
         shafts = " and ".join(diagnosis.blind)
         rows.append(
-            ("Slow changes", f"not to be told from losses of the {shafts}: run in the order of its speed, no repeats")
+            ("Drift", f"cannot be separated from losses of the {shafts}: run in the order of its speed, no repeats")
         )
     if diagnosis.audit is not None:
         rows += _out_of_reach(diagnosis.audit)
@@ -59,9 +59,9 @@ def _out_of_reach(audit: Audit) -> list[tuple[str, str]]:
     rows = []
     if unseen:
         told = "; ".join(f"{title} ({', '.join(shafts)})" for title, shafts in unseen.items())
-        rows.append(("Not to be seen at any size", told))
+        rows.append(("Not detectable at any size", told))
     if pairs:
-        rows.append(("Not to be told apart", "; ".join(pairs)))
+        rows.append(("Effects this test cannot separate", "; ".join(pairs)))
     return rows
 
 
@@ -71,29 +71,29 @@ def withheld_items(diagnosis: Diagnosis) -> list[Facts | Table]:
     held = diagnosis.held_out
     if held is not None:
         low, high = held.gain_interval
+        effect = "this effect" if diagnosis.refit is not None else "this dependence"
         rows = [
-            ("Withheld", held.split),
+            ("Data not used for the fit", held.split),
             (
-                "Error on withheld readings",
-                f"{held.rmse_before * 1e3:.2f} mN m with the baseline alone, {held.rmse_after * 1e3:.2f} mN m with "
-                f"{'the cause' if diagnosis.refit is not None else 'that structure'} in; their noise is "
-                f"{held.noise_floor * 1e3:.2f} mN m",
+                "Error on data not used for the fit",
+                f"{held.rmse_before * 1e3:.2f} mN m without {effect}, "
+                f"{held.rmse_after * 1e3:.2f} mN m with it; repeatability is {held.noise_floor * 1e3:.2f} mN m",
             ),
-            ("Gain, 95 % interval", f"{low * 1e3:.2f} to {high * 1e3:.2f} mN m"),
+            ("Reduction of that error, 95 % interval", f"{low * 1e3:.2f} to {high * 1e3:.2f} mN m"),
         ]
         if held.expected_after is not None:
             rows.append(
                 (
-                    "Error that noise alone gives",
-                    f"{held.expected_after * 1e3:.2f} mN m, that of the readings and of the fit that predicts them",
+                    "Error expected from noise alone",
+                    f"{held.expected_after * 1e3:.2f} mN m, of the readings and of the fit that predicts them",
                 )
             )
         if held.placebo_gain is not None:
             rows.append(
                 (
-                    "Gain of a placebo",
+                    "Reduction by a placebo",
                     f"{number(held.placebo_gain * 1e3, 2)} mN m, from the same effect shuffled over the readings; "
-                    "none is due",
+                    "expected is 0",
                 )
             )
         items.append(Facts(tuple(rows)))
@@ -108,8 +108,8 @@ def decoy_items(diagnosis: Diagnosis) -> list[Facts]:
     if decoys is None:
         return []
     told = (
-        f"{decoys.passed} of {decoys.count} random smooth structures would have been named in its place; the best "
-        f"takes up {decoys.best_part:.0%} of what it takes up"
+        f"{decoys.passed} of {decoys.count} random smooth curves would have been named in its place; the best "
+        f"explains {decoys.best_part:.0%} of what it explains"
     )
     return [Facts((("Decoys", told),))]
 
@@ -131,7 +131,7 @@ def _absorbed(diagnosis: Diagnosis) -> Table:
     return Table(
         "absorbed",
         "What the baseline had absorbed",
-        "Constants of the baseline fitted alone, and together with what was left out.",
+        "Constants of the baseline, fitted without and with the effect that the simulation lacks.",
         (
             Column("parameter", "Constant"),
             Column("before", "alone", "", uncertain=True),

@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.sim.signals import Array
 
-NOT_FOUND = (
-    "No short form of what the clearest place follows holds up on withheld readings; place and smooth structure stand."
-)
+NOT_FOUND = "No short formula for the clearest place predicts data not used for the fit."
 DISPLAYED = {"rad/s": ("rpm", RPM), "s": ("min", MINUTE)}
 """Units in which a covariate is drawn, with the SI value of one."""
 
@@ -67,8 +65,8 @@ def _facts(shape: Shape) -> Facts:
 def _constants(shape: Shape) -> Table:
     return Table(
         "shape-constants",
-        "Constants of the short form",
-        "Fitted beside the baseline, its constants free. They describe where the readings lie, not what makes them.",
+        "Constants of the formula",
+        "Fitted with the baseline, its constants free. They describe the readings, not their cause.",
         (Column("name", "Constant"), Column("value", "Value", "", uncertain=True), Column("unit", "Unit")),
         tuple(
             (c.name, Measured(c.value, np.nan if c.standard_error is None else c.standard_error), c.unit)
@@ -94,13 +92,13 @@ def _figure(diagnosis: Diagnosis, shape: Shape) -> Figure:
         panels.append(
             Chart(
                 label,
-                "left beside the baseline [mN m]",
+                "residual of the baseline [mN m]",
                 (
                     Series(
                         "readings, U = 2u", x[order], RESIDUAL.display(shape.located)[order], u[order], "markers", 0
                     ),
                     Series(
-                        "short form",
+                        "formula",
                         x[order],
                         RESIDUAL.display(shape.fitted)[order],
                         None,
@@ -113,10 +111,10 @@ def _figure(diagnosis: Diagnosis, shape: Shape) -> Figure:
         )
     return Figure(
         "short-form",
-        "The short form",
+        "The formula",
         f"What the baseline leaves of the {shape.signal.replace('_', ' ')} in {shape.configuration} points when both "
         f"are fitted together, and {shape.text}: {shape.held_out.rmse_before * 1e3:.2f} mN m before, "
-        f"{shape.held_out.rmse_after * 1e3:.2f} mN m with it, on withheld readings.",
+        f"{shape.held_out.rmse_after * 1e3:.2f} mN m with it, on data not used for the fit.",
         tuple(panels),
         columns=len(panels),
     )

@@ -35,7 +35,7 @@ def structure_section(study: ResidualStudy) -> Section:
                 f"probability that any of the {study.tested} tests, on any shaft in any of these fits, is as clear in "
                 f"a grid made of noise and rounding alone, from {study.draws} such grids. The clearest covariate then "
                 "joins the fit and the rest is looked at again, which gives p of the rest; the place counts over both "
-                "shafts. Sizes are after what the fit absorbs; noise alone gives a size too, which stands beside it."
+                "shafts. Sizes are after what the fit absorbs; noise alone gives a size too, which is shown with it."
             ),
             Text(_manner(study)),
             _lack(study),
@@ -116,7 +116,7 @@ def _covariates(study: ResidualStudy) -> Table:
     return Table(
         "residuals-covariates",
         "Covariates",
-        f"{clear} of {study.tested} tests stand out one after the other. Those that carry more than nine tenths "
+        f"{clear} of {study.tested} tests are significant, one after the other. Those that carry more than nine tenths "
         "of the same trace are named together: these points cannot tell them apart.",
         (
             Column("fit", "Fit, shaft"),
@@ -143,7 +143,7 @@ def _figure(part: ShaftResidual) -> Figure:
     return Figure(
         f"residual-{part.fit.name}-{part.shaft}",
         f"{FITS[part.fit.name]}, {part.shaft}",
-        "Measured minus fitted drag against the covariates that stand out: "
+        "Measured minus fitted drag against the significant covariates: "
         + "; ".join(f"{one.words}, {float(RESIDUAL.display(one.size)):.2f} mN m rms" for one in clear)
         + ". The part that follows the covariate is drawn over the residual; it depends on the whole set-point, as the "
         "fit has taken its share.",
@@ -196,9 +196,9 @@ def _points(study: ResidualStudy) -> Table:
             )
     return Table(
         "residuals-points",
-        "Points that lie out",
-        f"{len(rows)} residuals beyond what the scatter of the other points of the fit lets expect at 5 %, each "
-        "paid for by the number of points. The surprise is the externally studentised residual.",
+        "Outliers",
+        f"{len(rows)} residuals beyond the scatter of the other points of the fit at 5 %, each "
+        "corrected for the number of points. The surprise is the externally studentised residual.",
         (
             Column("fit", "Fit"),
             Column("shaft", "Shaft"),
@@ -208,7 +208,7 @@ def _points(study: ResidualStudy) -> Table:
             Column("surprise", "Surprise", "s.d.", digits=2),
             Column("p_value", "p", format=".2g"),
             Column("looked_at", "Points looked at"),
-            Column("beside_covariates", "Still out beside the covariates"),
+            Column("beside_covariates", "Outlier with the covariates fitted"),
         ),
         tuple(rows),
     )

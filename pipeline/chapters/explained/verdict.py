@@ -11,6 +11,7 @@ from pmg.pipeline.chapters.explained.grounds import cannot_tell, decoy_items, no
 from pmg.pipeline.chapters.explained.next_tests import next_test_items
 from pmg.pipeline.chapters.explained.shape import shape_items
 from pmg.pipeline.diagnosis.grid.diagnosis import component_of
+from pmg.pipeline.diagnosis.grid.statement import phrase, statement
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, Table, Text
 from pmg.pipeline.wording.numerals import number
 from pmg.sim import sources
@@ -37,16 +38,16 @@ def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.
         Measured minus simulated at the readings of the test [N m].
     """
     mismatch = diagnosis.mismatch
-    weak = ": a mismatch too weak to name its cause" if diagnosis.weak else ""
     items: list[Text | Facts | Table | Figure] = [
+        Text(statement(diagnosis)),
         Facts(
             (
-                ("Verdict", str(diagnosis.verdict).replace("_", " ") + weak),
+                ("Verdict", phrase(diagnosis)),
                 ("p-value of the whole procedure", _p_value(mismatch)),
                 (
                     "Test",
-                    f"{mismatch.tested} kinds of structure looked for; {mismatch.false_alarm_rate:.0%} of clean "
-                    "campaigns would raise an alarm",
+                    f"{mismatch.tested} kinds of dependence tested, corrected for multiple testing; "
+                    f"{mismatch.false_alarm_rate:.0%} of campaigns without a difference raise an alarm",
                 ),
                 *cannot_tell(diagnosis),
                 ("Noise, sun", noise_words(diagnosis.floor, "sun")),
@@ -57,8 +58,8 @@ def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.
     if diagnosis.floor.sun.repeats_dof == 0:
         items.append(
             Text(
-                "The campaign has no repeated points, so only structure could be judged, not the size of the scatter. "
-                "Repeating ten points spread over the grid would settle what the noise is.",
+                "The campaign has no repeated points, so the size of the scatter could not be judged. "
+                "Repeat ten points spread over the grid to measure the repeatability.",
                 kind="note",
             )
         )
@@ -108,7 +109,7 @@ def _locations(diagnosis: Diagnosis) -> Table:
         "locations",
         "Where it sits",
         f"{len(places)} place{'s' if len(places) > 1 else ''}, clearest first; each with the earlier ones added to the "
-        "baseline. Sizes are what the baseline does not absorb: the effect itself may be larger.",
+        "baseline. Sizes are the part that the fitted losses do not absorb; the effect itself may be larger.",
         (
             Column("signal", "Signal"),
             Column("configuration", "Configuration"),
@@ -156,7 +157,7 @@ def _figure(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.dtype[np.f
                 0,
             ),
             Series(
-                "located structure", x[order], RESIDUAL.display(sign * place.effect[rows])[order], None, "markers", 1
+                "fitted dependence", x[order], RESIDUAL.display(sign * place.effect[rows])[order], None, "markers", 1
             ),
         ),
         references=(("", 0.0),),
@@ -164,8 +165,8 @@ def _figure(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.dtype[np.f
     return Figure(
         "located-structure",
         "The clearest place",
-        f"{_signal(place).capitalize()} in {place.configuration} points: the residual and the "
-        f"structure found in it, which follows {_words(place.depends_on)}.{memory}",
+        f"{_signal(place).capitalize()} in {place.configuration} points: the residual and its dependence on "
+        f"{_words(place.depends_on)}.{memory}",
         (chart, *warmth),
     )
 

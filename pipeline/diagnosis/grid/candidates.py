@@ -171,9 +171,13 @@ class GridProblem(WhitenedProblem[CandidateFit]):
         """What of an effect [N m] the baseline cannot absorb, whitened."""
         return self.project(self.white(effect[:, None])[:, 0])
 
+    def unabsorbed(self, fit: CandidateFit) -> Array:
+        """Effect of a fit on each reading, less the part that the baseline absorbs [N m]."""
+        return undo(self.white, fit.seen)
+
     def visible(self, fit: CandidateFit) -> float:
-        """Root mean square of what the baseline cannot take up of a fit, over the readings it touches [N m]."""
-        return _rms(undo(self.white, fit.seen)[fit.effect != 0.0])
+        """Root mean square of the part that the baseline cannot absorb, over the readings the fit touches [N m]."""
+        return _rms(self.unabsorbed(fit)[fit.effect != 0.0])
 
     def effect(self, candidate: Candidate, values: Array) -> Array:
         """Change of each reading by a candidate [N m].

@@ -10,6 +10,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.form.shape import shape_document
 from pmg.pipeline.diagnosis.grid.diagnosis import component_of
+from pmg.pipeline.diagnosis.grid.statement import phrase, statement
 from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "schema": SCHEMA,
         "campaign": diagnosis.campaign,
         "verdict": str(diagnosis.verdict),
+        "phrase": phrase(diagnosis),
+        "statement": statement(diagnosis),
         "weak": diagnosis.weak,
         "p_value": mismatch.p_value,
         "false_alarm_rate": mismatch.false_alarm_rate,

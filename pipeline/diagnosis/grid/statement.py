@@ -10,10 +10,13 @@ from pmg.pipeline.diagnosis.design.next_test import HIDDEN
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.wording import numerals
 from pmg.pipeline.wording.numerals import measured
+from pmg.pipeline.wording.plurals import counted
 from pmg.sim.mechanisms.base import Instrument
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import MINUTE
 
 if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
     from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation, GridNaming
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.diagnosis.grid.locate import CampaignMismatch
@@ -23,35 +26,46 @@ SHAFT_WORDS = {
     "sun": " on the sun shaft",
     "ring": " on the ring shaft",
     "both": "",
-    "either": " (which shaft cannot be told: the same error with the other sign on the other one reads alike)",
+    "either": " (sun or ring: the opposite error on the other shaft reads the same)",
 }
+
+PHRASES = {
+    Verdict.CONSISTENT: "no difference found",
+    Verdict.NAMED: "cause named",
+    Verdict.AMBIGUOUS: "several causes fit",
+    Verdict.NOT_IN_LIBRARY: "no known cause fits",
+    Verdict.CONFOUNDED: "the campaign cannot tell",
+}
+"""Verdicts as people read them."""
+
+
+def phrase(diagnosis: Diagnosis) -> str:
+    """The verdict in a few words: the same in the report, in ``diagnosis.json`` and on the terminal."""
+    return "too weak to name one cause" if diagnosis.weak else PHRASES[diagnosis.verdict]
 
 
 def statement(diagnosis: Diagnosis) -> str:
     """The verdict in a few sentences."""
-    told = _told(diagnosis)
+    text = _without_outliers(diagnosis)
     if not diagnosis.outliers:
-        return told
-    several = len(diagnosis.outliers) > 1
+        return text
     names = ", ".join(diagnosis.outliers[:5]) + (" ..." if len(diagnosis.outliers) > 5 else "")
-    return (
-        f"{told} {len(diagnosis.outliers)} point{'s' if several else ''} that stand{'' if several else 's'} out by "
-        f"{'themselves' if several else 'itself'} ({names}) {'were' if several else 'was'} set aside first."
-    )
+    were = "were" if len(diagnosis.outliers) > 1 else "was"
+    return f"{text} {counted(len(diagnosis.outliers), 'outlier')} {were} excluded first ({names})."
 
 
-def _told(diagnosis: Diagnosis) -> str:
+def _without_outliers(diagnosis: Diagnosis) -> str:
     mismatch = diagnosis.mismatch
     if diagnosis.verdict is Verdict.CONFOUNDED:
         return (
-            f"{_beyond(mismatch)} This campaign cannot tell: the points were run in the order of the "
-            f"{' and '.join(diagnosis.blind)} speed and none was repeated: a slow change, however large, would pass "
-            f"for part of the loss curve.{_lifting(diagnosis)}"
+            f"{_beyond(mismatch)} This campaign cannot tell. The points were run in the order of the "
+            f"{' and '.join(diagnosis.blind)} speed, and none was repeated. A drift of any size would look like part "
+            f"of the loss curve.{_lifting(diagnosis)}"
         )
     if diagnosis.verdict is Verdict.CONSISTENT:
         return (
-            f"No mismatch beyond the noise (p = {mismatch.p_value:.3g} over {mismatch.tested} kinds of structure, "
-            f"judged at {mismatch.false_alarm_rate:.0%})."
+            "No difference found beyond repeatability "
+            f"(p = {mismatch.p_value:.3g}, corrected for multiple testing; limit {mismatch.false_alarm_rate:.0%})."
         )
     sentences = [_place(diagnosis)]
     if diagnosis.naming is None or diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
@@ -59,20 +73,24 @@ def _told(diagnosis: Diagnosis) -> str:
         sentences.append(_shape_sentence(diagnosis))
     elif diagnosis.verdict is Verdict.NAMED:
         sentences.append(f"Cause: {_causes(diagnosis, diagnosis.naming.best)}.")
-        sentences.append(_settled_by(diagnosis.naming))
+        sentences += [_size(diagnosis, fit) for fit in diagnosis.naming.best.fits]
+        sentences += [_fitted(diagnosis, i) for i in range(len(diagnosis.naming.best.fits))]
+        sentences.append(_advice(diagnosis.naming))
     else:
         sets = [_causes(diagnosis, diagnosis.naming.best)]
         sets += [_causes(diagnosis, rival.explanation) for rival in diagnosis.rivals]
         known = "; or ".join(sets)
         if diagnosis.weak:
-            sentences.append(f"It is too weak to name its cause. Possible causes: {known}.")
+            sentences.append(f"The difference is too weak to name one cause. Possible causes: {known}.")
         else:
             sentences.append(f"These recordings cannot tell between: {known}.")
+        sentences += [_size(diagnosis, fit) for fit in diagnosis.naming.best.fits]
         tests = [rival.test for rival in diagnosis.rivals if rival.test is not None]
         if tests:
             test = max(tests, key=lambda test: test.power)
             sentences.append(
-                f"{test.plan.description} would tell ({test.plan.seconds / MINUTE:.0f} min, power {test.power:.0%})."
+                f"Do: {test.plan.description} ({test.plan.seconds / MINUTE:.0f} min; it tells with a probability of "
+                f"{test.power:.0%})."
             )
     sentences.append(_held_out(diagnosis))
     sentences.append(_by_chance(diagnosis))
@@ -80,40 +98,63 @@ def _told(diagnosis: Diagnosis) -> str:
 
 
 def _causes(diagnosis: Diagnosis, explanation: GridExplanation) -> str:
-    """A set of mechanisms in words: what is left to see of each, and its whole effect against a bench without it."""
-    shafts = diagnosis.naming.shafts if diagnosis.naming is not None else {}
+    """A set of mechanisms by their titles and shafts."""
+    naming = diagnosis.naming
+    shafts = naming.shafts if naming is not None and explanation is naming.best else {}
     words = []
-    found = diagnosis.refit
-    for i, fit in enumerate(explanation.fits):
-        own = diagnosis.naming is not None and explanation is diagnosis.naming.best
-        shaft = shafts.get(fit.candidate.identifier, fit.candidate.shaft) if own else fit.candidate.shaft
-        title = fit.candidate.kind.title
-        told = (
-            f"{title[0].lower()}{title[1:]}{SHAFT_WORDS[shaft]}, "
-            f"{explanation.problem.visible(fit) * 1e3:.1f} mN m rms beyond what the baseline takes up, "
-            f"of {fit.size * 1e3:.1f} against {fit.candidate.kind.without}"
-        )
-        if own and found is not None:
-            best = _surest(found.values[i], found.standard_errors[i], len(fit.candidate.sizes))
-            first, value, error = fit.candidate.parameters[best], found.values[i][best], found.standard_errors[i][best]
-            number = measured(float(value), float(error)) if np.isfinite(error) else f"{value:.3g}"
-            unit = "" if first.unit == "1" else f" {first.unit}"
-            other = None if diagnosis.naming is None else diagnosis.naming.on_the_other_shaft(fit)
-            instead = ""
-            if other is not None:
-                there = other.candidate.parameters[best]
-                instead = f", or {there.meaning} {numerals.number(float(other.values[best]), spec='.3g')}{unit}"
-            told += f" ({first.meaning} {number}{unit}{instead})"
-        words.append(told)
+    for fit in explanation.fits:
+        title, shaft = fit.candidate.kind.title, shafts.get(fit.candidate.identifier, fit.candidate.shaft)
+        words.append(f"{title[0].lower()}{title[1:]}{SHAFT_WORDS[shaft]}")
     return " together with ".join(words)
 
 
-def _settled_by(naming: GridNaming) -> str:
-    """What tells the shaft of a fault of a reading, where the points cannot."""
-    faults = [fit for fit in naming.best.fits if issubclass(fit.candidate.kind, Instrument)]
-    if not any(naming.on_the_other_shaft(fit) for fit in faults):
+def _size(diagnosis: Diagnosis, fit: CandidateFit) -> str:
+    """What a mechanism leaves in the residual, against the repeatability, and its full effect."""
+    naming = diagnosis.naming
+    assert naming is not None
+    problem, readings = naming.best.problem, diagnosis.mismatch.readings
+    left, touched = problem.unabsorbed(fit), fit.effect != 0.0
+    side = max(SIDES, key=lambda side: float(np.sum(left[readings.of_shaft[side]] ** 2)))
+    drag = (readings.direction * left)[touched & readings.of_shaft[side]] * 1e3
+    subject = "It changes" if len(naming.best.fits) == 1 else f"{fit.candidate.kind.title} changes"
+    return (
+        f"{subject} the {side} drag by {drag.min():+.1f} to {drag.max():+.1f} mN m beyond the fitted losses "
+        f"({problem.visible(fit) * 1e3:.1f} mN m rms; repeatability is {diagnosis.floor[side].u * 1e3:.1f} mN m). "
+        f"Against {fit.candidate.kind.without}, its full effect is {fit.size * 1e3:.1f} mN m rms; "
+        "the fitted losses absorb the rest."
+    )
+
+
+def _fitted(diagnosis: Diagnosis, i: int) -> str:
+    """The parameter of a named mechanism that is known best, with its standard uncertainty."""
+    naming, found = diagnosis.naming, diagnosis.refit
+    if naming is None or found is None:
         return ""
-    return "Calibrating one of the two transducers, or exchanging them and repeating loaded points, tells which."
+    fit = naming.best.fits[i]
+    best = _surest(found.values[i], found.standard_errors[i], len(fit.candidate.sizes))
+    first, value, error = fit.candidate.parameters[best], found.values[i][best], found.standard_errors[i][best]
+    number = measured(float(value), float(error)) if np.isfinite(error) else f"{value:.3g}"
+    unit = "" if first.unit == "1" else f" {first.unit}"
+    instead, other = "", naming.on_the_other_shaft(fit)
+    if other is not None:
+        there = other.candidate.parameters[best]
+        instead = f", or {there.meaning} {numerals.number(float(other.values[best]), spec='.3g')}{unit}"
+    return f"Fitted: {first.meaning} {number}{unit}{instead}."
+
+
+EXTENDED = "compare with the extended model (`pmg compare --model model.toml`)"
+
+
+def _advice(naming: GridNaming) -> str:
+    """Remedy for the named mechanisms."""
+    faults = [fit for fit in naming.best.fits if issubclass(fit.candidate.kind, Instrument)]
+    if any(naming.on_the_other_shaft(fit) for fit in faults):
+        return "Do: calibrate one of the two transducers, or exchange them and repeat loaded points; that tells which."
+    if faults:
+        return "Do: check the zero and the calibration of the torque transducers."
+    if any(fit.candidate.kind.memory for fit in naming.best.fits):
+        return f"Do: log the temperature and warm up first, or {EXTENDED}."
+    return f"Do: {EXTENDED}."
 
 
 def _surest(values: Array, errors: Array, sizes: int) -> int:
@@ -125,17 +166,17 @@ def _surest(values: Array, errors: Array, sizes: int) -> int:
 
 def _beyond(mismatch: CampaignMismatch) -> str:
     if mismatch.found:
-        return f"Something follows the order of the test (p ≤ {mismatch.p_value:.2g}), and a slow change may make it."
-    return f"No mismatch beyond the noise (p = {mismatch.p_value:.3g})."
+        return f"The readings follow the order of the test (p ≤ {mismatch.p_value:.2g}). Drift may be the reason."
+    return f"No difference found beyond repeatability (p = {mismatch.p_value:.3g})."
 
 
 def _lifting(diagnosis: Diagnosis) -> str:
     test = diagnosis.lifting
     if test is None:
-        return " Repeat points spread over the grid, in random order."
+        return " Do: repeat points spread over the grid, in random order."
     return (
-        f" {test.plan.description} would tell ({test.plan.seconds / MINUTE:.0f} min; it shows a change of "
-        f"{HIDDEN:g} noise floors with power {test.power:.0%})."
+        f" Do: {test.plan.description} ({test.plan.seconds / MINUTE:.0f} min). It shows a drift of {HIDDEN:g} times "
+        f"the repeatability with a probability of {test.power:.0%}."
     )
 
 
@@ -143,11 +184,11 @@ def _shape_sentence(diagnosis: Diagnosis) -> str:
     """The short form and its error on withheld readings, or that none holds up."""
     shape = diagnosis.shape
     if shape is None:
-        return "No short form of what it follows holds up on withheld readings."
+        return "No short formula predicts data not used for the fit."
     names = ", ".join(f"{c.symbol} {c.meaning}" for c in shape.covariates)
     return (
-        f"A short form that holds up on withheld readings ({shape.label}): {shape.text}"
-        f"{f', with {names}' if names else ''}; their error falls from {shape.held_out.rmse_before * 1e3:.2f} to "
+        f"An empirical formula describes it ({shape.label}): {shape.text}{f', with {names}' if names else ''}. "
+        f"With it, the error on data not used for the fit drops from {shape.held_out.rmse_before * 1e3:.2f} to "
         f"{shape.held_out.rmse_after * 1e3:.2f} mN m."
     )
 
@@ -167,7 +208,7 @@ def _nearest(diagnosis: Diagnosis) -> str:
     titles = " with ".join(fit.candidate.kind.title for fit in naming.best.fits)
     others = [" with ".join(fit.candidate.kind.title for fit in rival.fits) for rival in naming.rivals[:1]]
     rival = f", or {others[0]}," if others else ""
-    return f" ({titles[0].lower()}{titles[1:]}{rival} takes up {share:.0%} of it)"
+    return f" (the closest, {titles[0].lower()}{titles[1:]}{rival} explains {share:.0%} of it)"
 
 
 def _place(diagnosis: Diagnosis) -> str:
@@ -187,8 +228,8 @@ def _by_chance(diagnosis: Diagnosis) -> str:
     if decoys is None or decoys.passed <= 0.05 * decoys.count:
         return ""
     return (
-        f"{decoys.passed} of {decoys.count} random smooth structures would have passed as well: the mismatch has "
-        "little shape of its own."
+        f"{decoys.passed} of {decoys.count} random smooth curves would have passed as well. "
+        "Treat the cause with caution."
     )
 
 
@@ -198,7 +239,7 @@ def _held_out(diagnosis: Diagnosis) -> str:
         return ""
     low, high = held.gain_interval
     change = "drops" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly drop:")
-    what = "this effect" if diagnosis.refit is not None else "that structure (its kind chosen on all readings)"
+    what = "this effect" if diagnosis.refit is not None else "this dependence"
     return (
         f"With {what} in the model, the error on data not used for the fit {change} from "
         f"{held.rmse_before * 1e3:.2f} to {held.rmse_after * 1e3:.2f} mN m; "
