@@ -36,7 +36,7 @@ from pmg.pipeline.grid.conditions import NOT_RECORDED, UNRECORDED, conditions
 from pmg.pipeline.grid.readings import Readings, predict, take_readings
 from pmg.pipeline.orders.band import FALSE_ALARM, FEWEST, emptied, noise_beside, periodogram
 from pmg.pipeline.recording.calibration import Calibration, Transducer
-from pmg.pipeline.recording.run import RunRecord
+from pmg.pipeline.recording.run_records import RunRecord
 from pmg.pipeline.store.manifest import Manifest
 from pmg.pipeline.thesis_figures.remarks import remarks_on
 from pmg.pipeline.windows.revolutions import WholeRevolutions

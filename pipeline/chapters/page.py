@@ -21,6 +21,7 @@ from pmg.pipeline.chapters.measured.sensor_fault import misread_items, misread_w
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
 from pmg.pipeline.diagnosis.grid.statement import phrase, statement
 from pmg.pipeline.grid.conditions import conditions
+from pmg.pipeline.grid.crosschecks.contradiction import CrossCheckRemark
 from pmg.pipeline.grid.readings import predict
 from pmg.pipeline.model.apply_model import lead
 from pmg.pipeline.report.document import Facts, Headline, Report, Section, Signals, Table, Text
@@ -154,11 +155,23 @@ def build_report(
     return Report(
         title=f"Campaign {grid.campaign}",
         subtitle=note or "Planetary magnetic gearbox: recordings, losses, simulation and what explains the difference",
-        verdict=_verdict(analysis, diagnosis, "" if carried is None else lead(carried), agreed, faults),
+        verdict=_verdict(analysis, diagnosis, "" if carried is None else lead(carried), agreed, faults, recorded),
         sections=tuple(sections),
         provenance=Facts((*provenance, ("Versions", versions(PACKAGES)))),
         signals=None if signals is None else Signals(signals.index_json, signals.base64),
     )
+
+
+def _contradictions(findings: tuple[Remark, ...]) -> list[str]:
+    """What the cross-checks found, a line for each check: the first in full, how many more there are."""
+    by_check: dict[str, list[CrossCheckRemark]] = {}
+    for finding in findings:
+        if isinstance(finding, CrossCheckRemark):
+            by_check.setdefault(finding.check, []).append(finding)
+    return [
+        f"{found[0].place}: {found[0].message}" + (f" ({len(found) - 1} more in data quality)" if found[1:] else "")
+        for found in by_check.values()
+    ]
 
 
 def _behind(section: Section, first: tuple[Text | Table, ...]) -> Section:
@@ -172,6 +185,7 @@ def _verdict(
     before: str,
     agreed: Agreements | None,
     faults: tuple[Misread, ...],
+    recorded: RecordedFacts,
 ) -> Headline:
     grid = analysis.grid
     warnings = []
@@ -182,6 +196,7 @@ def _verdict(
         warnings.append(f"{counted(rejected, 'point')} rejected; the reasons are in the chapter on data quality.")
     if analysis.lacking:
         warnings.append(f"{counted(len(analysis.lacking), 'cell')} of the grids empty.")
+    warnings += _contradictions(recorded.findings)
     above = 0 if analysis.balance is None else int(analysis.balance.above_one().sum())
     if above:
         warnings.append(f"Magnetic efficiency above 1 at {counted(above, 'point')}.")

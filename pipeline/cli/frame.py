@@ -138,10 +138,21 @@ def _carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_o
             for line in outcome.lines:
                 typer.echo(line)
             _tell_findings(outcome)
+        sys.stdout.flush()
     except BrokenPipeError:  # whoever reads has read enough, such as head; what is left goes nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as problem:
+        code = output_lost(f"pmg {command}", problem)
     if code:
         raise typer.Exit(int(code))
+
+
+def output_lost(called: str, problem: OSError) -> _ExitCode:
+    """Tell that standard output takes nothing more, so that what is left of it goes nowhere; the exit code."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    typer.echo(f"{called}: standard output: {problem.strerror or problem}; expected room for the result.", err=True)
+    typer.echo("hint: Free space, or write elsewhere.", err=True)
+    return _ExitCode.COULD_NOT_RUN
 
 
 def as_text(command: str, code: int, outcome: Outcome | None, error: dict[str, str] | None) -> str:

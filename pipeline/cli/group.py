@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import typer
 from typer.core import TyperGroup
 
-from pmg.pipeline.cli.frame import as_text
+from pmg.pipeline.cli.frame import as_text, output_lost
 from pmg.sim.errors import closest, near_miss
 
 if TYPE_CHECKING:
@@ -45,7 +45,10 @@ class AnswersInJson(TyperGroup):
         except Exception as problem:
             if not isinstance(problem, USAGE):
                 raise
-            code = _told(problem, words)
+            try:
+                code = _told(problem, words)
+            except OSError as full:
+                code = output_lost("pmg", full)
         sys.exit(code)
 
 

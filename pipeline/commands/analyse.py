@@ -14,6 +14,7 @@ from pmg.pipeline.fit.budget_remarks import budget_remarks
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.campaign import choose_campaign, measured_grid
 from pmg.pipeline.grid.completeness import earlier_means, lack_findings
+from pmg.pipeline.grid.crosschecks.catalogue import cross_check
 from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
 from pmg.pipeline.grid.window_facts import rated, window_facts
@@ -22,7 +23,7 @@ from pmg.pipeline.store.store import Store
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from pmg.pipeline.commands.provenance import Clock
@@ -51,7 +52,7 @@ def run_analyse(
         Time of day, for the provenance.
     """
     began = clock()
-    gathered = gather(store, grids, campaign)
+    gathered = gather(store, grids, campaign, options.checks)
     grid, bench, failed = gathered.grid, gathered.bench, gathered.failed
     if grids is not None:
         Store(store).prepare()
@@ -86,7 +87,7 @@ class GatheredCampaign:
     used, failed : tuple of Manifest
         Sources of the campaign, and those of the store that are not usable.
     remarks : tuple of Remark
-        Findings of the transducers.
+        Findings of the cross-checks and of the transducers.
     """
 
     grid: Grid
@@ -97,7 +98,9 @@ class GatheredCampaign:
     remarks: tuple[Remark, ...] = ()
 
 
-def gather(store: Path, grids: Path | None, campaign: str | None) -> GatheredCampaign:
+def gather(
+    store: Path, grids: Path | None, campaign: str | None, actions: Mapping[str, str] | None = None
+) -> GatheredCampaign:
     """The windows of a store, or published grids, as one grid.
 
     Parameters
@@ -108,19 +111,23 @@ def gather(store: Path, grids: Path | None, campaign: str | None) -> GatheredCam
         Folder with published grids to take instead.
     campaign : str, optional
         Which campaign, where the store holds several.
+    actions : mapping, optional
+        What is done where recordings contradict something, by name of the cross-check; the default else.
     """
     bench = load_bench()
     if grids is not None:
         return GatheredCampaign(read_published(grids, bench), bench)
     name, manifests = choose_campaign(Store(store), campaign)
-    facts = window_facts(manifests)
+    whole = rated(bench, window_facts(manifests))
+    checked = cross_check(manifests, whole, actions)
+    facts = window_facts(checked.manifests)
     return GatheredCampaign(
-        measured_grid(name, manifests, bench),
-        rated(bench, facts),
+        measured_grid(name, list(checked.manifests), bench),
+        whole,
         facts,
-        tuple(manifests),
+        checked.manifests,
         failed_sources(store),
-        tuple(transducer_remarks(facts, bench)),
+        (*checked.findings, *transducer_remarks(facts, bench)),
     )
 
 

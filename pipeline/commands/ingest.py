@@ -8,8 +8,9 @@ from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.grid.campaign import campaigns
 from pmg.pipeline.grid.copies import COPY, without_copies
+from pmg.pipeline.grid.crosschecks.catalogue import cross_check
 from pmg.pipeline.grid.missing_points import missing_points
-from pmg.pipeline.grid.window_facts import window_remarks
+from pmg.pipeline.grid.window_facts import rated, window_facts, window_remarks
 from pmg.pipeline.importers.supply import read_supply
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.recording.supplied import NOTHING
@@ -17,11 +18,13 @@ from pmg.pipeline.store.sources import Shard
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.windows.limits import chosen_limits
 from pmg.pipeline.wording.plurals import counted
+from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from pmg.pipeline.grid.crosschecks.contradiction import CrossCheckRemark
     from pmg.pipeline.grid.missing_points import Unreached
     from pmg.pipeline.settings.chosen import Chosen
     from pmg.pipeline.store.manifest import Manifest
@@ -78,6 +81,9 @@ def run_ingest(
     ]
     if copies:
         lines.append(f"{counted(len(copies), 'window')} in two files: counted once")
+    contradictions = _contradictions(manifests, report.sha256)
+    if contradictions:
+        lines.append(f"{counted(len(contradictions), 'contradiction')} with what else is known: see the findings")
     if missing_points:
         lines.append(f"{counted(len(missing_points), 'point')} not reached by recordings that were cut short")
     data = {
@@ -89,6 +95,7 @@ def run_ingest(
         "rejected": report.rejected,
         "copies": len(copies),
         "not_reached": len(missing_points),
+        "contradictions": len(contradictions),
         "campaigns": list(report.campaigns),
     }
     findings = tuple[Remark, ...](report.findings)
@@ -97,8 +104,8 @@ def run_ingest(
     return Outcome(
         data,
         tuple(lines),
-        findings + judged + copies + tuple(point.finding() for point in missing_points),
-        partial=bool(report.failed or report.rejected or missing),
+        findings + judged + copies + contradictions + tuple(point.finding() for point in missing_points),
+        partial=bool(report.failed or report.rejected or missing or contradictions),
     )
 
 
@@ -151,6 +158,17 @@ def _copied_windows(manifests: list[Manifest], sources: frozenset[str]) -> tuple
         for reason in window.reasons[-1:]
         if reason.startswith(COPY) and files & {manifest.file, reason.removeprefix(COPY).strip()}
     )
+
+
+def _contradictions(manifests: list[Manifest], sources: frozenset[str]) -> tuple[CrossCheckRemark, ...]:
+    """What the cross-checks of the campaigns of these sources find, by their default actions."""
+    asked = {manifest.campaign for manifest in manifests if manifest.sha256 in sources}
+    found: list[CrossCheckRemark] = []
+    for campaign in _of_campaigns(manifests):
+        if campaign[0].campaign in asked:
+            bench = rated(load_bench(), window_facts(campaign))
+            found += cross_check(without_copies(campaign), bench).findings
+    return tuple(found)
 
 
 def _unreached(manifests: list[Manifest], sources: frozenset[str]) -> tuple[Unreached, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import traceback
 from collections import Counter
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
@@ -12,7 +13,7 @@ from pmg.pipeline.orders.stored_lines import keep_orders
 from pmg.pipeline.recording.codes import Code, Severity
 from pmg.pipeline.recording.findings import Finding, UnusableRecordingError
 from pmg.pipeline.recording.read import read_recording
-from pmg.pipeline.recording.run import RunRecord
+from pmg.pipeline.recording.run_records import RunRecord
 from pmg.pipeline.recording.supplied import NOTHING
 from pmg.pipeline.store.manifest import FAILED, INGESTED, Manifest, StoredWindow
 from pmg.pipeline.store.sources import take_inventory
@@ -20,7 +21,7 @@ from pmg.pipeline.store.store import Store
 from pmg.pipeline.windows.limits import LIMITS
 from pmg.pipeline.windows.reduce import REDUCTION, reduce_window
 from pmg.pipeline.windows.windows import find_windows
-from pmg.sim.errors import StoreError
+from pmg.sim.errors import PmgError, StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Iterable, Iterator, Sequence
@@ -191,16 +192,24 @@ def _ingest_one(job: _Job) -> str:
         recording = read_recording(source.path, source.name, job.supplied, coils=True)
         if recording.sha256 != source.sha256:
             raise UnusableRecordingError((_changed(source),))
+        windows = find_windows(recording, job.limits)
+        manifest = _manifest(source, recording, windows, job)
+        keep_orders(store.path, source.identifier, recording, windows)
     except UnusableRecordingError as error:
-        run = RunRecord(**error.run)
-        names = source.identifier, source.name, source.place, source.sha256
-        store.write(Manifest(*names, FAILED, run, error.findings), None)
-        return FAILED
-    windows = find_windows(recording, job.limits)
-    manifest = _manifest(source, recording, windows, job)
-    keep_orders(store.path, source.identifier, recording, windows)
+        return _failed(source, store, error.findings, RunRecord(**error.run))
+    except (OSError, PmgError, MemoryError):
+        raise
+    except Exception as error:  # a defect of pmg that one recording brings out must not cost the others
+        log = store.write_log(source.identifier, traceback.format_exc())
+        return _failed(source, store, (_unexpected(source, error, log),), RunRecord())
     store.write(manifest, recording.samples)
     return DONE
+
+
+def _failed(source: StoredSource, store: Store, findings: tuple[Finding, ...], run: RunRecord) -> str:
+    names = source.identifier, source.name, source.place, source.sha256
+    store.write(Manifest(*names, FAILED, run, findings), None)
+    return FAILED
 
 
 def _done(manifest: Manifest, limits: Steadiness, supplied: Supplied) -> bool:
@@ -238,6 +247,14 @@ def _unseen(folder: Path) -> StoreError:
     return StoreError(
         str(folder), came, expected, "Put store and recordings where every worker finds them by this path."
     )
+
+
+def _unexpected(source: StoredSource, error: Exception, log: str) -> Finding:
+    message = (
+        f"reading it failed unforeseen ({type(error).__name__}: {error!s:.120}); expected a recording, or its findings"
+    )
+    advice = f"This is a defect of pmg: please report it with {log} in the store. The other recordings are not touched."
+    return Finding(Severity.ERROR, "whole file", message, source.name, Code.UNEXPECTED, advice)
 
 
 def _changed(source: StoredSource) -> Finding:

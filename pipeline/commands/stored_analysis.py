@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from pmg.pipeline.commands.analyse import failed_sources
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.grid.campaign import choose_campaign
+from pmg.pipeline.grid.crosschecks.catalogue import cross_check
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
 from pmg.pipeline.grid.window_facts import marked_as_simulated, rated, window_facts
 from pmg.pipeline.recording.remark import Remark
@@ -16,6 +17,7 @@ from pmg.pipeline.store.store import Store
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from pmg.pipeline.fit.analysis import Analysis
@@ -87,18 +89,23 @@ def analysed(store: Path, grid: Grid, options: AnalysisOptions) -> StoredAnalysi
         Choices.
     """
     bench = load_bench()
-    sources = _read_sources(store, grid, bench)
+    sources = _read_sources(store, grid, bench, options.checks)
     bench = rated(bench, sources.facts)
     return StoredAnalysis(store, options, bench, analyse(grid, options, bench), sources)
 
 
-def _read_sources(store: Path, grid: Grid, bench: BenchParameters) -> SourceFacts:
+def _read_sources(
+    store: Path, grid: Grid, bench: BenchParameters, actions: Mapping[str, str] | None = None
+) -> SourceFacts:
     """Known facts of the sources of a grid: recordings of a store, or published tables."""
     if grid.origin == "published":
         return SourceFacts((), (("Input", "published grids, torques rounded to 0.01 N m"),), None, (), ())
-    _, manifests = choose_campaign(Store(store), grid.campaign)
+    _, found = choose_campaign(Store(store), grid.campaign)
+    checked = cross_check(found, rated(bench, window_facts(found)), actions)
+    manifests = checked.manifests
     failed = failed_sources(store)
-    remarks: tuple[Remark, ...] = tuple(finding for manifest in (*manifests, *failed) for finding in manifest.findings)
+    recorded = (finding for manifest in (*manifests, *failed) for finding in manifest.findings)
+    remarks: tuple[Remark, ...] = (*checked.findings, *recorded)
     joined = "".join(sorted(manifest.sha256 for manifest in manifests))
     digest = hashlib.sha256(joined.encode()).hexdigest()
     first = min(manifest.started_at for manifest in manifests)
@@ -111,4 +118,4 @@ def _read_sources(store: Path, grid: Grid, bench: BenchParameters) -> SourceFact
     facts = window_facts(manifests)
     remarks += tuple(transducer_remarks(facts, bench))
     known = facts if len(facts.sun.dof) == len(grid) else None
-    return SourceFacts(remarks, tuple(inputs), known, failed, tuple(manifests))
+    return SourceFacts(remarks, tuple(inputs), known, failed, manifests)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import tomllib
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.files.toml import Key
 
 Table = TypeVar("Table", bound=BaseModel)
+
+LONGEST = 4 << 20
+"""Longest file that is read [bytes]."""
 
 KINDS = {
     "float_type": "a number",
@@ -110,8 +114,15 @@ def read_table_file(
     text = _text_of(path, what, error)
     try:
         data = tomllib.loads(text)
+        overlong = _overlong(data)
     except tomllib.TOMLDecodeError as fault:
         raise _fault_of_form(path, text, fault, error) from fault
+    except (RecursionError, ValueError) as fault:
+        came = "nested too deeply" if isinstance(fault, RecursionError) else "a number with thousands of digits"
+        raise error(str(path), came, f"{what} in TOML", "Correct the file.") from fault
+    if overlong is not None:
+        came, do = "a whole number that no float can hold", "Correct the value."
+        raise error(_place_of(path, text, overlong), came, "a number below 1e308", do)
     try:
         return TableFile(path, text, model.model_validate(data), error)
     except ValidationError as invalid:
@@ -134,9 +145,24 @@ def _place_of(path: Path, text: str, key: Key) -> str:
     return f"{path}: {words}" if line is None else f"{path}: line {line}, {words}"
 
 
+def _overlong(value: object, key: Key = ()) -> Key | None:
+    """Key of the first whole number that no float can hold; None where there is none."""
+    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    if isinstance(value, int) and abs(value) > sys.float_info.max:
+        return key
+    return next((found for word, part in parts if (found := _overlong(part, (*key, word))) is not None), None)
+
+
 def _text_of(path: Path, what: str, error: type[PmgError]) -> str:
     try:
-        return path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise error(str(path), "a device, pipe or socket", f"a file with {what} in TOML", "Name a regular file.")
+        with path.open("rb") as stream:
+            data = stream.read(LONGEST + 1)
+        if len(data) > LONGEST:
+            came, do = f"more than {LONGEST} bytes", "Check the path: this is not a file written by hand."
+            raise error(str(path), came, f"{what} in TOML", do)
+        return data.decode("utf-8-sig").replace("\r\n", "\n")
     except OSError as fault:
         came = "no such file" if isinstance(fault, FileNotFoundError) else fault.strerror or "cannot be read"
         raise error(str(path), came, f"{what} in TOML", "Check the path.") from fault

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields, replace
-from typing import Any
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.fit.loss_fit import DEFAULT_POWERS, THESIS_POWERS_RING, THESIS_POWERS_SUN, check_powers
 from pmg.sim.errors import FitError, near_miss
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 THESIS_CORRECTION = 0.80
 """Correction factor that the thesis settled on (its section 6.2.2)."""
@@ -32,6 +35,8 @@ class AnalysisOptions:
         Whether the terms are chosen by the data (`pmg.pipeline.fit.term_choice`).
     robust : bool
         Huber's M-estimate instead of least squares for the loss curves.
+    checks : mapping of str to str
+        Cross-checks whose action is not the default one, with the action.
     """
 
     powers_sun: tuple[float, ...] = DEFAULT_POWERS
@@ -41,6 +46,7 @@ class AnalysisOptions:
     auto_sun: bool = False
     auto_ring: bool = False
     robust: bool = False
+    checks: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def fixed_correction(self) -> float | None:
@@ -67,7 +73,7 @@ class AnalysisOptions:
     @classmethod
     def from_document(cls, document: dict[str, Any]) -> AnalysisOptions:
         """The options that `document` wrote; choices that are younger than the document have their default."""
-        younger = ("auto_sun", "auto_ring", "robust")
+        younger = ("auto_sun", "auto_ring", "robust", "checks")
         known = {f.name: document[f.name] for f in fields(cls) if f.name in document or f.name not in younger}
         for name in ("powers_sun", "powers_ring"):
             known[name] = tuple(map(float, known[name]))
@@ -108,9 +114,10 @@ def chosen_options(
     correction: str | None = None,
     include_rest: bool | None = None,
     robust: bool = False,
+    checks: Mapping[str, str] | None = None,
 ) -> AnalysisOptions:
     """The options of a call: the thesis's own for published grids, pmg's for recordings, and what the user changed."""
-    options = replace(THESIS_OPTIONS if published else AnalysisOptions(), robust=robust)
+    options = replace(THESIS_OPTIONS if published else AnalysisOptions(), robust=robust, checks=checks or {})
     if terms_sun == AUTO:
         options = replace(options, auto_sun=True)
     elif terms_sun is not None:

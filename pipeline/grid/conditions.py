@@ -11,7 +11,7 @@ from pmg.sim.shafts import SIDES
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from pmg.pipeline.recording.run import RunRecord
+    from pmg.pipeline.recording.run_records import RunRecord
     from pmg.pipeline.store.manifest import Manifest, StoredWindow
 
 NOT_RECORDED = "not recorded"

@@ -15,7 +15,7 @@ from pmg.sim.signals import SPEED_RING, SPEED_SUN
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pmg.pipeline.recording.run import Setpoints
+    from pmg.pipeline.recording.run_records import Setpoints
     from pmg.pipeline.store.manifest import Manifest, StoredWindow
 
 HOLLOW = (GAP, "not measured", "window not closed")

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.recording.channels import SPECS
-from pmg.pipeline.recording.decode import DEFAULT_BITS
 from pmg.pipeline.recording.findings import Code
+from pmg.pipeline.recording.frequency import DEFAULT_BITS
 from pmg.pipeline.wording.plurals import counted
 from pmg.pipeline.wording.units import KINDS, declared, kind_of
 from pmg.sim.errors import BenchError, RecordingError

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.importers.source import ForeignSource
     from pmg.pipeline.recording.calibration import Calibration
     from pmg.pipeline.recording.findings import Finding
-    from pmg.pipeline.recording.run import RunInfo
+    from pmg.pipeline.recording.run_records import RunInfo
 
 MAP_ATTACHMENT = "import-map.toml"
 """Attachment with the map by which it was imported."""

@@ -10,7 +10,7 @@ from pmg.pipeline.recording.auxiliary_channels import COILS
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pmg.pipeline.recording.run import Setpoints
+    from pmg.pipeline.recording.run_records import Setpoints
 
 
 @dataclass(frozen=True)

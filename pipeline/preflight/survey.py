@@ -16,7 +16,8 @@ from pmg.pipeline.recording.container.contents import open_container
 from pmg.pipeline.recording.container.gathered import FIELDS_KEY
 from pmg.pipeline.recording.events import read_steps
 from pmg.pipeline.recording.findings import Findings, UnusableRecordingError
-from pmg.pipeline.recording.run import Setpoints, read_run
+from pmg.pipeline.recording.run import read_run
+from pmg.pipeline.recording.run_records import Setpoints
 from pmg.pipeline.recording.supplied import NOTHING, Supply
 from pmg.pipeline.store.sources import find_recordings
 from pmg.pipeline.store.store import MARK, Store
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.recording.container.contents import Topic
     from pmg.pipeline.recording.events import SequenceStep
-    from pmg.pipeline.recording.run import RunInfo
+    from pmg.pipeline.recording.run_records import RunInfo
     from pmg.pipeline.recording.supplied import Supplied
     from pmg.pipeline.store.manifest import Manifest, StoredWindow
 

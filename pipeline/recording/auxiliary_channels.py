@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.recording.channels import ChannelSpec, check_channel, encoder
-from pmg.pipeline.recording.decode import DEFAULT_BITS
 from pmg.pipeline.recording.events import read_events
 from pmg.pipeline.recording.findings import Findings
+from pmg.pipeline.recording.frequency import DEFAULT_BITS
 from pmg.pipeline.recording.join import join_blocks
 from pmg.pipeline.recording.layouts import wire
 from pmg.pipeline.recording.run import finite

@@ -121,16 +121,19 @@ def read_blocks(topic: Topic, terms: ChannelTerms, findings: Findings) -> Blocks
 
 
 def without_strays(blocks: Blocks, topic: str, rate_hz: float, findings: Findings) -> Blocks:
-    """The largest run of blocks, which are in order, without an impossible jump of the index."""
-    jumps = blocks.first[1:] - blocks.stops[:-1]
-    borders = np.flatnonzero(jumps > min(LARGEST_JUMP, LARGEST_JUMP_S * rate_hz)) + 1
-    if not len(borders):
+    """The largest run of blocks, which are in order, without an impossible jump of the index.
+
+    Jumps that are possible each, but leave out more than `LARGEST_JUMP` samples together, are not.
+    """
+    limit = min(LARGEST_JUMP, LARGEST_JUMP_S * rate_hz)
+    low, high = _largest_run(blocks, limit)
+    while _missing(best := blocks.part(slice(low, high))) > LARGEST_JUMP:
+        limit /= 2.0
+        low, high = _largest_run(blocks, limit)
+    if len(best) == len(blocks):
         return blocks
-    lows, highs = np.concatenate(([0], borders)), np.concatenate((borders, [len(blocks)]))
-    largest = int(np.argmax(np.add.reduceat(blocks.counts, lows)))
-    best = blocks.part(slice(int(lows[largest]), int(highs[largest])))
     inside = np.zeros(len(blocks), dtype=np.bool_)
-    inside[lows[largest] : highs[largest]] = True
+    inside[low:high] = True
     strays = blocks.part(~inside)
     findings.error(
         Code.SAMPLES_ASTRAY,
@@ -143,6 +146,19 @@ def without_strays(blocks: Blocks, topic: str, rate_hz: float, findings: Finding
         lost=f"{strays.counts.sum()} samples",
     )
     return best
+
+
+def _largest_run(blocks: Blocks, limit: float) -> tuple[int, int]:
+    """First block of the run of most samples without a jump beyond the limit, and the one after its last."""
+    borders = np.flatnonzero(blocks.first[1:] - blocks.stops[:-1] > limit) + 1
+    lows, highs = np.concatenate(([0], borders)), np.concatenate((borders, [len(blocks)]))
+    largest = int(np.argmax(np.add.reduceat(blocks.counts, lows)))
+    return int(lows[largest]), int(highs[largest])
+
+
+def _missing(blocks: Blocks) -> int:
+    """Samples between the first and the last that no block holds, where none overlap."""
+    return int(blocks.stops.max() - blocks.first[0] - blocks.counts.sum())
 
 
 def before_restart(blocks: Blocks, topic: str, findings: Findings) -> Blocks:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import tomllib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -19,6 +18,8 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 ATTACHMENT = "calibration.toml"
+SIZES = 1e-9, 1e12
+"""Sizes of the numbers of a calibration, beyond which there is no transducer and no encoder."""
 NUMBERS = ("null_frequency_Hz", "nominal_torque_Nm", "span_Hz")
 
 
@@ -89,7 +90,7 @@ def read_calibration(attachments: Iterable[tuple[str, bytes]], findings: Finding
         return None
     try:
         table = tomllib.loads(found.pop().decode("utf-8"))
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as fault:
+    except (ValueError, RecursionError) as fault:  # no UTF-8, no TOML, thousands of digits or of brackets
         _fault(findings, "", f"it cannot be parsed ({fault})", "TOML text in UTF-8", "Correct the attachment.")
         return None
     sun, ring = (_transducer(table, side, findings) for side in SIDES)
@@ -138,9 +139,12 @@ def _section(table: Mapping[str, Any], kind: str, side: str, findings: Findings)
 
 def _number(entries: Mapping[str, Any], key: str, place: str, findings: Findings) -> float | None:
     value = entries.get(key)
-    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
-        return float(value)
-    came = "the key is missing" if key not in entries else f"{value!r}"
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        if value == 0 or SIZES[0] <= abs(value) <= SIZES[1]:
+            return float(value)
+        _fault(findings, f"{place}.{key}", f"{value!s:.40}", f"a size from {SIZES[0]:g} to {SIZES[1]:g}", "Correct it.")
+        return None
+    came = "the key is missing" if key not in entries else f"{value!r:.80}"
     hint = near_miss(key, entries) if key not in entries and entries else "Correct the attachment."
     _fault(findings, f"{place}.{key}", came, "a finite number", hint)
     return None

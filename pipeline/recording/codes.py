@@ -17,6 +17,7 @@ class Code(StrEnum):
     """Kinds of findings; stable words for filters and tests."""
 
     UNREADABLE = "container.unreadable"
+    UNEXPECTED = "file.unexpected"
     NOT_MCAP = "container.not_mcap"
     TRUNCATED = "container.truncated"
     CHUNK_LOST = "container.chunk_lost"
@@ -70,6 +71,9 @@ class Code(StrEnum):
     SHUNT = "torque.shunt"
     STEP_UNKNOWN = "step.unknown"
     STEP_MISSING = "step.missing"
+    RATE_DISAGREES = "samples.rate_disagrees"
+    START_DISAGREES = "run.start_disagrees"
+    TORQUES_DISAGREE = "torque.disagree"
     CLOCK_DISAGREES = "clock.disagrees"
     CLOCK_DRIFT = "clock.drift"
     CLOCK_JUMP = "clock.jump"

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.recording.container.contents import Topic
     from pmg.pipeline.recording.findings import Findings
-    from pmg.pipeline.recording.run import Setpoints
+    from pmg.pipeline.recording.run_records import Setpoints
 
 Message = TypeVar("Message")
 

@@ -38,6 +38,8 @@ class ShaftMeans:
         twentieth of it. What goes on below them is not seen, and `within` rests on what noise may be.
     resolution : float
         Step between neighbouring values of the torque [N m].
+    spikes : float
+        By how much samples far off the others move the mean [N m].
     """
 
     torque: float
@@ -51,6 +53,7 @@ class ShaftMeans:
     method: str = BATCH_METHOD
     correlated: bool = False
     resolution: float = math.nan
+    spikes: float = math.nan
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,12 @@ from pmg.pipeline.recording.auxiliary_channels import NOTHING as NOTHING_BESIDE
 from pmg.pipeline.recording.calibration import read_calibration
 from pmg.pipeline.recording.channels import report_unread
 from pmg.pipeline.recording.checks.clock import mark_offset_s, sound_marks
+from pmg.pipeline.recording.checks.host import check_host
 from pmg.pipeline.recording.checks.lines import check_lines
 from pmg.pipeline.recording.checks.transducers import check_torques
 from pmg.pipeline.recording.checks.wiring import check_wiring, stretch_of
 from pmg.pipeline.recording.container.contents import open_container
+from pmg.pipeline.recording.container.messages import Messages
 from pmg.pipeline.recording.decode import decode_lines
 from pmg.pipeline.recording.events import read_events, read_steps
 from pmg.pipeline.recording.findings import Code, Finding, Findings
@@ -36,12 +38,12 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.recording.calibration import Calibration
     from pmg.pipeline.recording.checks.wiring import HeldStretch
-    from pmg.pipeline.recording.decode import Decoded
     from pmg.pipeline.recording.events import SequenceStep
+    from pmg.pipeline.recording.frequency import Decoded
     from pmg.pipeline.recording.join import Blemish
     from pmg.pipeline.recording.layouts.wire import ClockMark, LineEvent
     from pmg.pipeline.recording.origin import Origin
-    from pmg.pipeline.recording.run import RunInfo
+    from pmg.pipeline.recording.run_records import RunInfo
     from pmg.pipeline.recording.supplied import Supplied, SuppliedRecord
     from pmg.sim.signals import Array
 
@@ -160,7 +162,7 @@ def read_recording(
     calibration = read_calibration(supply.calibration(container.attachments), findings)
     if run is None or calibration is None:
         raise findings.give_up(known)
-    bits = counter_bits(topics)
+    bits, logged = counter_bits(topics), {name: replace(topic, payloads=Messages()) for name, topic in topics.items()}
     tracks, lacking = decode_tracks(topics, calibration, findings)
     decoded = [track for track in tracks.values() if track is not None]
     paired = any(not lacking.keys() & {f"torque_{side}", f"angle_{side}"} for side in SIDES)
@@ -171,6 +173,7 @@ def read_recording(
     if lines is not None and not one_rate([decoded[0], lines], findings):
         lines = None
     first, samples = _frame(tracks, lines, findings)
+    check_host(logged, decoded, run, first == 0, findings)
     marks = read_events(topics, "/sys/clock", wire.clock_mark, findings)
     marks = sound_marks(marks, run, (first, first + samples.height), decoded[0].rate_hz, findings)
     changes = read_events(topics, "/events/lines", wire.line_event, findings)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pmg.pipeline.recording.findings import Code, Findings
+from pmg.pipeline.recording.run_records import NO_SETPOINTS, RunInfo, Setpoints
 from pmg.sim.errors import near_miss
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import SIDES
@@ -41,129 +41,8 @@ RUN_KEYS = {
 }
 """Set-points in the run's metadata."""
 RFC_3339 = re.compile(r"(\d{4}-\d\d-\d\d)[Tt ](\d\d:\d\d:\d\d)(?:\.(\d+))?(?:([Zz])|([+-]\d\d:\d\d))", flags=re.ASCII)
-
-
-@dataclass(frozen=True)
-class Setpoints:
-    """Set-points of a run; None where the recording does not state them.
-
-    Parameters
-    ----------
-    speed_sun, speed_ring : float or None
-        Speeds [rad/s].
-    torque_ring : float or None
-        Torque of the ring motor [N m].
-    """
-
-    speed_sun: float | None = None
-    speed_ring: float | None = None
-    torque_ring: float | None = None
-
-
-NO_SETPOINTS = Setpoints()
-
-
-@dataclass(frozen=True)
-class RunRecord:
-    """The run of a source; of one that is not usable what is known of it.
-
-    Parameters
-    ----------
-    campaign, point : str or None
-        Names; the point is None for a sequence.
-    configuration, drive : str or None
-        ``neutral``, ``engaged`` or ``zero``, and the driving side.
-    gear : int or None
-        1 or 2.
-    started_at : str or None
-        Start, ISO 8601.
-    note : str or None
-        Free text.
-    setpoints : Setpoints
-        Set-points of the whole run; kept of a source that is not usable, whose windows cannot say them.
-    """
-
-    campaign: str | None = None
-    point: str | None = None
-    configuration: str | None = None
-    gear: int | None = None
-    drive: str | None = None
-    started_at: str | None = None
-    note: str | None = None
-    setpoints: Setpoints = NO_SETPOINTS
-
-
-@dataclass(frozen=True)
-class WindowRecord:
-    """Test point, samples and verdict of a window.
-
-    Parameters
-    ----------
-    point : str
-        Test point.
-    configuration : Configuration
-        Neutral, engaged or zero.
-    gear : int
-        1 or 2.
-    drive : str
-        Side that drives when engaged.
-    first_sample, stop_sample : int
-        Sample indices, `stop_sample` left out.
-    setpoints : Setpoints
-        What was asked for.
-    accepted : bool
-        Whether every check was met.
-    reasons : tuple of str
-        Why not, each with its numbers; of an accepted window what the reader should know all the same.
-    rest_sun, rest_ring : bool
-        Shaft held at rest.
-    """
-
-    point: str
-    configuration: Configuration
-    gear: int
-    drive: str
-    first_sample: int
-    stop_sample: int
-    setpoints: Setpoints
-    accepted: bool
-    reasons: tuple[str, ...]
-    rest_sun: bool
-    rest_ring: bool
-
-
-@dataclass(frozen=True)
-class RunInfo:
-    """The run as its recorder describes it.
-
-    Parameters
-    ----------
-    campaign : str
-        Name of the campaign.
-    point : str or None
-        Test point; None for a sequence, whose steps name the points.
-    configuration : Configuration
-        Neutral, engaged or zero.
-    gear : int
-        1 or 2.
-    drive : str
-        Side that drives when engaged.
-    started_at : datetime
-        Start [UTC].
-    setpoints : Setpoints
-        Set-points of the whole run.
-    note : str
-        Free text; empty when there is none.
-    """
-
-    campaign: str
-    point: str | None
-    configuration: Configuration
-    gear: int
-    drive: str
-    started_at: datetime
-    setpoints: Setpoints
-    note: str
+YEARS = 1900, 9000
+"""First and last year of a start: beyond, it is damage, and times of its samples may not be formed."""
 
 
 def read_run(records: Iterable[tuple[str, Mapping[str, str]]], findings: Findings) -> RunInfo | None:
@@ -284,12 +163,14 @@ def _utc(text: str) -> datetime:
     Raises
     ------
     ValueError
-        When the text is no such time or names no offset.
+        When the text is no such time, names no offset, or lies outside `YEARS`.
     """
     match = RFC_3339.fullmatch(text)
     if match is None:
         raise ValueError(text)
     day, clock, fraction, _, offset = match.groups()
+    if not YEARS[0] <= int(day[:4]) <= YEARS[1]:
+        raise ValueError(text)
     micro = (fraction or "0")[:6].ljust(6, "0")
     return datetime.fromisoformat(f"{day}T{clock}.{micro}{offset or '+00:00'}").astimezone(UTC)
 

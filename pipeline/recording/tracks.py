@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.recording.calibration import Calibration
     from pmg.pipeline.recording.container.contents import Topic
-    from pmg.pipeline.recording.decode import Decoded
     from pmg.pipeline.recording.findings import Findings
+    from pmg.pipeline.recording.frequency import Decoded
 
 COLUMNS = ("torque_sun", "torque_ring", "angle_sun", "angle_ring")
 """Columns of torque and angle, in the order in which they are decoded."""

@@ -21,8 +21,8 @@ from pmg.pipeline.recording.calibration import (
     read_calibration,
 )
 from pmg.pipeline.recording.channels import ENCODING, LARGEST_RATE, SHARED_CLOCK, encoder, frequency
-from pmg.pipeline.recording.decode import DEFAULT_BITS
 from pmg.pipeline.recording.findings import Findings
+from pmg.pipeline.recording.frequency import DEFAULT_BITS
 from pmg.pipeline.recording.join import SIMULATED
 from pmg.pipeline.recording.layouts.moments import SECOND_NS
 from pmg.pipeline.recording.layouts.repack import BLOCK_SAMPLES

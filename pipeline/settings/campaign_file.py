@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from pmg.pipeline.files.strict_tables import Strict, refuse, refusing
+from pmg.pipeline.files.strict_tables import Strict, refuse, refuse_unknown, refusing
 from pmg.pipeline.files.table_file import TableFile, read_table_file
 from pmg.pipeline.fit.loss_fit import check_powers
 from pmg.pipeline.fit.options import AUTO, AnalysisOptions, parse_powers
+from pmg.pipeline.grid.crosschecks.catalogue import NAMES
+from pmg.pipeline.grid.crosschecks.contradiction import Action
 from pmg.pipeline.settings.tolerance import Tolerances, tolerance
 from pmg.pipeline.windows.limits import WindowsTable
 from pmg.sim.errors import FitError
@@ -110,6 +112,21 @@ def _tolerances(table: object) -> object:
     return found
 
 
+CHECKS = "checks"
+"""Table of the actions of cross-checks."""
+
+
+def _checks(table: object) -> object:
+    """The actions of a table, each by the name of a cross-check."""
+    if not isinstance(table, dict):
+        return table
+    refuse_unknown(table, NAMES, "a cross-check")
+    for name, action in table.items():
+        if action not in tuple(Action):
+            refuse(repr(action), " or ".join(f'"{each}"' for each in Action), "Choose one of them.", name)
+    return table
+
+
 class CompareTable(Strict):
     """Options for comparing simulation and bench."""
 
@@ -131,6 +148,9 @@ class Campaign(Strict):
     ingest: IngestTable = IngestTable()
     windows: Annotated[WindowsTable | None, BeforeValidator(lambda table: table or None)] = Field(
         default=None, description="What counts as a steady window."
+    )
+    checks: Annotated[dict[str, str], BeforeValidator(_checks)] = Field(
+        default_factory=dict, description="What is done where a recording contradicts what else is known."
     )
     analysis: AnalysisTable = AnalysisTable()
     compare: CompareTable = CompareTable()

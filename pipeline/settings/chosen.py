@@ -121,6 +121,7 @@ class Chosen:
             correction=self.text("k_corr"),
             include_rest=self.values.get("include_rest"),
             robust=bool(self.values.get("robust")),
+            checks=None if self.file is None else self.file.file.table.checks,
         )
 
 

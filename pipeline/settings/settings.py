@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.fit.options import AUTO
-from pmg.pipeline.settings.campaign_file import Campaign
+from pmg.pipeline.grid.crosschecks.catalogue import CROSS_CHECKS
+from pmg.pipeline.settings.campaign_file import CHECKS, Campaign
 from pmg.pipeline.settings.chosen import KEYS
 from pmg.pipeline.settings.tolerance import SIGNALS
 from pmg.pipeline.windows.limits import DIMENSIONS, TABLE, Steadiness, chosen_limits, limit_told, limits_file
@@ -60,6 +61,9 @@ def settings(chosen: Chosen) -> tuple[Setting, ...]:
         if table == TABLE:
             found += _windows(chosen)
             continue
+        if table == CHECKS:
+            found += _checks(chosen)
+            continue
         for key, name in ((k, n) for k, n in names.items() if k.startswith(f"{table}.")):
             value = chosen.values.get(name, usual.get(name, (None, DEFAULT))[0])
             origin = chosen.origins.get(name) or usual.get(name, (None, DEFAULT))[1]
@@ -106,6 +110,15 @@ def _windows(chosen: Chosen) -> Iterator[Setting]:
         origin = lines.get(name) or lines.get(f"{name}_rpm") or DEFAULT
         unit = DIMENSIONS[name].unit if name in DIMENSIONS else ""
         yield Setting(f"{TABLE}.{name}", values[name], "" if unit == "1" else unit, limit_written(name, values), origin)
+
+
+def _checks(chosen: Chosen) -> Iterator[Setting]:
+    given = chosen.options().checks
+    for check in CROSS_CHECKS:
+        key = f"{CHECKS}.{check.name}"
+        action = given.get(check.name, check.action)
+        origin = chosen.file.origin(key) if chosen.file is not None and chosen.file.has(key) else DEFAULT
+        yield Setting(key, str(action), "", _written(action), origin)
 
 
 def limit_written(name: str, values: dict[str, Any] | None = None) -> str:

@@ -6,7 +6,8 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.files.table_file import table_of
-from pmg.pipeline.settings.campaign_file import Campaign
+from pmg.pipeline.grid.crosschecks.catalogue import CROSS_CHECKS
+from pmg.pipeline.settings.campaign_file import CHECKS, Campaign
 from pmg.pipeline.settings.settings import limit_written
 from pmg.pipeline.windows.limits import MEANINGS, Steadiness
 
@@ -33,6 +34,11 @@ def _lines() -> Iterator[str]:
         model = table_of(entry.annotation)
         about = entry.description or ("" if model is None else (model.__doc__ or "").splitlines()[0])
         yield f"\n[{table}]{' ' * max(1, COLUMN - len(table) - 2)}# {about[:1].lower()}{about[1:].rstrip('.')}"
+        if table == CHECKS:
+            for check in CROSS_CHECKS:
+                line = f'# {check.name} = "{check.action}"'
+                yield f"{line:<{COLUMN}}# against {check.held_against}"
+            continue
         if model is None:
             for limit in fields(Steadiness):
                 line = f"# {limit.name} = {limit_written(limit.name)}"

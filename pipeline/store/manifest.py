@@ -11,7 +11,7 @@ from pmg.pipeline.recording.calibration import Calibration, Transducer
 from pmg.pipeline.recording.findings import Finding
 from pmg.pipeline.recording.means import BATCH_METHOD, PointMeans, ShaftMeans
 from pmg.pipeline.recording.origin import ImportRecord
-from pmg.pipeline.recording.run import RunRecord, Setpoints, WindowRecord
+from pmg.pipeline.recording.run_records import RunRecord, Setpoints, WindowRecord
 from pmg.pipeline.recording.supplied import SuppliedRecord
 from pmg.sim.grid import Configuration
 
@@ -234,6 +234,7 @@ def _shaft(plain: Mapping[str, Any]) -> ShaftMeans:
         method=plain.get("method", BATCH_METHOD),
         correlated=bool(plain.get("correlated")),
         resolution=_number(plain.get("resolution")),
+        spikes=_number(plain.get("spikes")),
     )
 
 

@@ -108,6 +108,8 @@ class Shard:
 def _likeness(path: Path) -> tuple[int, str]:
     """Size and a hash of both ends, which are the same for files of the same bytes; the name where none can be had."""
     try:
+        if not path.is_file():
+            return -1, str(path)
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
             ends = file.read(SAMPLED)
@@ -133,6 +135,9 @@ def find_recordings(place: Path) -> list[Path]:
     if not place.exists():
         came = "no such file" if place.suffix else "no such folder"
         raise RecordingError(str(place), came, f"a folder of {SUFFIX} files, or one", "Check the path.")
+    if not place.is_dir():
+        do = "Name a folder or a regular file."
+        raise RecordingError(str(place), "a device, pipe or socket", f"a folder of {SUFFIX} files, or one", do)
     found = sorted(path for path in place.rglob(f"*{SUFFIX}") if not path.is_dir())
     if not found:
         others = sorted({path.suffix or "no suffix" for path in place.iterdir()})
@@ -162,8 +167,10 @@ def take_inventory(place: Path, shard: Shard | None = None) -> Inventory:
     findings, unreadable = [], 0
     paths = find_recordings(place)
     for path in paths if shard is None else shard.part(paths):
-        name = path.relative_to(base).as_posix()
+        name = os.fsencode(path.relative_to(base).as_posix()).decode("utf-8", "backslashreplace")
         try:
+            if path.exists() and not path.is_file():
+                raise OSError("a device, pipe or socket, not a regular file")
             with path.open("rb") as file:
                 digest = hashlib.file_digest(file, "sha256").hexdigest()
         except OSError as error:

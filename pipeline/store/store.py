@@ -22,6 +22,7 @@ MARK = "store.json"
 SOURCES = "sources"
 RUNS = "runs"
 ORDERS = "orders"
+LOGS = "logs"
 STATUSES = (INGESTED, FAILED)
 REMOVED = f"{PREFIX}removed-"
 """Start of the names of manifests that are being removed."""
@@ -141,6 +142,12 @@ class Store:
             samples.write_parquet(buffer, compression="zstd", statistics=False)
             write_atomic(self.path / RUNS / f"{manifest.identifier}.parquet", buffer.getvalue())
         write_atomic(self.path / SOURCES / f"{manifest.identifier}.json", _json(manifest.document()))
+
+    def write_log(self, identifier: str, text: str) -> str:
+        """Keep what went wrong with a source; gives the file's place in the store."""
+        name = f"{LOGS}/{identifier}.log"
+        write_atomic(self.path / name, text.encode("utf-8", "backslashreplace"))
+        return name
 
     def remove(self, identifier: str) -> None:
         """Forget a source, so that a kill leaves it whole or leaves what `sweep` clears away."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from pmg.pipeline.recording.checks.stretches import stretches
 from pmg.pipeline.recording.findings import Code, Severity
-from pmg.pipeline.recording.run import Setpoints
+from pmg.pipeline.recording.run_records import Setpoints
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

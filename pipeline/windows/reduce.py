@@ -34,6 +34,9 @@ LONG_MEMORY = 0.05
 
 STILL = 1e-12
 """Range of a torque, as part of its size or of 1 N m, below which it shows nothing but the rounding of numbers."""
+SPIKE, NO_SPIKE = 8.0, 4.0
+"""Distance of a spike from the median, and one from the mean that no spike of less than a sixteenth of the samples
+stays below, in standard deviations of the samples."""
 RESOLVED = 0.5
 """Correlation time that the finer pieces can tell from none, as part of one of them."""
 
@@ -118,6 +121,7 @@ def _reduce_shaft(torque: Array, angle: Array, rate_hz: float) -> ShaftMeans:
         method=noise.method,
         correlated=noise.uneven,
         resolution=step,
+        spikes=_moved_by_spikes(torque),
     )
 
 
@@ -168,6 +172,20 @@ def _mean_noise(turned: WholeRevolutions, batches: Batches, rate_hz: float) -> _
 def _still(torque: Array) -> bool:
     """Whether a torque [N m] shows nothing but the rounding of numbers."""
     return len(torque) > 0 and float(np.ptp(torque)) <= STILL * max(1.0, float(np.max(np.abs(torque))))
+
+
+def _moved_by_spikes(torque: Array) -> float:
+    """How far samples far off the others move the mean of a torque [N m] (n,); 0 where there are none.
+
+    Far off is `SPIKE` times the standard deviation that the median of the distances from the median tells: a sine
+    reaches 1.4 times it, normal noise does not pass it.
+    """
+    distance = np.abs(torque - torque.mean())
+    if distance.max() <= NO_SPIKE * math.sqrt(float(np.mean(distance**2))):
+        return 0.0
+    distance = np.abs(torque - np.median(torque))
+    usual = distance <= SPIKE * 1.4826 * np.median(distance)
+    return float(torque.mean() - torque[usual].mean()) if usual.any() else 0.0
 
 
 def _resolution(torque: Array) -> float:

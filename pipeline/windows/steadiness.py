@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.calibration import Calibration
     from pmg.pipeline.recording.join import Blemish
     from pmg.pipeline.recording.layouts.wire import LineEvent
-    from pmg.pipeline.recording.run import Setpoints
+    from pmg.pipeline.recording.run_records import Setpoints
     from pmg.pipeline.windows.limits import Steadiness
     from pmg.sim.signals import Array
 

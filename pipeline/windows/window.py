@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.recording.run import WindowRecord
+from pmg.pipeline.recording.run_records import WindowRecord
 
 if TYPE_CHECKING:
     from datetime import datetime

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.recording.run import Setpoints
+from pmg.pipeline.recording.run_records import Setpoints
 from pmg.pipeline.windows.gaps import holes, lost_end, missing_channels, stem
 from pmg.pipeline.windows.limits import LIMITS
 from pmg.pipeline.windows.plateaus import plateaus

@@ -28,7 +28,7 @@ from pmg.pipeline.grid.completeness import lack_findings
 from pmg.pipeline.grid.copies import COPY, without_copies
 from pmg.pipeline.recording.codes import Code, Severity
 from pmg.pipeline.recording.findings import Finding
-from pmg.pipeline.recording.run import RunRecord, Setpoints
+from pmg.pipeline.recording.run_records import RunRecord, Setpoints
 from pmg.pipeline.store.manifest import FAILED, Manifest
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.windows.limits import _read_limits

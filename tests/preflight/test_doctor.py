@@ -19,7 +19,7 @@ from pmg.pipeline.preflight.environment import BAD, GROWTH, MIND, OK, _within, e
 from pmg.pipeline.preflight.found import Asked, File, Survey
 from pmg.pipeline.preflight.rehearsal import _made_up, _operating_points, audit, rehearse
 from pmg.pipeline.preflight.survey import _look, survey
-from pmg.pipeline.recording.run import Setpoints
+from pmg.pipeline.recording.run_records import Setpoints
 from pmg.sim.bench import BenchParameters
 from pmg.sim.signals import RPM
 

@@ -22,10 +22,10 @@ from pmg.pipeline.recording.checks.stretches import joined, stretches
 from pmg.pipeline.recording.checks.transducers import check_torques
 from pmg.pipeline.recording.checks.wiring import HeldStretch, check_wiring, stretch_of
 from pmg.pipeline.recording.container.contents import Topic
-from pmg.pipeline.recording.decode import Decoded
 from pmg.pipeline.recording.findings import Code, Findings, Severity
+from pmg.pipeline.recording.frequency import Decoded
 from pmg.pipeline.recording.layouts.wire import ClockMark, IndexPulse, LineEvent
-from pmg.pipeline.recording.run import RunInfo, Setpoints
+from pmg.pipeline.recording.run_records import RunInfo, Setpoints
 from pmg.pipeline.recording.tracks import one_rate, together
 from pmg.sim.grid import Configuration
 from pmg.sim.signals import RPM, Array

@@ -60,7 +60,8 @@ class Bench:
     Speeds in rpm, torques in N m, ripple in N m of a sine of `ripple_hz`. `drop` names sample ranges that a topic
     lacks, `raw` the messages of a topic instead of its own, `flags` the flags of a topic's blocks by number,
     `channel` and `run` metadata to change (None removes), `other` topics in another layout instead of their own,
-    `index` the pulses of a side, `spoil` what is done to a topic's samples before they are written.
+    `index` the pulses of a side, `spoil` what is done to a topic's samples before they are written. `host` is the log
+    time of the first block of each topic, and that from one block to the next [ns].
     """
 
     seconds: float = 2.0
@@ -98,6 +99,7 @@ class Bench:
     spoil: Mapping[str, Callable[[npt.NDArray[Any]], npt.NDArray[Any]]] = field(default_factory=dict)
     compression: CompressionType = CompressionType.ZSTD
     crc: bool = True
+    host: tuple[int, int] = (0, 7)
 
 
 def same(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -276,7 +278,8 @@ def write(path: Path, bench: Bench) -> Path:
         for topic, message in bench.extra.items():
             put(topic, "SampleBlock", [message], {})
         for number, channel, message in sorted(queue, key=lambda entry: entry[0]):
-            writer.add_message(channel, log_time=number * 7, publish_time=number, data=message)
+            logged = bench.host[0] + number * bench.host[1]
+            writer.add_message(channel, log_time=logged, publish_time=number, data=message)
         writer.finish()  # type: ignore[no-untyped-call]
     return path
 

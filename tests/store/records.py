@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.recording.means import PointMeans, ShaftMeans
-from pmg.pipeline.recording.run import Setpoints
+from pmg.pipeline.recording.run_records import Setpoints
 from pmg.pipeline.store.manifest import StoredWindow
 from pmg.sim.grid import Configuration
 

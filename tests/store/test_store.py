@@ -11,7 +11,7 @@ import polars as pl
 import pytest
 
 from pmg.pipeline.recording.means import BATCH_METHOD
-from pmg.pipeline.recording.run import Setpoints
+from pmg.pipeline.recording.run_records import Setpoints
 from pmg.pipeline.store.manifest import FAILED, Manifest, manifest_of
 from pmg.pipeline.store.store import Store
 from pmg.sim.errors import StoreError

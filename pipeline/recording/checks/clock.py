@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.recording.findings import Findings
     from pmg.pipeline.recording.layouts.wire import ClockMark
-    from pmg.pipeline.recording.run import RunInfo
+    from pmg.pipeline.recording.run_records import RunInfo
     from pmg.sim.signals import Array
 
 TOPIC = "/sys/clock"

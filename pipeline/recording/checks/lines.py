@@ -14,8 +14,8 @@ from pmg.pipeline.recording.findings import Code
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pmg.pipeline.recording.decode import Decoded
     from pmg.pipeline.recording.findings import Findings
+    from pmg.pipeline.recording.frequency import Decoded
     from pmg.pipeline.recording.layouts.wire import LineEvent
 
 EVENTS = "/events/lines"

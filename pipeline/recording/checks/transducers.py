@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.pipeline.recording.calibration import Calibration, Transducer
-    from pmg.pipeline.recording.decode import Decoded
     from pmg.pipeline.recording.findings import Findings
+    from pmg.pipeline.recording.frequency import Decoded
     from pmg.sim.signals import Array
 
     Ranges = npt.NDArray[np.int64]
@@ -30,6 +30,10 @@ DEAD_S = 1.0
 """Least time [s] of one value where neither shaft is lively: readings of coarse steps stand still for shorter times."""
 LIVELY = 0.5
 """Part of the other steps of a record that must change the value before a still stretch in it is suspicious."""
+QUIET_S, QUIET_PARTS = 0.1, 3
+"""Length of the parts whose noise is compared [s], and how many quiet ones behind each other make a stretch."""
+QUIET = 0.2
+"""Noise of a part, as part of what is usual in the record, below which a reading stands still but for dither."""
 SHUNT, SHUNT_TOLERANCE = 0.5, 0.05
 """The shunt signal as part of the nominal torque, and by how much of the nominal torque it may be off."""
 SHUNT_S, SHUNT_SAMPLES = 0.02, 5
@@ -58,7 +62,9 @@ def check_torques(
     -----
     Outside the rated band a reading is a bound. A value that stays the same to the bit while the record, or the other
     shaft, is otherwise lively is a held value: the cable is off or the counter stopped. Where neither is lively, a
-    value is held that stays for `DEAD_S`, or over the whole record: no transducer is without noise. A step by half the
+    value is held that stays for `DEAD_S`, or over the whole record: no transducer is without noise. A held value to
+    which dither is added shows by the steps between neighbouring samples, which are noise in every state of the bench
+    (`QUIET`). A step by half the
     nominal torque within `FLANK` samples, and the same step back, which the other shaft does not see, is the shunt
     signal. Readings that are marked as simulated may stand still.
     """
@@ -76,7 +82,15 @@ def check_torques(
             )
             held = _held(track, other)
             tell_stretches(findings.error, Code.STUCK, track.topic, held, words, lost="{n} samples")
-            marks += [Blemish(track.topic, Code.STUCK, start, stop) for start, stop in held.tolist()]
+            quiet = np.empty((0, 2), dtype=np.int64) if len(held) else _quiet(track)
+            words = (
+                f"have less than {QUIET:.0%} of the noise of the others, as of a held value with dither",
+                "the noise of the rest of the record",
+                "The transducer or its counter stopped for a while: check cable and supply. Windows over them are "
+                "rejected.",
+            )
+            tell_stretches(findings.error, Code.STUCK, track.topic, quiet, words, lost="{n} samples")
+            marks += [Blemish(track.topic, Code.STUCK, *stretch) for stretch in (*held.tolist(), *quiet.tolist())]
         if other is None:
             continue
         words = (
@@ -134,6 +148,22 @@ def _held(track: Decoded, other: Decoded | None) -> Ranges:
         dead = min(max(least, round(DEAD_S * track.rate_hz)), known)
         long = long[long[:, 1] - long[:, 0] + 1 >= dead]
     return np.asarray(long + np.array([0, 1]) + track.first)
+
+
+def _quiet(track: Decoded) -> Ranges:
+    """Stretches in which neighbouring values differ far less than in the rest of the record, as sample indices.
+
+    Of parts of `QUIET_S`, the standard deviation of the steps between samples is held against its median.
+    """
+    size = max(STUCK_SAMPLES, round(QUIET_S * track.rate_hz))
+    count = (len(track.values) - 1) // size
+    if count < 4 * QUIET_PARTS:
+        return np.empty((0, 2), dtype=np.int64)
+    with np.errstate(over="ignore", invalid="ignore"):  # readings beyond any transducer are told as out of band
+        noise = np.diff(track.values[: count * size + 1]).reshape(count, size).std(axis=1)
+    usual = float(np.median(noise[np.isfinite(noise)])) if np.isfinite(noise).any() else 0.0
+    found = stretches(noise < QUIET * usual)
+    return np.asarray(found[found[:, 1] - found[:, 0] >= QUIET_PARTS] * size + track.first)
 
 
 def _liveliness(track: Decoded) -> float:

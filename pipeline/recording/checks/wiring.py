@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.recording.calibration import Calibration
     from pmg.pipeline.recording.findings import Findings
-    from pmg.pipeline.recording.run import RunInfo, Setpoints
+    from pmg.pipeline.recording.run_records import RunInfo, Setpoints
     from pmg.sim.signals import Array
 
 SLOWEST = 10.0 * RPM

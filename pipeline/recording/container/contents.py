@@ -35,6 +35,8 @@ class Topic:
         The messages in file order; empty for a topic that was not wanted.
     definition : (str, bytes)
         Encoding and text of the schema.
+    logged : (int, int) or None
+        Log time [ns] of its first and its last message.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Topic:
     count: int
     payloads: Messages
     definition: tuple[str, bytes] = ("", b"")
+    logged: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,8 @@ def open_container(path: Path, wanted: Callable[[str], bool], findings: Findings
         When the file cannot be read at all, shrinks while it is read, or is no MCAP file.
     """
     try:
+        if path.exists() and not path.is_file():
+            raise OSError(f"{'a folder' if path.is_dir() else 'a device, pipe or socket'}, not a regular file")
         with path.open("rb") as stream:
             size = stream.seek(0, 2)
             gathered = WholeRecords(wanted, findings)
@@ -156,10 +161,12 @@ def _topic(gathered: WholeRecords, channel: ChannelRecord, identities: list[int]
     payloads = gathered.payloads.pop(identities[0], Messages())
     for identity in identities[1:]:
         payloads.join(gathered.payloads.pop(identity, Messages()))
+    times = [gathered.logged[identity] for identity in identities if identity in gathered.logged]
     return Topic(
         channel.topic,
         *_description(gathered, channel),
         sum(gathered.counts[identity] for identity in identities),
         payloads,
         ("", b"") if schema is None else (schema.encoding, schema.data),
+        (times[0][0], times[-1][1]) if times else None,
     )

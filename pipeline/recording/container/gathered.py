@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 FIELDS_KEY = "pmg.fields"
 """Channel metadata that says which fields of its messages are which topics of the layout."""
 
+LOG_TIME = 2
+"""Place of the log time in the head of a message."""
+
 
 @dataclass
 class WholeRecords:
@@ -38,6 +41,8 @@ class WholeRecords:
         Messages of each channel.
     payloads : dict of int to Messages
         Messages of each wanted channel, in file order.
+    logged : dict of int to (int, int)
+        Log time [ns] of the first and the last of those.
     strangers : dict of int to list of bytes
         Messages, with their head, of channels that are not described so far.
     metadata : list of (str, mapping)
@@ -52,6 +57,7 @@ class WholeRecords:
     channels: dict[int, ChannelRecord] = field(default_factory=dict)
     counts: dict[int, int] = field(default_factory=dict)
     payloads: dict[int, Messages] = field(default_factory=dict)
+    logged: dict[int, tuple[int, int]] = field(default_factory=dict)
     strangers: dict[int, list[bytes]] = field(default_factory=dict)
     metadata: list[tuple[str, Mapping[str, str]]] = field(default_factory=list)
     attachments: list[Attachment] = field(default_factory=list)
@@ -82,19 +88,29 @@ class WholeRecords:
         self.counts[identity] += 1
         kept = self.payloads.get(identity)
         if kept is not None:
+            self._log(identity, data[start : start + MESSAGE.size], data[start : start + MESSAGE.size])
             kept.append(data, start + MESSAGE.size, stop)
 
     def keep_many(self, identity: int, data: memoryview, spans: list[tuple[int, int]]) -> None:
         """Take messages of a channel that is described, each between two places of some bytes."""
         self.counts[identity] += len(spans)
         if identity in self.payloads:
+            first, last = (data[start : start + MESSAGE.size] for start in (spans[0][0], spans[-1][0]))
+            self._log(identity, first, last)
             self.payloads[identity].append_many([data[start + MESSAGE.size : stop] for start, stop in spans])
 
     def keep_alike(self, identity: int, rows: npt.NDArray[np.uint8]) -> None:
         """Take messages of one length of a channel that is described, (n, length) with their heads."""
         self.counts[identity] += len(rows)
         if identity in self.payloads:
+            self._log(identity, rows[0, : MESSAGE.size].data, rows[-1, : MESSAGE.size].data)
             self.payloads[identity].extend(rows[:, MESSAGE.size :])
+
+    def _log(self, identity: int, first: memoryview, last: memoryview) -> None:
+        """Note the log times in the heads of the first and the last of some messages that follow each other."""
+        known = self.logged.get(identity)
+        begun = MESSAGE.unpack(first)[LOG_TIME] if known is None else known[0]
+        self.logged[identity] = begun, MESSAGE.unpack(last)[LOG_TIME]
 
     def describe(self, channel: ChannelRecord, at: int) -> None:
         """Take the description of a channel, and with it the messages that came before it.

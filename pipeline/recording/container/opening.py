@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.container.records import Frame
     from pmg.pipeline.recording.container.source import ByteSource
 
+MOST_MESSAGES, MESSAGES_A_BYTE = 2_000_000, 4
+"""Messages that are taken of any file, and more for each of its bytes: recorded ones take a byte and more."""
+
 
 class Opening:
     """The chunks of a file so far.
@@ -71,6 +74,8 @@ class Opening:
         self.unproven += head.crc == 0
         if self._twice(head):
             self._repeated(frame, head)
+        elif self.gathered.messages > MOST_MESSAGES + MESSAGES_A_BYTE * self.source.size:
+            self._refused(frame, TooLargeError(f"{self.gathered.messages} messages before it, in so small a file"))
         else:
             take_inside(self.gathered, frame.at, data)
         return head.end

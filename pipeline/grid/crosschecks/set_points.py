@@ -1,0 +1,122 @@
+"""Readings held against what was asked for: loads, speeds, and zero checks that turn."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.grid.crosschecks.contradiction import SIGMAS, Contradiction, accepted_rows, robust_scale
+from pmg.pipeline.windows.steadiness import REST_SPEED
+from pmg.sim.grid import Configuration
+from pmg.sim.shafts import SIDES
+from pmg.sim.signals import RPM
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from pmg.pipeline.grid.crosschecks.contradiction import Row
+    from pmg.pipeline.store.manifest import Manifest
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.signals import Array
+
+LOAD_OF_NOMINAL, LOAD_OF_SET = 0.02, 0.15
+"""How far a load may be off its set-point where a campaign has too few of them to tell: the drag of the shaft between
+motor and transducer is part of the reading."""
+FEWEST = 12
+"""Loads of a campaign from which each is held against what the others lead one to expect."""
+SPREAD_OF_NOMINAL, SPREAD_OF_SET = 0.01, 0.05
+"""And how far a load may be off what the others say in any case."""
+SCALE_LIMIT = 1e-3
+"""How far a speed may be off, as part of its set-point, beyond what the campaign's other speeds are."""
+SLOWEST = 50.0 * RPM
+"""Set speed below which a part of it says nothing [rad/s]."""
+
+
+def zero_checks_that_turn(manifests: Sequence[Manifest], _: BenchParameters) -> Iterator[Contradiction]:
+    """Zero checks in which a shaft turns; a zero is read with both at rest."""
+    for row in accepted_rows(manifests):
+        if row.window.configuration != Configuration.ZERO:
+            continue
+        for side in SIDES:
+            speed = abs(row.window.means[side].speed)
+            if speed > REST_SPEED:
+                message = (
+                    f"a zero check in which the {side} turns at {speed / RPM:.1f} rpm, limit {REST_SPEED / RPM:g} rpm"
+                )
+                yield Contradiction(row, speed, REST_SPEED, message, "Repeat it with both shafts at rest.")
+                break
+
+
+def loads_off_set_point(manifests: Sequence[Manifest], bench: BenchParameters) -> Iterator[Contradiction]:
+    """Loads that are not those that were asked for, beyond what the drag of the shaft adds.
+
+    Notes
+    -----
+    From `FEWEST` loads on, the distance between reading and set-point is fitted by a constant, the set-point, the
+    sense of rotation and the speed, which stand for a zero, a gain and the drag; a load may be off that line by
+    `SIGMAS` of the scatter, or by a part of the nominal torque or the set-point, whichever is largest.
+    """
+    rows = [
+        row
+        for row in accepted_rows(manifests)
+        if row.window.configuration == Configuration.ENGAGED and row.window.setpoints.torque_ring is not None
+    ]
+    if not rows:
+        return
+    asked = np.array([row.window.setpoints.torque_ring for row in rows], dtype=np.float64)
+    off = np.array([row.window.means.ring.torque for row in rows]) - asked
+    speed = np.array([row.window.means.ring.speed for row in rows])
+    nominal = float(bench.transducer_ring.nominal_torque)
+    known = np.isfinite(off)
+    expected = np.zeros(len(rows))
+    limit = LOAD_OF_NOMINAL * nominal + LOAD_OF_SET * np.abs(asked)
+    if int(known.sum()) >= FEWEST:
+        basis = np.column_stack((np.ones(len(rows)), asked, np.sign(speed), speed / np.max(np.abs(speed), initial=RPM)))
+        expected = basis @ _least_absolute(basis[known], off[known])
+        least = np.maximum(SPREAD_OF_NOMINAL * nominal, SPREAD_OF_SET * np.abs(asked))
+        limit = np.maximum(SIGMAS * robust_scale((off - expected)[known]), least)
+    for row, set_to, distance, most in zip(rows, asked, off - expected, limit, strict=True):
+        if abs(distance) > most:
+            usual = "" if not expected.any() else ", drag and gain of the campaign's other loads allowed for"
+            message = (
+                f"a load of {set_to + distance:.3f} N m where {set_to:.3f} N m were asked for{usual}; "
+                f"off by {abs(distance):.3f} N m, limit {most:.3f} N m"
+            )
+            yield Contradiction(
+                row, float(abs(distance)), float(most), message, "Check the load control; run it again."
+            )
+
+
+def _least_absolute(basis: Array, values: Array) -> Array:
+    """Coefficients of the line of least absolute distances, by least squares weighted again and again."""
+    coefficients = np.linalg.lstsq(basis, values, rcond=None)[0]
+    for _ in range(30):
+        distance = np.abs(values - basis @ coefficients)
+        weight = 1.0 / np.sqrt(np.maximum(distance, 1e-6 + 1e-3 * np.median(distance)))
+        coefficients = np.linalg.lstsq(basis * weight[:, None], values * weight, rcond=None)[0]
+    return np.asarray(coefficients)
+
+
+def speeds_off_the_others(manifests: Sequence[Manifest], _: BenchParameters) -> Iterator[Contradiction]:
+    """Speeds off their set-points by another part than those of the campaign: a wrong sample rate or encoder."""
+    for side in SIDES:
+        rows: list[Row] = []
+        parts: list[float] = []
+        for row in accepted_rows(manifests):
+            asked = getattr(row.window.setpoints, f"speed_{side}")
+            if asked is not None and abs(asked) > SLOWEST and np.isfinite(row.window.means[side].speed):
+                rows.append(row)
+                parts.append(row.window.means[side].speed / asked - 1.0)
+        if len(rows) < FEWEST:
+            continue
+        found = np.array(parts)
+        usual, limit = float(np.median(found)), max(SCALE_LIMIT, SIGMAS * robust_scale(found))
+        for row, part in zip(rows, parts, strict=True):
+            if abs(part - usual) > limit:
+                message = (
+                    f"the {side} is off its set speed by {100 * part:+.2f} %, the campaign's others by "
+                    f"{100 * usual:+.2f} %, limit {100 * limit:.2f} %"
+                )
+                do = "Check the sample rate, the counts per revolution and the drive of this run."
+                yield Contradiction(row, abs(part - usual), limit, message, do)
