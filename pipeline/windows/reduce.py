@@ -181,7 +181,8 @@ def _moved_by_spikes(torque: Array) -> float:
     reaches 1.4 times it, normal noise does not pass it.
     """
     distance = np.abs(torque - torque.mean())
-    if distance.max() <= NO_SPIKE * math.sqrt(float(np.mean(distance**2))):
+    largest = float(distance.max())
+    if largest == 0.0 or largest <= NO_SPIKE * largest * math.sqrt(float(np.mean((distance / largest) ** 2))):
         return 0.0
     distance = np.abs(torque - np.median(torque))
     usual = distance <= SPIKE * 1.4826 * np.median(distance)
