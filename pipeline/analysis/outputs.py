@@ -22,6 +22,7 @@ from pmg.pipeline.grid.levels import by_load
 from pmg.pipeline.grid.missing_uncertainty import unstated_columns, unstated_in
 from pmg.pipeline.grid.tables import frame_grid, grid_frame
 from pmg.pipeline.store.store import Store, refuse_recordings
+from pmg.pipeline.wording.safe_text import spreadsheet_text
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import StoreError
 from pmg.sim.signals import SPEED_SUN
@@ -57,7 +58,8 @@ TABLES = (
 
 def _write_frame(frame: pd.DataFrame, stem: Path) -> str:
     """The frame as CSV and as Parquet; returns the hash of the latter."""
-    write_atomic(stem.with_suffix(".csv"), frame.to_csv(index=False, lineterminator="\n").encode())
+    safe = frame.map(lambda cell: spreadsheet_text(cell) if isinstance(cell, str) else cell)
+    write_atomic(stem.with_suffix(".csv"), safe.to_csv(index=False, lineterminator="\n").encode())
     columns = {name: _plain(frame[name]) for name in frame.columns}
     buffer = io.BytesIO()
     pl.DataFrame(columns).write_parquet(buffer, compression="zstd", statistics=False)

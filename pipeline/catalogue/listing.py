@@ -7,6 +7,7 @@ import io
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.catalogue.columns import Column, Kind
+from pmg.pipeline.wording.safe_text import printable, spreadsheet_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -46,11 +47,6 @@ def shown(column: Column, value: Cell) -> str:
     return printable(str(value))
 
 
-def printable(text: str) -> str:
-    """Text without what would steer a terminal."""
-    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
-
-
 def comma_separated(columns: Sequence[Column], rows: Sequence[Sequence[Cell]]) -> list[str]:
     """A heading and the rows; yes and no as such, empty where a value is not known."""
     stream = io.StringIO()
@@ -65,7 +61,7 @@ def _plain(column: Column, value: Cell) -> Cell:
     """A value for a table."""
     if column.kind is Kind.FLAG and value is not None:
         return "yes" if value else "no"
-    return value
+    return spreadsheet_text(value) if isinstance(value, str) else value
 
 
 def for_json(column: Column, value: Cell) -> Cell:

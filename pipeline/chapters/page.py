@@ -1,4 +1,4 @@
-"""The whole page: chapters in the order in which an engineer asks."""
+"""The whole page: its head with the verdict, then chapters in the order in which an engineer asks."""
 
 from __future__ import annotations
 

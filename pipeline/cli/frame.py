@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pmg.pipeline.wording.safe_text import printable, printable_json, printable_lines
 from pmg.sim.errors import PmgError
 
 if TYPE_CHECKING:
@@ -136,7 +137,7 @@ def _carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_o
             typer.echo(text if error is None else as_text(command, code, None, error))
         elif outcome is not None:
             for line in outcome.lines:
-                typer.echo(line)
+                typer.echo(printable_lines(line))
             _tell_findings(outcome)
         sys.stdout.flush()
     except BrokenPipeError:  # whoever reads has read enough, such as head; what is left goes nowhere
@@ -165,13 +166,13 @@ def as_text(command: str, code: int, outcome: Outcome | None, error: dict[str, s
         "findings": [] if outcome is None else [remark.to_dict() for remark in outcome.findings],
         "error": error,
     }
-    return json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False)
+    return printable_json(json.dumps(result, indent=1, allow_nan=False, ensure_ascii=False))
 
 
 def _tell_error(command: str, problem: str, hint: str) -> None:
     """Print what is wrong, and on a line of its own what can be done about it."""
-    typer.echo(f"pmg {command}: {problem}", err=True)
-    typer.echo(f"hint: {hint}", err=True)
+    typer.echo(printable(f"pmg {command}: {problem}"), err=True)
+    typer.echo(printable(f"hint: {hint}"), err=True)
 
 
 FINDINGS_SHOWN = 20
@@ -181,7 +182,7 @@ FINDINGS_SHOWN = 20
 def _tell_findings(outcome: Outcome) -> None:
     grave = [remark for remark in outcome.findings if remark.severity != "info"]
     for remark in grave[:FINDINGS_SHOWN]:
-        typer.echo(f"{remark.severity}: {remark.place}: {remark.message}", err=True)
+        typer.echo(printable(f"{remark.severity}: {remark.place}: {remark.message}"), err=True)
     if len(grave) > FINDINGS_SHOWN:
         typer.echo(f"... and {len(grave) - FINDINGS_SHOWN} more; --json and the report list them all.", err=True)
 
@@ -210,7 +211,7 @@ def _progress_line(quiet: bool, what: str) -> Iterator[Callable[[int, int, str],
         if step == shown or (quiet and not terminal):
             return
         shown = step
-        text = f"{what} {done}/{total} {name}"
+        text = printable(f"{what} {done}/{total} {name}")
         sys.stderr.write(f"\r\x1b[K{text}" if terminal else f"{text}\n")
         sys.stderr.flush()
 

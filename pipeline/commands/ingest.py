@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.commands.ingest_files import ingest
@@ -12,6 +13,7 @@ from pmg.pipeline.grid.crosschecks.catalogue import cross_check
 from pmg.pipeline.grid.missing_points import missing_points
 from pmg.pipeline.grid.window_facts import rated, window_facts, window_remarks
 from pmg.pipeline.importers.supply import read_supply
+from pmg.pipeline.recording.codes import Severity
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.recording.supplied import NOTHING
 from pmg.pipeline.store.sources import Shard
@@ -21,7 +23,7 @@ from pmg.pipeline.wording.plurals import counted
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     from pmg.pipeline.grid.crosschecks.contradiction import CrossCheckRemark
@@ -31,16 +33,43 @@ if TYPE_CHECKING:
     from pmg.pipeline.windows.limits import Steadiness
 
 
+@dataclass(frozen=True)
+class IngestOptions:
+    """Choices of an ingest.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Processes of this machine.
+    scheduler : str, optional
+        Address of a dask scheduler whose workers do the work instead.
+    shard : str, optional
+        The part of the recordings to take, as ``i/n``.
+    limits : Path or Steadiness, optional
+        Limits, or the file that holds them, by which windows are found and judged.
+    chart : Path, optional
+        File that states what recordings lack: run, calibration, channels under other names.
+    checks : mapping, optional
+        Actions of cross-checks other than the default ones, by name.
+    """
+
+    workers: int | None = None
+    scheduler: str | None = None
+    shard: str | None = None
+    limits: Path | Steadiness | None = None
+    chart: Path | None = None
+    checks: Mapping[str, str] | None = None
+
+
+ALONE = IngestOptions(workers=1)
+"""One process, and defaults else."""
+
+
 def run_ingest(
     recordings: Path,
     store: Path,
-    *,
-    workers: int | None,
-    progress: Callable[[int, int, str], None] | None,
-    scheduler: str | None = None,
-    shard: str | None = None,
-    limits: Path | Steadiness | None = None,
-    chart: Path | None = None,
+    options: IngestOptions = IngestOptions(),
+    progress: Callable[[int, int, str], None] | None = None,
 ) -> Outcome:
     """Decode recordings into a store.
 
@@ -50,27 +79,19 @@ def run_ingest(
         Folder of recordings, or one file.
     store : Path
         Receives samples and manifests.
-    workers : int, optional
-        Processes of this machine.
+    options : IngestOptions
+        Choices.
     progress : callable, optional
         Told (done, total, name) after each file.
-    scheduler : str, optional
-        Address of a dask scheduler whose workers do the work instead.
-    shard : str, optional
-        The part of the recordings to take, as ``i/n``.
-    limits : Path or Steadiness, optional
-        Limits, or the file that holds them, by which windows are found and judged.
-    chart : Path, optional
-        File that states what recordings lack: run, calibration, channels under other names.
     """
     report = ingest(
         recordings,
         Store(store),
-        workers=workers,
-        scheduler=scheduler,
-        shard=None if shard is None else Shard.of(shard),
-        limits=chosen_limits(limits),
-        supplied=NOTHING if chart is None else read_supply(chart),
+        workers=options.workers,
+        scheduler=options.scheduler,
+        shard=None if options.shard is None else Shard.of(options.shard),
+        limits=chosen_limits(options.limits),
+        supplied=NOTHING if options.chart is None else read_supply(options.chart),
         progress=progress,
     )
     manifests = [m for m in Store(store).manifests() if m.ingested]
@@ -81,7 +102,8 @@ def run_ingest(
     ]
     if copies:
         lines.append(f"{counted(len(copies), 'window')} in two files: counted once")
-    contradictions = _contradictions(manifests, report.sha256)
+    contradictions = _contradictions(manifests, report.sha256, options.checks)
+    lost = any(remark.severity == Severity.ERROR for remark in contradictions)
     if contradictions:
         lines.append(f"{counted(len(contradictions), 'contradiction')} with what else is known: see the findings")
     if missing_points:
@@ -105,7 +127,7 @@ def run_ingest(
         data,
         tuple(lines),
         findings + judged + copies + contradictions + tuple(point.finding() for point in missing_points),
-        partial=bool(report.failed or report.rejected or missing or contradictions),
+        partial=bool(report.failed or report.rejected or missing or lost),
     )
 
 
@@ -113,16 +135,15 @@ def ingest_chosen(
     chosen: Chosen, progress: Callable[[int, int, str], None] | None, shard: str | None = None
 ) -> Outcome:
     """Decode the recordings that file and options name into the store that they name."""
-    return run_ingest(
-        chosen.needed("recordings"),
-        chosen.needed("store"),
-        workers=chosen.workers,
-        scheduler=chosen.text("scheduler"),
-        shard=shard,
-        limits=chosen.limits,
-        chart=chosen.path("map"),
-        progress=progress,
+    options = IngestOptions(
+        chosen.workers,
+        chosen.text("scheduler"),
+        shard,
+        chosen.limits,
+        chosen.path("map"),
+        chosen.options().checks,
     )
+    return run_ingest(chosen.needed("recordings"), chosen.needed("store"), options, progress)
 
 
 def _told_windows(manifests: list[Manifest], sources: frozenset[str]) -> tuple[Remark, ...]:
@@ -160,14 +181,16 @@ def _copied_windows(manifests: list[Manifest], sources: frozenset[str]) -> tuple
     )
 
 
-def _contradictions(manifests: list[Manifest], sources: frozenset[str]) -> tuple[CrossCheckRemark, ...]:
-    """What the cross-checks of the campaigns of these sources find, by their default actions."""
+def _contradictions(
+    manifests: list[Manifest], sources: frozenset[str], actions: Mapping[str, str] | None
+) -> tuple[CrossCheckRemark, ...]:
+    """Findings of the cross-checks of the campaigns that these sources are of."""
     asked = {manifest.campaign for manifest in manifests if manifest.sha256 in sources}
     found: list[CrossCheckRemark] = []
     for campaign in _of_campaigns(manifests):
         if campaign[0].campaign in asked:
             bench = rated(load_bench(), window_facts(campaign))
-            found += cross_check(without_copies(campaign), bench).findings
+            found += cross_check(without_copies(campaign), bench, actions).findings
     return tuple(found)
 
 

@@ -18,10 +18,11 @@ from pmg.pipeline.recording.supplied import NOTHING
 from pmg.pipeline.store.manifest import FAILED, INGESTED, Manifest, StoredWindow
 from pmg.pipeline.store.sources import take_inventory
 from pmg.pipeline.store.store import Store
+from pmg.pipeline.store.supersede import supersede
 from pmg.pipeline.windows.limits import LIMITS
 from pmg.pipeline.windows.reduce import REDUCTION, reduce_window
 from pmg.pipeline.windows.windows import find_windows
-from pmg.sim.errors import PmgError, StoreError
+from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Iterable, Iterator, Sequence
@@ -135,7 +136,7 @@ def ingest(
         if progress is not None:
             progress(done, len(inventory.sources), job.source.name)
     store.sweep()
-    _supersede(store, inventory.sources)
+    supersede(store, inventory.sources)
     known = {manifest.sha256: manifest for manifest in store.manifests()}
     if scheduler is not None and any(source.sha256 not in known for source in todo):
         raise _unseen(store.path)
@@ -155,31 +156,6 @@ def ingest(
     )
 
 
-def _supersede(store: Store, sources: tuple[StoredSource, ...]) -> None:
-    """Remove what the store holds of earlier contents of these very files.
-
-    Other bytes at the same place that tell of the same run (campaign and start) are a corrected version; a failed
-    file at the same place was mended; the same bytes under two names came from two processes at once. Were both
-    kept, points would count twice. Another run that was written over an earlier one leaves that one in the store.
-    """
-    current = {source.sha256 for source in sources}
-    manifests = sorted(store.manifests(), key=lambda m: (not m.ingested, m.identifier))
-    runs = {m.place: _run_of(m) for m in manifests if m.sha256 in current and m.ingested}
-    kept: set[str] = set()
-    for manifest in manifests:
-        place, sha256 = manifest.place, manifest.sha256
-        twice = sha256 in current and sha256 in kept
-        corrected = sha256 not in current and place in runs and _run_of(manifest) in (None, runs[place])
-        kept.add(sha256)
-        if twice or corrected:
-            store.remove(manifest.identifier)
-
-
-def _run_of(manifest: Manifest) -> tuple[str, str] | None:
-    """Campaign and start of an ingested source."""
-    return (manifest.campaign, manifest.started_at) if manifest.ingested else None
-
-
 def _ingest_one(job: _Job) -> str:
     """Read, judge, condense and store one file; what became of it."""
     source, store = job.source, Store(job.store)
@@ -188,22 +164,31 @@ def _ingest_one(job: _Job) -> str:
     earlier = store.manifest(source.identifier)
     if earlier is not None and _done(earlier, job.limits, job.supplied):
         return THERE
+    run = RunRecord()
     try:
         recording = read_recording(source.path, source.name, job.supplied, coils=True)
         if recording.sha256 != source.sha256:
             raise UnusableRecordingError((_changed(source),))
+        run = _run_record(recording)
         windows = find_windows(recording, job.limits)
         manifest = _manifest(source, recording, windows, job)
         keep_orders(store.path, source.identifier, recording, windows)
     except UnusableRecordingError as error:
         return _failed(source, store, error.findings, RunRecord(**error.run))
-    except (OSError, PmgError, MemoryError):
+    except (OSError, StoreError):  # of the store: the next recording would meet it too
         raise
     except Exception as error:  # a defect of pmg that one recording brings out must not cost the others
         log = store.write_log(source.identifier, traceback.format_exc())
-        return _failed(source, store, (_unexpected(source, error, log),), RunRecord())
+        return _failed(source, store, (_unexpected(source, error, log),), run)
     store.write(manifest, recording.samples)
     return DONE
+
+
+def _run_record(recording: Recording) -> RunRecord:
+    """The run of a recording, for its manifest."""
+    run = recording.run
+    told = run.campaign, run.point, str(run.configuration), run.gear, run.drive, run.started_at.isoformat(), run.note
+    return RunRecord(*told)
 
 
 def _failed(source: StoredSource, store: Store, findings: tuple[Finding, ...], run: RunRecord) -> str:
@@ -265,16 +250,14 @@ def _changed(source: StoredSource) -> Finding:
 
 def _manifest(source: StoredSource, recording: Recording, windows: Sequence[Window], job: _Job) -> Manifest:
     """The manifest of a usable recording."""
-    run, supplied, origin = recording.run, recording.supplied, recording.origin
+    supplied, origin = recording.supplied, recording.origin
     return Manifest(
         source.identifier,
         source.name,
         source.place,
         source.sha256,
         INGESTED,
-        RunRecord(
-            run.campaign, run.point, str(run.configuration), run.gear, run.drive, run.started_at.isoformat(), run.note
-        ),
+        _run_record(recording),
         recording.findings,
         tuple(_window(recording, window) for window in windows),
         recording.calibration,

@@ -17,7 +17,7 @@ import numpy as np
 from pmg.pipeline.commands.analyse import gather
 from pmg.pipeline.commands.compare import SEED, write_results
 from pmg.pipeline.commands.compare_and_diagnose import diagnose_campaign, simulate_campaign
-from pmg.pipeline.commands.ingest import run_ingest
+from pmg.pipeline.commands.ingest import IngestOptions, run_ingest
 from pmg.pipeline.commands.notebook_results import (
     CampaignAnalysis,
     CampaignComparison,
@@ -96,7 +96,7 @@ def ingest(
     """
     place = Path(tempfile.mkdtemp(prefix="pmg-store-")) if store is None else Path(store)
     try:
-        done = run_ingest(Path(recordings), place, workers=workers, progress=None, limits=limits, chart=supplied)
+        done = run_ingest(Path(recordings), place, IngestOptions(workers, limits=limits, chart=supplied))
     except BaseException:
         if store is None:
             shutil.rmtree(place, ignore_errors=True)

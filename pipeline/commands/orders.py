@@ -28,6 +28,7 @@ from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.wording.plurals import counted
+from pmg.pipeline.wording.spreadsheet import spreadsheet_csv
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import FitError, StoreError, near_miss
 
@@ -293,7 +294,7 @@ def _write(out: Path, table: pl.DataFrame, angles: list[dict[str, Any]], data: d
     """Tables and summary; returns their paths."""
     tables = {"orders.csv": table, "load_angles.csv": pl.DataFrame(angles, schema=ANGLES)}
     for name, frame in tables.items():
-        write_atomic(out / name, frame.write_csv().encode())
+        write_atomic(out / name, spreadsheet_csv(frame).encode())
     text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     write_atomic(out / "orders.json", text.encode())
     return [str(out / name) for name in (*tables, "orders.json")]

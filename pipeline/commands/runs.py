@@ -15,7 +15,7 @@ from pmg.pipeline.catalogue.difference import (
 )
 from pmg.pipeline.catalogue.find_run import FoundRun, find_run
 from pmg.pipeline.catalogue.index import Catalogue, open_catalogue
-from pmg.pipeline.catalogue.listing import aligned, comma_separated, for_json, printable, shown
+from pmg.pipeline.catalogue.listing import aligned, comma_separated, for_json, shown
 from pmg.pipeline.catalogue.query import column_named, texts_asked_for
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.recording.remark import Remark
@@ -23,6 +23,7 @@ from pmg.pipeline.store.store import RUNS, Store
 from pmg.pipeline.windows.limits import limit_told
 from pmg.pipeline.wording.plurals import counted
 from pmg.pipeline.wording.probability import COVERAGE_FACTOR
+from pmg.pipeline.wording.safe_text import printable
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import closest, near_miss
 from pmg.sim.shafts import SIDES

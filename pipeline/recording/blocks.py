@@ -138,7 +138,8 @@ def without_strays(blocks: Blocks, topic: str, rate_hz: float, findings: Finding
     findings.error(
         Code.SAMPLES_ASTRAY,
         topic,
-        f"{len(strays)} blocks, the first at sample {strays.first[0]}, lie far from the others; "
+        f"{len(strays)} blocks, the first at sample {strays.first[0]}, lie far from the others, or the gaps "
+        f"between all leave out more than {LARGEST_JUMP} samples; "
         f"expected indices near {best.first[0]}. They are left out",
         "The index was damaged or the clock reset inside the run: check the recorder.",
         sample_range=(int(strays.first.min()), int(strays.stops.max())),

@@ -1,4 +1,4 @@
-"""The calibration that travels inside each recording."""
+"""The calibration that travels inside each recording, and the torque that it makes of a frequency."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 ATTACHMENT = "calibration.toml"
 SIZES = 1e-9, 1e12
 """Sizes of the numbers of a calibration, beyond which there is no transducer and no encoder."""
+LONGEST_SERIAL = 64
+"""Bits of a serial number that is written as a number."""
 NUMBERS = ("null_frequency_Hz", "nominal_torque_Nm", "span_Hz")
 
 
@@ -113,7 +115,11 @@ def _transducer(table: Mapping[str, Any], side: str, findings: Findings) -> Tran
         came = f"nominal torque {nominal}, span {span}, null frequency {null}"
         _fault(findings, place, came, "positive torque and null, span other than 0", "Correct the attachment.")
         return None
-    return Transducer(null, nominal, span, str(entries.get("serial", "")))
+    serial = entries.get("serial", "")
+    if not isinstance(serial, str | int) or (isinstance(serial, int) and serial.bit_length() > LONGEST_SERIAL):
+        _fault(findings, f"{place}.serial", f"a {type(serial).__name__}", "text in quotation marks", "Correct it.")
+        return None
+    return Transducer(null, nominal, span, str(serial))
 
 
 def _counts(table: Mapping[str, Any], side: str, findings: Findings) -> int | None:
@@ -142,9 +148,16 @@ def _number(entries: Mapping[str, Any], key: str, place: str, findings: Findings
     if isinstance(value, int | float) and not isinstance(value, bool):
         if value == 0 or SIZES[0] <= abs(value) <= SIZES[1]:
             return float(value)
-        _fault(findings, f"{place}.{key}", f"{value!s:.40}", f"a size from {SIZES[0]:g} to {SIZES[1]:g}", "Correct it.")
+        came = f"a whole number of {value.bit_length()} bits" if isinstance(value, int) else f"{value:g}"
+        _fault(findings, f"{place}.{key}", came, f"a size from {SIZES[0]:g} to {SIZES[1]:g}", "Correct it.")
         return None
-    came = "the key is missing" if key not in entries else f"{value!r:.80}"
+    came = (
+        "the key is missing"
+        if key not in entries
+        else f"a {type(value).__name__}"
+        if isinstance(value, dict | list)
+        else f"{value!r:.80}"
+    )
     hint = near_miss(key, entries) if key not in entries and entries else "Correct the attachment."
     _fault(findings, f"{place}.{key}", came, "a finite number", hint)
     return None

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.pipeline.recording.calibration import Calibration
+    from pmg.pipeline.recording.channels import ChannelSpec
     from pmg.pipeline.recording.container.contents import Topic
     from pmg.pipeline.recording.findings import Findings
     from pmg.pipeline.recording.layouts.wire import IndexPulse
@@ -54,17 +55,21 @@ def decode_torque(topics: dict[str, Topic], side: str, calibration: Calibration,
     direct = channels.frequency(side)
     if any(spec.topic in topics for spec in by_edges):
         frequency = frequency_from_edges(topics, *by_edges, findings)
-        if direct.topic in topics and frequency is not None:
-            beside = recorded_frequency(topics, direct, findings)
-            if beside is not None:
-                values, firsts = (frequency.values, beside.values), (frequency.first, beside.first)
-                compare_encodings(values, firsts, calibration[side], beside.topic, findings)
+        beside = _spare_frequency(topics, direct, findings)
+        if beside is not None and frequency is not None and beside.rate_hz == frequency.rate_hz:
+            values, firsts = (frequency.values, beside.values), (frequency.first, beside.first)
+            compare_encodings(values, firsts, calibration[side], beside.topic, findings)
     else:
         frequency = recorded_frequency(topics, direct, findings)
     if frequency is None:
         return None
     torque = calibration[side].torque(frequency.values)
     return Decoded(frequency.topic, frequency.first, frequency.rate_hz, torque, frequency.present, frequency.blemishes)
+
+
+def _spare_frequency(topics: dict[str, Topic], spec: ChannelSpec, findings: Findings) -> Decoded | None:
+    """The frequency that was recorded beside the edges, which are used; faults of its own cost nothing."""
+    return recorded_frequency(topics, spec, Findings(findings.file)) if spec.topic in topics else None
 
 
 def decode_angle(

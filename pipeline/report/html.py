@@ -17,6 +17,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from pmg.pipeline.report.draw import draw_svg
 from pmg.pipeline.report.live import live_figure
 from pmg.pipeline.report.theme import DARK, FONTS, LIGHT, variables
+from pmg.pipeline.wording.safe_text import printable_json, printable_lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -47,6 +48,7 @@ def html(report: Report, drawings: Mapping[str, str] | None = None) -> str:
         autoescape=True,
         undefined=StrictUndefined,
         keep_trailing_newline=True,
+        finalize=_shown,
     )
     script = _script()
     library = _library() if report.figures else ""
@@ -71,6 +73,11 @@ def html(report: Report, drawings: Mapping[str, str] | None = None) -> str:
         plotly=_packed_library() if library else "",
         script=script,
     )
+
+
+def _shown(value: object) -> object:
+    """What a template prints of a value: of plain text, no sign that would steer the page or its reader's terminal."""
+    return printable_lines(value) if type(value) is str else value
 
 
 def _deflated(data: bytes) -> str:
@@ -105,7 +112,7 @@ def _hash(script: str) -> str:
 
 def _embedded(data: Mapping[str, Any]) -> str:
     """JSON that no text in it can end early."""
-    text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    text = printable_json(json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")))
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 

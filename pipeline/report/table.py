@@ -14,6 +14,7 @@ import numpy as np
 
 from pmg.pipeline.report.names import checked_id
 from pmg.pipeline.wording import numerals
+from pmg.pipeline.wording.safe_text import spreadsheet_text
 
 LONG = 40
 """Rows above which a table scrolls in its own box."""
@@ -206,7 +207,7 @@ def _exact(value: str | SupportsFloat | None) -> str:
     if value is None:
         return ""
     if isinstance(value, str):
-        return lines(value)
+        return spreadsheet_text(lines(value))
     if isinstance(value, bool | np.bool_):
         return "true" if value else "false"
     if isinstance(value, numbers.Integral):

@@ -11,8 +11,7 @@ from pmg.pipeline.files.strict_tables import Strict, refuse, refuse_unknown, ref
 from pmg.pipeline.files.table_file import TableFile, read_table_file
 from pmg.pipeline.fit.loss_fit import check_powers
 from pmg.pipeline.fit.options import AUTO, AnalysisOptions, parse_powers
-from pmg.pipeline.grid.crosschecks.catalogue import NAMES
-from pmg.pipeline.grid.crosschecks.contradiction import Action
+from pmg.pipeline.grid.crosschecks.catalogue import CROSS_CHECKS, allowed_actions
 from pmg.pipeline.settings.tolerance import Tolerances, tolerance
 from pmg.pipeline.windows.limits import WindowsTable
 from pmg.sim.errors import FitError
@@ -120,10 +119,10 @@ def _checks(table: object) -> object:
     """The actions of a table, each by the name of a cross-check."""
     if not isinstance(table, dict):
         return table
-    refuse_unknown(table, NAMES, "a cross-check")
+    refuse_unknown(table, [check.name for check in CROSS_CHECKS], "a cross-check")
     for name, action in table.items():
-        if action not in tuple(Action):
-            refuse(repr(action), " or ".join(f'"{each}"' for each in Action), "Choose one of them.", name)
+        if action not in (allowed := allowed_actions(name)):
+            refuse(repr(action), " or ".join(f'"{each}"' for each in allowed), "Choose one of them.", name)
     return table
 
 

@@ -18,6 +18,7 @@ from pmg.pipeline.report.write import SUMMARY, report_files, write_report
 from pmg.pipeline.simulate.simulation import encoder_angles, recordable
 from pmg.pipeline.simulate.steady_points import BEGIN
 from pmg.pipeline.simulate.tables import points_frame, response_frame, transient_frame
+from pmg.pipeline.wording.spreadsheet import spreadsheet_csv
 from pmg.sim.errors import RecordingError, StoreError
 from pmg.sim.grid import Configuration
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
@@ -59,7 +60,7 @@ def simulation_files(
         frames["response"] = response_frame(simulation.answer)
     for name, frame in frames.items():
         if "csv" in scenario.output.formats:
-            files[f"{name}.csv"] = frame.write_csv().encode()
+            files[f"{name}.csv"] = spreadsheet_csv(frame).encode()
         if "parquet" in scenario.output.formats:
             buffer = io.BytesIO()
             frame.write_parquet(buffer, compression="zstd", statistics=False)

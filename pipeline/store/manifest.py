@@ -14,6 +14,7 @@ from pmg.pipeline.recording.origin import ImportRecord
 from pmg.pipeline.recording.run_records import RunRecord, Setpoints, WindowRecord
 from pmg.pipeline.recording.supplied import SuppliedRecord
 from pmg.sim.grid import Configuration
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -217,6 +218,9 @@ def _window_document(window: StoredWindow) -> dict[str, Any]:
         key: document.pop(key) for key in ("point", "configuration", "gear", "drive", "started_at_s")
     } | document
     means = {key: document["means"][key] for key in MEANS}
+    for side in SIDES:
+        if math.isnan(means[side]["spikes"]):  # not known of a window that was reduced in an earlier way
+            del means[side]["spikes"]
     return document | {"reasons": list(window.reasons), "means": with_nulls(means)}
 
 

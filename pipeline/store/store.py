@@ -141,6 +141,7 @@ class Store:
             buffer = io.BytesIO()
             samples.write_parquet(buffer, compression="zstd", statistics=False)
             write_atomic(self.path / RUNS / f"{manifest.identifier}.parquet", buffer.getvalue())
+            (self.path / LOGS / f"{manifest.identifier}.log").unlink(missing_ok=True)
         write_atomic(self.path / SOURCES / f"{manifest.identifier}.json", _json(manifest.document()))
 
     def write_log(self, identifier: str, text: str) -> str:
@@ -163,6 +164,7 @@ class Store:
         (self.path / RUNS / f"{identifier}.parquet").unlink(missing_ok=True)
         for suffix in (".json", ".parquet"):
             (self.path / ORDERS / f"{identifier}{suffix}").unlink(missing_ok=True)
+        (self.path / LOGS / f"{identifier}.log").unlink(missing_ok=True)
 
     def samples(self, identifier: str) -> pl.DataFrame:
         """Decoded samples of a source: `sample`, `torque_sun`, `torque_ring` [N m], `angle_sun`, `angle_ring` [rad]."""
@@ -178,7 +180,7 @@ class Store:
         """Clear away what killed processes left: half-written files, and sources half removed."""
         for leaving in (self.path / SOURCES).glob(f"{REMOVED}*.json"):
             self._finish_removal(leaving)
-        for folder in (self.path, *(self.path / name for name in (SOURCES, RUNS, ORDERS))):
+        for folder in (self.path, *(self.path / name for name in (SOURCES, RUNS, ORDERS, LOGS))):
             for left in folder.glob(f"{PREFIX}*"):
                 if not left.name.startswith(REMOVED) and abandoned(left):
                     with suppress(OSError):

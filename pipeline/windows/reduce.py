@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.windows.window import Window
     from pmg.sim.signals import Array
 
-REDUCTION = 2
+REDUCTION = 3
 """Version of the reduction to means and uncertainties, counted up with every change; a store holds which it has."""
+NORMAL_MAD = 1.482602218505602
+"""Standard deviation of normal numbers over the median of their absolute deviations."""
 CUTOFF_HZ = 0.5
 """Cut-off of the brick-wall filter that the bench's evaluation applies to the torques [Hz]."""
 DOUBTED = 0.45
@@ -185,7 +187,7 @@ def _moved_by_spikes(torque: Array) -> float:
     if largest == 0.0 or largest <= NO_SPIKE * largest * math.sqrt(float(np.mean((distance / largest) ** 2))):
         return 0.0
     distance = np.abs(torque - np.median(torque))
-    usual = distance <= SPIKE * 1.4826 * np.median(distance)
+    usual = distance <= SPIKE * NORMAL_MAD * np.median(distance)
     return float(torque.mean() - torque[usual].mean()) if usual.any() else 0.0
 
 

@@ -20,7 +20,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 
 from pmg.pipeline.commands import compare
 from pmg.pipeline.commands.analyse import run_analyse
-from pmg.pipeline.commands.ingest import run_ingest
+from pmg.pipeline.commands.ingest import ALONE, run_ingest
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.report import draw, write
 from tests.bench.case import timed
@@ -76,7 +76,7 @@ def told(store: Path | None, folder: Path) -> tuple[tuple[Any, ...], dict[str, A
     """What a comparison hands to `write_report`: the report, and whatever goes with it."""
     if store is None:
         store = folder / "store"
-        run_ingest(EXAMPLE, store, workers=1, progress=None)
+        run_ingest(EXAMPLE, store, ALONE)
         run_analyse(store, AnalysisOptions(), grids=None, campaign=None)
     caught: list[tuple[tuple[Any, ...], dict[str, Any]]] = []
 

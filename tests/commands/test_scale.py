@@ -17,7 +17,7 @@ from tests.bench.throughput import LAYOUTS, RATE_HZ, by_blocks, by_official, by_
 from tests.conftest import FILES
 from tests.recording.writer import CALIBRATION, RUN, Bench, write
 
-from pmg.pipeline.commands.ingest_files import _ingest_one, _Job, _supersede, ingest
+from pmg.pipeline.commands.ingest_files import _ingest_one, _Job, ingest
 from pmg.pipeline.files.atomic import ABANDONED, PREFIX, abandoned, write_atomic
 from pmg.pipeline.files.parallel import map_over
 from pmg.pipeline.recording.codes import Code, Severity
@@ -147,7 +147,7 @@ def test_the_same_bytes_ingested_under_two_names_at_once_count_once(tmp_path: Pa
         _ingest_one(_Job(source, store.path))
     assert len(store.manifests()) == 2
     for source in reversed(sources):
-        _supersede(store, (source,))
+        supersede(store, (source,))
     assert [m.file for m in store.manifests()] == ["a.mcap"]
     assert len(list((store.path / "runs").iterdir())) == 1
 

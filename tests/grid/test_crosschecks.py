@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from tests.grid.checked_campaign import (
     sound_campaign,
     write_campaign,
 )
+from tests.house import ROOT
 
 from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.grid.campaign import choose_campaign
@@ -65,6 +67,12 @@ def test_a_planted_contradiction_is_named_and_costs_no_other_file(
 
 def test_every_check_has_a_fault_or_a_test_of_its_own() -> None:
     assert {check.name for check in CROSS_CHECKS} - {fault.check for fault in FAULTS} == {"two-encodings"}
+
+
+def test_the_table_of_the_page_is_that_of_the_checks() -> None:
+    page = (ROOT / "pipeline" / "grid" / "README.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([a-z-]+)` \|.*\| `(\w+)` \|$", page, flags=re.MULTILINE)
+    assert rows == [(check.name, str(check.action)) for check in CROSS_CHECKS]
 
 
 def test_an_action_of_the_campaign_file_takes_the_place_of_the_default(tmp_path: Path, bench: BenchParameters) -> None:

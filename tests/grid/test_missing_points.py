@@ -10,7 +10,7 @@ from tests.recording.writer import Bench
 
 from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.compare import run_compare
-from pmg.pipeline.commands.ingest import run_ingest
+from pmg.pipeline.commands.ingest import ALONE, run_ingest
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.missing_points import missing_points
@@ -41,7 +41,7 @@ def stored(folder: Path, **files: bytes) -> tuple[Store, Outcome]:
     recordings.mkdir()
     for name, data in files.items():
         (recordings / f"{name}.mcap").write_bytes(data)
-    outcome = run_ingest(recordings, folder / "s", workers=1, progress=None)
+    outcome = run_ingest(recordings, folder / "s", ALONE)
     return Store(folder / "s"), outcome
 
 
@@ -149,7 +149,5 @@ def test_a_call_tells_what_a_file_of_an_earlier_call_shares_with_it(tmp_path: Pa
     files = {"copy": session(FIRST, ("A", "B"), 2000), "cut": session(LATER, ("A", "B"), 1800), "whole": session(FIRST)}
     for name, data in files.items():
         (tmp_path / "r" / f"{name}.mcap").write_bytes(data)
-    calls = [
-        run_ingest(tmp_path / "r" / f"{name}.mcap", tmp_path / "s", workers=1, progress=None).data for name in files
-    ]
+    calls = [run_ingest(tmp_path / "r" / f"{name}.mcap", tmp_path / "s", ALONE).data for name in files]
     assert [(call["copies"], call["not_reached"]) for call in calls] == [(0, 0), (0, 0), (2, 2)]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from pmg.pipeline.commands.ingest import run_ingest
+from pmg.pipeline.commands.ingest import IngestOptions, run_ingest
 from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.importers.supply import read_supply
 from pmg.pipeline.recording.codes import Code
@@ -234,7 +234,7 @@ def test_ingest_takes_the_map_and_keeps_what_it_supplied_until_another_is_given(
     place = tmp_path / "store"
 
     def again(path: Path | None) -> tuple[int, int, int]:
-        data = run_ingest(folder, place, workers=1, progress=None, chart=path).data
+        data = run_ingest(folder, place, IngestOptions(1, chart=path)).data
         return data["ingested"], data["skipped"], data["failed"]
 
     assert again(None) == (1, 0, 1)

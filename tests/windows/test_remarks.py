@@ -17,7 +17,7 @@ from pmg.pipeline.analysis.outputs import write_analysis
 from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.compare import run_compare
 from pmg.pipeline.commands.design import run_design
-from pmg.pipeline.commands.ingest import run_ingest
+from pmg.pipeline.commands.ingest import ALONE, run_ingest
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.residuals import run_residuals
 from pmg.pipeline.fit.analysis import Analysis, analyse
@@ -39,7 +39,7 @@ def ingested(folder: Path, **files: Bench) -> Outcome:
     recordings.mkdir()
     for name, bench in files.items():
         (recordings / f"{name}.mcap").write_bytes(recorded(bench))
-    return run_ingest(recordings, folder / "s", workers=1, progress=None)
+    return run_ingest(recordings, folder / "s", ALONE)
 
 
 def slow(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -98,7 +98,7 @@ class Contest:
 
 @dataclass(frozen=True)
 class Scene:
-    """What models are fitted to and judged on."""
+    """Data that models are fitted to and judged on."""
 
     recorded: Recorded
     withheld: Recorded | None

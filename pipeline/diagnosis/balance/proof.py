@@ -1,4 +1,4 @@
-"""Does naming terms help on recordings it has not seen: blocks withheld, a whole record withheld, and decoys."""
+"""Prediction of recordings not used for the fit: blocks withheld, a whole record withheld, and decoys."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the residual of a regression may follow, term or no term: families of columns over its covariates."""
+"""Structure that the residual of a regression may follow: families of columns over its covariates."""
 
 from __future__ import annotations
 

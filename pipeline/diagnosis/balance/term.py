@@ -1,4 +1,4 @@
-"""What a term of a regression is, declared once: equation, columns, unit, bounds, source."""
+"""Terms of a regression, each declared once: equation, columns, unit, bounds, source."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What the points of a test can tell apart, and which further test would."""
+"""Detectability of effects by the points of a test, and the further tests that would separate them."""

@@ -1,4 +1,4 @@
-"""What a campaign can tell apart: before it is run, or after, from its points and its noise alone."""
+"""Detectability of effects in a campaign: before it is run, or after, from its points and its noise alone."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ LARGEST_SCALING = 1e6
 
 @dataclass(frozen=True)
 class Visibility:
-    """How well one mechanism can be seen.
+    """Detectability of one mechanism.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class LookAlike:
 
 @dataclass(frozen=True)
 class Audit:
-    """What a campaign can tell.
+    """Detectability of effects in a campaign.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def _visibility(problem: GridProblem, candidate: Candidate, threshold: float) ->
 
 
 def _resembling(problem: GridProblem, fits: dict[Candidate, CandidateFit]) -> list[LookAlike]:
-    """How well one of a pair can imitate the other's trace, closest first; of two mechanisms, on the worst shafts."""
+    """Similarity of the traces of each pair, closest first; of two mechanisms, on the worst shafts."""
     blank = replace(problem, left=np.zeros(len(problem.readings)))
     free = {c: blank.take_out(replace(fit, seen=np.zeros(len(problem.readings)))) for c, fit in fits.items()}
     pairs: dict[frozenset[str], LookAlike] = {}

@@ -84,7 +84,7 @@ def longer_problem(problem: GridProblem, plan: Plan, floor: NoiseFloor) -> GridP
 
 
 def distance(problem: GridProblem, one: GridExplanation, other: GridExplanation) -> float:
-    """How far one explanation is from the other's best fit, baseline free: a noncentrality in noise variances."""
+    """Distance of one explanation from the other's best fit, baseline free: a noncentrality in noise variances."""
     blank = replace(problem, left=np.zeros(len(problem.readings)))
     free = blank
     for fit in other.fits:

@@ -34,7 +34,7 @@ USUAL = 0.99
 
 @dataclass(frozen=True)
 class Remainder:
-    """What an explanation leaves.
+    """Remainder of an explanation.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Remainder:
 
 
 AdequacyTest: TypeAlias = "Callable[[WhitenedProblem[Any]], Remainder]"
-"""What a problem leaves, judged."""
+"""Remainder of a problem, judged."""
 
 
 def adequacy_test(evidence: Evidence) -> AdequacyTest:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Decoys:
-    """What decoys would have achieved in place of what is named.
+    """Success of decoys in place of the named candidate.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Is there a mismatch, and what does it follow: the clearest structure, one after the other, the search paid for."""
+"""Mismatch: the clearest structure, one after the other, corrected for multiple testing."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ class SearchRound(Generic[F]):
 
 @dataclass(frozen=True)
 class Naming(Generic[F, P]):
-    """What the catalogue says.
+    """Result of the search in the catalogue.
 
     Parameters
     ----------

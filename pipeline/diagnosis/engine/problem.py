@@ -103,7 +103,7 @@ class WhitenedProblem(ABC, Generic[F]):
         """Whitened change of the rows per change of each free parameter of a fit (m, p)."""
 
     def project(self, columns: Array) -> Array:
-        """What of a whitened vector or of whitened columns the baseline cannot absorb."""
+        """The part of a whitened vector or of whitened columns that the baseline cannot absorb."""
         return np.asarray(columns - self.baseline @ (self.baseline.T @ columns))
 
     def score(self, fit: F) -> float:

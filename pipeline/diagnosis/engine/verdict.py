@@ -8,7 +8,7 @@ from typing import Any
 
 
 class Verdict(StrEnum):
-    """What may be said."""
+    """Verdicts of a diagnosis."""
 
     CONSISTENT = "consistent"
     NAMED = "named"

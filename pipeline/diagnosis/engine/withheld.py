@@ -1,4 +1,4 @@
-"""Does naming a candidate help on rows it has not seen: parts withheld before anything is chosen."""
+"""Prediction of withheld rows by named candidates: parts withheld before anything is chosen."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Withholding(ABC, Generic[F, P]):
     what: str
 
     noun: ClassVar[str]
-    """What is chosen, with its verb: ``mechanism was``."""
+    """The chosen kind, with its verb: ``mechanism was``."""
 
     @abstractmethod
     def part(self, rows: Mask) -> P:
@@ -77,11 +77,11 @@ class Withholding(ABC, Generic[F, P]):
 
     @abstractmethod
     def effect(self, fits: tuple[F, ...]) -> Array:
-        """What fits do to each row together."""
+        """Joint effect of fits on each row."""
 
     @abstractmethod
     def predictors(self, fits: tuple[F, ...]) -> tuple[Array, Array, Array]:
-        """What fits predict for every row as they are, columns refitted with the baseline, and all their slopes."""
+        """Predictions of fits for every row as they are, columns refitted with the baseline, and all their slopes."""
 
     def touched(self, fits: tuple[F, ...]) -> Mask:
         """Rows that fits act on, of those in a fold."""

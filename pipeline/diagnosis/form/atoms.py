@@ -33,7 +33,7 @@ RESOLUTION = 400.0
 
 @dataclass(frozen=True, eq=False)
 class FormCovariate:
-    """What a form may follow.
+    """Covariate of a formula.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a short form may follow at a location: its covariates, as quantities with symbol and unit."""
+"""Covariates of a short formula at a location, as quantities with symbol and unit."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def rows_of(place: Location, readings: Readings) -> Mask:
 def covariates_of(
     place: Location, readings: Readings, bench: BenchParameters, model: LossModel
 ) -> tuple[FormCovariate, ...]:
-    """What the location follows, then the shaft's own speed, its load, and where nothing was located the time.
+    """Covariates that the location follows, then the shaft's own speed, its load, and without a location the time.
 
     Parameters
     ----------

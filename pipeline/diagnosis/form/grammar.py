@@ -49,7 +49,7 @@ class Form:
 
     @property
     def covariates(self) -> tuple[FormCovariate, ...]:
-        """What it follows, each once."""
+        """Covariates of the formula, each once."""
         return tuple({c.symbol: c for atom, c in self.factors if atom is not ONE}.values())
 
     @property

@@ -111,7 +111,7 @@ class Library:
     price: dict[tuple[int, int], float]
 
     def cost(self, form: Form, readings: int) -> float:
-        """What a form must gain to be worth it, in noise variances.
+        """Least gain for which a formula is worth it, in noise variances.
 
         Notes
         -----

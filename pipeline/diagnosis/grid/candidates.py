@@ -1,4 +1,4 @@
-"""What may have been left out, fitted beside the baseline: each mechanism of the catalogue, shaft by shaft."""
+"""Candidates for the cause, fitted with the baseline: each mechanism of the catalogue, shaft by shaft."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ class CandidateFit(Fit[Candidate]):
 
 
 def predict_with(readings: Readings, bench: BenchParameters, model: LossModel, extra: tuple[Mechanism, ...]) -> Array:
-    """What the simulator gives for each reading with further mechanisms in [N m]."""
+    """Simulated value of each reading with further mechanisms in [N m]."""
     gearbox = Gearbox(bench, (*baseline_mechanisms(model, bench), *extra))
     return readings.of(steady(gearbox, readings.grid.points))
 
@@ -168,7 +168,7 @@ class GridProblem(WhitenedProblem[CandidateFit]):
         return self.columns[:, len(parameter_names(self.model, BASELINE_FREE)) :]
 
     def beyond_baseline(self, effect: Array) -> Array:
-        """What of an effect [N m] the baseline cannot absorb, whitened."""
+        """The part of an effect [N m] that the baseline cannot absorb, whitened."""
         return self.project(self.white(effect[:, None])[:, 0])
 
     def unabsorbed(self, fit: CandidateFit) -> Array:

@@ -65,7 +65,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def _design(diagnosis: Diagnosis) -> dict[str, Any] | None:
-    """What the points cannot tell, whatever was read."""
+    """Effects that the points cannot tell, whatever was read."""
     audit = diagnosis.audit
     if audit is None:
         return None

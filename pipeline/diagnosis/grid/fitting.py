@@ -28,7 +28,7 @@ FIRST_STEPS, FOLLOWED = 8, 2
 """Steps of a nonlinear search from each start, and how many of them are then followed to the end."""
 
 SHAPE_PRECISION, COST_PRECISION, MOST_TRIALS = 1e-2, 0.05, 120
-"""How far a search over several shapes goes: to a hundredth of each and a twentieth of a noise variance."""
+"""Tolerances of a search over several shapes: a hundredth of each and a twentieth of a noise variance."""
 
 
 def fit_candidate(problem: GridProblem, candidate: Candidate) -> CandidateFit:

@@ -1,1 +1,1 @@
-"""What the residual of any fit on any grid follows."""
+"""Structure in the residual of any fit on any grid."""

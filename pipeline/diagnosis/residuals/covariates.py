@@ -1,4 +1,4 @@
-"""What a residual may be held against: the covariates of a grid, as structure and as values."""
+"""Covariates of a grid for its residuals, as structure and as values."""
 
 from __future__ import annotations
 

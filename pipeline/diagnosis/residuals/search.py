@@ -93,7 +93,7 @@ class Followed:
 
 @dataclass(frozen=True)
 class ShaftResidual:
-    """What the residual of one fit holds on one shaft.
+    """Structure in the residual of one fit on one shaft.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ class _FitEvidence:
 def study_residuals(
     analysis: Analysis, bench: BenchParameters, wanted: tuple[str, ...], draws: int, seed: int
 ) -> ResidualStudy:
-    r"""What the residuals of the wanted fits follow.
+    r"""Structure in the residuals of the wanted fits.
 
     Parameters
     ----------

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 USUAL = 0.8
 """Part of the recordings of a campaign that carry one calibration, from which another one is suspicious."""
-SAME = 1e-6
-"""Relative difference of two numbers of a calibration that is none but rounding."""
+CALIBRATION_OF_NOMINAL = 1e-3
+"""How far the torques by two calibrations of one transducer may differ, as part of the nominal torque."""
 REPEAT_OF_NOMINAL = 0.01
 """How far two repeats of a point may differ in any case, as part of the nominal torque."""
 FEWEST_PAIRS = 3
@@ -40,19 +40,39 @@ def calibrations_unlike_the_others(manifests: Sequence[Manifest], _: BenchParame
                 by_serial[manifest.calibration[side].serial].append(manifest)
         for serial, carried in by_serial.items():
             usual, count = Counter(_numbers(m.calibration[side]) for m in carried).most_common(1)[0]
-            if count < max(FEWEST_PAIRS, USUAL * len(carried)):
+            nominal = usual[2]
+            others = [m for m in carried if _off(m.calibration[side], usual) > CALIBRATION_OF_NOMINAL * nominal]
+            if not others:
                 continue
-            for manifest in carried:
-                transducer = manifest.calibration[side]
-                if np.allclose(_numbers(transducer), usual, rtol=SAME, atol=0.0):
-                    continue
-                off = _off(transducer, usual)
+            off = max(_off(m.calibration[side], usual) for m in others)
+            limit = CALIBRATION_OF_NOMINAL * nominal
+            if count < USUAL * len(carried) or _since(others, carried):
                 message = (
-                    f"the calibration of the {side}'s transducer {serial} is {_shown(_numbers(transducer))}, in "
-                    f"{counted(count, 'other recording')} {_shown(usual)}; the torque differs by up to {off:.3g} N m"
+                    f"{counted(len(others), 'recording')} of {len(carried)} carry another calibration of the {side}'s "
+                    f"transducer {serial} than the others; the torque differs by up to {off:.3g} N m, limit "
+                    f"{limit:.3g} N m"
+                )
+                do = "If the transducer was calibrated anew in between, give the runs before and after a campaign each."
+                yield Contradiction(None, off, limit, message, do)
+                continue
+            for manifest in others:
+                here = _numbers(manifest.calibration[side])
+                off = _off(manifest.calibration[side], usual)
+                message = (
+                    f"the calibration of the {side}'s transducer {serial} is {_shown(here)}, in "
+                    f"{counted(count, 'other recording')} {_shown(usual)}; the torque differs by up to {off:.3g} N m, "
+                    f"limit {limit:.3g} N m"
                 )
                 do = "Correct calibration.toml of this recording; one transducer has one calibration."
-                yield Contradiction(manifest, off, 0.0, message, do)
+                yield Contradiction(manifest, off, limit, message, do)
+
+
+def _since(others: list[Manifest], carried: list[Manifest]) -> bool:
+    """Whether several recordings are the last of all, or the first: a calibration that was made in between."""
+    ordered = sorted(carried, key=lambda manifest: manifest.started_at)
+    files = {manifest.identifier for manifest in others}
+    ends = {m.identifier for m in ordered[-len(files) :]}, {m.identifier for m in ordered[: len(files)]}
+    return len(files) >= FEWEST_PAIRS and files in ends
 
 
 def _numbers(transducer: Transducer) -> tuple[float, float, float]:
@@ -61,7 +81,7 @@ def _numbers(transducer: Transducer) -> tuple[float, float, float]:
 
 
 def _shown(numbers: tuple[float, float, float]) -> str:
-    return f"{numbers[0]:g} Hz at zero and {numbers[1]:g} Hz at {numbers[2]:g} N m"
+    return f"{numbers[0]:.8g} Hz at zero and {numbers[1]:.8g} Hz at {numbers[2]:.8g} N m"
 
 
 def _off(transducer: Transducer, usual: tuple[float, float, float]) -> float:
@@ -76,38 +96,41 @@ def repeats_that_differ(manifests: Sequence[Manifest], bench: BenchParameters) -
 
     Notes
     -----
-    Of three or more, one that lies off the median of the others is doubted; of two, both, as nothing tells which.
+    Of three or more, those that lie off the median by half the limit are doubted; of two, both, as nothing tells which.
     Shafts that are held are left out: their torque is a static reaction. A gradual drift of the bench is in the
     scatter of all repeats.
     """
     groups: dict[tuple[object, ...], list[Row]] = defaultdict(list)
     for row in accepted_rows(manifests):
         groups[_asked(row)].append(row)
-    repeated = [rows for rows in groups.values() if len(rows) > 1]
     for side in SIDES:
-        turning = [rows for rows in repeated if not any(getattr(row.window, f"rest_{side}") for row in rows)]
-        steps = [np.diff([row.window.means[side].torque for row in rows]) for rows in turning]
-        usual = (
-            robust_scale(np.concatenate([*steps, *(-step for step in steps)])) if len(steps) >= FEWEST_PAIRS else 0.0
-        )
+        turning = [_turning(rows, side) for rows in groups.values()]
+        repeated = [rows for rows in turning if len(rows) > 1]
+        torques = [np.array([row.window.means[side].torque for row in rows]) for rows in repeated]
+        steps = np.concatenate([np.diff(torque) for torque in torques]) if torques else np.zeros(0)
+        usual = robust_scale(np.concatenate((steps, -steps))) if len(torques) >= FEWEST_PAIRS else 0.0
         least = max(REPEAT_OF_NOMINAL * float(bench.transducers[side].nominal_torque), SIGMAS * usual)
-        for rows in turning:
-            torque = np.array([row.window.means[side].torque for row in rows])
+        for rows, torque in zip(repeated, torques, strict=True):
             within = np.nan_to_num(np.array([row.window.means[side].within for row in rows]))
-            for place, row in enumerate(rows):
-                others = np.delete(torque, place)
-                off = float(abs(torque[place] - np.median(others)))
-                limit = max(least, SIGMAS * float(np.hypot(within[place], np.max(np.delete(within, place)))))
-                doubted = off > limit and (len(rows) == 2 or off > 2.0 * float(np.ptp(others)))
-                if doubted:
-                    named = next(other.manifest.file for other in rows if other is not row)
-                    message = (
-                        f"the torque of the {side} is {torque[place]:.3f} N m, in {counted(len(others), 'repeat')} "
-                        f"of it {np.median(others):.3f} N m ({named}); apart by {off:.3f} N m, "
-                        f"limit {limit:.3f} N m"
-                    )
-                    do = "Find out which is wrong (zero, load, mounting), and run the point once more."
-                    yield Contradiction(row, off, limit, message, do, side, off if len(rows) == 2 else 0.0)
+            limit = max(least, SIGMAS * float(np.hypot(*np.sort(within)[-2:])))
+            if np.ptp(torque) <= limit:
+                continue
+            off = np.abs(torque - np.median(torque))
+            for place in np.flatnonzero(off > 0.5 * limit if len(rows) > 2 else off >= 0.0).tolist():
+                farthest = int(np.argmax(np.abs(torque - torque[place])))
+                apart = float(abs(torque[farthest] - torque[place]))
+                message = (
+                    f"the torque of the {side} is {torque[place]:.3f} N m, in {rows[farthest].manifest.file} at "
+                    f"the same point {torque[farthest]:.3f} N m; apart by {apart:.3f} N m, limit {limit:.3f} N m"
+                )
+                do = "Find out which is wrong (zero, load, mounting), and run the point once more."
+                yield Contradiction(rows[place], apart, limit, message, do, side, apart)
+
+
+def _turning(rows: list[Row], side: str) -> list[Row]:
+    """Those with a mean torque of the shaft in which it is not held."""
+    known = (row for row in rows if np.isfinite(row.window.means[side].torque))
+    return [row for row in known if not getattr(row.window, f"rest_{side}")]
 
 
 def _asked(row: Row) -> tuple[object, ...]:
@@ -126,7 +149,11 @@ def simulated_among_measured(manifests: Sequence[Manifest], _: BenchParameters) 
     """Recordings that their writer marked as simulated, in a campaign most of which is measured."""
     marked = [manifest for manifest in manifests if marked_as_simulated(manifest)]
     measured = len(manifests) - len(marked)
-    if not marked or measured < len(marked):
+    if not marked or not measured:
+        return
+    if measured < len(marked):
+        message = f"{counted(measured, 'measured recording')} among {len(marked)} that are marked as simulated"
+        yield Contradiction(None, float(measured), 0.0, message, "Give simulated recordings a campaign of their own.")
         return
     for manifest in marked:
         message = f"marked as simulated by its writer, in a campaign with {counted(measured, 'measured recording')}"

@@ -66,7 +66,7 @@ CROSS_CHECKS: tuple[CrossCheck, ...] = (
     CrossCheck("zero-check", _REJECT, "both shafts at rest", zero_checks_that_turn),
     CrossCheck("gear", _REJECT, "ratio of the measured speeds", gears_by_speeds),
     CrossCheck("configuration", _REJECT, "power carried from shaft to shaft", coupled_in_neutral),
-    CrossCheck("drive", _REJECT, "direction of the power", driven_from_the_other_side),
+    CrossCheck("drive", _KEEP, "direction of the power", driven_from_the_other_side),
     CrossCheck("speed", _KEEP, "speeds of the campaign against their set-points", speeds_off_the_others),
     CrossCheck("load", _REJECT, "set-point of the load, and the campaign's other loads", loads_off_set_point),
     CrossCheck("spikes", _WIDEN, "the mean without samples far off the others", means_moved_by_spikes),
@@ -75,7 +75,19 @@ CROSS_CHECKS: tuple[CrossCheck, ...] = (
 )
 """In the order in which they are made: what one rejects, the next ones no longer see."""
 
-NAMES = tuple(check.name for check in CROSS_CHECKS)
+
+def allowed_actions(name: str) -> tuple[Action, ...]:
+    """Actions that a campaign file may choose for a check: only a doubt with a size of its own can widen.
+
+    Raises
+    ------
+    KeyError
+        There is no check of that name.
+    """
+    default = {check.name: check.action for check in CROSS_CHECKS}[name]
+    if name == "transducer-ratio":  # of the campaign as a whole: there is nothing to reject
+        return (_KEEP,)
+    return (_REJECT, _KEEP) + ((_WIDEN,) if default is _WIDEN else ())
 
 
 @dataclass(frozen=True)

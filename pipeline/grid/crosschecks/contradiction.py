@@ -10,6 +10,7 @@ import numpy as np
 
 from pmg.pipeline.recording.codes import Severity
 from pmg.pipeline.recording.remark import Remark
+from pmg.pipeline.windows.reduce import NORMAL_MAD
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.store.manifest import Manifest, StoredWindow
     from pmg.sim.signals import Array
 
-NORMAL_MAD = 1.482602218505602
-"""Standard deviation of normal numbers over the median of their absolute deviations."""
 SIGMAS = 10.0
 """Distance from the others of a campaign, in their own standard deviations, that noise and drift do not reach."""
 
@@ -159,7 +158,7 @@ def _widened(window: StoredWindow, side: str, half_width: float) -> StoredWindow
     """The window with a rectangular doubt added to the uncertainty of its means (GUM 4.3.7)."""
     more = half_width / np.sqrt(3.0)
     sun, ring = (
-        replace(shaft, within=float(np.hypot(shaft.within, more))) if side in ("", name) else shaft
+        replace(shaft, within=float(np.hypot(np.nan_to_num(shaft.within), more))) if side in ("", name) else shaft
         for name, shaft in window.means.items()
     )
     return replace(window, means=replace(window.means, sun=sun, ring=ring))

@@ -65,17 +65,27 @@ def loads_off_set_point(manifests: Sequence[Manifest], bench: BenchParameters) -
     if not rows:
         return
     asked = np.array([row.window.setpoints.torque_ring for row in rows], dtype=np.float64)
-    off = np.array([row.window.means.ring.torque for row in rows]) - asked
+    torque = np.array([row.window.means.ring.torque for row in rows])
     speed = np.array([row.window.means.ring.speed for row in rows])
-    nominal = float(bench.transducer_ring.nominal_torque)
-    known = np.isfinite(off)
-    expected = np.zeros(len(rows))
-    limit = LOAD_OF_NOMINAL * nominal + LOAD_OF_SET * np.abs(asked)
-    if int(known.sum()) >= FEWEST:
-        basis = np.column_stack((np.ones(len(rows)), asked, np.sign(speed), speed / np.max(np.abs(speed), initial=RPM)))
-        expected = basis @ _least_absolute(basis[known], off[known])
-        least = np.maximum(SPREAD_OF_NOMINAL * nominal, SPREAD_OF_SET * np.abs(asked))
-        limit = np.maximum(SIGMAS * robust_scale((off - expected)[known]), least)
+    for drive in SIDES:
+        driven = np.array([row.window.drive == drive for row in rows])
+        opposite = (
+            driven & np.isfinite(torque) & (np.abs(asked) > LOAD_OF_NOMINAL * bench.transducer_ring.nominal_torque)
+        )
+        if opposite.sum() > 1 and (np.sign(torque[opposite]) == -np.sign(asked[opposite])).all():
+            message = f"all {opposite.sum()} loads driven by the {drive} have the opposite sign of their set-points"
+            do = "Check the convention of ring_torque_set_Nm: it is signed as the reading. Sizes are compared."
+            yield Contradiction(None, float(opposite.sum()), 0.0, message, do)
+            asked[driven] *= -1.0
+    off = torque - asked
+    widest = LOAD_OF_NOMINAL * float(bench.transducer_ring.nominal_torque) + LOAD_OF_SET * np.abs(asked)
+    expected, limit, gain = _usual_loads(asked, speed, off, widest, bench)
+    if abs(gain) > LOAD_OF_SET:
+        message = (
+            f"the loads of the campaign are {1.0 + gain:.2f} times their set-points, limit 1 +- {LOAD_OF_SET:g}; a "
+            "gain of the load control, or of the ring's transducer, explains it"
+        )
+        yield Contradiction(None, abs(gain), LOAD_OF_SET, message, "Check span and nominal torque of the calibration.")
     for row, set_to, distance, most in zip(rows, asked, off - expected, limit, strict=True):
         if abs(distance) > most:
             usual = "" if not expected.any() else ", drag and gain of the campaign's other loads allowed for"
@@ -83,9 +93,26 @@ def loads_off_set_point(manifests: Sequence[Manifest], bench: BenchParameters) -
                 f"a load of {set_to + distance:.3f} N m where {set_to:.3f} N m were asked for{usual}; "
                 f"off by {abs(distance):.3f} N m, limit {most:.3f} N m"
             )
-            yield Contradiction(
-                row, float(abs(distance)), float(most), message, "Check the load control; run it again."
-            )
+            do = "Check the load control; run it again."
+            yield Contradiction(row, float(abs(distance)), float(most), message, do)
+
+
+def _usual_loads(
+    asked: Array, speed: Array, off: Array, widest: Array, bench: BenchParameters
+) -> tuple[Array, Array, float]:
+    """Distances from the set-points that the campaign lets expect, their limits [N m] (n,), and the gain in them.
+
+    With fewer than `FEWEST` loads none is expected, and the widest limits hold.
+    """
+    known = np.isfinite(off)
+    if int(known.sum()) < FEWEST:
+        return np.zeros(len(off)), widest, 0.0
+    basis = np.column_stack((np.ones(len(off)), asked, np.sign(speed), speed / np.max(np.abs(speed), initial=RPM)))
+    found = _least_absolute(basis[known], off[known])
+    expected = basis @ found
+    least = np.maximum(SPREAD_OF_NOMINAL * float(bench.transducer_ring.nominal_torque), SPREAD_OF_SET * np.abs(asked))
+    limit = np.maximum(SIGMAS * robust_scale((off - expected)[known]), least)
+    return expected, np.minimum(limit, np.maximum(widest, least)), float(found[1])
 
 
 def _least_absolute(basis: Array, values: Array) -> Array:

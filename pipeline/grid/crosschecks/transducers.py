@@ -8,6 +8,7 @@ import numpy as np
 
 from pmg.pipeline.grid.crosschecks.contradiction import Contradiction, accepted_rows
 from pmg.sim.grid import Configuration
+from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -35,14 +36,15 @@ def transducers_off_the_ratio(manifests: Sequence[Manifest], bench: BenchParamet
     rows = [row for row in accepted_rows(manifests) if row.window.configuration == Configuration.ENGAGED]
     for gear, drive in sorted({(row.window.gear, row.window.drive) for row in rows}):
         windows = [r.window for r in rows if (r.window.gear, r.window.drive) == (gear, drive)]
-        torque = np.array([[w.means.sun.torque, w.means.ring.torque] for w in windows])
+        windows = [w for w in windows if not (w.rest_sun or w.rest_ring)]
+        torque = np.array([[w.means.sun.torque, w.means.ring.torque] for w in windows]).reshape(-1, 2)
         speed = np.array([w.means.sun.speed for w in windows])
         known = np.isfinite(torque).all(axis=1) & np.isfinite(speed)
         if int(known.sum()) < FEWEST:
             continue
         torque, speed = torque[known], speed[known]
         ratio = float(bench.ratio(np.array([gear]))[0])
-        basis = np.column_stack((torque[:, 1] / ratio, np.sign(speed), speed / np.max(np.abs(speed))))
+        basis = np.column_stack((torque[:, 1] / ratio, np.sign(speed), speed / np.max(np.abs(speed), initial=RPM)))
         found, _, rank, _ = np.linalg.lstsq(basis, torque[:, 0], rcond=1e-6)
         if rank < basis.shape[1] or len(speed) <= basis.shape[1]:
             continue

@@ -33,7 +33,13 @@ LIVELY = 0.5
 QUIET_S, QUIET_PARTS = 0.1, 3
 """Length of the parts whose noise is compared [s], and how many quiet ones behind each other make a stretch."""
 QUIET = 0.2
-"""Noise of a part, as part of what is usual in the record, below which a reading stands still but for dither."""
+"""Noise of a part, as part of what is usual in the record, below which a reading may stand still but for dither."""
+DITHER, LIVELY_STEPS = 2.5, 3.0
+"""Range of a part in steps of the readings that dither has, and noise of the others from which that is suspicious."""
+DEAD = 0.02
+"""Noise of a part, as part of the usual one, that no state of the bench has."""
+MOST_COMPARED = 20_000
+"""Samples from which the step of the readings is found."""
 SHUNT, SHUNT_TOLERANCE = 0.5, 0.05
 """The shunt signal as part of the nominal torque, and by how much of the nominal torque it may be off."""
 SHUNT_S, SHUNT_SAMPLES = 0.02, 5
@@ -62,11 +68,9 @@ def check_torques(
     -----
     Outside the rated band a reading is a bound. A value that stays the same to the bit while the record, or the other
     shaft, is otherwise lively is a held value: the cable is off or the counter stopped. Where neither is lively, a
-    value is held that stays for `DEAD_S`, or over the whole record: no transducer is without noise. A held value to
-    which dither is added shows by the steps between neighbouring samples, which are noise in every state of the bench
-    (`QUIET`). A step by half the
-    nominal torque within `FLANK` samples, and the same step back, which the other shaft does not see, is the shunt
-    signal. Readings that are marked as simulated may stand still.
+    value is held that stays for `DEAD_S`, or over the whole record: no transducer is without noise. A held value may
+    have dither (`_quiet`). A step by half the nominal torque within `FLANK` samples, and the same step back, which the
+    other shaft does not see, is the shunt signal. Readings that are marked as simulated may stand still.
     """
     marks: list[Blemish] = []
     for side, track, other in (("sun", sun, ring), ("ring", ring, sun)):
@@ -84,7 +88,7 @@ def check_torques(
             tell_stretches(findings.error, Code.STUCK, track.topic, held, words, lost="{n} samples")
             quiet = np.empty((0, 2), dtype=np.int64) if len(held) else _quiet(track)
             words = (
-                f"have less than {QUIET:.0%} of the noise of the others, as of a held value with dither",
+                "stand still but for dither",
                 "the noise of the rest of the record",
                 "The transducer or its counter stopped for a while: check cable and supply. Windows over them are "
                 "rejected.",
@@ -151,18 +155,27 @@ def _held(track: Decoded, other: Decoded | None) -> Ranges:
 
 
 def _quiet(track: Decoded) -> Ranges:
-    """Stretches in which neighbouring values differ far less than in the rest of the record, as sample indices.
+    """Stretches that stand still but for dither while the rest of the record is lively, as sample indices.
 
-    Of parts of `QUIET_S`, the standard deviation of the steps between samples is held against its median.
+    Of parts of `QUIET_S`, the standard deviation of the steps between samples is held against the upper quartile of
+    all. A shaft at rest is quieter too, but not to one or two steps of its readings (`DITHER`), nor to `DEAD`.
     """
+    nothing = np.empty((0, 2), dtype=np.int64)
     size = max(STUCK_SAMPLES, round(QUIET_S * track.rate_hz))
     count = (len(track.values) - 1) // size
-    if count < 4 * QUIET_PARTS:
-        return np.empty((0, 2), dtype=np.int64)
+    known = track.values[np.isfinite(track.values)]
+    if count < 4 * QUIET_PARTS or len(known) < 2:
+        return nothing
     with np.errstate(over="ignore", invalid="ignore"):  # readings beyond any transducer are told as out of band
         noise = np.diff(track.values[: count * size + 1]).reshape(count, size).std(axis=1)
-    usual = float(np.median(noise[np.isfinite(noise)])) if np.isfinite(noise).any() else 0.0
-    found = stretches(noise < QUIET * usual)
+        reach = np.ptp(track.values[: count * size].reshape(count, size), axis=1)
+    sound = noise[np.isfinite(noise)]
+    usual = float(np.quantile(sound, 0.75)) if len(sound) else 0.0
+    gaps = np.diff(np.unique(known[:MOST_COMPARED]))
+    step = float(gaps.min()) if len(gaps) else 0.0
+    if usual < LIVELY_STEPS * step:
+        return nothing
+    found = stretches((noise < DEAD * usual) | ((noise < QUIET * usual) & (reach <= DITHER * step)))
     return np.asarray(found[found[:, 1] - found[:, 0] >= QUIET_PARTS] * size + track.first)
 
 

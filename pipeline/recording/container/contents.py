@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from array import array
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.recording.container.gathered import WholeRecords
@@ -35,8 +36,8 @@ class Topic:
         The messages in file order; empty for a topic that was not wanted.
     definition : (str, bytes)
         Encoding and text of the schema.
-    logged : (int, int) or None
-        Log time [ns] of its first and its last message.
+    logged : (n,) array of int
+        Log time of each message that was kept [ns].
     """
 
     name: str
@@ -46,7 +47,7 @@ class Topic:
     count: int
     payloads: Messages
     definition: tuple[str, bytes] = ("", b"")
-    logged: tuple[int, int] | None = None
+    logged: array[int] = field(default_factory=lambda: array("Q"))
 
 
 @dataclass(frozen=True)
@@ -161,12 +162,12 @@ def _topic(gathered: WholeRecords, channel: ChannelRecord, identities: list[int]
     payloads = gathered.payloads.pop(identities[0], Messages())
     for identity in identities[1:]:
         payloads.join(gathered.payloads.pop(identity, Messages()))
-    times = [gathered.logged[identity] for identity in identities if identity in gathered.logged]
+    times = sum((gathered.logged.pop(identity, array("Q")) for identity in identities), array("Q"))
     return Topic(
         channel.topic,
         *_description(gathered, channel),
         sum(gathered.counts[identity] for identity in identities),
         payloads,
         ("", b"") if schema is None else (schema.encoding, schema.data),
-        (times[0][0], times[-1][1]) if times else None,
+        times,
     )

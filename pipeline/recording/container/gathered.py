@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+from array import array
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -20,8 +22,8 @@ if TYPE_CHECKING:
 FIELDS_KEY = "pmg.fields"
 """Channel metadata that says which fields of its messages are which topics of the layout."""
 
-LOG_TIME = 2
-"""Place of the log time in the head of a message."""
+LOG_TIME, _LOG_TIME = 6, struct.Struct("<Q")
+"""Place of the log time in the head of a message, and its form."""
 
 
 @dataclass
@@ -41,8 +43,8 @@ class WholeRecords:
         Messages of each channel.
     payloads : dict of int to Messages
         Messages of each wanted channel, in file order.
-    logged : dict of int to (int, int)
-        Log time [ns] of the first and the last of those.
+    logged : dict of int to array of int
+        Log time [ns] of each of those.
     strangers : dict of int to list of bytes
         Messages, with their head, of channels that are not described so far.
     metadata : list of (str, mapping)
@@ -57,7 +59,7 @@ class WholeRecords:
     channels: dict[int, ChannelRecord] = field(default_factory=dict)
     counts: dict[int, int] = field(default_factory=dict)
     payloads: dict[int, Messages] = field(default_factory=dict)
-    logged: dict[int, tuple[int, int]] = field(default_factory=dict)
+    logged: dict[int, array[int]] = field(default_factory=dict)
     strangers: dict[int, list[bytes]] = field(default_factory=dict)
     metadata: list[tuple[str, Mapping[str, str]]] = field(default_factory=list)
     attachments: list[Attachment] = field(default_factory=list)
@@ -88,29 +90,22 @@ class WholeRecords:
         self.counts[identity] += 1
         kept = self.payloads.get(identity)
         if kept is not None:
-            self._log(identity, data[start : start + MESSAGE.size], data[start : start + MESSAGE.size])
+            self.logged[identity].append(_LOG_TIME.unpack_from(data, start + LOG_TIME)[0])
             kept.append(data, start + MESSAGE.size, stop)
 
     def keep_many(self, identity: int, data: memoryview, spans: list[tuple[int, int]]) -> None:
         """Take messages of a channel that is described, each between two places of some bytes."""
         self.counts[identity] += len(spans)
         if identity in self.payloads:
-            first, last = (data[start : start + MESSAGE.size] for start in (spans[0][0], spans[-1][0]))
-            self._log(identity, first, last)
+            self.logged[identity].extend([_LOG_TIME.unpack_from(data, start + LOG_TIME)[0] for start, _ in spans])
             self.payloads[identity].append_many([data[start + MESSAGE.size : stop] for start, stop in spans])
 
     def keep_alike(self, identity: int, rows: npt.NDArray[np.uint8]) -> None:
         """Take messages of one length of a channel that is described, (n, length) with their heads."""
         self.counts[identity] += len(rows)
         if identity in self.payloads:
-            self._log(identity, rows[0, : MESSAGE.size].data, rows[-1, : MESSAGE.size].data)
+            self.logged[identity].frombytes(rows[:, LOG_TIME : LOG_TIME + _LOG_TIME.size].tobytes())
             self.payloads[identity].extend(rows[:, MESSAGE.size :])
-
-    def _log(self, identity: int, first: memoryview, last: memoryview) -> None:
-        """Note the log times in the heads of the first and the last of some messages that follow each other."""
-        known = self.logged.get(identity)
-        begun = MESSAGE.unpack(first)[LOG_TIME] if known is None else known[0]
-        self.logged[identity] = begun, MESSAGE.unpack(last)[LOG_TIME]
 
     def describe(self, channel: ChannelRecord, at: int) -> None:
         """Take the description of a channel, and with it the messages that came before it.
@@ -121,7 +116,7 @@ class WholeRecords:
         if channel is known:
             self.counts[channel.id] = 0
             if FIELDS_KEY in channel.metadata or self.wanted(channel.topic):
-                self.payloads[channel.id] = Messages()
+                self.payloads[channel.id], self.logged[channel.id] = Messages(), array("Q")
         if known != channel:
             self.findings.error(
                 Code.CHANNEL_CONFLICT,

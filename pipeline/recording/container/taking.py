@@ -60,6 +60,13 @@ def take(gathered: WholeRecords, at: int, opcode: int, body: bytes) -> None:
         attachment = Attachment(*values)
         if attachment.crc not in (0, crc32(body[: known - 4])):
             raise RecordError(f"attachment '{attachment.name}' does not match its CRC {attachment.crc:08x}")
+        if attachment.crc == 0:
+            gathered.findings.warning(
+                Code.UNPROVEN,
+                f"attachment '{attachment.name}'",
+                "it carries no CRC; expected one, as every torque hangs on the calibration. It is used",
+                "Switch the CRCs of the recorder on: a changed digit cannot be seen.",
+            )
         gathered.attachments.append(attachment)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from pmg.pipeline.analysis.outputs import read_analysis
 from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.compare import SEED, run_compare
-from pmg.pipeline.commands.ingest import run_ingest
+from pmg.pipeline.commands.ingest import ALONE, run_ingest
 from pmg.pipeline.diagnosis.design.plans import join_points, possible_plans
 from pmg.pipeline.diagnosis.grid.decide import diagnose
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document
@@ -94,7 +94,7 @@ def _by_recordings(case: ConcealedCampaign, rng: np.random.Generator) -> tuple[d
         recordings, store, report = (Path(name) / part for part in ("recordings", "store", "report"))
         recordings.mkdir()
         write_case(case, recordings, rng)
-        run_ingest(recordings, store, workers=1, progress=None)
+        run_ingest(recordings, store, ALONE)
         run_analyse(store, AnalysisOptions(), grids=None, campaign=case.campaign)
         found: dict[str, Any] | None = run_compare(store, report).data["diagnosis"]
         return found, read_analysis(store)[0].points
