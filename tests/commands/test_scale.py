@@ -25,6 +25,7 @@ from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.store.manifest import FAILED, Manifest
 from pmg.pipeline.store.sources import StoredSource, take_inventory
 from pmg.pipeline.store.store import REMOVED, Store
+from pmg.pipeline.store.supersede import supersede
 from pmg.sim.errors import StoreError
 
 # --- kills ---------------------------------------------------------------------------------------------
