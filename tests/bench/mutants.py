@@ -83,7 +83,7 @@ def mutant(name: str, definition: str, before: str, after: str, *tests: str) -> 
 
 
 STATISTICS = (
-    mutant("batch variance with ddof 0", "mean_noise", "var(ddof=1)", "var(ddof=0)", ESTIMATORS),
+    mutant("batch variance with ddof 0", "_mean_noise", "var(ddof=1)", "var(ddof=0)", ESTIMATORS),
     mutant("error of a slope with n - 1", "_slope", "left @ left) / (n - 2)", "left @ left) / (n - 1)", ESTIMATORS),
     mutant("HC2 leverage left out", "sandwich", "np.maximum(1.0 - leverage, 1e-6)", "1.0", ESTIMATORS),
     mutant(
@@ -116,7 +116,7 @@ STATISTICS = (
         ESTIMATORS,
     ),
     mutant("one-sided p-value of a slope", "_two_sided", "2.0 * stats.t.sf", "1.0 * stats.t.sf", ESTIMATORS),
-    mutant("batches as long as the whole mean", "mean_noise", "batches.length / turned.used", "1.0", ESTIMATORS),
+    mutant("batches as long as the whole mean", "_mean_noise", "batches.length / turned.used", "1.0", ESTIMATORS),
     mutant("tare with ddof 0", "tare_uncertainty", "known.std(ddof=1)", "known.std()", ESTIMATORS),
     mutant("tare without its mean", "tare_uncertainty", "math.hypot(known.mean(),", "math.hypot(0.0,", ESTIMATORS),
     mutant("error of the clock's drift with n - 1", "_line", "(len(t) - 2) if", "(len(t) - 1) if", ESTIMATORS),
@@ -228,7 +228,7 @@ STATISTICS = (
     ),
     mutant("scatter between turns not halved", "WholeRevolutions.scatter", "0.5 * np.mean", "np.mean", DECISIONS),
     mutant(
-        "steps of the thresholds by Holm that do not shrink", "holm", "(len(p) - np.arange(len(p)))", "len(p)", PLANE
+        "steps of the thresholds by Holm that do not shrink", "_holm", "(len(p) - np.arange(len(p)))", "len(p)", PLANE
     ),
     mutant(
         "room for far-off readings of one",
@@ -293,15 +293,15 @@ PHYSICS = (
         "np.expm1(-2.0 * HOUR / self.settling)",
         FORMS,
     ),
-    mutant("idle pauses ignored in warming", "temperature_rise", "1.0 - idle, 1.0)", "1.0, 1.0)", FORMS),
+    mutant("idle pauses ignored in warming", "_temperature_rise", "1.0 - idle, 1.0)", "1.0, 1.0)", FORMS),
     mutant(
         "dwell of the wrong point",
-        "temperature_rise",
+        "_temperature_rise",
         "dwell * fed[1:] + (1.0 - dwell) * fed[:-1]",
         "dwell * fed[:-1] + (1.0 - dwell) * fed[1:]",
         FORMS,
     ),
-    mutant("every gap a pause", "temperature_rise", "gaps > STOPPED", "gaps >= 0.0", FORMS),
+    mutant("every gap a pause", "_temperature_rise", "gaps > STOPPED", "gaps >= 0.0", FORMS),
     mutant(
         "drift counted from the first row",
         "DriftingZero.distortion",
@@ -377,7 +377,7 @@ PHYSICS = (
         "acts_in = (Configuration.NEUTRAL, Configuration.ENGAGED)",
         FORMS,
     ),
-    mutant("breakdown at half the torque", "breakdown", "strength * 2.0 * slip", "strength * slip", FORMS),
+    mutant("breakdown at half the torque", "_breakdown", "strength * 2.0 * slip", "strength * slip", FORMS),
     mutant(
         "pole slip of the difference of speeds",
         "CouplingLeftInNeutral.law",
@@ -405,7 +405,7 @@ PHYSICS = (
     mutant("magnets that lose with the first power of the remanence", "field_left", "0.0) ** 2", "0.0)", FORMS),
     mutant("magnets heated by the sun alone", "MagnetTemperature.rise", "(loss[0] + loss[1])", "loss[0]", FORMS),
     mutant(
-        "drag that grows with warmth", "relief", "-LUBRICANT_COEFFICIENT * rise", "LUBRICANT_COEFFICIENT * rise", FORMS
+        "drag that grows with warmth", "_relief", "-LUBRICANT_COEFFICIENT * rise", "LUBRICANT_COEFFICIENT * rise", FORMS
     ),
     mutant(
         "heat that is not that of the corrected drag",
@@ -454,8 +454,8 @@ PHYSICS = (
         "at.torque_ring",
         CONTRACT,
     ),
-    mutant("copper loss left out", "motor_electric_power", " + motor.resistance * current**2", "", FORMS),
-    mutant("motor friction left out", "motor_electric_power", " + motor.damping * speed**2", "", FORMS),
+    mutant("copper loss left out", "_motor_electric_power", " + motor.resistance * current**2", "", FORMS),
+    mutant("motor friction left out", "_motor_electric_power", " + motor.damping * speed**2", "", FORMS),
     mutant(
         "cogging at the product of magnets and poles",
         "lines_of",
@@ -501,7 +501,7 @@ PHYSICS = (
     ),
     mutant(
         "ring of the locked gear that turns with the sun",
-        "locked",
+        "_locked",
         "-speed_sun / gearbox.ratio(at)",
         "speed_sun / gearbox.ratio(at)",
         FORWARD,

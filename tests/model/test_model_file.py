@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import polars as pl
@@ -81,16 +82,8 @@ def test_every_mechanism_reads_back_bit_for_bit(kind: type[Mechanism], tmp_path:
 def test_any_number_reads_back_bit_for_bit(coefficients: list[float], correction: float) -> None:
     curve = replace(SUN, coefficients=np.array(coefficients))
     model = Model(replace(BASELINE_HERE, curve_sun=curve, correction=correction))
-    path = Path(__file__).parent / "none"
-
-    class Text:
-        def read_bytes(self) -> bytes:
-            return model_text(model).encode()
-
-        def __str__(self) -> str:
-            return str(path)
-
-    read = read_model(Text())  # type: ignore[arg-type]  # a file that is not on disk
+    with TemporaryDirectory() as folder:
+        read = read_model(written(Path(folder), model))
     assert np.array_equal(np.signbit(read.baseline.curve_sun.coefficients), np.signbit(coefficients))
     assert read.baseline.curve_sun.coefficients.tolist() == coefficients
     assert read.baseline.correction == correction
@@ -176,7 +169,7 @@ def test_a_true_model_predicts_a_campaign_it_has_not_seen_to_the_noise() -> None
     assert engaged.refitted < 1.3 * NOISE
     assert found.here.parts[0].values["mu_sun"] == pytest.approx(0.02, abs=4.0 * found.here.parts[0].errors["mu_sun"])
     assert not found.own
-    assert "Nothing of this campaign" in remark(found)
+    assert remark(found).startswith("The given model uses nothing of this campaign.")
 
 
 def test_a_model_knows_its_own_campaign() -> None:
@@ -345,7 +338,7 @@ def test_a_campaign_is_judged_with_the_model_and_leaves_it_as_it_was(tmp_path: P
     assert found is not None
     assert found.carried is not None
     assert found.diagnosis.verdict == "consistent"
-    assert lead(found.carried) == "Beside the model as fitted here (Bearing friction growing with load (sun)): "
+    assert lead(found.carried) == "With the model fitted to this campaign (Bearing friction growing with load (sun)): "
     engaged = found.residuals.grid.points.engaged
     assert float(np.sqrt(np.mean(found.residuals.torque_sun.value[engaged] ** 2))) < 1.3 * NOISE
     assert len(found.ends) == 6
