@@ -92,7 +92,7 @@ def load_angle(
     not known: a change of the angle is a measurement, its value is not, until a point without load gives the zero.
     The encoders sit on the shafts of the motors, so twist of shafts and couplings is part of it. Means are taken over
     whole turns of the sun, which averages the eccentricity of its encoder, and the steps of the counts. What varies
-    within the window is judged as that of a torque is (`reduce_shaft`): where its memory outlives the batches, by it.
+    within the window is judged as that of a torque is (`_reduce_shaft`): where its memory outlives the batches, by it.
 
     References
     ----------

@@ -124,7 +124,7 @@ class Forms:
     log_weight : (f,) array
         Logarithm of the weight before the data are seen.
     memory : (f,) array
-        `NoiseForm.memory`.
+        `_NoiseForm.memory`.
     uneven, unsafe : (f,) array of bool
         Not flat at the lowest frequencies of the stretch (`UNEVEN`); not to be had from batches (`UNSAFE`).
     """
