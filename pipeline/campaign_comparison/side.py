@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from pmg.pipeline.analysis.outputs import read_analysis
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
-from pmg.pipeline.grid.campaign import choose_campaign, measured_grid
+from pmg.pipeline.grid.campaign import measured_grid
+from pmg.pipeline.grid.crosschecks.checked import checked_campaign
 from pmg.pipeline.grid.window_facts import rated, window_facts
 from pmg.pipeline.store.store import Store
 from pmg.sim.errors import StoreError
@@ -106,10 +107,11 @@ def read_side(label: str, store: Path, campaign: str | None, bench: BenchParamet
         grid = None
     manifests: Sequence[Manifest] = ()
     if grid is None or (campaign is not None and campaign != grid.campaign):
-        name, manifests = choose_campaign(Store(store), campaign)
+        name, checked = checked_campaign(Store(store), campaign, bench, options.checks)
+        manifests = checked.manifests
         grid = measured_grid(name, list(manifests), bench)
     elif grid.origin != "published":
-        _, manifests = choose_campaign(Store(store), grid.campaign)
+        manifests = checked_campaign(Store(store), grid.campaign, bench, options.checks)[1].manifests
     if manifests:
         bench = rated(bench, window_facts(manifests))
     analysis = analyse(grid, options, bench)

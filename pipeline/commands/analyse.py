@@ -12,9 +12,9 @@ from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.budget import budget_of
 from pmg.pipeline.fit.budget_remarks import budget_remarks
 from pmg.pipeline.fit.options import AnalysisOptions
-from pmg.pipeline.grid.campaign import choose_campaign, measured_grid
+from pmg.pipeline.grid.campaign import measured_grid
 from pmg.pipeline.grid.completeness import earlier_means, lack_findings
-from pmg.pipeline.grid.crosschecks.catalogue import cross_check
+from pmg.pipeline.grid.crosschecks.checked import checked_campaign
 from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
 from pmg.pipeline.grid.window_facts import rated, window_facts
@@ -117,13 +117,11 @@ def gather(
     bench = load_bench()
     if grids is not None:
         return GatheredCampaign(read_published(grids, bench), bench)
-    name, manifests = choose_campaign(Store(store), campaign)
-    whole = rated(bench, window_facts(manifests))
-    checked = cross_check(manifests, whole, actions)
+    name, checked = checked_campaign(Store(store), campaign, bench, actions)
     facts = window_facts(checked.manifests)
     return GatheredCampaign(
         measured_grid(name, list(checked.manifests), bench),
-        whole,
+        rated(bench, facts),
         facts,
         checked.manifests,
         failed_sources(store),

@@ -17,7 +17,7 @@ from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.files.json_values import with_nulls
-from pmg.pipeline.grid.campaign import choose_campaign
+from pmg.pipeline.grid.crosschecks.checked import checked_campaign
 from pmg.pipeline.orders.band import FALSE_ALARM
 from pmg.pipeline.orders.example import choose_example
 from pmg.pipeline.orders.load_angle import LoadAngle, wind_up
@@ -86,7 +86,8 @@ def run_orders(
     """
     began = now()
     home, bench = Store(store), load_bench()
-    name, manifests = choose_campaign(home, campaign)
+    name, checked = checked_campaign(home, campaign, bench)
+    manifests = checked.manifests
     found = [(manifest, kept_orders(home, manifest)) for manifest in manifests]
     recomputed = sum(orders is None for _, orders in found)
     sources = [(m, orders_of_manifest(home, m) if orders is None else orders) for m, orders in found]
@@ -127,7 +128,7 @@ def run_orders(
 
 def orders_chapter(store: Store, campaign: str, bench: BenchParameters) -> Section | None:
     """The chapter for the report of a campaign; None where the ingest kept no lines of one of its recordings."""
-    _, manifests = choose_campaign(store, campaign)
+    manifests = checked_campaign(store, campaign, bench)[1].manifests
     sources = [(manifest, orders) for manifest in manifests if (orders := kept_orders(store, manifest)) is not None]
     if len(sources) < len(manifests):
         return None

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from pmg.pipeline.commands.analyse import failed_sources
 from pmg.pipeline.fit.analysis import analyse
-from pmg.pipeline.grid.campaign import choose_campaign
-from pmg.pipeline.grid.crosschecks.catalogue import cross_check
+from pmg.pipeline.grid.crosschecks.checked import checked_campaign
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
 from pmg.pipeline.grid.window_facts import marked_as_simulated, rated, window_facts
 from pmg.pipeline.recording.remark import Remark
@@ -100,8 +99,7 @@ def _read_sources(
     """Known facts of the sources of a grid: recordings of a store, or published tables."""
     if grid.origin == "published":
         return SourceFacts((), (("Input", "published grids, torques rounded to 0.01 N m"),), None, (), ())
-    _, found = choose_campaign(Store(store), grid.campaign)
-    checked = cross_check(found, rated(bench, window_facts(found)), actions)
+    _, checked = checked_campaign(Store(store), grid.campaign, bench, actions)
     manifests = checked.manifests
     failed = failed_sources(store)
     recorded = (finding for manifest in (*manifests, *failed) for finding in manifest.findings)

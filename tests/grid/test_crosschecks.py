@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,16 +15,19 @@ from tests.grid.checked_campaign import (
     NEUTRAL,
     Fault,
     Runs,
+    run,
     sound_campaign,
     write_campaign,
 )
 from tests.house import ROOT
+from tests.recording.writer import CALIBRATION, Bench, blocks, tracks, write
 
 from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.grid.campaign import choose_campaign
 from pmg.pipeline.grid.crosschecks.catalogue import CROSS_CHECKS, CheckedCampaign, cross_check
 from pmg.pipeline.grid.crosschecks.contradiction import Action
 from pmg.pipeline.recording.codes import Code
+from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.store.manifest import Manifest
 from pmg.pipeline.store.store import Store
 from pmg.sim.bench import BenchParameters
@@ -102,6 +106,89 @@ def test_a_held_value_with_dither_is_found_in_its_file(tmp_path: Path, bench: Be
     (stuck,) = [m for m in found.manifests if any(f.code is Code.STUCK for f in m.findings)]
     assert stuck.file == file == NEUTRAL
     assert not stuck.windows[0].accepted
+
+
+def test_torques_of_shafts_at_rest_tell_no_ratio(tmp_path: Path, bench: BenchParameters) -> None:
+    """A test of static loads, engaged with both shafts held, is no contradiction and no crash."""
+    runs: Runs = {}
+    for number in range(8):
+        torque = {"sun": 0.1 * number, "ring": 0.26 * number}
+        runs[f"{number:02d}.mcap"] = run(number, 0.0, 0.0, torque, configuration="engaged")
+    assert checked(tmp_path, runs, bench).findings == ()
+
+
+def test_loads_that_are_all_at_half_are_told_and_none_is_rejected(tmp_path: Path, bench: BenchParameters) -> None:
+    runs = sound_campaign()
+    for name, one in runs.items():
+        if "ring_torque_set_Nm" in one.run:
+            twice = f"{2.0 * float(one.run['ring_torque_set_Nm'] or 0.0)}"
+            runs[name] = replace(one, run=dict(one.run) | {"ring_torque_set_Nm": twice})
+    found = checked(tmp_path, runs, bench)
+    assert named(found, "load") == ["campaign"]
+    assert rejected(found) == set()
+
+
+def test_set_points_of_the_other_sign_convention_are_told_once(tmp_path: Path, bench: BenchParameters) -> None:
+    runs = sound_campaign()
+    for name, one in runs.items():
+        if "ring_torque_set_Nm" in one.run and one.run["drive"] == "ring":
+            size = (one.run["ring_torque_set_Nm"] or "").lstrip("-")
+            runs[name] = replace(one, run=dict(one.run) | {"ring_torque_set_Nm": size})
+    found = checked(tmp_path, runs, bench)
+    assert named(found, "load") == ["campaign"]
+    assert rejected(found) == set()
+
+
+def test_one_of_three_repeats_is_doubted_and_widened(tmp_path: Path, bench: BenchParameters) -> None:
+    runs = sound_campaign()
+    for number in (40, 41):
+        again = runs["02.mcap"]
+        runs[f"{number}.mcap"] = run(number, 300.0, 120.0, again.torque)
+    off = {"sun": runs["40.mcap"].torque["sun"] + 0.2, "ring": runs["40.mcap"].torque["ring"]}
+    runs["40.mcap"] = replace(runs["40.mcap"], torque=off)
+    found = checked(tmp_path, runs, bench)
+    assert [place.split(":")[0] for place in named(found, "repeats")] == ["40.mcap"]
+    within = {m.file: m.windows[0].means.sun.within for m in found.manifests}
+    assert [file for file, u in within.items() if u > 0.05] == ["40.mcap"]
+
+
+def test_a_calibration_made_anew_is_told_and_kept(tmp_path: Path, bench: BenchParameters) -> None:
+    runs = sound_campaign()
+    for name in list(runs)[-5:]:
+        runs[name] = replace(runs[name], calibration=CALIBRATION.replace("10003.2", "10033.2", 1))
+    found = checked(tmp_path, runs, bench)
+    assert named(found, "calibration") == ["campaign"]
+    assert rejected(found) == set()
+
+
+@pytest.mark.parametrize("flaw", ["restart", "twice", "held back"])
+def test_blocks_that_tell_no_rate_contradict_none(flaw: str, tmp_path: Path, bench: BenchParameters) -> None:
+    runs = sound_campaign()
+    one = runs[NEUTRAL]
+    began = one.host[0]
+    if flaw == "held back":
+        runs[NEUTRAL] = replace(one, host=(began, 0))
+    else:
+        raw = {}
+        for topic, (metadata, values) in tracks(one).items():
+            own = blocks(one, topic, metadata["dtype"], values)
+            raw[topic] = own + (own if flaw == "twice" else own[:4])
+        runs[NEUTRAL] = replace(one, raw=raw)
+    assert named(checked(tmp_path, runs, bench), "sample-rate") == []
+
+
+def test_a_shaft_that_rests_before_it_runs_is_not_held(tmp_path: Path) -> None:
+    """Noise at rest is a part of that in motion, and no dither."""
+    rng = np.random.default_rng(4)
+    n = 5000
+    line = 0.1 * np.sin(2.0 * np.pi * 120.0 / 500.0 * np.arange(n)) * (np.arange(n) > n // 2)
+    for step in (0.0, 2e-4):
+        torque = line + rng.normal(0.0, 0.012, n)
+        torque = np.round(torque / step) * step if step else torque
+        hertz = 10_003.2 + 1000.0 * torque
+        spoil = {"/daq/torque_sun/frequency": lambda _, hertz=hertz: hertz}
+        write(tmp_path / "a.mcap", Bench(seconds=n / 500.0, spoil=spoil))
+        assert Code.STUCK not in {f.code for f in read_recording(tmp_path / "a.mcap").findings}
 
 
 def test_two_loads_alone_are_held_against_their_set_points(tmp_path: Path, bench: BenchParameters) -> None:

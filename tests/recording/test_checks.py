@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from pmg.pipeline.recording.calibration import Calibration, Transducer
 from pmg.pipeline.recording.channels import ChannelTerms, check_channel, encoder, frequency
 from pmg.pipeline.recording.checks.clock import sound_marks
+from pmg.pipeline.recording.checks.encodings import compare_encodings
 from pmg.pipeline.recording.checks.lines import check_lines
 from pmg.pipeline.recording.checks.pulses import check_pulses
 from pmg.pipeline.recording.checks.slips import find_slips
@@ -418,3 +419,24 @@ def marks(offset_s: float = 0.0, drift: float = 0.0, jump_s: float = 0.0) -> lis
 )
 def test_the_clock_is_told_beyond_its_tolerances(made: dict[str, float], told: list[Code]) -> None:
     assert marks(**made) == told
+
+
+@pytest.mark.parametrize(("gain", "code"), [(1.0, Code.CHANNEL_CONFLICT), (2.0, Code.TORQUES_DISAGREE)])
+def test_two_encodings_of_one_torque_are_compared_over_what_they_share(gain: float, code: Code) -> None:
+    transducer = Transducer(10_000.0, 5.0, 5_000.0, "")
+    findings = Findings("a.mcap")
+    torque = np.linspace(0.2, 1.0, 400)
+    edges, direct = transducer.frequency(torque), transducer.frequency(gain * torque)[50:]
+    compare_encodings((edges, direct), (0, 50), transducer, "/daq/torque_sun/frequency", findings)
+    (finding,) = findings.told()
+    assert finding.code is code
+    if gain > 1.0:
+        assert f"{np.mean(torque[50:]):.3f} N m apart" in finding.message
+
+
+def test_encodings_that_share_no_sample_say_so() -> None:
+    findings = Findings("a.mcap")
+    transducer = Transducer(10_000.0, 5.0, 5_000.0, "")
+    compare_encodings((np.ones(5), np.ones(5)), (0, 50), transducer, "/daq/torque_sun/frequency", findings)
+    (finding,) = findings.told()
+    assert finding.severity == "info"
