@@ -55,7 +55,7 @@ class _MessageForm:
         Which of its bytes are digits of its numbers.
     firsts : array of int
         Places of first digits that another digit follows, which are never zero.
-    numbers : list of NumberField
+    numbers : list of _NumberField
         Its numbers, in order.
     """
 
