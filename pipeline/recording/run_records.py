@@ -1,4 +1,4 @@
-"""What is known of a run and of its windows: set-points, names, start."""
+"""Facts of a run and of its windows, as values: set-points, names, start."""
 
 from __future__ import annotations
 

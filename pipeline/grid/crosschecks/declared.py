@@ -1,4 +1,4 @@
-"""What a run declares, gear, configuration and driving side, held against its speeds and powers."""
+"""Declarations of a run, gear, configuration and driving side, held against its speeds and powers."""
 
 from __future__ import annotations
 
