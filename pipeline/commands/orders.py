@@ -87,8 +87,7 @@ def run_orders(
     began = now()
     home, bench = Store(store), load_bench()
     name, checked = checked_campaign(home, campaign, bench)
-    manifests = checked.manifests
-    found = [(manifest, kept_orders(home, manifest)) for manifest in manifests]
+    found = [(manifest, kept_orders(home, manifest)) for manifest in checked.manifests]
     recomputed = sum(orders is None for _, orders in found)
     sources = [(m, orders_of_manifest(home, m) if orders is None else orders) for m, orders in found]
     table = pl.concat([_with_points(m, orders) for m, orders in sources])
@@ -118,8 +117,8 @@ def run_orders(
     lines = list(_point_lines(table) if point is not None else _campaign_lines(name, followed))
     lines += _angle_lines(angles, law)
     if report is not None:
-        section = orders_section(followed, table.filter("accepted"), angles, choose_example(home, manifests))
-        files = write_report(_page(name, followed, section, len(manifests)), report)
+        section = orders_section(followed, table.filter("accepted"), angles, choose_example(home, checked.manifests))
+        files = write_report(_page(name, followed, section, len(found)), report)
         leave_crate_of_files(report, "pmg orders", recordings_of(store, name), files, began)
         data |= {"report": str(files[0])}
         lines.append(f"report: {files[0]}")

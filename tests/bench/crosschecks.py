@@ -16,7 +16,7 @@ from pmg.pipeline.store.store import Store
 from pmg.pipeline.trials.record import write_case
 from pmg.pipeline.trials.score.case_list import draw_lots
 from pmg.sim.bench import load_bench
-from tests.grid.checked_campaign import FAULTS, sound_campaign, write_campaign
+from tests.grid.checked_campaign import FAULTS, MORE_FAULTS, sound_campaign, write_campaign
 
 
 def main() -> None:
@@ -29,13 +29,16 @@ def main() -> None:
     given = parser.parse_args()
     out = sys.stdout.write
     out("Planted in a campaign of 38 synthetic recordings, one fault at a time.\n\n")
-    for fault in FAULTS:
+    for fault in (*FAULTS, *MORE_FAULTS):
         with tempfile.TemporaryDirectory() as name:
             runs = sound_campaign()
             fault.plant(runs)
             found = _checked(write_campaign(Path(name), runs), Path(name) / "store")
         named = sorted({remark.check for remark in found.findings})
-        out(f"{fault.what:45} {fault.check:17} {'named' if fault.check in named else 'MISSED':7} {', '.join(named)}\n")
+        codes = {finding.code.value for m in found.manifests for finding in m.findings if finding.severity == "error"}
+        told = fault.check in named if fault.check else bool(codes)
+        words = ", ".join([*named, *sorted(codes)])
+        out(f"{fault.what:45} {fault.check or 'in the file':17} {'named' if told else 'MISSED':7} {words}\n")
     out("\nCampaigns in which nothing contradicts: findings by check, of how many recordings.\n\n")
     total: Counter[str] = Counter()
     files = 0

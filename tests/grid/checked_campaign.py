@@ -205,3 +205,65 @@ def write_campaign(folder: Path, runs: Runs) -> Path:
     for name, one in runs.items():
         write(folder / name, one)
     return folder
+
+
+def _load_by(factor: float, name: str) -> Callable[[Runs], str]:
+    def plant(runs: Runs) -> str:
+        torque = runs[name].torque
+        less = (1.0 - factor) * float(runs[name].run["ring_torque_set_Nm"] or "nan")
+        runs[name] = replace(runs[name], torque={"sun": torque["sun"] - less / RATIO, "ring": torque["ring"] - less})
+        return name
+
+    return plant
+
+
+def _all_swapped(runs: Runs) -> str:
+    for name, one in runs.items():
+        runs[name] = replace(one, torque={"sun": one.torque["ring"], "ring": one.torque["sun"]})
+    return ""
+
+
+def _spiky(size: float, every: int, side: str) -> Callable[[Values], Values]:
+    def after(values: Values) -> Values:
+        out = values.copy()
+        out[5::every] += size / NOMINAL[side] * SPAN_HZ[side]
+        return out
+
+    return after
+
+
+def _held(values: Values) -> Values:
+    out = values.copy()
+    out[200:400] = values[200]
+    return out
+
+
+MORE_FAULTS = (
+    Fault("zero check in which the ring turns", "zero-check", _told("02.mcap", configuration="zero")),
+    Fault("load at 0.75 of its set-point", "load", _load_by(0.75, "17.mcap")),
+    Fault("load at 1.3 of its set-point", "load", _load_by(1.3, "17.mcap")),
+    Fault("load of reversed flow at half", "load", _load_by(0.5, "30.mcap")),
+    Fault("repeat 80 mN m off on the sun", "repeats", _torque("08.mcap", lambda t: t + 0.08, "sun")),
+    Fault("repeat 300 mN m off on both", "repeats", _torque("10.mcap", lambda t: t + 0.3, "sun", "ring")),
+    Fault(
+        "span of the ring's calibration 5 % less", "calibration", _calibration("span_Hz = -4900.0", "span_Hz = -4655.0")
+    ),
+    Fault("nominal torque of one calibration doubled", "calibration", _calibration("Nm = 5.0", "Nm = 10.0")),
+    Fault("zero of the ring's calibration 50 Hz off", "calibration", _calibration("9996.9", "10046.9")),
+    Fault("gear 2 declared on a run of reversed flow", "gear", _told("29.mcap", gear="2")),
+    Fault("slow neutral run declared as engaged", "gear", _told("02.mcap", configuration="engaged")),
+    Fault("engaged run of reversed flow declared neutral", "configuration", _told("30.mcap", configuration="neutral")),
+    Fault("reversed flow declared as driven by the sun", "drive", _told("30.mcap", drive="sun")),
+    Fault("ring 0.3 % off its set speed", "speed", _changed("07.mcap", speed={"sun": 1300.0, "ring": 300.9})),
+    Fault("0.7 of the declared sample rate", "sample-rate", _host(0.0, 1.0 / 0.7)),
+    Fault("1.4 of the declared sample rate", "sample-rate", _host(0.0, 1.0 / 1.4)),
+    Fault("start a day after its blocks", "start-time", _host(-86_400.0, 1.0)),
+    Fault("3 spikes of 4 N m", "spikes", _spoilt(NEUTRAL, "sun", _spiky(4.0, 400, "sun"))),
+    Fault("50 spikes of -2 N m on the ring", "spikes", _spoilt(NEUTRAL, "ring", _spiky(-2.0, 20, "ring"))),
+    Fault("gain of the ring's transducer one half", "transducer-ratio", _all_scaled(0.5, "ring")),
+    Fault("gain of the sun's transducer 1.3", "transducer-ratio", _all_scaled(1.3, "sun")),
+    Fault("transducers taken for each other", "transducer-ratio", _all_swapped),
+    Fault("torque held for 1 s with dither", "", HELD_WITH_DITHER),
+    Fault("torque held for 0.4 s to the bit", "", _spoilt(NEUTRAL, "sun", _held)),
+)
+"""More of them, for the bench; those without a check are faults of their file, rejected when it is read."""

@@ -30,8 +30,7 @@ TRACES = "document.querySelector('#efficiency .plot').data"
 
 def drawn(tab: chromium.Tab) -> None:
     """Every figure brought near the screen, until each is drawn."""
-    while tab.ask(f"{LEFT} !== null"):
-        identifier = tab.ask(f"({LEFT}.scrollIntoView(), {LEFT}.id)")
+    while identifier := tab.ask(f"(left => left && (left.scrollIntoView(), left.id))({LEFT})"):
         tab.wait(f"document.getElementById('{identifier}').dataset.drawn === 'yes'")
 
 
