@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.store.manifest import Manifest
     from pmg.sim.bench import BenchParameters
 
-SPIKES_OF_NOMINAL, SPIKES_OF_NOISE = 5e-4, 3.0
+SPIKES_OF_NOMINAL, SPIKES_OF_NOISE = 5e-4, 1.0
 """How far spikes may move a mean: as part of the nominal torque, and in standard uncertainties of the mean."""
 
 
