@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pmg.pipeline.report.document import Cell, Column, Measured, Table
+from pmg.pipeline.wording.safe_text import spreadsheet_text
 
 TEXTS = st.text(st.characters(exclude_characters="\r"))
 FINITE = st.floats(allow_nan=False)
@@ -32,7 +33,9 @@ def test_csv_reads_back_every_bit(cells: list[tuple[float, float, str]]) -> None
     # newline='' keeps the line breaks inside a text as they are
     header, *lines = csv.reader(io.StringIO(made.csv(), newline=""))
     assert header == ["loss [W]", "u(loss) [W]", "note"]
-    assert [(float(value), float(u), note) for value, u, note in lines] == cells
+    assert [(float(value), float(u), note) for value, u, note in lines] == [
+        (value, u, spreadsheet_text(note)) for value, u, note in cells
+    ]
 
 
 def test_csv_keeps_numpy_numbers_and_leaves_absent_ones_empty() -> None:
