@@ -215,7 +215,7 @@ def _of_recordings(whole: StoredAnalysis, budget: Budget) -> _RecordedPart:
 
     store, grid = Store(whole.store), whole.analysis.grid
     behind = campaign_signals(store, grid, budget)
-    return _RecordedPart(orders_chapter(store, grid.campaign, whole.bench), encode(behind.cells), behind.findings)
+    return _RecordedPart(orders_chapter(store, whole.sources.used, whole.bench), encode(behind.cells), behind.findings)
 
 
 def seeded(seed: int) -> tuple[str, str]:

@@ -11,7 +11,7 @@ from pmg.pipeline.grid.campaign import campaigns
 from pmg.pipeline.grid.copies import COPY, without_copies
 from pmg.pipeline.grid.crosschecks.catalogue import cross_check
 from pmg.pipeline.grid.missing_points import missing_points
-from pmg.pipeline.grid.window_facts import rated, window_facts, window_remarks
+from pmg.pipeline.grid.window_facts import window_remarks
 from pmg.pipeline.importers.supply import read_supply
 from pmg.pipeline.recording.codes import Severity
 from pmg.pipeline.recording.remark import Remark
@@ -189,8 +189,7 @@ def _contradictions(
     found: list[CrossCheckRemark] = []
     for campaign in _of_campaigns(manifests):
         if campaign[0].campaign in asked:
-            bench = rated(load_bench(), window_facts(campaign))
-            found += cross_check(without_copies(campaign), bench, actions).findings
+            found += cross_check(without_copies(campaign), load_bench(), actions).findings
     return tuple(found)
 
 

@@ -33,6 +33,7 @@ from pmg.sim.bench import load_bench
 from pmg.sim.errors import FitError, StoreError, near_miss
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from pmg.pipeline.orders.stored_lines import SourceOrders
@@ -125,9 +126,8 @@ def run_orders(
     return Outcome(data, tuple(lines), tuple(finding for _, orders in sources for finding in orders.findings))
 
 
-def orders_chapter(store: Store, campaign: str, bench: BenchParameters) -> Section | None:
+def orders_chapter(store: Store, manifests: Sequence[Manifest], bench: BenchParameters) -> Section | None:
     """The chapter for the report of a campaign; None where the ingest kept no lines of one of its recordings."""
-    manifests = checked_campaign(store, campaign, bench)[1].manifests
     sources = [(manifest, orders) for manifest in manifests if (orders := kept_orders(store, manifest)) is not None]
     if len(sources) < len(manifests):
         return None

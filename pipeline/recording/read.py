@@ -19,7 +19,6 @@ from pmg.pipeline.recording.checks.lines import check_lines
 from pmg.pipeline.recording.checks.transducers import check_torques
 from pmg.pipeline.recording.checks.wiring import check_wiring, stretch_of
 from pmg.pipeline.recording.container.contents import open_container
-from pmg.pipeline.recording.container.messages import Messages
 from pmg.pipeline.recording.decode import decode_lines
 from pmg.pipeline.recording.events import read_events, read_steps
 from pmg.pipeline.recording.findings import Code, Finding, Findings
@@ -162,7 +161,7 @@ def read_recording(
     calibration = read_calibration(supply.calibration(container.attachments), findings)
     if run is None or calibration is None:
         raise findings.give_up(known)
-    bits, logged = counter_bits(topics), {name: replace(topic, payloads=Messages()) for name, topic in topics.items()}
+    bits, logged = counter_bits(topics), {name: topic.logged for name, topic in topics.items()}
     tracks, lacking = decode_tracks(topics, calibration, findings)
     decoded = [track for track in tracks.values() if track is not None]
     paired = any(not lacking.keys() & {f"torque_{side}", f"angle_{side}"} for side in SIDES)

@@ -9,9 +9,8 @@ from collections import Counter
 from pathlib import Path
 
 from pmg.pipeline.commands.ingest_files import ingest
-from pmg.pipeline.grid.campaign import choose_campaign
-from pmg.pipeline.grid.crosschecks.catalogue import CheckedCampaign, cross_check
-from pmg.pipeline.grid.window_facts import rated, window_facts
+from pmg.pipeline.grid.crosschecks.catalogue import CheckedCampaign
+from pmg.pipeline.grid.crosschecks.checked import checked_campaign
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.trials.record import write_case
 from pmg.pipeline.trials.score.case_list import draw_lots
@@ -58,8 +57,7 @@ def main() -> None:
 def _checked(folder: Path, place: Path) -> CheckedCampaign:
     store = Store(place)
     ingest(folder, store, workers=1)
-    manifests = choose_campaign(store, None)[1]
-    return cross_check(manifests, rated(load_bench(), window_facts(manifests)))
+    return checked_campaign(store, None, load_bench())[1]
 
 
 def _told(what: str, found: CheckedCampaign, total: Counter[str]) -> int:

@@ -24,6 +24,7 @@ from pmg.pipeline.grid.crosschecks.set_points import (
     zero_checks_that_turn,
 )
 from pmg.pipeline.grid.crosschecks.transducers import transducers_off_the_ratio
+from pmg.pipeline.grid.window_facts import rated, window_facts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -116,16 +117,17 @@ def cross_check(
     manifests : sequence of Manifest
         Usable recordings of one campaign, without copies.
     bench : BenchParameters
-        Ratios and nominal torques.
+        As it ships; nominal torques are those that the recordings state.
     actions : mapping, optional
         Actions other than the default, by name of the check.
     """
+    whole = rated(bench, window_facts(manifests))
     chosen = {check.name: Action((actions or {}).get(check.name, check.action)) for check in CROSS_CHECKS}
     checked = list(manifests)
     findings: list[CrossCheckRemark] = []
     for check in CROSS_CHECKS:
         action = chosen[check.name]
-        for contradiction in list(check.search(checked, bench)):
+        for contradiction in list(check.search(checked, whole)):
             findings.append(contradiction.finding(check.name, action))
             checked = contradiction.applied(checked, check.name, action)
     return CheckedCampaign(tuple(checked), tuple(findings))

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from pmg.pipeline.grid.campaign import choose_campaign
 from pmg.pipeline.grid.crosschecks.catalogue import cross_check
-from pmg.pipeline.grid.window_facts import rated, window_facts
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -38,4 +37,4 @@ def checked_campaign(
         As `choose_campaign` says.
     """
     chosen, manifests = choose_campaign(store, name)
-    return chosen, cross_check(manifests, rated(bench, window_facts(manifests)), actions)
+    return chosen, cross_check(manifests, bench, actions)

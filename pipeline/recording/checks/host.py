@@ -11,9 +11,9 @@ from pmg.pipeline.recording.checks.clock import EARLIEST, LATEST
 from pmg.pipeline.recording.findings import Code
 
 if TYPE_CHECKING:
+    from array import array
     from collections.abc import Iterable, Mapping
 
-    from pmg.pipeline.recording.container.contents import Topic
     from pmg.pipeline.recording.findings import Findings
     from pmg.pipeline.recording.frequency import Decoded
     from pmg.pipeline.recording.run_records import RunInfo
@@ -47,14 +47,14 @@ START_LIMIT_S = 60.0
 
 
 def check_host(
-    logged: Mapping[str, Topic], tracks: Iterable[Decoded], run: RunInfo, holds_all: bool, findings: Findings
+    logged: Mapping[str, array[int]], tracks: Iterable[Decoded], run: RunInfo, holds_all: bool, findings: Findings
 ) -> None:
     """Hold the log times of the sample channels against rate and start; what contradicts is a finding.
 
     Parameters
     ----------
-    logged : mapping of str to Topic
-        Channels by topic, with the log time of each message.
+    logged : mapping of str to (n,) array of int
+        Log time of each message [ns], by topic.
     tracks : iterable of Decoded
         Channels in SI.
     run : RunInfo
@@ -71,7 +71,7 @@ def check_host(
     """
     starts = []
     for track in tracks:
-        times = np.frombuffer(logged[track.topic].logged, dtype=np.uint64).astype(np.float64) * 1e-9
+        times = np.frombuffer(logged[track.topic], dtype=np.uint64).astype(np.float64) * 1e-9
         if not len(times):
             continue
         starts.append(float(times.min()))
