@@ -78,7 +78,11 @@ def test_conditions_on_a_row(one: sqlite3.Connection, text: str, met: bool) -> N
     assert found(one, text) == int(met)
 
 
-@given(st.floats(-2e4, 2e4), st.floats(-2e4, 2e4))
+fifteen_digits = st.integers(-(10**15) + 1, 10**15 - 1).map(lambda digits: digits / 1e11)
+"""SQLite reads fifteen digits of a number as they are written."""
+
+
+@given(fifteen_digits, fifteen_digits)
 def test_numbers_are_compared_as_numbers(value: float, asked: float) -> None:
     connection = catalogue(load=value)
     assert found(connection, f"load > {asked!r}") == (value > asked)

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pmg.pipeline.recording.codes import Code
@@ -76,6 +76,7 @@ def test_torque_from_frequency_is_the_torque(torque: float, ripple: float, encod
     edges_before_wrap=st.integers(0, 12_000),
     ticks_before_wrap=st.integers(0, TIMEBASE_HZ),
 )
+@example(-4.0, 0.7281165626186471, 10_000.0, 0, 0)  # an edge at a sample, but for the last digits of its moment
 def test_mean_torque_from_edges_is_the_phase_gained_over_the_time(
     torque: float, ripple: float, rate: float, edges_before_wrap: int, ticks_before_wrap: int
 ) -> None:

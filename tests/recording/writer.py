@@ -197,7 +197,10 @@ def edges_and_ticks(
     for _ in range(8):
         moment -= (phase(bench, side, moment) - count) / frequency(bench, side, moment)
     ticks = (moment - LEAD) * TIMEBASE_HZ * (1 + bench.timebase_error)
-    tick = np.floor(ticks + 1e-4).astype(np.int64)  # one edge, one tick: whatever the last digit of its moment is
+    _, first, again = np.unique(
+        count, return_index=True, return_inverse=True
+    )  # one edge, one tick: the last digits differ
+    tick = np.floor(ticks + 1e-4).astype(np.int64)[first][again]
     return count.astype(np.int64) + bench.start_edges, tick + 4_000_000 + bench.start_ticks
 
 
