@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.windows.window import Window
     from pmg.sim.signals import Array
 
-REDUCTION = 3
+REDUCTION = 4
 """Version of the reduction to means and uncertainties, counted up with every change; a store holds which it has."""
 NORMAL_MAD = 1.482602218505602
 """Standard deviation of normal numbers over the median of their absolute deviations."""
@@ -36,9 +36,12 @@ LONG_MEMORY = 0.05
 
 STILL = 1e-12
 """Range of a torque, as part of its size or of 1 N m, below which it shows nothing but the rounding of numbers."""
-SPIKE, NO_SPIKE = 8.0, 4.0
-"""Distance of a spike from the median, and one from the mean that no spike of less than a sixteenth of the samples
-stays below, in standard deviations of the samples."""
+SPIKE = 8.0
+"""Distance of a spike from the median, in standard deviations of the samples."""
+SAMPLED = 4096
+"""Samples of a window from which its median is known well enough to tell spikes."""
+GOLDEN = 0.6180339887498949
+"""Part of a window by which one of them is ahead of the one before: no period of a signal keeps step with it."""
 RESOLVED = 0.5
 """Correlation time that the finer pieces can tell from none, as part of one of them."""
 
@@ -179,16 +182,16 @@ def _still(torque: Array) -> bool:
 def _moved_by_spikes(torque: Array) -> float:
     """How far samples far off the others move the mean of a torque [N m] (n,); 0 where there are none.
 
-    Far off is `SPIKE` times the standard deviation that the median of the distances from the median tells: a sine
-    reaches 1.4 times it, normal noise does not pass it.
+    Far off is `SPIKE` times the standard deviation that the median of the distances from the median tells, normal noise
+    does not pass it, a sine reaches 1.4 times it.
     """
-    distance = np.abs(torque - torque.mean())
-    largest = float(distance.max())
-    if largest == 0.0 or largest <= NO_SPIKE * largest * math.sqrt(float(np.mean((distance / largest) ** 2))):
-        return 0.0
-    distance = np.abs(torque - np.median(torque))
-    usual = distance <= SPIKE * NORMAL_MAD * np.median(distance)
-    return float(torque.mean() - torque[usual].mean()) if usual.any() else 0.0
+    n = len(torque)
+    some = torque if n <= SAMPLED else torque[(np.arange(SAMPLED) * GOLDEN % 1.0 * n).astype(np.intp)]
+    middle = np.median(some)
+    distance = np.abs(some - middle)
+    step = float(np.min(distance, where=distance > 0.0, initial=math.inf))  # of a coarse signal most samples are one
+    usual = np.abs(torque - middle) <= SPIKE * max(NORMAL_MAD * float(np.median(distance)), step)
+    return 0.0 if usual.all() or not usual.any() else float(torque.mean() - torque[usual].mean())
 
 
 def _resolution(torque: Array) -> float:

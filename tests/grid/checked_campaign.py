@@ -181,6 +181,11 @@ FAULTS = (
     Fault("repeat 200 mN m off on the ring", "repeats", _torque("09.mcap", lambda t: t - 0.2, "ring")),
     Fault("span of one calibration doubled", "calibration", _calibration("span_Hz = 5000.0", "span_Hz = 10000.0")),
     Fault("zero of one calibration 20 Hz off", "calibration", _calibration("10003.2", "10023.2")),
+    Fault(
+        "another transducer in one run",
+        "calibration",
+        _changed(NEUTRAL, calibration=CALIBRATION.replace("T-sun", "X").replace("5000.0", "6000.0")),
+    ),
     Fault("one run marked as simulated", "simulated-data", _simulated),
     Fault("gear 2 declared on a run in gear 1", "gear", _told(ENGAGED, gear="2")),
     Fault("neutral run declared as engaged", "gear", _told("04.mcap", configuration="engaged")),
@@ -192,6 +197,8 @@ FAULTS = (
     Fault("start ten years before its blocks", "start-time", _host(3.2e8, 1.0)),
     Fault("start an hour after its blocks", "start-time", _host(-3600.0, 1.0)),
     Fault("20 spikes of 4 N m", "spikes", _spoilt(NEUTRAL, "sun", _spikes)),
+    Fault("gain of the sun 1.5 in one run", "torque-balance", _torque(ENGAGED, lambda t: 1.5 * t, "sun")),
+    Fault("zero of the sun 300 mN m off under load", "torque-balance", _torque("30.mcap", lambda t: t + 0.3, "sun")),
     Fault("gain of the sun's transducer one half", "transducer-ratio", _all_scaled(0.5, "sun")),
     Fault("gain of the ring's transducer 1.2", "transducer-ratio", _all_scaled(1.2, "ring")),
 )

@@ -32,39 +32,53 @@ FEWEST_PAIRS = 3
 
 
 def calibrations_unlike_the_others(manifests: Sequence[Manifest], _: BenchParameters) -> Iterator[Contradiction]:
-    """Recordings whose calibration of a transducer is not that of the others with its serial number."""
+    """Recordings whose calibration of a transducer is not that of the others with its serial number.
+
+    One that states another serial number than most of the campaign, or none, is held against those all the same.
+    """
     for side in SIDES:
         by_serial: dict[str, list[Manifest]] = defaultdict(list)
         for manifest in manifests:
-            if manifest.calibration[side].serial:
-                by_serial[manifest.calibration[side].serial].append(manifest)
+            by_serial[manifest.calibration[side].serial].append(manifest)
         for serial, carried in by_serial.items():
-            usual, count = Counter(_numbers(m.calibration[side]) for m in carried).most_common(1)[0]
-            nominal = usual[2]
-            others = [m for m in carried if _off(m.calibration[side], usual) > CALIBRATION_OF_NOMINAL * nominal]
-            if not others:
-                continue
-            off = max(_off(m.calibration[side], usual) for m in others)
-            limit = CALIBRATION_OF_NOMINAL * nominal
-            if count < USUAL * len(carried) or _since(others, carried):
-                message = (
-                    f"{counted(len(others), 'recording')} of {len(carried)} carry another calibration of the {side}'s "
-                    f"transducer {serial} than the others; the torque differs by up to {off:.3g} N m, limit "
-                    f"{limit:.3g} N m"
-                )
-                do = "If the transducer was calibrated anew in between, give the runs before and after a campaign each."
-                yield Contradiction(None, off, limit, message, do)
-                continue
-            for manifest in others:
-                here = _numbers(manifest.calibration[side])
-                off = _off(manifest.calibration[side], usual)
-                message = (
-                    f"the calibration of the {side}'s transducer {serial} is {_shown(here)}, in "
-                    f"{counted(count, 'other recording')} {_shown(usual)}; the torque differs by up to {off:.3g} N m, "
-                    f"limit {limit:.3g} N m"
-                )
-                do = "Correct calibration.toml of this recording; one transducer has one calibration."
-                yield Contradiction(manifest, off, limit, message, do)
+            if serial:
+                yield from _unlike(side, f"transducer {serial}", carried)
+        serial, carried = max(by_serial.items(), key=lambda item: len(item[1]), default=("", []))
+        if len(carried) >= USUAL * len(manifests) and (len(carried) < len(manifests) or not serial):
+            usual = Counter(_numbers(m.calibration[side]) for m in carried).most_common(1)[0][0]
+            most = [m for m in carried if _numbers(m.calibration[side]) == usual]
+            others = [m for m in manifests if m.calibration[side].serial != serial]
+            yield from _unlike(
+                side, f"transducer ({serial or 'without serial number'} in most recordings)", [*most, *others]
+            )
+
+
+def _unlike(side: str, transducer: str, carried: list[Manifest]) -> Iterator[Contradiction]:
+    """Of recordings that should carry one calibration those that carry another."""
+    usual, count = Counter(_numbers(m.calibration[side]) for m in carried).most_common(1)[0]
+    limit = CALIBRATION_OF_NOMINAL * usual[2]
+    others = [m for m in carried if _off(m.calibration[side], usual) > limit]
+    if not others:
+        return
+    if count < USUAL * len(carried) or _since(others, carried):
+        off = max(_off(m.calibration[side], usual) for m in others)
+        message = (
+            f"{counted(len(others), 'recording')} of {len(carried)} carry another calibration of the {side}'s "
+            f"{transducer} than the others; the torque differs by up to {off:.3g} N m, limit {limit:.3g} N m"
+        )
+        do = "If the transducer was calibrated anew in between, give the runs before and after a campaign each."
+        yield Contradiction(None, off, limit, message, do)
+        return
+    for manifest in others:
+        here = _numbers(manifest.calibration[side])
+        off = _off(manifest.calibration[side], usual)
+        message = (
+            f"the calibration of the {side}'s {transducer} is {_shown(here)}, in "
+            f"{counted(count, 'other recording')} {_shown(usual)}; the torque differs by up to {off:.3g} N m, "
+            f"limit {limit:.3g} N m"
+        )
+        do = "Correct calibration.toml of this recording; one transducer has one calibration."
+        yield Contradiction(manifest, off, limit, message, do)
 
 
 def _since(others: list[Manifest], carried: list[Manifest]) -> bool:

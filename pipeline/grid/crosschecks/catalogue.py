@@ -23,7 +23,7 @@ from pmg.pipeline.grid.crosschecks.set_points import (
     speeds_off_the_others,
     zero_checks_that_turn,
 )
-from pmg.pipeline.grid.crosschecks.transducers import transducers_off_the_ratio
+from pmg.pipeline.grid.crosschecks.transducers import torques_off_the_other_shaft, transducers_off_the_ratio
 from pmg.pipeline.grid.window_facts import rated, window_facts
 
 if TYPE_CHECKING:
@@ -72,6 +72,7 @@ CROSS_CHECKS: tuple[CrossCheck, ...] = (
     CrossCheck("load", _REJECT, "set-point of the load, and the campaign's other loads", loads_off_set_point),
     CrossCheck("spikes", _WIDEN, "the mean without samples far off the others", means_moved_by_spikes),
     CrossCheck("repeats", _WIDEN, "other recordings of the same point", repeats_that_differ),
+    CrossCheck("torque-balance", _WIDEN, "torque of the other shaft", torques_off_the_other_shaft),
     CrossCheck("transducer-ratio", _KEEP, "torque of the other shaft and the gear's ratio", transducers_off_the_ratio),
 )
 """In the order in which they are made: what one rejects, the next ones no longer see."""

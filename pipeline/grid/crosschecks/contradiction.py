@@ -173,3 +173,13 @@ def accepted_rows(manifests: Iterable[Manifest]) -> Iterator[Row]:
 def robust_scale(values: Array) -> float:
     """Standard deviation of normal numbers by the median of their absolute deviations (n,); 0 of fewer than two."""
     return float(NORMAL_MAD * np.median(np.abs(values - np.median(values)))) if len(values) > 1 else 0.0
+
+
+def least_absolute(basis: Array, values: Array) -> Array:
+    """Coefficients of the line of least absolute distances, by least squares weighted again and again."""
+    coefficients = np.linalg.lstsq(basis, values, rcond=None)[0]
+    for _ in range(30):
+        distance = np.abs(values - basis @ coefficients)
+        weight = 1.0 / np.sqrt(np.maximum(distance, 1e-6 + 1e-3 * np.median(distance)))
+        coefficients = np.linalg.lstsq(basis * weight[:, None], values * weight, rcond=None)[0]
+    return np.asarray(coefficients)

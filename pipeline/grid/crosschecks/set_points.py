@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.grid.crosschecks.contradiction import SIGMAS, Contradiction, accepted_rows, robust_scale
+from pmg.pipeline.grid.crosschecks.contradiction import (
+    SIGMAS,
+    Contradiction,
+    accepted_rows,
+    least_absolute,
+    robust_scale,
+)
 from pmg.pipeline.windows.steadiness import REST_SPEED
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import SIDES
@@ -108,21 +114,11 @@ def _usual_loads(
     if int(known.sum()) < FEWEST:
         return np.zeros(len(off)), widest, 0.0
     basis = np.column_stack((np.ones(len(off)), asked, np.sign(speed), speed / np.max(np.abs(speed), initial=RPM)))
-    found = _least_absolute(basis[known], off[known])
+    found = least_absolute(basis[known], off[known])
     expected = basis @ found
     least = np.maximum(SPREAD_OF_NOMINAL * float(bench.transducer_ring.nominal_torque), SPREAD_OF_SET * np.abs(asked))
     limit = np.maximum(SIGMAS * robust_scale((off - expected)[known]), least)
     return expected, np.minimum(limit, np.maximum(widest, least)), float(found[1])
-
-
-def _least_absolute(basis: Array, values: Array) -> Array:
-    """Coefficients of the line of least absolute distances, by least squares weighted again and again."""
-    coefficients = np.linalg.lstsq(basis, values, rcond=None)[0]
-    for _ in range(30):
-        distance = np.abs(values - basis @ coefficients)
-        weight = 1.0 / np.sqrt(np.maximum(distance, 1e-6 + 1e-3 * np.median(distance)))
-        coefficients = np.linalg.lstsq(basis * weight[:, None], values * weight, rcond=None)[0]
-    return np.asarray(coefficients)
 
 
 def speeds_off_the_others(manifests: Sequence[Manifest], _: BenchParameters) -> Iterator[Contradiction]:

@@ -6,15 +6,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.grid.crosschecks.contradiction import Contradiction, accepted_rows
+from pmg.pipeline.grid.crosschecks.contradiction import (
+    SIGMAS,
+    Contradiction,
+    accepted_rows,
+    least_absolute,
+    robust_scale,
+)
 from pmg.sim.grid import Configuration
 from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from pmg.pipeline.grid.crosschecks.contradiction import Row
     from pmg.pipeline.store.manifest import Manifest
     from pmg.sim.bench import BenchParameters
+    from pmg.sim.signals import Array
 
 FEWEST = 6
 """Engaged points from which the slope of one torque against the other is known."""
@@ -22,6 +30,10 @@ LIMIT = 0.1
 """How far the slope may be off the ratio of the gear, as part of it: losses that grow with load stay below."""
 SHOWN = 4.0
 """And how many of its standard errors."""
+ENOUGH = 12
+"""Engaged points from which each is held against the line of the others."""
+OFF_OF_NOMINAL, OFF_OF_TORQUE = 0.01, 0.05
+"""How far a torque may be off that line in any case."""
 
 
 def transducers_off_the_ratio(manifests: Sequence[Manifest], bench: BenchParameters) -> Iterator[Contradiction]:
@@ -33,23 +45,12 @@ def transducers_off_the_ratio(manifests: Sequence[Manifest], bench: BenchParamet
     with the speed ratio r: the losses that do not depend on load are in a and b, those that do in g, which stays near
     1. A gain error of either transducer, or the two taken for each other, moves g.
     """
-    rows = [row for row in accepted_rows(manifests) if row.window.configuration == Configuration.ENGAGED]
-    for gear, drive in sorted({(row.window.gear, row.window.drive) for row in rows}):
-        windows = [r.window for r in rows if (r.window.gear, r.window.drive) == (gear, drive)]
-        windows = [w for w in windows if not (w.rest_sun or w.rest_ring)]
-        torque = np.array([[w.means.sun.torque, w.means.ring.torque] for w in windows]).reshape(-1, 2)
-        speed = np.array([w.means.sun.speed for w in windows])
-        known = np.isfinite(torque).all(axis=1) & np.isfinite(speed)
-        if int(known.sum()) < FEWEST:
+    for gear, drive, _, torque, basis, ratio in _engaged(manifests, bench, FEWEST):
+        found, _, rank, _ = np.linalg.lstsq(basis, torque, rcond=1e-6)
+        if rank < basis.shape[1] or len(torque) <= basis.shape[1]:
             continue
-        torque, speed = torque[known], speed[known]
-        ratio = float(bench.ratio(np.array([gear]))[0])
-        basis = np.column_stack((torque[:, 1] / ratio, np.sign(speed), speed / np.max(np.abs(speed), initial=RPM)))
-        found, _, rank, _ = np.linalg.lstsq(basis, torque[:, 0], rcond=1e-6)
-        if rank < basis.shape[1] or len(speed) <= basis.shape[1]:
-            continue
-        left = torque[:, 0] - basis @ found
-        spread = float(left @ left) / (len(speed) - basis.shape[1])
+        left = torque - basis @ found
+        spread = float(left @ left) / (len(torque) - basis.shape[1])
         error = float(np.sqrt(spread * np.linalg.inv(basis.T @ basis)[0, 0]))
         off = abs(float(found[0]) - 1.0)
         if off > max(LIMIT, SHOWN * error):
@@ -61,3 +62,40 @@ def transducers_off_the_ratio(manifests: Sequence[Manifest], bench: BenchParamet
             )
             do = "Check span and nominal torque of both calibrations, and that the two cables are not swapped."
             yield Contradiction(None, off, LIMIT, message, do)
+
+
+def torques_off_the_other_shaft(manifests: Sequence[Manifest], bench: BenchParameters) -> Iterator[Contradiction]:
+    """Torques of the sun that are off what the ring's asks for, unlike those of the campaign's other engaged points."""
+    for gear, drive, rows, torque, basis, _ in _engaged(manifests, bench, ENOUGH):
+        expected = basis @ least_absolute(basis, torque)
+        off = torque - expected
+        least = max(OFF_OF_NOMINAL * float(bench.transducer_sun.nominal_torque), SIGMAS * robust_scale(off))
+        limits = np.maximum(least, OFF_OF_TORQUE * np.abs(expected))
+        for row, distance, limit in zip(rows, off.tolist(), limits.tolist(), strict=True):
+            if abs(distance) > limit:
+                message = (
+                    f"the torque of the sun is {row.window.means.sun.torque:.3f} N m, {distance:+.3f} N m off what the "
+                    f"ring's asks for at the other points of gear {gear} driven by the {drive}, limit {limit:.3f} N m"
+                )
+                do = "Find out which transducer is wrong (zero, gain, cable), and run the point once more."
+                yield Contradiction(row, abs(distance), limit, message, do, "sun", abs(distance))
+
+
+def _engaged(
+    manifests: Sequence[Manifest], bench: BenchParameters, fewest: int
+) -> Iterator[tuple[int, str, list[Row], Array, Array, float]]:
+    """Points by gear and drive: their rows, torques of the sun (n,), what those follow (n, 3), and the ratio."""
+    engaged = [row for row in accepted_rows(manifests) if row.window.configuration == Configuration.ENGAGED]
+    for gear, drive in sorted({(row.window.gear, row.window.drive) for row in engaged}):
+        rows = [row for row in engaged if (row.window.gear, row.window.drive) == (gear, drive)]
+        rows = [row for row in rows if not (row.window.rest_sun or row.window.rest_ring)]
+        means = [row.window.means for row in rows]
+        torque = np.array([[m.sun.torque, m.ring.torque] for m in means]).reshape(-1, 2)
+        speed = np.array([m.sun.speed for m in means])
+        known = np.isfinite(torque).all(axis=1) & np.isfinite(speed)
+        if int(known.sum()) < fewest:
+            continue
+        torque, speed = torque[known], speed[known]
+        ratio = float(bench.ratio(np.array([gear]))[0])
+        basis = np.column_stack((torque[:, 1] / ratio, np.sign(speed), speed / np.max(np.abs(speed), initial=RPM)))
+        yield gear, drive, [row for row, one in zip(rows, known, strict=True) if one], torque[:, 0], basis, ratio
