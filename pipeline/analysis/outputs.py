@@ -13,6 +13,7 @@ import polars as pl
 
 from pmg.pipeline.analysis.power_flow import flow_document, flow_frame, power_flows
 from pmg.pipeline.files.atomic import write_atomic
+from pmg.pipeline.files.notes import note_read
 from pmg.pipeline.fit.budget_document import budget_document, budget_frame
 from pmg.pipeline.fit.common_errors import CORRECTION, CURVES, TRANSDUCERS
 from pmg.pipeline.fit.document import damping_document, fit_document, further_document, number
@@ -269,6 +270,7 @@ def read_analysis(store: Path) -> tuple[Grid, AnalysisOptions]:
             raise StoreError(str(summary), f"schema {document['schema']}", SCHEMA, "Run 'pmg analyse' again.")
         options = AnalysisOptions.from_document(document["options"])
         data = (folder / "grid.parquet").read_bytes()
+        note_read(folder / "grid.parquet", data)
         if hashlib.sha256(data).hexdigest() != document["grid_sha256"]:
             raise StoreError(str(folder), "grid and summary of different runs", "one run's", "Run 'pmg analyse' again.")
         columns = pl.read_parquet(io.BytesIO(data))

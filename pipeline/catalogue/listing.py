@@ -22,8 +22,12 @@ def aligned(columns: Sequence[Column], rows: Sequence[Sequence[Cell]]) -> list[s
     """A heading and one line a row; numbers to the right."""
     cells = [[column.name for column in columns]]
     cells += [[shown(column, value) for column, value in zip(columns, row, strict=True)] for row in rows]
+    return aligned_cells(cells, [column.kind is Kind.NUMBER for column in columns])
+
+
+def aligned_cells(cells: Sequence[Sequence[str]], right: Sequence[bool]) -> list[str]:
+    """One line a row of texts, each column as wide as its widest; those to the right begin with blanks."""
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    right = [column.kind is Kind.NUMBER for column in columns]
     return [
         "  ".join(
             text.rjust(width) if left else text.ljust(width)

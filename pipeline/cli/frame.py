@@ -8,6 +8,8 @@ import sys
 import traceback
 from collections.abc import Callable
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from enum import IntEnum, StrEnum
 from functools import wraps
 from inspect import Parameter, Signature, signature
@@ -15,17 +17,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pmg.pipeline.files.notes import taking_notes
 from pmg.pipeline.wording.safe_text import printable, printable_json, printable_lines
 from pmg.sim.errors import PmgError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from pmg.pipeline.commands.outcome import Outcome
+    from pmg.pipeline.recording.remark import Remark
 
 SCHEMA = "pmg.result/1"
 RESUMES = ("ingest", "run", "prove")
 """Commands that go on where an interrupted call of theirs ended."""
+ONLY_TELL = ("config", "doctor", "runs")
+"""Commands, or groups of them, that name a store and make nothing: they leave no entry in its audit trail."""
 
 
 class _ExitCode(IntEnum):
@@ -74,8 +80,11 @@ def command(
         progress = own.pop("progress", None) is not None
         shown = [one for key, each in own.items() for one in (options if key == "given" else (each,))]
 
+        audited = name.partition(" ")[0] not in ONLY_TELL and {one.name for one in shown} & {"store", "stores"}
+
         @wraps(stage)
         def carried(*, as_json: bool, fail_on: _FailOn = _FailOn.NEVER, **values: object) -> None:
+            settings = dict(values)
             if options:
                 values["given"] = {one.name: values.pop(one.name) for one in options}
 
@@ -85,7 +94,7 @@ def command(
                 with _progress_line(as_json, "ingest" if name == "run" else name) as line:
                     return stage(**values, progress=line)
 
-            _carry_out(name, told, as_json, fail_on)
+            _carry_out(name, told, as_json, fail_on, settings if audited else None)
 
         output = (("as_json", JsonOption, False), ("fail_on", FailOnOption, _FailOn.NEVER))[: 2 if fails else 1]
         shown += [Parameter(key, Parameter.KEYWORD_ONLY, default=value, annotation=kind) for key, kind, value in output]
@@ -97,16 +106,80 @@ def command(
     return made
 
 
-def _carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on: _FailOn) -> None:
-    """Run a stage, print what it gave, and exit with the code that says how it went."""
+@dataclass(frozen=True)
+class _Ending:
+    """How a command ended: its exit code, and its outcome or the error that stands for one."""
+
+    code: _ExitCode
     outcome: Outcome | None = None
     error: dict[str, str] | None = None
-    text = ""
+
+
+def _carry_out(
+    command: str,
+    stage: Callable[[], Outcome],
+    as_json: bool,
+    fail_on: _FailOn,
+    audited: Mapping[str, object] | None,
+) -> None:
+    """Run a stage, leave an entry in the audit trail of its stores, print what it gave, and exit with its code.
+
+    Parameters
+    ----------
+    command : str
+        Name of the command.
+    stage : callable
+        What it does.
+    as_json : bool
+        Whether the result is printed as JSON.
+    fail_on : _FailOn
+        Reasons for a finished command to exit with 1.
+    audited : mapping or None
+        What the call set, for the audit trail; None for a command that leaves no entry.
+    """
+    if audited is None:
+        ending = _ending(command, stage, as_json, fail_on)
+    else:
+        ending = _audited(command, lambda: _ending(command, stage, as_json, fail_on), audited)
+    code, outcome = ending.code, ending.outcome
+    try:
+        if as_json:
+            typer.echo(as_text(command, code, outcome, ending.error))
+        elif outcome is not None:
+            for line in outcome.lines:
+                typer.echo(printable_lines(line))
+            _tell_findings(outcome.findings)
+        sys.stdout.flush()
+    except BrokenPipeError:  # whoever reads has read enough, such as head; what is left goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as problem:
+        code = output_lost(f"pmg {command}", problem)
+    if code:
+        raise typer.Exit(int(code))
+
+
+def _audited(command: str, run: Callable[[], _Ending], settings: Mapping[str, object]) -> _Ending:
+    """The ending of a command, after an entry of it was left in its stores; one that could not be is a finding."""
+    from pmg.pipeline.commands.audit_entry import leave_entries
+
+    began = datetime.now(UTC)
+    with taking_notes() as notes:
+        ending = run()
+    remarks = leave_entries(command, sys.argv[1:], settings, notes, began, int(ending.code))
+    if remarks and ending.outcome is not None:
+        return replace(ending, outcome=replace(ending.outcome, findings=ending.outcome.findings + remarks))
+    _tell_findings(remarks)
+    return ending
+
+
+def _ending(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on: _FailOn) -> _Ending:
+    """Run a stage; an error is told on standard error."""
     try:
         outcome = stage()
         code = _exit_code(outcome, fail_on)
         if as_json:  # a value that JSON cannot hold is a defect like any other
-            text = as_text(command, code, outcome, None)
+            as_text(command, code, outcome, None)
+        return _Ending(code, outcome)
     except PmgError as problem:
         code = _ExitCode.COULD_NOT_RUN
         error = {"where": problem.where, "came": problem.came, "expected": problem.expected, "do": problem.do}
@@ -132,20 +205,7 @@ def _carry_out(command: str, stage: Callable[[], Outcome], as_json: bool, fail_o
         error = {"where": command, "came": repr(problem), "expected": "no such error", "do": do}
         traceback.print_exc()
         _tell_error(command, "internal error, a defect of pmg.", "Please report it with the lines above.")
-    try:
-        if as_json:
-            typer.echo(text if error is None else as_text(command, code, None, error))
-        elif outcome is not None:
-            for line in outcome.lines:
-                typer.echo(printable_lines(line))
-            _tell_findings(outcome)
-        sys.stdout.flush()
-    except BrokenPipeError:  # whoever reads has read enough, such as head; what is left goes nowhere
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except OSError as problem:
-        code = output_lost(f"pmg {command}", problem)
-    if code:
-        raise typer.Exit(int(code))
+    return _Ending(code, error=error)
 
 
 def output_lost(called: str, problem: OSError) -> _ExitCode:
@@ -179,8 +239,8 @@ FINDINGS_SHOWN = 20
 """Findings printed before the rest is counted."""
 
 
-def _tell_findings(outcome: Outcome) -> None:
-    grave = [remark for remark in outcome.findings if remark.severity != "info"]
+def _tell_findings(findings: Sequence[Remark]) -> None:
+    grave = [remark for remark in findings if remark.severity != "info"]
     for remark in grave[:FINDINGS_SHOWN]:
         typer.echo(printable(f"{remark.severity}: {remark.place}: {remark.message}"), err=True)
     if len(grave) > FINDINGS_SHOWN:

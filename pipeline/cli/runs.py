@@ -1,4 +1,4 @@
-"""The commands on the catalogue of runs: list, show, diff."""
+"""The commands on what a store holds: list, show, diff, audit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from pmg.pipeline.cli.frame import command
 from pmg.pipeline.commands.outcome import Outcome
 
 app = typer.Typer(
-    help="What a store holds: list, show and compare its runs.", no_args_is_help=True, rich_markup_mode=None
+    help="What a store holds: list, show and compare its runs; audit who made it of what.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 
 StoreArgument = Annotated[Path, typer.Argument(help="Store with ingested recordings.", metavar="STORE")]
@@ -58,3 +60,17 @@ def diff(
     from pmg.pipeline.commands.runs import run_diff
 
     return run_diff(store, first, second, store_b)
+
+
+@app.command()
+@command("runs audit")
+def audit(
+    store: StoreArgument,
+    head: Annotated[
+        str | None, typer.Option("--head", help="Hash that an earlier call printed: is its entry still in the chain?")
+    ] = None,
+) -> Outcome:
+    """Audit a store: who ran what on which bytes, whether this record is whole, and files changed since."""
+    from pmg.pipeline.commands.audit import run_audit
+
+    return run_audit(store, head)

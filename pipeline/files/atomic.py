@@ -12,6 +12,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
+from pmg.pipeline.files.notes import note_written
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -43,6 +45,7 @@ def opened_aside(path: Path) -> Iterator[BinaryIO]:
             aside.flush()
             os.fsync(aside.fileno())
         Path(name).chmod(0o644)
+        note_written(path, Path(name))
         Path(name).replace(path)
     except BaseException:
         with suppress(OSError):

@@ -13,6 +13,7 @@ from multiprocessing.connection import wait
 from threading import Thread
 from typing import TYPE_CHECKING, TypeVar
 
+from pmg.pipeline.files.notes import Noting, notes_taken
 from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
@@ -73,6 +74,18 @@ def _spread(executor: Executor, work: Callable[[Item], Result], items: Sequence[
     work, items
         As for `map_over`.
     """
+    notes = notes_taken()
+    if notes is not None:
+        for item, (result, others) in _results(executor, Noting(work), items):
+            notes.add(others)
+            yield item, result
+    else:
+        yield from _results(executor, work, items)
+
+
+def _results(
+    executor: Executor, work: Callable[[Item], Result], items: Sequence[Item]
+) -> Iterator[tuple[Item, Result]]:
     futures: dict[Future[Result], Item] = {executor.submit(work, item): item for item in items}
     try:
         for future in as_completed(futures):

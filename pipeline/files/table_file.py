@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_args
 
 from pydantic import AliasChoices, BaseModel, ValidationError
 
+from pmg.pipeline.files.notes import note_read
 from pmg.pipeline.files.strict_tables import RefusalError
 from pmg.pipeline.files.toml import lines_of
 from pmg.sim.errors import BenchError, PmgError, near_miss
@@ -162,6 +163,7 @@ def _text_of(path: Path, what: str, error: type[PmgError]) -> str:
         if len(data) > LONGEST:
             came, do = f"more than {LONGEST} bytes", "Check the path: this is not a file written by hand."
             raise error(str(path), came, f"{what} in TOML", do)
+        note_read(path, data)
         return data.decode("utf-8-sig").replace("\r\n", "\n")
     except OSError as fault:
         came = "no such file" if isinstance(fault, FileNotFoundError) else fault.strerror or "cannot be read"

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
+from pmg.pipeline.files.notes import note_read
 from pmg.pipeline.grid.transducer_uncertainty import common_uncertainty
 from pmg.sim.errors import GridError
 from pmg.sim.grid import ROW_FIELDS, Configuration, Grid, OperatingPoints
@@ -97,9 +99,11 @@ def _read_published_csv(path: Path, needed: tuple[str, ...]) -> pd.DataFrame:
     if not path.is_file():
         raise GridError(str(path), "no such file", "a published grid", "Name a folder that holds it.")
     try:
-        frame = pd.read_csv(path)
+        data = path.read_bytes()
+        frame = pd.read_csv(io.BytesIO(data))
     except (ValueError, UnicodeDecodeError) as error:
         raise GridError(str(path), f"not a table ({error})", "comma-separated values", "Check the file.") from error
+    note_read(path, data)
     for name in needed:
         if name not in frame.columns:
             raise GridError(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, StringConstraints, model_validator
 
+from pmg.pipeline.files.notes import note_read
 from pmg.pipeline.files.strict_tables import Strict, one_of, refuse, refuse_twice
 from pmg.pipeline.files.table_file import read_table_file
 from pmg.pipeline.importers.channel_map import SCHEMA, Bits, Clock, Lookup, Rate, Run, Topic
@@ -114,6 +115,7 @@ def _calibration(file: TableFile[_SupplyTable], name: str) -> bytes:
     except OSError as fault:
         came = f"'{path}' cannot be read ({fault.strerror})"
         raise file.refusal(came, "a TOML file", "Name it beside the map.", "calibration") from fault
+    note_read(path, data)
     findings = Findings(path.name)
     if read_calibration([(ATTACHMENT, data)], findings) is None:
         raise findings.give_up()

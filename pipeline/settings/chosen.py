@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pmg.pipeline.files.notes import note_settings
 from pmg.pipeline.fit.options import chosen_options
 from pmg.pipeline.settings.campaign_file import read_campaign
 from pmg.sim.errors import BenchError
@@ -154,4 +155,5 @@ def choose(config: Path | None, **given: object) -> Chosen:
             origins[name] = flag or (name.upper() if name == "recordings" else f"--{name.replace('_', '-')}")
         elif file is not None and key in file.values and not (named and name in place):
             values[name], origins[name] = file.values[key], file.origin(key)
+    note_settings(values)
     return Chosen(values, origins, file, {} if file is None else file.file.table.tolerances)

@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.files.notes import note_read
 from pmg.pipeline.recording.codes import Code, Severity
 from pmg.pipeline.recording.findings import Finding
 from pmg.sim.errors import RecordingError
@@ -179,6 +180,7 @@ def take_inventory(place: Path, shard: Shard | None = None) -> Inventory:
             advice = "Check the link, the rights and the disk."
             findings.append(Finding(Severity.ERROR, "whole file", message, name, Code.UNREADABLE, advice))
             continue
+        note_read(path, digest)
         if digest in sources:
             message = f"the same bytes as {sources[digest].name}; expected each run once. It is ingested once"
             findings.append(

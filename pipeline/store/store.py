@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 
 from pmg.pipeline.files.atomic import PREFIX, abandoned, write_atomic
+from pmg.pipeline.files.notes import note_recording
 from pmg.pipeline.store.manifest import FAILED, INGESTED, SCHEMA, Manifest, manifest_of
 from pmg.pipeline.store.sources import SUFFIX
 from pmg.sim.errors import StoreError
@@ -106,7 +107,9 @@ class Store:
             raise absent
         if document["status"] == INGESTED and not (self.path / RUNS / f"{identifier}.parquet").is_file():
             raise absent
-        return manifest_of(identifier, document)
+        manifest = manifest_of(identifier, document)
+        note_recording(manifest.file, manifest.sha256)
+        return manifest
 
     def manifests(self, *, whole: bool = True) -> list[Manifest]:
         """Manifests of all sources, by name of the file.

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from pmg.pipeline.files.atomic import PREFIX
+from pmg.pipeline.store.audit_trail import FILE as TRAIL
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 EXAMPLE = ROOT / "raw" / "example"
@@ -44,8 +45,9 @@ def finish(process: subprocess.Popen[bytes]) -> dict[str, Any]:
 
 
 def contents(store: Path) -> dict[str, bytes]:
-    """Every file of a store, whatever its name."""
-    return {p.relative_to(store).as_posix(): p.read_bytes() for p in sorted(store.rglob("*")) if p.is_file()}
+    """Every file of a store, whatever its name, but its audit trail: that tells the time and place of each command."""
+    files = (p for p in sorted(store.rglob("*")) if p.is_file() and p != store / TRAIL)
+    return {p.relative_to(store).as_posix(): p.read_bytes() for p in files}
 
 
 def finished(store: Path) -> dict[str, tuple[int, int]]:

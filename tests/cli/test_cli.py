@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jsonschema
 import pytest
@@ -16,8 +17,13 @@ from typer.testing import CliRunner
 from pmg.pipeline.analysis.outputs import read_analysis
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.crate import FILE as CRATE
+from pmg.pipeline.store.audit_trail import read_trail
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 RUNNER = CliRunner()
+PUBLISHED = ROOT / "raw" / "published"
 EXAMPLE = ROOT / "raw" / "example"
 SCHEMA = ROOT / "pipeline" / "diagnosis" / "diagnosis.schema.json"
 
@@ -31,11 +37,15 @@ def call(*arguments: object, expect: int) -> dict[str, Any]:
     return result
 
 
+def hashes(paths: Iterable[Path]) -> dict[str, str]:
+    return {str(path): hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
+
+
 @pytest.fixture(scope="module")
 def published(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path, Path]:
     folder = tmp_path_factory.mktemp("published")
     store, report = folder / "store", folder / "report"
-    result = call("run", "--grids", ROOT / "raw" / "published", "--store", store, "--report", report, expect=0)
+    result = call("run", "--grids", PUBLISHED, "--store", store, "--report", report, expect=0)
     return result, store, report
 
 
@@ -50,6 +60,17 @@ def test_published_grids_end_in_a_report(published: tuple[dict[str, Any], Path, 
     assert document["verdict"] != "consistent"
     assert len(list((report / "figures").glob("*.png"))) >= 6
     assert (report / "tables" / "power-flow-table.csv").read_text().count("\n") == 1 + 48 * 4
+
+
+def test_grids_go_in_by_their_bytes_and_the_report_comes_out_by_its(
+    published: tuple[dict[str, Any], Path, Path],
+) -> None:
+    _, store, report = published
+    entry = read_trail(store).entries[0]
+    assert {each["path"]: each["sha256"] for each in entry["read"]} == hashes(sorted(PUBLISHED.glob("*_grid.csv")))
+    written = {each["path"]: each["sha256"] for each in entry["written"]}
+    assert written.items() >= hashes(p for p in report.rglob("*") if p.is_file()).items()
+    assert {path.split("/")[0] for path in written if not path.startswith(str(report))} == {"analysis", "store.json"}
 
 
 def test_same_input_same_report(published: tuple[dict[str, Any], Path, Path], tmp_path: Path) -> None:
