@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class PmgError(Exception):
-    """A request that cannot be met, told in four parts.
+    """A request that cannot be met, stated in four parts.
 
     Parameters
     ----------

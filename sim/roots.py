@@ -36,7 +36,7 @@ def rising_root(
     start : (n,) array
         First guesses inside the brackets; their middles by default.
     rounding : (n,) array
-        Values that cannot be told from zero.
+        Values that cannot be distinguished from zero.
 
     Returns
     -------

@@ -157,7 +157,7 @@ def agreements(
     is the simulator's input, so the loss may be off by the sun's bound times its speed, and the efficiency by the
     sun's bound in parts of its torque. Zero checks are not compared: with both shafts at rest nothing is simulated,
     and what they read is the tare. A tolerance says whether a model is good enough for its use; U says whether
-    a difference is real. Both are told.
+    a difference is real. Both are reported.
     """
     set_by_user, running = dict(given or {}), ~residuals.grid.points.zero
     transducers = {"torque_sun": bench.transducer_sun, "torque_ring": bench.transducer_ring}

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class DifferenceGroup:
-    """Differences that are told together, such as the sun torques of the engaged points.
+    """Differences that are reported together, such as the sun torques of the engaged points.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class DifferenceFamily:
     left : (m, s) array
         What one standard uncertainty of each common error leaves in the differences.
     blocks : tuple of DifferenceGroup
-        The differences told together, with their linear tests.
+        The differences reported together, with their linear tests.
 
     Notes
     -----

@@ -39,19 +39,19 @@ def sharing(a: CampaignSide, b: CampaignSide, stated: Transducers) -> Sharing:
     if stated is not Transducers.AUTO:
         same = stated is Transducers.SAME
         return Sharing(same, same, f"{stated.value} on both shafts, as stated by --transducers")
-    found, told = {}, []
+    found, lines = {}, []
     for shaft in SIDES:
         one, other = a.transducers.get(shaft), b.transducers.get(shaft)
         found[shaft] = one is not None and one == other
         if one is None or other is None:
-            told.append(f"{shaft}: taken as different, since not both campaigns name one by its serial number")
+            lines.append(f"{shaft}: taken as different, since not both campaigns name one by its serial number")
         elif one == other:
-            told.append(f"{shaft}: the same ({one.serial})")
+            lines.append(f"{shaft}: the same ({one.serial})")
         elif one.serial == other.serial:
-            told.append(f"{shaft}: taken as different ({one.serial}, other nominal torque or span)")
+            lines.append(f"{shaft}: taken as different ({one.serial}, other nominal torque or span)")
         else:
-            told.append(f"{shaft}: different ({one.serial}, {other.serial})")
-    return Sharing(found["sun"], found["ring"], "; ".join(told))
+            lines.append(f"{shaft}: different ({one.serial}, {other.serial})")
+    return Sharing(found["sun"], found["ring"], "; ".join(lines))
 
 
 def left_over(

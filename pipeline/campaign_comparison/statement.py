@@ -8,7 +8,7 @@ import numpy as np
 
 from pmg.pipeline.campaign_comparison.verdict import SIGNIFICANCE
 from pmg.pipeline.wording import numerals
-from pmg.pipeline.wording.probability import COVERAGE_FACTOR, told_search
+from pmg.pipeline.wording.probability import COVERAGE_FACTOR, search_p_text
 from pmg.sim import signals
 from pmg.sim.signals import RESIDUAL
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.campaign_comparison.verdict import ComparisonVerdict, DifferenceTrend, GroupResult
 
 ALIKE = 0.1
-"""Two covariates whose lines take up shares of the variance no further apart than this are not told apart."""
+"""Two covariates whose lines take up shares of the variance no further apart than this are not separated."""
 
 FOLLOWED = 0.25
 """Share of the variance from which a difference is said to follow a covariate."""
@@ -27,12 +27,12 @@ def statement(versus: Versus, judged: ComparisonVerdict | None) -> str:
     """The outcome: whether the campaigns differ, by how much, where most, and what the difference follows."""
     if judged is None:
         return "No point of A has a partner in B within the tolerances: nothing can be subtracted."
-    p = f"p {told_search(judged.p_value, judged.draws)}"
+    p = f"p {search_p_text(judged.p_value, judged.draws)}"
     if judged.differ:
         lead = f"B differs from A by more than noise and transducer tolerances can explain ({p})."
         return " ".join(filter(None, (lead, _loss(versus), _clearest_words(judged))))
     if judged.readings_differ:
-        readings = f"p {told_search(judged.p_readings, judged.draws)}"
+        readings = f"p {search_p_text(judged.p_readings, judged.draws)}"
         lead = (
             f"The readings differ beyond noise ({readings}), but by no more than the tolerances of the transducers "
             f"permit ({p}); the same transducers in both campaigns, or one calibrated against the other, would tell."
@@ -41,7 +41,7 @@ def statement(versus: Versus, judged: ComparisonVerdict | None) -> str:
     return " ".join(filter(None, (f"No difference beyond noise ({p}).", _loss(versus))))
 
 
-def _told(value: float, u: float, unit: str) -> str:
+def _measured_text(value: float, u: float, unit: str) -> str:
     """A difference and its U, with unit."""
     return f"{numerals.measured(value, COVERAGE_FACTOR * u)} {unit}"
 
@@ -56,20 +56,20 @@ def _loss(versus: Versus) -> str:
     u = float(np.hypot(own, common))
     n, beyond = int(found.compared.sum()), int(found.beyond.sum())
     if abs(mean) <= COVERAGE_FACTOR * u:
-        lead = f"The mean total loss differs by {_told(mean, u, 'W')} (B − A, U = 2u, {n} points)"
+        lead = f"The mean total loss differs by {_measured_text(mean, u, 'W')} (B − A, U = 2u, {n} points)"
     else:
         more = "more" if mean > 0.0 else "less"
-        lead = f"Engaged, B loses {_told(abs(mean), u, 'W')} {more} than A (mean of {n} points, U = 2u)"
+        lead = f"Engaged, B loses {_measured_text(abs(mean), u, 'W')} {more} than A (mean of {n} points, U = 2u)"
     if not beyond:
         return f"{lead}, at no point beyond U."
     clearest = np.where(found.beyond, np.abs(found.value) / np.where(found.u > 0.0, found.u, np.inf), -1.0)
     row = int(np.argmax(clearest))
-    where = f"{versus.at.name[row]} ({_told(float(found.value[row]), float(found.u[row]), 'W')})"
+    where = f"{versus.at.name[row]} ({_measured_text(float(found.value[row]), float(found.u[row]), 'W')})"
     return f"{lead}, beyond U at {beyond} points, most clearly at {where}."
 
 
 def _clearest(judged: ComparisonVerdict) -> GroupResult:
-    """The group whose differences are clearest by what is told of it; by chi-square where no mean or slope is clear."""
+    """The group with the clearest mean or slope; by chi-square where none is clear."""
 
     def distance(group: GroupResult) -> float:
         tests = [group.mean, *(one.slope for one in alike(group))]
@@ -83,13 +83,13 @@ def _clearest_words(judged: ComparisonVerdict) -> str:
     """The clearest group: its mean, and the slope that is clearer than that."""
     group = _clearest(judged)
     lead = f"Clearest in the {group.words} ({group.points} points)"
-    mean = _told(group.mean.value / RESIDUAL.scale, group.mean.u / RESIDUAL.scale, RESIDUAL.display_unit)
+    mean = _measured_text(group.mean.value / RESIDUAL.scale, group.mean.u / RESIDUAL.scale, RESIDUAL.display_unit)
     found = alike(group)
     if not found:
         share = f"{FOLLOWED:.0%}"
         return f"{lead}: {mean} on average; no line against speed, torque or time explains {share} of its variance."
     best = found[0]
-    slope = _told(best.slope.value / RESIDUAL.scale, best.slope.u / RESIDUAL.scale, RESIDUAL.display_unit)
+    slope = _measured_text(best.slope.value / RESIDUAL.scale, best.slope.u / RESIDUAL.scale, RESIDUAL.display_unit)
     names = " or ".join(one.covariate.words for one in found)
     unit = best.covariate.unit if best.covariate.unit[0].isdigit() else f"1 {best.covariate.unit}"
     share = f"{best.share:.0%} of its variance"

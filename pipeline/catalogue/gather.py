@@ -1,4 +1,4 @@
-"""All that a store knows of its runs, gathered for the catalogue; what cannot be read is told and left out."""
+"""All that a store knows of its runs, gathered for the catalogue; what cannot be read is reported and left out."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ def select(
     try:
         return connection.execute(text).fetchall()
     except (sqlite3.Error, sqlite3.Warning, ValueError) as fault:
-        raise _told(fault, seconds) from fault
+        raise _clear_error(fault, seconds) from fault
     finally:
         connection.set_authorizer(None)
         connection.set_progress_handler(None, 0)
@@ -136,7 +136,7 @@ def _refuse_what_sql_takes_otherwise(condition: str) -> None:
         raise QueryError("--where", found[0], "a time in single quotes", do)
 
 
-def _told(fault: Exception, seconds: float) -> QueryError:
+def _clear_error(fault: Exception, seconds: float) -> QueryError:
     """Message of SQLite, in four parts."""
     code, said = getattr(fault, "sqlite_errorname", ""), str(fault)
     if code == "SQLITE_INTERRUPT":

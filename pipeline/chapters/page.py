@@ -17,7 +17,7 @@ from pmg.pipeline.chapters.measured.flow import flow_section
 from pmg.pipeline.chapters.measured.losses import losses_section
 from pmg.pipeline.chapters.measured.neutral import neutral_section
 from pmg.pipeline.chapters.measured.quality import data_section
-from pmg.pipeline.chapters.measured.sensor_fault import misread_items, misread_warning
+from pmg.pipeline.chapters.measured.sensor_fault import sensor_fault_items, sensor_fault_warning
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
 from pmg.pipeline.diagnosis.grid.statement import phrase, statement
 from pmg.pipeline.grid.conditions import conditions
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.fit.budget import Budget
     from pmg.pipeline.grid.conditions import Conditions
     from pmg.pipeline.model.compared_campaign import ComparedCampaign
-    from pmg.pipeline.model.sensor_fault_correction import Misread
+    from pmg.pipeline.model.sensor_fault_correction import CorrectedLosses
     from pmg.pipeline.point_signals.encoded import Encoded
     from pmg.pipeline.recording.origin import ImportRecord
     from pmg.pipeline.recording.remark import Remark
@@ -89,7 +89,7 @@ def build_report(
     note: str,
     provenance: tuple[tuple[str, str], ...],
     tolerances: Mapping[str, Tolerance] | None = None,
-    faults: tuple[Misread, ...] = (),
+    faults: tuple[CorrectedLosses, ...] = (),
 ) -> Report:
     """The report of one campaign, as far as its analysis reached.
 
@@ -109,7 +109,7 @@ def build_report(
         Inputs, hashes, seed, command.
     tolerances : mapping, optional
         Tolerances that were set for the comparison, by quantity.
-    faults : tuple of Misread
+    faults : tuple of CorrectedLosses
         The losses without a fault of a reading, under each explanation that has one.
     """
     residuals, diagnosis, carried, ends = (
@@ -121,12 +121,12 @@ def build_report(
         grids_section(analysis.grid, opens=signals is not None),
     ]
     left = analysis if carried is None else carried.analysis
-    misread = () if analysis.balance is None else misread_items(faults, analysis.balance)
+    corrected = () if analysis.balance is None else sensor_fault_items(faults, analysis.balance)
     if analysis.fits is not None:
         sections.append(neutral_section(analysis, analysis.fits))
     if analysis.balance is not None and analysis.calibration is not None:
-        sections.append(_behind(losses_section(analysis, analysis.balance, analysis.calibration), misread))
-        sections.append(_behind(efficiency_section(analysis.balance, residuals), misread[:1]))
+        sections.append(_behind(losses_section(analysis, analysis.balance, analysis.calibration), corrected))
+        sections.append(_behind(efficiency_section(analysis.balance, residuals), corrected[:1]))
         if analysis.grid.origin != "published":  # its speeds are those that were set
             sections.append(speed_ratio_section(analysis.balance, bench))
     agreed = None if residuals is None else agreements(residuals, bench, tolerances)
@@ -143,7 +143,7 @@ def build_report(
         gearbox = Gearbox.calibrated(bench, analysis.calibration.model) if carried is None else carried.gearbox
         behind = analysis.calibration, analysis.causes
         flow = flow_section(power_flows(gearbox, residuals.grid, residuals.simulated, bench, *behind))
-        sections.append(_behind(flow, misread[:1]))
+        sections.append(_behind(flow, corrected[:1]))
     if recorded.orders is not None:
         sections.append(recorded.orders)
     if analysis.grid.origin == "published":
@@ -184,13 +184,13 @@ def _verdict(
     diagnosis: Diagnosis | None,
     before: str,
     agreed: Agreements | None,
-    faults: tuple[Misread, ...],
+    faults: tuple[CorrectedLosses, ...],
     recorded: RecordedFacts,
 ) -> Headline:
     grid = analysis.grid
     warnings = []
     if faults and analysis.balance is not None:
-        warnings.append(misread_warning(faults, analysis.balance))
+        warnings.append(sensor_fault_warning(faults, analysis.balance))
     rejected = int((~grid.accepted).sum())
     if rejected:
         warnings.append(f"{counted(rejected, 'point')} rejected; the reasons are in the chapter on data quality.")

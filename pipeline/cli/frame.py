@@ -88,13 +88,13 @@ def command(
             if options:
                 values["given"] = {one.name: values.pop(one.name) for one in options}
 
-            def told() -> Outcome:
+            def run_stage() -> Outcome:
                 if not progress:
                     return stage(**values)
                 with _progress_line(as_json, "ingest" if name == "run" else name) as line:
                     return stage(**values, progress=line)
 
-            _carry_out(name, told, as_json, fail_on, settings if audited else None)
+            _carry_out(name, run_stage, as_json, fail_on, settings if audited else None)
 
         output = (("as_json", JsonOption, False), ("fail_on", FailOnOption, _FailOn.NEVER))[: 2 if fails else 1]
         shown += [Parameter(key, Parameter.KEYWORD_ONLY, default=value, annotation=kind) for key, kind, value in output]

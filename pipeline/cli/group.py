@@ -1,4 +1,4 @@
-"""A command line that tells what is wrong with its words as every other error is told, under ``--json`` as JSON too."""
+"""A command line whose own errors look like every other error, under ``--json`` as JSON too."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ USAGE = typer.BadParameter.__mro__[1]
 
 
 class AnswersInJson(TyperGroup):
-    """The commands of pmg: an unknown option or a missing argument is told with a hint, and as one object."""
+    """The commands of pmg: an unknown option or a missing argument is reported with a hint, and as one object."""
 
     def main(
         self,
@@ -46,7 +46,7 @@ class AnswersInJson(TyperGroup):
             if not isinstance(problem, USAGE):
                 raise
             try:
-                code = _told(problem, words)
+                code = _print_problem(problem, words)
             except OSError as full:
                 code = output_lost("pmg", full)
         sys.exit(code)
@@ -60,7 +60,7 @@ class _Fault(NamedTuple):
     do: str
 
 
-def _told(problem: Any, words: Sequence[str]) -> int:  # noqa: ANN401 - an error of typer's, whose class has no public name
+def _print_problem(problem: Any, words: Sequence[str]) -> int:  # noqa: ANN401 - an error of typer's, whose class has no public name
     """Tell what is wrong with the words, under ``--json`` on both streams; the exit code."""
     path: list[str] = []
     context = problem.ctx

@@ -128,7 +128,7 @@ class _ProveOptions:
         typer.Option("--recordings", help="So many concealed campaigns, and a third as many clean, go both ways."),
     ] = None
     quick: Annotated[
-        bool, typer.Option("--quick", help="12 campaigns, one of them both ways, unless told otherwise.")
+        bool, typer.Option("--quick", help="12 campaigns, one of them both ways, unless set otherwise.")
     ] = False
     workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes; all processors if absent.")] = None
     case: Annotated[int | None, typer.Option("--case", help="Run this campaign only, and say what came.")] = None

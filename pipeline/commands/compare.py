@@ -12,7 +12,7 @@ import numpy as np
 
 from pmg.pipeline.analysis.outputs import read_analysis
 from pmg.pipeline.analysis.tolerance import Tolerance
-from pmg.pipeline.chapters.measured.sensor_fault import misread_warning
+from pmg.pipeline.chapters.measured.sensor_fault import sensor_fault_warning
 from pmg.pipeline.chapters.page import RecordedFacts, build_report
 from pmg.pipeline.commands.analyse import analysis_findings
 from pmg.pipeline.commands.compare_and_diagnose import compare_and_diagnose, leave_model, summary_facts
@@ -86,7 +86,7 @@ def run_compare(
     judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, np.random.default_rng(SEED), given)
     hashed = () if model is None else ((f"SHA-256 of {model.name}", hashlib.sha256(model.read_bytes()).hexdigest()),)
     page, remarks = campaign_page(
-        whole, judged, note, tolerances, (*hashed, seeded(SEED), ("Command", _command_told(note, model)))
+        whole, judged, note, tolerances, (*hashed, seeded(SEED), ("Command", _command_words(note, model)))
     )
     grid = whole.analysis.grid
     files, made = write_results(page, whole, judged, report, tolerances, given=model)
@@ -194,7 +194,7 @@ def campaign_page(
         faults=faults,
     )
     if faults and analysis.balance is not None:
-        remarks += (Remark("warning", "losses", misread_warning(faults, analysis.balance)),)
+        remarks += (Remark("warning", "losses", sensor_fault_warning(faults, analysis.balance)),)
     return page, remarks
 
 
@@ -223,11 +223,11 @@ def seeded(seed: int) -> tuple[str, str]:
     return "Seed of the synthetic campaigns", str(seed)
 
 
-def _command_told(note: str, model: Path | None) -> str:
+def _command_words(note: str, model: Path | None) -> str:
     """The stage's command with what changes the page; folders are the reader's own."""
     options = (("--model", "" if model is None else model.name), ("--note", note))
-    told = " ".join(f"{option} {shlex.quote(value)}" for option, value in options if value)
-    return f"pmg compare --store STORE --report REPORT {told}".strip()
+    text = " ".join(f"{option} {shlex.quote(value)}" for option, value in options if value)
+    return f"pmg compare --store STORE --report REPORT {text}".strip()
 
 
 def _origins(used: tuple[Manifest, ...]) -> tuple[tuple[str, ImportRecord], ...]:

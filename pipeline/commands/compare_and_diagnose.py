@@ -117,7 +117,7 @@ def diagnose_campaign(
         model = shown = model_of(grid, analysis.calibration, diagnosis)
     else:
         model, shown = found_together(carried, analysis, diagnosis), carried.model
-    after = (*baseline_mechanisms(shown.baseline, bench), *shown.beside(bench))
+    after = (*baseline_mechanisms(shown.baseline, bench), *shown.mechanisms(bench))
     ends = extreme_steady_points(grid, bench, simulated.plain.mechanisms, after) if shown.parts else ()
     return ComparedCampaign(simulated.residuals, diagnosis, model, carried, ends)
 
@@ -135,7 +135,7 @@ def summary_facts(
     grid : Grid
         The analysed grid.
     judged : ComparedCampaign or None
-        What it says about the simulator; without it the points alone are told.
+        What it says about the simulator; without it only the points are compared.
     bench : BenchParameters
         Data sheets of the transducers.
     tolerances : mapping, optional

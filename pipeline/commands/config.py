@@ -29,13 +29,13 @@ def run_show(chosen: Chosen, origin: bool) -> Outcome:
     chosen : Chosen
         File and options.
     origin : bool
-        Whether people are told where each comes from; JSON always is.
+        Whether people are shown where each comes from; JSON always is.
     """
     found = settings(chosen)
-    width = max(len(setting.key) + len(setting.told) for setting in found) + 4
+    width = max(len(setting.key) + len(setting.written) for setting in found) + 4
     lines: list[str] = []
     for setting in found:
-        line = f"{setting.key} = {setting.told}"
+        line = f"{setting.key} = {setting.written}"
         lines.append(f"{line:<{min(width, 70)}}  {setting.origin}" if origin else line)
     return Outcome({"settings": [asdict(setting) for setting in found]}, tuple(lines))
 

@@ -90,7 +90,7 @@ def run_design(
         page = Report(
             title=f"What {name} can tell apart",
             subtitle=f"{len(grid)} points, audited from their design and noise alone",
-            verdict=Headline(told_audit(audit), "attention" if audit.alike else "good"),
+            verdict=Headline(audit_words(audit), "attention" if audit.alike else "good"),
             sections=(audit_section(audit),),
             provenance=Facts((("Of", name), ("Versions", versions(PACKAGES)))),
         )
@@ -101,7 +101,7 @@ def run_design(
     return Outcome(data, tuple(lines), remarks)
 
 
-def told_audit(audit: Audit) -> str:
+def audit_words(audit: Audit) -> str:
     """Result of an audit, in a sentence."""
     unseen = [f"{row.candidate.identifier} ({row.candidate.shaft})" for row in audit.visible if row.unseen]
     hidden = f"cannot be seen at any size: {', '.join(unseen)}" if unseen else "every mechanism can be seen"
@@ -135,7 +135,7 @@ def _lines(audit: Audit) -> list[str]:
             f"closest ({near.correlation:.3f}) {near.one.identifier} ({near.one.shaft}) and "
             f"{near.other.identifier} ({near.other.shaft})"
         )
-    return [*rows, told_audit(audit)]
+    return [*rows, audit_words(audit)]
 
 
 def _visible(row: Visibility) -> dict[str, Any]:

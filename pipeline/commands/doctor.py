@@ -1,11 +1,11 @@
-"""The stage behind ``pmg doctor``: what a set of recordings permits, told before anything is run."""
+"""The stage behind ``pmg doctor``: what a set of recordings permits, stated before anything is run."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.commands.design import told_audit
+from pmg.pipeline.commands.design import audit_words
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.importers.supply import read_supply
 from pmg.pipeline.preflight.abilities import NO, Design, abilities
@@ -60,7 +60,7 @@ def run_doctor(
         Remark("warning", file.name, f"the same bytes as {file.copy}: counts once") for file in found.files if file.copy
     ]
     findings += [Remark("warning", file.name, file.damage) for file in found.files if file.damage]
-    findings += [Remark("warning", check.what, check.told) for check in checks if check.state != OK]
+    findings += [Remark("warning", check.what, check.description) for check in checks if check.state != OK]
     findings += [
         Remark("warning", part["campaign"], f"hole in the grid: {hole}") for part in campaigns for hole in part["holes"]
     ]
@@ -78,7 +78,7 @@ def run_doctor(
     lines = [_head(found, size)]
     for part in campaigns:
         lines += _lines(part)
-    lines += ["this machine", *(f"  {check.state:<8}{check.what:<30}{check.told}" for check in checks)]
+    lines += ["this machine", *(f"  {check.state:<8}{check.what:<30}{check.description}" for check in checks)]
     nothing = not possible or any(check.state == BAD for check in checks)
     if not possible:
         lines.append("nothing can be run with these recordings")
@@ -102,7 +102,7 @@ def _campaign(found: Survey, name: str, bench: BenchParameters) -> dict[str, Any
     return {
         "campaign": name,
         "points": asdict(design),
-        "design": design.told(),
+        "design": design.summary(),
         "without_set_points": sum(file.untold for file in found.usable),
         "chapters": [asdict(ability) for ability in abilities(found, rehearsed, bench)],
         "holes": [] if rehearsed is None else list(rehearsed.lacking),
@@ -112,7 +112,7 @@ def _campaign(found: Survey, name: str, bench: BenchParameters) -> dict[str, Any
 
 def _mechanisms(seen: Audit) -> dict[str, Any]:
     return {
-        "told": told_audit(seen),
+        "told": audit_words(seen),
         "seen": sorted({row.candidate.identifier for row in seen.visible if not row.unseen}),
         "unseen": sorted({row.candidate.identifier for row in seen.visible if row.unseen}),
         "look_alikes": [

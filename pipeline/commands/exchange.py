@@ -65,7 +65,7 @@ def run_import(
     samples = sum(sum(imported.written.values()) for imported in done)
     rows = f"{counted(sum(imported.rows for imported in done), 'row')}, {counted(samples, 'sample')} of all channels"
     head = f"imported {len(done)} of {counted(len(sources), 'file')}, {rows}, into {out}"
-    data = {"out": str(out), "imported": [_told(imported) for imported in done], "failed": len(failed)}
+    data = {"out": str(out), "imported": [_imported_document(imported) for imported in done], "failed": len(failed)}
     return Outcome(data, (head, *_readings(done)), tuple(findings), partial=bool(failed))
 
 
@@ -110,7 +110,7 @@ def _readings(done: Iterable[Imported]) -> tuple[str, ...]:
     )
 
 
-def _told(imported: Imported) -> dict[str, Any]:
+def _imported_document(imported: Imported) -> dict[str, Any]:
     return {
         "source": imported.source.name,
         "recording": imported.out.name,

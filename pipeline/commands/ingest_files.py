@@ -187,8 +187,8 @@ def _ingest_one(job: _Job) -> str:
 def _run_record(recording: Recording) -> RunRecord:
     """The run of a recording, for its manifest."""
     run = recording.run
-    told = run.campaign, run.point, str(run.configuration), run.gear, run.drive, run.started_at.isoformat(), run.note
-    return RunRecord(*told)
+    lines = run.campaign, run.point, str(run.configuration), run.gear, run.drive, run.started_at.isoformat(), run.note
+    return RunRecord(*lines)
 
 
 def _failed(source: StoredSource, store: Store, findings: tuple[Finding, ...], run: RunRecord) -> str:

@@ -205,7 +205,7 @@ def compare(analysis: CampaignAnalysis, model: str | Path | None = None) -> Camp
 
 
 def diagnose(comparison: CampaignComparison, *, seed: int = SEED) -> CampaignDiagnosis:
-    """Name what the simulation left out, or say why it cannot be told.
+    """Name what the simulation left out, or say why it cannot be determined.
 
     Parameters
     ----------

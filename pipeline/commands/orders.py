@@ -74,7 +74,7 @@ def run_orders(
     campaign : str, optional
         Which campaign, where the store holds several.
     point : str, optional
-        One test point, of which every line is told; the whole campaign when not given.
+        One test point, of which every line is reported; the whole campaign when not given.
     out : Path, optional
         Folder of ``orders.csv``, ``load_angles.csv`` and ``orders.json``; none when not given.
     report : Path, optional
@@ -230,8 +230,8 @@ def _followed_document(line: LineSurvey) -> dict[str, Any]:
 
 
 def _campaign_lines(name: str, followed: tuple[LineSurvey, ...]) -> tuple[str, ...]:
-    told = (statement(line) for line in followed if line.present)
-    return (f"campaign {name}: {_present(followed)}", *told)
+    lines = (statement(line) for line in followed if line.present)
+    return (f"campaign {name}: {_present(followed)}", *lines)
 
 
 def _present(followed: tuple[LineSurvey, ...]) -> str:
@@ -247,7 +247,7 @@ def _present(followed: tuple[LineSurvey, ...]) -> str:
 
 def _point_lines(table: pl.DataFrame) -> tuple[str, ...]:
     """Every line of one point, those beyond their band first."""
-    told, silent = [], 0
+    lines, silent = [], 0
     for row in table.iter_rows(named=True):
         if row["amplitude"] is None:
             silent += 1
@@ -257,37 +257,37 @@ def _point_lines(table: pl.DataFrame) -> tuple[str, ...]:
         size = f"{row['amplitude'] / scale:.4g} {unit} [{row['low'] / scale:.4g}, {row['high'] / scale:.4g}]"
         phase = "" if row["phase"] is None else f", phase {math.degrees(row['phase']):+.1f} deg"
         if beyond:
-            told.append(f"{row['signal']}  {row['line']}  {size}, band {row['band'] / scale:.2g} {unit}{phase}")
-    within = table.height - silent - len(told)
-    head = f"{counted(len(told), 'line')} beyond their band, {within} within it, {silent} without a number"
+            lines.append(f"{row['signal']}  {row['line']}  {size}, band {row['band'] / scale:.2g} {unit}{phase}")
+    within = table.height - silent - len(lines)
+    head = f"{counted(len(lines), 'line')} beyond their band, {within} within it, {silent} without a number"
     reasons = sorted({f"{r['line']}: {r['reason']}" for r in table.iter_rows(named=True) if r["reason"]})
-    return (head, *told, *(f"no number for {reason}" for reason in reasons))
+    return (head, *lines, *(f"no number for {reason}" for reason in reasons))
 
 
 def _angle_lines(angles: list[dict[str, Any]], laws: list[dict[str, Any]]) -> tuple[str, ...]:
-    told = []
+    lines = []
     indexed = sum(angle["from_index"] for angle in angles)
     if angles:
-        told.append(f"load angle of {counted(len(angles), 'window')}, {indexed} of them from index pulses")
+        lines.append(f"load angle of {counted(len(angles), 'window')}, {indexed} of them from index pulses")
     slipped = [angle["point"] for angle in angles if abs(angle["slipped"]) >= SLIPPED]
     if slipped:
-        told.append(f"poles slipped at {', '.join(slipped)}")
+        lines.append(f"poles slipped at {', '.join(slipped)}")
     for law in laws:
         zero = f"gear {law['gear']}, zero from {law['zero']}, {counted(law['points'], 'point')}"
         if "reason" in law:
-            told.append(f"load angle against load ({zero}): not judged; {law['reason']}")
+            lines.append(f"load angle against load ({zero}): not judged; {law['reason']}")
         else:
-            told.append(
+            lines.append(
                 f"load angle against load ({zero}): it changes by {law['slope']:.3f} (u {law['u']:.3f}, 95 % within "
                 f"{law['reach']:.3f}) of what the published pull-out torque implies over these loads, "
                 f"{law['span']:.4f} rad"
             )
     # files without index pulses have a zero each: one sentence for all of them
-    alone = [line for line in told if "zero from index" not in line and "not judged" in line]
+    alone = [line for line in lines if "zero from index" not in line and "not judged" in line]
     if len(alone) > 1:
-        told = [line for line in told if line not in alone]
-        told.append(f"load angle against load: {len(alone)} files without index pulses have no common zero; not judged")
-    return tuple(told)
+        lines = [line for line in lines if line not in alone]
+        lines.append(f"load angle against load: {len(alone)} files without index pulses lack a common zero; not judged")
+    return tuple(lines)
 
 
 def _write(out: Path, table: pl.DataFrame, angles: list[dict[str, Any]], data: dict[str, Any]) -> list[str]:

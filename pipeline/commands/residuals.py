@@ -23,7 +23,7 @@ from pmg.pipeline.grid.tables import PUBLISHED, read_published
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
-from pmg.pipeline.wording.probability import told_nominal, told_search
+from pmg.pipeline.wording.probability import nominal_p_text, search_p_text
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import FitError, GridError, near_miss
 from pmg.sim.signals import RESIDUAL
@@ -154,7 +154,7 @@ def _summary(study: ResidualStudy, campaign: str) -> str:
     none = f"none of {study.tested} tests of a covariate is significant"
     return (
         f"Campaign {campaign}: {found if clear else none}, corrected for multiple testing "
-        f"(p {told_search(study.p_value, study.draws)}); {stray} residuals are outliers."
+        f"(p {search_p_text(study.p_value, study.draws)}); {stray} residuals are outliers."
     )
 
 
@@ -164,10 +164,12 @@ def _lines(part: ShaftResidual, draws: int) -> list[str]:
     scatter, noise = RESIDUAL.display(lack.scatter), RESIDUAL.display(lack.noise)
     rows = [
         f"{FITS[part.fit.name]}, {part.shaft}: chi2/dof = {lack.chi_square:.1f}/{lack.dof:.1f} = "
-        f"{lack.chi_square / lack.dof:.2f}, p {told_nominal(lack.p_value)}, {lack.told}; scatter {scatter:.2f}, "
-        f"noise {noise:.2f} mN m"
+        f"{lack.chi_square / lack.dof:.2f}, p {nominal_p_text(lack.p_value)}, {lack.description}; "
+        f"scatter {scatter:.2f}, noise {noise:.2f} mN m"
     ]
-    rows += [f"  {one.rank}. {one.words} ({one.look.family.configuration}): {_told(one, draws)}" for one in ranked]
+    rows += [
+        f"  {one.rank}. {one.words} ({one.look.family.configuration}): {_ranked_words(one, draws)}" for one in ranked
+    ]
     also = [one for one in part.followed if one.rank is None and one.stands_out]
     if also:
         rows.append("  significant alone, but not with the numbered ones fitted: " + "; ".join(map(_short, also)))
@@ -191,11 +193,12 @@ def _short(one: Followed) -> str:
     return f"{_named(one)} {RESIDUAL.display(one.size):.2f} mN m"
 
 
-def _told(one: Followed, draws: int) -> str:
+def _ranked_words(one: Followed, draws: int) -> str:
     size, u = RESIDUAL.display(one.size), RESIDUAL.display(one.size_u)
     return (
-        f"{size:.2f} mN m rms (u {u:.2f}); {one.told_shape}; p {told_nominal(one.p_value)}, with look-elsewhere "
-        f"{told_search(one.p_search, draws)}, with the clearer ones fitted {told_search(one.p_beyond, draws)}"
+        f"{size:.2f} mN m rms (u {u:.2f}); {one.shape_description}; p {nominal_p_text(one.p_value)}, with "
+        f"look-elsewhere {search_p_text(one.p_search, draws)}, "
+        f"with the clearer ones fitted {search_p_text(one.p_beyond, draws)}"
     )
 
 
@@ -204,7 +207,7 @@ def _point(part: ShaftResidual, outlier: Outlier, still: bool) -> str:
     name = readings.grid.points.name[readings.row[outlier.row]]
     return (
         f"{name}: observed {readings.torque[outlier.row]:.4f}, fitted {part.fit.torque[outlier.row]:.4f} N m, "
-        f"{outlier.surprise:+.1f} standard deviations, p {told_nominal(outlier.p_value)} over {outlier.looked_at} "
+        f"{outlier.surprise:+.1f} standard deviations, p {nominal_p_text(outlier.p_value)} over {outlier.looked_at} "
         "points" + ("" if still else "; not with the numbered covariates fitted")
     )
 
@@ -222,7 +225,7 @@ def _document(part: ShaftResidual) -> dict[str, Any]:
         "noise_Nm": number(lack.noise),
         "scatter_Nm": number(lack.scatter),
         "noise_source": lack.source,
-        "noise_told": lack.told,
+        "noise_told": lack.description,
         "covariates": [_covariate(one) for one in part.followed],
         "outliers": [
             {

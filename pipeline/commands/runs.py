@@ -20,7 +20,7 @@ from pmg.pipeline.catalogue.query import column_named, texts_asked_for
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.store.store import RUNS, Store
-from pmg.pipeline.windows.limits import limit_told
+from pmg.pipeline.windows.limits import limit_text
 from pmg.pipeline.wording.plurals import counted
 from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 from pmg.pipeline.wording.safe_text import printable
@@ -123,8 +123,8 @@ def _channels(store: Path, found: FoundRun) -> dict[str, str]:
         return {}
     schema = pl.read_parquet_schema(store / RUNS / f"{found.rows[0]['name']}.parquet")
     units = {"torque": "N m", "angle": "rad", "sample": "number since the start", "lines": "a bit for each line"}
-    told = {name: units.get(name.partition("_")[0]) for name in schema}
-    return {name: f"{kind} [{told[name]}]" if told[name] else str(kind) for name, kind in schema.items()}
+    unit_of = {name: units.get(name.partition("_")[0]) for name in schema}
+    return {name: f"{kind} [{unit_of[name]}]" if unit_of[name] else str(kind) for name, kind in schema.items()}
 
 
 def _head(found: FoundRun) -> Iterator[str]:
@@ -145,7 +145,7 @@ def _section(title: str, pairs: Iterable[tuple[str, object]]) -> list[str]:
 
 def _limits(given: Mapping[str, Any]) -> list[tuple[str, object]]:
     """Limits with the units of a campaign file."""
-    return [(name, limit_told(name, given)) for name in given]
+    return [(name, limit_text(name, given)) for name in given]
 
 
 def _flat(document: Mapping[str, Any]) -> list[tuple[str, object]]:
@@ -252,7 +252,7 @@ def _side_by_side(title: str, differing: Mapping[str, tuple[Any, Any]]) -> list[
 def _cell(key: str, value: object) -> str:
     part, _, limit = key.partition(".")
     if part == LIMITS and isinstance(value, int | float):
-        return limit_told(limit, {limit: value})
+        return limit_text(limit, {limit: value})
     column = BY_NAME.get(key)
     if column is not None and (value is None or isinstance(value, str | int | float)):
         return shown(column, value)

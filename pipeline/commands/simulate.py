@@ -92,12 +92,12 @@ def _lines(simulation: Simulation) -> tuple[str, ...]:
     points, run, answer = simulation.points, simulation.run, simulation.answer
     if points is not None:
         at, eta = points.grid.points, points.values["efficiency_total"]
-        told = f", total efficiency {100.0 * eta[0]:.2f} %" if eta[0] == eta[0] else ""
+        text = f", total efficiency {100.0 * eta[0]:.2f} %" if eta[0] == eta[0] else ""
         speed = float(SPEED_SUN.display(at.speed_sun[0]))
         lines.append(
             f"{len(at)} steady point{'s' if len(at) > 1 else ''}; first {at.name[0]}: sun {speed:.2f} rpm, "
             # to 1 mN m: no transducer of the bench tells less apart, and a fitted model settles no further digit
-            f"{points.grid.torque_sun[0]:.3f} N m, ring {points.grid.torque_ring[0]:.3f} N m{told}"
+            f"{points.grid.torque_sun[0]:.3f} N m, ring {points.grid.torque_ring[0]:.3f} N m{text}"
         )
     if run is not None:
         trace = run.trace
@@ -105,6 +105,6 @@ def _lines(simulation: Simulation) -> tuple[str, ...]:
         state = "stopped at a slipped pole" if trace.stopped is not None else "done"
         lines.append(f"run of {trace.time[-1]:g} s {state}: sun {sun:.2f} rpm, ring motor {ring:.2f} rpm")
     if answer is not None:
-        told = ", ".join(f"{m.kind} {m.frequency / REVOLUTION:.4g} Hz" for m in answer.response.resonances)
-        lines.append(f"resonances: {told or 'none'}")
+        text = ", ".join(f"{m.kind} {m.frequency / REVOLUTION:.4g} Hz" for m in answer.response.resonances)
+        lines.append(f"resonances: {text or 'none'}")
     return tuple(lines)

@@ -76,10 +76,10 @@ def _residual_table(diagnosis: TermsDiagnosis) -> str:
     """Thinned samples of the fitted recording, and what baseline, named terms and refinements leave, as CSV."""
     recorded = diagnosis.recorded
     truth = recorded.force + recorded.known
-    last = (diagnosis.refinements or diagnosis.stands)[-1]
-    models = (diagnosis.stands[0], diagnosis.stands[-1], last)
+    last = (diagnosis.refinements or diagnosis.steps)[-1]
+    models = (diagnosis.steps[0], diagnosis.steps[-1], last)
     motion = recorded.thin(np.c_[recorded.motion.position, recorded.motion.speed, recorded.motion.acceleration])
-    columns = np.c_[recorded.time, motion, truth, *(truth - stand.fitted.predict(recorded) for stand in models)]
+    columns = np.c_[recorded.time, motion, truth, *(truth - step.fitted.predict(recorded) for step in models)]
     head = "time [s],position [m],speed [m/s],acceleration [m/s2],force [N],residual_baseline [N],residual_named [N]"
     rows = "\n".join(",".join(f"{value:.9g}" for value in row) for row in columns)
     return f"{head},residual_refined [N]\n{rows}\n"

@@ -16,7 +16,7 @@ from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.thesis_figures import verdict
-from pmg.pipeline.thesis_figures.listing import documents, summary, table_lines, told
+from pmg.pipeline.thesis_figures.listing import documents, judged_words, summary, table_lines
 from pmg.pipeline.thesis_figures.rounding import DRAWS, ROUNDING_SEED
 from pmg.sim.bench import load_bench
 
@@ -74,7 +74,9 @@ def _findings(judged: tuple[JudgedFigure, ...]) -> tuple[Remark, ...]:
     kinds = (verdict.FigureVerdict.NOT_EXPLAINED, verdict.FigureVerdict.INCONSISTENT)
     return tuple(
         Remark(
-            "info", j.figure.id, f"{j.figure.what}: {j.figure.text} {j.figure.unit.name}".rstrip() + f" is {told(j)}"
+            "info",
+            j.figure.id,
+            f"{j.figure.what}: {j.figure.text} {j.figure.unit.name}".rstrip() + f" is {judged_words(j)}",
         )
         for j in judged
         if j.verdict in kinds

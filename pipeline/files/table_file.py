@@ -1,4 +1,4 @@
-"""The one reader of TOML files that a user writes: text to a checked model, each fault told with file, line and key."""
+"""The one reader of TOML files that a user writes: text to a checked model, each fault with its file, line and key."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class TableFile(Generic[Table]):
         """Line, from 1, in which each key or table begins."""
         return lines_of(self.text)
 
-    def beside(self, name: str) -> Path:
+    def resolve(self, name: str) -> Path:
         """A file or folder that the file names, relative to its own folder."""
         return self.path.parent / name
 
@@ -187,7 +187,7 @@ def _fault_of_form(path: Path, text: str, fault: tomllib.TOMLDecodeError, error:
 
 
 def _rank(found: Mapping[str, Any]) -> int:
-    """Which fault is told: another schema, then an unknown key, as either may be the cause of the others."""
+    """Which fault is reported: another schema, then an unknown key, as either may be the cause of the others."""
     if found["loc"] == ("schema",) and found["type"] != "missing":
         return 0
     return 1 if found["type"] == "extra_forbidden" else 2

@@ -166,7 +166,7 @@ def calibrate(
         Hold K_corr at this value instead of fitting it.
     free : tuple of str
         Constants to fit among K_corr, b, c, d, less those held. The default leaves d at zero: with a root term in the
-        curves, d and K_corr cannot be told apart by steady points.
+        curves, d and K_corr cannot be separated by steady points.
     held : mapping of str to float
         Values at which b, c or d are held.
 

@@ -1,4 +1,4 @@
-"""Correction factor K_corr from the points: rule, joint fit, and whether it can be told from the damping."""
+"""Correction factor K_corr from the points: rule, joint fit, and whether it can be distinguished from the damping."""
 
 from __future__ import annotations
 
@@ -88,10 +88,10 @@ class CorrectionStudy:
         if half is None or rho is None:
             held = " and ".join(name for name in ("K_corr", "c") if name in self.joint.on_bound)
             return f"These data do not determine K_corr and c separately: {held} sits on its bound in the joint fit."
-        told = f"95 % interval of K_corr ± {half:.3f}, correlation with c {rho:+.3f}".replace("-", "−")
+        text = f"95 % interval of K_corr ± {half:.3f}, correlation with c {rho:+.3f}".replace("-", "−")
         if self.separate:
-            return f"These data determine K_corr and c separately ({told})."
-        return f"These data determine K_corr and c only together ({told})."
+            return f"These data determine K_corr and c separately ({text})."
+        return f"These data determine K_corr and c only together ({text})."
 
     def ellipse(self, points: int = 181) -> tuple[Array, Array] | None:
         r"""Outline of the 95 % ellipse: c [N m s/rad] and K_corr, (points,) each; None where either is on a bound.

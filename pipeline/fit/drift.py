@@ -24,7 +24,7 @@ SHORTEST = 5
 """Speeds that a run passes at least, and points that a rising and a falling run must have in common."""
 
 MINIMUM_DOF = 3
-"""Degrees of freedom from which a slope in time is told."""
+"""Degrees of freedom from which a slope in time is reported."""
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ THESIS_POWERS_RING = (0.0, 1.0, 2.0, 3.0, 4.0)
 
 
 ALIKE = 1e-8
-"""Ratio of singular values (columns of unit length) below which two terms cannot be told apart."""
+"""Ratio of singular values (columns of unit length) below which two terms cannot be separated."""
 
 
 @dataclass(frozen=True)

@@ -150,7 +150,7 @@ def noise_floor(grid: Grid, fits: LossFits, bench: BenchParameters) -> NoiseFloo
 
     Where they agree (F test at 1 %, at 0.1 % where the repeats scatter less) they are pooled by degrees of freedom.
     Repeats that scatter more betray a slow change between them, repeats that scatter less a mismatch that no family
-    follows; in both cases the smaller figure is the noise, and the mismatch test is told.
+    follows; in both cases the smaller figure is the noise, and the mismatch test is reported.
     """
     readings = take_readings(grid, bench)
     model = start_model(fits)

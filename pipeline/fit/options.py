@@ -86,7 +86,7 @@ THESIS_OPTIONS = AnalysisOptions(
     include_rest=True,
     correction=str(THESIS_CORRECTION),
 )
-"""The thesis's own choices: what the published grids are analysed with unless told otherwise."""
+"""The thesis's own choices: what the published grids are analysed with unless set otherwise."""
 
 
 def parse_powers(text: str, option: str) -> tuple[float, ...]:

@@ -28,7 +28,7 @@ REST = 0.05
 """Speed below which a shaft counts as not turning [rad/s], half a revolution a minute."""
 
 MINIMUM_ZERO_CHECKS = 3
-"""Zero checks needed before a drift of the zero can be told from noise."""
+"""Zero checks needed before a drift of the zero can be distinguished from noise."""
 
 
 @dataclass(frozen=True)

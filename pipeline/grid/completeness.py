@@ -100,8 +100,8 @@ def lack_findings(
 
     Notes
     -----
-    A hole is told with the rejected windows at its speeds and load. Where there are none, with the files that are not
-    usable, and with those that are and lost data.
+    A hole is reported with the rejected windows at its speeds and load. Where there are none, with the files that are
+    not usable, and with those that are and lost data.
     """
     files = [manifest.file for manifest in failed]
     short = [manifest.file for manifest in used if lost_data(manifest)]

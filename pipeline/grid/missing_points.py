@@ -1,4 +1,4 @@
-"""Test points that a recording should have held and of which it has not even a step: told by what other files ran."""
+"""Test points that a recording should have held and of which it has not even a step: judged by what other files ran."""
 
 from __future__ import annotations
 

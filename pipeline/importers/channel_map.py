@@ -23,7 +23,7 @@ SCHEMA = "pmg.import/1"
 """Schema of the file."""
 
 WIDEST = 62
-"""Widest counter [bits]; one of 64 does not wrap within a campaign and is told as this."""
+"""Widest counter [bits]; one of 64 does not wrap within a campaign and is reported as this."""
 LARGEST = 1e12
 """Largest number taken where nothing narrower is known."""
 RUN_KEYS = tuple(key for key in (*REQUIRED, *OPTIONAL) if key != "layout")

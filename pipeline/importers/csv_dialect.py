@@ -31,12 +31,12 @@ BOMS = (
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
 LOOKED_AT = 20
-"""Rows by which it is told whether the row above them holds units."""
+"""Rows which decide whether the row above them holds units."""
 DELIMITERS = (";", "\t", ",", "|")
-"""Separators that are found without being told, the earlier one first where two are equally frequent."""
+"""Separators that are found without being declared, the earlier one first where two are equally frequent."""
 
 SPELLED = {"\t": "tab", " ": "space"}
-"""Separators that are named where they are told."""
+"""Separators that are named where they are declared."""
 
 MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "n/a", "N/A", "-", "--", "---")
 """Words for a cell without a value."""
@@ -126,7 +126,7 @@ def read_head(path: Path, form: CsvForm) -> CsvHead:
     Raises
     ------
     RecordingError
-        When it has no line of names, or its decimal sign cannot be told.
+        When it has no line of names, or its decimal sign cannot be determined.
     """
     with path.open("rb") as stream:
         data = stream.read(HEAD_BYTES)
@@ -255,7 +255,7 @@ def _decimal(rows: list[tuple[int, str]], delimiter: str, path: Path) -> str:
     if comma and not decimal:
         came = f"'{shown}', and all other numbers with a comma are such: it may stand before decimals or thousands"
         do = "Say in [csv] decimal = ',' where it is the decimal sign; else write the file without thousands' commas."
-        raise RecordingError(f"{path}, line {comma}", came, "a decimal sign that can be told", do)
+        raise RecordingError(f"{path}, line {comma}", came, "a decimal sign that can be determined", do)
     return "," if comma else "."
 
 

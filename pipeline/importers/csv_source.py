@@ -1,4 +1,4 @@
-"""Recordings in CSV, read a block of lines at a time; a cell that is no number is told with line and column."""
+"""Recordings in CSV, read a block of lines at a time; a cell that is no number is reported with line and column."""
 
 from __future__ import annotations
 

@@ -142,7 +142,7 @@ def import_recording(
         if (path.stat().st_size, path.stat().st_mtime_ns) != (stat.st_size, stat.st_mtime_ns):
             do = "Wait until the recorder is done, and import it again."
             raise RecordingError(str(path), "it changed while it was read", "a file that is whole", do)
-        told = findings.told()
+        found = findings.listed()
         origin = {
             "source": path.name,
             "source_sha256": sha256,
@@ -152,13 +152,13 @@ def import_recording(
             "source_rows": str(count),
             **{f"source_{name}": word for name, word in source.reading.items()},
             "map": channel_map.path.name,
-            "findings": json.dumps([finding.to_dict() for finding in told], ensure_ascii=False),
+            "findings": json.dumps([finding.to_dict() for finding in found], ensure_ascii=False),
             "written_by": f"pmg {version('pmg-bench')}",
         }
         file.writer.add_metadata(ORIGIN, origin)
         rate, written = file.rate_hz, dict(file.written)
     kind, reader, reading = source.format, source.reader, source.reading
-    return Imported(path, out, kind, reader, sha256, reading, stat.st_size, count, rate, written, told)
+    return Imported(path, out, kind, reader, sha256, reading, stat.st_size, count, rate, written, found)
 
 
 def _open_source(path: Path, channel_map: ChannelMap, findings: Findings) -> ForeignSource:
@@ -205,7 +205,7 @@ def _run(channel_map: ChannelMap, source: ForeignSource, words: Mapping[str, str
 
 def _calibration(channel_map: ChannelMap) -> tuple[Calibration, bytes]:
     """The calibration that the map names, proven by the reader's own check."""
-    path = channel_map.beside(channel_map.table.calibration)
+    path = channel_map.resolve(channel_map.table.calibration)
     if not path.is_file():
         do = "Name the calibration beside the map; raw/LAYOUT.md shows one: transducer.sun, encoder.sun and so on."
         raise BenchError(channel_map.where("calibration"), f"'{path}' is no file", "a TOML file", do)
@@ -261,13 +261,13 @@ def _head(
 
 
 def _tell_unasked(run: RunInfo, channel_map: ChannelMap, findings: Findings) -> None:
-    """Say where nobody told at which speeds the point was to be; a zero check is at rest."""
+    """Say where nobody said at which speeds the point was to be; a zero check is at rest."""
     asked = run.setpoints.speed_sun, run.setpoints.speed_ring
     if asked == (None, None) and run.configuration is not Configuration.ZERO:
         findings.warning(
             Code.RUN_KEY,
             "run",
-            "no set-points: the point will be placed by its means, and what was not reached cannot be told",
+            "no set-points: the point will be placed by its means, and what was not reached cannot be determined",
             f"Add {', '.join(SETPOINT_KEYS)} to [run] of {channel_map.path.name}, as numbers or "
             '{ property = "NAME" }, or give them by --set.',
         )

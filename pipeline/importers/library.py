@@ -97,7 +97,7 @@ class LibrarySource(ABC):
 
     @contextmanager
     def _opened(self) -> Iterator[Any]:
-        """The file, opened by the library without its own talk; whatever the library raises is told as one error."""
+        """The file, opened by the library without its own talk; what the library raises becomes one error."""
         with quiet(self._module), self.path.open("rb") as stream:
             opened = self._made(stream)
             try:

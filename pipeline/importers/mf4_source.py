@@ -69,9 +69,9 @@ class Mf4Source(LibrarySource):
                 raise RecordingError(f"{self.path.name}: {want.name}", came, "one value in each record", do)
         lengths = {self._paths[want.name][0]: channel.length or 0 for want, channel in reversed(wanted)}
         if len(set(lengths.values())) > 1:
-            told = ", ".join(f"group {group}: {lengths[group]}" for group in sorted(lengths))
+            text = ", ".join(f"group {group}: {lengths[group]}" for group in sorted(lengths))
             do = "Resample to one raster where the file is made; pmg does not invent samples."
-            raise RecordingError(str(self.path), f"rows of {told}", "as many rows in each group", do)
+            raise RecordingError(str(self.path), f"rows of {text}", "as many rows in each group", do)
         return min(lengths.values())
 
     def _read(

@@ -25,7 +25,7 @@ UNEVEN = 0.3
 WHOLE_RATE = 1e-6
 """Relative distance within which a rate found in a time column is a whole number of hertz."""
 DRIFT_TOLD, DRIFT_REFUSED = 2e-5, 1e-3
-"""Relative distance of the time column from the declared rate that is told, and that is refused."""
+"""Relative distance of the time column from the declared rate that is reported, and that is refused."""
 LONGEST_GAP = 50_000_000
 """Samples that a gap may hold."""
 
@@ -49,7 +49,7 @@ class Rows:
     -----
     A time step is turned into the nearest whole number of samples, and these are added up, so that neither rounded
     times nor a small difference between the two clocks adds up to a false gap. The difference over the whole file
-    is told. A counter of :math:`b` bits only tells a step modulo :math:`2^b`; a step of more than half of that may
+    is reported. A counter of :math:`b` bits only tells a step modulo :math:`2^b`; a step of more than half of that may
     as well be a step back, and is refused.
     """
 

@@ -157,7 +157,7 @@ def _unheard(_: object) -> None:
 
 @contextmanager
 def quiet(library: str) -> Iterator[None]:
-    """Keep a library from talking on standard error: what it says is told as a finding or an error.
+    """Keep a library from talking on standard error: what it says is reported as a finding or an error.
 
     That includes faults of its half-made objects when they are thrown away.
     """

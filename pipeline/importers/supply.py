@@ -101,7 +101,7 @@ def read_supply(path: Path) -> Supplied:
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
         run={key: None if isinstance(value, Lookup) else value for key, value in given.run.items()},
         calibration=text,
-        calibration_file="" if given.calibration is None else file.beside(given.calibration).name,
+        calibration_file="" if given.calibration is None else file.resolve(given.calibration).name,
         calibration_sha256="" if text is None else hashlib.sha256(text).hexdigest(),
         fields=tuple(row.mapped(given.time.rate_hz) for row in given.channel),
     )
@@ -109,7 +109,7 @@ def read_supply(path: Path) -> Supplied:
 
 def _calibration(file: TableFile[_SupplyTable], name: str) -> bytes:
     """The calibration that the map names, proven by the reader's own check."""
-    path = file.beside(name)
+    path = file.resolve(name)
     try:
         data = path.read_bytes()
     except OSError as fault:

@@ -59,7 +59,7 @@ class TdmsSource(LibrarySource):
         if opened.file_status.incomplete_final_segment:
             self._cut = True
             statuses = (opened.file_status.channel_statuses or {}).items()
-            cut = [f"{name}: {told.read_length} of {told.expected_length}" for name, told in statuses]
+            cut = [f"{name}: {status.read_length} of {status.expected_length}" for name, status in statuses]
             self.findings.error(
                 Code.TRUNCATED,
                 "last segment",
@@ -97,9 +97,9 @@ class TdmsSource(LibrarySource):
                     "Check the number of columns.",
                 )
         if len(set(lengths.values())) > 1 and not self._cut:
-            told = ", ".join(f"{name}: {length}" for name, length in lengths.items())
+            text = ", ".join(f"{name}: {length}" for name, length in lengths.items())
             do = "Check `columns` in the map, or whether the recorder stopped early."
-            raise RecordingError(str(self.path), f"rows of {told}", "as many rows in each channel", do)
+            raise RecordingError(str(self.path), f"rows of {text}", "as many rows in each channel", do)
         return max(lengths.values())
 
 

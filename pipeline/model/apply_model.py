@@ -83,7 +83,7 @@ class Carried:
     def gearbox(self) -> Gearbox:
         """The bench as the model has it."""
         return Gearbox(
-            self.bench, (*baseline_mechanisms(self.model.baseline, self.bench), *self.model.beside(self.bench))
+            self.bench, (*baseline_mechanisms(self.model.baseline, self.bench), *self.model.mechanisms(self.bench))
         )
 
     def slopes(self, readings: Readings) -> Array:
@@ -133,7 +133,7 @@ def apply_model(model: Model, analysis: Analysis, options: AnalysisOptions, benc
     assert analysis.calibration is not None
     assert analysis.floor is not None
     readings, calibrated = take_readings(analysis.grid, bench), analysis.calibration.model
-    as_is = predict_with(readings, bench, model.baseline, model.beside(bench))
+    as_is = predict_with(readings, bench, model.baseline, model.mechanisms(bench))
     found = fit_together(model.parts, (), analysis, bench)
     here = fitted_model(found, model_of(analysis.grid, analysis.calibration, None).provenance)
     taken = found.prediction - predict(readings, bench, found.model)

@@ -42,5 +42,5 @@ class ComparedCampaign:
 
     @property
     def statement(self) -> str:
-        """The verdict in sentences, after what a given model is told to be."""
+        """The verdict in sentences, after what a given model is stated to be."""
         return ("" if self.carried is None else lead(self.carried)) + statement(self.diagnosis)

@@ -78,7 +78,7 @@ class Model:
     parts: tuple[Part, ...] = ()
     provenance: Mapping[str, str] = field(default_factory=dict)
 
-    def beside(self, bench: BenchParameters, baseline: LossModel | None = None) -> tuple[Mechanism, ...]:
+    def mechanisms(self, bench: BenchParameters, baseline: LossModel | None = None) -> tuple[Mechanism, ...]:
         """The mechanisms, on the model's own baseline or on another one."""
         return tuple(part.mechanism(bench, baseline or self.baseline) for part in self.parts)
 
@@ -165,8 +165,8 @@ def _lines(model: Model) -> Iterator[str]:
         yield "[mechanism.parameters]"
         for known in part.kind.parameters():
             if known.name in part.values:
-                told = _quantity(part.values[known.name], part.errors.get(known.name), known.unit)
-                yield f"{known.name} = {told}  # {known.meaning}"
+                quantity = _quantity(part.values[known.name], part.errors.get(known.name), known.unit)
+                yield f"{known.name} = {quantity}  # {known.meaning}"
 
 
 def _is_refined(kind: type[Mechanism]) -> bool:

@@ -1,4 +1,4 @@
-"""A model read from its TOML file, each fault told with the file and the key."""
+"""A model read from its TOML file, each fault reported with the file and the key."""
 
 from __future__ import annotations
 

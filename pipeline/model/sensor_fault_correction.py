@@ -1,7 +1,7 @@
 """Losses corrected for a fault of a torque reading that the diagnosis found.
 
-Losses and efficiencies are told as they were read; a fault of a transducer is in them, and no uncertainty of a sound
-transducer covers it. Beside them stand the losses under each explanation that has such a fault.
+Losses and efficiencies are reported as they were read; a fault of a transducer is in them, and no uncertainty of a
+sound transducer covers it. Beside them stand the losses under each explanation that has such a fault.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ STEPS = 8
 
 
 @dataclass(frozen=True)
-class Misread:
+class CorrectedLosses:
     """One explanation with a fault of a reading in it, and the n engaged points of the balance without that fault.
 
     Parameters
@@ -68,14 +68,14 @@ class Misread:
 
 def correct_sensor_fault(
     diagnosis: Diagnosis | None, analysis: Analysis, bench: BenchParameters, parts: tuple[Part, ...] = ()
-) -> tuple[Misread, ...]:
+) -> tuple[CorrectedLosses, ...]:
     """Losses without the faults of readings, under each explanation that has any.
 
     Parameters
     ----------
     diagnosis : Diagnosis or None
         What explains the mismatch; explanations that these data cannot tell apart each count, and a fault whose shaft
-        cannot be told counts once a shaft.
+        cannot be determined counts once a shaft.
     analysis : Analysis
         Of the same campaign, with its balance.
     bench : BenchParameters
@@ -97,7 +97,7 @@ def correct_sensor_fault(
 
 
 def _explanations(diagnosis: Diagnosis) -> Iterator[tuple[CandidateFit, ...]]:
-    """The best, the same with a fault on the other shaft where that cannot be told, and every rival."""
+    """The best, the same with a fault on the other shaft where that cannot be determined, and every rival."""
     naming = diagnosis.naming
     if naming is None or not diagnosis.verdict.names:
         return
@@ -111,7 +111,7 @@ def _explanations(diagnosis: Diagnosis) -> Iterator[tuple[CandidateFit, ...]]:
         yield rival.explanation.fits
 
 
-def _without(faults: tuple[Part, ...], analysis: Analysis, bench: BenchParameters) -> Misread:
+def _without(faults: tuple[Part, ...], analysis: Analysis, bench: BenchParameters) -> CorrectedLosses:
     balance = analysis.balance
     assert balance is not None
     assert analysis.calibration is not None
@@ -124,21 +124,21 @@ def _without(faults: tuple[Part, ...], analysis: Analysis, bench: BenchParameter
             [kind for kind in kinds if isinstance(kind, Instrument)], at, grid.torque_sun, grid.torque_ring
         )
 
-    def told(torques: tuple[Array, Array]) -> Array:
+    def losses(torques: tuple[Array, Array]) -> Array:
         sun, ring = torques[0] * at.speed_sun, torques[1] * at.speed_ring
         return np.stack([sun + ring, np.where(at.drive == "sun", -ring / sun, -sun / ring)])
 
     torques = taken(faults)
-    values = told(torques)
+    values = losses(torques)
     variance = np.zeros_like(values)
     for place, part in enumerate(faults):
         for name, value in part.values.items():
             error = part.errors.get(name, np.nan)
             moved = replace(part, values={**part.values, name: value + error})
             other = taken((*faults[:place], moved, *faults[place + 1 :])) if np.isfinite(error) else None
-            variance += np.nan if other is None else (told(other) - values) ** 2
+            variance += np.nan if other is None else (losses(other) - values) ** 2
     names = (signals.LOSS_TOTAL.name, signals.EFFICIENCY_TOTAL.name)
-    return Misread(
+    return CorrectedLosses(
         faults, *torques, dict(zip(names, values, strict=True)), dict(zip(names, np.sqrt(variance), strict=True))
     )
 

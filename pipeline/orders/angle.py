@@ -55,7 +55,7 @@ def index_of(recording: Recording, side: str) -> Index | None:
     if f"angle_{side}" in recording.lacking:
         return None
     angle = recording.samples[f"angle_{side}"].to_numpy()
-    pulses, bits = recording.beside.pulses[side], recording.beside.bits[side]
+    pulses, bits = recording.auxiliary.pulses[side], recording.auxiliary.bits[side]
     return _find_index(angle, recording.first_sample, pulses, recording.calibration.counts_per_rev[side], bits)
 
 

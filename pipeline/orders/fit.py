@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 PIECE = 1 << 16
 """Samples whose cosines and sines are held at once."""
 WORST_CONDITION = 1e8
-"""Condition of the normal equations from which on lines are not told apart."""
+"""Condition of the normal equations from which on lines are not separated."""
 TREND = 3
 """Terms of the parabola that a slow change of the signal takes."""
 
@@ -102,7 +102,7 @@ def fit_orders(signals: Array, sun: Array, ring: Array, groups: Sequence[Group],
     Raises
     ------
     FitError
-        The lines cannot be told apart in these samples, such as where a shaft stands still in most of them.
+        The lines cannot be separated in these samples, such as where a shaft stands still in most of them.
 
     Notes
     -----

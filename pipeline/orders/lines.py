@@ -22,7 +22,7 @@ LOW_ORDERS = (1, 2, 3, 4, 6)
 MULTIPLES = (1, 2, 3)
 """Multiples of the pole pairs that are looked for."""
 FEWEST_CYCLES = 2.0
-"""Cycles of a line in the window below which it cannot be told from drift."""
+"""Cycles of a line in the window below which it cannot be distinguished from drift."""
 APART = 1.0
 """Least distance of two lines in cycles of the window; nearer ones are one group."""
 HIGHEST = 0.45

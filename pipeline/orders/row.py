@@ -1,4 +1,4 @@
-"""One line of one signal at one point, as it is kept and told."""
+"""One line of one signal at one point, as it is stored and reported."""
 
 from __future__ import annotations
 

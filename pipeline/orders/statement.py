@@ -22,12 +22,12 @@ def statement(line: LineSurvey) -> str:
     """One sentence on a line that is present."""
     unit, scale = unit_of(line.signal)
     size = f"{line.amplitude.value / scale:.3g} {unit} (u {line.amplitude.u / scale:.2g})"
-    told = f"{line.signal}, {line.line}, {line.configuration} gear {line.gear}: {size}"
-    told += f", beyond its band in {line.beyond} of {line.points} points"
+    text = f"{line.signal}, {line.line}, {line.configuration} gear {line.gear}: {size}"
+    text += f", beyond its band in {line.beyond} of {line.points} points"
     if line.exponent is not None:
-        told += f"; grows with speed to the power {line.exponent.value:.3f} (u {line.exponent.u:.3f})"
+        text += f"; grows with speed to the power {line.exponent.value:.3f} (u {line.exponent.u:.3f})"
     if line.per_load is not None:
         change = abs(line.per_load.value) > 2.0 * line.per_load.u
         rate = f"{line.per_load.value / scale:+.2g} {unit} per N m of load (u {line.per_load.u / scale:.1g})"
-        told += f"; {rate}" if change else f"; no growth with load beyond 2 u: {rate}"
-    return f"{told}. {line.remark[:1].upper()}{line.remark[1:]}."
+        text += f"; {rate}" if change else f"; no growth with load beyond 2 u: {rate}"
+    return f"{text}. {line.remark[:1].upper()}{line.remark[1:]}."

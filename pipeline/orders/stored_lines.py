@@ -81,12 +81,12 @@ def _orders_of_source(recording: Recording, windows: Iterable[Window]) -> Source
             bench,
             steps=steps,
             index=index,
-            coils=recording.beside.coils,
+            coils=recording.auxiliary.coils,
         )
         for w in windows
         if w.accepted
     ]
-    return _source(points, index, [finding.to_dict() for finding in recording.beside.findings])
+    return _source(points, index, [finding.to_dict() for finding in recording.auxiliary.findings])
 
 
 def orders_of_manifest(store: Store, manifest: Manifest) -> SourceOrders:

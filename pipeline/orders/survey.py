@@ -271,9 +271,9 @@ def _by_law(
     law = f"its law grows with speed to the power {power:g}"
     if exponent is None:
         return None, f"the order of {mechanism}; {law}, and these points do not tell the power"
-    told = f"found {exponent.value:.3f} (u {exponent.u:.3f})"
+    text = f"found {exponent.value:.3f} (u {exponent.u:.3f})"
     if abs(exponent.value - power) > max(2.0 * exponent.u, NEAR):
-        return None, f"the order of {mechanism}, but {law} and here it is {told}"
+        return None, f"the order of {mechanism}, but {law} and here it is {text}"
     size, good = _clean(points)
     scale = points.speed[good] ** power
     value, u = size / scale, points.u[good] / scale
@@ -282,5 +282,5 @@ def _by_law(
     widening = max(1.0, float((weight * (value - mean) ** 2).sum()) / max(1, len(value) - 1))
     return (
         Belonging(mechanism, parameter, unit, UncertainValue(mean, math.sqrt(widening / float(weight.sum())))),
-        f"order and growth of {mechanism}: {law}, {told}",
+        f"order and growth of {mechanism}: {law}, {text}",
     )

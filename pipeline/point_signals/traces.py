@@ -118,7 +118,7 @@ def torque_signals(signal: Signal, torque: Array, stretch: Stretch, resolution: 
 
     Notes
     -----
-    Mean and uncertainty are those of the grid, which is told elsewhere; here they are NaN.
+    Mean and uncertainty are those of the grid, which stands elsewhere; here they are NaN.
     """
     bins, edges = _binned(stretch)
     shown = torque[stretch.start : stretch.end]

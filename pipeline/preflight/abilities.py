@@ -97,7 +97,7 @@ class Design:
             rejected=len(listed) - len(good),
         )
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """In one line."""
         parts = [counted(self.zero, "zero check")]
         parts.append(

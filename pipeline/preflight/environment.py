@@ -41,13 +41,13 @@ class Check:
         Its name.
     state : str
         ``ok``, ``mind`` (something will not be possible) or ``bad`` (nothing will be).
-    told : str
+    description : str
         What was found.
     """
 
     what: str
     state: str
-    told: str
+    description: str
 
 
 def environment(store: Path | None, size: int) -> tuple[Check, ...]:
@@ -88,8 +88,8 @@ def _packages(needed: Iterable[str]) -> Check:
             continue
         if not _within(came, asked):
             wrong.append(f"{found[0]} {came}, {asked} is asked for")
-    told = "; ".join(wrong) or f"{count} packages in the ranges asked for"
-    return Check("packages", BAD if any("missing" in w for w in wrong) else MIND if wrong else OK, told)
+    text = "; ".join(wrong) or f"{count} packages in the ranges asked for"
+    return Check("packages", BAD if any("missing" in w for w in wrong) else MIND if wrong else OK, text)
 
 
 def _within(came: str, asked: str) -> bool:
@@ -135,5 +135,5 @@ def _room(store: Path, size: int, otherwise: str) -> Iterator[Check]:
         return
     yield Check("store", OK, f"{there if otherwise == MIND else store} can be written")
     free, need = shutil.disk_usage(there).free, GROWTH * size + SPARE
-    told = f"{free / 1e9:.1f} GB free, at most {need / 1e9:.1f} GB needed"
-    yield Check("disk", OK if free >= need else otherwise, told)
+    text = f"{free / 1e9:.1f} GB free, at most {need / 1e9:.1f} GB needed"
+    yield Check("disk", OK if free >= need else otherwise, text)

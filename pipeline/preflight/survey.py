@@ -94,11 +94,11 @@ def _look(path: Path, name: str, supplied: Supplied = NOTHING) -> File:
     calibration = read_calibration(supply.calibration(container.attachments), findings)
     refused = [f"{f.where}: {f.message}. {f.do}" for f in findings.gathered[before:] if f.severity == Severity.ERROR]
     steps = read_steps(container.topics, findings)
-    errors = [f"{f.where}: {f.message}" for f in findings.told() if f.severity == Severity.ERROR]
+    errors = [f"{f.where}: {f.message}" for f in findings.listed() if f.severity == Severity.ERROR]
     absent = [what for what, kinds in NEEDED.items() if not any(t in channels for kind in kinds for t in kind)]
     if run is None or calibration is None or absent:
         why = refused[0] if run is None or calibration is None else f"no {' and no '.join(absent)}"
-        damage = next((told for told in errors if not any(why.startswith(told) for why in refused)), "")
+        damage = next((known for known in errors if not any(why.startswith(known) for why in refused)), "")
         return File(name, size, unusable=why, damage=damage, channels=channels, sha256=sha256)
     points = _points(run, steps, name, _rate(container.topics))
     damage = errors[0] if errors else ""

@@ -60,7 +60,7 @@ class Coil:
 
 
 @dataclass(frozen=True)
-class Beside:
+class AuxiliaryChannels:
     """Auxiliary channels of a recording, next to torque and angle.
 
     Parameters
@@ -81,7 +81,7 @@ class Beside:
     findings: tuple[Finding, ...]
 
 
-NOTHING = Beside((), dict.fromkeys(SIDES, ()), dict.fromkeys(SIDES, DEFAULT_BITS), ())
+NO_AUXILIARY = AuxiliaryChannels((), dict.fromkeys(SIDES, ()), dict.fromkeys(SIDES, DEFAULT_BITS), ())
 """Of a recording that was not asked."""
 
 
@@ -98,7 +98,7 @@ def counter_bits(topics: Mapping[str, Topic]) -> dict[str, int]:
     return {side: declared(side) for side in SIDES}
 
 
-def read_beside(topics: Mapping[str, Topic], bits: Mapping[str, int], file: str) -> Beside:
+def read_auxiliary_channels(topics: Mapping[str, Topic], bits: Mapping[str, int], file: str) -> AuxiliaryChannels:
     """Coils and index pulses among the topics of a recording.
 
     Parameters
@@ -108,16 +108,16 @@ def read_beside(topics: Mapping[str, Topic], bits: Mapping[str, int], file: str)
     bits : mapping of str to int
         Width of the counters.
     file : str
-        Name of the recording. What its index pulses lack was told when the angles were decoded.
+        Name of the recording. What its index pulses lack was reported when the angles were decoded.
     """
-    told, findings = Findings(file), Findings(file)
+    elsewhere, findings = Findings(file), Findings(file)
     coils = [
         coil
         for name in sorted(topics)
         if name.startswith(COILS) and (coil := _coil(topics[name], findings)) is not None
     ]
-    pulses = {side: read_events(topics, INDEX.format(side), wire.index_pulse, told) for side in SIDES}
-    return Beside(tuple(coils), pulses, bits, findings.told())
+    pulses = {side: read_events(topics, INDEX.format(side), wire.index_pulse, elsewhere) for side in SIDES}
+    return AuxiliaryChannels(tuple(coils), pulses, bits, findings.listed())
 
 
 def _coil(topic: Topic, findings: Findings) -> Coil | None:

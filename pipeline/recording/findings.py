@@ -1,4 +1,4 @@
-"""Findings: what a recording lacks, damages or contradicts, told so that someone can act on it."""
+"""Findings: what a recording lacks, damages or contradicts, reported so that someone can act on it."""
 
 from __future__ import annotations
 
@@ -166,17 +166,17 @@ class Findings:
 
     def give_up(self, run: Mapping[str, Any] | None = None) -> UnusableRecordingError:
         """The error that carries all findings so far, and what is known of the run; the last error heads it."""
-        return UnusableRecordingError(self.told(), run)
+        return UnusableRecordingError(self.listed(), run)
 
-    def told(self) -> tuple[Finding, ...]:
+    def listed(self) -> tuple[Finding, ...]:
         """All findings in order; where there were too many of a kind, one that says how many more."""
-        told: list[Finding] = []
+        lines: list[Finding] = []
         rest = {more.place: _counted(self.file, *kind, more) for kind, more in self.more.items() if more.count}
         for place, finding in enumerate(self.gathered):
-            told.append(finding)
+            lines.append(finding)
             if place in rest:
-                told.append(rest[place])
-        return tuple(told)
+                lines.append(rest[place])
+        return tuple(lines)
 
     def _add(self, severity: Severity, code: Code, where: str, message: str, do: str, **extent: Unpack[Extent]) -> None:
         kind = code, severity

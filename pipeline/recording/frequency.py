@@ -147,7 +147,7 @@ def _tell_edges(found: EdgeFrequency, first: int, timebase: float, topics: tuple
     topics : (str, str)
         Of the edges and of the ticks.
     findings : Findings
-        Are told.
+        Are reported.
     """
     edges, ticks = topics
     words = (

@@ -69,9 +69,9 @@ def read_origin(metadata: Sequence[tuple[str, Mapping[str, str]]], findings: Fin
         return None
     try:
         plain = json.loads(said.get("findings", "[]"))
-        told = tuple(Finding.from_dict(each) for each in plain)
+        imported = tuple(Finding.from_dict(each) for each in plain)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        told = ()
+        imported = ()
         findings.warning(
             Code.RUN_VALUE,
             f"{RECORD}.findings",
@@ -82,4 +82,4 @@ def read_origin(metadata: Sequence[tuple[str, Mapping[str, str]]], findings: Fin
     source, sha256, size, kind, reader = (
         said.get(key, "") for key in ("source", "source_sha256", "source_bytes", "source_format", "source_reader")
     )
-    return Origin(source, sha256, size, kind, reader, told)
+    return Origin(source, sha256, size, kind, reader, imported)

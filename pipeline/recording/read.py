@@ -9,8 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
-from pmg.pipeline.recording.auxiliary_channels import COILS, Beside, counter_bits, read_beside
-from pmg.pipeline.recording.auxiliary_channels import NOTHING as NOTHING_BESIDE
+from pmg.pipeline.recording.auxiliary_channels import (
+    COILS,
+    NO_AUXILIARY,
+    AuxiliaryChannels,
+    counter_bits,
+    read_auxiliary_channels,
+)
 from pmg.pipeline.recording.calibration import read_calibration
 from pmg.pipeline.recording.channels import report_unread
 from pmg.pipeline.recording.checks.clock import mark_offset_s, sound_marks
@@ -86,7 +91,7 @@ class Recording:
         Columns of `samples` that hold nothing, and why: ``not recorded`` or ``not usable``.
     supplied : mapping or None
         What it lacked and was stated beside it, with names and hashes.
-    beside : Beside
+    auxiliary : AuxiliaryChannels
         Coils and index pulses, where they were asked for.
     """
 
@@ -106,7 +111,7 @@ class Recording:
     origin: Origin | None = None
     lacking: Mapping[str, str] = field(default_factory=dict)
     supplied: SuppliedRecord | None = None
-    beside: Beside = NOTHING_BESIDE
+    auxiliary: AuxiliaryChannels = NO_AUXILIARY
 
     @property
     def recorded(self) -> tuple[str, ...]:
@@ -194,11 +199,11 @@ def read_recording(
         line_events=events,
         clock_marks=marks,
         blemishes=(*(b for track in decoded for b in track.blemishes), *spoilt),
-        findings=(() if origin is None else origin.findings) + findings.told(),
+        findings=(() if origin is None else origin.findings) + findings.listed(),
         origin=origin,
         lacking=lacking,
         supplied=supply.record(),
-        beside=read_beside(topics, bits, findings.file) if coils else NOTHING_BESIDE,
+        auxiliary=read_auxiliary_channels(topics, bits, findings.file) if coils else NO_AUXILIARY,
     )
 
 

@@ -118,14 +118,14 @@ def known_of_run(records: Iterable[tuple[str, Mapping[str, str]]]) -> dict[str, 
     found = [entries for name, entries in records if name == RECORD]
     if not found or any(entries != found[0] for entries in found):
         return {}
-    entries, told = found[0], Findings(RECORD)
+    entries, findings = found[0], Findings(RECORD)
     known: dict[str, Any] = {key: entries[key] for key in ("campaign", "point", "note") if entries.get(key)}
     for key, words in (("configuration", CONFIGURATIONS), ("gear", GEARS), ("drive", DRIVES)):
-        if (word := _vocabulary(entries, key, words, told)) is not None:
+        if (word := _vocabulary(entries, key, words, findings)) is not None:
             known[key] = int(word) if key == "gear" else word
-    if (started := _parsed(entries, "started_at", _utc, "a time", told)) is not None:
+    if (started := _parsed(entries, "started_at", _utc, "a time", findings)) is not None:
         known["started_at"] = started.isoformat()
-    asked = _setpoints(entries, told)
+    asked = _setpoints(entries, findings)
     return known | ({"setpoints": asked} if asked != NO_SETPOINTS else {})
 
 

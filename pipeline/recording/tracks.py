@@ -60,7 +60,7 @@ def tell_lacking(lacking: Mapping[str, str], findings: Findings) -> None:
 
 
 def one_rate(decoded: Sequence[Decoded], findings: Findings) -> bool:
-    """Whether all have the rate of the first; each that has not is told."""
+    """Whether all have the rate of the first; each that has not is reported."""
     odd = [track for track in decoded if track.rate_hz != decoded[0].rate_hz]
     for track in odd:
         findings.error(

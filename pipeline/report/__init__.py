@@ -1,1 +1,1 @@
-"""Reports: plain nouns for what is told, and their drawing as HTML, PNG and CSV."""
+"""Reports: plain nouns for what a page holds, and their drawing as HTML, PNG and CSV."""

@@ -164,7 +164,7 @@ class Signals:
 
 @dataclass(frozen=True)
 class Report:
-    """All that is told about one analysis.
+    """All that is reported about one analysis.
 
     Parameters
     ----------

@@ -101,8 +101,8 @@ def draw_all(figures: Sequence[Figure], title: str = "") -> Drawings:
     book = io.BytesIO()
     if not figures:
         return made
-    told = {"CreationDate": None, "Creator": None, "Producer": None, "Title": spelled(title) or None}
-    with _our_style(), PdfPages(book, metadata=told) as pages:
+    metadata = {"CreationDate": None, "Creator": None, "Producer": None, "Title": spelled(title) or None}
+    with _our_style(), PdfPages(book, metadata=metadata) as pages:
         for count, figure in enumerate(figures, 1):
             canvas = _canvas(figure, PRINT)
             FigureCanvasAgg(canvas)

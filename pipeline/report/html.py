@@ -39,7 +39,7 @@ def html(report: Report, drawings: Mapping[str, str] | None = None) -> str:
     Parameters
     ----------
     report : Report
-        What is told. All of its text is escaped.
+        What is reported. All of its text is escaped.
     drawings : mapping, optional
         The SVG element of each figure by its id, where they have been drawn already.
     """

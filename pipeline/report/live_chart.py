@@ -139,7 +139,8 @@ def _traces(chart: Chart, series: Series, group: int, *, first: bool) -> list[di
         "marker": {"color": colour, "size": 7, "symbol": _MARKERS[series.colour % len(_MARKERS)] + _hollow(group)},
         "hovertemplate": _hover(chart, series),
         "text": [
-            _told(value, u) for value, u in zip(y, np.full(len(y), np.nan) if reach is None else reach, strict=True)
+            _point_text(value, u)
+            for value, u in zip(y, np.full(len(y), np.nan) if reach is None else reach, strict=True)
         ],
     }
     if traces:
@@ -161,7 +162,7 @@ def _positive(values: Array, logarithmic: bool) -> Array:
     return np.where(given > 0.0, given, np.nan) if logarithmic else given
 
 
-def _told(value: float, expanded: float) -> str:
+def _point_text(value: float, expanded: float) -> str:
     if not np.isfinite(value):
         return ""
     return numerals.measured(float(value), float(expanded)) if expanded > 0.0 else numerals.number(float(value))

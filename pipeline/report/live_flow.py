@@ -101,7 +101,7 @@ def _last(links: list[tuple[int, int, float, str, str]]) -> list[int]:
 def _label(widths: Balance, name: str, watts: float, expanded: float, *, gain: bool = False) -> str:
     """Name, power with its U, and share of the supply; a gain beyond U is called one."""
     known = math.isfinite(expanded) and expanded > 0.0
-    told = numerals.measured(watts, expanded) if known else numerals.number(watts, 2)
+    text = numerals.measured(watts, expanded) if known else numerals.number(watts, 2)
     share = f"{numerals.number(100 * widths.share(watts), 1)} %"
     more = "<br>a gain, not a loss" if gain and not abs(watts) <= expanded else ""
-    return f"{plain(name)}<br>{told} W<br>{share}{more}"
+    return f"{plain(name)}<br>{text} W<br>{share}{more}"

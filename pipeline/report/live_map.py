@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 _COLOURS = 13
-"""Colours by which a scale is told; between them the page interpolates."""
+"""Colours by which a scale is drawn; between them the page interpolates."""
 _ACROSS, _UP = 0.055, 0.05
 """Least distance of labels along an axis, in parts of its length, for a map as wide as the page."""
 _BESIDE = 24
@@ -48,7 +48,7 @@ def plot(chart: SpeedMap, columns: int) -> dict[str, Any]:
         legend={"orientation": "h", "yref": "container", "y": 0.0, "yanchor": "bottom", "x": 0.0, "itemclick": False}
         | {"itemdoubleclick": False},
     )
-    told = [[numerals.number(float(value)) if np.isfinite(value) else None for value in row] for row in chart.z]
+    lines = [[numerals.number(float(value)) if np.isfinite(value) else None for value in row] for row in chart.z]
     return {
         "kind": "map",
         "data": traces,
@@ -60,7 +60,7 @@ def plot(chart: SpeedMap, columns: int) -> dict[str, Any]:
         "x_label": chart.x_label,
         "y_label": chart.y_label,
         "z_label": chart.z_label,
-        "told": told,
+        "told": lines,
         "points": [list(row) for row in chart.points],
     }
 

@@ -29,21 +29,21 @@ def summary(report: Report, files: Mapping[str, bytes], facts: Mapping[str, Any]
     Parameters
     ----------
     report : Report
-        What is told.
+        What is reported.
     files : mapping of str to bytes
         What the report consists of, by its path in the report's folder.
     facts : mapping, optional
         What the report's maker adds, as plain values. ``points`` is that of the points: how many were accepted, how
-        many rejected. ``diagnosis``, the word of the diagnosis, is told with the verdict.
+        many rejected. ``diagnosis``, the word of the diagnosis, is reported with the verdict.
 
     Returns
     -------
     dict
-        Tables that stand on the page in full (40 rows or fewer) are told with every value, its standard uncertainty
+        Tables that stand on the page in full (40 rows or fewer) are reported with every value, its standard uncertainty
         (null where none is stated) and unit; longer ones by their file. NaN is null, infinity a string.
     """
-    told = dict(facts or {})
-    word = told.pop("diagnosis", None)
+    stated = dict(facts or {})
+    word = stated.pop("diagnosis", None)
     placed = [(item, section.title) for section in report.sections for item in section.items]
     return {
         "schema": SCHEMA,
@@ -51,7 +51,7 @@ def summary(report: Report, files: Mapping[str, bytes], facts: Mapping[str, Any]
         "subtitle": report.subtitle,
         "verdict": {"state": report.verdict.state, "text": report.verdict.text}
         | ({} if word is None else {"diagnosis": word}),
-        "facts": told,
+        "facts": stated,
         "provenance": [{"label": label, "value": value} for label, value in report.provenance.shown],
         "tables": [_table(item, section) for item, section in placed if isinstance(item, Table)],
         "figures": [_figure(item, section) for item, section in placed if isinstance(item, Figure)],
@@ -63,7 +63,7 @@ def summary(report: Report, files: Mapping[str, bytes], facts: Mapping[str, Any]
 
 
 def _table(table: Table, section: str) -> dict[str, Any]:
-    told: dict[str, Any] = {
+    entry: dict[str, Any] = {
         "id": table.id,
         "title": table.title,
         "section": section,
@@ -76,10 +76,10 @@ def _table(table: Table, section: str) -> dict[str, Any]:
         "count": len(table.rows),
     }
     if not table.long:
-        told["rows"] = [
-            [_told(cell, pair=pair) for cell, pair in zip(row, table.paired, strict=True)] for row in table.rows
+        entry["rows"] = [
+            [_plain_cell(cell, pair=pair) for cell, pair in zip(row, table.paired, strict=True)] for row in table.rows
         ]
-    return told
+    return entry
 
 
 def _figure(figure: Figure, section: str) -> dict[str, str]:
@@ -93,7 +93,7 @@ def _figure(figure: Figure, section: str) -> dict[str, str]:
     }
 
 
-def _told(cell: Cell, *, pair: bool) -> Plain | dict[str, Plain]:
+def _plain_cell(cell: Cell, *, pair: bool) -> Plain | dict[str, Plain]:
     value, u = (_plain(part) for part in split(cell))
     return {"value": value, "u": u} if pair else value
 

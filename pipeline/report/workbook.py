@@ -63,7 +63,7 @@ def workbook(report: Report, pictures: Mapping[str, bytes]) -> bytes:
     Parameters
     ----------
     report : Report
-        What is told.
+        What is reported.
     pictures : mapping of str to bytes
         PNG of each figure by its file name.
     """
@@ -161,9 +161,9 @@ def _write_contents(sheet: Worksheet, report: Report, names: dict[str, str], sty
         bold=True, font_color=LIGHT["good" if state == "good" else "ink"], bg_color=background, valign="top"
     )
     _text(sheet, 2, 0, STATES[state], verdict)
-    told = styles(text_wrap=True, valign="top", bg_color=background)
-    sheet.merge_range(2, 1, 2, 4, "", told)
-    _text(sheet, 2, 1, report.verdict.text, told)
+    style = styles(text_wrap=True, valign="top", bg_color=background)
+    sheet.merge_range(2, 1, 2, 4, "", style)
+    _text(sheet, 2, 1, report.verdict.text, style)
     sheet.set_row(2, _ROW_POINTS * (1 + len(report.verdict.text) // 150))
     row = 4
     for place, heading in enumerate(("Sheet", "Table", "Section", "Rows", "What it shows")):

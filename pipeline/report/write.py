@@ -44,7 +44,7 @@ def write_report(
     Parameters
     ----------
     report : Report
-        What is told.
+        What is reported.
     folder : Path
         Where; made when it is not there. Files of other origin are left alone.
     facts : mapping, optional

@@ -129,7 +129,7 @@ def _checks(table: object) -> object:
 class CompareTable(Strict):
     """Options for comparing simulation and bench."""
 
-    note: str | None = _key("told at the head of the report", "--note", '"first run after the rebuild"')
+    note: str | None = _key("printed at the head of the report", "--note", '"first run after the rebuild"')
     model: Place | None = _key("model file to simulate", "--model", '"model.toml"')
     tolerance: Annotated[dict[str, tuple[str, tuple[float, float]]], BeforeValidator(_tolerances)] | None = _key(
         "by signal: absolute, relative in %, or the larger of both",

@@ -13,7 +13,7 @@ from pmg.pipeline.grid.crosschecks.catalogue import CROSS_CHECKS
 from pmg.pipeline.settings.campaign_file import CHECKS, Campaign
 from pmg.pipeline.settings.chosen import KEYS
 from pmg.pipeline.settings.tolerance import SIGNALS
-from pmg.pipeline.windows.limits import DIMENSIONS, TABLE, Steadiness, chosen_limits, limit_told, limits_file
+from pmg.pipeline.windows.limits import DIMENSIONS, TABLE, Steadiness, chosen_limits, limit_text, limits_file
 from pmg.pipeline.wording.quantities import RATIO
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Setting:
         In SI; None where nothing is set.
     unit : str
         SI unit; empty for what has none.
-    told : str
+    written : str
         As it may be written in a campaign file.
     origin : str
         ``default``, file and line, or the option.
@@ -48,7 +48,7 @@ class Setting:
     key: str
     value: Any
     unit: str
-    told: str
+    written: str
     origin: str
 
 
@@ -123,8 +123,8 @@ def _checks(chosen: Chosen) -> Iterator[Setting]:
 
 def limit_written(name: str, values: dict[str, Any] | None = None) -> str:
     """A limit as it may be written in a campaign file; the default one where no values are given."""
-    told = limit_told(name, values)
-    return f'"{told}"' if name in DIMENSIONS else told
+    text = limit_text(name, values)
+    return f'"{text}"' if name in DIMENSIONS else text
 
 
 def _tolerances(chosen: Chosen) -> Iterator[Setting]:

@@ -93,13 +93,13 @@ def gather_inputs(
     """
     scenario, mode = file.table, file.table.bench
     given = scenario.losses.model
-    model_file = model_file or (None if given is None else file.beside(given))
+    model_file = model_file or (None if given is None else file.resolve(given))
     model: LossModel | None
     about: tuple[tuple[str, str], ...]
     beside: tuple[Mechanism, ...]
     if model_file is not None:
         whole = read_model(model_file)
-        model, beside = whole.baseline, whole.beside(bench)
+        model, beside = whole.baseline, whole.mechanisms(bench)
         about = (("Losses", f"model {model_file.name}"), ("Mechanisms of the model", whole.description))
     else:
         model, beside = loss_model(file, bench), ()
@@ -129,8 +129,8 @@ def gather_inputs(
     )
     if any(isinstance(m, WARMING) for m in beside):
         held = drivetrain.warmth
-        told = f"sun {held.sun:g} K, ring {held.ring:g} K, magnets {held.magnets:g} K above ambient"
-        about = (*about, ("Warmth held over a run", told))
+        text = f"sun {held.sun:g} K, ring {held.ring:g} K, magnets {held.magnets:g} K above ambient"
+        about = (*about, ("Warmth held over a run", text))
     limits = tuple(float(m.time_constant) for m in beside if isinstance(m, WARMING))
     return Inputs(bench, model, drivetrain, sun, ring, (*about, ("Torque map", about_map)), limits)
 
@@ -153,11 +153,11 @@ def loss_model(file: ScenarioFile, bench: BenchParameters) -> LossModel | None:
     if given.none:
         return None
     if given.model is not None:
-        return read_model(file.beside(given.model)).baseline
+        return read_model(file.resolve(given.model)).baseline
     if given.grids is not None:
-        grid, options = read_published(file.beside(given.grids), bench), chosen_options(published=True)
+        grid, options = read_published(file.resolve(given.grids), bench), chosen_options(published=True)
     else:
-        grid, options = read_analysis(file.beside(str(given.analysis)))
+        grid, options = read_analysis(file.resolve(str(given.analysis)))
     if given.terms_sun == AUTO:
         options = replace(options, auto_sun=True)
     elif given.terms_sun is not None:
@@ -205,7 +205,7 @@ def _about_losses(file: ScenarioFile, model: LossModel | None) -> tuple[tuple[st
     if model is None:
         return (("Losses", "none at all"),)
     constants = {"K_corr": model.correction, "b": model.b, "c": model.c, "d": model.d}
-    told = ", ".join(
+    text = ", ".join(
         f"{name} = {value:.4g} ({'calibrated' if getattr(given, name) is None else 'set in the scenario'})"
         for name, value in constants.items()
     )
@@ -221,7 +221,7 @@ def _about_losses(file: ScenarioFile, model: LossModel | None) -> tuple[tuple[st
     return (
         ("Losses", f"curves of {given.grids or given.analysis}" + (f", {fitted}" if given.robust else "")),
         ("Powers of speed in the curves", terms),
-        ("Loss constants", told),
+        ("Loss constants", text),
     )
 
 
@@ -229,7 +229,7 @@ def _torque_map(file: ScenarioFile, bench: BenchParameters) -> tuple[TorqueMap |
     """The map that the scenario describes, before its scale; None for the plain sine."""
     given, gear = file.table.map, bench.gear(file.table.bench.gear)
     if given.fem is not None:
-        found, quality = fit_map(read_fem_csv(file.beside(given.fem)), gear)
+        found, quality = fit_map(read_fem_csv(file.resolve(given.fem)), gear)
         return found, f"{given.fem}: {quality.terms} terms, residual {quality.residual_rms:.2g} N m (rms)"
     if not given.model_fields_set:
         return None, "sine with the published pull-out torques"

@@ -35,7 +35,7 @@ def programme_of(file: ScenarioFile, side: str, motor: Motor | None, control: Co
     elif motor.points is not None:
         made = Programme.sampled(np.array(motor.points.times_s), np.array(motor.points.values) * unit)
     elif motor.recorded is not None:
-        times, values = _recorded(file.beside(motor.recorded.file), motor.recorded, f"{where}.recorded")
+        times, values = _recorded(file.resolve(motor.recorded.file), motor.recorded, f"{where}.recorded")
         made = Programme.sampled(times, values * unit)
     else:
         made = Programme.hold((motor.hold or 0.0) * unit)

@@ -164,7 +164,7 @@ def _asked(scenario: Scenario, inputs: Inputs) -> tuple[OperatingPoints, Array]:
 
 
 def _each_once(names: tuple[str, ...]) -> npt.NDArray[np.str_]:
-    """Names, a level that was given twice told apart by a number."""
+    """Names, a level that was given twice distinguished by a number."""
     seen: dict[str, int] = {}
     found = []
     for name in names:

@@ -126,20 +126,20 @@ class Manifest:
 
     def document(self) -> dict[str, Any]:
         """The manifest as it stands in its file, without what is not known."""
-        told: dict[str, Any] = {"schema": SCHEMA, "file": self.file, "place": self.place, "sha256": self.sha256}
+        plain: dict[str, Any] = {"schema": SCHEMA, "file": self.file, "place": self.place, "sha256": self.sha256}
         findings = [finding.to_dict() for finding in self.findings]
         if not self.ingested:
             run = {key: value for key in KNOWN_RUN if (value := getattr(self.run, key)) is not None}
             asked = {key: value for key, value in asdict(self.run.setpoints).items() if value is not None}
             run |= {"setpoints": asked} if asked else {}
-            told |= {"run": run} if run else {}
-            return told | {"status": self.status, "findings": findings, "windows": []}
-        told |= {"size": self.size} if self.size is not None else {}
-        told |= {} if self.origin is None else {"origin": asdict(self.origin)}
+            plain |= {"run": run} if run else {}
+            return plain | {"status": self.status, "findings": findings, "windows": []}
+        plain |= {"size": self.size} if self.size is not None else {}
+        plain |= {} if self.origin is None else {"origin": asdict(self.origin)}
         if self.supplied is not None:
-            told["supplied"] = dict(self.supplied.hashes) | {"parts": list(self.supplied.parts)}
-        told |= {"lacking": dict(self.lacking)} if self.lacking else {}
-        told |= with_nulls(
+            plain["supplied"] = dict(self.supplied.hashes) | {"parts": list(self.supplied.parts)}
+        plain |= {"lacking": dict(self.lacking)} if self.lacking else {}
+        plain |= with_nulls(
             {
                 "status": self.status,
                 "run": {key: getattr(self.run, key) for key in RUN},
@@ -151,8 +151,8 @@ class Manifest:
             }
         )
         later = {"offered": self.offered, "reduction": self.reduction, "limits": self.limits}
-        told |= {key: value for key, value in later.items() if value is not None}
-        return told | {"windows": [_window_document(window) for window in self.windows]}
+        plain |= {key: value for key, value in later.items() if value is not None}
+        return plain | {"windows": [_window_document(window) for window in self.windows]}
 
 
 def manifest_of(identifier: str, document: Mapping[str, Any]) -> Manifest:

@@ -26,9 +26,9 @@ def _several(
     return tuple(PublishedFigure(f"{group}.{id_}", what, v, d, unit, place) for id_, what, v, d, unit in rows)
 
 
-def _again(figures: tuple[PublishedFigure, ...], group: str, told: str) -> tuple[PublishedFigure, ...]:
+def _again(figures: tuple[PublishedFigure, ...], group: str, text: str) -> tuple[PublishedFigure, ...]:
     """The same figures under another assumption."""
-    return tuple(replace(f, id=f"{group}.{f.id.partition('.')[2]}", what=f"{f.what} ({told})") for f in figures)
+    return tuple(replace(f, id=f"{group}.{f.id.partition('.')[2]}", what=f"{f.what} ({text})") for f in figures)
 
 
 AT_IMPLIED = "c = 2.2965e-4"
@@ -88,13 +88,13 @@ GRIDS = (
 
 
 def _damping(k: str, b: float, c: float, r_squared: float, rmse: float) -> tuple[PublishedFigure, ...]:
-    told, group, place = f"at K_corr {k}", f"damping-{k}", "table 6.8"
+    text, group, place = f"at K_corr {k}", f"damping-{k}", "table 6.8"
     return (
-        PublishedFigure(f"{group}.b", f"hysteresis b {told}", b, 3, HYSTERESIS, place, size=0.570),
-        PublishedFigure(f"{group}.c", f"eddy c {told}", c, 2, EDDY, place),
-        PublishedFigure(f"{group}.d", f"excess d {told}", 0.0, 3, EXCESS, place, size=1.0),
-        PublishedFigure(f"{group}.r-squared", f"R2 {told}", r_squared, 4, NONE, place, size=1.0 - r_squared),
-        PublishedFigure(f"{group}.rmse", f"RMSE {told}", rmse, 4, WATT, place),
+        PublishedFigure(f"{group}.b", f"hysteresis b {text}", b, 3, HYSTERESIS, place, size=0.570),
+        PublishedFigure(f"{group}.c", f"eddy c {text}", c, 2, EDDY, place),
+        PublishedFigure(f"{group}.d", f"excess d {text}", 0.0, 3, EXCESS, place, size=1.0),
+        PublishedFigure(f"{group}.r-squared", f"R2 {text}", r_squared, 4, NONE, place, size=1.0 - r_squared),
+        PublishedFigure(f"{group}.rmse", f"RMSE {text}", rmse, 4, WATT, place),
     )
 
 

@@ -24,7 +24,7 @@ def _digits(judged: JudgedFigure) -> tuple[str, str, str]:
     return ours, low, high
 
 
-def told(judged: JudgedFigure) -> str:
+def judged_words(judged: JudgedFigure) -> str:
     """The verdict, with the distance where it is what matters."""
     if judged.verdict is FigureVerdict.NOT_EXPLAINED:
         return f"{judged.verdict} ({judged.distance:+.1f})"
@@ -41,7 +41,7 @@ def table_lines(judged: tuple[JudgedFigure, ...]) -> list[str]:
             continue
         for j in members:
             ours, low, high = _digits(j)
-            verdict = told(j) + _reference(j, remarks)
+            verdict = judged_words(j) + _reference(j, remarks)
             rows.append((j.figure.what, j.figure.text, ours, f"{low} .. {high}", j.figure.unit.name, verdict))
     widths = [max(len(row[i]) for row in rows) for i in range(len(HEADINGS))]
     right = (False, True, True, True, False, False)

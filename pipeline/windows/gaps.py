@@ -122,9 +122,9 @@ def lost_end(recording: Recording, first: int, stop: int) -> LostEnd:
         remarks.append(f"remark: {1.0 - counted[0]:.0%} of the messages that the recorder counted are missing")
     losses = [f for f in recording.findings if f.code in LOSSES and f.severity is Severity.ERROR]
     if losses:
-        told = ", ".join(dict.fromkeys(f"{f.code.value} at {f.where}" for f in losses[:2]))
+        text = ", ".join(dict.fromkeys(f"{f.code.value} at {f.where}" for f in losses[:2]))
         length = "" if planned else "; how long the window was meant to be is not known"
-        remarks.append(f"remark: the file lost data ({told}){length}")
+        remarks.append(f"remark: the file lost data ({text}){length}")
     return LostEnd(planned, "; ".join(remarks))
 
 

@@ -111,7 +111,7 @@ MEANINGS: dict[str, str] = {limit.name: limit.metadata[MEANING] for limit in fie
 """Meaning of each limit, in a phrase."""
 
 
-def limit_told(name: str, values: Mapping[str, Any] | None = None) -> str:
+def limit_text(name: str, values: Mapping[str, Any] | None = None) -> str:
     """A limit with its unit, such as ``0.5 rpm``; the default one where no values are given."""
     value = (asdict(LIMITS) if values is None else values)[name]
     dimension = DIMENSIONS.get(name)

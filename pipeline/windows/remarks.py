@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.windows.steadiness import WindowEvidence
 
 REMARK = "remark"
-"""Start of what is told of an accepted window."""
+"""Start of what is stated of an accepted window."""
 NEAR = 0.5
 """Part of a limit beyond which a window is near it."""
 

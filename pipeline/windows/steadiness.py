@@ -33,7 +33,7 @@ REST_SPEED = 0.5 * RPM
 BY_RECORDER = frozenset(code for code, _, _ in FLAGS.values())
 """Marks that a recorder makes; the others are found by the reading."""
 FEWEST_MEANS = 5
-"""Batches below which a drift cannot be told from noise."""
+"""Batches below which a drift cannot be distinguished from noise."""
 TRIMMED = 1.6
 """Standard deviation of normal numbers over the root mean square of those that are left without the largest quarter."""
 
@@ -77,7 +77,7 @@ class WindowEvidence:
     blemishes : sequence of Blemish
         Stretches that the recorder marks as bad, over the whole run.
     lacking : collection of str
-        Channels that the file does not hold, such as ``torque_ring``; no gap of theirs is told.
+        Channels that the file does not hold, such as ``torque_ring``; no gap of theirs is reported.
     """
 
     first: int

@@ -28,7 +28,7 @@ class _Stretch:
     """A window before it is judged.
 
     `stop` is where it ends, None where nobody said; `planned` where it would have ended in a file that lost its end;
-    `against` why it can be no test point, whatever its samples say; `remark` what is told of it in any case.
+    `against` why it can be no test point, whatever its samples say; `remark` what is stated of it in any case.
     """
 
     point: str

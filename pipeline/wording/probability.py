@@ -1,4 +1,4 @@
-"""Coverage of intervals, and how p-values are told: no further out than they are known."""
+"""Coverage of intervals, and how p-values are written: no further out than they are known."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ COVERAGE_FACTOR = 2.0
 CONFIDENCE = 0.95
 """Probability that an interval, or an expanded uncertainty with its own factor, covers the value."""
 SMALLEST = 1e-12
-"""Nominal p-values below this are told as below this: no tail is known further out."""
+"""Nominal p-values below this are written as below this: no tail is known further out."""
 
 
-def told_nominal(p_value: float) -> str:
+def nominal_p_text(p_value: float) -> str:
     """A p-value of a formula: ``= 0.03``, ``< 1e-12``."""
     return f"= {p_value:.2g}" if p_value >= SMALLEST else f"< {SMALLEST:.0g}"
 
 
-def told_search(p_value: float, draws: int) -> str:
+def search_p_text(p_value: float, draws: int) -> str:
     """A p-value of the search over ``draws`` synthetic grids, no smaller than one in draws + 1: ``≤ 0.001``."""
     floor = 1.0 / (draws + 1.0)
     return f"≤ {floor:.1g}" if p_value <= floor * (1.0 + 1e-9) else f"= {p_value:.2g}"

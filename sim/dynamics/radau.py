@@ -135,7 +135,7 @@ def _events(drivetrain: Drivetrain, stop: bool, locked: float) -> list[Callable[
         rate = q.p_s * x.speed_sun + q.p_r * x.speed_ring - q.Q_map * x.speed_carrier
         return float(abs(rate) - locked)
 
-    # attributes are how solve_ivp is told about an event
+    # attributes are how solve_ivp learns of an event
     slip.terminal = stop  # type: ignore[attr-defined]
     lock.direction = -1.0  # type: ignore[attr-defined]
     return [slip, lock]

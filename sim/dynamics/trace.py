@@ -39,7 +39,7 @@ class Trace:
     slips : (m,) array
         Times at which a pole slipped [s].
     stopped : BenchError or None
-        Why the run ended early, told in four parts; None when it went to its end.
+        Why the run ended early, stated in four parts; None when it went to its end.
     steps : int
         Steps of the integrator.
     last : (20,) array

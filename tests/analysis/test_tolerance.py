@@ -18,7 +18,7 @@ from pmg.pipeline.analysis.comparison import Difference, Residuals
 from pmg.pipeline.analysis.tolerance import Tolerance, ToleranceState, agreements
 from pmg.pipeline.chapters.measured.conditions import grids_section
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
-from pmg.pipeline.commands.compare import _command_told
+from pmg.pipeline.commands.compare import _command_words
 from pmg.pipeline.report.document import Figure, Table
 from pmg.sim.bench import load_bench
 
@@ -139,8 +139,8 @@ def test_points_are_said_to_open_only_where_the_page_holds_their_signals(*, open
 
 
 def test_the_command_of_a_report_names_what_changes_it() -> None:
-    assert _command_told("", None) == "pmg compare --store STORE --report REPORT"
-    told = _command_told("it's warm", Path("old/model.toml"))
+    assert _command_words("", None) == "pmg compare --store STORE --report REPORT"
+    told = _command_words("it's warm", Path("old/model.toml"))
     assert shlex.split(told)[-4:] == ["--model", "model.toml", "--note", "it's warm"]
 
 

@@ -55,12 +55,12 @@ def diagnosed(
 
 
 def named(diagnosis: TermsDiagnosis) -> set[str]:
-    return {stand.added for stand in diagnosis.stands[1:]}
+    return {step.added for step in diagnosis.steps[1:]}
 
 
 def value(diagnosis: TermsDiagnosis, term: str) -> tuple[float, float]:
-    stand = (diagnosis.refinements or diagnosis.stands)[-1]
-    found = next(e for e in stand.fitted.estimates if e.term == term)
+    step = (diagnosis.refinements or diagnosis.steps)[-1]
+    found = next(e for e in step.fitted.estimates if e.term == term)
     return found.value, found.standard_error
 
 
@@ -93,7 +93,7 @@ def test_offset_and_friction_of_direction_are_one_set_of_rivals_with_a_test(tmp_
     document = terms_document(found)
     (told,) = [row for row in document["cannot_be_told"] if set(row["ids"]) == twins]
     assert "turn the slide around" in told["separating_test"]
-    assert {stand.added for stand in (*found.stands, *found.refinements)} >= {"coulomb", "stribeck"}
+    assert {step.added for step in (*found.steps, *found.refinements)} >= {"coulomb", "stribeck"}
     (offset,) = named(found) & twins
     for term, truth in (("coulomb", 15.0), ("stribeck", 8.0), (offset, -8.0), ("inertia", 80.0)):
         got, error = value(found, term)
@@ -107,7 +107,7 @@ def test_viscous_friction_of_direction_is_told_from_an_offset(tmp_path: Path) ->
     for term, truth in (("coulomb", 15.0), ("direction_dependent_viscous", 30.0), ("viscous", 150.0)):
         got, error = value(found, term)
         assert abs(got - truth) < 4.0 * error, term
-    first, last = found.stands[0], found.stands[-1]
+    first, last = found.steps[0], found.steps[-1]
     assert last.error_withheld < 0.2 * first.error_withheld
     assert not found.left_over.found
     assert found.further_decoys.entered == 0, "no decoy enters once everything is in"
@@ -150,7 +150,7 @@ def test_a_ripple_is_named_with_its_period(tmp_path: Path) -> None:
         terms=COULOMB,
     )
     assert named(found) == {"position_ripple"}
-    (period,) = [e for e in found.stands[-1].fitted.estimates if e.name == "p"]
+    (period,) = [e for e in found.steps[-1].fitted.estimates if e.name == "p"]
     assert abs(period.value - 0.0071) < 4.0 * period.standard_error < 1e-4
 
 

@@ -46,7 +46,7 @@ PARTS = (0.25, 0.5, 1.0, 2.0)
 SHARES = (0.25, 0.5, 1.0)
 """Of the catalogue."""
 CAMPAIGNS = 3
-"""Campaigns of each size; the median of their times is told."""
+"""Campaigns of each size; the median of their times is reported."""
 LISTED = 12
 """Functions that are listed."""
 

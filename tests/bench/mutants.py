@@ -482,7 +482,7 @@ PHYSICS = (
         'Line(pairs.sun, -pairs.ring, "pole slip")',
         WAVES,
     ),
-    mutant("lines told apart at half a cycle", "resolve", "* duration < APART", "* duration < 0.0 * APART", LINES),
+    mutant("lines separated at half a cycle", "resolve", "* duration < APART", "* duration < 0.0 * APART", LINES),
     mutant("carrier without its reaction", "TorqueMap.torques", "-(on_sun + on_ring)", "-(on_sun - on_ring)", MAP),
     mutant(
         "torque that is no slope of the energy",

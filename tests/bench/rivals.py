@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "pmg.rivals/1"
 CALIBRATION = 40
-"""Clean campaigns that calibrate, unless told otherwise."""
+"""Clean campaigns that calibrate, unless set otherwise."""
 PACKAGES = ("pysindy", "sklearn")
 SOURCES = ("bout.py", "contestants.py", "sparse.py")
 """Beside pmg itself, what an answer depends on."""

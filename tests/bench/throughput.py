@@ -49,8 +49,8 @@ REPEATS, LEAST_S, MOST_S = 5, 1.0, 8.0
 """Readings of each file in one process, for how long they go on at least, and after which none is begun [s]; the least
 time counts, but the memory of the first."""
 TIMES = ("processor", "wall")
-"""Times that are told. pmg hashes the file on a second thread: that costs processor time and no wall time, as long as
-a second processor is free. The others run on one thread, so their two times are the same."""
+"""Times that are reported. pmg hashes the file on a second thread: that costs processor time and no wall time, as long
+as a second processor is free. The others run on one thread, so their two times are the same."""
 
 
 def _angles(rows: int) -> Iterator[Column]:

@@ -1,4 +1,4 @@
-"""Conditions in SQL: they choose rows, cannot do more than read, and a fault is told in four parts."""
+"""Conditions in SQL: they choose rows, cannot do more than read, and a fault is stated in four parts."""
 
 from __future__ import annotations
 

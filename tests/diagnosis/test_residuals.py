@@ -229,7 +229,7 @@ def test_without_repeats_or_order_that_is_said(rng: np.random.Generator, bench: 
     analysis = campaign(rng, neutral(rng, order=False, repeats=0))
     part = study_residuals(analysis, bench, ("curves",), 39, 1).parts[0]
     assert part.lack.source == "windows"
-    assert "lower bound" in part.lack.told
+    assert "lower bound" in part.lack.description
     assert part.untested["time"].startswith("not recorded")
     assert part.untested["approach"].startswith("not recorded")
     assert "load" in part.untested

@@ -1,4 +1,4 @@
-"""A fault in the map is told with its place, what came, what was expected and what to do."""
+"""A fault in the map is reported with its place, what came, what was expected and what to do."""
 
 from __future__ import annotations
 

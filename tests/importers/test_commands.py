@@ -74,7 +74,7 @@ def test_one_bad_file_of_a_folder_makes_it_partly_done(folder: Path) -> None:
     assert code == 3
     assert told.startswith("imported 1 of 2 files, 600 rows, 2400 samples of all channels")
     assert "E2.csv: line 4, column 'torque_sun': 'x" in errors
-    assert errors.count("E2.csv: ") == errors.count("line 4") == 1, "the place is told once"
+    assert errors.count("E2.csv: ") == errors.count("line 4") == 1, "the place is reported once"
     assert [path.name for path in (folder / "out").iterdir()] == ["E1.mcap"]
 
 

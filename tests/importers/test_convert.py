@@ -97,7 +97,7 @@ def test_missing_values_are_left_out_and_told_once() -> None:
     assert (index.tolist(), values.tolist()) == ([0, 3], [1.0, 4.0])
     made.samples(np.array([np.nan]), np.array([4]), np.array([6]), 500.0)
     made.finish()
-    (told,) = made.findings.told()
+    (told,) = made.findings.listed()
     assert told.code is Code.NOT_FINITE
     assert told.message.startswith("3 values")
     assert told.where.endswith("line 3")

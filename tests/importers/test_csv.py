@@ -1,4 +1,4 @@
-"""CSV files as loggers write them: whatever the signs, the same numbers; what is no number is told with its place."""
+"""CSV files as loggers write them: whatever the signs, the same numbers; what is no number is named with its place."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_the_same_numbers_come_however_they_are_written(
     for place, name in enumerate(names):
         assert values(source, name) == [row[place] for row in table]
     assert places(source, "n") == list(range(len(lines) - len(table) + 1, len(lines) + 1))
-    assert source.findings.told() == ()
+    assert source.findings.listed() == ()
     if preamble:
         assert source.properties == {"Prüfstand": "Süd"}
 
@@ -199,7 +199,7 @@ def test_a_bad_cell_leaves_the_others_of_its_row_as_they_are() -> None:
     (block,) = blocks_of(source, "tab")
     found = np.array([block.columns[Wanted(name)] for name in "tab"])
     np.testing.assert_array_equal(found, [[0, 1, 2, 3], [1, np.nan, np.nan, 7], [2, 4, np.nan, 8]])
-    told = [(finding.where, finding.lost) for finding in source.findings.told()]
+    told = [(finding.where, finding.lost) for finding in source.findings.listed()]
     assert told == [(f"line {line}, column '{name}'", "1 value") for line, name in ((3, "a"), (4, "a"), (4, "b"))]
 
 
@@ -214,13 +214,13 @@ def test_thousands_of_bad_rows_end_at_the_first_that_is_one_too_many() -> None:
     source = source_of(data, CsvForm(bad_rows=10))
     with pytest.raises(RecordingError, match=r"line 1012, column 'a'.*row 11 of this kind"):
         values(source, "a")
-    assert [f.code for f in source.findings.told()] == [Code.MESSAGE_MALFORMED] * 10
+    assert [f.code for f in source.findings.listed()] == [Code.MESSAGE_MALFORMED] * 10
 
 
 def test_a_number_that_may_be_cut_at_the_end_of_the_file_is_not_used() -> None:
     source = source_of(b"a;b\n1;2\n3;4.5\n6;7.12345678"[:-5])
     assert values(source, "b") == [2.0, 4.5]
-    (told,) = source.findings.told()
+    (told,) = source.findings.listed()
     assert (told.code, told.where) == (Code.TRUNCATED, "line 4")
 
 

@@ -34,7 +34,7 @@ def placed(column: npt.ArrayLike, timing: Timing | None = None, parts: int = 1) 
 
 
 def codes(rows: Rows) -> list[Code]:
-    return [finding.code for finding in rows.findings.told()]
+    return [finding.code for finding in rows.findings.listed()]
 
 
 # --- a time column -------------------------------------------------------------------------------------
@@ -68,7 +68,7 @@ def test_pauses_become_gaps_of_their_length(gaps: list[tuple[int, int]]) -> None
     expected = np.cumsum(steps)
     index, rows = placed(expected / 500.0, Timing(500.0, TIME), parts=3)
     assert index.tolist() == expected.tolist()
-    told = [f for f in rows.findings.told() if f.code is Code.SAMPLES_GAP]
+    told = [f for f in rows.findings.listed() if f.code is Code.SAMPLES_GAP]
     assert sorted((f.sample_range or (0, 0))[1] - (f.sample_range or (0, 0))[0] for f in told) == sorted(
         width - 1 for _, width in gaps
     )
@@ -109,7 +109,7 @@ def test_a_rate_that_the_column_contradicts_is_refused_and_a_small_drift_is_told
         placed(np.arange(5000) / 490.0, Timing(500.0, TIME))
     _, rows = placed(np.arange(50_000) / 500.0 * (1 + 50e-6), Timing(500.0, TIME))
     assert codes(rows) == [Code.TIMEBASE_DRIFT]
-    assert "-50.0 ppm" in rows.findings.told()[0].message
+    assert "-50.0 ppm" in rows.findings.listed()[0].message
 
 
 # --- a counter that wraps ------------------------------------------------------------------------------

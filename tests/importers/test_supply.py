@@ -1,4 +1,4 @@
-"""What a map states beside recordings is used where they lack it, told with its hash, and only there."""
+"""What a map states beside recordings is used where they lack it, reported with its hash, and only there."""
 
 from __future__ import annotations
 

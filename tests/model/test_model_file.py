@@ -1,4 +1,4 @@
-"""Models kept as TOML: read back bit for bit, faults told with their place, carried to campaigns not seen."""
+"""Models kept as TOML: read back bit for bit, faults reported with their place, carried to campaigns not seen."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_every_mechanism_reads_back_bit_for_bit(kind: type[Mechanism], tmp_path:
         assert read.provenance == model.provenance
         assert np.array_equal(read.baseline.curve_sun.coefficients, SUN.coefficients)
         assert replace(read.baseline, curve_sun=SUN, curve_ring=RING) == BASELINE_HERE
-        assert read.beside(BENCH)[0].torque(points("engaged", [600.0], [-230.0], 1.0)) is not None
+        assert read.mechanisms(BENCH)[0].torque(points("engaged", [600.0], [-230.0], 1.0)) is not None
 
 
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=3, max_size=3), st.floats(0.0, 1.0))

@@ -18,7 +18,7 @@ from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.orders import ANGLES, run_orders
 from pmg.pipeline.orders.flux import linkage_area
 from pmg.pipeline.orders.stored_lines import COLUMNS, kept_orders, orders_of_manifest
-from pmg.pipeline.recording.auxiliary_channels import NOTHING
+from pmg.pipeline.recording.auxiliary_channels import NO_AUXILIARY
 from pmg.pipeline.recording.container import contents
 from pmg.pipeline.recording.container.gathered import WholeRecords
 from pmg.pipeline.recording.container.source import ByteSource
@@ -213,14 +213,14 @@ def test_an_ingest_reads_a_file_with_coils_once(
     kept = kept_orders(Store(store), manifest)
     assert kept is not None
     assert "flux_radial_1" in set(kept.table["signal"])
-    assert read_recording(write(tmp_path / "a.mcap", engaged(bench))).beside == NOTHING
+    assert read_recording(write(tmp_path / "a.mcap", engaged(bench))).auxiliary == NO_AUXILIARY
 
 
 def test_a_coil_of_another_kind_or_unit_is_told_and_the_rest_goes_on(tmp_path: Path, bench: BenchParameters) -> None:
     odd = engaged(bench, channel={COIL: VOLTAGE | {"unit": "mV"}})
-    beside = read_recording(write(tmp_path / "a.mcap", odd), coils=True).beside
-    assert beside.coils == ()
-    assert [(finding.where, finding.severity.value) for finding in beside.findings] == [(COIL, "error")]
+    auxiliary = read_recording(write(tmp_path / "a.mcap", odd), coils=True).auxiliary
+    assert auxiliary.coils == ()
+    assert [(finding.where, finding.severity.value) for finding in auxiliary.findings] == [(COIL, "error")]
     axial = "/daq/emf/axial_1"
     other = engaged(bench, extra={axial: engaged(bench).extra[COIL]}, channel={axial: VOLTAGE})
     store = ingested(tmp_path, other)

@@ -45,7 +45,7 @@ def track(
 
 
 def codes(findings: Findings) -> list[Code]:
-    return [finding.code for finding in findings.told()]
+    return [finding.code for finding in findings.listed()]
 
 
 def lively(rng: np.random.Generator, n: int = 2000, level: float = 1.0) -> Array:
@@ -105,7 +105,7 @@ def test_beyond_the_nominal_torque_inside_the_band_is_a_warning(rng: np.random.G
     sun[900:910] = 1.2 + 1e-4 * np.arange(10)
     findings = Findings("a.mcap")
     check_torques(track(sun), None, weak, findings)
-    assert [(each.code, each.severity) for each in findings.told()] == [(Code.BEYOND_NOMINAL, Severity.WARNING)]
+    assert [(each.code, each.severity) for each in findings.listed()] == [(Code.BEYOND_NOMINAL, Severity.WARNING)]
 
 
 @pytest.mark.parametrize(("step", "seen", "told"), [(2.5, 0.0, True), (2.0, 0.0, False), (2.5, 1.0, False)])
@@ -156,7 +156,7 @@ def of_lines(masks: list[int] | None, *events: tuple[int, int, int]) -> list[tup
     findings = Findings("a.mcap")
     lines = None if masks is None else track(np.array(masks, dtype=np.uint32), "/daq/lines")
     check_lines(lines, [LineEvent(*event) for event in events], findings)
-    return [(each.code, each.sample_range) for each in findings.told()]
+    return [(each.code, each.sample_range) for each in findings.listed()]
 
 
 def test_events_and_samples_that_tell_the_same_say_nothing() -> None:
@@ -204,7 +204,7 @@ def of_wiring(
     rpm = {"sun": speed[0] * RPM, "ring": speed[1] * RPM}
     held = HeldStretch((0, 100), asked, rpm, {"sun": torque[0], "ring": torque[1]})
     check_wiring([held, held], run, CALIBRATION, findings)
-    return [(each.code, each.where) for each in findings.told()]
+    return [(each.code, each.where) for each in findings.listed()]
 
 
 NEUTRAL = replace(RUN, configuration=Configuration.NEUTRAL)
@@ -329,7 +329,7 @@ def test_channels_of_another_rate_are_named() -> None:
     assert one_rate([one, one], findings)
     assert not codes(findings)
     assert not one_rate([one, other], findings)
-    assert [each.where for each in findings.told()] == ["b"]
+    assert [each.where for each in findings.listed()] == ["b"]
 
 
 @pytest.mark.parametrize(("first", "shared"), [(4, True), (5, False), (500, False)])
@@ -428,7 +428,7 @@ def test_two_encodings_of_one_torque_are_compared_over_what_they_share(gain: flo
     torque = np.linspace(0.2, 1.0, 400)
     edges, direct = transducer.frequency(torque), transducer.frequency(gain * torque)[50:]
     compare_encodings((edges, direct), (0, 50), transducer, "/daq/torque_sun/frequency", findings)
-    (finding,) = findings.told()
+    (finding,) = findings.listed()
     assert finding.code is code
     if gain > 1.0:
         assert f"{np.mean(torque[50:]):.3f} N m apart" in finding.message
@@ -438,5 +438,5 @@ def test_encodings_that_share_no_sample_say_so() -> None:
     findings = Findings("a.mcap")
     transducer = Transducer(10_000.0, 5.0, 5_000.0, "")
     compare_encodings((np.ones(5), np.ones(5)), (0, 50), transducer, "/daq/torque_sun/frequency", findings)
-    (finding,) = findings.told()
+    (finding,) = findings.listed()
     assert finding.severity == "info"

@@ -83,9 +83,9 @@ def test_channels_of_one_topic_are_joined_in_the_order_of_their_numbers(
         ]
         assert topic.count == len(topic.payloads)
     strange = [(topic, count) for topic, unit, count in channels if unit != first[topic]]
-    assert {finding.code for finding in findings.told()} <= {Code.CHANNEL_CONFLICT}
-    assert [finding.where for finding in findings.told()] == [topic for topic, _ in strange]
-    for finding, (_, count) in zip(findings.told(), strange, strict=True):
+    assert {finding.code for finding in findings.listed()} <= {Code.CHANNEL_CONFLICT}
+    assert [finding.where for finding in findings.listed()] == [topic for topic, _ in strange]
+    for finding, (_, count) in zip(findings.listed(), strange, strict=True):
         assert f"Its {count} messages are left out" in finding.message
 
 
@@ -102,7 +102,7 @@ def test_a_file_that_shrinks_while_it_is_read_is_told_or_was_read_whole(
         told = fault.end, fault.size
     if told is None:
         whole = walk(BytesIO(data), len(data))
-        assert (found.whole, found.findings.told()) == (whole.whole, whole.findings.told())
+        assert (found.whole, found.findings.listed()) == (whole.whole, whole.findings.listed())
     else:
         assert told == (left, len(data))
 

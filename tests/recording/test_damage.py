@@ -164,7 +164,7 @@ def test_damage_never_costs_more_than_with_a_reader_that_stops_at_it_and_is_neve
     truth = kept_by_official(whole, seeking=True)
     kept, findings = kept_by_pmg(spoilt), told(spoilt)
     assert truth.total() > 0
-    # Where the recorder wrote no CRC nothing proves a message, and that is told.
+    # Where the recorder wrote no CRC nothing proves a message, and that is reported.
     unproven = Code.UNPROVEN in {finding.code for finding in findings}
     assert unproven == ("without chunks" in damage.name or "without CRC" in damage.name)
     assert kept <= truth or unproven

@@ -32,7 +32,7 @@ def test_findings_beyond_the_listed_ones_are_counted_with_their_bytes(errors: in
         findings.error(Code.SKIPPED, "there", "x", "y", byte_range=(100 * i, 100 * i + length))
     for _ in range(warnings):
         findings.warning(Code.SKIPPED, "there", "x", "y")
-    told = findings.told()
+    told = findings.listed()
     grave = [f for f in told if f.severity is Severity.ERROR]
     assert len(grave) == min(errors, LISTED + 1)
     assert len(told) - len(grave) == min(warnings, LISTED + 1)
@@ -48,7 +48,7 @@ def test_bytes_named_twice_are_counted_once_and_other_codes_are_listed() -> None
     for _ in range(LISTED + 7):
         findings.error(Code.LENGTH, "there", "x", "y", byte_range=(10, 30))
     findings.error(Code.CRC, "end", "x", "y")
-    *_, more, last = findings.told()
+    *_, more, last = findings.listed()
     assert more.message.startswith("7 more findings container.length over 20 bytes between 10 and 30")
     assert last.code is Code.CRC
     assert str(findings.give_up()).startswith("file: end")
@@ -57,7 +57,7 @@ def test_bytes_named_twice_are_counted_once_and_other_codes_are_listed() -> None
 def test_a_name_as_long_as_the_file_does_not_fill_the_findings() -> None:
     findings = Findings("file")
     findings.error(Code.CHANNEL_CONFLICT, "t" * 10**6, "m" * 10**6 + "; expected less", "y")
-    (finding,) = findings.told()
+    (finding,) = findings.listed()
     assert len(finding.where) < 2 * LONGEST_TEXT
     assert len(finding.message) < 2 * LONGEST_TEXT
     assert finding.message.endswith("; expected less")
@@ -67,7 +67,7 @@ def test_a_file_full_of_broken_records_gives_few_findings_over_all_their_bytes()
     strange = HEAD.pack(Op.METADATA, 3) + b"abc"
     whole = base()
     found = walked(MAGIC + strange * 5000 + whole[len(MAGIC) :])
-    told = found.findings.told()
+    told = found.findings.listed()
     assert len(told) == LISTED + 1
     assert f"over {(5000 - LISTED) * len(strange)} bytes" in told[-1].message
     assert found.messages == walked(whole).messages

@@ -1,4 +1,4 @@
-"""Mutated recordings: what is kept was recorded, and what is missing is told."""
+"""Mutated recordings: what is kept was recorded, and what is missing is reported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Other message layouts give the same samples as blocks of the layout, and what cannot be read is told."""
+"""Other message layouts give the same samples as blocks of the layout, and what cannot be read is reported."""
 
 from __future__ import annotations
 

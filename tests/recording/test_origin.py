@@ -40,7 +40,7 @@ def test_source_hash_format_and_findings_come_back() -> None:
         "csv",
         "r 1",
     )
-    assert (origin.findings, findings.told()) == ((TOLD,), ())
+    assert (origin.findings, findings.listed()) == ((TOLD,), ())
     (row,) = _origins_table((("a.mcap", origin.record),)).rows
     assert row == ("a.mcap", "a.csv", "csv", "r 1", "7", "ab", 1.0)
 
@@ -51,7 +51,7 @@ def test_findings_that_cannot_be_read_are_a_finding(text: str) -> None:
     origin = read_origin(said(findings=text), findings)
     assert origin is not None
     assert (origin.source, origin.findings) == ("a.csv", ())
-    assert [finding.where for finding in findings.told()] == [f"{RECORD}.findings"]
+    assert [finding.where for finding in findings.listed()] == [f"{RECORD}.findings"]
 
 
 def test_an_import_is_named_in_the_manifest_and_a_plain_recording_is_not(tmp_path: Path) -> None:

@@ -144,7 +144,7 @@ def test_messages_taken_in_passing_are_those_of_a_walk_from_record_to_record(see
     assert found.counts == expected.counts
     assert found.strangers == expected.strangers
     assert {k: list(m) for k, m in found.payloads.items()} == {k: list(m) for k, m in expected.payloads.items()}
-    assert found.findings.told() == expected.findings.told()
+    assert found.findings.listed() == expected.findings.listed()
 
 
 def test_messages_of_many_lengths_are_taken_in_passing(monkeypatch: pytest.MonkeyPatch) -> None:

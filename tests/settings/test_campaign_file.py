@@ -86,7 +86,7 @@ def test_an_option_wins_over_the_file_and_the_file_over_the_default(file: Path) 
     assert found["analysis.terms_sun"].origin == f"{file}:11"
     assert found["analysis.terms_ring"].origin == "default"
     assert found["windows.speed_change"].origin == f"{file}:8"
-    assert found["windows.speed_change"].told == '"0.75 rpm"'
+    assert found["windows.speed_change"].written == '"0.75 rpm"'
     assert found["windows.speed_change"].unit == "rad/s"
     assert found["compare.note"].origin == f"{file}:15"
     assert found["compare.tolerance.loss"].origin == f"{file}:18"
@@ -213,14 +213,14 @@ def test_both_parts_of_a_tolerance_are_found_in_either_order(absolute: float, pe
 
 def test_what_is_shown_of_a_tolerance_and_of_terms_is_as_it_may_be_written(file: Path) -> None:
     chosen = choose(file, terms_ring="0,0.3,1")
-    told = {setting.key: json.loads(setting.told) for setting in settings(chosen) if setting.told.startswith('"')}
+    told = {setting.key: json.loads(setting.written) for setting in settings(chosen) if setting.written.startswith('"')}
     assert told["compare.tolerance.efficiency"] == "1 %"
     assert told["compare.tolerance.loss"] == "0.5 W"
     for word in ("efficiency", "loss", "torque_sun"):
         name, parts = tolerance(word, told[f"compare.tolerance.{word}"], "here")
         assert parts == pytest.approx(chosen.tolerance[name])
     assert (told["analysis.terms_ring"], told["windows.speed_change"]) == ("0,0.3,1", "0.75 rpm")
-    usual = {setting.key: setting.told for setting in settings(choose(None))}
+    usual = {setting.key: setting.written for setting in settings(choose(None))}
     assert usual["analysis.terms_sun"] == '"0,1/2,1,2"'
 
 

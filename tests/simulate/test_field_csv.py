@@ -1,4 +1,4 @@
-"""Tables of field computations from CSV: any order of rows, every fault told with its place."""
+"""Tables of field computations from CSV: any order of rows, every fault reported with its place."""
 
 from __future__ import annotations
 

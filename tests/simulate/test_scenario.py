@@ -1,4 +1,4 @@
-"""Scenarios: what a file may say, and how a fault in it is told."""
+"""Scenarios: what a file may say, and how a fault in it is reported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Both ways to a diagnosis: which campaigns go both, how agreement is scored, kept and told."""
+"""Both ways to a diagnosis: which campaigns go both, how agreement is scored, stored and reported."""
 
 from __future__ import annotations
 

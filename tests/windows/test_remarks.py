@@ -1,4 +1,4 @@
-"""What is told of windows that are accepted all the same, and of the transducers behind an analysis."""
+"""What is reported of windows that are accepted all the same, and of the transducers behind an analysis."""
 
 from __future__ import annotations
 

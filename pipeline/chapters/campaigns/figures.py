@@ -144,13 +144,13 @@ def follow_figure(versus: Versus) -> Figure:
 
 def curve_figure(curves: tuple[CurveDifference, ...]) -> Figure:
     """Fitted loss curves, B minus A."""
-    panels, told = [], []
+    panels, lines = [], []
     for i, curve in enumerate(curves):
         signal = SPEEDS[curve.shaft]
         x, y, u = signal.display(curve.speed), RESIDUAL.display(curve.value), curve.u / RESIDUAL.scale
         series = Series(f"{curve.shaft}, B − A", x, y, u, "line", i)
         panels.append(Chart(signal.label, f"{curve.shaft} loss torque, B − A [mN m]", (series,), (("", 0.0),)))
         at_top = numerals.measured(float(y[-1]), 2.0 * float(u[-1]))
-        told.append(f"{at_top} mN m at {x[-1]:.0f} rpm ({curve.shaft})")
-    caption = f"Loss curves of the bearings, B − A: {', '.join(told)}; bands are U = 2u."
+        lines.append(f"{at_top} mN m at {x[-1]:.0f} rpm ({curve.shaft})")
+    caption = f"Loss curves of the bearings, B − A: {', '.join(lines)}; bands are U = 2u."
     return Figure("curve-differences", "Loss curves, B − A", caption, tuple(panels), columns=2)

@@ -13,7 +13,7 @@ from pmg.pipeline.chapters.campaigns.tables import conditions_table, constants_t
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.report.document import Column, Facts, Figure, Headline, Measured, Report, Section, Table, Text
 from pmg.pipeline.wording.plurals import counted
-from pmg.pipeline.wording.probability import told_nominal, told_search
+from pmg.pipeline.wording.probability import nominal_p_text, search_p_text
 from pmg.sim import signals
 from pmg.sim.signals import RESIDUAL, RPM, Signal
 
@@ -75,8 +75,8 @@ def versus_report(
         sections.append(_followed(versus, judged))
     if constants:
         figures = () if not curves else (curve_figure(curves),)
-        told = "Coefficients of one curve err together: read the curves, not single coefficients."
-        items = (constants_table(constants), Text(told, kind="note"), *figures)
+        text = "Coefficients of one curve err together: read the curves, not single coefficients."
+        items = (constants_table(constants), Text(text, kind="note"), *figures)
         sections.append(Section("fitted", "Fitted constants and curves", items))
     sections.append(_matching(versus))
     return Report(
@@ -116,9 +116,9 @@ def _differences(versus: Versus, judged: ComparisonVerdict) -> Section:
         (
             (
                 "A difference as clear as the clearest here, where there is none",
-                f"p {told_search(judged.p_value, judged.draws)}, noise and what the transducers leave allowed for",
+                f"p {search_p_text(judged.p_value, judged.draws)}, noise and what the transducers leave allowed for",
             ),
-            ("The same for the readings alone", f"p {told_search(judged.p_readings, judged.draws)}, noise only"),
+            ("The same for the readings alone", f"p {search_p_text(judged.p_readings, judged.draws)}, noise only"),
             ("Transducers", versus.shared.description),
             ("Set-points that differ within tolerance", _corrected(versus)),
         )
@@ -199,7 +199,7 @@ def _followed(versus: Versus, judged: ComparisonVerdict) -> Section:
                 Measured(float(RESIDUAL.display(one.slope.value)), one.slope.u / RESIDUAL.scale),
                 f"mN m per {one.covariate.unit}",
                 100.0 * one.share,
-                f"p {told_nominal(one.slope.p_value)}",
+                f"p {nominal_p_text(one.slope.p_value)}",
                 "best" if one in best else "",
             )
             for one in group.followed
@@ -240,7 +240,7 @@ def _followed(versus: Versus, judged: ComparisonVerdict) -> Section:
 
 def _tested(group: GroupResult) -> tuple[Cell, ...]:
     mean = Measured(float(RESIDUAL.display(group.mean.value)), group.mean.u / RESIDUAL.scale)
-    p = f"p {told_nominal(group.p_value)}"
+    p = f"p {nominal_p_text(group.p_value)}"
     return group.words, group.points, mean, group.chi_square, p, f"{group.beyond} of {group.points}"
 
 

@@ -14,7 +14,7 @@ from pmg.pipeline.report.document import Cell, Chart, Column, Facts, Figure, Mea
 from pmg.sim import sources
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnosis.balance.contest import Stand
+    from pmg.pipeline.diagnosis.balance.contest import ModelStep
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.estimate import Estimate
     from pmg.sim.signals import Array
@@ -49,22 +49,22 @@ def _verdict(d: TermsDiagnosis) -> Section:
     )
 
 
-def _last(d: TermsDiagnosis) -> Stand:
-    return (d.refinements or d.stands)[-1]
+def _last(d: TermsDiagnosis) -> ModelStep:
+    return (d.refinements or d.steps)[-1]
 
 
 def _residuals(d: TermsDiagnosis) -> Figure:
     truth, time = d.recorded.force + d.recorded.known, d.recorded.time
-    models = [("baseline", d.stands[0]), ("with the named terms", d.stands[-1])]
+    models = [("baseline", d.steps[0]), ("with the named terms", d.steps[-1])]
     if d.refinements:
         models.append(("refined", _last(d)))
     panels = []
-    for i, (name, stand) in enumerate(models):
-        left = truth - stand.fitted.predict(d.recorded)
+    for i, (name, step) in enumerate(models):
+        left = truth - step.fitted.predict(d.recorded)
         panels.append(
             Chart("time [s]", "residual [N]", (Series("", time, left, None, "line", i),), title=f"Residual, {name}")
         )
-    first, named = d.stands[0], d.stands[-1]
+    first, named = d.steps[0], d.steps[-1]
     return Figure(
         "terms-residuals",
         "Residual before and after",
@@ -75,14 +75,14 @@ def _residuals(d: TermsDiagnosis) -> Figure:
 
 def _friction(d: TermsDiagnosis) -> Figure:
     """Force less that of inertia, against speed; baseline and named terms in their mean over speed."""
-    recorded, named = d.recorded, d.stands[-1]
+    recorded, named = d.recorded, d.steps[-1]
     speed = recorded.thin(recorded.motion.speed[:, None])[:, 0]
     acceleration = recorded.thin(recorded.motion.acceleration[:, None])[:, 0]
     inertia = next((e.value for e in named.fitted.estimates if e.term == "inertia"), d.case.fixed.get("inertia", 0.0))
     truth, pull = recorded.force + recorded.known, inertia * acceleration
     series = [Series("measured", speed, truth - pull, None, "markers", 0)]
-    for colour, (name, stand) in enumerate((("baseline", d.stands[0]), ("named terms", named)), start=1):
-        x, y = _mean_over(speed, stand.fitted.predict(recorded) - pull)
+    for colour, (name, step) in enumerate((("baseline", d.steps[0]), ("named terms", named)), start=1):
+        x, y = _mean_over(speed, step.fitted.predict(recorded) - pull)
         series.append(Series(name, x, y, None, "line", colour))
     return Figure(
         "terms-friction",
@@ -100,32 +100,32 @@ def _mean_over(x: Array, y: Array) -> tuple[Array, Array]:
     return np.array([x[which == k].mean() for k in filled]), np.array([y[which == k].mean() for k in filled])
 
 
-def _stand_row(d: TermsDiagnosis, kind: str, stand: Stand) -> tuple[Cell, ...]:
+def _stand_row(d: TermsDiagnosis, kind: str, step: ModelStep) -> tuple[Cell, ...]:
     """What one more term changes: its evidence, both errors, withheld blocks with the interval of the gain."""
-    held, (low, high) = stand.held, stand.carried
+    held, (low, high) = step.held, step.carried
     carries = "–" if math.isnan(low) else "yes" if low > 0.0 else "no" if high < 0.0 else "not certain"
     return (
-        title_of(d, stand.added) if stand.added else "baseline: " + ", ".join(d.case.baseline),
-        kind if stand.added else "baseline",
-        stand.evidence if stand.added else None,
-        100.0 * stand.error_fit,
-        100.0 * stand.error_withheld,
+        title_of(d, step.added) if step.added else "baseline: " + ", ".join(d.case.baseline),
+        kind if step.added else "baseline",
+        step.evidence if step.added else None,
+        100.0 * step.error_fit,
+        100.0 * step.error_withheld,
         *((None,) * 4 if held is None else (held.rmse_before, held.rmse_after, *held.gain_interval)),
         carries,
     )
 
 
 def _models(d: TermsDiagnosis) -> Section:
-    kinds = (("named", d.stands), ("refinement", d.refinements))
-    rows = [_stand_row(d, kind, stand) for kind, stands in kinds for stand in stands]
+    kinds = (("named", d.steps), ("refinement", d.refinements))
+    rows = [_stand_row(d, kind, step) for kind, steps in kinds for step in steps]
     for which, error in d.case.published_errors.items():
         fit, withheld = (100.0 * error, None) if which == "fit" else (None, 100.0 * error)
         rows.append((f"published, {which}", "published", None, fit, withheld, None, None, None, None, "–"))
     table = Table(
         "terms-models",
         "One term after the other",
-        "Each line adds a term to the one above. A named term passed every rule; a refinement lowers the error on "
-        "withheld blocks and beats every decoy, but is too small beside the named ones to be told from an error of "
+        "Each line adds a term to the one above. A named term passed every rule; a refinement lowers the error "
+        "on withheld blocks and beats every decoy, but beside the named ones it may be no more than an error of "
         "their form.",
         (
             Column("model", "Added"),
@@ -169,7 +169,7 @@ def _estimated(e: Estimate) -> tuple[Cell, ...]:
 
 def _parameters(d: TermsDiagnosis) -> Section:
     published = {(p.term, p.parameter): p.value for p in d.case.published}
-    sets = [("named terms", d.stands[-1].fitted.estimates)]
+    sets = [("named terms", d.steps[-1].fitted.estimates)]
     sets += [("refined", _last(d).fitted.estimates)] if d.refinements else []
     sets += [("beside the named", contest.beside) for contest in d.contests]
     rows: list[tuple[Cell, ...]] = [
@@ -292,4 +292,4 @@ def _limits(d: TermsDiagnosis) -> Section:
         "same force as Coulomb friction that depends on direction, at every speed but zero. Only a record at rest, or "
         "a test that turns one of them around, can tell them apart."
     )
-    return Section("terms-limits", "What cannot be told", (Text(text), table))
+    return Section("terms-limits", "What cannot be determined", (Text(text), table))

@@ -11,7 +11,7 @@ from pmg.pipeline.chapters.explained.grounds import on_bound
 from pmg.pipeline.diagnosis.grid.decide import JUDGE_DRAWS
 from pmg.pipeline.diagnosis.grid.document import probabilities
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Series, Table
-from pmg.pipeline.wording.probability import told_search
+from pmg.pipeline.wording.probability import search_p_text
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_SUN, Array
 
@@ -25,7 +25,7 @@ RANKED = 8
 
 
 def cause_items(diagnosis: Diagnosis, residual: Array) -> list[Facts | Table | Figure]:
-    """The cause, what else would show it, the residual before and after; none where nothing is told."""
+    """The cause, what else would show it, the residual before and after; none where nothing is reported."""
     if diagnosis.refit is None:
         return []
     return [_mechanisms(diagnosis), _revealed_by(diagnosis), _before_and_after(diagnosis, residual)]
@@ -83,16 +83,16 @@ def _mechanisms(diagnosis: Diagnosis) -> Table:
                 )
                 for parameter, value in zip(other.candidate.parameters, other.values, strict=True)
             ]
-    title, told = "Cause", "Baseline and mechanism fitted together, every constant free"
+    title, text = "Cause", "Baseline and mechanism fitted together, every constant free"
     if diagnosis.weak:
-        title, told = "Possible cause", f"The first of a set too weak to separate. {told}"
+        title, text = "Possible cause", f"The first of a set too weak to separate. {text}"
     elif diagnosis.rivals:
         weight = probabilities(diagnosis)[0]
-        title, told = "Possible cause", f"{told}; weight among the causes that fit {weight:.0%}"
+        title, text = "Possible cause", f"{text}; weight among the causes that fit {weight:.0%}"
     return Table(
         "mechanisms",
         title,
-        f"{told}.",
+        f"{text}.",
         (
             Column("mechanism", "Mechanism"),
             Column("shaft", "Shaft"),
@@ -177,7 +177,7 @@ def _ranking(diagnosis: Diagnosis) -> Table:
             for fit in finer
         )
         + f"The leading set leaves {naming.remainder.excess:.0f} beyond the noise (p "
-        f"{told_search(naming.remainder.p_value, JUDGE_DRAWS)}).",
+        f"{search_p_text(naming.remainder.p_value, JUDGE_DRAWS)}).",
         (
             Column("mechanism", "Mechanism"),
             Column("shaft", "Shaft"),

@@ -58,8 +58,8 @@ def _out_of_reach(audit: Audit) -> list[tuple[str, str]]:
     ]
     rows = []
     if unseen:
-        told = "; ".join(f"{title} ({', '.join(shafts)})" for title, shafts in unseen.items())
-        rows.append(("Not detectable at any size", told))
+        text = "; ".join(f"{title} ({', '.join(shafts)})" for title, shafts in unseen.items())
+        rows.append(("Not detectable at any size", text))
     if pairs:
         rows.append(("Effects this test cannot separate", "; ".join(pairs)))
     return rows
@@ -107,18 +107,18 @@ def decoy_items(diagnosis: Diagnosis) -> list[Facts]:
     decoys = diagnosis.decoys
     if decoys is None:
         return []
-    told = (
+    text = (
         f"{decoys.passed} of {decoys.count} random smooth curves would have been named in its place; the best "
         f"explains {decoys.best_part:.0%} of what it explains"
     )
-    return [Facts((("Decoys", told),))]
+    return [Facts((("Decoys", text),))]
 
 
 def _absorbed(diagnosis: Diagnosis) -> Table:
     scale = {"K_corr": 1.0, "b": 1e3, "c": 1e4, "d": 1e3}
     unit = {"K_corr": "", "b": " [mN m]", "c": " [1e-4 N m s/rad]", "d": " [1e-3 N m (s/rad)^1/2]"}
 
-    def told(parameter: str, value: float, error: float | None) -> Measured:
+    def constant(parameter: str, value: float, error: float | None) -> Measured:
         bound = on_bound(value, CONSTANTS[parameter])
         factor = scale[parameter]
         known = float("nan") if error is None else error * factor
@@ -141,8 +141,8 @@ def _absorbed(diagnosis: Diagnosis) -> Table:
         tuple(
             (
                 a.parameter + unit[a.parameter],
-                told(a.parameter, a.before, a.error_before),
-                told(a.parameter, a.after, a.standard_error),
+                constant(a.parameter, a.before, a.error_before),
+                constant(a.parameter, a.after, a.standard_error),
                 remark(a),
             )
             for a in diagnosis.absorbed

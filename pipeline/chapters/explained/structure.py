@@ -9,7 +9,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.residuals.covariates import BY_ID
 from pmg.pipeline.diagnosis.residuals.fitted import FITS
 from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Section, Series, Table, Text
-from pmg.pipeline.wording.probability import told_search
+from pmg.pipeline.wording.probability import search_p_text
 from pmg.sim import sources
 from pmg.sim.signals import RESIDUAL
 
@@ -51,10 +51,10 @@ def structure_section(study: ResidualStudy) -> Section:
 def _manner(study: ResidualStudy) -> str:
     """The fits by name, and the noise that each was judged against."""
     named = dict.fromkeys(f"{part.fit.name}: {FITS[part.fit.name]}" for part in study.parts)
-    told = dict.fromkeys(f"{part.fit.name}, {part.shaft}, {part.lack.told}" for part in study.parts)
-    if len({part.lack.told for part in study.parts}) == 1:
-        told = {f"all {study.parts[0].lack.told}": None}
-    return f"The fits are {'; '.join(named)}.\n\nLack of fit is judged: {'; '.join(told)}."
+    ways = dict.fromkeys(f"{part.fit.name}, {part.shaft}, {part.lack.description}" for part in study.parts)
+    if len({part.lack.description for part in study.parts}) == 1:
+        ways = {f"all {study.parts[0].lack.description}": None}
+    return f"The fits are {'; '.join(named)}.\n\nLack of fit is judged: {'; '.join(ways)}."
 
 
 def _lack(study: ResidualStudy) -> Table:
@@ -108,8 +108,8 @@ def _covariates(study: ResidualStudy) -> Table:
                     float(RESIDUAL.display(one.noise_size)),
                     _shape(one),
                     one.p_value,
-                    told_search(one.p_search, study.draws).removeprefix("= "),
-                    told_search(one.p_beyond, study.draws).removeprefix("= "),
+                    search_p_text(one.p_search, study.draws).removeprefix("= "),
+                    search_p_text(one.p_beyond, study.draws).removeprefix("= "),
                 )
             )
     clear = sum(one.rank is not None for part in study.parts for one in part.followed)

@@ -87,14 +87,14 @@ def _signal(place: Location) -> str:
 
 def _region(place: Location) -> str:
     """Set-points over which it is strong, in words."""
-    told = {
+    shown = {
         "sun_speed_rpm": ("sun", 0, "rpm"),
         "ring_speed_rpm": ("ring", 0, "rpm"),
         "ring_torque_Nm": ("ring torque", 2, "N m"),
     }
     return ", ".join(
         f"{name} {number(place.region[key][0], digits)} to {number(place.region[key][1], digits)} {unit}"
-        for key, (name, digits, unit) in told.items()
+        for key, (name, digits, unit) in shown.items()
         if key in place.region
     )
 
@@ -185,14 +185,14 @@ def _memory(diagnosis: Diagnosis) -> tuple[str, tuple[Chart, ...]]:
             continue
         order = np.flatnonzero(known)[np.argsort(at.started_at[known], kind="stable")]
         time, rise = (at.started_at[order] - at.started_at.min()) / MINUTE, rise[order]
-        told = (
+        text = (
             f"{zero}: it holds the drag at the campaign's usual warmth, so drag lies below it while the {what} are "
             f"warmer than that and above it while they are cooler. As fitted they are {number(rise[0], 1)} K above "
             f"the room at the first point and {number(rise.min(), 1)} to {number(rise.max(), 1)} K over the campaign "
             "(lower panel)."
         )
         series = Series("", time, rise, None, "both", 2)
-        return told, (Chart("time since the first point [min]", f"{what} above the room, fitted [K]", (series,)),)
+        return text, (Chart("time since the first point [min]", f"{what} above the room, fitted [K]", (series,)),)
     return f"{zero}, from which the mechanism counts.", ()
 
 

@@ -20,12 +20,12 @@ def conditions_section(conditions: Conditions, note: str) -> Section:
     """Under which conditions the campaign was run; what nobody wrote down is named as such."""
     rows = (*conditions.rows, ("Note", note or "none"))
     missing = sum(value == NOT_RECORDED for _, value in rows)
-    told = (
+    text = (
         f"{missing} of {len(rows)} conditions are not recorded. Those that move the losses, "
         f"{UNRECORDED[1].lower()} and {UNRECORDED[2].lower()} before all, are the first suspects when tests of "
         "different days differ."
     )
-    items = (Facts(rows), *((Text(told, kind="note"),) if missing else ()))
+    items = (Facts(rows), *((Text(text, kind="note"),) if missing else ()))
     return Section("conditions", "Test conditions", items)
 
 
@@ -55,13 +55,13 @@ def grids_section(grid: Grid, *, opens: bool) -> Section:
         if series:
             panels.append(Chart(x_label, y_label, series, title=title))
     rejected = int((~grid.accepted).sum())
-    told = (
+    text = (
         f"{int(at.neutral.sum())} neutral and {int(at.engaged.sum())} engaged points, {int(at.zero.sum())} zero "
         f"checks; {rejected} rejected."
         + (" Each point opens its signals, its spectrum and its uncertainty budget." if opens else "")
     )
     if not panels:
-        return Section("grids", "Measured grids", (Text(told),))
+        return Section("grids", "Measured grids", (Text(text),))
     return Section(
-        "grids", "Measured grids", (Figure("grid-points", "Points of the campaign", told, tuple(panels), columns=2),)
+        "grids", "Measured grids", (Figure("grid-points", "Points of the campaign", text, tuple(panels), columns=2),)
     )

@@ -1,4 +1,4 @@
-"""The correction factor: swept, fitted together with the damping, and whether the two can be told apart."""
+"""The correction factor: swept, fitted together with the damping, and whether the two can be separated."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def _sweep(fits: tuple[DampingFit, ...], rule: float | None) -> Table:
     def cell(value: float, error: float | None, factor: float) -> Measured | str:
         return "0 (on its bound)" if error is None else Measured(value * factor, error * factor)
 
-    told = "" if rule is None else f" By the thesis's rule, the largest without a negative loss, it is {rule:.3f}."
+    text = "" if rule is None else f" By the thesis's rule, the largest without a negative loss, it is {rule:.3f}."
     return Table(
         "damping",
         "Damping constants against the correction factor",
         "Least squares of the magnetic loss power at a given K_corr, constants not below zero (thesis, equation 6.1)."
-        + told,
+        + text,
         (
             Column("k_corr", "K_corr", "", digits=3),
             Column("smallest", "smallest magnetic loss", "W", digits=3),

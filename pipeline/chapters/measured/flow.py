@@ -86,8 +86,8 @@ def _finding(flow: Flow) -> Text:
     if not beyond.any():
         return Text(f"The unexplained branch is within U = 2u of zero at all {n} points.", kind="finding")
     names = [str(name) for name in flow.grid.points.name[beyond]]
-    told = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
-    return Text(f"The unexplained branch is beyond U = 2u at {len(names)} of {n} points: {told}.", kind="warning")
+    text = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+    return Text(f"The unexplained branch is beyond U = 2u at {len(names)} of {n} points: {text}.", kind="warning")
 
 
 def _choice(flow: Flow, best: int) -> PowerFlow:

@@ -74,7 +74,7 @@ def losses_section(analysis: Analysis, balance: PowerBalance, calibration: Fitte
         "Power losses",
         (
             Facts(_constants(analysis, calibration)),
-            Text(_uncertainty_told(balance, calibration), kind="note"),
+            Text(_uncertainty_note(balance, calibration), kind="note"),
             *warning,
             Figure(
                 "power-losses",
@@ -116,7 +116,7 @@ def _constants(analysis: Analysis, calibration: FittedBaseline) -> tuple[tuple[s
     )
 
 
-def _uncertainty_told(balance: PowerBalance, calibration: FittedBaseline) -> str:
+def _uncertainty_note(balance: PowerBalance, calibration: FittedBaseline) -> str:
     if not balance.correction_fitted:
         factor = "K_corr is held: what it may be off by is in no figure here."
     elif "K_corr" in calibration.on_bound:

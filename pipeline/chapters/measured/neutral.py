@@ -11,7 +11,7 @@ from pmg.pipeline.chapters.cells import iso_levels, lay_out, names_in_cells, nam
 from pmg.pipeline.grid.levels import forward_neutral, speed_levels
 from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Section, Series, SpeedMap, Table, Text
 from pmg.pipeline.wording import numerals
-from pmg.pipeline.wording.probability import told_nominal
+from pmg.pipeline.wording.probability import nominal_p_text
 from pmg.sim import signals, sources
 from pmg.sim.signals import HOUR, SPEED_RING, SPEED_SUN
 
@@ -154,7 +154,7 @@ def _manner(fits: LossFits) -> str:
     )
 
 
-def _told(powers: tuple[float, ...]) -> str:
+def _powers_text(powers: tuple[float, ...]) -> str:
     return ", ".join(f"{power:g}" for power in powers)
 
 
@@ -168,9 +168,9 @@ def _ranking(choice: TermChoice) -> Table:
     return Table(
         f"terms-{choice.shaft}",
         f"Terms of the {choice.shaft}'s curve, chosen by the data",
-        f"Powers {_told(best.powers)}: the smallest AICc among the {eligible} of {len(choice.ranking)} candidates "
-        f"whose error at withheld speeds ({choice.levels} in turn) is within one standard error of the smallest. The "
-        f"first {min(SHOWN, len(choice.ranking))} are shown.",
+        f"Powers {_powers_text(best.powers)}: the smallest AICc among the {eligible} of {len(choice.ranking)} "
+        f"candidates whose error at withheld speeds ({choice.levels} in turn) is within one standard error of the "
+        f"smallest. The first {min(SHOWN, len(choice.ranking))} are shown.",
         (
             Column("powers", "Powers"),
             Column("aicc", "AICc", "", digits=1),
@@ -180,7 +180,7 @@ def _ranking(choice: TermChoice) -> Table:
         ),
         tuple(
             (
-                _told(rank.powers),
+                _powers_text(rank.powers),
                 rank.aicc,
                 rank.weight,
                 Measured(rank.cv_rmse * PER_MILLI, rank.cv_se * PER_MILLI),
@@ -201,7 +201,7 @@ def _plane(plane: PlaneFits) -> tuple[Table, Text]:
             term.f if term.tested else None,
             _known(term.p),
             _known(term.p_holm),
-            ("yes" if term.found else "no") if term.tested else f"cannot be told from: {term.alike}",
+            ("yes" if term.found else "no") if term.tested else f"cannot be distinguished from: {term.alike}",
         )
         for fit in plane
         for term in fit.terms
@@ -226,14 +226,14 @@ def _plane(plane: PlaneFits) -> tuple[Table, Text]:
         ),
         rows,
     )
-    told = [
+    lines = [
         f"The {fit.shaft}'s scatter is {fit.rmse_line * PER_MILLI:.2f} mN m about the curve of its own speed and "
         f"{fit.rmse_plane * PER_MILLI:.2f} mN m about the fit in both speeds ({fit.added} terms more, F = {fit.f:.1f}, "
-        f"{fit.dof} degrees of freedom, p {told_nominal(fit.p)})."
+        f"{fit.dof} degrees of freedom, p {nominal_p_text(fit.p)})."
         for fit in plane
         if fit.added and math.isfinite(fit.f)
     ]
-    return table, Text(" ".join(told) or "These speeds carry no test of a fit in both speeds.", kind="note")
+    return table, Text(" ".join(lines) or "These speeds carry no test of a fit in both speeds.", kind="note")
 
 
 def _drift(drift: Drift) -> tuple[Table | Text, ...]:

@@ -52,7 +52,7 @@ def orders_section(
         Text(
             "Lines of both shafts are fitted together at the samples of each window. A line is present where more "
             "points exceed the band of the noise than chance gives, corrected for multiple testing. Where it is not, "
-            "no mechanism is named: an effect below the band cannot be told from none."
+            "no mechanism is named: an effect below the band cannot be distinguished from none."
         )
     ]
     if present:
@@ -175,11 +175,11 @@ def _spectrum(example: Example) -> Figure:
         curve = Series("", shaft.orders[shown], shaft.magnitudes[shown] / MILLI, style="line", colour=place)
         panels.append(Chart(f"order of the {shaft.side}", "amplitude [mN m]", (curve,), title=shaft.side, y_log=True))
     highest = {s.side: float(s.orders[1:][np.argmax(s.magnitudes[1:])]) for s in example.shafts if len(s.orders) > 1}
-    told = ", ".join(f"{order:.2f} ({side})" for side, order in highest.items())
+    text = ", ".join(f"{order:.2f} ({side})" for side, order in highest.items())
     return Figure(
         "order-spectrum",
         "Order spectrum of a point",
-        f"Torque of point {example.point} over equal steps of its shaft's angle: highest at order {told}.",
+        f"Torque of point {example.point} over equal steps of its shaft's angle: highest at order {text}.",
         tuple(panels),
         columns=2,
     )
@@ -198,13 +198,13 @@ def _turn(example: Example) -> Figure:
         panels.append(
             Chart(f"angle of the {shaft.side} [deg]", "torque less its mean [mN m]", series, title=shaft.side)
         )
-    told = ", ".join(
+    text = ", ".join(
         f"{np.ptp(s.turn.mean) / MILLI:.1f} mN m over {s.turn.turns} turns ({s.side})" for s in example.shafts
     )
     return Figure(
         "order-turn",
         "The average turn",
-        f"From the lowest to the highest torque of the average turn of point {example.point}: {told}.",
+        f"From the lowest to the highest torque of the average turn of point {example.point}: {text}.",
         tuple(panels),
         columns=2,
     )

@@ -13,11 +13,11 @@ from pmg.sim import signals
 
 if TYPE_CHECKING:
     from pmg.pipeline.fit.losses import PowerBalance
-    from pmg.pipeline.model.sensor_fault_correction import Misread
+    from pmg.pipeline.model.sensor_fault_correction import CorrectedLosses
     from pmg.pipeline.report.table import Cell
 
 
-def misread_warning(found: tuple[Misread, ...], balance: PowerBalance) -> str:
+def sensor_fault_warning(found: tuple[CorrectedLosses, ...], balance: PowerBalance) -> str:
     """The warning in a sentence or two, with the highest loss as read and without the fault."""
     loss_name = signals.LOSS_TOTAL.name
     i = int(np.argmax(balance.values[loss_name]))
@@ -25,7 +25,7 @@ def misread_warning(found: tuple[Misread, ...], balance: PowerBalance) -> str:
     as_read = numerals.measured(float(balance.values[loss_name][i]), 2.0 * u)
     without = [(one.values[loss_name][i], np.hypot(u, one.spread[loss_name][i]), one.description) for one in found]
     others = "; ".join(
-        f"{numerals.measured(float(v), 2.0 * float(w))} W with {told} taken out" for v, w, told in without
+        f"{numerals.measured(float(v), 2.0 * float(w))} W with {fault} taken out" for v, w, fault in without
     )
     return (
         "Losses and efficiencies are as the transducers read, and the diagnosis finds a fault in a reading: its error "
@@ -34,7 +34,7 @@ def misread_warning(found: tuple[Misread, ...], balance: PowerBalance) -> str:
     )
 
 
-def misread_items(found: tuple[Misread, ...], balance: PowerBalance) -> tuple[Text | Table, ...]:
+def sensor_fault_items(found: tuple[CorrectedLosses, ...], balance: PowerBalance) -> tuple[Text | Table, ...]:
     """The warning, and the losses by load as read and without the fault, under each explanation that has one."""
     if not found:
         return ()
@@ -59,13 +59,13 @@ def misread_items(found: tuple[Misread, ...], balance: PowerBalance) -> tuple[Te
         Column("as_read", "As read", "", uncertain=True),
         *(Column(f"without_{i}", f"Without {one.description}", "", uncertain=True) for i, one in enumerate(found, 1)),
     ]
-    told = "as many explanations as these recordings leave open" if len(found) > 1 else "the explanation that was found"
+    text = "as many explanations as these recordings leave open" if len(found) > 1 else "the explanation that was found"
     return (
-        Text(misread_warning(found, balance), kind="warning"),
+        Text(sensor_fault_warning(found, balance), kind="warning"),
         Table(
             "losses-misread",
             "Losses with and without the fault",
-            f"Means over the points of each load, as read and with the fault taken out of the readings: {told}. Only a "
+            f"Means over the points of each load, as read and with the fault taken out of the readings: {text}. Only a "
             "calibration of the transducers, or exchanging the two, says which figure holds.",
             tuple(columns),
             tuple(rows),

@@ -45,7 +45,7 @@ def comparison_section(residuals: Residuals, agreed: Agreements, more: tuple[Tab
                     f"({agreement.rule}); {inside} within U; rms difference {rms:.3g} {shown.display_unit}",
                 )
             )
-    told = (
+    text = (
         "A tolerance says whether the simulation is good enough for its use, and is set beforehand. U says whether a "
         "difference is real: it is that of repeating the test, without the transducers' common tolerance, which would "
         "shift whole columns alike and is in the uncertainties of losses and efficiencies above."
@@ -53,7 +53,7 @@ def comparison_section(residuals: Residuals, agreed: Agreements, more: tuple[Tab
     items: list[Facts | Figure | Table | Text] = [
         Text(agreed.description, kind="finding"),
         Facts(tuple(facts)),
-        Text(told, kind="note"),
+        Text(text, kind="note"),
     ]
     if (worst := _worst(residuals, agreed)) is not None:
         items.append(worst)

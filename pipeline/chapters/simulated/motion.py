@@ -40,8 +40,8 @@ def run_section(run: Run, scenario: Scenario) -> Section:
     engaged = scenario.bench.configuration is Configuration.ENGAGED
     items: list[Text | Facts | Figure | Table] = [Facts(_happened(trace, engaged))]
     if trace.stopped is not None:
-        told = f"The run ended at {trace.time[-1]:.4g} s: {trace.stopped.came}. {trace.stopped.do}"
-        items.append(Text(told, kind="finding"))
+        text = f"The run ended at {trace.time[-1]:.4g} s: {trace.stopped.came}. {trace.stopped.do}"
+        items.append(Text(text, kind="finding"))
     figures = (_speeds, _torques, _powers, _torsion)
     items += [draw(trace, rows, engaged) for draw in figures]
     items.append(_energies(trace))
@@ -80,7 +80,7 @@ def _speeds(trace: Trace, rows: Rows, engaged: bool) -> Figure:
 def _torques(trace: Trace, rows: Rows, engaged: bool) -> Figure:
     m, q = trace.drivetrain.motion(trace.state, trace.asked), trace.drivetrain.constants
     n = len(trace.time)
-    panels, told = [], []
+    panels, lines = [], []
     on_ring = ("carrier", m.magnetic_carrier) if q.ring_held else ("ring", m.magnetic_ring)
     for side, by, asked, seen, member, field in (
         ("sun", q.sun.by_speed, trace.asked.sun, m.sun.torque_out, "sun", m.magnetic_sun),
@@ -92,8 +92,8 @@ def _torques(trace: Trace, rows: Rows, engaged: bool) -> Figure:
         if not by:
             columns.append(("asked", np.broadcast_to(asked, n)[rows]))
         panels.append(_chart(trace.time[rows], "torque [N m]", columns, f"{side} motor's side"))
-        told.append(f"{side} {np.broadcast_to(seen, n)[-1]:.4f} N m (largest {np.abs(seen).max():.3f})")
-    caption = f"Torque at the transducers at the end: {', '.join(told)}.".replace("-", "−")
+        lines.append(f"{side} {np.broadcast_to(seen, n)[-1]:.4f} N m (largest {np.abs(seen).max():.3f})")
+    caption = f"Torque at the transducers at the end: {', '.join(lines)}.".replace("-", "−")
     return Figure(
         "run-torques", "Torques: asked for, at the transducer, of the field", caption, tuple(panels), columns=2
     )
@@ -176,11 +176,11 @@ def _modes(modes: Sequence[Mode], about: str) -> Table:
         if m.eigenvalue.imag >= 0.0
     ]
     swinging = [m for m in modes if m.eigenvalue.imag > 0.0]
-    told = ", ".join(f"{m.kind} at {m.frequency / REVOLUTION:.4g} Hz" for m in swinging) or "none"
+    text = ", ".join(f"{m.kind} at {m.frequency / REVOLUTION:.4g} Hz" for m in swinging) or "none"
     return Table(
         "modes",
         "Modes by name",
-        f"About {about}; a pair that oscillates stands once. Oscillating: {told}. {NO_UNCERTAINTY}",
+        f"About {about}; a pair that oscillates stands once. Oscillating: {text}. {NO_UNCERTAINTY}",
         (
             Column("mode", "Mode"),
             Column("frequency", "Undamped frequency", "Hz", format=".4g"),
@@ -208,10 +208,10 @@ def _bode(answer: Answer) -> Figure:
         marks.append(Series(f"{mode.kind}, {at:.4g} Hz", np.array([at]), np.array([height]), None, "markers", 2 + i))
     lines = [Series(f"{k} speed", frequency, v, None, "line", i) for i, (k, v) in enumerate(magnitude.items())]
     turns = [Series(f"{k} speed", frequency, v, None, "line", i) for i, (k, v) in enumerate(phase.items())]
-    told = ", ".join(f"{m.kind} at {m.frequency / REVOLUTION:.4g} Hz (damping {m.damping_ratio:.2g})" for m in inside)
+    text = ", ".join(f"{m.kind} at {m.frequency / REVOLUTION:.4g} Hz (damping {m.damping_ratio:.2g})" for m in inside)
     caption = (
         f"Rotor speeds per set torque of the {answer.side} motor, about {answer.about}. "
-        f"{f'Resonances: {told}' if told else 'No resonance in this range'}. "
+        f"{f'Resonances: {text}' if text else 'No resonance in this range'}. "
         f"At {frequency[0]:g} Hz a torque of 1 N m moves the sun's speed by {magnitude['sun'][0]:.4g} rpm. "
         f"{NO_UNCERTAINTY}"
     )

@@ -89,21 +89,21 @@ def _without_figures(section: Section) -> Section:
 
 def _verdict(simulation: Simulation, findings: tuple[Remark, ...]) -> Headline:
     points, run = simulation.points, simulation.run
-    told = []
+    lines = []
     if points is not None:
-        told.append(f"{len(points.grid)} steady point{'s' if len(points.grid) > 1 else ''}.")
+        lines.append(f"{len(points.grid)} steady point{'s' if len(points.grid) > 1 else ''}.")
     if run is not None:
         trace = run.trace
         speeds = (float(SPEED_SUN.display(trace[name][-1])) for name in ("speed_sun_motor", "speed_ring_motor"))
         sun, ring = (f"{speed:.1f}".replace("-", "−") for speed in speeds)
         if trace.stopped is None:
-            told.append(f"After {trace.time[-1]:g} s the sun turns at {sun} rpm, the ring motor at {ring} rpm.")
+            lines.append(f"After {trace.time[-1]:g} s the sun turns at {sun} rpm, the ring motor at {ring} rpm.")
         else:
-            told.append(f"A pole slipped after {trace.time[-1]:.3f} s; the run ends there.")
+            lines.append(f"A pole slipped after {trace.time[-1]:.3f} s; the run ends there.")
     if simulation.answer is not None:
-        told.append(f"Frequency response to the {simulation.answer.side} motor's torque.")
+        lines.append(f"Frequency response to the {simulation.answer.side} motor's torque.")
     grave = any(finding.severity != "info" for finding in findings)
-    return Headline(" ".join(told), "attention" if grave else "neutral")
+    return Headline(" ".join(lines), "attention" if grave else "neutral")
 
 
 _WORDS = {None: "ideal", True: "yes", False: "no"}
@@ -123,11 +123,11 @@ def _scenario_section(
         unit = RANGES[f.name][2] if f.name in RANGES and value is not None else ""
         rows.append((f.name, shown, "" if unit == "1" else unit, "default" if value == f.default else "chosen"))
     chosen = sum(row[-1] == "chosen" for row in rows)
-    told = "".join(f"{f.severity}: {f.where}: {f.message}\n\n" for f in findings)
+    text = "".join(f"{f.severity}: {f.where}: {f.message}\n\n" for f in findings)
     items = (
         Text("Everything on this page is simulated. Nothing of it was measured.", kind="note"),
         Facts(facts),
-        *((Text(told, kind="warning"),) if told else ()),
+        *((Text(text, kind="warning"),) if text else ()),
         Table(
             "assumptions",
             "What the source leaves open",

@@ -34,7 +34,7 @@ TRIED = 3
 
 
 @dataclass(frozen=True)
-class Stand:
+class ModelStep:
     """A model of the force and what it is worth.
 
     Parameters
@@ -97,7 +97,7 @@ class Contest:
 
 
 @dataclass(frozen=True)
-class Scene:
+class BalanceData:
     """Data that models are fitted to and judged on."""
 
     recorded: Recorded
@@ -106,36 +106,36 @@ class Scene:
     free: tuple[Term, ...]
 
 
-def stand_of(scene: Scene, fits: tuple[TermFit, ...], rng: np.random.Generator) -> Stand:
+def model_step(data: BalanceData, fits: tuple[TermFit, ...], rng: np.random.Generator) -> ModelStep:
     """Baseline and terms fitted together, and what the last of them is worth."""
-    fitted = fit_together(scene.recorded, scene.noise.noise, scene.free, fits)
+    fitted = fit_together(data.recorded, data.noise.noise, data.free, fits)
     carried = (float("nan"), float("nan"))
-    if scene.withheld is not None and fits:
-        before = fit_together(scene.recorded, scene.noise.noise, scene.free, fits[:-1])
-        truth = scene.withheld.force + scene.withheld.known
-        errors = [truth - model.predict(scene.withheld) for model in (before, fitted)]
-        carried = held_out("", errors[0], errors[1], scene.noise.noise, rng).gain_interval
-    samples = len(scene.recorded.force) - scene.noise.noise.lags
-    return Stand(
+    if data.withheld is not None and fits:
+        before = fit_together(data.recorded, data.noise.noise, data.free, fits[:-1])
+        truth = data.withheld.force + data.withheld.known
+        errors = [truth - model.predict(data.withheld) for model in (before, fitted)]
+        carried = held_out("", errors[0], errors[1], data.noise.noise, rng).gain_interval
+    samples = len(data.recorded.force) - data.noise.noise.lags
+    return ModelStep(
         fits[-1].identifier if fits else "",
         fitted,
-        fitted.relative_error(scene.recorded),
-        float("nan") if scene.withheld is None else fitted.relative_error(scene.withheld),
-        set_against(scene.recorded, scene.noise.noise, scene.free, (fits[:-1], fits), rng) if fits else None,
+        fitted.relative_error(data.recorded),
+        float("nan") if data.withheld is None else fitted.relative_error(data.withheld),
+        set_against(data.recorded, data.noise.noise, data.free, (fits[:-1], fits), rng) if fits else None,
         fits[-1].gain - fits[-1].cost * math.log(samples) if fits else 0.0,
         carried,
     )
 
 
 def refine(
-    scene: Scene,
+    data: BalanceData,
     best: TermSet,
     remainder_of: AdequacyTest,
     threshold: float,
     rng: np.random.Generator,
-) -> tuple[Stand, ...]:
+) -> tuple[ModelStep, ...]:
     """Further terms, one after the other: more than any decoy, a good part of the rest, better on withheld blocks."""
-    current, refined = best, list[Stand]()
+    current, refined = best, list[ModelStep]()
     while len(refined) < MOST_REFINED:
         rest = remainder_of(current.problem)
         if rest.adequate:
@@ -145,10 +145,10 @@ def refine(
         ranked = TermCatalogue().rank(here, current.ids)
         fits = [fit for fit in ranked if not fit.on_bound and here.score(fit) > least]
         for fit in fits[:TRIED]:
-            stand = stand_of(scene, (*current.fits, fit), rng)
-            if stand.held is not None and stand.held.gain_interval[0] > 0.0:
+            step = model_step(data, (*current.fits, fit), rng)
+            if step.held is not None and step.held.gain_interval[0] > 0.0:
                 current = current.plus(fit)
-                refined.append(stand)
+                refined.append(step)
                 break
         else:
             break
@@ -163,10 +163,10 @@ def settled(problem: TermProblem, fits: tuple[TermFit, ...]) -> TermProblem:
 
 
 def contest(
-    scene: Scene,
+    data: BalanceData,
     problem: TermProblem,
     found: TermNaming,
-    refinements: tuple[Stand, ...],
+    refinements: tuple[ModelStep, ...],
     remainder_of: AdequacyTest,
     rng: np.random.Generator,
 ) -> tuple[Contest, ...]:
@@ -182,10 +182,10 @@ def contest(
         cost = sum(f.cost for f in (*rival.fits, *added)) - sum(f.cost for f in (*found.best.fits, *extra))
         lead = float(other.left @ other.left - mine.left @ mine.left) + cost * math.log(len(mine.left))
         pair = (*rival.fits, *added), (*found.best.fits, *extra)
-        held = set_against(scene.recorded, scene.noise.noise, scene.free, pair, rng)
+        held = set_against(data.recorded, data.noise.noise, data.free, pair, rng)
         new = tuple(fit for fit in rival.fits if fit.identifier not in found.best.ids)
-        both = fit_together(scene.recorded, scene.noise.noise, scene.free, (*found.best.fits, *new))
-        alone = fit_together(scene.recorded, scene.noise.noise, scene.free, rival.fits)
+        both = fit_together(data.recorded, data.noise.noise, data.free, (*found.best.fits, *new))
+        alone = fit_together(data.recorded, data.noise.noise, data.free, rival.fits)
         contests.append(
             Contest(
                 rival,
@@ -193,8 +193,8 @@ def contest(
                 margin,
                 held,
                 tuple(e for e in both.estimates if e.term in {fit.identifier for fit in new}),
-                alone.relative_error(scene.recorded),
-                float("nan") if scene.withheld is None else alone.relative_error(scene.withheld),
+                alone.relative_error(data.recorded),
+                float("nan") if data.withheld is None else alone.relative_error(data.withheld),
             )
         )
     return tuple(contests)

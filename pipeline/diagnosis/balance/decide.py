@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, Twins, find_twins
-from pmg.pipeline.diagnosis.balance.contest import Contest, Scene, Stand, contest, refine, settled, stand_of
+from pmg.pipeline.diagnosis.balance.contest import BalanceData, Contest, ModelStep, contest, model_step, refine, settled
 from pmg.pipeline.diagnosis.balance.estimate import design_of
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem, tabulate, term_problem
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, noise_of, record_evidence
@@ -48,10 +48,10 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
         Noise that it was judged against.
     mismatch : Mismatch
         Test and places.
-    stands : tuple of Stand
+    steps : tuple of ModelStep
         Baseline, then one named term after the other.
-    refinements : tuple of Stand
-        Terms that lower the error on withheld blocks, but are too small beside those named to be told from an error
+    refinements : tuple of ModelStep
+        Terms that lower the error on withheld blocks, but beside those named may be no more than an error
         of their form.
     twins : tuple of Twins
         What the design of the recording cannot tell apart.
@@ -68,8 +68,8 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     withheld: Recorded | None
     noise: NoiseModel
     mismatch: Mismatch[Place]
-    stands: tuple[Stand, ...]
-    refinements: tuple[Stand, ...]
+    steps: tuple[ModelStep, ...]
+    refinements: tuple[ModelStep, ...]
     twins: tuple[Twins, ...]
     further_decoys: FurtherDecoys
     contests: tuple[Contest, ...]
@@ -161,10 +161,10 @@ def diagnose_terms(
         other = None if withheld is None else (withheld, design_of(withheld, s.free, named))
         further = try_decoys(found.best.problem, noise, design, recorded, other, rng)
         decoys = offer_decoys(s.problem, found, surrogate_decoys(s.problem, recorded, noise, apart))
-    scene = Scene(recorded, withheld, s.noise, s.free)
-    stands = tuple(stand_of(scene, named[:k], rng) for k in range(len(named) + 1))
+    data = BalanceData(recorded, withheld, s.noise, s.free)
+    steps = tuple(model_step(data, named[:k], rng) for k in range(len(named) + 1))
     held: HeldOut | None = None
-    refinements: tuple[Stand, ...] = ()
+    refinements: tuple[ModelStep, ...] = ()
     contests: tuple[Contest, ...] = ()
     verdict = Verdict.CONSISTENT if found is None else Verdict.NOT_IN_LIBRARY
     if found is not None and named:
@@ -173,22 +173,22 @@ def diagnose_terms(
         conclusion = conclude(s.problem, TermCatalogue(), found, lambda _: held)
         if conclusion.verdict.names and conclusion.naming is not None:
             found, remainder_of = conclusion.naming, adequacy_test(s.evidence)
-            refinements = refine(scene, found.best, remainder_of, max(ENTRY, further.most_evidence), rng)
-            contests = contest(scene, s.problem, found, refinements, remainder_of, rng)
+            refinements = refine(data, found.best, remainder_of, max(ENTRY, further.most_evidence), rng)
+            contests = contest(data, s.problem, found, refinements, remainder_of, rng)
             verdict = Verdict.AMBIGUOUS if any(c.open for c in contests) else Verdict.NAMED
-    last = settled(s.problem, (refinements or stands)[-1].fitted.fits)
+    last = settled(s.problem, (refinements or steps)[-1].fitted.fits)
     return TermsDiagnosis(
         verdict=verdict,
         naming=found,
         held_out=held,
-        absorbed=_absorbed(stands),
+        absorbed=_absorbed(steps),
         decoys=decoys,
         case=case,
         recorded=recorded,
         withheld=withheld,
         noise=s.noise,
         mismatch=s.mismatch,
-        stands=stands,
+        steps=steps,
         refinements=refinements,
         twins=find_twins(s.problem),
         further_decoys=further,
@@ -197,9 +197,9 @@ def diagnose_terms(
     )
 
 
-def _absorbed(stands: tuple[Stand, ...]) -> tuple[Absorbed, ...]:
+def _absorbed(steps: tuple[ModelStep, ...]) -> tuple[Absorbed, ...]:
     """Baseline parameters alone and beside the named terms."""
-    first, last = stands[0].fitted, stands[-1].fitted
+    first, last = steps[0].fitted, steps[-1].fitted
     return tuple(
         Absorbed(f"{before.term} {before.name}", before.value, after.value, after.standard_error)
         for before, after in zip(first.estimates, last.estimates, strict=False)

@@ -10,7 +10,7 @@ from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.fit.document import number
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnosis.balance.contest import Contest, Stand
+    from pmg.pipeline.diagnosis.balance.contest import Contest, ModelStep
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.estimate import Estimate
     from pmg.pipeline.diagnosis.balance.mismatch import Place
@@ -54,8 +54,8 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
             }
             for step in found.rounds
         ],
-        "models": [_model(stand) for stand in diagnosis.stands],
-        "refinements": [_model(stand) for stand in diagnosis.refinements],
+        "models": [_model(step) for step in diagnosis.steps],
+        "refinements": [_model(step) for step in diagnosis.refinements],
         "held_out": None if diagnosis.held_out is None else diagnosis.held_out.document("N"),
         "contests": [_contest(contest) for contest in diagnosis.contests],
         "rivals": [_contest(contest)["ids"] for contest in diagnosis.contests if contest.open],
@@ -92,15 +92,15 @@ def _estimate(e: Estimate) -> dict[str, Any]:
     }
 
 
-def _model(stand: Stand) -> dict[str, Any]:
+def _model(step: ModelStep) -> dict[str, Any]:
     return {
-        "added": stand.added,
-        "evidence": stand.evidence,
-        "relative_error_fit": stand.error_fit,
-        "relative_error_withheld": number(stand.error_withheld),
-        "withheld_gain_interval_N": [number(end) for end in stand.carried],
-        "held_out": None if stand.held is None else stand.held.document("N"),
-        "parameters": [_estimate(e) for e in stand.fitted.estimates],
+        "added": step.added,
+        "evidence": step.evidence,
+        "relative_error_fit": step.error_fit,
+        "relative_error_withheld": number(step.error_withheld),
+        "withheld_gain_interval_N": [number(end) for end in step.carried],
+        "held_out": None if step.held is None else step.held.document("N"),
+        "parameters": [_estimate(e) for e in step.fitted.estimates],
     }
 
 
@@ -136,8 +136,8 @@ def percent(part: float) -> str:
 
 def headline(diagnosis: TermsDiagnosis) -> str:
     """The verdict in one or two sentences."""
-    named = [title_of(diagnosis, stand.added) for stand in diagnosis.stands[1:]]
-    first, last = diagnosis.stands[0], diagnosis.stands[-1]
+    named = [title_of(diagnosis, step.added) for step in diagnosis.steps[1:]]
+    first, last = diagnosis.steps[0], diagnosis.steps[-1]
     match diagnosis.verdict:
         case Verdict.CONSISTENT:
             return f"Consistent: no mismatch beyond the noise (p = {diagnosis.mismatch.p_value:.2g})."
@@ -165,19 +165,17 @@ def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
     """The diagnosis in a few lines."""
     lines = [headline(diagnosis), ""]
     lines += [f"{'model':<44}{'fit':>9}{'withheld':>10}  withheld blocks [N]"]
-    for kind, stands in (("+ ", diagnosis.stands), ("refined by ", diagnosis.refinements)):
-        for stand in stands:
-            name = " + ".join(diagnosis.case.baseline) if not stand.added else kind + stand.added
-            blocks = "" if stand.held is None else f"{stand.held.rmse_before:.3f} -> {stand.held.rmse_after:.3f}"
-            if stand.carried[1] < 0.0:
+    for kind, steps in (("+ ", diagnosis.steps), ("refined by ", diagnosis.refinements)):
+        for step in steps:
+            name = " + ".join(diagnosis.case.baseline) if not step.added else kind + step.added
+            blocks = "" if step.held is None else f"{step.held.rmse_before:.3f} -> {step.held.rmse_after:.3f}"
+            if step.carried[1] < 0.0:
                 blocks += "  does not carry over to the withheld record"
-            lines.append(
-                f"{name:<44}{percent(stand.error_fit):>9}{percent(stand.error_withheld):>10}  {blocks}".rstrip()
-            )
+            lines.append(f"{name:<44}{percent(step.error_fit):>9}{percent(step.error_withheld):>10}  {blocks}".rstrip())
     lines.append("")
     for contest in diagnosis.contests:
         ids = " + ".join(fit.identifier for fit in contest.rival.fits)
-        state = "cannot be told from the named" if contest.open else "is beaten"
+        state = "cannot be distinguished from the named" if contest.open else "is beaten"
         lines.append(f"{ids} {state}: evidence {contest.lead:.0f}, margin {contest.margin:.0f}")
     for twins in diagnosis.twins:
         if len(twins.ids) == 1:

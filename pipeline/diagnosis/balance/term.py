@@ -23,7 +23,7 @@ class Motion:
     time, position, speed, acceleration : (n,) array
         [s], [m], [m/s], [m/s2].
     force : (n,) array
-        What the actuator is told to apply [N].
+        What the actuator is commanded to apply [N].
     modelled : (n,) array
         Force that the baseline gives [N]; zero until it has been fitted.
     rest_speed : float

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 ORDER_IS_SPEED = 0.95
-"""Rank correlation of speed and order from which on a slow change cannot be told from a loss curve."""
+"""Rank correlation of speed and order from which on a slow change cannot be distinguished from a loss curve."""
 
 
 def confounded_shafts(readings: Readings) -> tuple[str, ...]:

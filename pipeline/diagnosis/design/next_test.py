@@ -104,7 +104,7 @@ def power_to_separate(noncentrality: float) -> float:
 
 
 HIDDEN = 2.0
-"""Size of the hidden change for which the power of a lifting test is told, in noise floors."""
+"""Size of the hidden change for which the power of a lifting test is stated, in noise floors."""
 
 
 def lifting_test(
@@ -113,7 +113,7 @@ def lifting_test(
     """The repeats that a blind design lacks, and their power to show what it may hide.
 
     Power is that of entering the diagnosis, for each mechanism that depends on what was run before, at `HIDDEN` noise
-    floors root mean square before anything is absorbed; the least of them is told.
+    floors root mean square before anything is absorbed; the least of them is stated.
     """
     kinds = [c for c in candidates() if c.shaft in blind and c.kind.memory]
     plans = [p for p in possible_plans(readings.grid.points, bench) if p.experiment is Experiment.REPEATS]

@@ -24,7 +24,7 @@ class CandidateCatalogue(ABC, Generic[F, P]):
     """Whether two may enter together where neither explains enough of the rest by itself."""
 
     tells_weak: ClassVar[bool] = True
-    """Whether the causes of a mismatch that is too weak to name one are told as a set."""
+    """Whether the causes of a mismatch that is too weak to name one are reported as a set."""
 
     @abstractmethod
     def rank(self, problem: P, without: Collection[str] = ()) -> list[F]:

@@ -75,7 +75,7 @@ def conclude(
     -----
     A set is named when it is good enough and predicts most of the mismatch of withheld rows. Rivals are the sets of
     close evidence, and those that parts of the rows name instead. Where the mismatch is too weak to tell an effect of
-    another kind by what it leaves, the candidates that explain it are told as what may be, and none is named.
+    another kind by what it leaves, the candidates that explain it are reported as what may be, and none is named.
     """
     if naming.explained and not naming.weak:
         held = prove(naming.best)
@@ -88,9 +88,9 @@ def conclude(
         held = prove(best)
         if held is not None and held.rmse_after <= NOT_WORSE * held.rmse_before:
             places = {fit.identifier: fit.place for fit in best.fits}
-            told = replace(naming, best=best, rivals=tuple(others), shafts=places)
-            told = _with_parts(problem, catalogue, told, held)
-            return Conclusion(verdict=Verdict.AMBIGUOUS, naming=told, held_out=held, weak=True)
+            named = replace(naming, best=best, rivals=tuple(others), shafts=places)
+            named = _with_parts(problem, catalogue, named, held)
+            return Conclusion(verdict=Verdict.AMBIGUOUS, naming=named, held_out=held, weak=True)
     return Conclusion(verdict=Verdict.NOT_IN_LIBRARY, naming=naming)
 
 

@@ -1,4 +1,4 @@
-"""Which candidates explain a mismatch, which rivals cannot be told from them, and what is left."""
+"""Which candidates explain a mismatch, which rivals cannot be distinguished from them, and what is left."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ SMALL_PART = 0.3
 """Part of a candidate's gain that may be left over where it is within the noise."""
 
 WEAK = 80.0
-"""Gain below which what a candidate leaves is hardly told from noise, and an effect of another kind may pass for it."""
+"""Gain below which what a candidate leaves looks like noise, and an effect of another kind may pass for it."""
 
 PASSES = 3
 """Times the members of a set are swapped at most, as long as that makes it better."""
 
 FEWEST, MOST_RIVALS = 1, 4
-"""Rivals of a weak explanation that are told, at least and at most."""
+"""Rivals of a weak explanation that are listed, at least and at most."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Naming(Generic[F, P]):
     rivals : tuple of Explanation
         Sets of other candidates within the margin, best first.
     shafts : dict of str to str
-        Place of each named candidate; ``either`` where only the shaft cannot be told.
+        Place of each named candidate; ``either`` where only the shaft cannot be determined.
     remainder : Remainder
         What the leading set leaves.
     explained : bool
@@ -115,7 +115,7 @@ class Naming(Generic[F, P]):
         return self.rounds[0].ranking
 
     def on_the_other_shaft(self, fit: F) -> F | None:
-        """The same candidate in the other place, where which of the two it is cannot be told."""
+        """The same candidate in the other place, where which of the two it is cannot be determined."""
         if self.shafts.get(fit.identifier) != "either":
             return None
         same = (other for other in self.ranking if other.identifier == fit.identifier)
@@ -138,7 +138,7 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
     -----
     A rival is any set with other candidates whose evidence comes within the margin of the best one's. What the best
     set leaves beyond the noise widens the margin: it tells how far the catalogue's forms are from the truth, and two
-    candidates closer than that are not told apart.
+    candidates closer than that are not separated.
     """
     ranking = catalogue.rank(problem)
     singles = [Explanation((fit,), problem.take_out(fit)) for fit in ranking if fit.admissible][: FIRST_OF_PAIRS + 3]

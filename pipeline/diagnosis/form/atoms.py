@@ -28,7 +28,7 @@ APART = 0.008
 """Part of a covariate's range that neighbouring set-points lie apart, at least."""
 
 RESOLUTION = 400.0
-"""Levels that the range of a covariate without set-points is told apart into."""
+"""Levels that the range of a covariate without set-points is separated into."""
 
 
 @dataclass(frozen=True, eq=False)

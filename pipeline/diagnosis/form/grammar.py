@@ -126,9 +126,9 @@ class Form:
         for atom, covariate in self.factors:
             own, rest = rest[: len(atom.constants)], rest[len(atom.constants) :]
             magnitude = f"Abs({covariate.symbol})" if covariate.signed else covariate.symbol
-            told = [b.format(*own, x=covariate.symbol, m=magnitude) for b in atom.branches]
-            told = [t[1:] if t.startswith("1/") else f"*{t}" for t in told]
-            terms = [f"{term}{t}" for term in terms for t in told] if atom is not ONE else terms
+            lines = [b.format(*own, x=covariate.symbol, m=magnitude) for b in atom.branches]
+            lines = [t[1:] if t.startswith("1/") else f"*{t}" for t in lines]
+            terms = [f"{term}{t}" for term in terms for t in lines] if atom is not ONE else terms
         return " + ".join(f"{size}{term}" for size, term in zip(linear, terms, strict=True))
 
 

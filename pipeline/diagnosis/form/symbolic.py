@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 SMOOTH_SHARE = 0.5
-"""Part of what the families' smooth columns predict of withheld readings that a form must predict to be told."""
+"""Part of what the families' smooth columns predict of withheld readings that a form must predict to be named."""
 
 PLACEBOS = 3
 """Exchanges of the covariates behind the placebo: one alone may by chance lie near the true order."""
@@ -86,7 +86,7 @@ def _hold_up(problem: Problem, rng: np.random.Generator) -> Shape | None:
     Notes
     -----
     For every fold the form is chosen among all, and fitted beside the baseline, without the withheld readings. A form
-    is told when it is worth its constants on all readings, the 95 % interval of the fall of the withheld error lies
+    is reported when it is worth its constants on all readings, the 95 % interval of the fall of the withheld error lies
     above zero, it predicts at least `SMOOTH_SHARE` of what the family's smooth columns predict (in squares), half of
     the folds choose a form of the same covariates, and a placebo, the same search with the covariates of whole blocks
     exchanged, gains nothing that its own interval tells from zero.

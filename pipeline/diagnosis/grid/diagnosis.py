@@ -55,7 +55,7 @@ class Diagnosis(Conclusion[CandidateFit, GridProblem]):
     refit : Refit or None
         Baseline and mechanisms fitted together.
     rivals : tuple of Rival
-        Explanations that cannot be told from it.
+        Explanations that cannot be distinguished from it.
     outliers : tuple of str
         Points that stand out by themselves and were set aside before the rest was judged.
     lifting : NextTest or None

@@ -128,8 +128,8 @@ def _mechanisms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 def mechanism_facts(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """The mechanisms of the leading set with their parameters, each with its standard uncertainty u or null.
 
-    `probability` is the weight of the set among what cannot be told apart. Where the shaft cannot be told either, the
-    parameters of both shafts stand beside each other.
+    `probability` is the weight of the set among what cannot be separated. Where the shaft cannot be determined
+    either, the parameters of both shafts stand beside each other.
     """
     if diagnosis.naming is None or diagnosis.refit is None:
         return []
@@ -212,13 +212,13 @@ def _next_tests(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 
 def _set_points(at: OperatingPoints) -> list[str]:
     """The points of a test in words, in their order: what to set on the bench."""
-    told = []
+    lines = []
     for i, configuration in enumerate(at.configuration):
         sun, ring = SPEED_SUN.display(at.speed_sun[i]), SPEED_RING.display(at.speed_ring[i])
         if configuration == "zero":
-            told.append("zero check, shafts free and at rest")
+            lines.append("zero check, shafts free and at rest")
         elif configuration == "neutral":
-            told.append(f"neutral, sun {sun:.0f} rpm, ring {ring:.0f} rpm")
+            lines.append(f"neutral, sun {sun:.0f} rpm, ring {ring:.0f} rpm")
         else:
-            told.append(f"engaged, {at.drive[i]} drives, sun {sun:.0f} rpm, ring torque {at.load_set[i]:.2f} N m")
-    return told
+            lines.append(f"engaged, {at.drive[i]} drives, sun {sun:.0f} rpm, ring torque {at.load_set[i]:.2f} N m")
+    return lines

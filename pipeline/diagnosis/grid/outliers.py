@@ -47,8 +47,8 @@ def without_outliers(
 ) -> tuple[CampaignMismatch, tuple[str, ...], NoiseFloor]:
     """The mismatch of the points that do not stand out by themselves, the names of those that do, and the noise.
 
-    A single reading far from all others is a bad reading, not physics: it is set aside and told, and the rest is judged
-    again with its own noise, as long as they are few.
+    A single reading far from all others is a bad reading, not physics: it is set aside and reported, and the rest is
+    judged again with its own noise, as long as they are few.
     """
     aside: list[str] = []
     whole, every = floor, grid

@@ -235,7 +235,7 @@ def _by_chance(diagnosis: Diagnosis) -> str:
 
 def _held_out(diagnosis: Diagnosis) -> str:
     held = diagnosis.held_out
-    if held is None or diagnosis.shape is not None:  # the short form has told its own error
+    if held is None or diagnosis.shape is not None:  # the short form has its own error
         return ""
     low, high = held.gain_interval
     change = "drops" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly drop:")

@@ -77,7 +77,7 @@ def withheld_readings(problem: GridProblem) -> WithheldReadings:
         block=block,
         fold=fold,
         groups=[np.flatnonzero(places == place) for place in np.unique(places)],
-        what=_blocks_told(readings),
+        what=_blocks_words(readings),
         problem=problem,
     )
 
@@ -117,12 +117,12 @@ def prove_structure(problem: GridProblem, locations: tuple[Location, ...], rng: 
     )
     count = len(touched_blocks(block, touched))
     split = (
-        f"{count} {_blocks_told(readings)}, dealt to {STRUCTURE_FOLDS} folds; the kind of "
+        f"{count} {_blocks_words(readings)}, dealt to {STRUCTURE_FOLDS} folds; the kind of "
         "structure was chosen on all readings, its coefficients without the withheld ones"
     )
     return compared(split, (before, after), scale, (block, touched), rng)
 
 
-def _blocks_told(readings: Readings) -> str:
+def _blocks_words(readings: Readings) -> str:
     ordered = readings.grid.points.ordered
     return "blocks of neighbouring points in the order of the test" if ordered else "inner rows of sun speed"

@@ -28,7 +28,7 @@ FIFTHS = (0.2, 0.4, 0.6, 0.8)
 """Quantiles of a covariate up to which its readings are low, between which they are in the middle, past which high."""
 
 WHOLE = 100.0
-"""Values from here on are told without decimals."""
+"""Values from here on are written without decimals."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ COVARIATES = (
     Covariate("approach", "rising or falling own speed", "", BOTH, ordered=True, signs=APPROACH),
     Covariate("approach_other", "rising or falling other speed", "", ("neutral",), ordered=True, signs=APPROACH),
 )
-"""Everything that is looked at, in the order in which it is told."""
+"""Everything that is looked at, in the order in which it is reported."""
 
 BY_ID = {covariate.id: covariate for covariate in COVARIATES}
 

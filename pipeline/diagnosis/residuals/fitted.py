@@ -33,7 +33,7 @@ FITS = {
     "plane": "fits in both speeds",
     "baseline": "calibrated model, neutral and engaged together",
 }
-"""The fits by name, in the order in which they are told."""
+"""The fits by name, in the order in which they are listed."""
 
 FEWEST_REPEATS = 3
 """Differences between repeats from which they are the noise that a fit is judged by."""
@@ -88,7 +88,7 @@ class LackOfFit:
         Root of the residual sum of squares over the degrees of freedom of the fit [N m].
     source : str
         ``repeats``, ``windows`` or ``rounding``.
-    told : str
+    description : str
         Which noise, as a sentence.
     """
 
@@ -98,7 +98,7 @@ class LackOfFit:
     noise: float
     scatter: float
     source: str
-    told: str
+    description: str
 
 
 @dataclass(frozen=True)
@@ -225,19 +225,19 @@ def lack_of_fit(fit: Fitted, floor: NoiseFloor, bench: BenchParameters, shaft: s
     scatter = math.sqrt(total / free) if free > 0.0 else math.nan
     if n >= FEWEST_REPEATS and pure > 0.0 and free > n:
         chi_square, dof = (total - pure) / (pure / n), free - n
-        told = f"against repeats: {n} differences between repeated points"
+        text = f"against repeats: {n} differences between repeated points"
         if "something changed slowly" in noise.source:
-            told += "; they scatter more than what follows no covariate, so something changed between them"
+            text += "; they scatter more than what follows no covariate, so something changed between them"
         p = float(stats.f.sf(chi_square / dof, dof, n))
-        return LackOfFit(chi_square, dof, p, math.sqrt(pure / n), scatter, "repeats", told)
+        return LackOfFit(chi_square, dof, p, math.sqrt(pure / n), scatter, "repeats", text)
     if step:
         known, source = step / math.sqrt(12.0), "rounding"
-        told = f"against the rounding to {step:g} N m alone, a lower bound: the grid tells of no repeats"
+        text = f"against the rounding to {step:g} N m alone, a lower bound: the grid tells of no repeats"
     else:
         known, source = noise.within, "windows"
-        told = "against the scatter within the windows, a lower bound: points wander between windows too"
+        text = "against the scatter within the windows, a lower bound: points wander between windows too"
     chi_square = total / known**2
-    return LackOfFit(chi_square, free, float(stats.chi2.sf(chi_square, free)), known, scatter, source, told)
+    return LackOfFit(chi_square, free, float(stats.chi2.sf(chi_square, free)), known, scatter, source, text)
 
 
 def outliers(fit: Fitted, shaft: str, explained: Array | None = None) -> tuple[Outlier, ...]:

@@ -86,7 +86,7 @@ class Followed:
         return " or ".join((self.look.covariate.words, *(BY_ID[name].words for name in self.same_trace)))
 
     @property
-    def told_shape(self) -> str:
+    def shape_description(self) -> str:
         """Its shape, drag in mN m."""
         return ", ".join(f"{RESIDUAL.display(drag):+.2f} at {where}" for where, drag in self.shape)
 

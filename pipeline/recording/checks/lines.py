@@ -57,9 +57,9 @@ def check_lines(lines: Decoded | None, events: Sequence[LineEvent], findings: Fi
                 )
                 faults.append((event.sample, event.sample + 1, came))
         if events:
-            told = {event.sample + lag for event in events for lag in range(-SLACK, SLACK + 1)}
+            explained = {event.sample + lag for event in events for lag in range(-SLACK, SLACK + 1)}
             steps = np.flatnonzero((np.diff(masks) != 0) & lines.present[1:] & lines.present[:-1]) + 1 + lines.first
-            alone = [int(step) for step in steps if int(step) not in told]
+            alone = [int(step) for step in steps if int(step) not in explained]
             faults += [(s, s + 1, f"the samples change at {s} without an event") for s in alone]
     for start, stop, what in faults[:NAMED_FAULTS]:
         findings.warning(

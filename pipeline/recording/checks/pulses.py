@@ -39,7 +39,7 @@ def check_pulses(
     pulses: Sequence[IndexPulse],
     findings: Findings,
 ) -> list[tuple[int, int]]:
-    """Where the encoder lost or caught counts, as sample ranges; pulses that are missing or too many are told.
+    """Where the encoder lost or caught counts, as sample ranges; pulses that are missing or too many are reported.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def check_pulses(
     The latch belongs to the sample in which the pulse fell, so the place within the turn is known to the counts of
     one sample. A pulse elsewhere than the ones before it, after which the next ones stay there, is a slip
     (`find_slips`); a single pulse elsewhere is one too many. Between pulses that are kept, each whole turn
-    beyond the first is a pulse missing. A slip by whole turns cannot be told from missing pulses.
+    beyond the first is a pulse missing. A slip by whole turns cannot be distinguished from missing pulses.
     """
     inside = sorted((p for p in pulses if len(at) and at[0] <= p.sample <= at[-1]), key=lambda p: p.sample)
     if len(inside) < 2:
@@ -98,13 +98,13 @@ def check_pulses(
     place_in_turn = np.concatenate(([0.0], np.cumsum(off)))
     slips = find_slips(place_in_turn, speed)
     ranges = [(int(sample[before]), int(sample[after]) + 1) for before, after, _ in slips]
-    told = [
+    lines = [
         (*ends, f"between samples {ends[0]} and {ends[1] - 1} the count slips by {size:+.0f}")
         for ends, (_, _, size) in zip(ranges, slips, strict=True)
     ]
     do = f"The {side} encoder lost or caught counts: check its cable, shield and coupling."
     words = ("expected the same place in each revolution. Windows over it are rejected", do)
-    _tell(findings, Code.ENCODER_SLIPPED, topic, told, words, "the speed outside of it")
+    _tell(findings, Code.ENCODER_SLIPPED, topic, lines, words, "the speed outside of it")
     return ranges
 
 
@@ -161,7 +161,7 @@ def _tell_missing(
 ) -> None:
     """Turns without a pulse: between pulses, before the first and after the last."""
     at, count, latched, speed = track
-    told = [
+    lines = [
         (int(sample[k]), int(sample[k + 1]) + 1, f"{int(turns[k]) - 1} pulses are missing after sample {sample[k]}")
         for k in np.flatnonzero((turns > 1) & ~slipped)
     ]
@@ -172,23 +172,23 @@ def _tell_missing(
     for start, stop, away, near in ends:
         turned = int((np.max(np.abs(away), initial=0) - _slack(near, near)) // counts_per_rev)
         if turned > 0:
-            told.append((start, stop, f"{turned} pulses are missing from sample {start} on"))
+            lines.append((start, stop, f"{turned} pulses are missing from sample {start} on"))
     words = ("expected one in each turn", f"Check the {side} encoder's index line.")
-    _tell(findings, Code.INDEX_MISSING, f"/daq/encoder_{side}/index", sorted(told), words, "the count")
+    _tell(findings, Code.INDEX_MISSING, f"/daq/encoder_{side}/index", sorted(lines), words, "the count")
 
 
 def _tell(
     findings: Findings,
     code: Code,
     where: str,
-    told: list[tuple[int, int, str]],
+    faults: list[tuple[int, int, str]],
     words: tuple[str, str],
     kept: str,
 ) -> None:
     expected, do = words
-    for start, stop, what in told[:NAMED_FAULTS]:
+    for start, stop, what in faults[:NAMED_FAULTS]:
         findings.warning(code, where, f"{what}; {expected}", do, sample_range=(int(start), int(stop)), kept=kept)
-    rest = told[NAMED_FAULTS:]
+    rest = faults[NAMED_FAULTS:]
     if rest:
         what = f"the same in {len(rest)} more places, the first: {rest[0][2]}"
         ends = int(rest[0][0]), int(rest[-1][1])

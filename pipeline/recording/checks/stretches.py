@@ -1,4 +1,4 @@
-"""Stretches of samples that share a fault, each told as a finding with its range."""
+"""Stretches of samples that share a fault, each reported as a finding with its range."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PIECE = 1 << 15
 """Samples that are worked on at once."""
 
 LISTED_STRETCHES = 8
-"""Stretches of one fault in one channel that are told one by one; the others are told together."""
+"""Stretches of one fault in one channel that are reported one by one; the others are reported together."""
 
 
 NAMED_FAULTS = 8

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 BAND_HZ = 5_000.0, 15_000.0
 """Rated range of the frequency output [Hz]."""
 APART_S = 0.05
-"""Readings outside that lie closer than this are told as one stretch [s]."""
+"""Readings outside that lie closer than this are reported as one stretch [s]."""
 STUCK_S, STUCK_SAMPLES = 0.1, 20
 """Least time [s] and samples of one value, to the bit, that a live transducer does not give."""
 DEAD_S = 1.0
@@ -166,7 +166,7 @@ def _quiet(track: Decoded) -> Ranges:
     known = track.values[np.isfinite(track.values)]
     if count < 4 * QUIET_PARTS or len(known) < 2:
         return nothing
-    with np.errstate(over="ignore", invalid="ignore"):  # readings beyond any transducer are told as out of band
+    with np.errstate(over="ignore", invalid="ignore"):  # readings beyond any transducer are reported as out of band
         noise = np.diff(track.values[: count * size + 1]).reshape(count, size).std(axis=1)
         reach = np.ptp(track.values[: count * size].reshape(count, size), axis=1)
     sound = noise[np.isfinite(noise)]

@@ -95,12 +95,12 @@ def check_wiring(held: Iterable[HeldStretch], run: RunInfo, calibration: Calibra
     against each other. A torque is held against power: a shaft that is driven in neutral takes power in; engaged, the
     driving side takes it in and the other gives it out. Swapped torques show only engaged, by the torque set-point.
     """
-    told: set[tuple[Code, str]] = set()
+    reported: set[tuple[Code, str]] = set()
     ratio = load_bench().gear(run.gear).ratio if run.configuration is Configuration.ENGAGED else None
     for stretch in held:
         for code, where, message in (*_encoders(stretch, ratio), *_torques(stretch, run, calibration)):
-            if (code, where) not in told:
-                told.add((code, where))
+            if (code, where) not in reported:
+                reported.add((code, where))
                 do = "Correct the wiring or the channel names in the recorder; pmg does not turn or swap channels."
                 findings.error(code, where, message, do, sample_range=stretch.samples)
 

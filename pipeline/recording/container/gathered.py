@@ -121,12 +121,13 @@ class WholeRecords:
             self.findings.error(
                 Code.CHANNEL_CONFLICT,
                 f"record at byte {at}",
-                f"it describes channel {channel.id} as {_told(channel)}; expected {_told(known)}, as before",
+                f"it describes channel {channel.id} as {_channel_words(channel)}; "
+                f"expected {_channel_words(known)}, as before",
                 "The first description is used. Give each channel of the recorder its own number.",
             )
         for data in self.strangers.pop(channel.id, ()):
             self.keep(known.id, memoryview(data), 0, len(data))
 
 
-def _told(channel: ChannelRecord) -> str:
+def _channel_words(channel: ChannelRecord) -> str:
     return f"'{channel.topic}' of schema {channel.schema_id} with {dict(channel.metadata)}"

@@ -131,8 +131,8 @@ class Opening:
         data = expand(self.source, head, frame.end, self.allowance)
         came = f"it declares {head.end - head.at} bytes of records; expected {frame.end - head.at}, as its CRC says"
         self.used(frame, frame.end, came)
-        told = ChunkHead(head.start_time, head.end_time, head.size, head.crc, head.compression, head.at, frame.end)
-        return told, data
+        known = ChunkHead(head.start_time, head.end_time, head.size, head.crc, head.compression, head.at, frame.end)
+        return known, data
 
     def _twice(self, head: ChunkHead) -> bool:
         """Whether the same bytes were taken before."""
@@ -152,11 +152,11 @@ class Opening:
 
     def _refused(self, frame: Frame, fault: Exception) -> None:
         large = isinstance(fault, (TooLargeError, MemoryError))
-        told = str(fault) or "the memory does not suffice"
+        text = str(fault) or "the memory does not suffice"
         self.gathered.findings.error(
             Code.TOO_LARGE if large else Code.CHUNK_LOST,
             f"chunk at byte {frame.at}",
-            f"{frame.end - frame.body} bytes cannot be used ({told}); expected a whole chunk of at most "
+            f"{frame.end - frame.body} bytes cannot be used ({text}); expected a whole chunk of at most "
             f"{CHUNK_LIMIT} bytes with the CRC it declares",
             "Its samples are missing and shown as a gap. Copy the file again from the recorder.",
             byte_range=(frame.at, frame.end),

@@ -103,12 +103,12 @@ class Summary:
         """Report messages that the writer counted and the pass did not meet, and data that nothing proves."""
         found = self.gathered.messages
         if self.declared not in (None, found):
-            told = "are missing" if found < (self.declared or 0) else "are there too many"
+            text = "are missing" if found < (self.declared or 0) else "are there too many"
             self.gathered.findings.error(
                 Code.COUNT,
                 "statistics",
                 f"{found} messages were read; expected {self.declared}, as the recorder counted: "
-                f"{abs(found - (self.declared or 0))} {told}",
+                f"{abs(found - (self.declared or 0))} {text}",
                 "Copy the file again from the recorder.",
                 kept=f"{found} messages",
                 lost=f"{max(0, (self.declared or 0) - found)} messages",

@@ -216,9 +216,9 @@ class _FileWalk:
 
     def _truncated(self, start: int) -> None:
         size, messages = self.source.size, self.gathered.messages
-        told = self.findings.warning if self.summary.begun else self.findings.error
+        text = self.findings.warning if self.summary.begun else self.findings.error
         ended = "" if not self.search.given_up else "; the search past damage was given up, as too long"
-        told(
+        text(
             Code.TRUNCATED,
             f"byte {start}",
             f"the file ends after {size} bytes without its end mark{ended}; expected a closed recording. "

@@ -74,10 +74,10 @@ def read_foreign(topic: Topic, findings: Findings) -> Foreign | None:
             lost=f"{topic.count} messages",
         )
         return None
-    told: dict[str, list[int]] = {}
+    places_of: dict[str, list[int]] = {}
     for place, text in faults.items():
-        told.setdefault(text, []).append(place)
-    for text, places in told.items():
+        places_of.setdefault(text, []).append(place)
+    for text, places in places_of.items():
         findings.error(
             Code.MESSAGE_MALFORMED,
             topic.name,

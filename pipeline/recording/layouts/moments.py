@@ -28,7 +28,7 @@ SECOND_NS = 1_000_000_000
 LARGEST_S = 9e9
 """Times beyond this do not fit into a signed count of nanoseconds [s]."""
 FAR = 2.0**60
-"""Steps beyond this are taken as this: what is placed so far away is told as damage when blocks are joined."""
+"""Steps beyond this are taken as this: what is placed so far away is reported as damage when blocks are joined."""
 LARGEST_NS = 2**62 - 1
 """Times and indices beyond this are taken as this, in the year 2116: the difference of two fits a signed integer."""
 LATE = 0.45

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 SHARES = {"clean": 0.25, "one": 0.40, "outside": 0.20, "two": 0.10, "confounded": 0.05}
 """Part of the campaigns of each kind; of a choice of kinds, in proportion."""
 CAMPAIGNS = 200
-"""Campaigns of a trial, unless told otherwise."""
+"""Campaigns of a trial, unless set otherwise."""
 SEED = 20260401
-"""Master seed, unless told otherwise."""
+"""Master seed, unless set otherwise."""
 CASES, ORDER = 0, 1
 """Branches of the master seed: campaigns, and the order of what is drawn."""
 PURPOSES = ("draw", "measure", "extend")

@@ -33,8 +33,8 @@ SIZES_DRAWN = (0.02, 20.0)
 """Sizes between which the curve is drawn [sigma]."""
 
 
-def proof_page(trial: Trial, told: Mapping[str, Any]) -> Report:
-    """The page of a trial; `told` holds seed, strata, route and the digest of the program."""
+def proof_page(trial: Trial, facts: Mapping[str, Any]) -> Report:
+    """The page of a trial; `facts` holds seed, strata, route and the digest of the program."""
     aimed = [figure for figure in trial.figures if figure.met is not None]
     met = sum(bool(figure.met) for figure in aimed)
     return Report(
@@ -48,10 +48,10 @@ def proof_page(trial: Trial, told: Mapping[str, Any]) -> Report:
         sections=(_proof_section(trial), _cases_section(trial)),
         provenance=Facts(
             (
-                ("Master seed", str(told["seed"])),
-                ("Kinds of campaign", ", ".join(told["strata"])),
-                ("Route", str(told["route"])),
-                ("SHA-256 of the program's sources", str(told["code"])),
+                ("Master seed", str(facts["seed"])),
+                ("Kinds of campaign", ", ".join(facts["strata"])),
+                ("Route", str(facts["route"])),
+                ("SHA-256 of the program's sources", str(facts["code"])),
                 ("Versions", versions(PACKAGES)),
             )
         ),

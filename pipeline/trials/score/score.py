@@ -119,7 +119,7 @@ def judge(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Score
     effects, kind = truth["effects"], str(truth["kind"])
     outcome = _naming_outcome(truth, document)
     tested = document is not None and any(rival["separating_test"] for rival in document["rivals"])
-    told = outcome is DiagnosisScore.SAID_CONFOUNDED or (outcome is DiagnosisScore.RIGHT_SET and tested)
+    separated = outcome is DiagnosisScore.SAID_CONFOUNDED or (outcome is DiagnosisScore.RIGHT_SET and tested)
     held = None if document is None else document["held_out"]
     after = document is not None and document["verdict"] in ("named", "ambiguous") and held is not None
     return Score(
@@ -133,7 +133,7 @@ def judge(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Score
         p_value=None if document is None else float(document["p_value"]),
         parameter=_parameter_beside(truth, document),
         held_out=float(held["rmse_after_Nm"] / held["noise_floor_Nm"]) if after and held is not None else None,
-        recognised=told if kind == "confounded" else None,
+        recognised=separated if kind == "confounded" else None,
     )
 
 

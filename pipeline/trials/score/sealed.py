@@ -46,11 +46,11 @@ def seal(lots: tuple[Lot, ...], folder: Path, *, seed: int, kinds: tuple[str, ..
         there = _read_seal(path)
         for name, value in document.items():
             if there.get(name) != value:
-                told = "other truths" if name == "sha256" else f"{name} {there.get(name)}"
+                text = "other truths" if name == "sha256" else f"{name} {there.get(name)}"
                 wanted = "the truths of this call" if name == "sha256" else f"{name} {value}"
                 raise StoreError(
                     str(path),
-                    f"sealed for {told}",
+                    f"sealed for {text}",
                     f"a seal for {wanted}, or none",
                     "Name another folder with --out, or the trial that this one holds.",
                 )

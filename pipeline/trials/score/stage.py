@@ -83,7 +83,7 @@ def run_prove(out: Path, asked: TrialOptions, progress: Callable[[int, int, str]
     asked : TrialOptions
         Which campaigns, and by which route.
     progress : callable, optional
-        Is told how many are done, of how many, and which.
+        Receives how many are done, of how many, and which.
     """
     route, case = asked.route, asked.case
     recordings = _asked_both(asked.recordings, asked.quick, route, case)
@@ -110,8 +110,8 @@ def run_prove(out: Path, asked: TrialOptions, progress: Callable[[int, int, str]
     results = {task: found for task in tasks if (found := _read_case(out, task)) is not None}
     if case is not None:
         return _one(tasks[0], results[tasks[0]], out)
-    told = {"seed": seed, "strata": list(kinds), "route": route, "code": code}
-    return _all(lots, results, out, told, (len(missing), len(tasks) - len(missing)))
+    facts = {"seed": seed, "strata": list(kinds), "route": route, "code": code}
+    return _all(lots, results, out, facts, (len(missing), len(tasks) - len(missing)))
 
 
 def _asked_both(recordings: int | None, quick: bool, route: str, case: int | None) -> int:
@@ -184,7 +184,7 @@ def _all(
     lots: tuple[Lot, ...],
     results: dict[CaseTask, dict[str, Any]],
     out: Path,
-    told: dict[str, Any],
+    facts: dict[str, Any],
     counted: tuple[int, int],
 ) -> Outcome:
     """Truths opened, scores, report; `counted` says how many results were made and how many were there."""
@@ -193,9 +193,9 @@ def _all(
         {task.lot.number: found for task, found in results.items() if task.further is way} for way in (True, False)
     )
     trial = summarise(truths, first, second)
-    document = scores_document(trial, told)
+    document = scores_document(trial, facts)
     write_atomic(out / SCORES, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
-    files = write_report(proof_page(trial, told), out)
+    files = write_report(proof_page(trial, facts), out)
     lines = [*score_lines(trial), f"{made} results made, {there} were there", f"report: {files[0]}"]
     data = {
         "scores": document,

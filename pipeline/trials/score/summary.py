@@ -123,11 +123,11 @@ def summarise(
     )
     bins, curve = detection(scores)
     times = tuple(float(results[number]["seconds"]) for number in sorted(truths))
-    told = {
+    tests = {
         verdict: [row["separating_test"] for row in rows if row["separating_test"] and row["verdict"] == verdict]
         for verdict in ("ambiguous", "confounded")
     }
-    shown = figures(scores, told["ambiguous"], told["confounded"])
+    shown = figures(scores, tests["ambiguous"], tests["confounded"])
     return Trial(scores, rows, shown, bins, curve, times, agree(truths, results, second or {}))
 
 
@@ -166,13 +166,13 @@ def case_row(number: int, score: Score, truth: Mapping[str, Any], result: Mappin
     }
 
 
-def scores_document(trial: Trial, told: Mapping[str, Any]) -> dict[str, Any]:
+def scores_document(trial: Trial, facts: Mapping[str, Any]) -> dict[str, Any]:
     """The document; all but ``time_s`` is the same for the same seed and program."""
     columns, confusion = trial.confusion
     curve = trial.curve
     return {
         "schema": SCHEMA,
-        **told,
+        **facts,
         "campaigns": len(trial.scores),
         "figures": [figure.document for figure in trial.figures],
         "detection": {
