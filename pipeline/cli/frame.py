@@ -173,7 +173,7 @@ def _audited(command: str, run: Callable[[], _Ending], settings: Mapping[str, ob
 
 
 def _ending(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on: _FailOn) -> _Ending:
-    """Run a stage; an error is told on standard error."""
+    """Run a stage; an error is printed on standard error."""
     try:
         outcome = stage()
         code = _exit_code(outcome, fail_on)
