@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from pmg.pipeline.fit.covariance import covariance_at_bounds, free_covariance
-from pmg.pipeline.grid.readings import Readings, predict, take_readings
+from pmg.pipeline.grid.readings import Readings, change, predict, take_readings
 from pmg.sim.errors import FitError
 from pmg.sim.lossmodel import LossModel
 from pmg.sim.mechanisms import EddyDamping, ExcessDamping, HysteresisDamping, SunBearings
@@ -130,7 +130,7 @@ def jacobian(readings: Readings, bench: BenchParameters, model: LossModel, free:
         shift[i] = step
         up = predict(readings, bench, with_parameters(model, free, values + shift))
         down = predict(readings, bench, with_parameters(model, free, values - shift))
-        columns.append((up - down) / (2.0 * step))
+        columns.append(change(up, down) / (2.0 * step))
     return np.stack(columns, axis=1)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.sim.grid import Grid
+from pmg.sim.roots import ROUNDING
 from pmg.sim.shafts import PerShaft
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import steady
@@ -108,3 +109,13 @@ def predict(readings: Readings, bench: BenchParameters, model: LossModel) -> Arr
     """Simulated value of each reading by the calibrated model [N m]."""
     simulated = steady(Gearbox.calibrated(bench, model), readings.grid.points)
     return readings.of(simulated)
+
+
+def change(after: Array, before: Array) -> Array:
+    """Change of simulated readings (m,) [N m]; zero where it is no more than their rounding.
+
+    What does not touch a reading must not seem to: its rounding, once scaled, is a direction that the processor chose.
+    """
+    rounding = ROUNDING * max(float(np.abs(values).max(initial=0.0)) for values in (after, before))
+    moved = after - before
+    return np.where(np.abs(moved) <= rounding, 0.0, moved)

@@ -11,7 +11,7 @@ from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem, freed
 from pmg.pipeline.fit.calibration import jacobian, parameter_names
 from pmg.pipeline.fit.noise_floor import BASELINE_FREE
 from pmg.pipeline.fit.whitening import undo
-from pmg.pipeline.grid.readings import Readings, predict
+from pmg.pipeline.grid.readings import Readings, change, predict
 from pmg.sim.mechanisms import CANDIDATES, Instrument
 from pmg.sim.steady.baseline import baseline_mechanisms
 from pmg.sim.steady.gearbox import Gearbox
@@ -187,9 +187,9 @@ class GridProblem(WhitenedProblem[CandidateFit]):
         """
         extra = candidate.mechanism(self.bench, self.model, values)
         if isinstance(extra, Instrument):
-            return predict_with(self.readings, self.bench, self.model, (extra,)) - self.predicted
+            return change(predict_with(self.readings, self.bench, self.model, (extra,)), self.predicted)
         alone = steady(Gearbox(self.bench, (extra,)), self.readings.grid.points)
-        return self.readings.of(alone) - self.ideal
+        return change(self.readings.of(alone), self.ideal)
 
     def fitted(
         self, candidate: Candidate, values: Array, gain: float = 0.0, on_bound: tuple[str, ...] = ()

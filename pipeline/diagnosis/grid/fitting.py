@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import Bounds, least_squares, minimize, minimize_scalar
 
+from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
 from pmg.pipeline.diagnosis.engine.problem import bounded_sizes
 from pmg.pipeline.diagnosis.grid.candidates import candidates
+from pmg.pipeline.fit.settle import settle
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,13 +46,27 @@ def fit_candidate(problem: GridProblem, candidate: Candidate) -> CandidateFit:
     low, high = (np.array([p.bounds[side] for p in parameters]) for side in (0, 1))
     fit = _by_proportion if candidate.kind.linear else _by_search
     cost, values = fit(problem, candidate)
+    whole = float(problem.left @ problem.left)
+    if candidate.kind.shape and whole - cost > ENTRY:
+        settled = settle(partial(_residuals, problem, candidate), values, _typical(candidate), np.array([low, high]))
+        cost, values = settled.cost, settled.values
     margin = 1e-6 * (high - low)
     at_bound = (values - low < margin) | (high - values < margin)
     shape = np.arange(len(values)) >= len(candidate.sizes)
     near = np.maximum(SHAPE_PRECISION * values, margin)  # a search stops so far from a bound
     at_bound |= shape & ((values - low < near) | (high - values < near))
     on_bound = tuple(p.name for p, at in zip(parameters, at_bound, strict=True) if at)
-    return problem.fitted(candidate, values, float(problem.left @ problem.left) - cost, on_bound)
+    return problem.fitted(candidate, values, whole - cost, on_bound)
+
+
+def _typical(candidate: Candidate) -> Array:
+    """Usual sizes of a candidate's parameters (k,)."""
+    return np.array([p.typical for p in candidate.parameters])
+
+
+def _residuals(problem: GridProblem, candidate: Candidate, values: Array) -> Array:
+    """What a candidate with these values leaves (m,), whitened and freed from the baseline."""
+    return problem.left - problem.beyond_baseline(problem.effect(candidate, values))
 
 
 def _shapes(candidate: Candidate) -> Iterator[Array]:
@@ -112,12 +129,12 @@ def _by_proportion(problem: GridProblem, candidate: Candidate) -> tuple[float, A
 def _by_search(problem: GridProblem, candidate: Candidate) -> tuple[float, Array]:
     """Sum of squares and values by nonlinear least squares."""
     parameters = candidate.parameters
-    typical = np.array([p.typical for p in parameters])
+    typical = _typical(candidate)
     low, high = (np.array([p.bounds[side] for p in parameters]) for side in (0, 1))
     bounds = low / typical, high / typical
 
     def residuals(scaled: Array) -> Array:
-        return problem.left - problem.beyond_baseline(problem.effect(candidate, scaled * typical))
+        return _residuals(problem, candidate, scaled * typical)
 
     def search(start: Array, most: int | None) -> tuple[float, Array]:
         found = least_squares(residuals, start, bounds=bounds, x_scale="jac", xtol=1e-5, ftol=1e-7, max_nfev=most)

@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
 from pmg.pipeline.diagnosis.grid.candidates import grid_problem, predict_with
 from pmg.pipeline.fit.calibration import CONSTANTS, parameter_names, parameter_values, with_parameters
+from pmg.pipeline.fit.settle import settle, slopes_at
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
@@ -106,14 +107,16 @@ def refit(problem: GridProblem, fits: tuple[CandidateFit, ...]) -> Refit:
     inside = np.clip(start, lower + 1e-6 * size, upper - 1e-6 * size)[loose] / size[loose]
     within = (lower / size)[loose], (upper / size)[loose]
     found = least_squares(residuals, inside, bounds=within, xtol=1e-7, ftol=1e-8, max_nfev=MOST_STEPS)
-    values = whole(found.x)
-    margin = 1e-4 * size
-    free = loose & (values - lower > margin) & (upper - values > margin)
-    free &= found.status > 0  # a fit that ran out of steps has no error bars
+    units = np.ones(len(found.x)), np.array(within)
+    settled = settle(residuals, found.x, *units)
+    values = whole(settled.values)
+    free = loose.copy()
+    free[loose] = settled.free
     errors = np.full(len(values), np.nan)
     spare = len(problem.left) - int(free.sum()) - allowed.shape[1]
-    wider = math.sqrt(max(2.0 * float(found.cost) / max(spare, 1), 1.0))
-    errors[free] = wider * (_spread(np.asarray(found.jac)[:, free[loose]]) * size[free])
+    wider = math.sqrt(max(settled.cost / max(spare, 1), 1.0))
+    if found.status > 0:  # a fit that ran out of steps has no error bars
+        errors[free] = wider * (_spread(slopes_at(residuals, settled, *units)) * size[free])
     own, *added = np.split(values, cuts)
     own_errors, *added_errors = np.split(errors, cuts)
     return Refit(
