@@ -52,7 +52,8 @@ def every_room_has_a_floor(modules: Sequence[Module]) -> Iterator[Breach]:
 
 def no_circles(modules: Sequence[Module]) -> Iterator[Breach]:
     names = frozenset(module.name for module in modules)
-    graph = {module.name: set(imported_modules(module, names)) - packages(modules) for module in modules}
+    held = packages(modules)
+    graph = {module.name: set(imported_modules(module, names)) - held for module in modules}
     try:
         tuple(TopologicalSorter(graph).static_order())
     except CycleError as error:
@@ -63,7 +64,7 @@ def no_circles(modules: Sequence[Module]) -> Iterator[Breach]:
 def packages(modules: Sequence[Module]) -> set[str]:
     """Names of packages: what a module imports from one is its `__init__`, which every part loads first anyway."""
     names = {module.name for module in modules}
-    return {name for name in names if any(other.startswith(f"{name}.") for other in names)}
+    return names & {name.rpartition(".")[0] for name in names}
 
 
 def no_loose_modules(modules: Sequence[Module]) -> Iterator[Breach]:

@@ -73,18 +73,15 @@ def test_grids_go_in_by_their_bytes_and_the_report_comes_out_by_its(
     assert {path.split("/")[0] for path in written if not path.startswith(str(report))} == {"analysis", "store.json"}
 
 
-def test_same_input_same_report(published: tuple[dict[str, Any], Path, Path], tmp_path: Path) -> None:
+def test_same_input_same_report_and_a_mismatch_exits_with_one_where_asked(
+    published: tuple[dict[str, Any], Path, Path], tmp_path: Path
+) -> None:
     _, store, report = published
-    call("compare", "--store", store, "--report", tmp_path / "again", expect=0)
+    call("compare", "--store", store, "--report", tmp_path / "again", "--fail-on", "mismatch", expect=1)
     first = {p.relative_to(report): p.read_bytes() for p in report.rglob("*") if p.is_file()}
     second = {p.relative_to(tmp_path / "again"): p.read_bytes() for p in (tmp_path / "again").rglob("*") if p.is_file()}
     assert {name for name in first if first[name] != second.get(name)} == {Path(CRATE)}  # which holds the time of day
     assert first.keys() == second.keys()
-
-
-def test_mismatch_under_fail_on_exits_with_one(published: tuple[dict[str, Any], Path, Path], tmp_path: Path) -> None:
-    _, store, _ = published
-    call("compare", "--store", store, "--report", tmp_path, "--fail-on", "mismatch", expect=1)
 
 
 def test_options_reach_the_analysis(tmp_path: Path) -> None:
@@ -163,7 +160,7 @@ def test_an_empty_cell_is_named_by_line_and_column(tmp_path: Path) -> None:
 def test_recordings_with_damage_among_them_go_on_and_exit_with_three(tmp_path: Path) -> None:
     folder = tmp_path / "recordings"
     folder.mkdir()
-    names = [f"{i:04d}.mcap" for i in range(0, 288, 3)]
+    names = [f"{i:04d}.mcap" for i in range(0, 288, 6)]
     for name in names:
         shutil.copy(EXAMPLE / name, folder / name)
     whole = (folder / names[5]).read_bytes()
