@@ -62,7 +62,9 @@ def test_the_verdict_is_the_same_in_report_chapter_document_and_terminal(compare
     document = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
     phrase, said = document["phrase"], document["statement"]
     assert (phrase, outcome.lines[0]) == ("cause named", f"cause named: {said}")
-    page = unescape((folder / "report.html").read_text(encoding="utf-8"))
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "<code>pmg compare --model model.toml</code>" in page
+    page = unescape(page.replace("<code>", "`").replace("</code>", "`"))
     first, chapter = page.split('<section aria-labelledby="diagnosis">')
     for part in (first, chapter):
         assert said in part

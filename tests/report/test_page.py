@@ -152,6 +152,12 @@ def test_a_huge_table_is_shown_in_full_in_its_own_box() -> None:
     assert "g1-4999" in page
 
 
+def test_a_command_between_backticks_is_set_as_one_and_a_single_backtick_stays() -> None:
+    page = html(report(Text("Do `pmg runs <x>`."), Text("a ` b")))
+    assert "<p>Do <code>pmg runs &lt;x&gt;</code>.</p>" in page
+    assert "<p>a ` b</p>" in page
+
+
 def test_kinds_of_text_and_paragraphs_are_told_apart() -> None:
     page = html(report(Text("a\n\n  b\nc\n\n\n", "warning"), Text("plain")))
     assert page.count("<p>") == 4  # verdict, two paragraphs of the warning, the plain one
