@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import t as student
+from scipy import special
 
 from pmg.pipeline.orders.band import FALSE_ALARM, LineNoise, emptied, noise_beside, periodogram
 from pmg.pipeline.wording.probability import CONFIDENCE
@@ -16,11 +16,13 @@ from pmg.sim.errors import FitError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import numpy.typing as npt
+
     from pmg.pipeline.orders.lines import Group
     from pmg.sim.signals import Array, Mask
 
-PIECE = 1 << 16
-"""Samples whose cosines and sines are held at once."""
+PIECE = 1 << 12
+"""Samples whose cosines and sines are held at once; as many as a processor keeps near."""
 WORST_CONDITION = 1e8
 """Condition of the normal equations from which on lines are not separated."""
 TREND = 3
@@ -69,7 +71,7 @@ class Orders:
         """Both ends of a 95 % interval of the magnitude; from zero where it is within the band."""
         size = self.magnitude
         known = np.isfinite(self.u)
-        reach = student.isf((1.0 - CONFIDENCE) / 2.0, np.where(known, self.dof, 1.0)) * self.u
+        reach = special.stdtrit(np.where(known, self.dof, 1.0), (1.0 + CONFIDENCE) / 2.0) * self.u
         low = np.where(self.beyond, np.maximum(size - reach, 0.0), np.where(known, 0.0, np.nan))
         return low, size + reach
 
@@ -153,23 +155,38 @@ def _design(sun: Array, ring: Array, groups: Sequence[Group], piece: slice) -> A
     n = len(sun)
     time = 2.0 * np.arange(piece.start, piece.stop) / (n - 1) - 1.0
     design = np.empty((TREND + 2 * len(groups), len(time)))
-    design[:TREND] = np.stack((np.ones_like(time), time, time**2 - 1.0 / 3.0))
+    design[0], design[1], design[2] = 1.0, time, time**2 - 1.0 / 3.0
+    of_sun, of_ring = _Powers(sun[piece]), _Powers(ring[piece])
     for place, group in enumerate(groups):
-        turning = np.exp(1j * group.lines[0].phase(sun[piece], ring[piece]))
-        design[TREND + 2 * place], design[TREND + 1 + 2 * place] = turning.real, -turning.imag
+        line = group.lines[0]
+        parts = (powers[order] for powers, order in ((of_sun, line.order_sun), (of_ring, line.order_ring)) if order)
+        turning = reduce(np.multiply, parts)
+        design[TREND + 2 * place] = turning.real
+        np.negative(turning.imag, out=design[TREND + 1 + 2 * place])
     return design
+
+
+class _Powers(dict[int, "npt.NDArray[np.complex128]"]):
+    r"""Whole powers of :math:`e^{i\theta}` (n,), each made of two smaller ones when it is first asked for."""
+
+    def __init__(self, angle: Array) -> None:
+        """Take the angle of a shaft [rad] (n,)."""
+        self[1] = np.exp(1j * angle)
+
+    def __missing__(self, order: int) -> npt.NDArray[np.complex128]:
+        """Make the power of an order other than zero."""
+        self[order] = self[-order].conj() if order < 0 else self[order // 2] * self[order - order // 2]
+        return self[order]
 
 
 def _noise(residual: Array, groups: Sequence[Group], rate_hz: float, cost: Array) -> tuple[Array, Array, Array]:
     """Power of noise in each line, its degrees of freedom, and the band."""
     bins_per_hz = residual.shape[1] / rate_hz
-    places = [group.frequency * bins_per_hz for group in groups]
+    places = np.array([group.frequency * bins_per_hz for group in groups])
     spectrum = periodogram(residual)
-    gone = emptied(spectrum.shape[1], places)
-    beside = [noise_beside(spectrum, gone, place) for place in places]
-    power = np.stack([noise.power for noise in beside], axis=1) * cost
-    dof = np.stack([noise.dof for noise in beside], axis=1)
-    return power, dof, LineNoise(power, dof).band(FALSE_ALARM)
+    beside = noise_beside(spectrum, emptied(spectrum.shape[1], places), places)
+    power = beside.power * cost
+    return power, beside.dof, LineNoise(power, beside.dof).band(FALSE_ALARM)
 
 
 def wrapped(angle: Array) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import t as student
+from scipy import special
 
 from pmg.pipeline.orders.fit import wrapped
 from pmg.pipeline.windows.reduce import mean_uncertainty
@@ -226,5 +226,5 @@ def wind_up(torque_ring: Array, angle: Array, u: Array, gear: GearParameters, do
     share = float((parts**2 / np.maximum(dof, 1.0)).sum())
     own = min(float(parts.sum()) ** 2 / share, MOST_DOF) if share > 0.0 else MOST_DOF
     width, freedom = (math.sqrt(inflation / spread), float(left)) if inflation > 1.0 else (spread**-0.5, own)
-    reach = float(student.isf((1.0 - CONFIDENCE) / 2.0, freedom)) * width
+    reach = float(special.stdtrit(freedom, (1.0 + CONFIDENCE) / 2.0)) * width
     return WindUp(slope, width, freedom, reach, zero, len(angle), span)

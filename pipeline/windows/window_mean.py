@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import optimize, special
+from scipy import special
 
 from pmg.pipeline.windows.noise_models import forms
 from pmg.sim.sources import Source
@@ -28,16 +29,15 @@ EXACT = 1e-10
 """Part of its bounds to which the half-width of an interval is found."""
 
 
+_ONE_SIGMA = 0.6826894921370859
+
+
 @dataclass(frozen=True)
 class SerialMean:
     """The uncertainty of a mean in the presence of correlation.
 
     Parameters
     ----------
-    u : float
-        Half of the interval that holds 68.3 % over the quantile of Student's t: a standard uncertainty.
-    dof : float
-        Degrees of freedom with which `u` gives the 95 % interval as well.
     memory : float
         Correlation time as part of the stretch, the median of what the data leave possible to noise of first order.
     uneven : float
@@ -45,13 +45,38 @@ class SerialMean:
         one, how sure it is that what lies below these frequencies, which the stretch does not show, matters.
     unsafe : float
         Weight of the forms under which batches do not give the variance of the mean (`UNSAFE`).
+    weight, off, scale : (f,) array
+        The forms that matter, each a Student's t: its weight, how far its mean is off the plain one, its scale.
+    most : int
+        Degrees of freedom of each of them.
     """
 
-    u: float
-    dof: float
     memory: float
     uneven: float
     unsafe: float
+    weight: Array
+    off: Array
+    scale: Array
+    most: int
+
+    @property
+    def u(self) -> float:
+        """Half of the interval that holds 68.3 % over the quantile of Student's t: a standard uncertainty."""
+        return self._half_width[0] / float(special.stdtrit(self.dof, 0.5 + _ONE_SIGMA / 2.0))
+
+    @cached_property
+    def dof(self) -> float:
+        """Degrees of freedom with which `u` gives the 95 % interval as well."""
+        inner, outer = self._half_width
+        return _dof_of(outer / inner, self.most)
+
+    @cached_property
+    def _half_width(self) -> tuple[float, float]:
+        """Half-widths that hold 68.3 % and 95 % of the mixture; only found where they are asked for, in few windows."""
+        inner, outer = (
+            _half_width(level, self.weight, self.off, self.scale, self.most) for level in (_ONE_SIGMA, 0.95)
+        )
+        return inner, outer
 
 
 def serial_mean(pieces: Array) -> SerialMean | None:
@@ -94,18 +119,15 @@ def serial_mean(pieces: Array) -> SerialMean | None:
     weight /= weight.sum()
     scale = np.sqrt(rest / (m - 1) / precision)
     kept = weight > NEGLIGIBLE
-    inner, outer = (_half_width(level, weight[kept], off[kept], scale[kept], m - 1) for level in (_ONE_SIGMA, 0.95))
-    dof = _dof_of(outer / inner, m - 1)
     return SerialMean(
-        u=inner / float(special.stdtrit(dof, 0.5 + _ONE_SIGMA / 2.0)),
-        dof=dof,
         memory=_median_memory(known.memory, log_weight),
         uneven=float(weight[known.uneven].sum()),
         unsafe=float(weight[known.unsafe].sum()),
+        weight=weight[kept],
+        off=off[kept],
+        scale=scale[kept],
+        most=m - 1,
     )
-
-
-_ONE_SIGMA = 0.6826894921370859
 
 
 def _median_memory(memory: Array, log_weight: Array) -> float:
@@ -117,6 +139,8 @@ def _median_memory(memory: Array, log_weight: Array) -> float:
 
 def _half_width(level: float, weight: Array, off: Array, scale: Array, dof: int) -> float:
     """Half-width about zero that holds this part of a mixture of Student's t."""
+    from scipy import optimize  # it takes a tenth of a second, and most recordings need no half-width
+
     whole = float(weight.sum())
 
     def lacks(half: float) -> float:

@@ -188,11 +188,11 @@ STATISTICS = (
     mutant(
         "one-sided interval of an amplitude",
         "Orders.interval",
-        "(1.0 - CONFIDENCE) / 2.0",
-        "1.0 - CONFIDENCE",
+        "(1.0 + CONFIDENCE) / 2.0",
+        "CONFIDENCE",
         ESTIMATORS,
     ),
-    mutant("band of one degree of freedom", "LineNoise.band", "false_alarm, 2.0, dof", "false_alarm, 1.0, dof", ORDERS),
+    mutant("band of one degree of freedom", "LineNoise.band", "2.0, dof, 1.0", "1.0, dof, 1.0", ORDERS),
     mutant(
         "noise of a line with the power of both parts", "fit_orders", "np.sqrt(power / 2.0)", "np.sqrt(power)", ORDERS
     ),
