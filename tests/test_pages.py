@@ -82,7 +82,7 @@ def desk() -> tuple[frozenset[str], frozenset[str]]:
     """Words that pmgw takes itself, and names of benches."""
     text = text_of("pmgw")
     tail = text[text.index("# --- the commands") :]
-    words = re.findall(r"(?m)^    ([a-z]+)\)", tail)
+    words = [word for case in re.findall(r"(?m)^    ([a-z]+(?: \| [a-z]+)*)\)", tail) for word in case.split(" | ")]
     benches = re.search(r"(?m)^            (\w+(?: \| \w+)+)\)", tail)
     assert benches
     return frozenset(words) | {"--help", "--version"}, frozenset(benches[1].split(" | "))
