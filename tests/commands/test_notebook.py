@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import json
 import runpy
+import shutil
 import subprocess
 import sys
 from html import unescape
@@ -32,9 +33,12 @@ EXAMPLE = ROOT / "raw" / "example"
 
 
 @pytest.fixture(scope="module")
-def diagnosis() -> CampaignDiagnosis:
-    """What the script that ships makes of the example."""
-    found = runpy.run_path(str(EXAMPLE / "from_python.py"))["main"]()
+def diagnosis(tmp_path_factory: pytest.TempPathFactory) -> CampaignDiagnosis:
+    """What the script that ships makes of every second recording of the example."""
+    folder = tmp_path_factory.mktemp("recordings")
+    for path in sorted(EXAMPLE.glob("*.mcap"))[::2]:
+        shutil.copy(path, folder)
+    found = runpy.run_path(str(EXAMPLE / "from_python.py"))["main"](folder)
     assert isinstance(found, CampaignDiagnosis)
     return found
 
