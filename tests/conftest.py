@@ -16,12 +16,31 @@ from .recording.writer import Bench, write
 ROOT = Path(__file__).resolve().parent.parent
 FILES = 12
 """Files of `campaign`."""
+LONGEST = (
+    "test_tutorial.py",
+    "commands/test_notebook.py",
+    "cli/test_cli.py",
+    "commands/test_commands.py",
+    "sim/dynamics/test_kernel.py",
+    "trials/test_trial.py",
+    "recovery/test_planted.py",
+    "simulate/test_simulate.py",
+    "commands/test_scale.py",
+    "balance/test_balance.py",
+)
+"""Files of tests that take longest. They begin, so that at the end no core waits long for another."""
 
 # How long an example takes says nothing about the code. The same state of the code always meets the same examples, so
 # that a run that fails can be repeated; `--hypothesis-profile=search` draws new ones.
 settings.register_profile("same", deadline=None, derandomize=True)
 settings.register_profile("search", deadline=None)
 settings.load_profile("same")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the tests of `LONGEST` first; all others keep their order."""
+    place = {ROOT / "tests" / name: count for count, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path, len(LONGEST)))
 
 
 @pytest.fixture
