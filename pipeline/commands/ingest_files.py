@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.files.parallel import map_over
-from pmg.pipeline.orders.stored_lines import keep_orders
+from pmg.pipeline.orders.stored_lines import order_files
 from pmg.pipeline.recording.codes import Code, Severity
 from pmg.pipeline.recording.findings import Finding, UnusableRecordingError
 from pmg.pipeline.recording.read import read_recording
@@ -34,8 +34,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.windows.limits import Steadiness
     from pmg.pipeline.windows.window import Window
 
-WORTH_A_PROCESS = 64 * 2**20
-"""Bytes of recordings from which a second process pays for its start."""
+WORTH_A_PROCESS, WORTH_OF_A_FILE = 24 * 2**20, 2**17
+"""Bytes of recordings from which a second process pays for its start, and those that take as long as what a file takes
+whatever its size."""
 
 DONE, THERE = "done", "there"
 """Outcomes for a file: ingested, or ingested meanwhile by another process; `FAILED`: not usable."""
@@ -124,7 +125,7 @@ def ingest(
     there = {m.sha256 for m in store.manifests(whole=False) if _done(m, limits, supplied)}
     todo = [source for source in inventory.sources if source.sha256 not in there]
     if workers is None:
-        large = sum(source.path.stat().st_size for source in todo) >= WORTH_A_PROCESS
+        large = sum(source.path.stat().st_size + WORTH_OF_A_FILE for source in todo) >= WORTH_A_PROCESS
         workers = (os.cpu_count() or 1) if large else 1
     done = len(inventory.sources) - len(todo)
     counts = Counter[str]()
@@ -172,7 +173,7 @@ def _ingest_one(job: _Job) -> str:
         run = _run_record(recording)
         windows = find_windows(recording, job.limits)
         manifest = _manifest(source, recording, windows, job)
-        keep_orders(store.path, source.identifier, recording, windows)
+        orders = order_files(source.identifier, recording, windows)
     except UnusableRecordingError as error:
         return _failed(source, store, error.findings, RunRecord(**error.run))
     except (OSError, StoreError):  # of the store: the next recording would meet it too
@@ -180,7 +181,7 @@ def _ingest_one(job: _Job) -> str:
     except Exception as error:  # a defect of pmg that one recording brings out must not cost the others
         log = store.write_log(source.identifier, traceback.format_exc())
         return _failed(source, store, (_unexpected(source, error, log),), run)
-    store.write(manifest, recording.samples)
+    store.write(manifest, recording.samples, orders)
     return DONE
 
 

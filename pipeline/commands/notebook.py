@@ -66,7 +66,7 @@ def ingest(
     recordings: str | Path,
     store: str | Path | None = None,
     *,
-    workers: int | None = None,
+    workers: int | None = 1,
     limits: Path | Steadiness | None = None,
     supplied: Path | None = None,
 ) -> IngestedCampaigns:
@@ -79,7 +79,8 @@ def ingest(
     store : str or Path, optional
         Folder that keeps samples and means, to be used again; without it a temporary one.
     workers : int, optional
-        Processes of this machine; by default as many as pay.
+        Processes of this machine, which a script may only ask for under ``if __name__ == "__main__"``; None for as many
+        as pay.
     limits : Path or Steadiness, optional
         Limits by which windows are judged, or the file that holds them.
     supplied : Path, optional

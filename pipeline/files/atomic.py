@@ -7,7 +7,8 @@ import os
 import platform
 import tempfile
 import time
-from contextlib import contextmanager, suppress
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
@@ -29,6 +30,15 @@ def write_atomic(path: Path, data: bytes) -> None:
         aside.write(data)
 
 
+def write_together(files: dict[Path, bytes]) -> None:
+    """Write several files, each as `write_atomic` does; what the disk takes for them is waited for at once."""
+    with ExitStack() as left, ThreadPoolExecutor(len(files)) as threads:
+        asides = {path: left.enter_context(_aside(path)) for path in reversed(files)}  # left in the order of the files
+        for path, data in files.items():
+            asides[path].write(data)
+        list(threads.map(_settle, asides.values()))
+
+
 @contextmanager
 def opened_aside(path: Path) -> Iterator[BinaryIO]:
     """A file to be written piece by piece; it stands at its place once the block has been left without an error.
@@ -36,14 +46,20 @@ def opened_aside(path: Path) -> Iterator[BinaryIO]:
     The data go to a file of another name in the same folder, which is then renamed. The folder is made if absent.
     The other name tells which process writes it.
     """
+    with _aside(path) as aside:
+        yield aside
+        _settle(aside)
+
+
+@contextmanager
+def _aside(path: Path) -> Iterator[BinaryIO]:
+    """A file of another name, to be settled within the block; then it is renamed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     owner = f"{PREFIX}{_realm()}-{os.getpid()}-"
     handle, name = tempfile.mkstemp(prefix=owner, suffix=path.suffix, dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as aside:
             yield aside
-            aside.flush()
-            os.fsync(aside.fileno())
         Path(name).chmod(0o644)
         note_written(path, Path(name))
         Path(name).replace(path)
@@ -51,6 +67,12 @@ def opened_aside(path: Path) -> Iterator[BinaryIO]:
         with suppress(OSError):
             Path(name).unlink()
         raise
+
+
+def _settle(aside: BinaryIO) -> None:
+    """Wait until the disk holds a file."""
+    aside.flush()
+    os.fsync(aside.fileno())
 
 
 def abandoned(path: Path) -> bool:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
-from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.files.json_values import with_nulls
 from pmg.pipeline.orders.angle import index_of
 from pmg.pipeline.orders.point import Span, orders_of_point
@@ -23,7 +22,6 @@ from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
-    from pathlib import Path
 
     from pmg.pipeline.orders.angle import Index
     from pmg.pipeline.orders.point import PointOrders
@@ -109,18 +107,15 @@ def orders_of_manifest(store: Store, manifest: Manifest) -> SourceOrders:
     return _source(points, index, [])
 
 
-def keep_orders(store: Path, identifier: str, recording: Recording, windows: Sequence[Window]) -> None:
-    """Write the lines of a recording into the store; called before its manifest is written."""
-    _write_orders(store, identifier, _orders_of_source(recording, windows))
-
-
-def _write_orders(store: Path, identifier: str, found: SourceOrders) -> None:
-    """Write the lines of a source: the table first, the document last."""
-    buffer = io.BytesIO()
+def order_files(identifier: str, recording: Recording, windows: Sequence[Window]) -> dict[str, bytes]:
+    """Files of the lines of a recording by their place in the store: the table first, the document last."""
+    found, buffer = _orders_of_source(recording, windows), io.BytesIO()
     found.table.write_parquet(buffer, compression="zstd", statistics=False)
-    write_atomic(store / ORDERS / f"{identifier}.parquet", buffer.getvalue())
     text = json.dumps({"schema": SCHEMA} | found.document, indent=1, allow_nan=False, ensure_ascii=False)
-    write_atomic(store / ORDERS / f"{identifier}.json", (text + "\n").encode())
+    return {
+        f"{ORDERS}/{identifier}.parquet": buffer.getvalue(),
+        f"{ORDERS}/{identifier}.json": (text + "\n").encode(),
+    }
 
 
 def kept_orders(store: Store, manifest: Manifest) -> SourceOrders | None:
@@ -156,11 +151,11 @@ def _source(
             "gear": p.span.gear,
             "first_sample": p.span.first,
         }
-        | vars(row)
+        | with_nulls(vars(row))
         for p in points
         for row in p.rows
     ]
-    table = pl.DataFrame(rows, schema=COLUMNS).with_columns(pl.col(pl.Float64).fill_nan(None))
+    table = pl.DataFrame(rows, schema=COLUMNS)
     document: dict[str, Any] = {
         "index": {side: None if place is None else asdict(place) for side, place in index.items()},
         "load_angles": [

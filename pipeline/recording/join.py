@@ -168,6 +168,8 @@ def _finite(
     values: npt.NDArray[Any], present: Mask, first: int, topic: str, findings: Findings
 ) -> npt.NDArray[np.bool_]:
     finite: npt.NDArray[np.bool_] = np.isfinite(values)
+    if finite.all():
+        return finite
     words = (
         "are NaN or infinite",
         "finite numbers. They are treated as missing",

@@ -227,9 +227,9 @@ def _frame(tracks: Mapping[str, Decoded | None], lines: Decoded | None, findings
     columns = {"sample": pl.Series(np.arange(first, stop, dtype=np.int64))}
     for name, held in tracks.items():
         columns[name] = pl.Series(np.full(stop - first, np.nan) if held is None else _padded(held, first, stop))
+    nothing = pl.Series([None], dtype=pl.UInt32).new_from_index(0, stop - first)
     if lines is None:
-        nothing = pl.Series("lines", [], dtype=pl.UInt32).extend_constant(None, stop - first)
-        return first, pl.DataFrame(columns).with_columns(nothing)
+        return first, pl.DataFrame(columns | {"lines": nothing})
     masks = np.zeros(stop - first, dtype=np.uint32)
     known = np.zeros(stop - first, dtype=np.bool_)
     low, high = max(first, lines.first), min(stop, lines.stop)
@@ -237,8 +237,7 @@ def _frame(tracks: Mapping[str, Decoded | None], lines: Decoded | None, findings
         there = slice(low - lines.first, high - lines.first)
         masks[low - first : high - first] = lines.values[there]
         known[low - first : high - first] = lines.present[there]
-    frame = pl.DataFrame(columns).with_columns(lines=pl.Series(masks))
-    return first, frame.with_columns(lines=pl.when(pl.Series(known)).then(pl.col("lines")))
+    return first, pl.DataFrame(columns | {"lines": pl.Series(masks).zip_with(pl.Series(known), nothing)})
 
 
 def _padded(track: Decoded, first: int, stop: int) -> Array:

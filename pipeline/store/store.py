@@ -5,11 +5,12 @@ from __future__ import annotations
 import io
 import json
 from contextlib import suppress
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
-from pmg.pipeline.files.atomic import PREFIX, abandoned, write_atomic
+from pmg.pipeline.files.atomic import PREFIX, abandoned, write_atomic, write_together
 from pmg.pipeline.files.notes import note_recording
 from pmg.pipeline.store.manifest import FAILED, INGESTED, SCHEMA, Manifest, manifest_of
 from pmg.pipeline.store.sources import SUFFIX
@@ -138,12 +139,25 @@ class Store:
                 )
         return found
 
-    def write(self, manifest: Manifest, samples: pl.DataFrame | None) -> None:
-        """Write a source: samples first, the manifest last, so that a manifest always has its samples."""
+    def write(
+        self, manifest: Manifest, samples: pl.DataFrame | None, others: Mapping[str, bytes] = MappingProxyType({})
+    ) -> None:
+        """Write a source: its samples and other files first, the manifest last, so that a manifest always has them.
+
+        Parameters
+        ----------
+        manifest : Manifest
+            Its record.
+        samples : polars.DataFrame or None
+            Its samples; None of a source that is not usable.
+        others : mapping of str to bytes
+            What else is kept of it, by its place in the store.
+        """
         if samples is not None:
             buffer = io.BytesIO()
             samples.write_parquet(buffer, compression="zstd", statistics=False)
-            write_atomic(self.path / RUNS / f"{manifest.identifier}.parquet", buffer.getvalue())
+            files = {**others, f"{RUNS}/{manifest.identifier}.parquet": buffer.getvalue()}
+            write_together({self.path / name: data for name, data in files.items()})
             (self.path / LOGS / f"{manifest.identifier}.log").unlink(missing_ok=True)
         write_atomic(self.path / SOURCES / f"{manifest.identifier}.json", _json(manifest.document()))
 

@@ -140,6 +140,7 @@ class Forms:
     unsafe: Mask
 
 
+@lru_cache(maxsize=1)
 def _kinds() -> tuple[_NoiseForm, ...]:
     """Kinds of noise that are weighed; those of first order first, by memory."""
     one = np.ones(1, dtype=np.complex128)
@@ -170,17 +171,17 @@ def forms(m: int) -> Forms:
         own = kind.covariance(m)[lag]
         along, axes = np.linalg.eigh(own)
         turn.append(axes.T)
-        density = np.array([kind.density(0.0, m), kind.density(1.0, m)])
-        for white in kind.white:
-            variances = (1.0 - white) * along + white
-            zero, first = (1.0 - white) * density + white / m
-            mean = (1.0 - white) * own.mean() + white / m
-            one = (1.0 - white) * kind.coarser(m, BATCHES) + white * BATCHES / m
-            expected = (one - mean) / (BATCHES - 1)
-            uneven = abs(np.log(zero / first)) > np.log1p(UNEVEN)
-            unsafe = abs(np.log(expected / mean)) > UNSAFE
-            rows.append((number, variances, kind.weight, kind.memory, uneven, unsafe))
-    which, along, weight, memory, uneven, unsafe = (np.array(column) for column in zip(*rows, strict=True))
+        white = np.array(kind.white)
+        variances = (1.0 - white[:, None]) * along + white[:, None]
+        zero, first = ((1.0 - white) * kind.density(cycles, m) + white / m for cycles in (0.0, 1.0))
+        mean = (1.0 - white) * own.mean() + white / m
+        one = (1.0 - white) * kind.coarser(m, BATCHES) + white * BATCHES / m
+        expected = (one - mean) / (BATCHES - 1)
+        uneven = np.abs(np.log(zero / first)) > np.log1p(UNEVEN)
+        unsafe = np.abs(np.log(expected / mean)) > UNSAFE
+        same = (np.full(len(white), each) for each in (number, kind.weight, kind.memory))
+        rows.append((*same, variances, uneven, unsafe))
+    which, weight, memory, along, uneven, unsafe = (np.concatenate(column) for column in zip(*rows, strict=True))
     turned = np.array(turn)
     half_log = 0.5 * np.log(along).sum(axis=-1)
     return Forms(turned, turned.sum(axis=-1), which, along, half_log, np.log(weight), memory, uneven, unsafe)

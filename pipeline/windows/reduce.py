@@ -13,6 +13,7 @@ from pmg.pipeline.recording.means import BATCH_METHOD, MEMORY_METHOD, PointMeans
 from pmg.pipeline.windows.revolutions import WholeRevolutions, whole_revolutions
 from pmg.pipeline.windows.window_mean import serial_mean
 from pmg.sim import sources
+from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
     import polars as pl
@@ -42,6 +43,8 @@ SAMPLED = 4096
 """Samples of a window from which its median is known well enough to tell spikes."""
 GOLDEN = 0.6180339887498949
 """Part of a window by which one of them is ahead of the one before: no period of a signal keeps step with it."""
+TOGETHER = 1024
+"""Samples of a signal whose part in a Fourier coefficient is summed at once."""
 RESOLVED = 0.5
 """Correlation time that the finer pieces can tell from none, as part of one of them."""
 
@@ -104,7 +107,8 @@ def _reduce_shaft(torque: Array, angle: Array, rate_hz: float) -> ShaftMeans:
     ----------
     `FILTER_SOURCE`, `UNCERTAINTY_SOURCE`, `BERGER_YANG` in `pmg.pipeline.windows.window_mean`.
     """
-    known = torque[np.isfinite(torque)]
+    sound = np.isfinite(torque)
+    known = torque if sound.all() else torque[sound]
     speed = end_to_end_speed(angle, rate_hz)
     step = _resolution(known)
     if len(known) < 2 or len(known) < len(torque):
@@ -120,7 +124,7 @@ def _reduce_shaft(torque: Array, angle: Array, rate_hz: float) -> ShaftMeans:
         dof=noise.dof,
         revolutions_per_batch=batches.revolutions,
         std=float(torque.std(ddof=1)),
-        std_filtered=float(low_pass(torque, rate_hz, CUTOFF_HZ).std(ddof=1)),
+        std_filtered=_low_passed_std(torque, rate_hz, CUTOFF_HZ),
         correlation_time=noise.correlation_time,
         speed=speed,
         method=noise.method,
@@ -228,12 +232,39 @@ def low_pass(x: Array, rate_hz: float, cutoff_hz: float) -> Array:
     return np.asarray(fft.irfft(spectrum, n=len(x)), dtype=np.float64)
 
 
+def _low_passed_std(x: Array, rate_hz: float, cutoff_hz: float) -> float:
+    r"""Standard deviation of a signal after `low_pass`, of which only the few bins below the cut-off are worked out.
+
+    Parameters
+    ----------
+    x, rate_hz, cutoff_hz
+        As for `low_pass`.
+
+    Notes
+    -----
+    With the discrete Fourier transform :math:`X_k`, :math:`s^2 = \sum_k |X_k|^2 / (n (n - 1))` over the bins of both
+    signs that are kept, but zero (Parseval). Each :math:`X_k` is summed over stretches of `TOGETHER` samples first.
+    """
+    n = len(x)
+    bins = np.arange(1, min(int(cutoff_hz * n / rate_hz) + 1, n // 2) + 1)
+    bins = bins[bins * (1.0 / (n * (1.0 / rate_hz))) <= cutoff_hz]
+    rows = np.zeros((-(-n // TOGETHER), TOGETHER))
+    rows.reshape(-1)[:n] = x - x.mean()
+    within = np.outer(np.arange(TOGETHER), bins) * (REVOLUTION / n)
+    between = np.outer(np.arange(len(rows)) * TOGETHER, bins) % n * (REVOLUTION / n)
+    found = ((rows @ np.cos(within) - 1j * (rows @ np.sin(within))) * np.exp(-1j * between)).sum(axis=0)
+    sides = np.where(2 * bins == n, 1.0, 2.0)
+    return math.sqrt(float((sides * np.abs(found) ** 2).sum()) / n / (n - 1))
+
+
 def end_to_end_speed(angle: Array, rate_hz: float) -> float:
     """Mean speed [rad/s] from the first and the last known angle [rad]; NaN with fewer than two.
 
     Between samples, one count is more than a hundred rpm; between the ends of a window it is next to nothing.
     """
-    known = np.flatnonzero(np.isfinite(angle))
+    ends = [0, len(angle) - 1]
+    whole = len(angle) > 1 and bool(np.isfinite(angle[ends]).all())
+    known = ends if whole else np.flatnonzero(np.isfinite(angle))
     if len(known) < 2:
         return math.nan
     first, last = known[0], known[-1]

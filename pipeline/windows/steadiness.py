@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -93,6 +94,12 @@ class WindowEvidence:
     line_events: Sequence[LineEvent]
     blemishes: Sequence[Blemish]
     lacking: Collection[str] = ()
+
+    @cached_property
+    def batches(self) -> Mapping[str, Array]:
+        """Means of the batches of each torque without gaps [N m]."""
+        whole = (side for side in SIDES if len(self.torque[side]) > 1 and np.isfinite(self.torque[side]).all())
+        return {side: batch_means(self.torque[side], self.angle[side]).means for side in whole}
 
 
 def _too_short(window: WindowEvidence, limits: Steadiness) -> Reason | None:
@@ -198,11 +205,7 @@ def speed_off(window: WindowEvidence, limits: Steadiness) -> Reason | None:
 
 def torque_unsettled(window: WindowEvidence, limits: Steadiness) -> Reason | None:
     """Torque that still drifts, steps or strays, beyond noise and beyond what matters."""
-    for side in SIDES:
-        torque = window.torque[side]
-        if len(torque) < 2 or not np.isfinite(torque).all():
-            continue
-        means = batch_means(torque, window.angle[side]).means
+    for side, means in window.batches.items():
         if len(means) < FEWEST_MEANS:
             continue
         limit = limits.torque_drift * window.calibration[side].nominal_torque
@@ -217,15 +220,16 @@ def _torque_out_of_range(window: WindowEvidence, limits: Steadiness) -> Reason |
     """Torque beyond the nominal range, or a frequency outside the rated band; readings there are bounds."""
     for side in SIDES:
         transducer = window.calibration[side]
-        torque = window.torque[side][np.isfinite(window.torque[side])]
-        if not len(torque):
+        sound = np.isfinite(window.torque[side])
+        if not sound.any():
             continue
-        largest = float(np.max(np.abs(torque)))
+        torque = window.torque[side] if sound.all() else window.torque[side][sound]
+        ends = np.array([torque.min(), torque.max()])
+        largest = float(np.max(np.abs(ends)))
         if largest > transducer.nominal_torque:
             detail = f"{side} up to {largest:.3f} N m, nominal {transducer.nominal_torque:g} N m"
             return Reason("torque out of range", detail)
-        frequency = transducer.frequency(torque)
-        low, high = float(frequency.min()), float(frequency.max())
+        low, high = sorted(transducer.frequency(ends).tolist())
         if low < limits.frequency_low or high > limits.frequency_high:
             detail = f"{side} at {low:.0f} to {high:.0f} Hz"
             expected = f"{limits.frequency_low:.0f} to {limits.frequency_high:.0f} Hz"

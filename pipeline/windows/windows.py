@@ -18,6 +18,9 @@ from pmg.pipeline.windows.window import Window
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+    import polars as pl
+
     from pmg.pipeline.recording.events import SequenceStep
     from pmg.pipeline.recording.read import Recording
     from pmg.pipeline.windows.limits import Steadiness
@@ -107,12 +110,12 @@ def _changing(first: int, stop: int) -> str:
 
 
 def _whole(recording: Recording) -> _Stretch:
+    first, stop = recording.first_sample, recording.stop_sample
     known = np.ones(recording.samples.height, dtype=np.bool_)
     for name in recording.recorded:
         known &= np.isfinite(recording.samples[name].to_numpy())
-    rows = np.flatnonzero(known) if known.any() else np.arange(len(known))
-    first = recording.first_sample + int(rows[0]) if len(rows) else recording.first_sample
-    stop = recording.first_sample + int(rows[-1]) + 1 if len(rows) else first
+    if known.any():
+        first, stop = first + int(np.argmax(known)), stop - int(np.argmax(known[::-1]))
     point = recording.run.point or stem(recording)
     lost = lost_end(recording, first, stop)
     return _Stretch(point, first, stop, recording.run.setpoints, planned=lost.planned, remark=lost.remark)
@@ -152,7 +155,7 @@ def _judge(recording: Recording, stretch: _Stretch, limits: Steadiness) -> Windo
         calibration=recording.calibration,
         torque={side: part[f"torque_{side}"].to_numpy() for side in SIDES},
         angle={side: part[f"angle_{side}"].to_numpy() for side in SIDES},
-        lines=part["lines"].fill_null(0).to_numpy(),
+        lines=_masks(part["lines"]),
         line_events=recording.line_events,
         blemishes=recording.blemishes,
         lacking=recording.lacking,
@@ -176,6 +179,13 @@ def _judge(recording: Recording, stretch: _Stretch, limits: Steadiness) -> Windo
         rest_sun=_at_rest(stretch.setpoints.speed_sun, evidence, "sun"),
         rest_ring=_at_rest(stretch.setpoints.speed_ring, evidence, "ring"),
     )
+
+
+def _masks(lines: pl.Series) -> npt.NDArray[np.uint32]:
+    """Masks of the digital inputs, 0 where they were not sampled."""
+    if lines.null_count() == len(lines):
+        return np.zeros(len(lines), dtype=np.uint32)
+    return lines.fill_null(0).to_numpy()
 
 
 def _at_rest(speed_set: float | None, evidence: WindowEvidence, side: str) -> bool:

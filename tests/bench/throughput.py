@@ -1,12 +1,15 @@
 """`./pmgw bench throughput`: samples a second, read by pmg, by the official reader, and as zstd alone would allow.
 
-A layout is a function in `LAYOUTS` that says what a recorder writes; one more line there is one more row of the table.
+A second table sets the whole `pmg ingest` beside them, and pyarrow reading what it wrote (`tests/bench/peers.txt`). A
+sample is one value of one channel. A layout is a function in `LAYOUTS` that says what a recorder writes; one more line
+there is one more row of the table.
 Every contestant reads each file in a process of its own, so that peak memory is its own too.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import os
 import re
@@ -33,6 +36,7 @@ from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.layouts.convert_topics import convert_topics
 from pmg.pipeline.recording.layouts.wire import _double, fields, sample_block
 from pmg.pipeline.recording.read import read_recording
+from tests.bench.ingests import whole
 from tests.bench.recorded import Column, counted, record
 from tests.recording.foreign import single
 from tests.recording.writer import CALIBRATION, COUNTS_PER_REV, FIELDS, NULL_HZ, RUN, TIMEBASE_HZ
@@ -190,12 +194,18 @@ def by_pmg(path: Path) -> Callable[[], int]:
     return read
 
 
+def by_pyarrow(path: Path) -> Callable[[], int]:
+    """A Parquet file that an ingest wrote; gives the bytes of its table."""
+    read = importlib.import_module("pyarrow.parquet").read_table
+    return lambda: int(read(path).nbytes)
+
+
 CONTESTANTS = {"zstd": by_zstd, "official": by_official, "blocks": by_blocks, "pmg": by_pmg}
 
 
 def contest(name: str, path: Path) -> dict[str, float]:
     """Least times [s], peak memory beyond that before the first reading [bytes], and bytes of the result."""
-    read = CONTESTANTS[name](path)
+    read = (CONTESTANTS | {"pyarrow": by_pyarrow})[name](path)
     # The peak of the process so far may lie above what it holds now; a reading smaller than that would not show.
     before = _peak()
     processor: list[float] = []
@@ -253,13 +263,18 @@ def main() -> None:
     out(f"{'layout':22}" + "".join(f"{head:>12}" for head in (*heads, *sizes)) + "\n")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "a.mcap")
-        for layout, columns in LAYOUTS.items():
-            made = columns(given.samples, np.random.default_rng(SEED))
+        for layout, columns_of in LAYOUTS.items():
+            made = columns_of(given.samples, np.random.default_rng(SEED))
             record(path, made, RUN, CALIBRATION.encode(), RATE_HZ, given.block)
             out(row(layout, path, given.samples) + "\n")
         for encoding in SINGLE:
             single_samples(path, encoding, few)
             out(row(f"one a message, {encoding}", path, few) + "\n")
+        columns = LAYOUTS["frequency f64"](given.samples, np.random.default_rng(SEED))
+        one = Path(folder, "one")
+        one.mkdir()
+        record(one / "a.mcap", columns, RUN, CALIBRATION.encode(), RATE_HZ, given.block)
+        whole(one, given.samples, tuple(CONTESTANTS), apart)
 
 
 def row(layout: str, path: Path, samples: int) -> str:

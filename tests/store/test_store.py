@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -129,6 +131,25 @@ def test_an_interrupted_write_leaves_the_old_file_and_nothing_else(
 
 
 EARLIER = Path(__file__).parents[1] / "data" / "store_v1"
+
+
+@pytest.mark.parametrize("failing", [1, 2, 3])
+def test_a_disk_that_fails_for_one_file_of_a_source_leaves_all_of_its_files_as_they_were(
+    failing: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, names = Store(tmp_path), ("orders/a.parquet", "orders/a.json")
+    store.write(MANIFEST, SAMPLES, dict.fromkeys(names, b"old"))
+    before = everything(tmp_path)
+    settled = itertools.count(1)
+
+    def fails(_: int) -> None:
+        if next(settled) == failing:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", fails)
+    with pytest.raises(OSError, match="No space left"):
+        store.write(MANIFEST, SAMPLES.head(1), dict.fromkeys(names, b"new"))
+    assert everything(tmp_path) == before
 
 
 def test_a_store_that_was_written_before_is_read_and_written_to_the_same_bytes(tmp_path: Path) -> None:

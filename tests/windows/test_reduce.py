@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal, stats
 
-from pmg.pipeline.windows.reduce import _reduce_shaft, end_to_end_speed, low_pass
+from pmg.pipeline.windows.reduce import TOGETHER, _low_passed_std, _reduce_shaft, end_to_end_speed, low_pass
 from pmg.pipeline.windows.revolutions import batch_means
 from pmg.sim.signals import RPM
 
@@ -38,6 +38,17 @@ def test_the_filter_leaves_the_mean_untouched(level: float, noise: list[float], 
 @given(level=st.floats(-10.0, 10.0), n=st.integers(2, 300))
 def test_the_filter_leaves_a_constant_untouched(level: float, n: int) -> None:
     np.testing.assert_allclose(low_pass(np.full(n, level), RATE, 0.5), level, atol=1e-14)
+
+
+@pytest.mark.parametrize("n", [2, 3, 30, 31, TOGETHER, 2 * TOGETHER + 1])
+@pytest.mark.parametrize("cutoff", [0.01, 1.0, 60.0, RATE / 2.0])
+def test_the_scatter_below_the_cut_off_is_that_of_the_filtered_signal(
+    n: int, cutoff: float, rng: np.random.Generator
+) -> None:
+    x = 3.0 + rng.standard_normal(n)
+    assert _low_passed_std(x, RATE, cutoff) == pytest.approx(
+        low_pass(x, RATE, cutoff).std(ddof=1), rel=1e-11, abs=1e-14
+    )
 
 
 def test_the_filter_takes_ripple_away_and_keeps_what_is_slow() -> None:

@@ -111,6 +111,8 @@ def check_torques(
 def _out_of_band(track: Decoded, transducer: Transducer, findings: Findings) -> None:
     (low, high), nominal = BAND_HZ, transducer.nominal_torque
     least, most = np.sort(transducer.torque(np.array(BAND_HZ)))
+    if max(least, -nominal) <= track.values.min() and track.values.max() <= min(most, nominal):
+        return
     apart = max(1, round(APART_S * track.rate_hz))
     outside, beyond = (np.zeros(len(track.values), dtype=np.bool_) for _ in range(2))
     for part in pieces(len(track.values)):
@@ -163,14 +165,15 @@ def _quiet(track: Decoded) -> Ranges:
     nothing = np.empty((0, 2), dtype=np.int64)
     size = max(STUCK_SAMPLES, round(QUIET_S * track.rate_hz))
     count = (len(track.values) - 1) // size
-    known = track.values[np.isfinite(track.values)]
+    sound = np.isfinite(track.values)
+    known = track.values if sound.all() else track.values[sound]
     if count < 4 * QUIET_PARTS or len(known) < 2:
         return nothing
     with np.errstate(over="ignore", invalid="ignore"):  # readings beyond any transducer are reported as out of band
         noise = np.diff(track.values[: count * size + 1]).reshape(count, size).std(axis=1)
         reach = np.ptp(track.values[: count * size].reshape(count, size), axis=1)
-    sound = noise[np.isfinite(noise)]
-    usual = float(np.quantile(sound, 0.75)) if len(sound) else 0.0
+    noises = noise[np.isfinite(noise)]
+    usual = float(np.quantile(noises, 0.75)) if len(noises) else 0.0
     gaps = np.diff(np.unique(known[:MOST_COMPARED]))
     step = float(gaps.min()) if len(gaps) else 0.0
     if usual < LIVELY_STEPS * step:
@@ -217,6 +220,8 @@ def _shunted(track: Decoded, other: Decoded, nominal: float) -> Ranges:
 
 def _any_flank(values: Array, least: float) -> bool:
     """Whether the value changes by so much within `FLANK` samples anywhere."""
+    if float(values.max()) - float(values.min()) <= least:
+        return False
     before, after = values[: -FLANK - 1], values[FLANK + 1 :]
     return any(bool((np.abs(after[part] - before[part]) > least).any()) for part in pieces(len(before)))
 
