@@ -27,6 +27,10 @@ RISE = 1e-5
 FLAT = 1e-8
 """Ratio of curvatures (slopes of unit length) below which a direction is left as it is."""
 
+WITHOUT_EFFECT = 1e-6
+"""Change of all rows together [standard deviations of their noise] by the usual size of a parameter, below which it has
+no effect beside the others."""
+
 SETTLED = 1e-8
 """Length of a step, in standard deviations of the noise of all rows together, after which the next changes nothing."""
 
@@ -76,7 +80,8 @@ def settle(residuals: Callable[[Array], Array], start: Array, size: Array, bound
     algebra below, which differs from processor to processor. Newton steps go on to where the gradient
     :math:`J^T r` vanishes. Its slopes are central differences with wide steps; the curvature
     :math:`J^T J + \sum_i r_i \nabla^2 r_i` need not be exact: it is made once, and anew where steps do not shrink
-    or a parameter reaches a bound. Where this leads uphill, the search's own result is kept.
+    or a parameter reaches a bound. A parameter without effect beside the others takes its usual size. Where
+    this leads uphill, the search's own result is kept.
     """
     low, high = bounds
     begin = np.where(start - low <= AT_BOUND * size, low, np.where(high - start <= AT_BOUND * size, high, start))
@@ -87,10 +92,12 @@ def settle(residuals: Callable[[Array], Array], start: Array, size: Array, bound
             break
         at, width, up, down = _beside(residuals, values, free, (size, bounds))
         slopes = (up - down) / (2.0 * width)
+        values = values.copy()
+        without = at[np.linalg.norm(slopes, axis=0) * size[at] < WITHOUT_EFFECT]
+        values[without] = np.clip(size, low, high)[without]
         if curvature is None:
             curvature = slopes.T @ slopes + _bend(residuals, values, left, (at, width), (up, down))
         step = _newton(curvature, slopes, left)
-        values = values.copy()
         values[at] = np.clip(values[at] + step, low[at], high[at])
         left, length = residuals(values), float(np.linalg.norm(slopes @ step))
         free = (values > low) & (values < high)

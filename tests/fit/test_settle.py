@@ -57,6 +57,13 @@ def test_a_direction_that_is_not_determined_is_left_as_it_is() -> None:
     assert found.values[0] - found.values[1] == pytest.approx(0.2, rel=1e-9)
 
 
+def test_a_parameter_without_effect_takes_its_usual_size() -> None:
+    def one(values: Array) -> Array:
+        return np.asarray(NOISE - values[0])
+
+    assert settle(one, np.array([0.3, 0.1, 7.0]), SIZE, WIDE).values[1:].tolist() == [1.0, 1.0]
+
+
 def test_where_newton_leads_uphill_the_search_is_kept() -> None:
     def dent(values: Array) -> Array:
         return np.array([3.0 * np.tanh(8.0 * values[0])])

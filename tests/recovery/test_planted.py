@@ -161,17 +161,3 @@ def test_an_order_that_is_the_speed_without_repeats_is_called_confounded(
     grid, _, _ = measure(NATURE, campaign_points("random", rng), rng)
     assert confounded_shafts(take_readings(grid, bench)) == ()
     assert confounded_shafts(take_readings(measure(NATURE, once, rng)[0], bench)) == ("sun",)
-
-
-def test_same_seed_same_diagnosis(bench: BenchParameters) -> None:
-    def once() -> dict[str, object]:
-        rng = np.random.default_rng(3)
-        analysis = analysed(measure(NATURE, campaign_points("random", rng), rng, sun_gain=0.02)[0], bench)
-        assert analysis.fits is not None
-        assert analysis.floor is not None
-        assert analysis.calibration is not None
-        return diagnosis_document(
-            diagnose(analysis.grid, analysis.fits, analysis.floor, analysis.calibration, bench, rng)
-        )
-
-    assert once() == once()

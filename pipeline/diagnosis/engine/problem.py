@@ -29,6 +29,10 @@ class _Nameable(Protocol):
 C = TypeVar("C", bound=_Nameable)
 
 
+TIE = 6
+"""Decimals of a score [noise variances] that decide between candidates; those after them are the processor's."""
+
+
 @dataclass(frozen=True)
 class Fit(Generic[C]):
     """A candidate fitted beside the baseline.
@@ -107,8 +111,11 @@ class WhitenedProblem(ABC, Generic[F]):
         return np.asarray(columns - self.baseline @ (self.baseline.T @ columns))
 
     def score(self, fit: F) -> float:
-        """Gain of a fit less the cost of its parameters (Schwarz's criterion, up to a constant), in noise variances."""
-        return fit.gain - fit.cost * math.log(len(self.left))
+        """Gain of a fit less the cost of its parameters (Schwarz's criterion, up to a constant), in noise variances.
+
+        Rounded, so that of candidates which the rows cannot tell apart the first of the catalogue leads.
+        """
+        return round(fit.gain - fit.cost * math.log(len(self.left)), TIE)
 
     def take_out(self, fit: F) -> Self:
         """The problem with a fitted candidate taken out and its parameters free to move with the baseline's."""

@@ -21,11 +21,14 @@ if TYPE_CHECKING:
 
 SCHEMA = "pmg.diagnosis/1"
 
+LEGIBLE, BESIDE_U = 6, 4
+"""Significant digits of a number, and digits of one after the first of its standard error."""
+
 
 def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
     """The whole document."""
     mismatch, floor, held = diagnosis.mismatch, diagnosis.floor, diagnosis.held_out
-    return {
+    document = {
         "schema": SCHEMA,
         "campaign": diagnosis.campaign,
         "verdict": str(diagnosis.verdict),
@@ -62,6 +65,20 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "design": _design(diagnosis),
         "shape": None if diagnosis.shape is None else shape_document(diagnosis.shape),
     }
+    return {name: _legible(value) for name, value in document.items()}
+
+
+def _legible(value: Any) -> Any:  # noqa: ANN401 - any JSON value
+    """A JSON value whose numbers have the digits that no processor decides, and those with a standard error no more."""
+    if isinstance(value, list):
+        return [_legible(part) for part in value]
+    if isinstance(value, dict):
+        u, told = value.get("standard_error"), dict(value)
+        for name in ("value", "after"):
+            if u and isinstance(told.get(name), float):
+                told[name] = round(told[name], BESIDE_U - math.floor(math.log10(u)))
+        return {name: _legible(part) for name, part in told.items()}
+    return float(f"{value:.{LEGIBLE}g}") if isinstance(value, float) else value
 
 
 def _design(diagnosis: Diagnosis) -> dict[str, Any] | None:
