@@ -13,6 +13,7 @@ import polars as pl
 
 from pmg.pipeline.analysis.power_flow import flow_document, flow_frame, power_flows
 from pmg.pipeline.files.atomic import write_atomic
+from pmg.pipeline.files.json_values import read_json
 from pmg.pipeline.files.notes import note_read
 from pmg.pipeline.fit.budget_document import budget_document, budget_frame
 from pmg.pipeline.fit.common_errors import CORRECTION, CURVES, TRANSDUCERS
@@ -218,7 +219,7 @@ def analysis_files(folder: Path) -> tuple[Path, ...]:
 def analysed_campaign(store: Path) -> str | None:
     """Name of the campaign whose analysis a store holds; None where there is none that can be read."""
     try:
-        document = json.loads((store / FOLDER / SUMMARY).read_text(encoding="utf-8"))
+        document = read_json(store / FOLDER / SUMMARY)
     except (OSError, ValueError):
         return None
     name = document.get("campaign") if isinstance(document, dict) else None
@@ -265,7 +266,7 @@ def read_analysis(store: Path) -> tuple[Grid, AnalysisOptions]:
             str(store), "no analysis in it", f"{FOLDER}/{SUMMARY}", "Run 'pmg analyse' on this store first."
         )
     try:
-        document = json.loads(summary.read_text(encoding="utf-8"))
+        document = read_json(summary)
         if document["schema"] != SCHEMA:
             raise StoreError(str(summary), f"schema {document['schema']}", SCHEMA, "Run 'pmg analyse' again.")
         options = AnalysisOptions.from_document(document["options"])

@@ -203,16 +203,25 @@ def _ending(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on: 
         code = _ExitCode.INTERNAL_ERROR
         do = "Report this as a defect of pmg."
         error = {"where": command, "came": repr(problem), "expected": "no such error", "do": do}
-        traceback.print_exc()
+        say(traceback.format_exc())
         _tell_error(command, "internal error, a defect of pmg.", "Please report it with the lines above.")
     return _Ending(code, error=error)
+
+
+def say(text: str, end: str = "\n") -> None:
+    """Print on standard error; where that takes nothing more, its words go nowhere and the command goes on."""
+    try:
+        sys.stderr.write(text + end)
+        sys.stderr.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
 
 
 def output_lost(called: str, problem: OSError) -> _ExitCode:
     """Tell that standard output takes nothing more, so that what is left of it goes nowhere; the exit code."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    typer.echo(f"{called}: standard output: {problem.strerror or problem}; expected room for the result.", err=True)
-    typer.echo("hint: Free space, or write elsewhere.", err=True)
+    say(f"{called}: standard output: {problem.strerror or problem}; expected room for the result.")
+    say("hint: Free space, or write elsewhere.")
     return _ExitCode.COULD_NOT_RUN
 
 
@@ -231,8 +240,8 @@ def as_text(command: str, code: int, outcome: Outcome | None, error: dict[str, s
 
 def _tell_error(command: str, problem: str, hint: str) -> None:
     """Print what is wrong, and on a line of its own what can be done about it."""
-    typer.echo(printable(f"pmg {command}: {problem}"), err=True)
-    typer.echo(printable(f"hint: {hint}"), err=True)
+    say(printable(f"pmg {command}: {problem}"))
+    say(printable(f"hint: {hint}"))
 
 
 FINDINGS_SHOWN = 20
@@ -242,9 +251,9 @@ FINDINGS_SHOWN = 20
 def _tell_findings(findings: Sequence[Remark]) -> None:
     grave = [remark for remark in findings if remark.severity != "info"]
     for remark in grave[:FINDINGS_SHOWN]:
-        typer.echo(printable(f"{remark.severity}: {remark.place}: {remark.message}"), err=True)
+        say(printable(f"{remark.severity}: {remark.place}: {remark.message}"))
     if len(grave) > FINDINGS_SHOWN:
-        typer.echo(f"... and {len(grave) - FINDINGS_SHOWN} more; --json and the report list them all.", err=True)
+        say(f"... and {len(grave) - FINDINGS_SHOWN} more; --json and the report list them all.")
 
 
 def _exit_code(outcome: Outcome, fail_on: _FailOn) -> _ExitCode:
@@ -272,12 +281,10 @@ def _progress_line(quiet: bool, what: str) -> Iterator[Callable[[int, int, str],
             return
         shown = step
         text = printable(f"{what} {done}/{total} {name}")
-        sys.stderr.write(f"\r\x1b[K{text}" if terminal else f"{text}\n")
-        sys.stderr.flush()
+        say(f"\r\x1b[K{text}" if terminal else text, end="" if terminal else "\n")
 
     try:
         yield show
     finally:
         if terminal and shown >= 0:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
+            say("\r\x1b[K", end="")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import typer
 from typer.core import TyperGroup
 
-from pmg.pipeline.cli.frame import as_text, output_lost
+from pmg.pipeline.cli.frame import as_text, output_lost, say
 from pmg.sim.errors import closest, near_miss
 
 if TYPE_CHECKING:
@@ -74,8 +74,8 @@ def _print_problem(problem: Any, words: Sequence[str]) -> int:  # noqa: ANN401 -
         fault = _Fault("no command", "one of its commands", f"See '{called} --help'.")
     else:
         fault = _fault(problem, words, named, f"See '{called} --help'.")
-        typer.echo(f"{called}: {fault.came}; expected {fault.expected}.", err=True)
-        typer.echo(f"hint: {fault.do}", err=True)
+        say(f"{called}: {fault.came}; expected {fault.expected}.")
+        say(f"hint: {fault.do}")
     code = int(problem.exit_code)
     if "--json" in words:
         typer.echo(as_text(" ".join(path), code, None, {"where": called} | fault._asdict()))

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+
+TOKEN = re.compile(
+    r'"""(?:[^\\]|\\.)*?"{3,5}|' r"'''.*?'{3,5}|" r'"(?:[^"\\]|\\.)*"|' r"'[^']*'|#[^\n]*|[\[\]{}\n]", re.DOTALL
+)
+"""Strings, comments, brackets and ends of lines of TOML: what tells where an assignment ends."""
 
 Key = tuple[str | int, ...]
 """Words that lead to a value of a file; a number, from 0, where a list stands."""
@@ -37,19 +43,19 @@ def lines_of(text: str) -> dict[Key, int]:
 
 
 def _statements(text: str) -> Iterator[tuple[int, str]]:
-    """Heads and assignments of a sound text, each with its first line; one that is broken off goes on."""
-    begun, first = "", 1
-    for number, line in enumerate(text.split("\n"), start=1):
-        if not begun and (not line.strip() or line.lstrip().startswith("#")):
-            continue
-        first = first if begun else number
-        begun += line + "\n"
-        try:
-            tomllib.loads(begun)
-        except tomllib.TOMLDecodeError:
-            continue
-        yield first, begun
-        begun = ""
+    """Heads and assignments of a sound text, each with its first line; one in brackets or quotes goes over several."""
+    depth, begin, line = 0, 0, 1
+    for token in TOKEN.finditer(text + "\n"):
+        if token[0] in "[{":
+            depth += 1
+        elif token[0] in "]}":
+            depth -= 1
+        elif token[0] == "\n" and depth == 0:
+            statement = text[begin : token.end()]
+            if statement.strip() and not statement.lstrip().startswith("#"):
+                yield line, statement
+            line += statement.count("\n")
+            begin = token.end()
 
 
 def _paths(data: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:

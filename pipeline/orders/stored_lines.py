@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
-from pmg.pipeline.files.json_values import with_nulls
+from pmg.pipeline.files.json_values import read_json, with_nulls
 from pmg.pipeline.orders.angle import index_of
 from pmg.pipeline.orders.point import Span, orders_of_point
 from pmg.pipeline.orders.row import OrderRow
@@ -131,11 +131,11 @@ def kept_orders(store: Store, manifest: Manifest) -> SourceOrders | None:
     if not path.is_file():
         return None
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = read_json(path)
         table = pl.read_parquet(folder / f"{manifest.identifier}.parquet")
     except (OSError, ValueError, pl.exceptions.PolarsError) as error:
         raise StoreError(str(path), f"unreadable ({error})", SCHEMA, "Remove it: it is made again.") from error
-    if document.get("schema") != SCHEMA or dict(table.schema) != COLUMNS:
+    if not isinstance(document, dict) or document.get("schema") != SCHEMA or dict(table.schema) != COLUMNS:
         return None
     return SourceOrders(table, document)
 

@@ -97,7 +97,7 @@ def _listed(path: Path) -> set[str]:
     try:
         names = json.loads(path.read_text(encoding="utf-8"))["files"]
         return {name for name in names if _OURS.fullmatch(name)}
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise StoreError(
             str(path),
             f"not a listing of report files ({type(error).__name__})",

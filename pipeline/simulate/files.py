@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.files.atomic import write_atomic
+from pmg.pipeline.files.json_values import read_json
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.recording.write import SimulatedRun, rated_calibration, recording_bytes
 from pmg.pipeline.report.write import SUMMARY, report_files, write_report
@@ -195,7 +196,7 @@ def _listed(path: Path) -> set[str]:
     if not path.exists():
         return set()
     try:
-        return set(map(str, json.loads(path.read_text(encoding="utf-8"))["files"]))
+        return set(map(str, read_json(path)["files"]))
     except (ValueError, KeyError, TypeError) as error:
         came = f"not a listing of files ({type(error).__name__})"
         raise StoreError(str(path), came, '{"files": [...]}', "Name another folder for --out.") from error

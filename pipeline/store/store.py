@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 
 from pmg.pipeline.files.atomic import PREFIX, abandoned, write_atomic, write_together
+from pmg.pipeline.files.json_values import read_json
 from pmg.pipeline.files.notes import note_recording
 from pmg.pipeline.store.manifest import FAILED, INGESTED, SCHEMA, Manifest, manifest_of
 from pmg.pipeline.store.sources import SUFFIX
@@ -99,7 +100,7 @@ class Store:
         """
         absent = ValueError("no manifest, or its samples are missing")
         try:
-            document = json.loads((self.path / SOURCES / f"{identifier}.json").read_text(encoding="utf-8"))
+            document = read_json(self.path / SOURCES / f"{identifier}.json")
         except (OSError, ValueError):
             raise absent from None
         if not isinstance(document, dict) or document.get("schema") != SCHEMA:
@@ -231,7 +232,7 @@ def _held_otherwise(path: Path) -> bool:
 
 def _schema_of(mark: Path) -> object:
     try:
-        document = json.loads(mark.read_text(encoding="utf-8"))
+        document = read_json(mark)
     except (OSError, ValueError):
         return "unreadable"
     return document.get("schema") if isinstance(document, dict) else "unreadable"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -129,4 +130,27 @@ def test_a_full_disk_under_standard_output_is_told(words: tuple[str, ...]) -> No
         )
     assert done.returncode == 2
     assert "standard output" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is full")
+@pytest.mark.parametrize(("words", "code"), [("nowhere --json", 2), ("nowhere", 2), ("recordings --json", 3)])
+@pytest.mark.parametrize("error", [">/dev/full", ">&-"])
+def test_standard_error_that_takes_nothing_changes_neither_result_nor_exit_code(
+    words: str, code: int, error: str, tmp_path: Path
+) -> None:
+    (tmp_path / "recordings").mkdir()
+    write(tmp_path / "recordings" / "a.mcap", Bench())
+    os.mkfifo(tmp_path / "recordings" / "b.mcap")
+    call = f"{sys.executable} -m pmg.pipeline ingest {words} --store store 2{error}"
+    done = subprocess.run(["/bin/sh", "-c", call], cwd=tmp_path, stdout=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == code
+    if "--json" in words:
+        assert json.loads(done.stdout)["exit_code"] == code
+
+
+def test_closed_standard_output_changes_no_exit_code(tmp_path: Path) -> None:
+    call = f"{sys.executable} -m pmg.pipeline doctor nowhere --json >&-"
+    done = subprocess.run(["/bin/sh", "-c", call], cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 2
     assert "Traceback" not in done.stderr

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import Counter
 from dataclasses import replace
 
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 
 from .mutations import FAULTS, KINDS, Outcome, Specimen, mutate, outcome, specimens
+from .text_mutations import SPECIMENS as TEXTS
+from .text_mutations import TextOutcome, TextSpecimen, text_outcome, text_outcomes
 
 SPECIMENS = specimens()
 
@@ -34,3 +37,12 @@ def test_the_count_of_outcomes_sees_faults() -> None:
     assert outcome(specimen.data, replace(truth, messages=truth.messages - message)) is Outcome.FALSE
     assert outcome(specimen.data, replace(truth, words="")) is Outcome.ALTERED
     assert outcome(specimen.data[:4], specimen.truth) is Outcome.REFUSED
+
+
+@pytest.mark.parametrize("specimen", TEXTS, ids=lambda specimen: specimen.name)
+def test_a_mutated_text_ends_with_a_result_or_a_sentence(specimen: TextSpecimen, rng: np.random.Generator) -> None:
+    assert text_outcome(specimen, specimen.text.encode()) == (TextOutcome.RESULT, "")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        counts = text_outcomes(specimen, 20, rng)
+    assert sum(counts.values(), Counter()).keys() <= {TextOutcome.RESULT, TextOutcome.REFUSED}

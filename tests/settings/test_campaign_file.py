@@ -229,6 +229,12 @@ def test_a_torque_has_a_unit() -> None:
         quantity("10", TORQUE_OF_SHAFT, "here")
 
 
+def test_the_line_of_a_key_is_found_behind_a_list_and_a_text_of_many_lines() -> None:
+    """Each in one pass: a parser that begins anew with every line would not end."""
+    text = "a = [\n" + "1,\n" * 50_000 + ']\nb = """\n' + '[x] \\""" #\n' * 20_000 + '"""\nc = 1\n'
+    assert lines_of(text) == {("a",): 1, ("b",): 50_003, ("c",): 70_005}
+
+
 def test_the_line_of_each_key_is_found_past_long_values() -> None:
     text = (
         '# head\ntop = 1\n[a."b c"]\nlist = [\n  1, # [x]\n  2,\n]\n'

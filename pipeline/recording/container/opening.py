@@ -74,10 +74,10 @@ class Opening:
         self.unproven += head.crc == 0
         if self._twice(head):
             self._repeated(frame, head)
-        elif self.gathered.messages > MOST_MESSAGES + MESSAGES_A_BYTE * self.source.size:
+        elif (left := MOST_MESSAGES + MESSAGES_A_BYTE * self.source.size - self.gathered.messages) <= 0:
             self._refused(frame, TooLargeError(f"{self.gathered.messages} messages before it, in so small a file"))
         else:
-            take_inside(self.gathered, frame.at, data)
+            take_inside(self.gathered, frame.at, data, left)
         return head.end
 
     def used(self, frame: Frame, end: int, came: str, code: Code = Code.LENGTH, why: str = "It is used.") -> None:

@@ -39,6 +39,8 @@ class Round:
         Receives the messages.
     data : memoryview
         Records of the chunk.
+    most : int
+        Messages that are taken at once.
 
     Notes
     -----
@@ -48,9 +50,10 @@ class Round:
     same order within each channel.
     """
 
-    def __init__(self, gathered: WholeRecords, data: memoryview) -> None:
+    def __init__(self, gathered: WholeRecords, data: memoryview, most: int) -> None:
         self._gathered = gathered
         self._data = data
+        self._most = most
         self._bytes = np.frombuffer(data, dtype=np.uint8)
         self._seen: dict[bytes, int] = {}
         self._begun: list[int] = []
@@ -82,7 +85,7 @@ class Round:
         # The message that closes a round is the first of the next, and is taken already.
         starts, length = np.array(self._begun[number:]), place - self._begun[number]
         self.ended()
-        rounds = (len(self._data) - place) // length
+        rounds = min((len(self._data) - place) // length, self._most // len(starts))
         channels = [self._channel(at) for at in starts.tolist()]
         known = all(channel in self._gathered.channels for channel in channels)
         if rounds < FEWEST or not known or len(set(channels)) < len(channels):

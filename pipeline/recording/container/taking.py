@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import count
 from typing import TYPE_CHECKING
 
 from deflate import crc32
@@ -22,6 +23,9 @@ from pmg.pipeline.recording.findings import Code
 
 if TYPE_CHECKING:
     from pmg.pipeline.recording.container.gathered import WholeRecords
+
+COUNTED = 64
+"""Steps of a walk over the records of a chunk after which its messages are counted."""
 
 
 def take(gathered: WholeRecords, at: int, opcode: int, body: bytes) -> None:
@@ -70,12 +74,18 @@ def take(gathered: WholeRecords, at: int, opcode: int, body: bytes) -> None:
         gathered.attachments.append(attachment)
 
 
-def take_inside(gathered: WholeRecords, at: int, data: memoryview) -> None:
-    """Keep what the records of an opened chunk say; those that are not whole become findings."""
+def take_inside(gathered: WholeRecords, at: int, data: memoryview, most: int = 1 << 62) -> None:
+    """Keep what the records of an opened chunk say; those that are not whole become findings.
+
+    Of more messages than `most`, no file of its size being able to hold them, some are left out.
+    """
     place, end = 0, len(data)
     lost, fault = 0, ""
-    round_of = Round(gathered, data)
-    while place + HEAD.size <= end:
+    round_of = Round(gathered, data, most)
+    most += gathered.messages
+    for number in count():
+        if place + HEAD.size > end or (number % COUNTED == 0 and gathered.messages >= most):
+            break
         opcode, length = HEAD.unpack_from(data, place)
         start = place + HEAD.size
         stop = start + length
@@ -105,7 +115,16 @@ def take_inside(gathered: WholeRecords, at: int, data: memoryview) -> None:
             kept="the other records of the chunk",
             lost=f"{lost} records",
         )
-    if place != end:
+    if place != end and gathered.messages >= most:
+        gathered.findings.error(
+            Code.TOO_LARGE,
+            f"chunk at byte {at}",
+            f"{end - place} bytes of it are left after {gathered.messages} messages; expected fewer in so small a file",
+            "No recorder writes this; the rest of the chunk is not read.",
+            kept="the messages before them",
+            lost=f"{end - place} bytes of records",
+        )
+    elif place != end:
         gathered.findings.error(
             Code.CHUNK_LOST,
             f"chunk at byte {at}",

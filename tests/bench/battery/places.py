@@ -166,6 +166,7 @@ CASES = (
         "a store that cannot be written to, with a new recording",
         small=True,
         first="kept",
+        spoil=_rights(0o555, "store", "store/runs", "store/sources"),
         calls=(replace(INGEST, plain=True, before=_more), replace(ANALYSE, before=_less)),
     ),
     *(
