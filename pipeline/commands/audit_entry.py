@@ -49,13 +49,13 @@ def leave_entries(
     tuple of Remark
         A warning for each entry that could not be written: the results of the command stand all the same.
     """
-    told = {name: value for name, value in {**settings, **notes.settings}.items() if value is not None}
-    named = told.get("stores", [told.get("store")])
+    chosen = {name: value for name, value in {**settings, **notes.settings}.items() if value is not None}
+    named = chosen.get("stores", [chosen.get("store")])
     stores = [path for path in named if isinstance(path, Path)] if isinstance(named, list) else []
     failed = []
     for store in dict.fromkeys(stores):
         try:
-            append_entry(store, _facts(command, words, told, notes, began, code, store.absolute()))
+            append_entry(store, _facts(command, words, chosen, notes, began, code, store.absolute()))
         except OSError as error:
             message = f"the audit trail has no entry of this command ({error.strerror or error}); expected a file that "
             message += "can be written. The results stand; note by hand what was run, and put the file right"

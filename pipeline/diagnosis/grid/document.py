@@ -73,11 +73,11 @@ def _legible(value: Any) -> Any:  # noqa: ANN401 - any JSON value
     if isinstance(value, list):
         return [_legible(part) for part in value]
     if isinstance(value, dict):
-        u, told = value.get("standard_error"), dict(value)
+        u, short = value.get("standard_error"), dict(value)
         for name in ("value", "after"):
-            if u and isinstance(told.get(name), float):
-                told[name] = round(told[name], BESIDE_U - math.floor(math.log10(u)))
-        return {name: _legible(part) for name, part in told.items()}
+            if u and isinstance(short.get(name), float):
+                short[name] = round(short[name], BESIDE_U - math.floor(math.log10(u)))
+        return {name: _legible(part) for name, part in short.items()}
     return float(f"{value:.{LEGIBLE}g}") if isinstance(value, float) else value
 
 
