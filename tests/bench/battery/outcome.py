@@ -157,9 +157,9 @@ def _judged(
     naming = [line for line in new if re.search(case.says, line)]
     if naming:
         return Outcome.NAMED, naming[0]
-    if any(each.code == 2 for each in ended):
+    if any(each.code == 2 and not call.err for each, call in zip(ended, case.calls, strict=True)):
         return Outcome.CRASH, f"exit 2 without a sentence: {new or ended[-1].err[-200:]}"
-    compared = case.acts is None and any("analyse" in call.words for call in case.calls)
+    compared = case.acts is None and any({"analyse", "store"} <= set(call.words) for call in case.calls)
     off = differences(read_grid(desk.store), sound.grid) if compared else []
     if off:
         return Outcome.SILENT, "; ".join(off)[:200] + (f" (said: {new[0]})" if new else "")
@@ -181,9 +181,9 @@ def _harm(desk: Desk, before: Mapping[str, str], sound: Sound, pmg: str) -> str:
 
 
 def _hashes(store: Path) -> dict[str, str]:
-    """Hashes of what a store holds, but for the record of when it was written."""
+    """Hashes of what a store holds, but for the records of when it was written and by whom."""
     return {
         str(path.relative_to(store)): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(store.rglob("*"))
-        if path.is_file() and not path.name.startswith((".pmg-", "ro-crate"))
+        if path.is_file() and not path.name.startswith((".pmg-", "ro-crate", "audit"))
     }
