@@ -29,6 +29,9 @@ ROUNDING_PUBLISHED = 0.01
 RATIO_TOLERANCE = 0.02
 """Largest deviation of engaged speeds from the gear ratio, as part of the sun speed."""
 
+BEYOND = {"_rpm": 1e6, "_Nm": 1e3}
+"""Speeds and torques, by the end of a column's name, that no encoder and no transducer of such a bench gives."""
+
 _NEUTRAL_COLUMNS = ("sun_speed_rpm", "ring_speed_rpm", "sun_loss_torque_Nm", "ring_loss_torque_Nm")
 _ENGAGED_COLUMNS = (
     "sun_speed_rpm",
@@ -129,6 +132,15 @@ def _read_published_csv(path: Path, needed: tuple[str, ...]) -> pd.DataFrame:
                 repr(str(frame[name].iloc[row])),
                 "a finite number, and a magnitude for a speed",
                 "Published grids hold forward rotation only; ingest recordings for the rest.",
+            )
+        most = next(limit for end, limit in BEYOND.items() if name.endswith(end))
+        if (beyond := values.abs() > most).any():
+            row = int(np.flatnonzero(beyond)[0])
+            raise GridError(
+                f"{path}: line {row + 2}, column {name}",
+                repr(str(frame[name].iloc[row])),
+                f"a value that a bench can give, at most {most:g}",
+                "Correct the cell, or leave the whole line out.",
             )
         frame[name] = values.astype(float)
     if frame.empty:

@@ -180,7 +180,7 @@ def _resembling(problem: GridProblem, fits: dict[Candidate, CandidateFit]) -> li
     pairs: dict[frozenset[str], LookAlike] = {}
     for one, fit in fits.items():
         length = float(fit.seen @ fit.seen)
-        for other in fits:
+        for other in fits if length > 0.0 else ():
             if one is other or (one.kind is other.kind and "both" in (one.shaft, other.shaft)):
                 continue
             same = one.kind is other.kind
