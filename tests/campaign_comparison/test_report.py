@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.campaign_comparison.campaigns import grid, side
+from tests.report import chromium
+from tests.report.controls import press_all
 from typer.testing import CliRunner
 
 from pmg.pipeline.analysis.outputs import write_analysis
@@ -46,9 +48,20 @@ def call(*words: object, expect: int) -> dict[str, Any]:
     return found
 
 
-def test_a_store_against_itself_through_the_command(published: Path, tmp_path: Path) -> None:
-    report = tmp_path / "r"
-    result = call(published, published, "--report", report, "--fail-on", "mismatch", expect=0)
+@pytest.fixture(scope="module")
+def with_itself(published: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """A store compared with itself: the report, and what the command gave."""
+    report = tmp_path_factory.mktemp("itself") / "r"
+    return report, call(published, published, "--report", report, "--fail-on", "mismatch", expect=0)
+
+
+@chromium.needed
+def test_no_control_of_the_page_sends_anything(with_itself: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    assert press_all(with_itself[0] / "report.html", tmp_path)
+
+
+def test_a_store_against_itself_through_the_command(with_itself: tuple[Path, dict[str, Any]]) -> None:
+    report, result = with_itself
     data = result["data"]
     assert data["statement"].startswith("No difference beyond noise")
     assert data["only_a"] == data["only_b"] == []

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
@@ -43,6 +43,15 @@ NEEDED = [
     pytest.mark.skipif(BROWSER is None, reason=f"none of {', '.join(NAMES)} is installed"),
 ]
 """Marks of a module whose tests need a browser."""
+
+
+def needed(test: Callable[..., None]) -> Callable[..., None]:
+    """The same for one test."""
+    for mark in NEEDED:
+        test = mark(test)
+    return test
+
+
 NOISY = ("Log.entryAdded", "Runtime.consoleAPICalled", "Runtime.exceptionThrown")
 AXE = "v => v.id + ': ' + v.nodes.map(n => n.html.slice(0, 160)).join(' | ')"
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +16,7 @@ from pmg.pipeline.report.document import Chart, Column, Figure, PowerFlow, Secti
 from pmg.pipeline.report.write import write_report
 
 from . import chromium, example
+from .controls import drawn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,14 +24,7 @@ if TYPE_CHECKING:
 
 pytestmark = chromium.NEEDED
 
-LEFT = "document.querySelector('figure.drawn:not([data-drawn])')"
 TRACES = "document.querySelector('#efficiency .plot').data"
-
-
-def drawn(tab: chromium.Tab) -> None:
-    """Every figure brought near the screen, until each is drawn."""
-    while identifier := tab.ask(f"(left => left && (left.scrollIntoView(), left.id))({LEFT})"):
-        tab.wait(f"document.getElementById('{identifier}').dataset.drawn === 'yes'")
 
 
 @pytest.fixture(scope="module")
@@ -156,37 +149,6 @@ def test_axe_finds_nothing_to_object_to(tab: chromium.Tab, *, dark: bool) -> Non
 def test_nothing_was_fetched_and_nothing_reported(tab: chromium.Tab, folder: Path) -> None:
     assert tab.fetched() == {(folder / "report.html").as_uri()}
     assert tab.noise() == []
-
-
-SENDING = re.compile(r"shar|send|sent|upload|cloud|publish|post|mail|online|studio|plotly", re.IGNORECASE)
-VISIBLE = "[...document.querySelectorAll('button')].filter(b => b.getClientRects().length)"
-NAMED = "[b.ariaLabel, b.dataset.title, b.title, b.textContent].filter(Boolean).join(' / ').trim()"
-PRESS = f"""(pressed => {{
-  const b = {VISIBLE}.filter(b => !pressed.has(b)).at(-1);
-  if (!b) return null;
-  const name = {NAMED};
-  pressed.add(b);
-  b.click();
-  return name;
-}})(window.pressed ??= new Set())"""
-
-
-def test_no_control_of_the_page_sends_anything(folder: Path, tmp_path: Path) -> None:
-    with chromium.tab(tmp_path / "profile") as tab:
-        tab.show(1280)
-        tab.open(folder / "report.html")
-        drawn(tab)
-        tab.call("Page.setDownloadBehavior", behavior="deny")
-        tools = "[...document.querySelectorAll('.plot .modebar')].map(bar => bar.querySelectorAll('button').length)"
-        assert min(tab.ask(tools)) >= 1
-        names: list[str] = []
-        while (name := tab.act(PRESS)) is not None:
-            names.append(name)
-            assert len(names) < 200
-        assert len(names) > sum(tab.ask(tools))
-        assert tab.fetched() == {(folder / "report.html").as_uri()}
-        assert [event["params"]["url"] for event in tab.events if event["method"] == "Page.windowOpen"] == []
-        assert [name for name in names if not name or SENDING.search(name)] == []
 
 
 def test_a_browser_that_cannot_unpack_keeps_still_drawings_and_links_to_files(

@@ -16,6 +16,7 @@ from pmg.pipeline.report.write import write_report
 from pmg.sim import signals
 
 from . import chromium, example
+from .controls import press_all
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -112,6 +113,12 @@ def tab(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[chro
 
 def drawn(tab: chromium.Tab, point: str) -> None:
     tab.wait(f"{SHOWN} === {json.dumps(point)} && document.querySelectorAll('#signals table').length === 2")
+
+
+def test_no_control_of_the_page_or_of_an_open_point_sends_anything(folder: Path, tmp_path: Path) -> None:
+    pressed = press_all(folder / "report.html", tmp_path / "profile", "P_1")
+    assert ("button", "Close") in pressed
+    assert "select" in {kind for kind, _ in pressed}
 
 
 def test_a_click_on_a_cell_draws_its_signals(tab: chromium.Tab) -> None:

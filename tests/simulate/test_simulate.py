@@ -13,6 +13,8 @@ import numpy as np
 import polars as pl
 import pytest
 from tests.conftest import ROOT
+from tests.report import chromium
+from tests.report.controls import press_all
 from typer.testing import CliRunner
 
 from pmg.pipeline.cli.app import app
@@ -111,6 +113,11 @@ def test_each_scenario_that_ships_runs(name: str, shipped: dict[str, tuple[Path,
         assert columns == pl.read_parquet(table.with_suffix(".parquet")).columns
     if summary["transient"] is not None:
         assert abs(summary["transient"]["energy_residual"]) < 1e-6
+
+
+@chromium.needed
+def test_no_control_of_the_page_sends_anything(shipped: dict[str, tuple[Path, dict[str, Any]]], tmp_path: Path) -> None:
+    assert press_all(shipped["neutral"][0] / "report.html", tmp_path)
 
 
 def test_the_published_run_comes_out(shipped: dict[str, tuple[Path, dict[str, Any]]]) -> None:

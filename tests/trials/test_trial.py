@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy import stats
+from tests.report import chromium
+from tests.report.controls import press_all
 from typer.testing import CliRunner
 
 from pmg.pipeline.cli.app import app
@@ -324,6 +326,11 @@ def trial(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any
     assert found.exit_code == 0, found.stderr
     result: dict[str, Any] = json.loads(found.stdout)
     return folder, result["data"]
+
+
+@chromium.needed
+def test_no_control_of_the_page_sends_anything(trial: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    assert press_all(trial[0] / "report.html", tmp_path)
 
 
 def test_six_campaigns_end_in_scores_and_a_report(trial: tuple[Path, dict[str, Any]]) -> None:
