@@ -150,7 +150,7 @@ def read_head(path: Path, form: CsvForm) -> CsvHead:
     if not at:
         raise RecordingError(str(path), "no line with data", "names of columns and samples", "Look into the file.")
     delimiter = form.delimiter if form.delimiter != "auto" else _delimiter([lines[n] for n in at[: 1 + LOOKED_AT]])
-    cells = _cells_of(lines[at[0]], delimiter)
+    cells = cells_of(lines[at[0]], delimiter)
     if form.header_line == 0:
         names, units, begin = [str(n) for n in range(1, len(cells) + 1)], [""] * len(cells), at[0]
     else:
@@ -158,8 +158,8 @@ def read_head(path: Path, form: CsvForm) -> CsvHead:
     data_at = [n for n in range(begin, len(lines)) if holds_row(lines[n], form.comment, delimiter, len(names))]
     units_line = 0
     if form.header_line != 0 and data_at and form.units_row != "no":
-        row = _cells_of(lines[data_at[0]], delimiter)
-        below = [_cells_of(lines[n], delimiter) for n in data_at[1 : 1 + LOOKED_AT]]
+        row = cells_of(lines[data_at[0]], delimiter)
+        below = [cells_of(lines[n], delimiter) for n in data_at[1 : 1 + LOOKED_AT]]
         if form.units_row == "yes" or _are_units(row, below, len(names)):
             given = [cell.strip().strip("[]()").strip() for cell in row] + [""] * len(names)
             units = [given[n] or units[n] for n in range(len(names))]
@@ -172,9 +172,12 @@ def read_head(path: Path, form: CsvForm) -> CsvHead:
     return CsvHead(encoding, delimiter, decimal, tuple(names), tuple(units), units_line, first, properties)
 
 
-def _cells_of(line: str, delimiter: str) -> list[str]:
-    """The cells of one line."""
-    return next(csv.reader([line], delimiter=delimiter, skipinitialspace=delimiter == " "))
+def cells_of(line: str, delimiter: str) -> list[str]:
+    """The cells of one line; quotes count for nothing in a line that holds a cell longer than any recorder writes."""
+    try:
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=delimiter == " "))
+    except csv.Error:
+        return line.split(delimiter)
 
 
 def holds_row(line: str, comment: str, delimiter: str, columns: int) -> bool:
@@ -241,7 +244,7 @@ def _decimal(rows: list[tuple[int, str]], delimiter: str, path: Path) -> str:
     comma = point = decimal = 0
     shown = ""
     for line, text in rows:
-        cells = [cell.strip() for cell in _cells_of(text, delimiter)]
+        cells = [cell.strip() for cell in cells_of(text, delimiter)]
         numbers = [cell for cell in cells if NUMBER.fullmatch(cell) or THOUSANDS.fullmatch(cell)]
         with_comma = [cell for cell in numbers if WITH_COMMA.search(cell)]
         if with_comma and not comma:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
-from pmg.pipeline.importers.csv_dialect import MISSING, CsvForm, CsvHead, holds_row, read_head
+from pmg.pipeline.importers.csv_dialect import MISSING, CsvForm, CsvHead, cells_of, holds_row, read_head
 from pmg.pipeline.importers.source import ROWS, Block, SourceChannel, Wanted, channel_of
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.wording.plurals import counted
@@ -140,9 +139,8 @@ class CsvSource:
     def _slow(self, lines: list[str], places: npt.NDArray[np.int64], at: dict[Wanted, int]) -> Block:
         """Row by row, so that what is wrong has a place; a cell that is tolerated becomes empty, no other one."""
         columns: dict[Wanted, Array] = {want: np.full(len(lines), np.nan) for want in at}
-        spaced = self.head.delimiter == " "
         for row, line in enumerate(lines):
-            cells = next(csv.reader([line], delimiter=self.head.delimiter, skipinitialspace=spaced))
+            cells = cells_of(line, self.head.delimiter)
             if len(cells) != len(self.head.names):
                 came, expected = counted(len(cells), "cell"), counted(len(self.head.names), "cell")
                 self._bad_row(int(places[row]), [("the row", came)], expected, "The row is left out", "1 row")

@@ -209,6 +209,13 @@ def test_a_row_with_another_number_of_cells_is_told(row: str) -> None:
         values(source_of(f"a;b;c\n1;2;3\n{row}\n4;5;6\n".encode()), "a")
 
 
+def test_a_cell_that_is_longer_than_any_number_costs_its_value() -> None:
+    source = source_of(b"a;b\n1;2\n" + b"7" * 200_000 + b"x;4\n5;6\n", CsvForm(bad_rows=1))
+    assert values(source, "a")[::2] == [1.0, 5.0]
+    (lost,) = source.findings.listed()
+    assert (lost.where, lost.lost) == ("line 3, column 'a'", "1 value")
+
+
 def test_thousands_of_bad_rows_end_at_the_first_that_is_one_too_many() -> None:
     data = b"a;b\n" + b"1;2\n" * 1000 + b"oops;2\n" * 5000
     source = source_of(data, CsvForm(bad_rows=10))
