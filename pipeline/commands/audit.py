@@ -90,7 +90,7 @@ def run_audit(store: Path, head: str | None = None) -> Outcome:
 
 
 def _lost(at: Break) -> str:
-    return f"{at.came}; expected {at.expected}. A kill or a full disk leaves such a line: what it told is lost"
+    return f"{at.came}; expected {at.expected}. A kill or a full disk leaves such a line: what it said is lost"
 
 
 def _held_files(store: Path, trail: AuditTrail) -> _HeldFiles:

@@ -56,8 +56,9 @@ def leave_entries(
     for store in dict.fromkeys(stores):
         try:
             append_entry(store, _facts(command, words, chosen, notes, began, code, store.absolute()))
-        except OSError as error:
-            message = f"the audit trail has no entry of this command ({error.strerror or error}); expected a file that "
+        except Exception as error:
+            came = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
+            message = f"the audit trail has no entry of this command ({came}); expected a file that "
             message += "can be written. The results stand; note by hand what was run, and put the file right"
             failed.append(Remark("warning", str(store / FILE), message))
     return tuple(failed)
@@ -73,7 +74,8 @@ def _facts(
     store: Path,
 ) -> dict[str, Any]:
     """The entry without its place in the chain; files of the store are named from there, others in full."""
-    recordings = {digest: name for digest, name in notes.recordings.items() if digest not in notes.read.values()}
+    named = set(notes.read.values())
+    recordings = {digest: name for digest, name in notes.recordings.items() if digest not in named}
     read = {path: digest for path, digest in notes.read.items() if path not in notes.written}
     return {
         "began": began.isoformat(),

@@ -84,7 +84,7 @@ def settle(residuals: Callable[[Array], Array], start: Array, size: Array, bound
     this leads uphill, the search's own result is kept.
     """
     low, high = bounds
-    begin = np.where(start - low <= AT_BOUND * size, low, np.where(high - start <= AT_BOUND * size, high, start))
+    begin = _snapped(start, size, bounds)
     values, free = begin, (begin > low) & (begin < high)
     left, curvature, last = residuals(values), None, np.inf
     for _ in range(MOST_ROUNDS):
@@ -106,11 +106,20 @@ def settle(residuals: Callable[[Array], Array], start: Array, size: Array, bound
         if not free[at].all() or length > SLOW * last:
             curvature = None
         last = length
-    searched = residuals(start)
+    searched, at_bounds = residuals(start), _snapped(values, size, bounds)
     cost, found = float(left @ left), float(searched @ searched)
+    if (at_bounds != values).any():  # what ends beside a bound is on it, as what began there
+        held = settle(residuals, at_bounds, size, bounds)
+        values, free, cost = held.values, held.free, held.cost
     if cost <= found + RISE * max(found, 1.0):
         return SettledFit(values, free, cost)
     return SettledFit(start, (begin > low) & (begin < high), found)
+
+
+def _snapped(values: Array, size: Array, bounds: Array) -> Array:
+    """The parameters (k,), those beside a bound put on it."""
+    low, high = bounds
+    return np.where(values - low <= AT_BOUND * size, low, np.where(high - values <= AT_BOUND * size, high, values))
 
 
 def slopes_at(residuals: Callable[[Array], Array], fit: SettledFit, size: Array, bounds: Array) -> Array:

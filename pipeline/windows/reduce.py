@@ -39,10 +39,14 @@ STILL = 1e-12
 """Range of a torque, as part of its size or of 1 N m, below which it shows nothing but the rounding of numbers."""
 SPIKE = 8.0
 """Distance of a spike from the median, in standard deviations of the samples."""
+MOST_SPIKES = 0.125
+"""Part of the samples that may be spikes."""
 SAMPLED = 4096
 """Samples of a window from which its median is known well enough to tell spikes."""
 GOLDEN = 0.6180339887498949
 """Part of a window by which one of them is ahead of the one before: no period of a signal keeps step with it."""
+FEW_BINS = 64
+"""Bins up to which a Fourier sum for each takes less time than the transform, and little memory."""
 TOGETHER = 1024
 """Samples of a signal whose part in a Fourier coefficient is summed at once."""
 RESOLVED = 0.5
@@ -186,8 +190,8 @@ def _still(torque: Array) -> bool:
 def _moved_by_spikes(torque: Array) -> float:
     """How far samples far off the others move the mean of a torque [N m] (n,); 0 where there are none.
 
-    Far off is `SPIKE` times the standard deviation that the median of the distances from the median tells, normal noise
-    does not pass it, a sine reaches 1.4 times it.
+    Far off is `SPIKE` times the standard deviation that the median of the distances from the median gives. Normal noise
+    does not pass that, nor does a sine. What more than `MOST_SPIKES` of the samples do is the signal, and no spike.
     """
     n = len(torque)
     some = torque if n <= SAMPLED else torque[(np.arange(SAMPLED) * GOLDEN % 1.0 * n).astype(np.intp)]
@@ -195,7 +199,8 @@ def _moved_by_spikes(torque: Array) -> float:
     distance = np.abs(some - middle)
     step = float(np.min(distance, where=distance > 0.0, initial=math.inf))  # of a coarse signal most samples are one
     usual = np.abs(torque - middle) <= SPIKE * max(NORMAL_MAD * float(np.median(distance)), step)
-    return 0.0 if usual.all() or not usual.any() else float(torque.mean() - torque[usual].mean())
+    share = 1.0 - float(usual.mean())
+    return float(torque.mean() - torque[usual].mean()) if 0.0 < share <= MOST_SPIKES else 0.0
 
 
 def _resolution(torque: Array) -> float:
@@ -233,7 +238,7 @@ def low_pass(x: Array, rate_hz: float, cutoff_hz: float) -> Array:
 
 
 def _low_passed_std(x: Array, rate_hz: float, cutoff_hz: float) -> float:
-    r"""Standard deviation of a signal after `low_pass`, of which only the few bins below the cut-off are worked out.
+    r"""Standard deviation of a signal after `low_pass`, in a short window from the few bins below the cut-off alone.
 
     Parameters
     ----------
@@ -248,6 +253,8 @@ def _low_passed_std(x: Array, rate_hz: float, cutoff_hz: float) -> float:
     n = len(x)
     bins = np.arange(1, min(int(cutoff_hz * n / rate_hz) + 1, n // 2) + 1)
     bins = bins[bins * (1.0 / (n * (1.0 / rate_hz))) <= cutoff_hz]
+    if len(bins) > FEW_BINS:
+        return float(low_pass(x, rate_hz, cutoff_hz).std(ddof=1))
     rows = np.zeros((-(-n // TOGETHER), TOGETHER))
     rows.reshape(-1)[:n] = x - x.mean()
     within = np.outer(np.arange(TOGETHER), bins) * (REVOLUTION / n)

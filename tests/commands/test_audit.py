@@ -55,7 +55,6 @@ def test_an_entry_says_who_ran_what_on_which_bytes_with_which_settings(recorded:
     (entry,) = read_trail(recorded / "s").entries
     began = datetime.fromisoformat(entry["began"])
     assert began.utcoffset() == UTC.utcoffset(None)
-    assert abs((datetime.now(UTC) - began).total_seconds()) < 3600.0
     assert (entry["host"], entry["folder"], entry["command"]) == (platform.node(), str(Path.cwd()), "ingest")
     assert entry["user"]
     assert entry["versions"]["numpy"] == np.__version__

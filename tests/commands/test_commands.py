@@ -222,6 +222,7 @@ TABLE: dict[str, Row] = {
         ),
         more=(("{store} 00.mcap 05.mcap --fail-on mismatch", 1),),
     ),
+    "runs audit": Row("commands.audit.run_audit", "{store}", (Wrong(NO_STORE, "pmg ingest"),)),
     "config show": Row(
         "commands.config.run_show",
         "--config {config} --origin",
@@ -562,7 +563,7 @@ def test_the_version_is_told_and_is_that_of_the_package() -> None:
 
 @pytest.mark.parametrize(
     ("words", "offered"),
-    [("pmg runs ", {"list", "show", "diff"}), ("pmg config s", {"show"}), ("pmg run --ma", {"--map"})],
+    [("pmg runs ", {"list", "show", "diff", "audit"}), ("pmg config s", {"show"}), ("pmg run --ma", {"--map"})],
 )
 def test_a_shell_completes_commands_of_groups_and_options(words: str, offered: set[str]) -> None:
     count = str(len(words.split(" ")) - 1)

@@ -64,6 +64,15 @@ def test_a_parameter_without_effect_takes_its_usual_size() -> None:
     assert settle(one, np.array([0.3, 0.1, 7.0]), SIZE, WIDE).values[1:].tolist() == [1.0, 1.0]
 
 
+@pytest.mark.parametrize("start", [9e-5, 1.1e-4, 0.2])
+def test_a_minimum_beside_a_bound_is_on_it_wherever_the_search_stopped(start: float) -> None:
+    def one(values: Array) -> Array:
+        return np.asarray(NOISE - NOISE.mean() + 3.0 * (values[0] - 6e-5))
+
+    found = settle(one, np.array([start]), np.ones(1), np.array([[0.0], [5.0]]))
+    assert (found.values[0], found.free[0]) == (0.0, False)
+
+
 def test_where_newton_leads_uphill_the_search_is_kept() -> None:
     def dent(values: Array) -> Array:
         return np.array([3.0 * np.tanh(8.0 * values[0])])

@@ -182,9 +182,9 @@ FAULTS = (
     Fault("span of one calibration doubled", "calibration", _calibration("span_Hz = 5000.0", "span_Hz = 10000.0")),
     Fault("zero of one calibration 20 Hz off", "calibration", _calibration("10003.2", "10023.2")),
     Fault(
-        "another transducer in one run",
+        "no serial number and another span in one run",
         "calibration",
-        _changed(NEUTRAL, calibration=CALIBRATION.replace("T-sun", "X").replace("5000.0", "6000.0")),
+        _changed(NEUTRAL, calibration=CALIBRATION.replace('serial = "T-sun"\n', "").replace("5000.0", "6000.0", 1)),
     ),
     Fault("one run marked as simulated", "simulated-data", _simulated),
     Fault("gear 2 declared on a run in gear 1", "gear", _told(ENGAGED, gear="2")),

@@ -189,6 +189,45 @@ def test_a_calibration_made_anew_is_told_and_kept(checked: Check) -> None:
     assert rejected(found) == set()
 
 
+def test_another_transducer_is_named_and_nothing_is_rejected(checked: Check) -> None:
+    runs = sound()
+    for name in (NEUTRAL, ENGAGED):
+        runs[name] = replace(runs[name], calibration=CALIBRATION.replace("T-sun", "X").replace("10003.2", "10013.2", 1))
+    found = checked(runs)
+    (finding,) = [each for each in found.findings if each.message.startswith("calibration:")]
+    assert finding.where == "campaign"
+    assert (
+        "2 recordings (03.mcap, ...) name another transducer of the sun, X, than the 36 others (T-sun)"
+        in finding.message
+    )
+    assert rejected(found) == set()
+
+
+def test_recordings_without_any_serial_number_are_held_against_each_other(checked: Check) -> None:
+    nameless = re.sub(r"(?m)^serial = .*\n", "", CALIBRATION)
+    runs = {name: replace(one, calibration=nameless) for name, one in sound().items()}
+    runs[NEUTRAL] = replace(runs[NEUTRAL], calibration=nameless.replace("10003.2", "10023.2", 1))
+    found = checked(runs)
+    assert named(found, "calibration") == [NEUTRAL]
+    assert rejected(found) == {NEUTRAL}
+
+
+def test_a_zero_offset_with_unequal_directions_is_no_doubt_about_single_points(
+    checked: Check, bench: BenchParameters
+) -> None:
+    runs = {name: one for name, one in sound().items() if name not in [f"{n}.mcap" for n in range(27, 38)]}
+    for name, one in runs.items():
+        runs[name] = replace(one, torque={"sun": one.torque["sun"] + 0.1, "ring": one.torque["ring"]})
+    reverse = runs["20.mcap"]
+    speed, torque = ({side: -value for side, value in part.items()} for part in (reverse.speed, reverse.torque))
+    sets = {key: f"{-float(reverse.run[key] or 0.0):g}" for key in ("sun_speed_set_rpm", "ring_speed_set_rpm")}
+    sets["ring_torque_set_Nm"] = f"{-float(reverse.run['ring_torque_set_Nm'] or 0.0)}"
+    runs["20.mcap"] = replace(
+        reverse, speed=speed, torque={"sun": torque["sun"] + 0.2, "ring": torque["ring"]}, run=dict(reverse.run) | sets
+    )
+    assert named(checked(runs), "torque-balance") == []
+
+
 @pytest.mark.parametrize("flaw", ["restart", "twice", "held back"])
 def test_blocks_that_tell_no_rate_contradict_none(flaw: str, checked: Check) -> None:
     runs = sound()

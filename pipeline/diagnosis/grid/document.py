@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 SCHEMA = "pmg.diagnosis/1"
 
+OF_U = ("value", "after")
+"""Keys of numbers to which the standard error beside them belongs."""
 LEGIBLE, BESIDE_U = 6, 4
 """Significant digits of a number, and digits of one after the first of its standard error."""
 
@@ -73,11 +75,14 @@ def _legible(value: Any) -> Any:  # noqa: ANN401 - any JSON value
     if isinstance(value, list):
         return [_legible(part) for part in value]
     if isinstance(value, dict):
-        u, short = value.get("standard_error"), dict(value)
-        for name in ("value", "after"):
-            if u and isinstance(short.get(name), float):
-                short[name] = round(short[name], BESIDE_U - math.floor(math.log10(u)))
-        return {name: _legible(part) for name, part in short.items()}
+        u = value.get("standard_error")
+        if not isinstance(u, float) or not math.isfinite(u) or u <= 0.0:
+            return {name: _legible(part) for name, part in value.items()}
+        digits = BESIDE_U - math.floor(math.log10(u))
+        return {
+            name: round(part, digits) if name in OF_U and isinstance(part, float) else _legible(part)
+            for name, part in value.items()
+        }
     return float(f"{value:.{LEGIBLE}g}") if isinstance(value, float) else value
 
 

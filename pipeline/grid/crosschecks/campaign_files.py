@@ -34,23 +34,39 @@ FEWEST_PAIRS = 3
 def calibrations_unlike_the_others(manifests: Sequence[Manifest], _: BenchParameters) -> Iterator[Contradiction]:
     """Recordings whose calibration of a transducer is not that of the others with its serial number.
 
-    One that states another serial number than most of the campaign, or none, is held against those all the same.
+    One without a serial number is held against most of the campaign all the same. Another transducer than in most
+    recordings is named, and nothing is rejected for it.
     """
     for side in SIDES:
         by_serial: dict[str, list[Manifest]] = defaultdict(list)
         for manifest in manifests:
             by_serial[manifest.calibration[side].serial].append(manifest)
+        usual, most = max(by_serial.items(), key=lambda item: len(item[1]), default=("", []))
+        if len(most) < USUAL * len(manifests):
+            usual, most = "", []
         for serial, carried in by_serial.items():
-            if serial:
-                yield from _unlike(side, f"transducer {serial}", carried)
-        serial, carried = max(by_serial.items(), key=lambda item: len(item[1]), default=("", []))
-        if len(carried) >= USUAL * len(manifests) and (len(carried) < len(manifests) or not serial):
-            usual = Counter(_numbers(m.calibration[side]) for m in carried).most_common(1)[0][0]
-            most = [m for m in carried if _numbers(m.calibration[side]) == usual]
-            others = [m for m in manifests if m.calibration[side].serial != serial]
-            yield from _unlike(
-                side, f"transducer ({serial or 'without serial number'} in most recordings)", [*most, *others]
-            )
+            if serial or serial == usual:
+                yield from _unlike(side, f"transducer {serial or 'without serial number'}", carried)
+                if most and serial != usual:
+                    yield from _another(side, serial, carried, most)
+            elif most:
+                yield from _unlike(side, f"transducer ({usual} in most recordings)", [*most, *carried])
+
+
+def _another(side: str, serial: str, carried: list[Manifest], most: list[Manifest]) -> Iterator[Contradiction]:
+    """Another transducer than in most recordings, where the two calibrations differ."""
+    usual = Counter(_numbers(m.calibration[side]) for m in most).most_common(1)[0][0]
+    off, limit = max(_off(m.calibration[side], usual) for m in carried), CALIBRATION_OF_NOMINAL * usual[2]
+    if off > limit:
+        files = carried[0].file + (", ..." if len(carried) > 1 else "")
+        others = most[0].calibration[side].serial or "without serial number"
+        message = (
+            f"{counted(len(carried), 'recording')} ({files}) name another transducer of the {side}, {serial}, than the "
+            f"{len(most)} others ({others}); the torque by the two calibrations differs by up to {off:.3g} N m, "
+            f"limit {limit:.3g} N m"
+        )
+        do = "Nothing is to be done if the transducer was changed; else correct serial number and calibration."
+        yield Contradiction(None, off, limit, message, do)
 
 
 def _unlike(side: str, transducer: str, carried: list[Manifest]) -> Iterator[Contradiction]:

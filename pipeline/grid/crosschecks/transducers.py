@@ -33,7 +33,7 @@ SHOWN = 4.0
 ENOUGH = 12
 """Engaged points from which each is held against the line of the others."""
 OFF_OF_NOMINAL, OFF_OF_TORQUE = 0.01, 0.05
-"""How far a torque may be off that line in any case."""
+"""Limits of the distance from that line, as part of the nominal torque and of the expected one."""
 
 
 def transducers_off_the_ratio(manifests: Sequence[Manifest], bench: BenchParameters) -> Iterator[Contradiction]:
@@ -65,9 +65,13 @@ def transducers_off_the_ratio(manifests: Sequence[Manifest], bench: BenchParamet
 
 
 def torques_off_the_other_shaft(manifests: Sequence[Manifest], bench: BenchParameters) -> Iterator[Contradiction]:
-    """Torques of the sun that are off what the ring's asks for, unlike those of the campaign's other engaged points."""
-    for gear, drive, rows, torque, basis, _ in _engaged(manifests, bench, ENOUGH):
-        expected = basis @ least_absolute(basis, torque)
+    """Torques of the sun that are off what the ring's asks for, unlike those of the campaign's other engaged points.
+
+    A zero offset is common to all points and is left to the diagnosis; the doubt is about both means of a point.
+    """
+    for gear, drive, rows, torque, basis, ratio in _engaged(manifests, bench, ENOUGH):
+        line = np.column_stack((basis, np.ones(len(torque))))
+        expected = line @ least_absolute(line, torque)
         off = torque - expected
         least = max(OFF_OF_NOMINAL * float(bench.transducer_sun.nominal_torque), SIGMAS * robust_scale(off))
         limits = np.maximum(least, OFF_OF_TORQUE * np.abs(expected))
@@ -78,7 +82,7 @@ def torques_off_the_other_shaft(manifests: Sequence[Manifest], bench: BenchParam
                     f"ring's asks for at the other points of gear {gear} driven by the {drive}, limit {limit:.3f} N m"
                 )
                 do = "Find out which transducer is wrong (zero, gain, cable), and run the point once more."
-                yield Contradiction(row, abs(distance), limit, message, do, "sun", abs(distance))
+                yield Contradiction(row, abs(distance), limit, message, do, wider=abs(distance) * max(ratio, 1.0))
 
 
 def _engaged(
