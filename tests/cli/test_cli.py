@@ -167,8 +167,9 @@ def test_recordings_with_damage_among_them_go_on_and_exit_with_three(tmp_path: P
     (folder / names[5]).write_bytes(whole[: len(whole) // 2])
     (folder / "notes.mcap").write_text("not a recording")
     store = tmp_path / "store"
-    result = call("run", folder, "--store", store, "--report", tmp_path / "report", expect=3)
-    assert result["data"]["ingest"]["failed"] == 2
+    result = call("ingest", folder, "--store", store, expect=3)
+    assert result["data"]["failed"] == 2
+    assert call("analyse", "--store", store, expect=3)["data"]["analysis"]["campaign"]
     files = {finding["file"] for finding in result["findings"] if "file" in finding}
     assert {names[5], "notes.mcap"} <= files
     before = {p: d for p in (store / "sources").iterdir() if '"failed"' not in (d := p.read_text())}

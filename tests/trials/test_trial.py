@@ -34,6 +34,8 @@ from pmg.sim.signals import Array
 RUNNER = CliRunner()
 SUN = np.linspace(0.1, 1.0, 8)
 SEED = 15
+FEW = 3
+"""Campaigns of the trial that is run."""
 Effect = tuple[str, str]
 
 
@@ -321,7 +323,7 @@ def test_a_changed_truth_breaks_its_seal(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def trial(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     folder = tmp_path_factory.mktemp("trial")
-    options = ("--campaigns", "6", "--seed", str(SEED), "--workers", "1", "--json")
+    options = ("--campaigns", str(FEW), "--seed", str(SEED), "--workers", "1", "--json")
     found = RUNNER.invoke(app, ["prove", "--out", str(folder), *options])
     assert found.exit_code == 0, found.stderr
     result: dict[str, Any] = json.loads(found.stdout)
@@ -333,17 +335,17 @@ def test_no_control_of_the_page_sends_anything(trial: tuple[Path, dict[str, Any]
     assert press_all(trial[0] / "report.html", tmp_path)
 
 
-def test_six_campaigns_end_in_scores_and_a_report(trial: tuple[Path, dict[str, Any]]) -> None:
+def test_campaigns_end_in_scores_and_a_report(trial: tuple[Path, dict[str, Any]]) -> None:
     folder, data = trial
-    assert data["made"] == 6
+    assert data["made"] == FEW
     scores = json.loads((folder / "scores.json").read_text())
     assert scores["schema"] == "pmg.proof/1"
     assert scores == data["scores"]
-    assert [row["case"] for row in scores["cases"]] == list(range(6))
-    assert sum(n for counted in scores["outcomes"].values() for n in counted.values()) == 6
+    assert [row["case"] for row in scores["cases"]] == list(range(FEW))
+    assert sum(n for counted in scores["outcomes"].values() for n in counted.values()) == FEW
     assert (
-        json.loads((folder / FILE).read_text())["sha256"][5]
-        == json.loads((folder / "cases" / "0005.json").read_text())["sha256"]
+        json.loads((folder / FILE).read_text())["sha256"][FEW - 1]
+        == json.loads((folder / "cases" / f"{FEW - 1:04d}.json").read_text())["sha256"]
     )
     page = (folder / "report.html").read_text()
     assert "Proof of the diagnosis" in page
@@ -367,7 +369,7 @@ def test_a_trial_resumes_and_makes_no_campaign_twice(
 
     monkeypatch.setattr(stage, "run_case", counting)
     monkeypatch.setattr(stage, "_code_digest", lambda: before["code"])
-    again = run_prove(folder, TrialOptions(campaigns=6, seed=SEED, workers=1))
+    again = run_prove(folder, TrialOptions(campaigns=FEW, seed=SEED, workers=1))
     assert made == [2]
     after = json.loads(lost.read_text())
     assert after.pop("seconds") != before.pop("seconds")
@@ -379,7 +381,7 @@ def test_a_trial_resumes_and_makes_no_campaign_twice(
 
 def test_one_campaign_runs_alone(trial: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     folder, _ = trial
-    alone = run_prove(tmp_path, TrialOptions(campaigns=6, seed=SEED, workers=1, case=2))
+    alone = run_prove(tmp_path, TrialOptions(campaigns=FEW, seed=SEED, workers=1, case=2))
     assert alone.data["result"]["diagnosis"] == json.loads((folder / "cases" / "0002.json").read_text())["diagnosis"]
     assert alone.lines[0].startswith("case 2 (")
     assert not (tmp_path / "scores.json").exists()
@@ -390,7 +392,7 @@ def test_results_of_another_state_of_the_program_are_made_anew(
 ) -> None:
     folder, _ = trial
     result = json.loads((folder / "cases" / "0000.json").read_text())
-    lot = draw_lots(6, SEED)[0]
+    lot = draw_lots(FEW, SEED)[0]
     task = run_case.CaseTask(lot, "grid", result["code"], result["sha256"])
     assert stage._read_case(folder, task) == result
     assert len(stage._code_digest()) == len(result["code"]) == 64
