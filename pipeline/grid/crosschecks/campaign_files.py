@@ -55,8 +55,8 @@ def calibrations_unlike_the_others(manifests: Sequence[Manifest], _: BenchParame
 
 def _another(side: str, serial: str, carried: list[Manifest], most: list[Manifest]) -> Iterator[Contradiction]:
     """Another transducer than in most recordings, where the two calibrations differ."""
-    usual = Counter(_numbers(m.calibration[side]) for m in most).most_common(1)[0][0]
-    off, limit = max(_off(m.calibration[side], usual) for m in carried), CALIBRATION_OF_NOMINAL * usual[2]
+    usual, _, limit = _usual_calibration(side, most)
+    off = max(_off(m.calibration[side], usual) for m in carried)
     if off > limit:
         files = carried[0].file + (", ..." if len(carried) > 1 else "")
         others = most[0].calibration[side].serial or "without serial number"
@@ -71,8 +71,7 @@ def _another(side: str, serial: str, carried: list[Manifest], most: list[Manifes
 
 def _unlike(side: str, transducer: str, carried: list[Manifest]) -> Iterator[Contradiction]:
     """Of recordings that should carry one calibration those that carry another."""
-    usual, count = Counter(_numbers(m.calibration[side]) for m in carried).most_common(1)[0]
-    limit = CALIBRATION_OF_NOMINAL * usual[2]
+    usual, count, limit = _usual_calibration(side, carried)
     others = [m for m in carried if _off(m.calibration[side], usual) > limit]
     if not others:
         return
@@ -95,6 +94,12 @@ def _unlike(side: str, transducer: str, carried: list[Manifest]) -> Iterator[Con
         )
         do = "Correct calibration.toml of this recording; one transducer has one calibration."
         yield Contradiction(manifest, off, limit, message, do)
+
+
+def _usual_calibration(side: str, carried: list[Manifest]) -> tuple[tuple[float, float, float], int, float]:
+    """Calibration that most recordings carry, how many do, and how far off the torque by another may be [N m]."""
+    usual, count = Counter(_numbers(m.calibration[side]) for m in carried).most_common(1)[0]
+    return usual, count, CALIBRATION_OF_NOMINAL * usual[2]
 
 
 def _since(others: list[Manifest], carried: list[Manifest]) -> bool:
