@@ -7,6 +7,7 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.files.atomic import write_atomic
+from pmg.pipeline.files.json_values import read_json
 from pmg.pipeline.trials.nature import seal_truth
 from pmg.sim.errors import StoreError
 
@@ -62,7 +63,7 @@ def seal(lots: tuple[Lot, ...], folder: Path, *, seed: int, kinds: tuple[str, ..
 def _read_seal(path: Path) -> dict[str, Any]:
     """The published hashes and what they are of."""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = read_json(path)
     except ValueError:
         document = None
     if not isinstance(document, dict) or document.get("schema") != SCHEMA:

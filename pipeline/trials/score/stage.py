@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.files.atomic import write_atomic
+from pmg.pipeline.files.json_values import read_json
 from pmg.pipeline.files.parallel import map_over
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.write import write_report
@@ -140,7 +141,7 @@ def _read_case(out: Path, task: CaseTask) -> dict[str, Any] | None:
     if not path.exists():
         return None
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = read_json(path)
     except ValueError:
         return None
     wanted = {"schema": SCHEMA, "sha256": task.sha256, "route": task.route, "code": task.code}
