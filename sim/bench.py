@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
     from pmg.sim.signals import Array, Number
 
+GEARS = (1, 2)
+"""Numbers of the magnetic stages."""
+
 
 class SourcedQuantity(float):
     """A number about the bench that remembers its unit, standard uncertainty and source.
@@ -199,7 +202,7 @@ class BenchParameters:
 
     def gear(self, number: int) -> GearParameters:
         """The magnetic stage of that number, 1 or 2."""
-        if number not in (1, 2):
+        if number not in GEARS:
             raise BenchError("gear", str(number), "1 or 2", "Name one of the two stages.")
         return self.gear1 if number == 1 else self.gear2
 

@@ -27,6 +27,8 @@ HOUR = 3600.0
 """One hour [s]."""
 REVOLUTION = 2.0 * math.pi
 """One turn [rad]."""
+NORMAL_MAD = 1.482602218505602
+"""Standard deviation of normal numbers over the median of their absolute deviations."""
 
 
 @dataclass(frozen=True)

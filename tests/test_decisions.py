@@ -30,7 +30,7 @@ from pmg.pipeline.fit.common_errors import TransducerCause
 from pmg.pipeline.fit.loss_fit import LossFits, fit_losses
 from pmg.pipeline.fit.noise import NO_CORRELATION, NoiseFloor, ShaftNoise
 from pmg.pipeline.fit.noise_floor import noise_floor, repeat_contrasts, structured_columns
-from pmg.pipeline.fit.structure import families, run_history
+from pmg.pipeline.fit.structure import _run_history, families
 from pmg.pipeline.fit.whitening import floor_scale
 from pmg.pipeline.grid.conditions import NOT_RECORDED, UNRECORDED, conditions
 from pmg.pipeline.grid.readings import Readings, predict, take_readings
@@ -204,11 +204,11 @@ def test_the_noise_that_follows_nothing_is_what_was_put_in(bench: BenchParameter
 @given(power=st.floats(0.0, 50.0), constant=st.floats(60.0, 6000.0), step=st.floats(10.0, 4000.0))
 def test_the_memory_of_a_power_is_its_weighted_mean(power: float, constant: float, step: float) -> None:
     time = step * np.arange(4.0)
-    flat = run_history(time, np.full(4, power), time, constant)
+    flat = _run_history(time, np.full(4, power), time, constant)
     assert flat == pytest.approx(power * (1.0 - np.exp(-time / constant)), rel=1e-9, abs=1e-12)
-    pulse = run_history(time, np.array([power, 0.0, 0.0, 0.0]), time, constant)
+    pulse = _run_history(time, np.array([power, 0.0, 0.0, 0.0]), time, constant)
     assert pulse[1:] == pytest.approx(flat[1] * np.exp(-step * np.arange(3.0) / constant), rel=1e-9, abs=1e-12)
-    assert run_history(time, np.full(4, power), time + 0.5 * step, constant) == pytest.approx(flat)
+    assert _run_history(time, np.full(4, power), time + 0.5 * step, constant) == pytest.approx(flat)
 
 
 def names(grid: Grid, bench: BenchParameters) -> set[tuple[str, str, tuple[str, ...]]]:

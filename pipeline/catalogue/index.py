@@ -12,6 +12,7 @@ from pmg.pipeline.catalogue.columns import COLUMNS, Column
 from pmg.pipeline.catalogue.gather import Gathered, gather
 from pmg.pipeline.catalogue.query import select
 from pmg.pipeline.files.atomic import PREFIX, write_atomic
+from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.store.store import RUNS, SOURCES
 
@@ -142,8 +143,7 @@ def _stamp_of(folder: Path) -> str:
     for path in (*sources, *(folder / name for name in ANALYSIS)):
         with suppress(OSError):
             held = (folder / RUNS / f"{path.stem}.parquet").is_file()
-            part = hashlib.sha256(path.read_bytes()).hexdigest()
-            digest.update(f"{path.name!r} {part} {held}\n".encode())
+            digest.update(f"{path.name!r} {sha256_of(path)} {held}\n".encode())
     return digest.hexdigest()
 
 

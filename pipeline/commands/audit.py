@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pmg.pipeline.catalogue.listing import aligned_cells
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.files.atomic import PREFIX
-from pmg.pipeline.importers.source import sha256_of
+from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.store.audit_trail import FILE, NUMBER, OWN, AuditTrail, Break, read_trail
 from pmg.pipeline.store.store import SOURCES, Store

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shlex
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from pmg.pipeline.commands.stored_analysis import analysed
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document
 from pmg.pipeline.diagnosis.grid.statement import phrase
 from pmg.pipeline.files.atomic import write_atomic
+from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.fit.budget import budget_of
 from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.missing_points import unreached_findings
@@ -84,7 +84,7 @@ def run_compare(
     given = None if model is None else read_model(model)
     whole = analysed(store, *read_analysis(store))
     judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, np.random.default_rng(SEED), given)
-    hashed = () if model is None else ((f"SHA-256 of {model.name}", hashlib.sha256(model.read_bytes()).hexdigest()),)
+    hashed = () if model is None else ((f"SHA-256 of {model.name}", sha256_of(model)),)
     page, remarks = campaign_page(
         whole, judged, note, tolerances, (*hashed, seeded(SEED), ("Command", _command_words(note, model)))
     )

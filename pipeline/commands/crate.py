@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from pmg.pipeline.files.atomic import PREFIX, write_atomic
-from pmg.pipeline.importers.source import sha256_of
+from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.store.store import Store
 from pmg.sim.errors import StoreError
 

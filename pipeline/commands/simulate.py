@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from pmg.pipeline.chapters.simulated.simulation import simulation_report
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
+from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.report.write import PAGE
 from pmg.pipeline.simulate.files import simulation_files, write_simulation
 from pmg.pipeline.simulate.inputs import gather_inputs
@@ -69,7 +70,7 @@ def run_simulate(
     source = {"file": path.name, "sha256": digest}
     provenance = [("Scenario", path.name), ("SHA-256 of the scenario", digest), ("Randomness", "none")]
     if model is not None:
-        source["model"], source["model_sha256"] = model.name, hashlib.sha256(model.read_bytes()).hexdigest()
+        source["model"], source["model_sha256"] = model.name, sha256_of(model)
         provenance.append((f"SHA-256 of {model.name}", source["model_sha256"]))
     if switched:
         source["with"] = "; ".join(switched)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +18,7 @@ from pmg.pipeline.diagnosis.balance.document import headline, terms_document, te
 from pmg.pipeline.diagnosis.balance.recorded import read_recording
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.files.atomic import write_atomic
+from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.report.document import Facts, Report
 from pmg.pipeline.report.document import Headline as Headline
 from pmg.pipeline.report.write import write_report
@@ -56,7 +56,7 @@ def run_terms(case_file: Path, out: Path, data: Path | None = None, seed: int | 
     withheld = None if case.withheld is None else read_recording(case.withheld, case)
     diagnosis = diagnose_terms(case, recorded, withheld, np.random.default_rng(seed))
     files = [case_file, case.fit, *([] if case.withheld is None else [case.withheld])]
-    digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+    digests = {path.name: sha256_of(path) for path in files}
     document = terms_document(diagnosis) | {"seed": seed, "sha256": digests}
     write_atomic(out / DOCUMENT, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
     write_atomic(out / RESIDUALS, _residual_table(diagnosis).encode())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.chapters.studies.validation import validation_section
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
+from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.grid.tables import PUBLISHED, read_published
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Headline, Report
@@ -46,7 +46,7 @@ def run_validate(grids: Path, draws: int | None = None, seed: int | None = None,
     grid = read_published(grids, bench)
     judged = verdict.validate(grid, bench, draws, np.random.default_rng(seed))
     counts = verdict.count(judged)
-    digests = {name: hashlib.sha256((grids / name).read_bytes()).hexdigest() for name in PUBLISHED}
+    digests = {name: sha256_of(grids / name) for name in PUBLISHED}
     data: dict[str, Any] = {
         "draws": draws,
         "seed": seed,

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
 
+from pmg.pipeline.files.digest import sha256_of
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
@@ -78,8 +80,7 @@ def note_recording(name: str, sha256: str) -> None:
 def note_written(path: Path, content: Path) -> None:
     """Note a file that is written, by the file that holds its bytes until it is at its place."""
     if (notes := _TAKEN.get()) is not None:
-        with content.open("rb") as file:
-            notes.written[str(path.absolute())] = hashlib.file_digest(file, "sha256").hexdigest()
+        notes.written[str(path.absolute())] = sha256_of(content)
 
 
 def note_settings(values: Mapping[str, object]) -> None:

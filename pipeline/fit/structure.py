@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters
+    from pmg.sim.grid import OperatingPoints
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.signals import Array, Mask
 
@@ -63,7 +64,7 @@ def _polynomials(x: Array, degree: int) -> Array:
     return np.polynomial.legendre.legvander(scaled, degree)[:, 1:]
 
 
-def run_history(time: Array, power: Array, at: Array, constant: float) -> Array:
+def _run_history(time: Array, power: Array, at: Array, constant: float) -> Array:
     """First-order memory of a power that the bench dissipated [W].
 
     Parameters
@@ -86,6 +87,22 @@ def run_history(time: Array, power: Array, at: Array, constant: float) -> Array:
         out[i] = keep * out[i - 1] + (1.0 - keep) * power[i - 1]
     index = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 1)
     return out[index]
+
+
+def past_power(readings: Readings, model: LossModel, shaft: str, constant: float) -> Array:
+    """`_run_history` of the power that a shaft's bearings dissipated, at each reading [W] (m,)."""
+    at = readings.grid.points
+    order = np.argsort(at.started_at, kind="stable")
+    power = model.curves[shaft].torque(at.speed[shaft]) * np.abs(at.speed[shaft])
+    return _run_history(at.started_at[order], power[order], at.started_at[readings.row], constant)
+
+
+def preceding(at: OperatingPoints, values: Array) -> Array:
+    """Values of the point run before each (n,); NaN for the first."""
+    order = np.argsort(at.started_at, kind="stable")
+    before = np.full(len(at), np.nan)
+    before[order[1:]] = values[order[:-1]]
+    return before
 
 
 def families(readings: Readings, bench: BenchParameters, model: LossModel) -> tuple[ResidualStructure, ...]:
@@ -187,8 +204,6 @@ def _order_families(readings: Readings, model: LossModel, shaft: str, mine: Mask
     signal = f"torque_{shaft}"
     at = readings.grid.points
     own_drag = per_shaft(lambda side: model.curves[side].torque(at.speed[side]))
-    power = per_shaft(lambda side: own_drag[side] * np.abs(at.speed[side]))
-    order = np.argsort(at.started_at, kind="stable")
     for configuration in ("neutral", "engaged"):
         rows = mine & (readings.configuration == configuration)
         if not rows.any():
@@ -203,18 +218,12 @@ def _order_families(readings: Readings, model: LossModel, shaft: str, mine: Mask
         yield ResidualStructure(
             signal, configuration, ("order", f"speed_{shaft}"), place(readings, rows, trend * drag[:, None])
         )
-        histories = [
-            run_history(at.started_at[order], power[source][order], time, constant)
-            for source in SIDES
-            for constant in THERMAL_TIMES
-        ]
-        memory = np.stack(histories, axis=1)
+        histories = [past_power(readings, model, side, constant) for side in SIDES for constant in THERMAL_TIMES]
+        memory = np.stack(histories, axis=1)[rows]
         spread = memory.std(axis=0)
         memory = (memory - memory.mean(axis=0))[:, spread > 0.0] / spread[spread > 0.0]
         yield ResidualStructure(signal, configuration, ("run_history",), place(readings, rows, memory * drag[:, None]))
-        before = np.r_[0.0, np.abs(at.speed_sun[order][:-1])]
-        previous = np.empty(len(at))
-        previous[order] = before
+        previous = np.nan_to_num(preceding(at, np.abs(at.speed_sun)))
         columns = _polynomials(previous[readings.row[rows]], 1)
         yield ResidualStructure(signal, configuration, ("previous_point",), place(readings, rows, columns))
 

@@ -9,13 +9,14 @@ from datetime import UTC
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.importers.block_file import BlockFile, block_file
 from pmg.pipeline.importers.channel_map import Lookup, Timing
 from pmg.pipeline.importers.convert import Conversion
 from pmg.pipeline.importers.csv_source import CsvSource
 from pmg.pipeline.importers.mf4_source import Mf4Source
 from pmg.pipeline.importers.rows import Rows
-from pmg.pipeline.importers.source import Wanted, channel_of, sha256_of
+from pmg.pipeline.importers.source import Wanted, channel_of
 from pmg.pipeline.importers.tdms_source import TdmsSource
 from pmg.pipeline.recording.calibration import ATTACHMENT, read_calibration
 from pmg.pipeline.recording.channels import edge_ticks, edges, encoder, frequency

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import logging
 import sys
 from contextlib import contextmanager
@@ -24,9 +23,6 @@ if TYPE_CHECKING:
 
 ROWS = 64_000
 """Rows of a block: what is in memory at a time, and a multiple of the samples of a written block."""
-
-HASH_BYTES = 1 << 20
-"""Bytes hashed at a time."""
 
 
 @dataclass(frozen=True)
@@ -125,15 +121,6 @@ def channel_of(source: ForeignSource, name: str, where: str) -> SourceChannel:
         do = near_miss(name, names) if names else "The file holds no channel: check the recorder."
         raise RecordingError(where, f"'{name}'", f"a channel of {source.path.name}", do)
     return found[0]
-
-
-def sha256_of(path: Path) -> str:
-    """SHA-256 of a file, as hexadecimal digits."""
-    digest = hashlib.sha256()
-    with path.open("rb") as stream:
-        while part := stream.read(HASH_BYTES):
-            digest.update(part)
-    return digest.hexdigest()
 
 
 def optional(library: str, extra: str, path: Path) -> ModuleType:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, StringConstraints, model_validator
 
+from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.files.notes import note_read
 from pmg.pipeline.files.strict_tables import Strict, one_of, refuse, refuse_twice
 from pmg.pipeline.files.table_file import read_table_file
@@ -98,7 +99,7 @@ def read_supply(path: Path) -> Supplied:
     text = None if given.calibration is None else _calibration(file, given.calibration)
     return Supplied(
         file=path.name,
-        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+        sha256=sha256_of(path),
         run={key: None if isinstance(value, Lookup) else value for key, value in given.run.items()},
         calibration=text,
         calibration_file="" if given.calibration is None else file.resolve(given.calibration).name,

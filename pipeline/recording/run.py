@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pmg.pipeline.recording.findings import Code, Findings
 from pmg.pipeline.recording.run_records import NO_SETPOINTS, RunInfo, Setpoints
+from pmg.sim.bench import GEARS
 from pmg.sim.errors import near_miss
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import SIDES
@@ -27,7 +28,7 @@ REQUIRED = ("layout", "campaign", "configuration", "gear", "started_at")
 OPTIONAL = ("point", "drive", "sun_speed_set_rpm", "ring_speed_set_rpm", "ring_torque_set_Nm", "note")
 CONFIGURATIONS = tuple(each.value for each in Configuration)
 DRIVES = SIDES
-GEARS = ("1", "2")
+NUMBERS = tuple(str(gear) for gear in GEARS)
 STEP_KEYS = {
     "sun_speed_rpm": ("speed_sun", RPM),
     "ring_speed_rpm": ("speed_ring", RPM),
@@ -87,7 +88,7 @@ def _checked(entries: Mapping[str, str], findings: Findings) -> RunInfo | None:
         )
     _vocabulary(entries, "layout", (LAYOUT,), findings)
     configuration = _vocabulary(entries, "configuration", CONFIGURATIONS, findings)
-    gear = _vocabulary(entries, "gear", GEARS, findings)
+    gear = _vocabulary(entries, "gear", NUMBERS, findings)
     drive = _vocabulary({"drive": "sun", **entries}, "drive", DRIVES, findings)
     if "drive" not in entries and configuration == Configuration.ENGAGED:
         findings.warning(
@@ -120,7 +121,7 @@ def known_of_run(records: Iterable[tuple[str, Mapping[str, str]]]) -> dict[str, 
         return {}
     entries, findings = found[0], Findings(RECORD)
     known: dict[str, Any] = {key: entries[key] for key in ("campaign", "point", "note") if entries.get(key)}
-    for key, words in (("configuration", CONFIGURATIONS), ("gear", GEARS), ("drive", DRIVES)):
+    for key, words in (("configuration", CONFIGURATIONS), ("gear", NUMBERS), ("drive", DRIVES)):
         if (word := _vocabulary(entries, key, words, findings)) is not None:
             known[key] = int(word) if key == "gear" else word
     if (started := _parsed(entries, "started_at", _utc, "a time", findings)) is not None:

@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.files.notes import note_read
 from pmg.pipeline.recording.codes import Code, Severity
 from pmg.pipeline.recording.findings import Finding
@@ -172,8 +173,7 @@ def take_inventory(place: Path, shard: Shard | None = None) -> Inventory:
         try:
             if path.exists() and not path.is_file():
                 raise OSError("a device, pipe or socket, not a regular file")
-            with path.open("rb") as file:
-                digest = hashlib.file_digest(file, "sha256").hexdigest()
+            digest = sha256_of(path)
         except OSError as error:
             unreadable += 1
             message = f"cannot be opened ({error.strerror or error}); expected a readable file"

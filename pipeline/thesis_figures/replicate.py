@@ -14,6 +14,7 @@ from pmg.pipeline.fit.losses import largest_plausible_correction, power_balance
 from pmg.pipeline.fit.options import THESIS_CORRECTION
 from pmg.pipeline.thesis_figures.tables import DIAMETERS_RING, DIAMETERS_SUN, LOADS, SPEEDS, point_name
 from pmg.sim import signals
+from pmg.sim.bench import GEARS
 from pmg.sim.dynamics.drivetrain import Drivetrain
 from pmg.sim.dynamics.programme import Programme
 from pmg.sim.dynamics.state import SetPoints
@@ -121,7 +122,7 @@ def _named(group: str, values: dict[str, float]) -> dict[str, float]:
 
 def _design(bench: BenchParameters) -> dict[str, float]:
     values: dict[str, float] = {}
-    for number in (1, 2):
+    for number in GEARS:
         gear = bench.gear(number)
         peak = analytic_map(gear).pull_out.torque_high
         on_ring = peak * gear.ratio

@@ -13,7 +13,7 @@ from pmg.pipeline.recording.means import BATCH_METHOD, MEMORY_METHOD, PointMeans
 from pmg.pipeline.windows.revolutions import WholeRevolutions, whole_revolutions
 from pmg.pipeline.windows.window_mean import serial_mean
 from pmg.sim import sources
-from pmg.sim.signals import REVOLUTION
+from pmg.sim.signals import NORMAL_MAD, REVOLUTION
 
 if TYPE_CHECKING:
     import polars as pl
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 REDUCTION = 4
 """Version of the reduction to means and uncertainties, counted up with every change; a store holds which it has."""
-NORMAL_MAD = 1.482602218505602
-"""Standard deviation of normal numbers over the median of their absolute deviations."""
 CUTOFF_HZ = 0.5
 """Cut-off of the brick-wall filter that the bench's evaluation applies to the torques [Hz]."""
 DOUBTED = 0.45

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.form.atoms import FormCovariate, levels
-from pmg.pipeline.fit.structure import THERMAL_TIMES, run_history
+from pmg.pipeline.fit.structure import THERMAL_TIMES, past_power, preceding
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters
     from pmg.sim.lossmodel import LossModel
-    from pmg.sim.signals import Array, Mask
+    from pmg.sim.signals import Mask
 
 MOST_COVARIATES = 6
 """Covariates of one search, memories of past power counted once."""
@@ -100,21 +101,18 @@ def _in_order(name: str, own: str, readings: Readings, rows: Mask, model: LossMo
     """Time since the first point, the speed of the point before, the mean of past power."""
     at = readings.grid.points
     row = readings.row[rows]
-    order = np.argsort(at.started_at, kind="stable")
-    time = at.started_at - at.started_at[order[0]]
     if name == "order":
+        time = at.started_at - at.started_at.min()
         yield FormCovariate(name, "t", "s", "time since the first point", time[row])
     elif name == "previous_point":
         for shaft, speed in tuple(at.speed.items())[: 1 if own == "speed_sun" else 2]:
-            before = np.empty(len(at))
-            before[order] = np.r_[0.0, np.abs(speed[order][:-1])]
+            before = np.nan_to_num(preceding(at, np.abs(speed)))
             meaning = f"speed of the {shaft} at the point before"
             yield FormCovariate(name, f"ω_{shaft[0]}before", "rad/s", meaning, before[row])
     elif name == "run_history":
-        for shaft, speed in at.speed.items():
-            power: Array = np.abs(model.curves[shaft].torque(speed) * speed)
+        for shaft in SIDES:
             mine = own == f"speed_{shaft}"
             for constant in THERMAL_TIMES if mine else THERMAL_TIMES[1:3]:
-                past = run_history(time[order], power[order], time[row], constant)
+                past = past_power(readings, model, shaft, constant)[rows]
                 meaning = f"bearing power of the {shaft}, its mean over the past {constant:.0f} s"
                 yield FormCovariate(name, f"P_{shaft[0]}{constant:.0f}", "W", meaning, past, memory=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.fit.structure import REST, ResidualStructure, families, place, run_history
+from pmg.pipeline.fit.structure import REST, ResidualStructure, families, past_power, place, preceding
 from pmg.sim.shafts import other_side
 from pmg.sim.signals import HOUR, SPEED_SUN
 
@@ -221,17 +221,9 @@ def _sign(values: Array) -> Array:
     return np.where(np.abs(values) > REST, np.sign(values), 0.0)
 
 
-def _preceding(at: OperatingPoints, values: Array) -> Array:
-    """Values of the point run before each; NaN for the first."""
-    order = np.argsort(at.started_at, kind="stable")
-    before = np.full(len(at), np.nan)
-    before[order[1:]] = values[order[:-1]]
-    return before
-
-
 def _change(at: OperatingPoints, speed: Array) -> Array:
     """Rise of a speed's magnitude since the point before [rad/s]; 0 for the first."""
-    return np.nan_to_num(np.abs(speed) - _preceding(at, np.abs(speed)))
+    return np.nan_to_num(np.abs(speed) - preceding(at, np.abs(speed)))
 
 
 def _values(name: str, shaft: str, readings: Readings, bench: BenchParameters, model: LossModel) -> Array:
@@ -244,12 +236,9 @@ def _values(name: str, shaft: str, readings: Readings, bench: BenchParameters, m
     if name in ("time", "time_drag"):
         return np.asarray((at.started_at[row] - at.started_at.min()) / HOUR)
     if name == "run_history":
-        order = np.argsort(at.started_at, kind="stable")
-        speed = at.speed[shaft]
-        power = model.curves[shaft].torque(speed) * np.abs(speed)
-        return run_history(at.started_at[order], power[order], at.started_at[row], MEMORY)
+        return past_power(readings, model, shaft, MEMORY)
     if name == "previous_point":
-        return SPEED_SUN.display(_preceding(at, np.abs(at.speed_sun))[row])
+        return SPEED_SUN.display(preceding(at, np.abs(at.speed_sun))[row])
     if name.startswith("approach"):
         side = shaft if name == "approach" else other_side(shaft)
         return _sign(_change(at, at.speed[side]))[row]

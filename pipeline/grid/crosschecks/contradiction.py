@@ -10,7 +10,7 @@ import numpy as np
 
 from pmg.pipeline.recording.codes import Severity
 from pmg.pipeline.recording.remark import Remark
-from pmg.pipeline.windows.reduce import NORMAL_MAD
+from pmg.sim.signals import NORMAL_MAD
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.grid.crosschecks.contradiction import Contradiction, accepted_rows
+from pmg.sim.bench import GEARS
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import PerShaft, other_side
 from pmg.sim.signals import RPM
@@ -27,7 +28,6 @@ CARRIED = 0.5
 """Part of the power that goes in at one shaft and comes out at the other, above which the shafts are coupled."""
 LOADED = 0.05
 """Part of the nominal torque from which a load tells which side drives."""
-GEARS = (1, 2)
 
 
 def gears_by_speeds(manifests: Sequence[Manifest], bench: BenchParameters) -> Iterator[Contradiction]:

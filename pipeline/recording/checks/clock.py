@@ -12,6 +12,7 @@ import numpy as np
 from pmg.pipeline.recording.channels import SHARED_CLOCK
 from pmg.pipeline.recording.checks.stretches import NAMED_FAULTS
 from pmg.pipeline.recording.findings import Code
+from pmg.sim.signals import NORMAL_MAD
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -81,7 +82,7 @@ def _fit_clock(marks: Sequence[ClockMark], rate_hz: float) -> _ClockFit:
     apart = spans > 0.0
     slope = float(np.median(steps[apart] / spans[apart])) if np.count_nonzero(apart) > 1 else 0.0
     off = steps - slope * spans
-    scatter = 1.4826 * float(np.median(np.abs(off))) if len(off) > 2 else 0.0
+    scatter = NORMAL_MAD * float(np.median(np.abs(off))) if len(off) > 2 else 0.0
     limit = np.maximum(SMALLEST_JUMP_S, JUMP_SIGMAS * np.hypot(np.hypot(u[1:], u[:-1]), scatter))
     limit = np.maximum(limit, (DRIFT_WRONG if len(off) < 3 else 0.0) * spans * 10.0)
     jumped = np.abs(off) > limit
