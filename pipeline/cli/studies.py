@@ -122,6 +122,10 @@ class _ProveOptions:
     strata: Annotated[
         str | None, typer.Option("--strata", help="Kinds out of clean,one,outside,two,confounded; all if not given.")
     ] = None
+    laws: Annotated[
+        str | None,
+        typer.Option("--laws", help="Families of laws: usual if not given; reserved, for a final trial; all."),
+    ] = None
     route: Annotated[str, typer.Option("--route", help="grid (fast), or recordings: through files.")] = "grid"
     recordings: Annotated[
         int | None,

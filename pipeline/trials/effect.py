@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from pmg.pipeline.trials.design import ratio_of
+from pmg.pipeline.trials.laws import Families
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 
     Knobs: TypeAlias = Mapping[str, float | str]
     Pair: TypeAlias = tuple[Array, Array]  # sun and ring [N m]
+
+NO_LAWS = Families()
+"""Of an effect whose functions are all that it is."""
 
 
 @dataclass(frozen=True)
@@ -69,13 +73,15 @@ class EffectForm:
     first : float
         A size of the usual order, from which scaling starts.
     knobs : callable
-        Draws its shape.
+        Draws its shape, beside the law.
     most : float
         Largest size that a bench could have.
     drag : callable, optional
         Drag that it adds to both rotors [N m], with the sign of the torque that the motor applies.
     reading : callable, optional
         What it adds to the readings of both transducers [N m], given the torques that are there.
+    laws : Families
+        Laws that it may follow; none where it is what its functions say.
     """
 
     identifier: str
@@ -86,6 +92,7 @@ class EffectForm:
     most: float = float("inf")
     drag: Callable[[BenchRun, Effect], Pair] | None = None
     reading: Callable[[BenchRun, Effect, Pair], Pair] | None = None
+    laws: Families = NO_LAWS
 
 
 @dataclass(frozen=True)
@@ -105,6 +112,21 @@ class Effect:
     def number(self, name: str) -> float:
         """A knob that is a number."""
         return float(self.knobs[name])
+
+    def shape(self, *arguments: Array) -> Array:
+        """The law that was drawn, with its constants, at dimensionless arguments."""
+        law = self.form.laws.every[str(self.knobs["law"])]
+        return law.shape(*arguments, **{name: self.number(name) for name in law.ranges})
+
+    @property
+    def family(self) -> str:
+        """Whether its law is a usual or a reserved one."""
+        return self.form.laws.family(str(self.knobs.get("law")))
+
+
+def no_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+    """Nothing to draw beside the law."""
+    return {}
 
 
 def torques(scene: BenchRun, effects: Iterable[Effect]) -> tuple[Pair, Pair]:

@@ -9,6 +9,7 @@ import numpy as np
 from pmg.pipeline.trials.effect import Effect, EffectForm, on_shaft
 from pmg.pipeline.trials.forms_drag import BEARINGS, GEAR_BY_SHAFT, LOAD_RING
 from pmg.pipeline.trials.forms_reading import TRANSDUCERS
+from pmg.pipeline.trials.laws import softplus
 from pmg.pipeline.trials.world import FASTEST_RING, FASTEST_SUN
 from pmg.sim.signals import REVOLUTION
 
@@ -31,6 +32,11 @@ def _resonance_bump(scene: BenchRun, effect: Effect) -> Pair:
         return np.asarray(np.exp(-0.5 * ((x - effect.number("place")) / effect.number("width")) ** 2))
 
     return _of_speed(scene, effect, shape)
+
+
+def _hump_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+    """Where in the range of speeds a smooth hump of the drag sits, and how wide it is."""
+    return {"place": rng.uniform(0.3, 0.7), "width": rng.uniform(0.15, 0.3)}
 
 
 def _step_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
@@ -109,12 +115,29 @@ def _saturating_power(scene: BenchRun, effect: Effect) -> Pair:
     return on_shaft(effect.shaft, *found)
 
 
+def _corner_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
+    """Speed and load beyond which the drag sets in, in parts of the largest, and how smoothly."""
+    return {"speed": rng.uniform(0.3, 0.7), "load": rng.uniform(0.4, 0.7), "width": rng.uniform(0.03, 0.1)}
+
+
+def _load_speed_corner(scene: BenchRun, effect: Effect) -> Pair:
+    """Engaged drag that sets in beyond a speed and a load together."""
+    found, width = [], effect.number("width")
+    over = softplus(np.abs(scene.load) / LOAD_RING, effect.number("load"), width)
+    for speed, fastest in zip(scene.speeds, (FASTEST_SUN, FASTEST_RING), strict=True):
+        beyond = softplus(np.abs(speed) / fastest, effect.number("speed"), width) * over
+        found.append(np.where(scene.design.at.engaged, np.sign(speed) * effect.size * beyond, 0.0))
+    return on_shaft(effect.shaft, *found)
+
+
 OUTSIDERS: tuple[EffectForm, ...] = (
     EffectForm("outside_resonance_bump", BEARINGS, "N m", 0.01, _bump_knobs, drag=_resonance_bump),
+    EffectForm("outside_drag_hump", BEARINGS, "N m", 0.01, _hump_knobs, drag=_resonance_bump),
     EffectForm("outside_run_in_step", BEARINGS, "N m", 5e-3, _step_knobs, drag=_run_in_step),
     EffectForm("outside_previous_speed", BEARINGS, "N m", 5e-3, _memory_knobs, drag=_previous_speed),
     EffectForm("outside_approach_hysteresis", BEARINGS, "N m", 5e-3, _memory_knobs, drag=_approach_hysteresis),
     EffectForm("outside_periodic_time", TRANSDUCERS, "N m", 5e-3, _periodic_knobs, reading=_periodic),
     EffectForm("outside_saturating_load_speed", GEAR_BY_SHAFT, "N m", 0.01, _saturating_knobs, drag=_saturating_power),
+    EffectForm("outside_load_speed_corner", GEAR_BY_SHAFT, "N m", 0.05, _corner_knobs, drag=_load_speed_corner),
 )
 """Forms outside any library."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.trials import laws_thermal
 from pmg.pipeline.trials.effect import Effect, EffectForm, on_shaft
 from pmg.pipeline.trials.forms_magnetic import GEAR
 from pmg.pipeline.trials.world import WINDOW
@@ -23,15 +24,8 @@ AFTER_PAUSE = 15.0
 """Time before a point at which its speeds are reached after a long pause [s]."""
 ROOM_PERIOD = 5400.0
 """Period in which the room's heating switches [s]."""
-KELVIN = 273.15
-REFERENCE = 40.0
-"""Temperature at which the drag curves hold [degC]."""
-WALTHER_A, WALTHER_B = 9.04, 3.5
-"""Walther's constants of an oil of about 100 mm²/s at 40 degC."""
-WALTHER_SHIFT = 0.7
-"""Shift of the kinematic viscosity in Walther's law [mm²/s]."""
-EXPONENTIAL = 0.04
-"""Relative fall of viscosity per kelvin in the exponential law [1/K]."""
+COLDEST = -10.0
+"""Temperature below which no law of viscosity is asked [degC]."""
 REMANENCE = 1.15e-3
 """Relative fall of the magnets' remanence per kelvin [1/K]."""
 LEAST_FLUX = 0.5
@@ -99,32 +93,22 @@ def _room_drift(scene: BenchRun) -> Array:
     return scene.world.drift * (time / whole) ** 0.8 + swing
 
 
-def _viscosity(temperature: Array, law: str) -> Array:
-    """Viscosity over that at the reference temperature, by Walther's law or an exponential one."""
-    if law == "exponential":
-        return np.asarray(np.exp(-EXPONENTIAL * (temperature - REFERENCE)))
-    mid = float(np.log10(REFERENCE + KELVIN))
-    double = WALTHER_A - WALTHER_B * np.log10(np.maximum(temperature, -30.0) + KELVIN)
-    at_reference = 10.0**10.0 ** (WALTHER_A - WALTHER_B * mid) - WALTHER_SHIFT
-    return np.asarray((10.0**10.0**double - WALTHER_SHIFT) / at_reference)
-
-
 def _viscosity_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
-    """The law, two resistances and two time constants, and the heat that crosses from the other shaft's housing."""
+    """Two resistances, two time constants, the heat that crosses to the other housing, and what goes to the own."""
     return {
-        "law": str(rng.choice(["walther", "exponential"])),
         "resistance_inner": rng.uniform(0.3, 0.9),
         "resistance_outer": rng.uniform(0.4, 1.2),
         "time_inner": rng.uniform(60.0, 300.0),
         "time_outer": rng.uniform(900.0, 4000.0),
         "cross": rng.uniform(0.0, 0.25),
+        "housing": rng.uniform(0.0, 0.4),
     }
 
 
 def _lubricant_viscosity(scene: BenchRun, effect: Effect) -> Pair:
     """Total bearing drag, times the relative viscosity to the power of the size, less the drag itself."""
     nodes = tuple(effect.number(name) for name in ("resistance_inner", "resistance_outer", "time_inner", "time_outer"))
-    world = scene.world
+    world, housing = scene.world, effect.number("housing")
     part = scene.part(world.bearing_part)
     bearing = [part * curve.drag(w) for curve, w in zip((world.sun, world.ring), scene.speeds, strict=True)]
     power = [drag * w for drag, w in zip(bearing, scene.speeds, strict=True)]
@@ -133,26 +117,28 @@ def _lubricant_viscosity(scene: BenchRun, effect: Effect) -> Pair:
         if effect.shaft not in (shaft, "both"):
             found.append(0.0 * part)
             continue
-        crossed = effect.number("cross") * power[other]
-        rise = _two_nodes(scene, power[own], (nodes[0], nodes[1], nodes[2], nodes[3]), world.start_rise, crossed)
-        relative = _viscosity(world.ambient + rise, str(effect.knobs["law"]))
-        found.append(bearing[own] * np.expm1(effect.size * np.log(relative)))
+        around = housing * power[own] + effect.number("cross") * power[other]
+        inside = (1.0 - housing) * power[own]
+        rise = _two_nodes(scene, inside, (nodes[0], nodes[1], nodes[2], nodes[3]), world.start_rise, around)
+        thicker = effect.shape(np.maximum(world.ambient + rise, COLDEST))
+        found.append(bearing[own] * np.expm1(effect.size * thicker))
     return on_shaft(effect.shaft, *found)
 
 
 def _magnet_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
-    """Two resistances and two time constants, and how much of the loss warms the magnets."""
+    """Two resistances, two time constants, how much of the bearings' loss warms the magnets, how much the housing."""
     return {
         "resistance_inner": rng.uniform(1.0, 3.0),
         "resistance_outer": rng.uniform(1.0, 4.0),
         "time_inner": rng.uniform(200.0, 700.0),
         "time_outer": rng.uniform(1500.0, 5000.0),
         "from_bearings": rng.uniform(0.0, 0.15),
+        "housing": rng.uniform(0.0, 0.3),
     }
 
 
 def _magnet_temperature(scene: BenchRun, effect: Effect) -> Pair:
-    """Magnetic drag with the square of a remanence that falls as the magnets warm; the size scales their rise."""
+    """Magnetic drag with a law of a remanence that falls as the magnets warm; the size scales their rise."""
     names = ("resistance_inner", "resistance_outer", "time_inner", "time_outer")
     inner, outer, fast, slow = (effect.number(name) for name in names)
     world, engaged = scene.world, scene.design.at.engaged
@@ -160,9 +146,10 @@ def _magnet_temperature(scene: BenchRun, effect: Effect) -> Pair:
     loss = sum(drag * w for drag, w in zip(magnetic, scene.speeds, strict=True))
     total = sum(drag * w for drag, w in zip(scene.drags, scene.speeds, strict=True))
     heat = np.asarray(loss + effect.number("from_bearings") * (total - loss))
-    rise = _two_nodes(scene, heat, (inner, outer, fast, slow), 0.5 * world.start_rise)
-    flux = np.maximum(1.0 - effect.size * REMANENCE * rise, LEAST_FLUX)
-    return magnetic[0] * (flux**2 - 1.0), magnetic[1] * (flux**2 - 1.0)
+    around = effect.number("housing") * (total - loss)
+    rise = _two_nodes(scene, heat, (inner, outer, fast, slow), 0.5 * world.start_rise, around)
+    left = effect.shape(np.minimum(effect.size * REMANENCE * rise, 1.0 - LEAST_FLUX))
+    return magnetic[0] * (left - 1.0), magnetic[1] * (left - 1.0)
 
 
 THERMALS: tuple[EffectForm, ...] = (
@@ -174,7 +161,10 @@ THERMALS: tuple[EffectForm, ...] = (
         _viscosity_knobs,
         1.5,
         _lubricant_viscosity,
+        laws=laws_thermal.VISCOSITY,
     ),
-    EffectForm("magnet_temperature", GEAR, "1", 1.0, _magnet_knobs, 2.0, _magnet_temperature),
+    EffectForm(
+        "magnet_temperature", GEAR, "1", 1.0, _magnet_knobs, 2.0, _magnet_temperature, laws=laws_thermal.MAGNETS
+    ),
 )
 """Forms that have a memory of heat."""

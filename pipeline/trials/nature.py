@@ -17,6 +17,7 @@ from pmg.pipeline.recording.write import COUNTS_PER_REV
 from pmg.pipeline.trials.absorb import Scaled, Yardstick, scale_on
 from pmg.pipeline.trials.design import CampaignDesign, draw_design
 from pmg.pipeline.trials.effect import BenchRun, Effect, torques
+from pmg.pipeline.trials.laws import USUAL
 from pmg.pipeline.trials.strata import Stratum, form_of
 from pmg.pipeline.trials.world import FASTEST_RING, FASTEST_SUN, WINDOW, World, draw_world
 from pmg.pipeline.windows.revolutions import BATCHES
@@ -132,6 +133,7 @@ def _effect_truth(scaled: Scaled) -> dict[str, Any]:
         "size": effect.size,
         "unit": effect.form.unit,
         "knobs": dict(effect.knobs),
+        "laws": effect.family,
         "asked_sigma": scaled.asked,
         "reached_sigma": scaled.reached,
         "raw_sigma": scaled.raw,
@@ -148,18 +150,19 @@ def _draw_effect(
     scene: BenchRun,
     rng: np.random.Generator,
     pinned: Iterable[tuple[str, float | str]] = (),
+    laws: str = USUAL,
 ) -> Effect:
-    """An effect of that id with a shape drawn, where it is not pinned, and a size of the usual order."""
-    form = form_of(identifier)
-    return Effect(form, shaft, form.first, form.knobs(scene, rng) | dict(pinned))
+    """An effect of that id with law and shape drawn, where they are not pinned, and a size of the usual order."""
+    form, fixed = form_of(identifier), dict(pinned)
+    return Effect(form, shaft, form.first, form.knobs(scene, rng) | form.laws.draw(laws, rng, fixed) | fixed)
 
 
-def draw_case(stratum: Stratum, rng: np.random.Generator) -> ConcealedCampaign:
-    """A concealed campaign of that kind."""
+def draw_case(stratum: Stratum, rng: np.random.Generator, laws: str = USUAL) -> ConcealedCampaign:
+    """A concealed campaign of that kind, whose effects follow usual laws, reserved ones, or any."""
     world = draw_world(rng, stratum.outliers)
     design = draw_design(rng, order=stratum.order, extended=stratum.extended, one_way=stratum.one_way)
     yardstick = Yardstick(BenchRun(design, world))
-    drawn = [_draw_effect(*named, yardstick.scene, rng, stratum.pinned) for named in stratum.effects]
+    drawn = [_draw_effect(*named, yardstick.scene, rng, stratum.pinned, laws) for named in stratum.effects]
     effects = tuple(scale_on(yardstick, effect, stratum.size, stratum.basis) for effect in drawn)
     return ConcealedCampaign(f"campaign-{rng.bytes(4).hex()}", stratum, design, world, effects, rng.bytes(16).hex())
 

@@ -31,8 +31,8 @@ PAIRS: tuple[tuple[tuple[str, str], tuple[str, str]], ...] = (
 )
 """Effects concealed together, each with its shaft."""
 ONE_WAY: tuple[tuple[str, str, tuple[tuple[str, float | str], ...]], ...] = (
-    ("torque_gain_error", "sun", (("quadratic", 0.02), ("sign", 1.0))),
-    ("torque_gain_error", "ring", (("quadratic", 0.02), ("sign", -1.0))),
+    ("torque_gain_error", "sun", (("law", "quadratic"), ("quadratic", 0.02), ("sign", 1.0))),
+    ("torque_gain_error", "ring", (("law", "quadratic"), ("quadratic", 0.02), ("sign", -1.0))),
     ("load_dependent_bearing_friction", "sun", (("law", "power"), ("power", 1.03))),
     ("load_dependent_bearing_friction", "ring", (("law", "power"), ("power", 1.03))),
 )

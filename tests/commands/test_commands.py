@@ -158,6 +158,7 @@ TABLE: dict[str, Row] = {
         (
             Wrong("--out {tmp}/o --strata claen", "claen"),
             Wrong("--out {tmp}/o --route gird", "gird"),
+            Wrong("--out {tmp}/o --laws usal", "usal"),
             Wrong("--out {notes} --campaigns 1 --strata clean --workers 1", "notes"),
         ),
     ),

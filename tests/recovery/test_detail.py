@@ -82,7 +82,7 @@ def test_the_exponent_of_the_catalogue_is_one_of_the_exponents(x: float) -> None
 
 
 def test_heat_that_crosses_warms_the_other_shaft(bench: BenchParameters) -> None:
-    problem = staged("lubricant_viscosity sun 4", "exponential", bench)
+    problem = staged("lubricant_viscosity sun 4", "vogel", bench)
     at = problem.readings.grid.points
     warm = replace(WarmingInTwoSteps.of(bench, problem.model), resistance_sun=1.0, resistance_ring=1.0)
     apart, crossed = warm.rises(at), replace(warm, cross=0.5).rises(at)
@@ -115,7 +115,7 @@ def test_data_that_do_not_call_for_detail_stay_simple(bench: BenchParameters) ->
 
 
 def test_members_of_a_set_are_swapped_one_at_a_time_and_gains_add_up(bench: BenchParameters) -> None:
-    problem = staged("lubricant_viscosity ring + torque_gain_error sun 2", "exponential", bench)
+    problem = staged("lubricant_viscosity ring + torque_gain_error sun 2", "walther", bench)
     pair = explain_with(
         problem, MECHANISMS, (candidate("torque_gain_error", "sun"), candidate("lubricant_viscosity", "ring"))
     )

@@ -38,6 +38,7 @@ ENGAGED_ONLY = {
     "load_dependent_iron_loss",
     "magnet_temperature",
     "outside_saturating_load_speed",
+    "outside_load_speed_corner",
 }
 MOSTLY_ABSORBED = {
     "windage",

@@ -301,7 +301,7 @@ def test_a_campaign_depends_on_the_seed_and_its_number_only() -> None:
 
 def test_a_changed_truth_breaks_its_seal(tmp_path: Path) -> None:
     lots = draw_lots(2, 1)
-    hashes = seal(lots, tmp_path, seed=1, kinds=("clean",), route="grid")
+    hashes = seal(lots, tmp_path, seed=1, kinds=("clean",), route="grid", laws="usual")
     truths = open_truths(lots, tmp_path)
     assert truths[1]["campaign"] == lots[1].draw().campaign
     path = tmp_path / "truths" / "0001.json"
@@ -311,10 +311,10 @@ def test_a_changed_truth_breaks_its_seal(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="sealed beforehand"):
         open_truths(lots, tmp_path)
     with pytest.raises(StoreError, match="sealed for seed 1; expected a seal for seed 2"):
-        seal(draw_lots(2, 2), tmp_path, seed=2, kinds=("clean",), route="grid")
+        seal(draw_lots(2, 2), tmp_path, seed=2, kinds=("clean",), route="grid", laws="usual")
     (tmp_path / FILE).write_text("{")
     with pytest.raises(StoreError, match="not a readable seal"):
-        seal(lots, tmp_path, seed=1, kinds=("clean",), route="grid")
+        seal(lots, tmp_path, seed=1, kinds=("clean",), route="grid", laws="usual")
 
 
 # --- from end to end -----------------------------------------------------------------------------------
@@ -439,6 +439,7 @@ def test_scores_need_no_campaign_of_every_kind() -> None:
     [
         (("--strata", "clean,outsid"), "--strata: 'outsid'; expected kinds out of"),
         (("--strata", "clean,outsid"), "Did you mean 'outside'?"),
+        (("--laws", "reservd"), "--laws: 'reservd'; expected usual, reserved or all.\nhint: Did you mean 'reserved'?"),
         (("--route", "gird"), "--route: 'gird'; expected grid or recordings.\nhint: Did you mean 'grid'?"),
         (("--campaigns", "0"), "--campaigns: 0; expected 1 or more"),
         (("--campaigns", "4", "--case", "4"), "--case: 4; expected 0 to 3"),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.trials.laws import CHOICES, USUAL
 from pmg.pipeline.trials.nature import draw_case
 from pmg.pipeline.trials.strata import strata
 from pmg.sim.errors import BenchError, near_miss
@@ -41,11 +42,14 @@ class Lot:
         What kind it is.
     seed : int
         Master seed.
+    laws : str
+        Families that its laws are drawn from, out of `CHOICES`.
     """
 
     number: int
     stratum: Stratum
     seed: int
+    laws: str = USUAL
 
     def rng(self, purpose: str) -> np.random.Generator:
         """Random numbers of this campaign for one of `PURPOSES`; they ask nothing of the other campaigns."""
@@ -54,10 +58,10 @@ class Lot:
 
     def draw(self) -> ConcealedCampaign:
         """The concealed campaign."""
-        return draw_case(self.stratum, self.rng("draw"))
+        return draw_case(self.stratum, self.rng("draw"), self.laws)
 
 
-def draw_lots(campaigns: int, seed: int, kinds: tuple[str, ...] = tuple(SHARES)) -> tuple[Lot, ...]:
+def draw_lots(campaigns: int, seed: int, kinds: tuple[str, ...] = tuple(SHARES), laws: str = USUAL) -> tuple[Lot, ...]:
     """The campaigns of a trial; the first ones of a longer trial are the same.
 
     Parameters
@@ -68,6 +72,8 @@ def draw_lots(campaigns: int, seed: int, kinds: tuple[str, ...] = tuple(SHARES))
         Master seed.
     kinds : tuple of str
         Kinds of campaign, out of `SHARES`.
+    laws : str
+        Families that laws are drawn from, out of `CHOICES`.
 
     Notes
     -----
@@ -84,7 +90,7 @@ def draw_lots(campaigns: int, seed: int, kinds: tuple[str, ...] = tuple(SHARES))
     for number in range(campaigns):
         due = max(chosen, key=lambda kind: SHARES[kind] / whole * (number + 1) - had[kind])
         had[due] += 1
-        lots.append(Lot(number, next(sources[due]), seed))
+        lots.append(Lot(number, next(sources[due]), seed, laws))
     return tuple(lots)
 
 
@@ -115,3 +121,11 @@ def chosen_kinds(text: str | None) -> tuple[str, ...]:
         if word not in SHARES:
             raise BenchError("--strata", repr(word), f"kinds out of {', '.join(SHARES)}", near_miss(word, SHARES))
     return tuple(kind for kind in SHARES if kind in words)
+
+
+def chosen_laws(text: str | None) -> str:
+    """One of `CHOICES`; the usual families where nothing is given."""
+    word = USUAL if text is None else text
+    if word not in CHOICES:
+        raise BenchError("--laws", repr(word), ", ".join(CHOICES[:-1]) + f" or {CHOICES[-1]}", near_miss(word, CHOICES))
+    return word

@@ -34,7 +34,7 @@ SIZES_DRAWN = (0.02, 20.0)
 
 
 def proof_page(trial: Trial, facts: Mapping[str, Any]) -> Report:
-    """The page of a trial; `facts` holds seed, strata, route and the digest of the program."""
+    """The page of a trial; `facts` holds seed, strata, laws, route and the digest of the program."""
     aimed = [figure for figure in trial.figures if figure.met is not None]
     met = sum(bool(figure.met) for figure in aimed)
     return Report(
@@ -50,6 +50,7 @@ def proof_page(trial: Trial, facts: Mapping[str, Any]) -> Report:
             (
                 ("Master seed", str(facts["seed"])),
                 ("Kinds of campaign", ", ".join(facts["strata"])),
+                ("Families of laws", str(facts["laws"])),
                 ("Route", str(facts["route"])),
                 ("SHA-256 of the program's sources", str(facts["code"])),
                 ("Versions", versions(PACKAGES)),

@@ -20,7 +20,9 @@ SCHEMA = "pmg.sealed/1"
 FILE = "sealed.json"
 
 
-def seal(lots: tuple[Lot, ...], folder: Path, *, seed: int, kinds: tuple[str, ...], route: str) -> dict[int, str]:
+def seal(
+    lots: tuple[Lot, ...], folder: Path, *, seed: int, kinds: tuple[str, ...], route: str, laws: str
+) -> dict[int, str]:
     """Publish the hash of every truth; a seal that is there already must be the same.
 
     Returns
@@ -40,6 +42,7 @@ def seal(lots: tuple[Lot, ...], folder: Path, *, seed: int, kinds: tuple[str, ..
         "campaigns": len(lots),
         "strata": list(kinds),
         "route": route,
+        "laws": laws,
         "sha256": [hashes[lot.number] for lot in lots],
     }
     path = folder / FILE

@@ -17,7 +17,7 @@ from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.trials.nature import seal_truth
 from pmg.pipeline.trials.score.agreement import both_ways
-from pmg.pipeline.trials.score.case_list import CAMPAIGNS, SEED, chosen_kinds, draw_lots
+from pmg.pipeline.trials.score.case_list import CAMPAIGNS, SEED, chosen_kinds, chosen_laws, draw_lots
 from pmg.pipeline.trials.score.chapter import proof_page
 from pmg.pipeline.trials.score.run_case import ROUTES, SCHEMA, CaseTask, run_case
 from pmg.pipeline.trials.score.score import DiagnosisScore as Verdict
@@ -51,6 +51,8 @@ class TrialOptions:
         How many, and the master seed.
     strata : str, optional
         Kinds of campaign, separated by commas.
+    laws : str, optional
+        Families that laws are drawn from: ``usual`` unless given, ``reserved`` or ``all``.
     route : str
         ``grid``, or ``recordings``: through files and every stage of the pipeline.
     recordings : int, optional
@@ -67,6 +69,7 @@ class TrialOptions:
     campaigns: int | None = None
     seed: int | None = None
     strata: str | None = None
+    laws: str | None = None
     route: str = ROUTES[0]
     recordings: int | None = None
     quick: bool = False
@@ -90,15 +93,15 @@ def run_prove(out: Path, asked: TrialOptions, progress: Callable[[int, int, str]
     recordings = _asked_both(asked.recordings, asked.quick, route, case)
     campaigns = (QUICK[0] if asked.quick else CAMPAIGNS) if asked.campaigns is None else asked.campaigns
     seed = SEED if asked.seed is None else asked.seed
-    kinds = chosen_kinds(asked.strata)
+    kinds, laws = chosen_kinds(asked.strata), chosen_laws(asked.laws)
     if route not in ROUTES:
         raise BenchError("--route", repr(route), " or ".join(ROUTES), near_miss(route, ROUTES))
     if campaigns < 1:
         raise BenchError("--campaigns", str(campaigns), "1 or more", "Give a number of campaigns.")
     if case is not None and not 0 <= case < campaigns:
         raise BenchError("--case", str(case), f"0 to {campaigns - 1}", "Name a campaign of this trial.")
-    lots = draw_lots(campaigns, seed, kinds)
-    hashes = seal(lots, out, seed=seed, kinds=kinds, route=route)
+    lots = draw_lots(campaigns, seed, kinds, laws)
+    hashes = seal(lots, out, seed=seed, kinds=kinds, route=route, laws=laws)
     code = _code_digest()
     taken = lots if case is None else (lots[case],)
     tasks = [CaseTask(lot, route, code, hashes[lot.number]) for lot in taken]
@@ -111,7 +114,7 @@ def run_prove(out: Path, asked: TrialOptions, progress: Callable[[int, int, str]
     results = {task: found for task in tasks if (found := _read_case(out, task)) is not None}
     if case is not None:
         return _one(tasks[0], results[tasks[0]], out)
-    facts = {"seed": seed, "strata": list(kinds), "route": route, "code": code}
+    facts = {"seed": seed, "strata": list(kinds), "laws": laws, "route": route, "code": code}
     return _all(lots, results, out, facts, (len(missing), len(tasks) - len(missing)))
 
 
