@@ -118,11 +118,11 @@ DRIFT = Families(
 GAIN = Families(
     {
         "quadratic": Law(_gain_quadratic, {"quadratic": (-0.3, 0.3)}),
-        "cubic": Law(_gain_cubic, {"cubic": (-3.0, 3.0)}),
+        "cubic": Law(_gain_cubic, {"cubic": (-1.5, 1.5)}),
         "by_sense": Law(_gain_by_sense, {"sense": (-0.15, 0.15)}),
     },
     {
-        "levelling": Law(_gain_levelling, {"span": (0.3, 1.0)}),
+        "levelling": Law(_gain_levelling, {"span": (0.4, 1.2)}),
         "dead_band": Law(_gain_dead_band, {"band": (5e-3, 2e-2)}),
     },
 )

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.files.atomic import write_atomic
+from pmg.pipeline.trials.laws import CHOICES, USUAL
 from pmg.pipeline.trials.score.case_list import CAMPAIGNS, SEED, draw_lots
 from pmg.pipeline.trials.score.stage import _code_digest
 from pmg.sim.errors import BenchError, PmgError
@@ -52,11 +53,11 @@ class Entry:
         return f"{self.part}-{self.lot.number:04d}.json"
 
 
-def chosen(campaigns: int, seed: int, clean: int | None, concealed: int | None) -> tuple[Lot, ...]:
+def chosen(campaigns: int, seed: int, clean: int | None, concealed: int | None, laws: str = USUAL) -> tuple[Lot, ...]:
     """The campaigns of that trial, or the first so many of either sort."""
     left = {True: campaigns if clean is None else clean, False: campaigns if concealed is None else concealed}
     found = []
-    for lot in draw_lots(campaigns, seed):
+    for lot in draw_lots(campaigns, seed, laws=laws):
         sort = lot.stratum.kind == "clean"
         if left[sort] > 0:
             left[sort] -= 1
@@ -177,9 +178,9 @@ def read_proof(path: Path, lots: tuple[Lot, ...]) -> dict[str, Any]:
         raise BenchError(where, "no readable scores", "a document pmg.proof/1", hint)
     strata = {int(case["case"]): case["stratum"] for case in document["cases"]}
     other = [lot.number for lot in lots if strata.get(lot.number) != lot.stratum.name]
-    if document.get("seed") != lots[0].seed or other:
-        came = f"seed {document.get('seed')}, {len(other)} campaigns that are lacking or others"
-        raise BenchError(where, came, f"seed {lots[0].seed} and the same campaigns", hint)
+    if document.get("seed") != lots[0].seed or document.get("laws") != lots[0].laws or other:
+        came = f"seed {document.get('seed')}, laws {document.get('laws')}, {len(other)} campaigns lacking or others"
+        raise BenchError(where, came, f"seed {lots[0].seed}, laws {lots[0].laws} and the same campaigns", hint)
     return document
 
 
@@ -188,6 +189,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="./pmgw bench rivals")
     parser.add_argument("--campaigns", type=int, default=CAMPAIGNS, help="of the trial, as for pmg prove")
     parser.add_argument("--seed", type=int, default=SEED, help="of the trial, as for pmg prove")
+    parser.add_argument("--laws", choices=CHOICES, default=USUAL, help="of the trial, as for pmg prove")
     parser.add_argument("--clean", type=int, help="only the first so many clean ones of them")
     parser.add_argument("--concealed", type=int, help="only the first so many others")
     parser.add_argument("--calibration", type=int, default=CALIBRATION, help="further clean campaigns that calibrate")
@@ -195,7 +197,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder of the answers and the table")
     asked = parser.parse_args()
     try:
-        lots = chosen(asked.campaigns, asked.seed, asked.clean, asked.concealed)
+        lots = chosen(asked.campaigns, asked.seed, asked.clean, asked.concealed, asked.laws)
         if not lots or asked.calibration < 0:
             raise BenchError("--campaigns", str(asked.campaigns), "1 or more", "Give a number of campaigns.")
         ours = None if asked.ours is None else read_proof(asked.ours, lots)

@@ -164,6 +164,7 @@ def proof_row(document: Mapping[str, Any], cases: Sequence[int]) -> Row:
             parameter=None,
             held_out=case["held_out_ratio"] if case["concealed"] else None,
             recognised=case["recognised"],
+            laws=case["laws"],
         )
         for case in (by_number[number] for number in cases)
     ]

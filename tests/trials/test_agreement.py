@@ -27,7 +27,14 @@ POINTS = {f"torque_{shaft}{end}": [0.1, 0.2] for shaft in ("sun", "ring") for en
 
 def truth(reached: float = 2.0, *, clean: bool = False) -> dict[str, Any]:
     """A truth by hand: one concealed gain, or nothing."""
-    effect = {"id": "windage", "shaft": "sun", "reached_sigma": reached, "knobs": {}, "in_library": True}
+    effect = {
+        "id": "windage",
+        "shaft": "sun",
+        "reached_sigma": reached,
+        "knobs": {},
+        "laws": "usual",
+        "in_library": True,
+    }
     return {
         "kind": "clean" if clean else "one",
         "stratum": "by hand",

@@ -231,7 +231,7 @@ def test_the_campaigns_are_those_of_the_proof() -> None:
 
 
 def test_our_own_line_counts_the_same_campaigns_only() -> None:
-    case = {"kind": "one", "concealed": ["windage"], "said": [], "p_value": 0.5, "recognised": None}
+    case = {"kind": "one", "concealed": ["windage"], "said": [], "p_value": 0.5, "recognised": None, "laws": "usual"}
     seen = {"reached_sigma": 2.0, "verdict": "named", "outcome": "named right", "held_out_ratio": 1.02}
     missed = {"reached_sigma": 1.0, "verdict": "consistent", "outcome": "missed", "held_out_ratio": None}
     cases = [{"case": i, "stratum": "s", **case, **what} for i, what in enumerate((seen, missed, missed))]
@@ -245,10 +245,10 @@ def test_scores_of_another_trial_are_refused(tmp_path: Path) -> None:
     lots = draw_lots(2, SEED)
     file = tmp_path / "scores.json"
     cases = [{"case": lot.number, "stratum": lot.stratum.name} for lot in lots]
-    right = {"schema": "pmg.proof/1", "seed": SEED, "cases": cases}
+    right = {"schema": "pmg.proof/1", "seed": SEED, "laws": "usual", "cases": cases}
     file.write_text(json.dumps(right), encoding="utf-8")
     assert read_proof(file, lots) == right
-    for wrong in ({**right, "seed": 1}, {**right, "cases": cases[:1]}, {"schema": "other"}):
+    for wrong in ({**right, "seed": 1}, {**right, "laws": "all"}, {**right, "cases": cases[:1]}, {"schema": "other"}):
         file.write_text(json.dumps(wrong), encoding="utf-8")
         with pytest.raises(BenchError, match=r"scores\.json"):
             read_proof(file, lots)

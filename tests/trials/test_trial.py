@@ -19,12 +19,13 @@ from pmg.pipeline.diagnosis.design.plans import possible_plans
 from pmg.pipeline.trials.nature import ConcealedCampaign, measure_case
 from pmg.pipeline.trials.score import run_case, stage
 from pmg.pipeline.trials.score.case_list import SHARES, chosen_kinds, draw_lots
-from pmg.pipeline.trials.score.figures import Aim, Figured, figures
+from pmg.pipeline.trials.score.figures import Aim, Figured, figures, mean
 from pmg.pipeline.trials.score.rates import Rate, fit_curve
 from pmg.pipeline.trials.score.score import DiagnosisScore, judge, resolution
 from pmg.pipeline.trials.score.sealed import FILE, open_truth, open_truths, seal
+from pmg.pipeline.trials.score.sets import figures_by_laws, set_figures
 from pmg.pipeline.trials.score.stage import TrialOptions, run_prove
-from pmg.pipeline.trials.score.summary import summarise
+from pmg.pipeline.trials.score.summary import score_lines, summarise
 from pmg.pipeline.trials.strata import strata
 from pmg.sim.bench import BenchParameters
 from pmg.sim.errors import BenchError, StoreError
@@ -39,7 +40,9 @@ FEW = 3
 Effect = tuple[str, str]
 
 
-def truth(*effects: Effect, kind: str = "one", reached: float = 2.0, gain: float = 0.0) -> dict[str, Any]:
+def truth(
+    *effects: Effect, kind: str = "one", reached: float = 2.0, gain: float = 0.0, laws: str = "usual"
+) -> dict[str, Any]:
     """A truth made by hand: each effect an id and a shaft; the sun's reading off by a gain."""
     return {
         "kind": kind,
@@ -47,7 +50,14 @@ def truth(*effects: Effect, kind: str = "one", reached: float = 2.0, gain: float
         "campaign": "campaign-00",
         "expected": ["named"],
         "effects": [
-            {"id": name, "shaft": shaft, "reached_sigma": reached, "knobs": {}, "in_library": "outside" not in name}
+            {
+                "id": name,
+                "shaft": shaft,
+                "reached_sigma": reached,
+                "knobs": {},
+                "laws": laws,
+                "in_library": "outside" not in name,
+            }
             for name, shaft in effects
         ],
         "points": {
@@ -257,6 +267,80 @@ def test_rates_are_counted_over_the_right_campaigns() -> None:
     assert counted["lifted"] == (2, 3)
     assert found["held_out"].value == pytest.approx(1.1)
     assert found["confounded_told"].value is None
+
+
+@pytest.mark.parametrize(
+    ("true", "said", "told", "holds"),
+    [
+        (CLEAN, document("named", (GAIN, "sun")), (GAIN,), None),
+        (ONE, document("consistent"), (), None),
+        (ONE, document("confounded"), (), None),
+        (ONE, None, (), None),
+        (ONE, document("named", (GAIN, "ring")), (GAIN,), True),
+        (ONE, document("named", (DRIFT, "sun")), (DRIFT,), False),
+        (ONE, document("ambiguous", (DRIFT, "sun"), rival=GAIN), (DRIFT, GAIN), True),
+        (ONE, document("ambiguous", (DRIFT, "sun"), rival=WIND), (DRIFT, WIND), False),
+        (ONE, document("not_in_library"), ("not_in_library",), False),
+        (OUTSIDE, document("not_in_library"), ("not_in_library",), True),
+        (OUTSIDE, document("ambiguous", (DRIFT, "sun"), rival="not_in_library"), (DRIFT, "not_in_library"), True),
+        (OUTSIDE, document("named", (DRIFT, "sun")), (DRIFT,), False),
+        (PAIR, document("named", (GAIN, "sun")), (GAIN,), False),
+        (PAIR, document("named", (GAIN, "sun"), (DRIFT, "ring")), (GAIN, DRIFT), True),
+    ],
+)
+def test_a_set_holds_the_truth_or_does_not(
+    true: dict[str, Any], said: dict[str, Any] | None, told: tuple[str, ...], holds: bool | None
+) -> None:
+    score = judge(true, said)
+    assert score.told == told
+    assert score.holds is holds
+
+
+def test_coverage_and_size_of_sets_are_counted_by_kind() -> None:
+    near = truth((GAIN, "sun"), reached=1.0)
+    said = [
+        (near, document("named", (GAIN, "sun"))),
+        (near, document("ambiguous", (DRIFT, "sun"), rival=GAIN)),
+        (near, document("consistent")),
+        (ONE, document("ambiguous", (DRIFT, "sun"), rival=WIND)),
+        (OUTSIDE, document("not_in_library")),
+        (PAIR, document("named", (GAIN, "sun"))),
+        (CLEAN, document("named", (GAIN, "sun"))),
+    ]
+    found = {figure.id: figure for figure in set_figures([judge(*pair) for pair in said])}
+    counted = {name: (figure.hits, figure.of) for name, figure in found.items() if figure.hits is not None}
+    assert counted == {
+        "set_cover": (3, 5),
+        "set_cover_one": (2, 3),
+        "set_cover_outside": (1, 1),
+        "set_cover_two": (0, 1),
+        "set_cover_confounded": (0, 0),
+    }
+    size = found["set_size_one"]
+    assert (size.value, size.of) == (1.5, 2)
+    half = float(stats.t.ppf(0.975, 1)) * 0.5
+    assert size.interval == pytest.approx((1.5 - half, 1.5 + half))
+    assert found["set_size_outside"].value is None, "that one is larger than about 1 sigma"
+    assert mean("a", "a", [1.0, 1.0]).interval is None
+
+
+def test_figures_are_split_by_laws_where_a_trial_holds_both() -> None:
+    reserved = truth((GAIN, "sun"), reached=1.0, laws="reserved")
+    usual = truth((GAIN, "sun"), reached=1.0)
+    right, wrong = document("named", (GAIN, "sun")), document("named", (WIND, "sun"))
+    scores = [judge(usual, right), judge(usual, right), judge(reserved, wrong), judge(OUTSIDE, wrong)]
+    found = {figure.id: figure for figure in figures_by_laws(scores)}
+    for name, hits in (("named_right_at_1", (2, 0)), ("set_cover_one", (2, 0)), ("confident_library", (0, 1))):
+        families = [found[f"{name}_{family}"] for family in ("usual", "reserved")]
+        assert [(figure.hits, figure.of) for figure in families] == [(hits[0], 2), (hits[1], 1)]
+        assert all(figure.aim is None for figure in families)
+    assert figures_by_laws(scores[:2]) == ()
+    assert figures_by_laws([judge(reserved, right), judge(CLEAN, right)]) == ()
+    result = {"diagnosis": right, "seconds": 1.0, "extended": None}
+    trial = summarise({0: usual, 1: reserved}, {0: result, 1: result})
+    assert {"set_cover", "set_size_one", "named_right_at_1_reserved"} <= {figure.id for figure in trial.figures}
+    assert [(row["laws"], row["set_holds_truth"]) for row in trial.rows] == [("usual", True), ("reserved", True)]
+    assert any("reserved laws" in line for line in score_lines(trial))
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import binom
+from scipy.stats import binom, t
 
 from pmg.pipeline.trials.score.rates import EDGES, DetectionCurve, Rate, count, fit_curve
 from pmg.pipeline.trials.score.score import DiagnosisScore, Score
@@ -225,6 +225,17 @@ def middle(identifier: str, what: str, values: Sequence[float], aim: Aim | None 
     interval = _order_interval(len(ordered))
     ends = None if interval is None else (float(ordered[interval[0]]), float(ordered[interval[1]]))
     return Figured(identifier, what, "", float(np.median(ordered)), ends, len(ordered), None, aim)
+
+
+def mean(identifier: str, what: str, values: Sequence[float], aim: Aim | None = None) -> Figured:
+    """A mean with Student's interval; none where all values are the same, as their scatter then tells nothing."""
+    n = len(values)
+    if not n:
+        return Figured(identifier, what, "", None, None, 0, None, aim)
+    middle_one, error = float(np.mean(values)), float(np.std(values, ddof=1) / np.sqrt(n)) if n > 1 else 0.0
+    half = float(t.ppf(0.975, n - 1)) * error if error else 0.0
+    ends = (middle_one - half, middle_one + half) if error else None
+    return Figured(identifier, what, "", middle_one, ends, n, None, aim)
 
 
 def _order_interval(n: int) -> tuple[int, int] | None:

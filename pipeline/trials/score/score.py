@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.trials.laws import RESERVED
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -17,6 +19,10 @@ SILENT = ("consistent", "confounded")
 """Verdicts that claim no mismatch; every other one is an alarm."""
 PARAMETERS = {"torque_zero_offset": "offset", "torque_gain_error": "gain", "torque_crosstalk": "part"}
 """Parameter of the library that corresponds to an effect's size, without its shaft."""
+WITHOUT_ONE = ("magnitude", "seated", "by_sense")
+"""Laws that go with the sense of a torque, so that no single parameter corresponds to them."""
+NOT_IN_LIBRARY = "not_in_library"
+"""Verdict that is a member of a set by itself."""
 QUANTILE = 1.96
 """Half-width of a 95 % interval in standard errors."""
 
@@ -94,6 +100,8 @@ class Score:
         Error on withheld readings with the mechanisms in, over the noise floor.
     recognised : bool or None
         For a confounded design: that it cannot tell was said, or the set with the truth and a test that would.
+    laws : str
+        Family of its effects' laws, reserved if that of any is; empty where nothing is concealed.
     """
 
     kind: str
@@ -107,6 +115,19 @@ class Score:
     parameter: ParameterScore | None
     held_out: float | None
     recognised: bool | None
+    laws: str
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """The set that was told: ids, or that it is none of the library; empty where no mismatch was claimed."""
+        return (NOT_IN_LIBRARY,) if self.verdict == NOT_IN_LIBRARY else self.named
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether that set holds the truth, every effect of it; None without a set, or without an effect."""
+        if not self.told or not self.ids:
+            return None
+        return {NOT_IN_LIBRARY if name.startswith("outside_") else name for name in self.ids} <= set(self.told)
 
     @property
     def detected(self) -> bool:
@@ -134,6 +155,7 @@ def judge(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Score
         parameter=_parameter_beside(truth, document),
         held_out=float(held["rmse_after_Nm"] / held["noise_floor_Nm"]) if after and held is not None else None,
         recognised=separated if kind == "confounded" else None,
+        laws=max((str(effect["laws"]) for effect in effects), key=lambda family: family == RESERVED, default=""),
     )
 
 
@@ -162,7 +184,7 @@ def _naming_outcome(truth: Mapping[str, Any], document: Mapping[str, Any] | None
         return DiagnosisScore.MISSED
     if verdict == "confounded":
         return DiagnosisScore.SAID_CONFOUNDED
-    if verdict == "not_in_library":
+    if verdict == NOT_IN_LIBRARY:
         return DiagnosisScore.NOT_IN_LIBRARY
     true = {effect["id"]: effect["shaft"] for effect in truth["effects"]}
     said = set(_said_ids(document))
@@ -182,7 +204,7 @@ def _parameter_beside(truth: Mapping[str, Any], document: Mapping[str, Any] | No
         return None
     effect = truth["effects"][0]
     stem, shaft = PARAMETERS.get(effect["id"]), effect["shaft"]
-    if stem is None or effect["knobs"].get("law") == "magnitude":
+    if stem is None or effect["knobs"].get("law") in WITHOUT_ONE:
         return None
     fitted = {p["name"]: p for mechanism in document["mechanisms"] for p in mechanism["parameters"]}
     found = fitted.get(f"{stem}_{shaft}")

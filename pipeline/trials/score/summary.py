@@ -15,6 +15,7 @@ from pmg.pipeline.trials.score.case_list import SHARES
 from pmg.pipeline.trials.score.figures import detection, figures
 from pmg.pipeline.trials.score.rates import EDGES
 from pmg.pipeline.trials.score.score import DiagnosisScore, Score, judge, resolution
+from pmg.pipeline.trials.score.sets import figures_by_laws, set_figures
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -127,7 +128,7 @@ def summarise(
         verdict: [row["separating_test"] for row in rows if row["separating_test"] and row["verdict"] == verdict]
         for verdict in ("ambiguous", "confounded")
     }
-    shown = figures(scores, tests["ambiguous"], tests["confounded"])
+    shown = (*figures(scores, tests["ambiguous"], tests["confounded"]), *set_figures(scores), *figures_by_laws(scores))
     return Trial(scores, rows, shown, bins, curve, times, agree(truths, results, second or {}))
 
 
@@ -148,6 +149,8 @@ def case_row(number: int, score: Score, truth: Mapping[str, Any], result: Mappin
         "reached_sigma": score.reached,
         "verdict": score.verdict,
         "said": list(score.named),
+        "set_holds_truth": score.holds,
+        "laws": score.laws,
         "outcome": str(score.outcome),
         "expected": score.verdict in truth["expected"],
         "p_value": score.p_value,
