@@ -30,6 +30,7 @@ from pmg.sim.bench import load_bench
 from pmg.sim.errors import PmgError
 
 from ..house import ROOT
+from ..importers.written import TOPICS, channel, map_text
 from .mutations import ENGAGED, KINDS, Held, Specimen, mutate
 from .writer import CALIBRATION
 
@@ -72,43 +73,12 @@ frequency_high = "15000 Hz"
 step_speed = "5 rpm"
 settle = "1 s"
 """
-MAP = """schema = "pmg.import/1"
-calibration = "calibration.toml"
-[run]
-campaign = "made"
-point = "E1"
-configuration = "engaged"
-gear = 1
-drive = "sun"
-started_at = 2026-03-04T09:30:00Z
-sun_speed_set_rpm = 600
-[time]
-rate_Hz = 500
-[csv]
-decimal = "."
-delimiter = ";"
-[[channel]]
-topic = "/daq/torque_sun/frequency"
-source = "T"
-unit = "mN m"
-sign = -1
-[[channel]]
-topic = "/daq/encoder_sun/count"
-source = "A"
-unit = "deg"
-wraps_at = 360.0
-"""
-
-
-SUPPLY = (
-    MAP[: MAP.index("[csv]")]
-    + """[[channel]]
-topic = "/daq/encoder_sun/count"
-source = "/vendor/frame"
-field = "encoder_sun.reading"
-bits = 16
-"""
+MAP = map_text(
+    channel(TOPICS["torque_sun"], "T", unit="mN m", sign=-1)
+    + channel(TOPICS["angle_sun"], "A", unit="deg", wraps_at=360.0),
+    extra='[csv]\ndecimal = "."\ndelimiter = ";"\n',
 )
+SUPPLY = map_text(channel(TOPICS["angle_sun"], "/vendor/frame", field="encoder_sun.reading", bits=16))
 SCENARIO = """title = "A grid"
 [bench]
 configuration = "engaged"

@@ -9,7 +9,8 @@ from dataclasses import replace
 
 from tests.grid.checked_campaign import NEUTRAL, Runs
 from tests.house import ROOT
-from tests.recording.writer import CALIBRATION, NULL_HZ
+from tests.importers.written import TOPICS, channel, map_text
+from tests.recording.writer import CALIBRATION
 
 from .case import ANALYSE, BOTH, INGEST, Call, Case, Desk, Ended, Setup
 
@@ -204,23 +205,7 @@ CSVS: Mapping[str, str | bytes] = {
     "UTF-16 without its mark": "t;a\n0;1\n".encode("utf-16-le"),
     "columns of one name": "t;t\n0;1\n",
 }
-IMPORT = f"""schema = "pmg.import/1"
-calibration = "calibration.toml"
-[run]
-campaign = "made"
-point = "X"
-configuration = "neutral"
-gear = 1
-drive = "sun"
-started_at = 2026-03-04T09:30:00Z
-[time]
-rate_Hz = 500
-[[channel]]
-topic = "/daq/torque_sun/frequency"
-source = "a"
-unit = "Hz"
-# {NULL_HZ["sun"]}
-"""
+IMPORT = map_text(channel(TOPICS["torque_sun"], "a", unit="Hz"))
 
 
 def _csv(words: str | bytes) -> Setup:
