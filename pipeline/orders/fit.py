@@ -75,17 +75,6 @@ class Orders:
         low = np.where(self.beyond, np.maximum(size - reach, 0.0), np.where(known, 0.0, np.nan))
         return low, size + reach
 
-    @property
-    def phase(self) -> Array:
-        """Phase [rad]; NaN within the band, where it says nothing."""
-        return np.where(self.beyond, np.angle(self.amplitude), np.nan)
-
-    @property
-    def u_phase(self) -> Array:
-        """Standard uncertainty of the phase by noise [rad]; noise that lengthens c is taken off its length."""
-        length = np.sqrt(np.where(self.beyond, self.magnitude**2 - 2.0 * self.u**2, 1.0))
-        return np.where(self.beyond, self.u / length, np.nan)
-
 
 def fit_orders(signals: Array, sun: Array, ring: Array, groups: Sequence[Group], rate_hz: float) -> Orders:
     r"""Lines of both shafts in signals over one window, all at once.

@@ -95,9 +95,9 @@ STATISTICS = (
     ),
     mutant(
         "noise not taken off the length behind a phase's uncertainty",
-        "Orders.u_phase",
-        "self.magnitude**2 - 2.0 * self.u**2",
-        "self.magnitude**2",
+        "fitted_row",
+        "abs(found.c) ** 2 - 2.0 * u**2",
+        "abs(found.c) ** 2",
         ESTIMATORS,
     ),
     mutant(
@@ -261,7 +261,7 @@ STATISTICS = (
         "slope = 0.0 * step_slope",
         DECISIONS,
     ),
-    mutant("memory that begins with the point itself", "run_history", "power[i - 1]", "power[i]", DECISIONS),
+    mutant("memory that begins with the point itself", "_run_history", "power[i - 1]", "power[i]", DECISIONS),
     mutant(
         "tare that cancels between campaigns", "_one_error", ' and not cause.name.startswith("tare")', "", DECISIONS
     ),

@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 
-from pmg.pipeline.orders.fit import fit_orders, wrapped
+from pmg.pipeline.orders.fit import fit_orders
 from pmg.pipeline.orders.lines import lines_of, resolve
 from pmg.sim.bench import load_bench
 from pmg.sim.signals import RPM
 from tests.orders.coloured import KINDS, coloured
+from tests.orders.rows import row_of
 
 SEED = 20261121
 RATE, SAMPLES = 500.0, 2500
@@ -57,7 +58,8 @@ def main() -> None:
                 low, high = found.interval
                 known = np.isfinite(low)
                 covered.append(((low <= amplitude) & (amplitude <= high))[known])
-                off = np.abs(wrapped(found.phase - phase)) / found.u_phase
+                lines_told = [(row_of(found, i, at), phase[i]) for at in range(SIGNALS) for i in range(len(groups))]
+                off = np.array([abs(math.remainder(row.phase - p, math.tau)) / row.u_phase for row, p in lines_told])
                 phased.append(off[np.isfinite(off)] < 1.96)
             lots = [np.concatenate(part) for part in (beyond, covered, phased)]
             rates = [lot.mean() for lot in lots]

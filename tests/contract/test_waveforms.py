@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from tests.orders.rows import row_of
 from tests.points import joined, points
 
 from pmg.pipeline.orders.fit import Orders, fit_orders, wrapped
@@ -169,8 +170,8 @@ def test_a_shifted_clock_turns_the_phase_of_a_line_and_leaves_its_amplitude(orde
     late, name = size(ClockOffset), f"{side} {order}"
     before, after = (fitted(np.cos(order * (TURNED[side] - shift * SPEED[side])) + 0.4, 1) for shift in (0.0, late))
     place = [group.name for group in before.groups].index(name)
-    turned = wrapped(after.phase[0, place] - before.phase[0, place])
-    assert turned == pytest.approx(wrapped(np.array(-order * late * SPEED[side])), abs=1e-6)
+    turned = row_of(after, place).phase - row_of(before, place).phase
+    assert wrapped(np.array(turned + order * late * SPEED[side])) == pytest.approx(0.0, abs=1e-6)
     assert after.magnitude[0, place] == pytest.approx(before.magnitude[0, place], rel=1e-6)
 
 
