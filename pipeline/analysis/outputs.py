@@ -13,7 +13,7 @@ import polars as pl
 
 from pmg.pipeline.analysis.power_flow import flow_document, flow_frame, power_flows
 from pmg.pipeline.files.atomic import write_atomic
-from pmg.pipeline.files.json_values import read_json
+from pmg.pipeline.files.json_values import proven_json, read_json, read_proven_json
 from pmg.pipeline.files.notes import note_read
 from pmg.pipeline.fit.budget_document import budget_document, budget_frame
 from pmg.pipeline.fit.common_errors import CORRECTION, CURVES, TRANSDUCERS
@@ -205,8 +205,7 @@ def write_analysis(analysis: Analysis, store: Path, budget: Budget | None = None
         _write_frame(tables["budget"], folder / "budget")
     columns = {f"{name}.csv": unstated_columns(table) for name, table in tables.items()}
     document = analysis_document(analysis, budget) | {"columns_without_uncertainty": columns, "grid_sha256": stamp}
-    text = json.dumps(document, indent=1, allow_nan=False) + "\n"
-    write_atomic(folder / SUMMARY, text.encode())
+    write_atomic(folder / SUMMARY, proven_json(document))
     return folder
 
 
@@ -266,7 +265,7 @@ def read_analysis(store: Path) -> tuple[Grid, AnalysisOptions]:
             str(store), "no analysis in it", f"{FOLDER}/{SUMMARY}", "Run 'pmg analyse' on this store first."
         )
     try:
-        document = read_json(summary)
+        document = read_proven_json(summary)
         if document["schema"] != SCHEMA:
             raise StoreError(str(summary), f"schema {document['schema']}", SCHEMA, "Run 'pmg analyse' again.")
         options = AnalysisOptions.from_document(document["options"])

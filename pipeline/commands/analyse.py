@@ -13,7 +13,7 @@ from pmg.pipeline.fit.budget import budget_of
 from pmg.pipeline.fit.budget_remarks import budget_remarks
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.campaign import measured_grid
-from pmg.pipeline.grid.completeness import earlier_means, lack_findings
+from pmg.pipeline.grid.completeness import lack_findings, stored_earlier
 from pmg.pipeline.grid.crosschecks.checked import checked_campaign
 from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
@@ -164,7 +164,7 @@ def _analysis_lines(analysis: Analysis, folder: Path, failed: int) -> tuple[str,
 
 def analysis_findings(analysis: Analysis, failed: Sequence[Manifest], used: Sequence[Manifest]) -> tuple[Remark, ...]:
     """Holes, files, points and windows that are missing, steps that could not be made, efficiencies above 1."""
-    found = [*lack_findings(analysis.grid, analysis.lacking, failed, used), *earlier_means(used)]
+    found = [*lack_findings(analysis.grid, analysis.lacking, failed, used), *stored_earlier(used)]
     found += [Remark("warning", error.where, error.advice) for error in analysis.missing]
     if analysis.balance is not None:
         above = analysis.balance.above_one()

@@ -215,7 +215,8 @@ def _of_recordings(whole: StoredAnalysis, budget: Budget) -> _RecordedPart:
 
     store, grid = Store(whole.store), whole.analysis.grid
     behind = campaign_signals(store, grid, budget)
-    return _RecordedPart(orders_chapter(store, whole.sources.used, whole.bench), encode(behind.cells), behind.findings)
+    orders, left_out = orders_chapter(store, whole.sources.used, whole.bench)
+    return _RecordedPart(orders, encode(behind.cells), behind.findings + left_out)
 
 
 def seeded(seed: int) -> tuple[str, str]:

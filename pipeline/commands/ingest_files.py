@@ -201,12 +201,15 @@ def _failed(source: StoredSource, store: Store, findings: tuple[Finding, ...], r
 def _done(manifest: Manifest, limits: Steadiness, supplied: Supplied) -> bool:
     """Whether a source is in the store as it would come in now.
 
-    One that names no limits was judged by the defaults, and one whose means were taken in an earlier way is read anew.
+    One that names no limits was judged by the defaults. One whose means were taken in an earlier way is read anew, and
+    one without a hash of itself.
     What was supplied stays where nothing is supplied now; where something else is, or where a map may name channels
     that were not offered before, the source is read anew.
     """
     judged_by = LIMITS.document() if manifest.limits is None else manifest.limits
-    if not manifest.ingested or judged_by != limits.document() or manifest.reduction != REDUCTION:
+    if not (manifest.ingested and manifest.proven and manifest.reduction == REDUCTION):
+        return False
+    if judged_by != limits.document():
         return False
     if supplied == NOTHING:
         return True

@@ -22,8 +22,9 @@ from pmg.pipeline.orders.band import FALSE_ALARM
 from pmg.pipeline.orders.example import choose_example
 from pmg.pipeline.orders.load_angle import LoadAngle, wind_up
 from pmg.pipeline.orders.statement import statement, unit_of
-from pmg.pipeline.orders.stored_lines import SCHEMA, TYPES, kept_orders, orders_of_manifest
+from pmg.pipeline.orders.stored_lines import SCHEMA, TYPES, kept_lines, orders_of_manifest
 from pmg.pipeline.orders.survey import NOTHING_FOLLOWED, follow_lines
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store.store import Store
@@ -88,7 +89,7 @@ def run_orders(
     began = now()
     home, bench = Store(store), load_bench()
     name, checked = checked_campaign(home, campaign, bench)
-    found = [(manifest, kept_orders(home, manifest)) for manifest in checked.manifests]
+    found, left_out = kept_lines(home, checked.manifests)
     recomputed = sum(orders is None for _, orders in found)
     sources = [(m, orders_of_manifest(home, m) if orders is None else orders) for m, orders in found]
     table = pl.concat([_with_points(m, orders) for m, orders in sources])
@@ -119,21 +120,25 @@ def run_orders(
     lines += _angle_lines(angles, law)
     if report is not None:
         section = orders_section(followed, table.filter("accepted"), angles, choose_example(home, checked.manifests))
-        files = write_report(_page(name, followed, section, len(found)), report)
+        files = write_report(_page(name, followed, section, len(sources)), report)
         leave_crate_of_files(report, "pmg orders", recordings_of(store, name), files, began)
         data |= {"report": str(files[0])}
         lines.append(f"report: {files[0]}")
-    return Outcome(data, tuple(lines), tuple(finding for _, orders in sources for finding in orders.findings))
+    findings = (finding for _, orders in sources for finding in orders.findings)
+    return Outcome(data, tuple(lines), (*left_out, *findings), partial=bool(left_out))
 
 
-def orders_chapter(store: Store, manifests: Sequence[Manifest], bench: BenchParameters) -> Section | None:
-    """The chapter for the report of a campaign; None where the ingest kept no lines of one of its recordings."""
-    sources = [(manifest, orders) for manifest in manifests if (orders := kept_orders(store, manifest)) is not None]
-    if len(sources) < len(manifests):
-        return None
+def orders_chapter(
+    store: Store, manifests: Sequence[Manifest], bench: BenchParameters
+) -> tuple[Section | None, tuple[Remark, ...]]:
+    """The chapter for the report of a campaign, None where one of its recordings has no lines, and what it lacks."""
+    found, left_out = kept_lines(store, manifests)
+    sources = [(manifest, orders) for manifest, orders in found if orders is not None]
+    if len(sources) < len(found):
+        return None, left_out
     table = pl.concat([_with_points(manifest, orders) for manifest, orders in sources]).filter("accepted")
     angles = [angle for manifest, orders in sources for angle in _load_angles(manifest, orders)]
-    return orders_section(follow_lines(table, bench), table, angles, choose_example(store, manifests))
+    return orders_section(follow_lines(table, bench), table, angles, choose_example(store, manifests)), left_out
 
 
 def _page(campaign: str, followed: tuple[LineSurvey, ...], section: Section, recordings: int) -> Report:
@@ -181,17 +186,9 @@ def _load_angles(manifest: Manifest, orders: SourceOrders) -> list[dict[str, Any
     for angle in orders.document["load_angles"]:
         window = windows.get((angle["point"], angle["first_sample"]))
         if window is not None:
-            found.append(
-                with_nulls(
-                    {
-                        "source": manifest.identifier,
-                        "gear": window.gear,
-                        "torque_ring_Nm": window.means.ring.torque,
-                        "speed_sun_rad_s": window.means.sun.speed,
-                    }
-                )
-                | angle
-            )
+            own = {"source": manifest.identifier, "gear": window.gear}
+            means = {"torque_ring_Nm": window.means.ring.torque, "speed_sun_rad_s": window.means.sun.speed}
+            found.append(own | with_nulls(means) | angle)
     return found
 
 

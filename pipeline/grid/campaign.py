@@ -45,8 +45,8 @@ def choose_campaign(store: Store, name: str | None) -> tuple[str, list[Manifest]
     manifests = store.manifests()
     known = campaigns(manifests)
     if not known:
-        failed = len(manifests)
-        came = f"{failed} sources, none usable" if failed else "no sources"
+        why = "".join(f"; {finding}" for manifest in manifests[:1] for finding in manifest.findings[-1:])
+        came = f"{len(manifests)} sources, none usable{why}" if manifests else "no sources"
         raise StoreError(str(store.path), came, "at least one ingested recording", "Ingest recordings first.")
     if name is None and len(known) > 1:
         raise StoreError(

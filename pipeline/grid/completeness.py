@@ -9,7 +9,7 @@ import numpy as np
 
 from pmg.pipeline.grid.levels import speed_levels
 from pmg.pipeline.grid.missing_points import lost_data, unreached_findings
-from pmg.pipeline.recording.codes import Severity
+from pmg.pipeline.recording.codes import Code, Severity
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.windows.reduce import REDUCTION
 from pmg.pipeline.wording.plurals import counted, listed
@@ -125,7 +125,8 @@ def lack_findings(
         words = "" if why is None else f": {why.where}: {why.message}. {why.do}"
         cell = _asked_cell(manifest, grid)
         run = f" at {cell}" if cell else ""
-        found.append(Remark("warning", file, f"not usable, so not in the grid{run}{words}"))
+        severity = "error" if why is not None and why.code is Code.STORE_CHANGED else "warning"
+        found.append(Remark(severity, file, f"not usable, so not in the grid{run}{words}"))
     found += unreached_findings(used)
     for row in np.flatnonzero(~grid.accepted | (grid.reason != "")):
         where = f"window {grid.points.name[row]}"
@@ -136,13 +137,17 @@ def lack_findings(
     return tuple(found)
 
 
-def earlier_means(used: Sequence[Manifest]) -> tuple[Remark, ...]:
-    """Sources whose means were taken in an earlier way than those of today, as a finding of a stage."""
-    files = [m.file for m in used if m.ingested and m.reduction != REDUCTION]
-    if not files:
-        return ()
-    message = f"the means of {counted(len(files), 'recording')} were taken in an earlier way: {listed(files)}"
-    return (Remark("warning", "windows", f"{message}; expected today's. Run 'pmg ingest' on the recordings again."),)
+def stored_earlier(used: Sequence[Manifest]) -> tuple[Remark, ...]:
+    """Sources stored in an earlier way than today: other means, or without a hash of what was written."""
+    again = "Run 'pmg ingest' on the recordings again."
+    found = []
+    if files := [m.file for m in used if m.ingested and m.reduction != REDUCTION]:
+        message = f"the means of {counted(len(files), 'recording')} were taken in an earlier way: {listed(files)}"
+        found.append(Remark("warning", "windows", f"{message}; expected today's. {again}"))
+    if files := [m.file for m in used if m.ingested and not m.proven]:
+        message = f"what the store holds of {counted(len(files), 'recording')} is unproven: {listed(files)}"
+        found.append(Remark("warning", "store", f"{message}; expected the hash of each file that was written. {again}"))
+    return tuple(found)
 
 
 def _asked_cell(manifest: Manifest, grid: Grid) -> str:

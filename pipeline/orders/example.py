@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pmg.pipeline.orders.angle import AverageTurn, average_turn, by_angle, order_amplitudes
+from pmg.sim.errors import StoreError
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pmg.pipeline.store.manifest import Manifest
+    import polars as pl
+
+    from pmg.pipeline.store.manifest import Manifest, StoredWindow
     from pmg.pipeline.store.store import Store
     from pmg.sim.signals import Array
 
@@ -71,10 +75,14 @@ def choose_example(store: Store, manifests: Iterable[Manifest]) -> Example | Non
             turns = slowest * window.means.duration / REVOLUTION
             if turns >= FEWEST_TURNS:
                 found.append((window.configuration != "engaged", slowest, window.first_sample, manifest, window))
-    if not found:
-        return None
-    _, _, _, manifest, window = min(found, key=lambda item: (*item[:3], item[3].identifier))
-    samples = store.samples(manifest.identifier)
+    for _, _, _, manifest, window in sorted(found, key=lambda item: (*item[:3], item[3].identifier)):
+        with suppress(StoreError):  # samples that are damaged or changed; they are named where all are read
+            return _example(store.samples(manifest), window)
+    return None
+
+
+def _example(samples: pl.DataFrame, window: StoredWindow) -> Example:
+    """The window of these samples, shown whole."""
     offset = int(samples["sample"][0])
     part = samples.slice(window.first_sample - offset, window.stop_sample - window.first_sample)
     shafts = [_shaft(side, part[f"torque_{side}"].to_numpy(), part[f"angle_{side}"].to_numpy()) for side in SIDES]

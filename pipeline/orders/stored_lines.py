@@ -14,6 +14,7 @@ from pmg.pipeline.orders.angle import index_of
 from pmg.pipeline.orders.point import Span, orders_of_point
 from pmg.pipeline.orders.row import OrderRow
 from pmg.pipeline.recording.findings import Finding
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.store.store import ORDERS
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import StoreError
@@ -89,7 +90,7 @@ def _orders_of_source(recording: Recording, windows: Iterable[Window]) -> Source
 
 def orders_of_manifest(store: Store, manifest: Manifest) -> SourceOrders:
     """The lines of a source of which only decoded samples are there: no coils, no index pulses."""
-    samples, bench = store.samples(manifest.identifier), load_bench()
+    samples, bench = store.samples(manifest), load_bench()
     steps = {side: REVOLUTION / manifest.calibration.counts_per_rev[side] for side in SIDES}
     index: dict[str, Index | None] = dict.fromkeys(SIDES)
     points = [
@@ -126,18 +127,41 @@ def kept_orders(store: Store, manifest: Manifest) -> SourceOrders | None:
     StoreError
         What it kept cannot be read.
     """
-    folder = store.path / ORDERS
-    path = folder / f"{manifest.identifier}.json"
+    name = f"{ORDERS}/{manifest.identifier}"
+    path = store.path / f"{name}.json"
     if not path.is_file():
         return None
     try:
+        store.read_proven(manifest, f"{name}.json")
         document = read_json(path)
-        table = pl.read_parquet(folder / f"{manifest.identifier}.parquet")
+        table = pl.read_parquet(io.BytesIO(store.read_proven(manifest, f"{name}.parquet")))
     except (OSError, ValueError, pl.exceptions.PolarsError) as error:
         raise StoreError(str(path), f"unreadable ({error})", SCHEMA, "Remove it: it is made again.") from error
     if not isinstance(document, dict) or document.get("schema") != SCHEMA or dict(table.schema) != COLUMNS:
         return None
     return SourceOrders(table, document)
+
+
+def kept_lines(
+    store: Store, manifests: Sequence[Manifest]
+) -> tuple[list[tuple[Manifest, SourceOrders | None]], tuple[Remark, ...]]:
+    """Lines that an ingest kept of each source, None where it kept none; those damaged or changed are left out.
+
+    Raises
+    ------
+    StoreError
+        All of them are damaged or changed.
+    """
+    found: list[tuple[Manifest, SourceOrders | None]] = []
+    left_out: list[Remark] = []
+    for manifest in manifests:
+        try:
+            found.append((manifest, kept_orders(store, manifest)))
+        except StoreError as error:
+            left_out.append(Remark("error", "lines of its shafts' orders", f"left out: {error}", manifest.file))
+            if len(left_out) == len(manifests):
+                raise
+    return found, tuple(left_out)
 
 
 def _source(

@@ -95,27 +95,28 @@ def campaign_signals(store: Store, grid: Grid, budget: Budget) -> CampaignSignal
         runs[place.manifest.identifier].append(row)
     for row in set(range(len(grid))) - set(places):
         cells[row] = replace(cells[row], lacking="no samples of this window are in the store; ingest its recording")
-    for identifier, of_run in runs.items():
+    for of_run in runs.values():
+        manifest = places[of_run[0]].manifest
         try:
-            run = _run(store, identifier)
+            run = _run(store, manifest)
         except StoreError as error:
-            file = places[of_run[0]].manifest.file
+            lacking = f"samples {error.came}; ingest {manifest.file} again"
             for row in of_run:
-                cells[row] = replace(cells[row], file=file, lacking=f"samples {error.came}; ingest {file} again")
+                cells[row] = replace(cells[row], file=manifest.file, lacking=lacking)
             continue
         for row in of_run:
             cells[row] = _with_signals(cells[row], places[row], run, bins_for(len(grid)))
     return CampaignSignals(tuple(cells), _findings(cells))
 
 
-def _run(store: Store, identifier: str) -> dict[str, Array]:
+def _run(store: Store, manifest: Manifest) -> dict[str, Array]:
     """The columns of a run that are shown, and the numbers of its samples."""
-    samples = store.samples(identifier)
+    samples = store.samples(manifest)
     needed = ("sample", *(signal.name for signal in TORQUES), *(f"angle_{side}" for side in SIDES))
     lacking = [name for name in needed if name not in samples.columns]
     if lacking:
         raise StoreError(
-            f"run {identifier}", f"without {', '.join(lacking)}", "decoded samples", "Ingest its source again."
+            f"run {manifest.identifier}", f"without {', '.join(lacking)}", "decoded samples", "Ingest its source again."
         )
     return {name: samples[name].to_numpy() for name in needed}
 

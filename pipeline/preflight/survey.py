@@ -21,6 +21,7 @@ from pmg.pipeline.recording.run_records import Setpoints
 from pmg.pipeline.recording.supplied import NOTHING, Supply
 from pmg.pipeline.store.sources import find_recordings
 from pmg.pipeline.store.store import MARK, Store
+from pmg.sim.errors import StoreError
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import SIDES
 
@@ -160,7 +161,10 @@ def _stored(store: Store, manifest: Manifest) -> File:
     first = f"{errors[0].where}: {errors[0].message}" if errors else ""
     if not manifest.ingested:
         return File(manifest.file, 0, unusable=first or "not usable")
-    kept = kept_orders(store, manifest)
+    try:
+        kept = kept_orders(store, manifest)
+    except StoreError as error:
+        return File(manifest.file, 0, unusable=str(error))
     channels: tuple[str, ...] = ()
     if kept is not None:
         index = [f"/daq/encoder_{side}{INDEX}" for side, place in kept.document["index"].items() if place is not None]

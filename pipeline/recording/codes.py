@@ -31,6 +31,7 @@ class Code(StrEnum):
     UNPROVEN = "container.unproven"
     RECORD_LOST = "container.record_lost"
     RECORD_UNKNOWN = "container.record_unknown"
+    STORE_CHANGED = "store.changed"
     DUPLICATE_FILE = "container.duplicate"
     RUN_MISSING = "run.missing"
     RUN_KEY = "run.key"

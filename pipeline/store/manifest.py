@@ -6,7 +6,7 @@ import math
 from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.files.json_values import with_nulls
+from pmg.pipeline.files.json_values import PROOF, with_nulls
 from pmg.pipeline.recording.calibration import Calibration, Transducer
 from pmg.pipeline.recording.findings import Finding
 from pmg.pipeline.recording.means import BATCH_METHOD, PointMeans, ShaftMeans
@@ -87,6 +87,10 @@ class Manifest:
         By which way its means were taken; the first one where a usable source does not say.
     limits : mapping or None
         By which its windows were judged; the defaults where it does not say.
+    files : mapping of str to str
+        SHA-256 of its files in the store as they were written, by their place there.
+    proven : bool
+        Whether it was read from a file that holds the hash of itself.
     """
 
     identifier: str
@@ -108,6 +112,8 @@ class Manifest:
     lacking: Mapping[str, str] = field(default_factory=dict)
     reduction: int | None = None
     limits: Mapping[str, float] | None = None
+    files: Mapping[str, str] = field(default_factory=dict)
+    proven: bool = False
 
     @property
     def ingested(self) -> bool:
@@ -152,6 +158,7 @@ class Manifest:
         )
         later = {"offered": self.offered, "reduction": self.reduction, "limits": self.limits}
         plain |= {key: value for key, value in later.items() if value is not None}
+        plain |= {"files": dict(self.files)} if self.files else {}
         return plain | {"windows": [_window_document(window) for window in self.windows]}
 
 
@@ -190,6 +197,8 @@ def manifest_of(identifier: str, document: Mapping[str, Any]) -> Manifest:
         lacking=document.get("lacking", {}),
         reduction=document.get("reduction"),
         limits=document.get("limits"),
+        files=dict(document.get("files", {})),
+        proven=PROOF in document,
     )
 
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
-import json
 from contextlib import suppress
+from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import polars as pl
 
 from pmg.pipeline.files.atomic import PREFIX, abandoned, write_atomic, write_together
-from pmg.pipeline.files.json_values import read_json
+from pmg.pipeline.files.json_values import ChangedError, proven_json, read_json, read_proven_json
 from pmg.pipeline.files.notes import note_recording
+from pmg.pipeline.recording.codes import Code, Severity
+from pmg.pipeline.recording.findings import Finding
 from pmg.pipeline.store.manifest import FAILED, INGESTED, SCHEMA, Manifest, manifest_of
 from pmg.pipeline.store.sources import SUFFIX
 from pmg.sim.errors import StoreError
@@ -73,7 +76,7 @@ class Store:
     def prepare(self) -> None:
         """Make the folder a store."""
         if not self.made:
-            write_atomic(self.path / MARK, _json({"schema": SCHEMA}))
+            write_atomic(self.path / MARK, f'{{\n "schema": "{SCHEMA}"\n}}\n'.encode())
 
     def require(self) -> None:
         """Raise a `StoreError` where nothing was ever ingested."""
@@ -96,11 +99,13 @@ class Store:
         Raises
         ------
         OSError, KeyError, TypeError, ValueError, AttributeError
-            There is none, or it is damaged.
+            There is none, it is damaged, or its bytes are not those that were written.
         """
         absent = ValueError("no manifest, or its samples are missing")
         try:
-            document = read_json(self.path / SOURCES / f"{identifier}.json")
+            document = read_proven_json(self.path / SOURCES / f"{identifier}.json")
+        except ChangedError:
+            raise
         except (OSError, ValueError):
             raise absent from None
         if not isinstance(document, dict) or document.get("schema") != SCHEMA:
@@ -119,25 +124,20 @@ class Store:
         Parameters
         ----------
         whole : bool
-            Whether one that cannot be read is an error; it is left out otherwise, as an ingest writes it anew.
-
-        Raises
-        ------
-        StoreError
-            One of them cannot be read. One that another process removes meanwhile is no longer there.
+            Whether one that is damaged or changed stands as a source that is not usable, with a finding that says so;
+            it is left out otherwise, as an ingest writes it anew. One that another process removes meanwhile is no
+            longer there.
         """
         self.require()
         found = []
         for path in sorted((self.path / SOURCES).glob("*.json")):
             if path.name.startswith(PREFIX):
                 continue
-            manifest = self.manifest(path.stem)
-            if manifest is not None:
-                found.append(manifest)
-            elif whole and path.exists():
-                raise StoreError(
-                    str(path), "unreadable, or its samples are missing", SCHEMA, "Ingest its source again."
-                )
+            try:
+                found.append(self.read_manifest(path.stem))
+            except (OSError, KeyError, TypeError, ValueError, AttributeError) as error:
+                if whole and path.exists():
+                    found.append(_unusable(path.stem, error))
         return found
 
     def write(
@@ -152,7 +152,7 @@ class Store:
         samples : polars.DataFrame or None
             Its samples; None of a source that is not usable.
         others : mapping of str to bytes
-            What else is kept of it, by its place in the store.
+            What else is kept of it, by its place in the store. The manifest holds the hashes of all these files.
         """
         if samples is not None:
             buffer = io.BytesIO()
@@ -160,7 +160,8 @@ class Store:
             files = {**others, f"{RUNS}/{manifest.identifier}.parquet": buffer.getvalue()}
             write_together({self.path / name: data for name, data in files.items()})
             (self.path / LOGS / f"{manifest.identifier}.log").unlink(missing_ok=True)
-        write_atomic(self.path / SOURCES / f"{manifest.identifier}.json", _json(manifest.document()))
+            manifest = replace(manifest, files={name: _sha256(data) for name, data in files.items()})
+        write_atomic(self.path / SOURCES / f"{manifest.identifier}.json", proven_json(manifest.document()))
 
     def write_log(self, identifier: str, text: str) -> str:
         """Keep what went wrong with a source; gives the file's place in the store."""
@@ -184,15 +185,31 @@ class Store:
             (self.path / ORDERS / f"{identifier}{suffix}").unlink(missing_ok=True)
         (self.path / LOGS / f"{identifier}.log").unlink(missing_ok=True)
 
-    def samples(self, identifier: str) -> pl.DataFrame:
+    def samples(self, manifest: Manifest) -> pl.DataFrame:
         """Decoded samples of a source: `sample`, `torque_sun`, `torque_ring` [N m], `angle_sun`, `angle_ring` [rad]."""
-        path = self.path / RUNS / f"{identifier}.parquet"
+        name = f"{RUNS}/{manifest.identifier}.parquet"
         try:
-            return pl.read_parquet(path)
+            return pl.read_parquet(io.BytesIO(self.read_proven(manifest, name)))
         except (OSError, pl.exceptions.PolarsError) as error:
-            raise StoreError(
-                str(path), f"unreadable ({error})", "decoded samples", "Ingest its source again."
-            ) from error
+            came = f"unreadable ({error})"
+            raise StoreError(str(self.path / name), came, "decoded samples", "Ingest its source again.") from error
+
+    def read_proven(self, manifest: Manifest, name: str) -> bytes:
+        """Bytes of a file of a source, by its place in the store.
+
+        Raises
+        ------
+        OSError
+            It cannot be read.
+        StoreError
+            They are not those whose hash its manifest holds.
+        """
+        data = (self.path / name).read_bytes()
+        wanted, came = manifest.files.get(name), _sha256(data)
+        if wanted not in (None, came):
+            hashes = f"bytes with the hash {came[:12]}", f"{str(wanted)[:12]}, as pmg wrote it"
+            raise StoreError(str(self.path / name), *hashes, "Ingest its source again.")
+        return data
 
     def sweep(self) -> None:
         """Clear away what killed processes left: half-written files, and sources half removed."""
@@ -238,5 +255,13 @@ def _schema_of(mark: Path) -> object:
     return document.get("schema") if isinstance(document, dict) else "unreadable"
 
 
-def _json(document: Mapping[str, Any]) -> bytes:
-    return (json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode()
+def _unusable(identifier: str, error: Exception) -> Manifest:
+    """What stands for a source whose manifest is damaged or changed: nothing of it is taken."""
+    came = str(error) if isinstance(error, ChangedError) else f"unreadable ({error!r:.200}); expected a manifest of pmg"
+    name = f"{SOURCES}/{identifier}.json"
+    found = Finding(Severity.ERROR, name, came, identifier, Code.STORE_CHANGED, "Ingest its source again.")
+    return Manifest(identifier, identifier, status=FAILED, findings=(found,))
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()

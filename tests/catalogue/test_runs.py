@@ -20,6 +20,7 @@ from pmg.pipeline.catalogue.columns import COLUMNS
 from pmg.pipeline.catalogue.index import FILE, TABLES, open_catalogue
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.ingest_files import ingest
+from pmg.pipeline.files.json_values import proven_json
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.campaign import choose_campaign, measured_grid
 from pmg.pipeline.grid.tables import grid_frame
@@ -225,7 +226,7 @@ def test_the_tables_have_the_names_of_ods(store: Path) -> None:
     assert counts == {"Environment": 1, "Test": 1, "Measurement": 6, "SubMatrix": 5, "MeaQuantity": 20, "Remark": 0}
 
 
-@pytest.mark.parametrize("damage", ["text", "field", "lacking", "samples"])
+@pytest.mark.parametrize("damage", ["text", "field", "lacking", "digit", "samples"])
 def test_a_damaged_manifest_is_told_and_the_rest_listed(store: Path, damage: str) -> None:
     path = next((store / "sources").glob("b-*.json"))
     if damage == "text":
@@ -234,11 +235,13 @@ def test_a_damaged_manifest_is_told_and_the_rest_listed(store: Path, damage: str
         (store / "runs" / f"{path.stem}.parquet").unlink()
     else:
         document = json.loads(path.read_text())
-        if damage == "lacking":
+        if damage == "digit":
+            document["windows"][0]["means"]["sun"]["torque"] += 1e-3
+        elif damage == "lacking":
             del document["windows"][0]["means"]
         else:
             document["windows"][0]["means"]["sun"]["torque"] = "much"
-        path.write_text(json.dumps(document))
+        path.write_bytes(json.dumps(document).encode() if damage == "digit" else proven_json(document))
     for _ in range(2):  # made, and read back
         result = call("list", store, expect=3)
         assert "b.mcap" not in files(result)
@@ -250,7 +253,7 @@ def test_what_would_steer_a_terminal_is_spelled_out(store: Path) -> None:
     path = next((store / "sources").glob("a-*.json"))
     document = json.loads(path.read_text())
     document["windows"][0]["point"] = "\x1b[31mred\n"
-    path.write_text(json.dumps(document))
+    path.write_bytes(proven_json(document))
     outcome = RUNNER.invoke(app, ["runs", "list", str(store)])
     assert "\x1b" not in outcome.stdout
     assert r"\x1b[31mred\n" in outcome.stdout

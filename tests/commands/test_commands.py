@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import shutil
 import subprocess
@@ -82,7 +83,10 @@ TABLE: dict[str, Row] = {
             Wrong("--config {bad_config}", "stoer"),
             Wrong("--stoer x", "--stoer"),
         ),
-        more=(("--grids {holed} --store {tmp}/s --terms-sun 0,1 --terms-ring 0,1", 3),),
+        more=(
+            ("--grids {holed} --store {tmp}/s --terms-sun 0,1 --terms-ring 0,1", 3),
+            ("--store {changed_store}", 3),
+        ),
     ),
     "compare": Row(
         "commands.compare.run_compare",
@@ -254,7 +258,17 @@ def _small(grids: Path) -> None:
 
 def _broken_store(sound: Path, store: Path) -> None:
     shutil.copytree(sound, store)
-    next(iter(sorted((store / "sources").glob("*.json")))).write_text('{"schema": "pmg.st')
+    for path in (store / "sources").glob("*.json"):
+        path.write_text('{"schema": "pmg.st')
+
+
+def _changed_store(sound: Path, store: Path) -> None:
+    """Another digit in one mean."""
+    shutil.copytree(sound, store)
+    path = min((store / "sources").glob("*.json"))
+    text = path.read_text()
+    path.write_text(re.sub(r'("torque": -?\d+\.\d)(\d)', lambda m: m[1] + str(9 - int(m[2])), text, count=1))
+    assert path.read_text() != text
 
 
 @pytest.fixture(scope="session")
@@ -291,6 +305,8 @@ def places(campaign: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
     assert call("analyse", "--grids", found["grids"], "--store", found["analysed"], *PLAIN_TERMS)["exit_code"] == 0
     found["broken_store"], found["broken_analysis"] = here / "broken", here / "broken-analysis"
     _broken_store(found["store"], found["broken_store"])
+    found["changed_store"] = here / "changed"
+    _changed_store(found["store"], found["changed_store"])
     shutil.copytree(found["analysed"], found["broken_analysis"])
     (found["broken_analysis"] / "analysis" / "analysis.json").write_text("{")
     return found

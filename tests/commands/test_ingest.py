@@ -65,7 +65,7 @@ def test_the_manifest_holds_the_window_and_its_means(mixed: Path, tmp_path: Path
     assert window["accepted"]
     assert window["means"]["sun"]["torque"] == pytest.approx(0.086208, abs=4.3e-3)
     assert window["means"]["ring"]["speed"] / RPM == pytest.approx(300.0, abs=0.01)
-    samples = store.samples(by_file["neutral.mcap"].identifier)
+    samples = store.samples(by_file["neutral.mcap"])
     assert samples.height == 2500
     whole = WholeRevolutions(
         samples["torque_sun"].to_numpy(), whole_revolutions(samples["angle_sun"].to_numpy())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.compare import run_compare
 from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.files.json_values import PROOF, proven_json
 from pmg.pipeline.fit.calibration import calibrate
 from pmg.pipeline.fit.common_errors import causes_of_calibration, causes_of_fits
 from pmg.pipeline.fit.loss_fit import fit_losses
@@ -230,10 +232,27 @@ def test_the_means_of_an_earlier_reduction_are_told(tmp_path: Path) -> None:
     store = stored(tmp_path, ("a.mcap", Bench()), ("b.mcap", Bench(run={"started_at": SECOND})))
     assert not [f for f in run_analyse(store, OPTIONS, grids=None, campaign=None).findings if f.where == "windows"]
     path = next((store / "sources").glob("b-*.json"))
-    path.write_text(path.read_text().replace('"reduction": ', '"reduction": 9'))
+    path.write_bytes(proven_json(json.loads(path.read_text().replace('"reduction": ', '"reduction": 9'))))
     for outcome in both(store, tmp_path / "report"):
         (told,) = [f.message for f in outcome.findings if f.where == "windows"]
         assert told.startswith("the means of 1 recording were taken in an earlier way: b.mcap")
+
+
+def test_a_stored_mean_that_was_changed_costs_its_recording_alone(tmp_path: Path) -> None:
+    store = stored(tmp_path, ("a.mcap", Bench()), ("b.mcap", Bench(run={"started_at": SECOND})))
+    path = next((store / "sources").glob("b-*.json"))
+    document = json.loads(path.read_text())
+    document["windows"][0]["means"]["sun"]["torque"] += 1e-3
+    path.write_text(json.dumps(document))
+    changed = run_analyse(store, OPTIONS, grids=None, campaign=None)
+    assert changed.partial
+    assert changed.data["analysis"]["points"]["all"] == 1
+    (told,) = [f.message for f in changed.findings if f.severity == "error"]
+    assert "as pmg wrote it. Ingest its source again" in told
+    del document[PROOF]
+    path.write_text(json.dumps(document))
+    (told,) = [f.message for f in run_analyse(store, OPTIONS, grids=None, campaign=None).findings if f.where == "store"]
+    assert "1 recording is unproven: b.mcap" in told
 
 
 def test_a_rejected_window_without_a_channel_stands_where_it_was_asked_for(tmp_path: Path) -> None:

@@ -157,7 +157,7 @@ def test_a_store_without_kept_lines_gives_them_from_its_samples(tmp_path: Path, 
     assert not again["from_index"].any()
     assert run_orders(store).data["without_coils_and_index"] == 1
     (store / ORDERS / f"{manifest.identifier}.json").write_text("{")
-    with pytest.raises(StoreError, match="Remove it: it is made again"):
+    with pytest.raises(StoreError, match="Ingest its source again"):
         run_orders(store)
 
 

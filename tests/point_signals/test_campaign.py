@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -193,7 +194,7 @@ def test_flags_of_the_budget_are_told(ingested: Path) -> None:
 # --- what is lacking -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("harm", ["missing", "cut", "columns", "empty"])
+@pytest.mark.parametrize("harm", ["missing", "cut", "changed", "columns", "empty"])
 def test_a_recording_that_cannot_be_read_is_told_and_takes_no_other_point(
     harm: str, ingested: Path, tmp_path: Path
 ) -> None:
@@ -204,9 +205,12 @@ def test_a_recording_that_cannot_be_read_is_told_and_takes_no_other_point(
         path.unlink()
     elif harm == "cut":
         path.write_bytes(path.read_bytes()[:-100])
+    elif harm == "changed":
+        pl.read_parquet(path).with_columns(pl.col("torque_sun") + 1e-3).write_parquet(path)
     else:
-        samples = store.samples(path.stem)
-        (samples.drop("angle_ring") if harm == "columns" else samples.head(0)).write_parquet(path)
+        manifest = store.read_manifest(path.stem)
+        samples = store.samples(manifest)
+        store.write(manifest, samples.drop("angle_ring") if harm == "columns" else samples.head(0))
     made = campaign_signals(store, grid, budget)
     assert [bool(cell.lacking) for cell in made.cells] == [False, True, False, False]
     assert [len(cell.channels) for cell in made.cells] == [4, 0, 4, 4]

@@ -189,7 +189,7 @@ def ingested(data: bytes) -> tuple[Manifest, dict[str, npt.NDArray[np.float64]],
         told = list(lack_findings(grid, holes(grid), failed, used))
         if failed:
             return manifests[SESSION], {}, grid, told
-        frame = store.samples(manifests[SESSION].identifier)
+        frame = store.samples(manifests[SESSION])
     first, count = int(frame["sample"][0]), len(NAMES) * EACH
     samples = {}
     for name in COLUMNS:

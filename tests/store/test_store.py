@@ -8,10 +8,13 @@ import math
 import os
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import ANY
 
 import polars as pl
 import pytest
 
+from pmg.pipeline.files.json_values import PROOF
+from pmg.pipeline.recording.codes import Code
 from pmg.pipeline.recording.means import BATCH_METHOD
 from pmg.pipeline.recording.run_records import Setpoints
 from pmg.pipeline.store.manifest import FAILED, Manifest, manifest_of
@@ -40,7 +43,7 @@ def test_what_was_written_is_read_back(tmp_path: Path) -> None:
     assert manifest.identifier == "a-00000000"
     assert manifest.ingested
     assert manifest.sha256 == "0" * 64
-    assert store.samples("a-00000000").equals(SAMPLES)
+    assert store.samples(MANIFEST).equals(SAMPLES)
 
 
 def test_the_same_source_gives_the_same_bytes(tmp_path: Path) -> None:
@@ -95,8 +98,38 @@ def test_a_manifest_that_cannot_be_read_counts_as_absent_for_resuming(tmp_path: 
     store = filled(tmp_path)
     (tmp_path / "sources" / "a-00000000.json").write_text(text)
     assert store.manifest("a-00000000") is None
-    with pytest.raises(StoreError, match="Ingest its source again"):
-        store.manifests()
+    assert store.manifests(whole=False) == []
+    (stand_in,) = store.manifests()
+    assert not stand_in.ingested
+    assert (stand_in.findings[0].code, stand_in.findings[0].severity) == (Code.STORE_CHANGED, "error")
+
+
+def test_a_document_that_was_changed_by_hand_stands_for_nothing(tmp_path: Path) -> None:
+    """Whatever digit it is; one that holds no hash of itself is read, and unproven."""
+    store = filled(tmp_path)
+    (proven,) = store.manifests()
+    assert proven.proven
+    path = tmp_path / "sources" / "a-00000000.json"
+    text = path.read_text()
+    for place, sign in [(place, sign) for place, sign in enumerate(text) if sign.isdecimal()][::7]:
+        path.write_text(text[:place] + str((int(sign) + 1) % 10) + text[place + 1 :])
+        assert store.manifest("a-00000000") is None
+        (stand_in,) = store.manifests()
+        assert not stand_in.ingested
+    path.write_text(json.dumps(json.loads(text)))
+    assert not store.manifests()[0].ingested, "other bytes with the same values"
+    path.write_text(json.dumps({key: value for key, value in json.loads(text).items() if key != PROOF}))
+    (unproven,) = store.manifests()
+    assert (unproven.ingested, unproven.proven) == (True, False)
+
+
+def test_samples_that_were_changed_are_not_read(tmp_path: Path) -> None:
+    store = filled(tmp_path)
+    SAMPLES.with_columns(torque_sun=pl.lit(0.26)).write_parquet(tmp_path / "runs" / "a-00000000.parquet")
+    (manifest,) = store.manifests()
+    with pytest.raises(StoreError, match="as pmg wrote it"):
+        store.samples(manifest)
+    assert store.samples(replace(manifest, files={}))["torque_sun"].to_list() == [0.26, 0.26], "without a hash"
 
 
 def test_a_manifest_whose_samples_are_gone_counts_as_absent(tmp_path: Path) -> None:
@@ -104,7 +137,7 @@ def test_a_manifest_whose_samples_are_gone_counts_as_absent(tmp_path: Path) -> N
     (tmp_path / "runs" / "a-00000000.parquet").unlink()
     assert store.manifest("a-00000000") is None
     with pytest.raises(StoreError, match="Ingest its source again"):
-        store.samples("a-00000000")
+        store.samples(MANIFEST)
 
 
 def test_damaged_samples_are_named(tmp_path: Path) -> None:
@@ -112,7 +145,7 @@ def test_damaged_samples_are_named(tmp_path: Path) -> None:
     path = tmp_path / "runs" / "a-00000000.parquet"
     path.write_bytes(path.read_bytes()[:40])
     with pytest.raises(StoreError, match=r"a-00000000\.parquet"):
-        store.samples("a-00000000")
+        store.samples(MANIFEST)
 
 
 def test_an_interrupted_write_leaves_the_old_file_and_nothing_else(
@@ -152,15 +185,18 @@ def test_a_disk_that_fails_for_one_file_of_a_source_leaves_all_of_its_files_as_t
     assert everything(tmp_path) == before
 
 
-def test_a_store_that_was_written_before_is_read_and_written_to_the_same_bytes(tmp_path: Path) -> None:
+def test_a_store_that_was_written_before_is_read_and_written_with_the_same_entries(tmp_path: Path) -> None:
     manifests = {manifest.file: manifest for manifest in Store(EARLIER).manifests()}
     assert list(manifests) == ["cut.mcap", "failed.mcap", "lean.mcap", "whole.mcap"]
     again = Store(tmp_path / "s")
     again.prepare()
     for manifest in manifests.values():
-        again.write(manifest, Store(EARLIER).samples(manifest.identifier) if manifest.ingested else None)
+        again.write(manifest, Store(EARLIER).samples(manifest) if manifest.ingested else None)
         name = f"sources/{manifest.identifier}.json"
-        assert (tmp_path / "s" / name).read_bytes() == (EARLIER / name).read_bytes()
+        written = json.loads((tmp_path / "s" / name).read_text(encoding="utf-8"))
+        assert (written.pop(PROOF), manifest.proven) == (ANY, False)
+        assert bool(written.pop("files", {})) == manifest.ingested
+        assert json.dumps(written) == json.dumps(json.loads((EARLIER / name).read_text(encoding="utf-8")))
     failed, lean, cut = (manifests[f"{name}.mcap"] for name in ("failed", "lean", "cut"))
     assert (failed.ingested, failed.campaign, failed.run.gear) == (False, "made", None)
     assert failed.run.setpoints == Setpoints(torque_ring=-1.5)

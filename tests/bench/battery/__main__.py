@@ -22,12 +22,12 @@ from pathlib import Path
 from tests.grid.checked_campaign import NEUTRAL, Runs, sound_campaign
 from tests.recording.writer import write
 
-from . import bombs, campaigns, containers, places, signals, texts
+from . import bombs, campaigns, containers, places, signals, stored, texts
 from .case import Case
 from .outcome import BAD, Outcome, Result, Sound, sound_campaign_of, tried
 from .sound import false_alarms
 
-CASES = (*signals.CASES, *campaigns.CASES, *containers.CASES, *places.CASES, *texts.CASES, *bombs.CASES)
+CASES = (*signals.CASES, *campaigns.CASES, *containers.CASES, *places.CASES, *texts.CASES, *stored.CASES, *bombs.CASES)
 SMALL = ("02.mcap", NEUTRAL)
 """Recordings of the small campaign."""
 

@@ -12,7 +12,7 @@ from tests.house import ROOT
 from tests.importers.written import TOPICS, channel, map_text
 from tests.recording.writer import CALIBRATION
 
-from .case import ANALYSE, BOTH, INGEST, Call, Case, Desk, Ended, Setup
+from .case import INGEST, Call, Case, Desk, Ended, Setup
 
 DEEP = 20_000
 MANY = 100_000
@@ -103,46 +103,6 @@ INSIDE: tuple[tuple[str, Callable[[Runs], None]], ...] = (
     ("calibration: with a mark of byte order", _calibration("\ufeff" + CALIBRATION)),
     ("calibration: line ends of another system", _calibration(CALIBRATION.replace("\n", "\r\n"))),
 )
-
-
-def _stored(pattern: str, change: Callable[[str], str | bytes]) -> Setup:
-    """A document of the store changed."""
-
-    def spoil(desk: Desk) -> None:
-        path = sorted(desk.store.glob(pattern))[-1]
-        words = change(path.read_text(encoding="utf-8"))
-        path.write_bytes(words if isinstance(words, bytes) else words.encode())
-
-    return spoil
-
-
-def _cut(pattern: str) -> Setup:
-    def spoil(desk: Desk) -> None:
-        path = sorted(desk.store.glob(pattern))[-1]
-        path.write_bytes(path.read_bytes()[:-40])
-
-    return spoil
-
-
-JSONS: Mapping[str, Callable[[str], str | bytes]] = {
-    "nested 100,000 deep": lambda _: "[" * 100_000 + "]" * 100_000,
-    "with a number of 5000 digits": lambda text: text.replace("{", '{"sha256": ' + "7" * 5000 + ", ", 1),
-    "cut in half": lambda text: text[: len(text) // 2],
-    "with NUL": lambda text: text.replace('"', "\0", 1),
-    "a list instead": lambda _: "[]",
-    "in UTF-16": lambda text: text.encode("utf-16"),
-    "with another digit of a mean": lambda text: text.replace("0.04", "0.09"),
-}
-STORED = ("store.json", "sources/*.json", "orders/*.json", "analysis/analysis.json")
-READS = {
-    "orders": Call(("orders", "--store", "store", "--json")),
-    "analysis": Call(("design", "--store", "store", "--json")),
-}
-
-
-def _reading(pattern: str) -> tuple[Call, ...]:
-    first = READS.get(pattern.split("/")[0])
-    return BOTH if first is None else (first, *BOTH)
 
 
 ACTS = (
@@ -248,20 +208,6 @@ CASES = (
         if file == "a campaign file" or what in SPARSE
     ),
     *(Case("text", what, plant, small=True) for what, plant in INSIDE),
-    *(
-        Case(
-            "text",
-            f"{pattern} of the store {what}",
-            spoil=_stored(pattern, change),
-            calls=_reading(pattern),
-            small=True,
-            first="made",
-        )
-        for pattern in STORED
-        for what, change in JSONS.items()
-        if "digit of a mean" not in what or pattern.startswith("sources")
-    ),
-    Case("text", "samples of the store cut", spoil=_cut("runs/*.parquet"), calls=(ANALYSE,), small=True, first="made"),
     *(
         Case("text", f"{key} {words!r}", _called(key, words), small=True, acts=acting)
         for key in ("point", "campaign", "note")
