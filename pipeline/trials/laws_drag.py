@@ -202,6 +202,6 @@ RUBBING = Families(
         "creeping": Law(_rub_creeping, {"creep": (-0.25, 0.25)}),
         "settling": Law(_rub_settling, {"steady": (0.6, 0.9), "fall": (0.05, 0.3)}),
     },
-    {"loaded": Law(_rub_loaded, {"per_load": (0.1, 0.3)})},
+    {"loaded": Law(_rub_loaded, {"per_load": (0.03, 0.12)})},
 )
 """Of speed over the highest one and of load over a reference one; about 1."""

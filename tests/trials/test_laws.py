@@ -12,12 +12,14 @@ from scipy.special import jv
 from tests.trials.strata_by_name import find_stratum
 
 from pmg.pipeline.trials.effect import Effect, EffectForm, torques
+from pmg.pipeline.trials.forms_drag import LOAD_RING
 from pmg.pipeline.trials.laws import CHOICES, Law
 from pmg.pipeline.trials.laws_thermal import REFERENCE
-from pmg.pipeline.trials.nature import draw_case, seal_truth
+from pmg.pipeline.trials.nature import draw_case, measure_case, seal_truth
 from pmg.pipeline.trials.score.case_list import draw_lots
 from pmg.pipeline.trials.score.sealed import seal
 from pmg.pipeline.trials.strata import LIBRARY_FORMS, form_of
+from pmg.pipeline.trials.world import FASTEST_SUN
 from pmg.sim.errors import StoreError
 from pmg.sim.signals import Array
 
@@ -185,6 +187,35 @@ def test_a_trial_conceals_only_laws_of_its_choice_and_its_truth_names_them(choic
             assert effect["laws"] == laws.family(effect["knobs"]["law"])
             seen.add(effect["laws"])
     assert seen >= ({"usual", "reserved"} if choice == "all" else {choice})
+
+
+def test_another_choice_of_laws_replaces_the_laws_alone() -> None:
+    for usual, reserved in zip(draw_lots(8, 3), draw_lots(8, 3, laws="reserved"), strict=True):
+        one, other = usual.draw(), reserved.draw()
+        assert (one.stratum, one.world) == (other.stratum, other.world)
+        np.testing.assert_array_equal(one.design.at.started_at, other.design.at.started_at)
+        np.testing.assert_array_equal(one.bare[0], other.bare[0])
+        placed = [[(s.effect.form.identifier, s.effect.shaft, s.asked) for s in case.effects] for case in (one, other)]
+        assert placed[0] == placed[1]
+        noise, again = (measure_case(case, lot.rng("measure")) for case, lot in ((one, usual), (other, reserved)))
+        np.testing.assert_allclose(noise.torque_sun - one.shown[0], again.torque_sun - other.shown[0], atol=1e-12)
+
+
+def test_decoys_are_broad_and_set_in_beyond_a_corner(rng: np.random.Generator) -> None:
+    scene = draw_case(find_stratum("clean random"), rng).scene
+    at = scene.design.at
+    hump, bump = form_of("outside_drag_hump"), form_of("outside_resonance_bump")
+    widths = [[float(form.knobs(scene, rng)["width"]) for _ in range(50)] for form in (hump, bump)]
+    assert min(widths[0]) > max(widths[1])
+    corner = form_of("outside_load_speed_corner")
+    effect = Effect(corner, "sun", 0.1, {"speed": 0.5, "load": 0.5, "width": 0.03})
+    sun, ring = corner.drag(scene, effect) if corner.drag else (ZERO, ZERO)
+    v, load = np.abs(at.speed_sun) / FASTEST_SUN, np.abs(scene.load) / LOAD_RING
+    assert not np.any(ring)
+    below, beyond = (v < 0.35) | (load < 0.35), (v > 0.65) & (load > 0.65)
+    assert beyond.any()
+    assert np.all(np.abs(sun[below]) < 1e-3)
+    np.testing.assert_allclose(sun[beyond], 0.1 * ((v - 0.5) * (load - 0.5) * np.sign(at.speed_sun))[beyond], rtol=0.02)
 
 
 def test_an_effect_of_no_size_changes_nothing(rng: np.random.Generator) -> None:
