@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from pmg.sim.mechanisms import Mechanism
     from pmg.sim.signals import Array, Mask
 
-SETPOINTS_RUN = 4
-"""Set-points that are run."""
-
 
 @dataclass(frozen=True)
 class SteadyEnd:

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    import numpy.typing as npt
+    from collections.abc import Iterable
 
     from pmg.sim.signals import Array
 
@@ -42,14 +40,6 @@ class Numbers:
         first, self.count = self.count, self.count + len(codes)
         self.parts.append(codes.tobytes())
         return [first, len(codes), offset, scale, int(log)]
-
-
-def _values_of(where: Sequence[float], codes: npt.NDArray[np.int16]) -> Array:
-    """The values of an array, as `Numbers.add` says where it stands among all codes."""
-    first, count, offset, scale, log = int(where[0]), int(where[1]), where[2], where[3], where[4]
-    part = codes[first : first + count]
-    values = np.where(part == UNKNOWN, np.nan, offset + scale * part)
-    return np.asarray(10.0**values if log else values)
 
 
 def _scaling(values: Array) -> tuple[float, float]:

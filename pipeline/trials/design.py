@@ -60,16 +60,6 @@ class CampaignDesign:
     one_way: bool
 
     @property
-    def direction_sun(self) -> Array:
-        """Direction in which the sun turns: 1, -1, or 0 at rest."""
-        return np.sign(self.at.speed_sun)
-
-    @property
-    def direction_ring(self) -> Array:
-        """Direction in which the ring turns: 1, -1, or 0 at rest."""
-        return np.sign(self.at.speed_ring)
-
-    @property
     def elapsed(self) -> Array:
         """Time since the first point [s]."""
         return np.asarray(self.at.started_at - self.at.started_at[0])

@@ -146,16 +146,6 @@ class TorqueMap:
         on_sun, on_ring = pull @ self.orders_sun, pull @ self.orders_ring
         return MagneticTorques(on_sun, on_ring, -(on_sun + on_ring))
 
-    def stiffness(self, sun: Array, ring: Array, carrier: Array | float = 0.0) -> Array:
-        """Second derivatives of the energy [N m/rad], (..., 3, 3) in the order sun, ring, carrier.
-
-        Element (i, j) is minus the slope of the torque on i with the angle of j; the rows sum to zero.
-        """
-        psi = self._terms(sun, ring, carrier)
-        orders = np.stack([self.orders_sun, self.orders_ring, -(self.orders_sun + self.orders_ring)])
-        bend = -(np.cos(psi) * self.cosine + np.sin(psi) * self.sine)
-        return np.asarray(np.einsum("...k,ik,jk->...ij", bend, orders, orders, optimize=True))
-
     @cached_property
     def _mean(self) -> tuple[Array, Array]:
         """Orders in the phase, and complex torque amplitudes on the sun, of the terms that do not average out."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from pmg.sim.grid import OperatingPoints
     from pmg.sim.maps.torque_map import TorqueMap
-    from pmg.sim.signals import Array, Mask
+    from pmg.sim.signals import Array
     from pmg.sim.steady.gearbox import Gearbox
 
 SPEED_LIMIT = 2.0 * SPEED_REFERENCE_SUN
@@ -50,11 +50,6 @@ class ForwardSpeeds:
     points: OperatingPoints
     slope: Array
     balances: npt.NDArray[np.int64]
-
-    @property
-    def several(self) -> Mask:
-        """Points whose drag falls with speed somewhere, so that other balances exist."""
-        return np.asarray(self.balances > 1)
 
 
 def _locked(gearbox: Gearbox, at: OperatingPoints, speed_sun: Array) -> OperatingPoints:

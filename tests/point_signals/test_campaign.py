@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import polars as pl
 import pytest
 from hypothesis import given, settings
@@ -31,7 +32,7 @@ from pmg.pipeline.point_signals import encoded as contract
 from pmg.pipeline.point_signals.campaign import CampaignSignals, campaign_signals
 from pmg.pipeline.point_signals.cell import CellSignals
 from pmg.pipeline.point_signals.encoded import Encoded, encode
-from pmg.pipeline.point_signals.quantised import Numbers, _values_of
+from pmg.pipeline.point_signals.quantised import UNKNOWN, Numbers
 from pmg.pipeline.store.store import Store
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import GridError, StoreError
@@ -53,6 +54,14 @@ FILES = {
 """A sequence, a point and its repeat, and one with the emergency stop pressed."""
 
 
+def values_of(where: list[float], codes: npt.NDArray[np.int16]) -> Array:
+    """The values of an array, as `Numbers.add` says where it stands among all codes."""
+    first, count, offset, scale, log = int(where[0]), int(where[1]), where[2], where[3], where[4]
+    part = codes[first : first + count]
+    values = np.where(part == UNKNOWN, np.nan, offset + scale * part)
+    return np.asarray(10.0**values if log else values)
+
+
 def decode(encoded: Encoded, row: int) -> dict[str, Any]:
     """One cell, as a page sees it: the header, with its arrays as numbers in the units shown."""
     entry = encoded.index["cells"][row]
@@ -62,10 +71,10 @@ def decode(encoded: Encoded, row: int) -> dict[str, Any]:
     codes = np.frombuffer(plain, dtype="<i2", offset=start)
 
     for channel in cell["channels"]:
-        channel |= {key: _values_of(channel[key], codes) for key in ("low", "high", "filtered")}
+        channel |= {key: values_of(channel[key], codes) for key in ("low", "high", "filtered")}
         if channel["spectrum"] is not None:
             channel["spectrum"] |= {
-                key: _values_of(channel["spectrum"][key], codes) for key in ("frequency", "amplitude")
+                key: values_of(channel["spectrum"][key], codes) for key in ("frequency", "amplitude")
             }
     return cell
 
@@ -256,7 +265,7 @@ def test_a_quantised_number_is_off_by_half_a_step_at_most(one: list[float], othe
     spread = float(np.ptp(known)) if len(known) else 0.0
     size = float(np.abs(known).max()) if len(known) else 0.0
     for place, array in zip(where, arrays, strict=True):
-        back = _values_of(place, codes)
+        back = values_of(place, codes)
         assert (np.isnan(back) == np.isnan(array)).all()
         off = np.abs(back - array)[np.isfinite(array)]
         assert (off <= spread / 120000.0 * (1.0 + 1e-9) + 4.0 * np.finfo(float).eps * size + 1e-300).all()

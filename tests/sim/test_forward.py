@@ -50,7 +50,7 @@ def test_forward_is_the_inverse_of_steady(rows: list[tuple[float, float, int]]) 
     np.testing.assert_allclose(found.points.speed_ring, at.speed_ring, rtol=1e-9)
     np.testing.assert_allclose(steady(GEARBOX, found.points).torque_sun, torque, atol=1e-13)
     assert (found.slope > 0.0).all()
-    assert not found.several.any()
+    assert (found.balances <= 1).all()
 
 
 @given(st.floats(1.0, 300.0), load, number)
@@ -118,7 +118,6 @@ def test_of_several_balances_the_one_reached_from_rest_is_given_and_it_is_stable
     found = forward(STRIBECK, engaged(10.0, 0.0), np.array([0.25]))
     assert found.points.speed_sun[0] == pytest.approx(200.0 * roots[0], rel=1e-10)
     assert found.balances[0] == 3
-    assert found.several[0]
     assert found.slope[0] > 0.0
 
 

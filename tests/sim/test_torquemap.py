@@ -71,18 +71,13 @@ def test_periodic_in_the_magnets_of_both_rotors(torque_map: TorqueMap, sun: floa
 
 
 @given(maps, angle, angle, angle)
-def test_torques_and_stiffness_are_the_slopes_of_the_energy(
-    torque_map: TorqueMap, sun: float, ring: float, carrier: float
-) -> None:
+def test_torques_are_the_slopes_of_the_energy(torque_map: TorqueMap, sun: float, ring: float, carrier: float) -> None:
     at, step = np.array([sun, ring, carrier]), 1e-5
     moved = at[:, None, None] + step * np.stack([np.eye(3), -np.eye(3)], axis=1).transpose(2, 0, 1)
     energy = torque_map.potential(*moved)
-    torques = torque_map.torques(*moved)
     here = torque_map.torques(*at)
     slope = (energy[:, 0] - energy[:, 1]) / (2 * step)
     np.testing.assert_allclose([here.sun, here.ring, here.carrier], -slope, atol=1e-6)
-    bend = np.stack([part[:, 0] - part[:, 1] for part in (torques.sun, torques.ring, torques.carrier)]) / (2 * step)
-    np.testing.assert_allclose(torque_map.stiffness(*at), -bend, atol=2e-5)
 
 
 @pytest.mark.parametrize("gear", GEARS, ids=["gear 1", "gear 2"])
