@@ -13,16 +13,10 @@ from pmg.sim.mechanisms.base import (
     Torques,
 )
 from pmg.sim.mechanisms.bearings import NeutralRemainder, RelativeBearing, RingBearings, SunBearings
-from pmg.sim.mechanisms.field import LoadIronLoss, ResidualCoupling, SkinEffect
-from pmg.sim.mechanisms.friction import (
-    LoadFriction,
-    MixedLubrication,
-    PoleSlip,
-    RelativeBearingDrag,
-    RubbingCarrier,
-    Windage,
-)
+from pmg.sim.mechanisms.field import ResidualCoupling, SkinEffect
+from pmg.sim.mechanisms.friction import MixedLubrication, PoleSlip, RubbingCarrier, Windage
 from pmg.sim.mechanisms.instruments import Crosstalk, GainError, ZeroDrift, ZeroOffset
+from pmg.sim.mechanisms.load import LoadFriction, LoadIronLoss, RelativeBearingDrag
 from pmg.sim.mechanisms.magnetic import EddyDamping, ExcessDamping, HysteresisDamping
 from pmg.sim.mechanisms.thermal import LubricantViscosity, MagnetTemperature
 from pmg.sim.mechanisms.waveform import (

@@ -1,4 +1,4 @@
-"""Drag beyond the baseline: load, mixed lubrication, air, a bearing between the shafts, a rubbing carrier."""
+"""Drag beyond the baseline: mixed lubrication, air, a rubbing carrier; and poles that slip."""
 
 from __future__ import annotations
 
@@ -9,15 +9,12 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from pmg.sim import signals, sources
-from pmg.sim.bench import of_stage
 from pmg.sim.grid import Configuration
 from pmg.sim.mechanisms.base import (
     BOTH_TORQUES,
     Component,
     Experiment,
-    Instant,
     Mechanism,
-    MotionLaw,
     Reveals,
     RotorLaw,
     Torques,
@@ -26,75 +23,13 @@ from pmg.sim.mechanisms.base import (
     nothing,
     parameter,
 )
+from pmg.sim.mechanisms.load import BEARINGS, REFERENCE_SPEED
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import OperatingPoints
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.signals import Number
-
-_SHAFTS = {"sun": Component.SUN_BEARINGS, "ring": Component.RING_BEARINGS}
-
-
-LOAD_PASSAGE = 1e-3
-"""Width of the smooth passage of a load through zero in a run [N m]: a hundredth of the lightest load tested."""
-
-
-@dataclass(frozen=True)
-class LoadLaw(MotionLaw):
-    """A mechanism of the engaged gear whose torques depend on the speeds and on the magnitude of the load."""
-
-    acts_in = (Configuration.ENGAGED,)
-
-    ratios: tuple[float, float]
-
-    @classmethod
-    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
-        """Absent."""
-        return cls((bench.gear1.ratio, bench.gear2.ratio))
-
-    @abstractmethod
-    def law(self, speed_sun: Number, speed_ring: Number, load: Number, ratio: Number, rest: float = 0.0) -> Torques:
-        """Torques on the rotors [N m] at speeds [rad/s] and at the magnitude of the torque on the ring [N m].
-
-        `ratio` is the magnitude of the gear's speed ratio, `rest` as in `RotorLaw.law`.
-        """
-
-    def at_instant(self, now: Instant) -> Torques:
-        """The law at the load of that instant, whose passage through zero is smooth where that of speeds is."""
-        load = modulus(now.load_ring, LOAD_PASSAGE if now.rest else 0.0)
-        return self.law(now.speed_sun, now.speed_ring, load, now.ratio, now.rest)
-
-    def torque(self, at: OperatingPoints) -> Torques:
-        """Torques on the rotors at steady points: the ring's load is what its motor applies when engaged."""
-        load = np.where(np.isin(at.configuration, self.acts_in), np.abs(at.torque_ring), 0.0)
-        return self.law(at.speed_sun, at.speed_ring, load, of_stage(at.gear, *self.ratios))
-
-
-@dataclass(frozen=True)
-class LoadFriction(LoadLaw):
-    """Bearing friction that grows with the torque the shaft carries.
-
-    The air-gap pull and the reaction of an eccentric rotor load the bearings in proportion to the transmitted torque.
-    """
-
-    identifier = "load_dependent_bearing_friction"
-    title = "Bearing friction growing with load"
-    equation = r"\tau_k = -\mathrm{sgn}(\omega_k)\,\mu_k\,|T_k|\ \mathrm{engaged}"
-    source = sources.PALMGREN.at("load-dependent moment")
-    component = Component.SUN_BEARINGS
-    components = _SHAFTS
-    affects = BOTH_TORQUES
-    revealed_by = (Reveals(Experiment.REVERSED_FLOW, "the loss keeps its sign when the power flow turns"),)
-    by_shaft = {"sun": ("mu_sun",), "ring": ("mu_ring",)}
-
-    mu_sun: float = parameter("1", bounds=(0.0, 0.2), typical=0.01, meaning="friction torque on the sun per torque")
-    mu_ring: float = parameter("1", bounds=(0.0, 0.2), typical=0.01, meaning="friction torque on the ring per torque")
-
-    def law(self, speed_sun: Number, speed_ring: Number, load: Number, ratio: Number, rest: float = 0.0) -> Torques:
-        """Friction of both shafts."""
-        sun, ring = self.mu_sun * (load / ratio), self.mu_ring * load
-        return Torques(against(speed_sun, sun, rest), against(speed_ring, ring, rest))
 
 
 @dataclass(frozen=True)
@@ -107,7 +42,7 @@ class ThinFilm(RotorLaw):
     identifier = "stribeck_mixed_lubrication"
     title = "Mixed lubrication at low speed"
     component = Component.SUN_BEARINGS
-    components = _SHAFTS
+    components = BEARINGS
     affects = BOTH_TORQUES
     revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "drag rises towards low speed"),)
     by_shaft = {"sun": ("extra_sun",), "ring": ("extra_ring",)}
@@ -166,15 +101,13 @@ class MixedLubrication(ThinFilm):
 
 
 @dataclass(frozen=True)
-class Windage(RotorLaw):
-    """Air drag of rotors and couplings: with the square of the speed, turbulent, in every configuration."""
+class AirDrag(RotorLaw):
+    """Air drag of rotors and couplings, in every configuration. Each form says how it grows with speed."""
 
     identifier = "windage"
     title = "Windage"
-    equation = r"\tau_k = -k_k\,\omega_k\,|\omega_k|"
-    source = sources.SCHLICHTING.at("rotating disk, turbulent")
     component = Component.SUN_BEARINGS
-    components = _SHAFTS
+    components = BEARINGS
     affects = BOTH_TORQUES
     revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "loss power grows with the cube of speed"),)
     by_shaft = {"sun": ("k_sun",), "ring": ("k_ring",)}
@@ -187,49 +120,45 @@ class Windage(RotorLaw):
         """Absent."""
         return cls()
 
+    @abstractmethod
+    def grown(self, speed: Number) -> Number:
+        """Drag over its coefficient at the magnitude of a speed [rad2/s2]."""
+
     def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
         """Air drag on both rotors."""
-        sun, ring = self.k_sun * modulus(speed_sun, rest), self.k_ring * modulus(speed_ring, rest)
-        return Torques(-sun * speed_sun, -ring * speed_ring)
-
-
-REFERENCE_DIFFERENCE = 100.0
-"""Speed difference that makes the viscous part of bearing 3 dimensionless [rad/s]; scales its parameter only."""
+        sun = against(speed_sun, self.k_sun * self.grown(modulus(speed_sun, rest)), rest)
+        return Torques(sun, against(speed_ring, self.k_ring * self.grown(modulus(speed_ring, rest)), rest))
 
 
 @dataclass(frozen=True)
-class RelativeBearingDrag(RotorLaw):
-    """Bearing 3 as it is mounted: between the shafts, so its drag follows their speed difference.
+class WindagePower(AirDrag):
+    """`Windage` in more detail: a power of the speed, 1.5 for a disk in laminar flow, 1.8 in turbulent flow."""
 
-    It brakes the faster shaft and pushes the slower one. What the baseline's shares had given it stays there.
-    """
-
-    identifier = "relative_bearing_drag"
-    title = "Relative bearing 3 driven by the speed difference"
     equation = (
-        r"\tau_s = -\mathrm{sgn}(\Delta)\,[m_0+m_1(|\Delta|/\Delta_0)^{2/3}],\ \tau_r=-\tau_s,\ "
-        r"\Delta=\omega_s-\omega_r"
+        r"\tau_k = -k_k\,\mathrm{sgn}(\omega_k)\,\omega_0^2\,(|\omega_k|/\omega_0)^{n},\ "
+        r"\omega_0 = 100\,\mathrm{rad/s}"
     )
-    source = sources.PALMGREN.at("viscous moment")
-    component = Component.RELATIVE_BEARING
-    affects = BOTH_TORQUES
-    revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "torque follows the speed difference"),)
-    by_shaft = {"both": ("m_0", "m_1")}
+    source = sources.SCHLICHTING.at("rotating disk, laminar and turbulent")
+    shape = ("power",)
 
-    m_0: float = parameter("N m", bounds=(0.0, 0.5), typical=0.01, meaning="drag at small speed difference")
-    m_1: float = parameter("N m", bounds=(0.0, 0.5), typical=0.01, meaning="viscous drag at a difference of 100 rad/s")
+    power: float = parameter("1", bounds=(1.4, 2.4), typical=1.8, meaning="power of the speed", null=2.0)
 
-    @classmethod
-    def of(cls, bench: BenchParameters, model: LossModel) -> Self:
-        """Absent."""
-        return cls()
+    def grown(self, speed: Number) -> Number:
+        """A power of the speed."""
+        return REFERENCE_SPEED**2 * (speed / REFERENCE_SPEED) ** self.power
 
-    def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
-        """Drag on the sun, its reaction on the ring."""
-        difference = speed_sun - speed_ring
-        viscous = self.m_1 * (modulus(difference, rest) / REFERENCE_DIFFERENCE) ** (2.0 / 3.0)
-        on_sun = against(difference, self.m_0 + viscous, rest)
-        return Torques(on_sun, -on_sun)
+
+@dataclass(frozen=True)
+class Windage(AirDrag):
+    """Turbulent: with the square of the speed."""
+
+    equation = r"\tau_k = -k_k\,\omega_k\,|\omega_k|"
+    source = sources.SCHLICHTING.at("rotating disk, turbulent")
+    refined = WindagePower
+
+    def grown(self, speed: Number) -> Number:
+        """The square."""
+        return speed**2
 
 
 @dataclass(frozen=True)

@@ -273,7 +273,7 @@ def test_every_mechanism_can_be_switched_on(kind: type[Mechanism]) -> None:
         ("windage:k_sun_Nm_s2_per_rad2=lots", "a number"),
         ("windage:k_sun_Nm_s2_per_rad2", "key=value"),
         ("windage:k_sun_Nm_s2_per_rad2=nan", "a number from"),
-        ("windage:refined=true", "more detail"),
+        ("torque_zero_offset:refined=true", "more detail"),
         (BASELINE[0].identifier, "[losses]"),
         *((kind.identifier, kind.instead) for kind in OTHERS),
     ],

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.points import points
+from tests.points import joined, points
 from tests.trials.strata_by_name import find_stratum
 
 from pmg.pipeline.diagnosis.engine.explanation import Explanation, all_in_detail, explain_with, swapped
@@ -21,10 +21,24 @@ from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import take_readings
 from pmg.pipeline.trials.nature import ConcealedCampaign, draw_case, measure_case
 from pmg.sim.bench import BenchParameters
-from pmg.sim.mechanisms.base import Torques
-from pmg.sim.mechanisms.friction import MixedLubrication, MixedLubricationExponent
+from pmg.sim.grid import Configuration
+from pmg.sim.losscurve import LossCurve
+from pmg.sim.lossmodel import LossModel
+from pmg.sim.mechanisms.base import Mechanism, Torques, Warmth
+from pmg.sim.mechanisms.field import ResidualCoupling, ResidualCouplingOfStages
+from pmg.sim.mechanisms.friction import MixedLubrication, MixedLubricationExponent, Windage, WindagePower
 from pmg.sim.mechanisms.instruments import KNOTS, Crosstalk, CrosstalkBySense, WanderingZero
+from pmg.sim.mechanisms.load import (
+    LoadFriction,
+    LoadFrictionPower,
+    LoadIronLoss,
+    LoadIronLossPower,
+    RelativeBearingDrag,
+    RelativeBearingUnderLoad,
+)
 from pmg.sim.mechanisms.thermal import WarmingInTwoSteps
+
+CURVE = LossCurve((0.0, 0.5, 1.0), np.array([0.01, 0.05, 0.03]), 100.0, 200.0)
 
 
 def drawn_as(stratum: str, law: str) -> tuple[ConcealedCampaign, np.random.Generator]:
@@ -130,3 +144,40 @@ def test_members_of_a_set_are_swapped_one_at_a_time_and_gains_add_up(bench: Benc
         assert explanation.gain == pytest.approx(float(problem.left @ problem.left - left @ left), rel=0.02)
         assert isinstance(explanation, Explanation)
         assert len(explanation.ids) == 2
+
+
+@pytest.mark.parametrize(
+    ("detailed", "simple", "same"),
+    [
+        (LoadFrictionPower, LoadFriction, {"mu_sun": 0.02, "mu_ring": 0.01}),
+        (LoadIronLossPower, LoadIronLoss, {"k": 1e-4}),
+        (RelativeBearingUnderLoad, RelativeBearingDrag, {"m_0": 0.01, "m_1": 0.02}),
+        (WindagePower, Windage, {"k_sun": 1e-6, "k_ring": 5e-6}),
+        (ResidualCouplingOfStages, ResidualCoupling, {"strength": 1e-3, "critical": 700.0}),
+    ],
+    ids=lambda kind: kind.__name__ if isinstance(kind, type) else "",
+)
+def test_a_detailed_law_holds_the_simple_one(
+    detailed: type[Mechanism], simple: type[Mechanism], same: dict[str, float], bench: BenchParameters
+) -> None:
+    at = joined(
+        points("engaged", [900.0, 300.0, -600.0], [-346.0, -115.0, 231.0], torque_ring=-1.4),
+        points("neutral", [900.0, -300.0], [300.0, 200.0]),
+    )
+    powers = {"power": 2.0} if simple is Windage else {"power": 2.0 / 3.0} if simple is RelativeBearingDrag else {}
+    powers = powers or ({"fall": 2.0} if simple is ResidualCoupling else {"power": 1.0})
+    model = LossModel(CURVE, CURVE, 0.8, 5e-4, 2e-4, 0.0)
+    fine = replace(detailed.of(bench, model), **same, **powers).torque(at)
+    plain = replace(simple.of(bench, model), **same).torque(at)
+    np.testing.assert_allclose(fine.sun, plain.sun, rtol=1e-12, atol=1e-18)
+    np.testing.assert_allclose(fine.ring, plain.ring, rtol=1e-12, atol=1e-18)
+    assert np.any(plain.sun != 0.0)
+
+
+def test_the_bearing_between_the_shafts_feels_a_load_only_when_engaged(bench: BenchParameters) -> None:
+    law = replace(RelativeBearingUnderLoad.of(bench, LossModel(CURVE, CURVE, 0.8, 0.0, 0.0, 0.0)), mu=0.01)
+    at = joined(points("engaged", [900.0], [-346.0], torque_ring=-1.4), points("neutral", [900.0], [300.0]))
+    np.testing.assert_allclose(law.torque(at).sun, [-0.014, 0.0], atol=1e-15)
+    cold = Warmth()
+    assert law.in_motion(Configuration.NEUTRAL, cold).mu == 0.0
+    assert law.in_motion(Configuration.ENGAGED, cold) is law

@@ -31,20 +31,13 @@ from pmg.sim.mechanisms import (
     Torques,
 )
 from pmg.sim.mechanisms.base import Warmth
-from pmg.sim.mechanisms.field import (
-    LoadIronLoss,
-    LoadIronLossPower,
-    ResidualCoupling,
-    ResidualCouplingOfStages,
-    SkinEffect,
-)
+from pmg.sim.mechanisms.field import ResidualCoupling, ResidualCouplingOfStages, SkinEffect
 from pmg.sim.mechanisms.friction import (
-    LoadFriction,
     MixedLubrication,
     MixedLubricationExponent,
-    RelativeBearingDrag,
     RubbingCarrier,
     Windage,
+    WindagePower,
 )
 from pmg.sim.mechanisms.instruments import (
     Crosstalk,
@@ -53,6 +46,14 @@ from pmg.sim.mechanisms.instruments import (
     WanderingZero,
     ZeroDrift,
     ZeroOffset,
+)
+from pmg.sim.mechanisms.load import (
+    LoadFriction,
+    LoadFrictionPower,
+    LoadIronLoss,
+    LoadIronLossPower,
+    RelativeBearingDrag,
+    RelativeBearingUnderLoad,
 )
 from pmg.sim.mechanisms.thermal import (
     STOPPED,
@@ -117,17 +118,24 @@ def neutral(law: Callable[[Point], Pair]) -> Callable[[Point], Pair]:
     return lambda at: (0.0, 0.0) if at.engaged else law(at)
 
 
-def under_load(damping: Callable[[float], float]) -> Callable[[Point], Pair]:
-    """A damping of both rotors by the magnitude of the torque on the sun."""
-    return engaged(lambda at: (-damping(abs(at.load) / RATIO) * at.s, -damping(abs(at.load) / RATIO) * at.r))
+def under_load(law: Callable[[float, float], float]) -> Callable[[Point], Pair]:
+    """A drag of both rotors by the magnitude of the torque on the sun and each one's speed."""
+    return engaged(lambda at: (-law(abs(at.load) / RATIO, at.s), -law(abs(at.load) / RATIO, at.r)))
 
 
-def breakdown(slip: float) -> float:
-    return 2.0 * slip / (1.0 + slip**2)
+def slip(at: Point, p_s: int, p_r: int, fall: float = 2.0) -> float:
+    x = (p_s * at.s + p_r * at.r) / 1000.0
+    return float(2.0 * x / (1.0 + abs(x) ** fall))
 
 
-def slip(at: Point, p_s: int, p_r: int) -> float:
-    return breakdown((p_s * at.s + p_r * at.r) / 1000.0)
+def between(drag: Callable[[float, Point], float]) -> Callable[[Point], Pair]:
+    """A drag at a speed difference in hundreds of rad/s, on the sun and back on the ring."""
+
+    def law(at: Point) -> Pair:
+        torque = sgn(at.s - at.r) * drag(abs(at.s - at.r) / 100.0, at)
+        return -torque, torque
+
+    return law
 
 
 SHARES = {type(m): m for m in baseline_mechanisms(MODEL, BENCH)}
@@ -137,24 +145,31 @@ FORMS: dict[type[Mechanism], Callable[[Point], Pair]] = {
     EddyDamping: engaged(both(lambda w: -2e-4 * w)),
     ExcessDamping: engaged(both(lambda w: -1e-3 * w / math.sqrt(1.0 + abs(w)))),
     LoadFriction: engaged(lambda at: (-sgn(at.s) * 0.01 * abs(at.load) / RATIO, -sgn(at.r) * 0.01 * abs(at.load))),
+    LoadFrictionPower: engaged(
+        lambda at: (-sgn(at.s) * 0.01 * (abs(at.load) / RATIO) ** 1.4, -sgn(at.r) * 0.01 * abs(at.load) ** 1.4)
+    ),
     MixedLubrication: both(lambda w: -sgn(w) * 0.02 * math.exp(-((abs(w) / 15.0) ** 1.4))),
     MixedLubricationExponent: both(lambda w: -sgn(w) * 0.02 * math.exp(-abs(w) / 15.0)),
     Windage: lambda at: (-1e-6 * at.s * abs(at.s), -5e-6 * at.r * abs(at.r)),
-    RelativeBearingDrag: lambda at: (
-        -sgn(at.s - at.r) * (0.01 + 0.01 * (abs(at.s - at.r) / 100.0) ** (2.0 / 3.0)),
-        sgn(at.s - at.r) * (0.01 + 0.01 * (abs(at.s - at.r) / 100.0) ** (2.0 / 3.0)),
+    WindagePower: lambda at: (
+        -sgn(at.s) * 1e-6 * 1e4 * (abs(at.s) / 100.0) ** 1.8,
+        -sgn(at.r) * 5e-6 * 1e4 * (abs(at.r) / 100.0) ** 1.8,
+    ),
+    RelativeBearingDrag: between(lambda x, at: 0.01 + 0.01 * x ** (2.0 / 3.0)),
+    RelativeBearingUnderLoad: between(
+        lambda x, at: 0.01 + 0.01 * x**0.67 + (5e-3 * abs(at.load) if at.engaged else 0.0)
     ),
     RubbingCarrier: engaged(both(lambda w: -sgn(w) * 5e-3)),
     ResidualCoupling: neutral(lambda at: (-5 * 1e-3 * slip(at, 5, 13), -13 * 1e-3 * slip(at, 5, 13))),
     ResidualCouplingOfStages: neutral(
         lambda at: (
-            -5 * 1e-3 * slip(at, 5, 13) - 7 * 5e-4 * slip(at, 7, 11),
-            -13 * 1e-3 * slip(at, 5, 13) - 11 * 5e-4 * slip(at, 7, 11),
+            -5 * 1e-3 * slip(at, 5, 13, 1.6) - 7 * 5e-4 * slip(at, 7, 11, 1.6),
+            -13 * 1e-3 * slip(at, 5, 13, 1.6) - 11 * 5e-4 * slip(at, 7, 11, 1.6),
         )
     ),
     SkinEffect: engaged(both(lambda w: 2e-4 * w * (1.0 - (1.0 + (0.01 * w) ** 2) ** -0.25))),
-    LoadIronLoss: under_load(lambda load: 5e-5 * load),
-    LoadIronLossPower: under_load(lambda load: 5e-5 * load**2),
+    LoadIronLoss: under_load(lambda load, w: 5e-5 * load * w),
+    LoadIronLossPower: under_load(lambda load, w: sgn(w) * 5e-5 * load**1.6 * 100.0 * (abs(w) / 100.0) ** 0.8),
 }
 """Torques of sun and ring at typical values; stage 1."""
 
