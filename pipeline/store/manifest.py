@@ -88,7 +88,7 @@ class Manifest:
     limits : mapping or None
         By which its windows were judged; the defaults where it does not say.
     files : mapping of str to str
-        SHA-256 of its files in the store as they were written, by their place there.
+        SHA-256 of its files in the store as they were written, by folder and ending (``runs.parquet``).
     proven : bool
         Whether it was read from a file that holds the hash of itself.
     """

@@ -160,7 +160,7 @@ class Store:
             files = {**others, f"{RUNS}/{manifest.identifier}.parquet": buffer.getvalue()}
             write_together({self.path / name: data for name, data in files.items()})
             (self.path / LOGS / f"{manifest.identifier}.log").unlink(missing_ok=True)
-            manifest = replace(manifest, files={name: _sha256(data) for name, data in files.items()})
+            manifest = replace(manifest, files={_kind(name): _sha256(data) for name, data in files.items()})
         write_atomic(self.path / SOURCES / f"{manifest.identifier}.json", proven_json(manifest.document()))
 
     def write_log(self, identifier: str, text: str) -> str:
@@ -205,7 +205,7 @@ class Store:
             They are not those whose hash its manifest holds.
         """
         data = (self.path / name).read_bytes()
-        wanted, came = manifest.files.get(name), _sha256(data)
+        wanted, came = manifest.files.get(_kind(name)), _sha256(data)
         if wanted not in (None, came):
             hashes = f"bytes with the hash {came[:12]}", f"{str(wanted)[:12]}, as pmg wrote it"
             raise StoreError(str(self.path / name), *hashes, "Ingest its source again.")
@@ -258,9 +258,17 @@ def _schema_of(mark: Path) -> object:
 def _unusable(identifier: str, error: Exception) -> Manifest:
     """What stands for a source whose manifest is damaged or changed: nothing of it is taken."""
     came = str(error) if isinstance(error, ChangedError) else f"unreadable ({error!r:.200}); expected a manifest of pmg"
-    name = f"{SOURCES}/{identifier}.json"
-    found = Finding(Severity.ERROR, name, came, identifier, Code.STORE_CHANGED, "Ingest its source again.")
-    return Manifest(identifier, identifier, status=FAILED, findings=(found,))
+    file = identifier.encode("utf-8", "backslashreplace").decode()
+    found = Finding(
+        Severity.ERROR, f"{SOURCES}/{file}.json", came, file, Code.STORE_CHANGED, "Ingest its source again."
+    )
+    return Manifest(identifier, file, status=FAILED, findings=(found,))
+
+
+def _kind(name: str) -> str:
+    """Kind of a file of a source by its place in the store, such as ``runs.parquet``."""
+    folder, _, file = name.partition("/")
+    return f"{folder}.{file.rpartition('.')[2]}"
 
 
 def _sha256(data: bytes) -> str:
