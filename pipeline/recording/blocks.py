@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.recording.channels import SHARED_CLOCK
+from pmg.pipeline.recording.container.file_limits import MISSING
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.recording.layouts.manyblocks import many_blocks
 from pmg.pipeline.recording.layouts.wire import SAMPLE_FIELDS
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
 LARGEST_JUMP_S = 3600.0
 """A jump of the sample index over more time than this is a damaged index, not a pause [s]."""
-LARGEST_JUMP = 50_000_000
-"""The same in samples: what fits into memory at the highest rates."""
 LARGEST_INDEX = 1 << 62
 """Sample indices beyond this are damage; they would not fit into a signed number."""
 FEWEST_RESTARTED = 2
@@ -120,14 +119,15 @@ def read_blocks(topic: Topic, terms: ChannelTerms, findings: Findings) -> Blocks
     return Blocks(found.first[sound].astype(np.int64), counts[sound], found.flags[sound], starts[sound], values)
 
 
-def without_strays(blocks: Blocks, topic: str, rate_hz: float, findings: Findings) -> Blocks:
+def without_strays(blocks: Blocks, topic: Topic, rate_hz: float, findings: Findings) -> Blocks:
     """The largest run of blocks, which are in order, without an impossible jump of the index.
 
-    Jumps that are possible each, but leave out more than `LARGEST_JUMP` samples together, are not.
+    Jumps that are possible each, but leave out more samples together than a file of its size may, are not.
     """
-    limit = min(LARGEST_JUMP, LARGEST_JUMP_S * rate_hz)
+    most = MISSING.of(topic.file_size)
+    limit = min(most, LARGEST_JUMP_S * rate_hz)
     low, high = _largest_run(blocks, limit)
-    while _missing(best := blocks.part(slice(low, high))) > LARGEST_JUMP:
+    while _missing(best := blocks.part(slice(low, high))) > most:
         limit /= 2.0
         low, high = _largest_run(blocks, limit)
     if len(best) == len(blocks):
@@ -137,9 +137,9 @@ def without_strays(blocks: Blocks, topic: str, rate_hz: float, findings: Finding
     strays = blocks.part(~inside)
     findings.error(
         Code.SAMPLES_ASTRAY,
-        topic,
+        topic.name,
         f"{len(strays)} blocks, the first at sample {strays.first[0]}, lie far from the others, or the gaps "
-        f"between all leave out more than {LARGEST_JUMP} samples; "
+        f"between all leave out more than {most} samples; "
         f"expected indices near {best.first[0]}. They are left out",
         "The index was damaged or the clock reset inside the run: check the recorder.",
         sample_range=(int(strays.first.min()), int(strays.stops.max())),

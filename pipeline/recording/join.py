@@ -112,7 +112,7 @@ def join_blocks(topic: Topic, terms: ChannelTerms, findings: Findings) -> Track 
         )
         return None
     blocks = before_restart(blocks, topic.name, findings)
-    blocks = without_strays(blocks.in_order(), topic.name, terms.rate_hz, findings)
+    blocks = without_strays(blocks.in_order(), topic, terms.rate_hz, findings)
     first = int(blocks.first[0])
     values, present = _whole(blocks) or _laid(blocks, topic.name, findings)
     if values.dtype.kind == "f":

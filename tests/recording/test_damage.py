@@ -14,6 +14,7 @@ from mcap.writer import CompressionType
 from pmg.pipeline.recording.codes import Code
 from pmg.pipeline.recording.container import chunk
 from pmg.pipeline.recording.container.chunk import CHUNK_LIMIT
+from pmg.pipeline.recording.container.file_limits import EXPANDED, MESSAGES, MISSING, WASTED, FileLimit
 from pmg.pipeline.recording.findings import Finding, UnusableRecordingError
 from pmg.pipeline.recording.read import Recording, read_recording
 
@@ -22,6 +23,7 @@ from .readers import kept_by_official, kept_by_pmg, told
 from .writer import Bench, write
 
 CHUNK = 6
+PAGE = Path(__file__).resolve().parents[2] / "pipeline" / "recording" / "README.md"
 DATA = Path(__file__).resolve().parent.parent / "data"
 
 
@@ -202,9 +204,17 @@ def test_what_a_chunk_may_expand_to_is_capped_whatever_it_claims() -> None:
         assert Code.TOO_LARGE in {finding.code for finding in told(data)}
 
 
+def test_the_page_states_the_limits_of_a_file() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    stated = {EXPANDED: ("64 MiB", 64 << 20), WASTED: ("4 GiB", 4 << 30)}
+    stated |= {MESSAGES: ("500,000", 500_000), MISSING: ("5 million", 5_000_000)}
+    for limit, (words, floor) in stated.items():
+        assert f"| {words} | {limit.per_byte} |" in page
+        assert (limit.of(0), limit.of(floor)) == (floor, limit.per_byte * floor)
+
+
 def test_a_file_of_many_small_chunks_does_not_expand_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(chunk, "FREE_EXPANSION", 20_000)
-    monkeypatch.setattr(chunk, "LARGEST_EXPANSION", 0)
+    monkeypatch.setattr(chunk, "EXPANDED", FileLimit(20_000, 0))
     data = base()
     assert 0 < kept_by_pmg(data).total() < 120
     assert Code.TOO_LARGE in {finding.code for finding in told(data)}

@@ -10,6 +10,7 @@ import lz4.frame
 import zstandard
 from deflate import crc32
 
+from pmg.pipeline.recording.container.file_limits import EXPANDED, WASTED
 from pmg.pipeline.recording.container.records import HEAD, LAYOUT, Op, RecordError, parse
 
 if TYPE_CHECKING:
@@ -18,15 +19,6 @@ if TYPE_CHECKING:
 
 CHUNK_LIMIT = 256 << 20
 """Largest chunk that is expanded [bytes]; recorders write a few megabytes, so more is damage or a bomb."""
-
-FREE_EXPANSION = 1 << 30
-"""Bytes that the chunks of a file may hold together, however small the file is."""
-
-FREE_WASTE = 16 << 30
-"""Bytes that may be expanded of chunks that turn out damaged, however small the file is."""
-
-LARGEST_EXPANSION = 100
-"""Allowance for chunks beyond that, in sizes of the file."""
 
 COMPRESSIONS = ("", "zstd", "lz4")
 """Names of the compressions that are known; the empty one is none."""
@@ -63,8 +55,7 @@ class Allowance:
     @classmethod
     def of(cls, size: int) -> Allowance:
         """Allowance of a file by its size."""
-        allowed = LARGEST_EXPANSION * size
-        return cls(max(FREE_EXPANSION, allowed), max(FREE_WASTE, allowed))
+        return cls(EXPANDED.of(size), WASTED.of(size))
 
     @property
     def spent(self) -> bool:

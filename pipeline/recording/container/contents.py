@@ -38,6 +38,8 @@ class Topic:
         Encoding and text of the schema.
     logged : (n,) array of int
         Log time of each message that was kept [ns].
+    file_size : int
+        Length of the file that it was recorded in [bytes].
     """
 
     name: str
@@ -48,6 +50,7 @@ class Topic:
     payloads: Messages
     definition: tuple[str, bytes] = ("", b"")
     logged: array[int] = field(default_factory=lambda: array("Q"))
+    file_size: int = 0
 
 
 @dataclass(frozen=True)
@@ -120,10 +123,10 @@ def open_container(path: Path, wanted: Callable[[str], bool], findings: Findings
         )
         raise findings.give_up() from fault
     attachments = tuple((attachment.name, attachment.data) for attachment in gathered.attachments)
-    return Container(sha256, size, _topics(gathered), tuple(gathered.metadata), attachments)
+    return Container(sha256, size, _topics(gathered, size), tuple(gathered.metadata), attachments)
 
 
-def _topics(gathered: WholeRecords) -> dict[str, Topic]:
+def _topics(gathered: WholeRecords, size: int) -> dict[str, Topic]:
     """Channels by topic; one topic on channels that contradict each other is a finding."""
     for identity, strangers in sorted(gathered.strangers.items()):
         gathered.findings.error(
@@ -147,7 +150,7 @@ def _topics(gathered: WholeRecords) -> dict[str, Topic]:
             f"expected {dict(known.metadata)}. Its {gathered.counts[identity]} messages are left out",
             "Give each channel of the recorder its own topic.",
         )
-    return {topic: _topic(gathered, first[topic], identities) for topic, identities in joined.items()}
+    return {topic: _topic(gathered, first[topic], identities, size) for topic, identities in joined.items()}
 
 
 def _description(gathered: WholeRecords, channel: ChannelRecord) -> tuple[str, str, dict[str, str]]:
@@ -156,7 +159,7 @@ def _description(gathered: WholeRecords, channel: ChannelRecord) -> tuple[str, s
     return channel.message_encoding, "" if schema is None else schema.name, dict(channel.metadata)
 
 
-def _topic(gathered: WholeRecords, channel: ChannelRecord, identities: list[int]) -> Topic:
+def _topic(gathered: WholeRecords, channel: ChannelRecord, identities: list[int], size: int) -> Topic:
     """Messages of the channels of one topic, one channel after another."""
     schema = gathered.schemas.get(channel.schema_id)
     payloads = gathered.payloads.pop(identities[0], Messages())
@@ -170,4 +173,5 @@ def _topic(gathered: WholeRecords, channel: ChannelRecord, identities: list[int]
         payloads,
         ("", b"") if schema is None else (schema.encoding, schema.data),
         times,
+        size,
     )

@@ -14,6 +14,7 @@ from pmg.pipeline.recording.container.chunk import (
     chunk_head,
     expand,
 )
+from pmg.pipeline.recording.container.file_limits import MESSAGES
 from pmg.pipeline.recording.container.records import PRIVATE, Op, RecordError
 from pmg.pipeline.recording.container.taking import take_inside
 from pmg.pipeline.recording.findings import Code
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.container.gathered import WholeRecords
     from pmg.pipeline.recording.container.records import Frame
     from pmg.pipeline.recording.container.source import ByteSource
-
-MOST_MESSAGES, MESSAGES_A_BYTE = 2_000_000, 4
-"""Messages that are taken of any file, and more for each of its bytes: recorded ones take a byte and more."""
 
 
 class Opening:
@@ -74,7 +72,7 @@ class Opening:
         self.unproven += head.crc == 0
         if self._twice(head):
             self._repeated(frame, head)
-        elif (left := MOST_MESSAGES + MESSAGES_A_BYTE * self.source.size - self.gathered.messages) <= 0:
+        elif (left := MESSAGES.of(self.source.size) - self.gathered.messages) <= 0:
             self._refused(frame, TooLargeError(f"{self.gathered.messages} messages before it, in so small a file"))
         else:
             take_inside(self.gathered, frame.at, data, left)

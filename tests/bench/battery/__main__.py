@@ -95,11 +95,14 @@ def _written(runs: Runs, folder: Path, small: bool, whole: bytes | None) -> Path
 
 def row(result: Result) -> dict[str, object]:
     """A result for JSON."""
-    case, (seconds, peak) = result.case, (round(result.seconds, 2), result.peak)
-    return {"kind": case.kind, "fault": case.what, "outcome": result.outcome, "why": result.why} | {
-        "seconds": seconds,
-        "peak_bytes": peak,
+    said: dict[str, object] = {
+        "kind": result.case.kind,
+        "fault": result.case.what,
+        "outcome": result.outcome,
+        "why": result.why,
     }
+    said |= {"seconds": round(result.seconds, 2), "cpu_seconds": round(result.cpu, 2)}
+    return said | {"peak_bytes": result.peak, "file_bytes": result.size}
 
 
 def as_markdown(results: Sequence[Result]) -> str:
@@ -113,6 +116,12 @@ def as_markdown(results: Sequence[Result]) -> str:
     for result in results:
         why = "".join(sign if sign.isprintable() and sign != "|" else " " for sign in result.why)
         lines.append(f"| {result.case.kind} | {result.case.what} | {result.outcome} | {why[:160]} |")
+    bombs = [result for result in results if result.case.kind == "bomb"]
+    if bombs:
+        lines += ["", "| bomb | file [kB] | peak [MB] | times the file | processor time [s] |", "|---|---|---|---|---|"]
+    for bomb in bombs:
+        cost = f"{bomb.size / 1e3:.0f} | {bomb.peak / 1e6:.0f} | {bomb.peak / max(bomb.size, 1):.0f} | {bomb.cpu:.1f}"
+        lines.append(f"| {bomb.case.what} | {cost} |")
     return "\n".join(lines) + "\n"
 
 

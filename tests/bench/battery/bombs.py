@@ -23,10 +23,10 @@ from .texts import DEEP
 MEGABYTE = 1 << 20
 
 
-def chunk(records: bytes, compression: str = "zstd") -> bytes:
-    """Record of a chunk with its CRC."""
+def chunk(records: bytes, compression: str = "zstd", off: int = 0) -> bytes:
+    """Record of a chunk with its CRC, or with one that is off."""
     packed = zstandard.compress(records) if compression == "zstd" else lz4.frame.compress(records)
-    head = struct.pack("<QQQI", 0, 0, len(records), zlib.crc32(records))
+    head = struct.pack("<QQQI", 0, 0, len(records), zlib.crc32(records) ^ off)
     return framed(6, head + text(compression) + struct.pack("<Q", len(packed)) + packed)
 
 
@@ -73,14 +73,19 @@ def _claimed(path: Path) -> None:
     write(path, Bench(raw={SUN: [block(0, "f64", np.zeros(10)) + key(number, 2) + varint(1 << 60)]}))
 
 
-def _other(encoding: str, schema: tuple[str, str, bytes], data: bytes, topic: str = SUN) -> Callable[[Path], object]:
-    return lambda path: write(path, Bench(other={topic: Other(encoding, schema, [data])}))
+def _other(encoding: str, schema: tuple[str, str, bytes], *data: bytes, topic: str = SUN) -> Callable[[Path], object]:
+    return lambda path: write(path, Bench(other={topic: Other(encoding, schema, data)}))
 
 
-def _long_blocks(path: Path) -> None:
-    """Blocks of one value, 30 million samples of each channel, in a few kilobytes."""
-    raw = {topic: [block(0, m["dtype"], np.zeros(30_000_000))] for topic, (m, _) in tracks(Bench()).items()}
+def _one_value(path: Path, samples: int = 30_000_000) -> None:
+    """Blocks of one value in each channel, in a few kilobytes."""
+    raw = {topic: [block(0, m["dtype"], np.zeros(samples))] for topic, (m, _) in tracks(Bench()).items()}
     write(path, Bench(raw=raw))
+
+
+def _damaged(number: int) -> bytes:
+    """A chunk of 60 MB of zeros whose CRC does not hold."""
+    return chunk(message(1, bytes(60 * MEGABYTE + number)), off=1)
 
 
 FILES: tuple[tuple[str, Callable[[], bytes]], ...] = (
@@ -91,6 +96,7 @@ FILES: tuple[tuple[str, Callable[[], bytes]], ...] = (
     ("ten of them", _chunks(10, _one(_zeros))),
     ("a message of 200 MB in 1 MB of lz4", _chunks(1, _one(_zeros), "lz4")),
     ("a chunk of 300 MB", _chunks(1, _one(lambda _: message(1, bytes(300 * MEGABYTE))))),
+    ("100 chunks of 60 MB whose CRC is wrong", lambda: before_end(*map(_damaged, range(100)))),
     ("60,000 channels of 4 kB of name", _chunks(6, _channels)),
     ("60,000 schemas of 4 kB", _chunks(6, _schemas)),
     ("100,000 attachments of nothing", lambda: before_end(*(attachment("a", b"") for _ in range(100_000)))),
@@ -103,9 +109,12 @@ RUNS: tuple[tuple[str, Callable[[Path], object]], ...] = (
     ("40 blocks 49 million samples apart", _apart(49_000_000, 40)),
     ("two blocks 49 million samples apart", _apart(49_000_000, 2)),
     ("40 blocks a million samples apart", _apart(1_000_000, 40)),
+    ("two blocks 4.9 million samples apart", _apart(4_900_000, 2)),
     ("60 blocks one hour apart at 500 Hz", _apart(1_799_000, 60, 500.0)),
     ("a block that claims an exabyte", _claimed),
-    ("30 million samples of one value in each channel", _long_blocks),
+    ("30 million samples of one value in each channel", _one_value),
+    ("2 million samples of one value in each channel", lambda path: _one_value(path, 2_000_000)),
+    ("400,000 JSON messages of one sample", _other("json", JSON, *[b'{"value": 10000.5}'] * 400_000)),
     ("a JSON message nested 100,000 deep", _other("json", JSON, b"[" * 100_000)),
     ("a JSON message of 10 million zeros", _other("json", JSON, b'{"value": [' + b"0," * 10_000_000 + b"0]}")),
     ("CDR of an array of 2^31", _other("cdr", ("a/B", "ros2msg", b"float64[] f64"), b"\0\1\0\0" + b"\xff" * 40)),

@@ -117,12 +117,13 @@ class Case:
 
 @dataclass(frozen=True)
 class Ended:
-    """How a command ended: exit code (None: it hung), both streams, time [s] and peak memory [bytes]."""
+    """How a command ended: exit code (None: it hung), both streams, time, processor time [s], peak memory [bytes]."""
 
     code: int | None
     out: str
     err: str
     seconds: float
+    cpu: float
     peak: int
     words: tuple[str, ...] = field(default=())
 
@@ -158,7 +159,8 @@ def follow(call: Call, pmg: str, desk: Desk) -> Ended:
             _, _, used = os.wait4(child.pid, 0)
         child.returncode = 0  # it has been waited for
         out, err = ("" if read is None else read.result().decode(errors="replace") for read in reads)
-    return Ended(code, out, err, time.monotonic() - began, used.ru_maxrss * 1024, call.words)
+    cpu = used.ru_utime + used.ru_stime
+    return Ended(code, out, err, time.monotonic() - began, cpu, used.ru_maxrss * 1024, call.words)
 
 
 def _started(call: Call, pmg: str, desk: Desk) -> subprocess.Popen[bytes]:

@@ -14,6 +14,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from pmg.sim.shafts import SIDES
+from tests.grid.checked_campaign import NEUTRAL
 
 from .case import BOTH, Case, Desk, Ended, copied, finite, follow, write_changed
 
@@ -40,13 +41,29 @@ BAD = (Outcome.SILENT, Outcome.CRASH, Outcome.HANG, Outcome.DAMAGE)
 
 @dataclass(frozen=True)
 class Result:
-    """Outcome of a case, in a few words why, time of the slowest command [s] and largest peak memory [bytes]."""
+    """Outcome of a case, and what it cost.
+
+    Parameters
+    ----------
+    case : Case
+        The fault.
+    outcome : Outcome
+        What became of it.
+    why : str
+        In a few words.
+    seconds, cpu : float
+        Time and processor time of the slowest command [s].
+    peak, size : int
+        Largest peak memory, and length of the spoilt recording [bytes].
+    """
 
     case: Case
     outcome: Outcome
     why: str
     seconds: float
+    cpu: float
     peak: int
+    size: int
 
 
 @dataclass(frozen=True)
@@ -134,7 +151,10 @@ def tried(case: Case, sound: Sound, runs: Mapping[str, object], pmg: str, place:
         before = _hashes(desk.store) if case.first == "kept" else {}
         ended = [follow(call, pmg, desk) for call in case.calls]
         outcome, why = _judged(case, desk, ended, sound, before, pmg)
-        return Result(case, outcome, why, max(e.seconds for e in ended), max(e.peak for e in ended))
+        recording = desk.recordings / NEUTRAL
+        size = recording.stat().st_size if recording.is_file() else 0
+        seconds, cpu, peak = (max(getattr(each, name) for each in ended) for name in ("seconds", "cpu", "peak"))
+        return Result(case, outcome, why, seconds, cpu, peak, size)
     finally:
         shutil.rmtree(place, ignore_errors=True)
 
