@@ -200,4 +200,4 @@ ROW_FIELDS = (
     "accepted",
     "reason",
 )
-"""Columns of a `Grid` beside those of its points."""
+"""Columns of a `Grid` in addition to those of its points."""

@@ -34,7 +34,7 @@ from pmg.pipeline.fit.structure import _run_history, families
 from pmg.pipeline.fit.whitening import floor_scale
 from pmg.pipeline.grid.conditions import NOT_RECORDED, UNRECORDED, conditions
 from pmg.pipeline.grid.readings import Readings, predict, take_readings
-from pmg.pipeline.orders.band import FALSE_ALARM, FEWEST, emptied, noise_beside, periodogram
+from pmg.pipeline.orders.band import FALSE_ALARM, FEWEST, emptied, noise_around, periodogram
 from pmg.pipeline.recording.calibration import Calibration, Transducer
 from pmg.pipeline.recording.run_records import RunRecord
 from pmg.pipeline.store.manifest import Manifest
@@ -282,7 +282,7 @@ def test_noise_beside_a_line_is_that_of_the_spectrum_there_whatever_its_fall(
 ) -> None:
     at = np.arange(1, 2001, dtype=float)
     power = rng.exponential(size=(400, 2000)) * (at / 40.0) ** -fall
-    found = noise_beside(np.c_[np.zeros(400), power], emptied(2001, [40.0]), 40.0)
+    found = noise_around(np.c_[np.zeros(400), power], emptied(2001, [40.0]), 40.0)
     assert found.power.mean() == pytest.approx(1.0, rel=0.04)
     line = rng.exponential(size=400)
     assert (np.sqrt(line) > found.band(FALSE_ALARM)).mean() == pytest.approx(FALSE_ALARM, abs=0.03)
@@ -291,9 +291,9 @@ def test_noise_beside_a_line_is_that_of_the_spectrum_there_whatever_its_fall(
 
 def test_another_line_beside_is_no_noise(rng: np.random.Generator) -> None:
     power = rng.exponential(size=(50, 1001))
-    alone = noise_beside(power, emptied(1001, [300.0]), 300.0)
+    alone = noise_around(power, emptied(1001, [300.0]), 300.0)
     power[:, 307] = 100.0
-    beside = noise_beside(power, emptied(1001, [300.0]), 300.0)
+    beside = noise_around(power, emptied(1001, [300.0]), 300.0)
     assert beside.power.mean() == pytest.approx(alone.power.mean(), rel=0.05)
 
 
@@ -301,11 +301,11 @@ def test_what_a_fit_has_emptied_and_too_few_neighbours_tell_nothing() -> None:
     gone = emptied(20, [10.0])
     assert np.flatnonzero(gone).tolist() == [0, 1, 8, 9, 10, 11, 12, 19]
     power = np.ones((2, 20))
-    assert np.isfinite(noise_beside(power, gone, 10.0).power).all()
+    assert np.isfinite(noise_around(power, gone, 10.0).power).all()
     few = gone.copy()
     few[2 : 20 - FEWEST] = True
-    assert np.isnan(noise_beside(power, few, 10.0).power).all()
-    assert np.isnan(noise_beside(power, few, 10.0).band()).all()
+    assert np.isnan(noise_around(power, few, 10.0).power).all()
+    assert np.isnan(noise_around(power, few, 10.0).band()).all()
 
 
 def test_the_periodogram_is_the_squared_amplitude_of_a_wave(rng: np.random.Generator) -> None:

@@ -1,4 +1,4 @@
-"""One of the two campaigns that are set beside each other."""
+"""One of the two campaigns that are compared."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ def paired(a: FoundRun, b: FoundRun) -> Iterator[tuple[dict[str, Cell] | None, d
         yield a.rows[0], b.rows[0]
         return
     for point in dict.fromkeys(row["point"] for row in (*a.rows, *b.rows)):
-        own, other = ([row for row in held.rows if row["point"] == point] for held in (a, b))
+        own, other = ([row for row in side.rows if row["point"] == point] for side in (a, b))
         yield from zip_longest(own, other)
 
 
@@ -130,7 +130,7 @@ def mean_differences(
             found.append(MeanDifference(torque.display_name, torque.display_unit, *known, u))
         known = _means(a, b, f"{side}_{speed.display_unit}")
         if known is not None:
-            steps = [_speed_step(row, side, held) for row, held in zip((a, b), calibrations, strict=True)]
+            steps = [_speed_step(row, side, calibration) for row, calibration in zip((a, b), calibrations, strict=True)]
             u = None if None in steps else float(speed.display(math.hypot(*(step or 0.0 for step in steps))))
             found.append(MeanDifference(f"{side}_{speed.display_unit}", speed.display_unit, *known, u))
     return tuple(found)
@@ -155,12 +155,12 @@ def _torque_uncertainty(
         return None
     own = math.hypot(*(float(value or 0.0) for value in parts))
     of = bench.transducers[side]
-    held = [None if calibration is None else calibration[side] for calibration in calibrations]
+    transducers = [None if calibration is None else calibration[side] for calibration in calibrations]
     nominal = [
         each.nominal_torque if each is not None and each.nominal_torque > 0.0 else float(of.nominal_torque)
-        for each in held
+        for each in transducers
     ]
-    if held[0] == held[1]:
+    if transducers[0] == transducers[1]:
         apart = abs(float(torques[0] or 0.0) - float(torques[1] or 0.0))
         linear = float(of.nonlinearity) * min(SINE * apart, math.sqrt(2.0) * nominal[0])
         return math.hypot(own, float(of.sensitivity_tolerance) * apart / RECTANGULAR, linear / RECTANGULAR)

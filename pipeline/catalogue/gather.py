@@ -120,12 +120,12 @@ def _with_grid(entries: Sequence[Entry], grid: Grid) -> tuple[list[Entry], list[
 
 def _analysed_window(campaign: Cell, part: Entry, rows: dict[Key, list[int]], grid: Grid) -> Entry:
     """A window with the row of the grid that is its own taken out of ``rows``; copies have rows alike."""
-    held = rows.get((campaign, part.fields["name"], part.fields["begin_s"]), [])
-    own = next((row for row in held if bool(grid.accepted[row]) == bool(part.fields["accepted"])), None)
-    row = own if own is not None else (held[0] if held else None)
+    rows_left = rows.get((campaign, part.fields["name"], part.fields["begin_s"]), [])
+    own = next((row for row in rows_left if bool(grid.accepted[row]) == bool(part.fields["accepted"])), None)
+    row = own if own is not None else (rows_left[0] if rows_left else None)
     if row is None:
         return part
-    held.remove(row)
+    rows_left.remove(row)
     parts = tuple(
         Entry(quantity.fields | grid_uncertainty(grid, str(quantity.fields["name"]).removeprefix("torque_"), row))
         if str(quantity.fields["name"]).startswith("torque_")

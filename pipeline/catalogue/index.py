@@ -142,8 +142,8 @@ def _stamp_of(folder: Path) -> str:
     sources = sorted(path for path in (folder / SOURCES).glob("*.json") if not path.name.startswith(PREFIX))
     for path in (*sources, *(folder / name for name in ANALYSIS)):
         with suppress(OSError):
-            held = (folder / RUNS / f"{path.stem}.parquet").is_file()
-            digest.update(f"{path.name!r} {sha256_of(path)} {held}\n".encode())
+            decoded = (folder / RUNS / f"{path.stem}.parquet").is_file()
+            digest.update(f"{path.name!r} {sha256_of(path)} {decoded}\n".encode())
     return digest.hexdigest()
 
 

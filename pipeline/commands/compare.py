@@ -1,4 +1,4 @@
-"""pmg compare: the simulator beside the bench, the diagnosis, and the report of both."""
+"""pmg compare: the simulator compared with the bench, the diagnosis, and the report of both."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.store.manifest import Manifest
 
 DIAGNOSIS = "diagnosis.json"
-"""Name of the diagnosis beside the report."""
+"""Name of the diagnosis next to the report."""
 
 SEED = 20260101
 """Seed of the synthetic campaigns behind a p-value; named in the report."""
@@ -129,7 +129,7 @@ def write_results(
     tolerances: Mapping[str, tuple[float, float]] | None,
     given: Path | None = None,
 ) -> tuple[tuple[Path, ...], dict[str, Any]]:
-    """Write the report, and beside it the diagnosis and the model.
+    """Write the report, and next to it the diagnosis and the model.
 
     Returns
     -------
@@ -167,7 +167,7 @@ def campaign_page(
     tolerances : mapping or None
         Tolerances of the comparison that were set, by quantity: absolute [SI] and relative.
     provenance : tuple of (label, value)
-        What made the report, beside its inputs.
+        What made the report, in addition to its inputs.
     """
     analysis, bench, sources = whole.analysis, whole.bench, whole.sources
     diagnosis = None if judged is None else judged.diagnosis

@@ -1,4 +1,4 @@
-"""An analysed campaign set beside the simulator: residuals, diagnosis, and the model that comes of it."""
+"""An analysed campaign compared with the simulator: residuals, diagnosis, and the model that comes of it."""
 
 from __future__ import annotations
 

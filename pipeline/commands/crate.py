@@ -1,4 +1,4 @@
-"""Where a result comes from, as an RO-Crate beside it: which program made which files of which recordings, and when.
+"""Where a result comes from, as an RO-Crate next to it: which program made which files of which recordings, and when.
 
 The metadata follow RO-Crate 1.1 and its profile Process Run Crate 0.5: a `CreateAction` whose instrument is pmg,
 whose objects are the recordings and whose results are the files of the folder.

@@ -108,7 +108,7 @@ def ingest(
     limits : Steadiness
         By which windows are found and judged.
     supplied : Supplied
-        What is stated beside the recordings, used where they lack it.
+        What is stated next to the recordings, used where they lack it.
     progress : callable, optional
         Told (done, total, name) after each file.
 

@@ -211,7 +211,7 @@ def diagnose(comparison: CampaignComparison, *, seed: int = SEED) -> CampaignDia
     Parameters
     ----------
     comparison : CampaignComparison
-        A campaign beside its simulation.
+        A campaign compared with its simulation.
     seed : int
         Of the synthetic campaigns behind the p-value.
 

@@ -125,7 +125,7 @@ class CampaignAnalysis:
 
 @dataclass(frozen=True)
 class CampaignComparison:
-    """A campaign set beside its simulation.
+    """A campaign compared with its simulation.
 
     Parameters
     ----------

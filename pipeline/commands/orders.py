@@ -153,7 +153,7 @@ def _page(campaign: str, followed: tuple[LineSurvey, ...], section: Section, rec
 
 
 def _with_points(manifest: Manifest, orders: SourceOrders) -> pl.DataFrame:
-    """Lines of a source beside speeds, load and acceptance of their windows."""
+    """Lines of a source next to speeds, load and acceptance of their windows."""
     rows = [
         (
             w.point,

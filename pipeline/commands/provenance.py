@@ -1,4 +1,4 @@
-"""Where the result of a stage comes from, left beside it as an RO-Crate."""
+"""Where the result of a stage comes from, left next to it as an RO-Crate."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def leave_crate(
     more: tuple[Path, ...] = (),
     results: tuple[Path, ...] | None = None,
 ) -> Path:
-    """Say beside the results of a stage which program made them of which recordings, and when.
+    """Say next to the results of a stage which program made them of which recordings, and when.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def leave_crate_of_two(
     Parameters
     ----------
     results : tuple of Path
-        The files that came out, the page first; the crate is left beside it.
+        The files that came out, the page first; the crate is left next to it.
     sides : tuple of two (store, grid)
         Where each campaign is from.
     command : str

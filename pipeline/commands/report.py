@@ -1,4 +1,4 @@
-"""The stage behind pmg report: two campaigns beside each other."""
+"""The stage behind pmg report: two campaigns side by side."""
 
 from __future__ import annotations
 

@@ -86,8 +86,8 @@ class CorrectionStudy:
         """Whether these data determine K_corr and c separately, in one sentence."""
         half, rho = self.half_axis, self.correlation("K_corr", "c")
         if half is None or rho is None:
-            held = " and ".join(name for name in ("K_corr", "c") if name in self.joint.on_bound)
-            return f"These data do not determine K_corr and c separately: {held} sits on its bound in the joint fit."
+            bounded = " and ".join(name for name in ("K_corr", "c") if name in self.joint.on_bound)
+            return f"These data do not determine K_corr and c separately: {bounded} sits on its bound in the joint fit."
         text = f"95 % interval of K_corr ± {half:.3f}, correlation with c {rho:+.3f}".replace("-", "−")
         if self.separate:
             return f"These data determine K_corr and c separately ({text})."

@@ -178,7 +178,7 @@ def point_weights(grid: Grid) -> tuple[Array, Array] | None:
 
 
 def _solved(shaft: str, design: Array, measured: Array) -> tuple[Array, Array, Array]:
-    """Coefficients of least squares, a root of their moments beside it, and the lengths of the columns (k,).
+    """Coefficients of least squares, a root of their moments, and the lengths of the columns (k,).
 
     The moments are those of columns of length 1, for unit variance.
     """

@@ -97,7 +97,7 @@ class PlaneFit:
     shaft : str
         ``sun`` or ``ring``.
     terms : tuple of PlaneTerm
-        Each term alone beside the curve.
+        Each term alone added to the curve.
     rmse_line, rmse_plane : float
         Scatter about the curve alone and about the fit in both speeds [N m].
     f, p : float

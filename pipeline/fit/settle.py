@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array, Mask
 
 STEP = 1e-2
-"""Step of the central differences, in usual sizes of a parameter: so wide that rounding is nothing beside it."""
+"""Step of the central differences, in usual sizes of a parameter: so wide that rounding is nothing compared with it."""
 
 AT_BOUND = 1e-4
 """Distance from a bound, in usual sizes of a parameter, below which the parameter sits on it."""
@@ -29,7 +29,7 @@ FLAT = 1e-8
 
 WITHOUT_EFFECT = 1e-6
 """Change of all rows together [standard deviations of their noise] by the usual size of a parameter, below which it has
-no effect beside the others."""
+no effect compared with the others."""
 
 SETTLED = 1e-8
 """Length of a step, in standard deviations of the noise of all rows together, after which the next changes nothing."""
@@ -80,7 +80,7 @@ def settle(residuals: Callable[[Array], Array], start: Array, size: Array, bound
     algebra below, which differs from processor to processor. Newton steps go on to where the gradient
     :math:`J^T r` vanishes. Its slopes are central differences with wide steps; the curvature
     :math:`J^T J + \sum_i r_i \nabla^2 r_i` need not be exact: it is made once, and anew where steps do not shrink
-    or a parameter reaches a bound. A parameter without effect beside the others takes its usual size. Where
+    or a parameter reaches a bound. A parameter without effect compared with the others takes its usual size. Where
     this leads uphill, the search's own result is kept.
     """
     low, high = bounds
@@ -90,7 +90,7 @@ def settle(residuals: Callable[[Array], Array], start: Array, size: Array, bound
     for _ in range(MOST_ROUNDS):
         if not free.any():
             break
-        at, width, up, down = _beside(residuals, values, free, (size, bounds))
+        at, width, up, down = _central_steps(residuals, values, free, (size, bounds))
         slopes = (up - down) / (2.0 * width)
         values = values.copy()
         without = at[np.linalg.norm(slopes, axis=0) * size[at] < WITHOUT_EFFECT]
@@ -108,27 +108,27 @@ def settle(residuals: Callable[[Array], Array], start: Array, size: Array, bound
         last = length
     searched, at_bounds = residuals(start), _snapped(values, size, bounds)
     cost, found = float(left @ left), float(searched @ searched)
-    if (at_bounds != values).any():  # what ends beside a bound is on it, as what began there
-        held = settle(residuals, at_bounds, size, bounds)
-        values, free, cost = held.values, held.free, held.cost
+    if (at_bounds != values).any():  # what ends next to a bound is on it, as what began there
+        on_bounds = settle(residuals, at_bounds, size, bounds)
+        values, free, cost = on_bounds.values, on_bounds.free, on_bounds.cost
     if cost <= found + RISE * max(found, 1.0):
         return SettledFit(values, free, cost)
     return SettledFit(start, (begin > low) & (begin < high), found)
 
 
 def _snapped(values: Array, size: Array, bounds: Array) -> Array:
-    """The parameters (k,), those beside a bound put on it."""
+    """The parameters (k,), those next to a bound put on it."""
     low, high = bounds
     return np.where(values - low <= AT_BOUND * size, low, np.where(high - values <= AT_BOUND * size, high, values))
 
 
 def slopes_at(residuals: Callable[[Array], Array], fit: SettledFit, size: Array, bounds: Array) -> Array:
     """Slopes (m, j) of the residuals to the parameters of a settled fit that are inside their bounds."""
-    _, width, up, down = _beside(residuals, fit.values, fit.free, (size, bounds))
+    _, width, up, down = _central_steps(residuals, fit.values, fit.free, (size, bounds))
     return np.asarray((up - down) / (2.0 * width))
 
 
-def _beside(
+def _central_steps(
     residuals: Callable[[Array], Array], values: Array, free: Mask, scale: tuple[Array, Array]
 ) -> tuple[npt.NDArray[np.intp], Array, Array, Array]:
     """Free parameters, their steps (j,), and the residuals with each moved up and down by its step (m, j)."""
@@ -145,10 +145,10 @@ def _bend(
     values: Array,
     left: Array,
     steps: tuple[npt.NDArray[np.intp], Array],
-    beside: tuple[Array, Array],
+    moved_residuals: tuple[Array, Array],
 ) -> Array:
     """Second derivatives of the residuals, each times its residual and added up (j, j)."""
-    (at, width), (up, down) = steps, beside
+    (at, width), (up, down) = steps, moved_residuals
     bend = np.diag(left @ (up + down - 2.0 * left[:, None]) / width**2)
     for i, j in combinations(range(len(at)), 2):
         moved = values.copy()

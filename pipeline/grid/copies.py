@@ -20,7 +20,7 @@ TORQUE_DIGITS = 9
 
 
 @dataclass(frozen=True)
-class _Held:
+class _Placed:
     """A window, the source it is from, and its place there."""
 
     manifest: Manifest
@@ -45,7 +45,7 @@ class _Held:
         torques = (mean.torque for mean in window.means)
         return manifest.started_at, "", *("" if math.isnan(t) else f"{t:.{TORQUE_DIGITS}f}" for t in torques)
 
-    def overlaps(self, other: _Held) -> bool:
+    def overlaps(self, other: _Placed) -> bool:
         """Whether both are of the same samples, in part at least, in two files."""
         a, b = self.window, other.window
         apart = a.stop_sample <= b.first_sample or b.stop_sample <= a.first_sample
@@ -72,20 +72,20 @@ def without_copies(manifests: Sequence[Manifest]) -> list[Manifest]:
     one window that was written twice: copied in other chunks, or cut short. Where a file names no point, its name
     stands for it; its windows are copies where the mean torques agree too, as an import may give many runs one start.
     """
-    groups: dict[tuple[str, ...], list[_Held]] = defaultdict(list)
+    groups: dict[tuple[str, ...], list[_Placed]] = defaultdict(list)
     for manifest in manifests:
         for place in range(len(manifest.windows)):
-            held = _Held(manifest, place)
-            groups[held.key].append(held)
+            placed = _Placed(manifest, place)
+            groups[placed.key].append(placed)
     reasons: dict[tuple[str, int], str] = {}
     for group in groups.values():
-        kept: list[_Held] = []
-        for held in sorted(group, key=lambda each: each.fullness):
-            original = next((other for other in kept if held.overlaps(other)), None)
+        kept: list[_Placed] = []
+        for placed in sorted(group, key=lambda each: each.fullness):
+            original = next((other for other in kept if placed.overlaps(other)), None)
             if original is None:
-                kept.append(held)
+                kept.append(placed)
             else:
-                reasons[held.manifest.identifier, held.place] = f"{COPY} {original.manifest.file}"
+                reasons[placed.manifest.identifier, placed.place] = f"{COPY} {original.manifest.file}"
     return [_rejected(manifest, reasons) for manifest in manifests]
 
 

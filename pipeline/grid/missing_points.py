@@ -115,17 +115,17 @@ def missing_points(manifests: Sequence[Manifest]) -> tuple[Unreached, ...]:
 
     Notes
     -----
-    A recording that lost data, has a gap, or broke off in its last point is set beside the sequences of the campaign's
-    other files: one that begins as it does and runs the same set-points in the same order, and more of them, says what
-    is missing. Of several the one that runs most is taken; where a whole one that begins so too does not run a point,
-    that is said with it. A file of the same start is the same run, and holds them.
+    A recording that lost data, has a gap, or broke off in its last point is compared with the sequences of the other
+    files of its campaign: one that begins as it does and runs the same set-points in the same order, and more of them,
+    says what is missing. Of several the one that runs most is taken; where a whole one that begins so too does not run
+    a point, that is said with it. A file of the same start is the same run, and holds them.
     """
     sequences = [found for manifest in manifests if (found := _sequence(manifest)) is not None]
-    held = defaultdict(list)
+    files = defaultdict(list)
     for manifest in manifests:
         for window in manifest.windows:
             if window.accepted:
-                held[_key(window)].append(manifest.file)
+                files[_key(window)].append(manifest.file)
     lost: list[Unreached] = []
     for broken in sequences:
         why = _broken_off(broken)
@@ -150,7 +150,7 @@ def missing_points(manifests: Sequence[Manifest]) -> tuple[Unreached, ...]:
             last = f"after {broken.windows[before[-1]].point}" if before else "before its first point"
             where = f"lost {last}, with samples that are missing" if inside else f"{why}, {last}"
             key = _key(window)
-            instead = next((file for file in held[key] if file not in (broken.file, like.file)), "")
+            instead = next((file for file in files[key] if file not in (broken.file, like.file)), "")
             without = next((each.file for each in alike if each.keys.count(key) < like.keys.count(key)), "")
             lost.append(
                 Unreached(

@@ -14,7 +14,7 @@ NOT_STATED = "no uncertainty stated"
 _BOUND = "held, or on its bound"
 
 _CARRIED = frozenset({"coefficients_Nm", "b_Nm", "c_Nm_s_rad", "size_Nm", "mean_Nm", "slope_Nm_s_rad", "slope_Nm_s"})
-"""Names of numbers beside which their uncertainty stands."""
+"""Names of numbers next to which their uncertainty stands."""
 
 _REASONS: dict[str, frozenset[str]] = {
     "a choice": frozenset(
@@ -148,11 +148,11 @@ def _reason(names: list[str], within: dict[str, Any]) -> str:
 
 
 def unstated_columns(frame: pd.DataFrame) -> list[dict[str, str]]:
-    """Numeric columns of a table beside which no column ``u_...`` stands, and why."""
+    """Numeric columns of a table next to which no column ``u_...`` stands, and why."""
     found = []
     for name in map(str, frame.columns):
         numeric = pd.api.types.is_numeric_dtype(frame[name]) and not pd.api.types.is_bool_dtype(frame[name])
-        beside = {f"u_{name}", name.replace("torque_", "u_")} - {name}
-        if numeric and not _is_uncertainty(name) and not beside & set(frame.columns):
+        uncertainties = {f"u_{name}", name.replace("torque_", "u_")} - {name}
+        if numeric and not _is_uncertainty(name) and not uncertainties & set(frame.columns):
             found.append({"what": name, "reason": _CSV_REASONS.get(name, NOT_STATED)})
     return found

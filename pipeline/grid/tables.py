@@ -43,7 +43,7 @@ _ENGAGED_COLUMNS = (
 
 
 def grid_frame(grid: Grid) -> pd.DataFrame:
-    """One row a point, speeds in rpm beside the SI torques; the inverse of `frame_grid`."""
+    """One row a point, speeds in rpm next to the SI torques; the inverse of `frame_grid`."""
     at = grid.points
     columns: dict[str, object] = {
         "point": at.name,

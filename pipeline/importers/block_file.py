@@ -1,4 +1,4 @@
-"""An MCAP file written block by block into a file beside its place, which takes that place when it is whole."""
+"""An MCAP file written block by block into a file next to its place, which takes that place when it is whole."""
 
 from __future__ import annotations
 

@@ -145,9 +145,9 @@ class TimeTable(Interleaved):
         for key, (clocks, needed) in BESIDE.items():
             if key in given and not any(clock in given for clock in clocks):
                 words = " or ".join(f"'{clock}'" for clock in clocks)
-                refuse("no meaning here", f"it beside {words}", f"Add {words}, or leave {key} out.", key)
+                refuse("no meaning here", f"it together with {words}", f"Add {words}, or leave {key} out.", key)
             if needed and key not in given and any(clock in given for clock in clocks):
-                refuse("missing", f"this key beside '{clocks[0]}'", f"Add {key}.", key)
+                refuse("missing", f"this key together with '{clocks[0]}'", f"Add {key}.", key)
         return given
 
     @property
@@ -208,7 +208,7 @@ class Mapped(Interleaved):
         if ticks and self.timebase_hz is None:
             refuse("missing", "the rate of the time base", "Add timebase_Hz.", "timebase_Hz")
         if not ticks and self.timebase_hz is not None:
-            expected = "it beside times of edges"
+            expected = "it together with times of edges"
             do = "Leave it out, or name a topic that ends with '/edge_ticks'."
             refuse("no meaning here", expected, do, "timebase_Hz")
         if self.unit:

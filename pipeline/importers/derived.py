@@ -130,7 +130,7 @@ def derive(recording: Recording, rate_hz: float | None = None, limits: Steadines
 
 
 def _edges(recording: Recording, rate: float) -> tuple[int, npt.NDArray[np.int64]]:
-    """Number of the first whole stretch, and the rows at which each begins, the end after the last beside them."""
+    """Number of the first whole stretch, and the rows at which each begins, the end after the last next to them."""
     n, start, ratio = recording.samples.height, recording.first_sample, recording.rate_hz / rate
     first, stop = int(np.ceil(start / ratio - 1e-9)), int(np.floor((start + n) / ratio + 1e-9))
     if stop <= first:

@@ -208,7 +208,7 @@ def _calibration(channel_map: ChannelMap) -> tuple[Calibration, bytes]:
     """The calibration that the map names, proven by the reader's own check."""
     path = channel_map.resolve(channel_map.table.calibration)
     if not path.is_file():
-        do = "Name the calibration beside the map; raw/LAYOUT.md shows one: transducer.sun, encoder.sun and so on."
+        do = "Name the calibration next to the map; raw/LAYOUT.md shows one: transducer.sun, encoder.sun and so on."
         raise BenchError(channel_map.where("calibration"), f"'{path}' is no file", "a TOML file", do)
     data = path.read_bytes()
     findings = Findings(path.name)

@@ -115,7 +115,7 @@ def _calibration(file: TableFile[_SupplyTable], name: str) -> bytes:
         data = path.read_bytes()
     except OSError as fault:
         came = f"'{path}' cannot be read ({fault.strerror})"
-        raise file.refusal(came, "a TOML file", "Name it beside the map.", "calibration") from fault
+        raise file.refusal(came, "a TOML file", "Name it next to the map.", "calibration") from fault
     note_read(path, data)
     findings = Findings(path.name)
     if read_calibration([(ATTACHMENT, data)], findings) is None:

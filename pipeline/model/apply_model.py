@@ -154,7 +154,7 @@ def apply_model(model: Model, analysis: Analysis, options: AnalysisOptions, benc
 
 
 def found_together(carried: Carried, analysis: Analysis, diagnosis: Diagnosis | None) -> Model:
-    """The model after this campaign: its mechanisms, and those that were named beside them, fitted together."""
+    """The model after this campaign: its mechanisms, and those that were named in addition to them, fitted together."""
     if diagnosis is None or diagnosis.naming is None or diagnosis.refit is None:
         return carried.here
     found = fit_together(carried.here.parts, diagnosis.naming.best.fits, analysis, carried.bench)

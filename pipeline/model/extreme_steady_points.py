@@ -1,4 +1,4 @@
-"""Where the moving bench comes to rest at some set-points, with and without mechanisms, beside the measurement."""
+"""Where the moving bench comes to rest at some set-points, with and without mechanisms, next to the measurement."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ FILE = "model.toml"
 
 @dataclass(frozen=True)
 class Part:
-    """A mechanism beside the baseline.
+    """A mechanism in addition to the baseline.
 
     Parameters
     ----------

@@ -132,7 +132,7 @@ def _errors_of(quantities: Mapping[str, _StatedQuantity]) -> dict[str, float]:
 
 
 class _MechanismTable(Strict):
-    """A mechanism beside the baseline, as a table ``[[mechanism]]``."""
+    """A mechanism in addition to the baseline, as a table ``[[mechanism]]``."""
 
     id: Annotated[str, one_of(*KIND_OF)]
     refined: bool = False
@@ -203,7 +203,7 @@ def with_model(options: AnalysisOptions, path: Path, correction: str | None) -> 
     """Choices of an analysis that holds K_corr where a model has it; its curves and damping are of its own campaign."""
     model = read_model(path)
     if correction is not None:
-        came = f"K_corr = {model.baseline.correction:g} of {path} beside --k-corr {correction}"
+        came = f"K_corr = {model.baseline.correction:g} of {path} and --k-corr {correction}"
         raise BenchError("pmg analyse", came, "one of them", "Leave --model or --k-corr out.")
     return replace(options, correction=repr(model.baseline.correction))
 

@@ -81,7 +81,7 @@ def correct_sensor_fault(
     bench : BenchParameters
         The bench.
     parts : tuple of Part
-        Mechanisms of a model that was carried to the campaign, beside which the diagnosis was made.
+        Mechanisms of a model that was carried to the campaign, which the diagnosis took as given.
     """
     if diagnosis is None or analysis.balance is None or analysis.calibration is None or analysis.floor is None:
         return ()

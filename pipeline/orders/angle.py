@@ -25,7 +25,7 @@ FEWEST_PULSES = 3
 LATCH = 0.5
 """Standard deviation of where between two samples the count is latched, in samples, before pulses are looked at."""
 CLUSTER = 2.0
-"""Counts beside those of one sample by which a pulse may stand off the others before it is left out."""
+"""Counts next to those of one sample by which a pulse may stand off the others before it is left out."""
 
 RESAMPLING_SOURCE = sources.FYFE_MUNCK.at("computed order tracking")
 

@@ -1,4 +1,4 @@
-"""The noise at a line, from the spectrum beside it."""
+"""The noise at a line, from the spectrum next to it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 FALSE_ALARM = 0.05
 """Part of the lines of pure noise whose amplitude exceeds its band."""
 NEIGHBOURS = 40
-"""Bins beside a line whose noise is taken."""
+"""Bins next to a line whose noise is taken."""
 FEWEST = 8
 """Fewest of them from which a band is made."""
 KEPT_CLEAR = 2.0
@@ -84,8 +84,8 @@ def emptied(bins: int, lines: npt.ArrayLike) -> Mask:
     return gone
 
 
-def noise_beside(power: Array, gone: Mask, line: npt.ArrayLike) -> LineNoise:
-    r"""Noise at a line from the residual's periodogram beside it.
+def noise_around(power: Array, gone: Mask, line: npt.ArrayLike) -> LineNoise:
+    r"""Noise at a line from the residual's periodogram next to it.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import special
 
-from pmg.pipeline.orders.band import FALSE_ALARM, LineNoise, emptied, noise_beside, periodogram
+from pmg.pipeline.orders.band import FALSE_ALARM, LineNoise, emptied, noise_around, periodogram
 from pmg.pipeline.wording.probability import CONFIDENCE
 from pmg.sim.errors import FitError
 
@@ -103,7 +103,7 @@ def fit_orders(signals: Array, sun: Array, ring: Array, groups: Sequence[Group],
     amplitude at order m, at 5120 counts and order 90 half a thousandth. The torque of a sample is a mean over it,
     which takes :math:`(\pi f/f_s)^2/6` off.
 
-    The noise of a line is that of the residual beside its frequency (`band.noise_beside`), multiplied by what the
+    The noise of a line is that of the residual next to its frequency (`band.noise_around`), multiplied by what the
     other lines cost it. The normal equations are summed over pieces of `PIECE` samples, so memory grows with the
     signals only.
     """
@@ -173,9 +173,9 @@ def _noise(residual: Array, groups: Sequence[Group], rate_hz: float, cost: Array
     bins_per_hz = residual.shape[1] / rate_hz
     places = np.array([group.frequency * bins_per_hz for group in groups])
     spectrum = periodogram(residual)
-    beside = noise_beside(spectrum, emptied(spectrum.shape[1], places), places)
-    power = beside.power * cost
-    return power, beside.dof, LineNoise(power, beside.dof).band(FALSE_ALARM)
+    around = noise_around(spectrum, emptied(spectrum.shape[1], places), places)
+    power = around.power * cost
+    return power, around.dof, LineNoise(power, around.dof).band(FALSE_ALARM)
 
 
 def wrapped(angle: Array) -> Array:

@@ -115,7 +115,7 @@ def fitted_row(signal: str, group: Group, found: LineFit, made: Made) -> OrderRo
     """One line of one signal; without numbers where nothing tells its noise."""
     line = group.lines[0]
     if not math.isfinite(found.band):
-        return empty_row(signal, line, "too few bins of noise beside it", group.name)
+        return empty_row(signal, line, "too few bins of noise next to it", group.name)
     size, scale = found.c * made.factor, abs(made.factor)
     u = math.hypot(found.u, made.counted / math.sqrt(2.0))
     band = math.hypot(found.band, made.counted)

@@ -1,4 +1,4 @@
-"""The lines of each point, kept in the store beside the samples they are from."""
+"""The lines of each point, kept in the store next to the samples they are from."""
 
 from __future__ import annotations
 

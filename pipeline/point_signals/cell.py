@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Bins:
-    """Stretches of time over a window and what was recorded beside it.
+    """Stretches of time over a window and what was recorded next to it.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class ChannelSignals:
-    """One signal over a window and beside it, in SI.
+    """One signal over a window and next to it, in SI.
 
     Parameters
     ----------

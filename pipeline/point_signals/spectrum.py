@@ -45,7 +45,7 @@ def amplitude_spectrum(x: Array, rate_hz: float, most: int = MOST) -> Spectrum |
     .. math:: A(f) = \frac{2}{\sum_k w_k} \left| \sum_k w_k (x_k - \bar x) e^{-2 \pi i f k / r} \right| ,
 
     on lines `PADDING` times as dense as the window tells apart. The largest of a bin is kept, so noise shows its peaks
-    and not its mean. Where it is the top of a peak, it is that of the parabola through it and the lines beside it,
+    and not its mean. Where it is the top of a peak, it is that of the parabola through it and the lines next to it,
     within 0.2 % of the amplitude of a sine that stands alone.
 
     References
@@ -62,7 +62,7 @@ def amplitude_spectrum(x: Array, rate_hz: float, most: int = MOST) -> Spectrum |
     frequency = fft.rfftfreq(padded, 1.0 / rate_hz)
     lowest, highest = LOWEST * rate_hz / n, rate_hz / 2.0
     first, stop = np.searchsorted(frequency, (lowest * (1.0 - 1e-9), highest * (1.0 - 1e-9)))
-    stop = min(stop, len(frequency) - 1)  # a line beside each
+    stop = min(stop, len(frequency) - 1)  # a line next to each
     edges = np.geomspace(lowest, highest, most + 1)[:-1] * (1.0 - 1e-9)
     starts = np.unique(first + np.searchsorted(frequency[first:stop], edges))
     starts = starts[starts < stop]

@@ -1,4 +1,4 @@
-"""Samples of a run condensed to the signals of one window and what lies beside it."""
+"""Samples of a run condensed to the signals of one window and what lies next to it."""
 
 from __future__ import annotations
 
@@ -78,8 +78,8 @@ def stretch_of(first: int, stop: int, rows: int, rate: float, margin: float = MA
     """
     first = min(max(first, 0), rows)
     stop = min(max(stop, first), rows)
-    beside = round(margin * (stop - first))
-    return Stretch(max(first - beside, 0), first, stop, min(stop + beside, rows), rate, most)
+    flank = round(margin * (stop - first))
+    return Stretch(max(first - flank, 0), first, stop, min(stop + flank, rows), rate, most)
 
 
 def _binned(stretch: Stretch, most: int | None = None) -> tuple[Bins, npt.NDArray[np.int64]]:

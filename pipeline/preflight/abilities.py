@@ -185,7 +185,7 @@ def _fitted(rehearsed: Analysis, design: Design, bench: BenchParameters) -> Iter
 
 
 def _from_samples(found: Survey, points: tuple[Asked, ...], design: Design, named: bool) -> Iterator[Ability]:
-    """Chapters that rest on what was recorded beside torque and speed."""
+    """Chapters that rest on what was recorded in addition to torque and speed."""
     unnamed = "" if named else "the recordings name no set-points"
     turning = sum(
         max(abs(p.setpoints.speed_sun or 0.0), abs(p.setpoints.speed_ring or 0.0)) > REST_SPEED for p in points
@@ -220,24 +220,24 @@ def _load_angle(found: Survey, points: tuple[Asked, ...], design: Design, named:
     indexed = found.recorded(INDEX)
     together = max(Counter(p.file for p in points if p.configuration == Configuration.ENGAGED).values())
     if indexed or together >= FEWEST_POINTS:
-        beside = f"index pulses in {indexed} recordings" if indexed else "points of one sequence"
-        return Ability(chapter, YES, f"{design.loads} loads, {beside}")
+        source = f"index pulses in {indexed} recordings" if indexed else "points of one sequence"
+        return Ability(chapter, YES, f"{design.loads} loads, {source}")
     why = "each point counts from a place of its own: no index pulses, no sequence of points"
     return Ability(chapter, NO, why, "index pulses of the encoders, or several loads in one sequence")
 
 
 def _thermal(found: Survey, rehearsed: Analysis | None, design: Design) -> Ability:
     """Ability to see changes with time: repeats; temperatures are not read so far."""
-    beside = "; temperatures were recorded, pmg does not read them" if found.recorded(TEMPERATURES) else ""
+    unread = "; temperatures were recorded, pmg does not read them" if found.recorded(TEMPERATURES) else ""
     chapter = "warming and drift"
     if rehearsed is None:
-        return Ability(chapter, UNKNOWN, "the recordings name no set-points" + beside)
+        return Ability(chapter, UNKNOWN, "the recordings name no set-points" + unread)
     drift = rehearsed.drift
     if drift is not None and drift.repeats:
         hours = max(repeat.hours for repeat in drift.repeats)
-        return Ability(chapter, YES, f"{counted(design.repeats, 'repeat')} over {hours:.1f} h{beside}")
+        return Ability(chapter, YES, f"{counted(design.repeats, 'repeat')} over {hours:.1f} h{unread}")
     unlock = f"the same neutral points again, hours apart: {MINIMUM_DOF} repeats or more"
     if drift is not None and drift.orders:
-        return Ability(chapter, IN_PART, f"points run with rising and with falling speed{beside}", unlock)
+        return Ability(chapter, IN_PART, f"points run with rising and with falling speed{unread}", unlock)
     why = "no engaged or neutral point was repeated" if drift is None or not drift.reason else drift.reason
-    return Ability(chapter, NO, why + beside, unlock)
+    return Ability(chapter, NO, why + unread, unlock)

@@ -58,7 +58,7 @@ def survey(
     progress : callable, optional
         Told (done, total, name) after each recording.
     supplied : Supplied
-        What is stated beside the recordings, used where they do not say it.
+        What is stated next to the recordings, used where they do not say it.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def survey(
         There is neither a recording nor a store.
     """
     if (place / MARK).is_file():
-        return Survey(place, True, _held(Store(place)))
+        return Survey(place, True, _files_of(Store(place)))
     paths, files = find_recordings(place), list[File]()
     base = place if place.is_dir() else place.parent
     known: dict[str, str] = {}
@@ -146,7 +146,7 @@ def _points(run: RunInfo, steps: tuple[SequenceStep, ...], name: str, rate: floa
     return (asked(run.point or name, run.setpoints),)
 
 
-def _held(store: Store) -> tuple[File, ...]:
+def _files_of(store: Store) -> tuple[File, ...]:
     """The recordings of a store; a window that two of them hold counts once, as in the analysis."""
     manifests = tuple(store.manifests())
     ingested = [m for m in manifests if m.ingested]

@@ -55,10 +55,10 @@ def decode_torque(topics: dict[str, Topic], side: str, calibration: Calibration,
     direct = channels.frequency(side)
     if any(spec.topic in topics for spec in by_edges):
         frequency = frequency_from_edges(topics, *by_edges, findings)
-        beside = _spare_frequency(topics, direct, findings)
-        if beside is not None and frequency is not None and beside.rate_hz == frequency.rate_hz:
-            values, firsts = (frequency.values, beside.values), (frequency.first, beside.first)
-            compare_encodings(values, firsts, calibration[side], beside.topic, findings)
+        spare = _spare_frequency(topics, direct, findings)
+        if spare is not None and frequency is not None and spare.rate_hz == frequency.rate_hz:
+            values, firsts = (frequency.values, spare.values), (frequency.first, spare.first)
+            compare_encodings(values, firsts, calibration[side], spare.topic, findings)
     else:
         frequency = recorded_frequency(topics, direct, findings)
     if frequency is None:
@@ -68,7 +68,7 @@ def decode_torque(topics: dict[str, Topic], side: str, calibration: Calibration,
 
 
 def _spare_frequency(topics: dict[str, Topic], spec: ChannelSpec, findings: Findings) -> Decoded | None:
-    """The frequency that was recorded beside the edges, which are used; faults of its own cost nothing."""
+    """The frequency that was recorded next to the edges, which are used; faults of its own cost nothing."""
     return recorded_frequency(topics, spec, Findings(findings.file)) if spec.topic in topics else None
 
 

@@ -89,7 +89,7 @@ def edge_frequency(
     base. The first sample of each stretch has no predecessor and repeats the frequency of the next one.
 
     A step that contradicts itself parts the run: what lies between two such steps is decoded on its own, so a
-    spoilt reading costs the samples beside it and no others.
+    spoilt reading costs the samples next to it and no others.
     """
     length = len(edges)
     wrong, stalled = np.zeros(length, dtype=np.bool_), np.zeros(length, dtype=np.bool_)
@@ -102,8 +102,8 @@ def edge_frequency(
     time, _ = unwrap(ticks if at is None else ticks[at], at, bits[1], per_sample=timebase_hz / rate_hz)
     astray = np.zeros(size - 1, dtype=np.bool_)
     for part in pieces(len(astray)):
-        beside = slice(part.start, part.stop + 1)
-        moved, passed = np.diff(count[beside]), np.diff(time[beside])
+        around = slice(part.start, part.stop + 1)
+        moved, passed = np.diff(count[around]), np.diff(time[around])
         fast = moved > np.maximum(passed / timebase_hz, 1.0 / rate_hz) * HIGHEST_FREQUENCY_HZ + 1.0
         astray[part] = (moved < 0) | (passed < 0) | ((moved == 0) != (passed == 0)) | fast
     ends = np.flatnonzero(astray) + 1
@@ -146,11 +146,11 @@ def _decode(
     slowest = 1.0 / LOWEST_FREQUENCY_HZ + 1.0 / rate_hz
     edge_time, edge_phase = (time, count) if fresh.all() else (time[fresh], count[fresh])
     for part in pieces(len(time) - 1):
-        beside = slice(part.start, part.stop + 1)
-        instant = _nominal(at, beside, rate_hz) * stretch + offset
+        around = slice(part.start, part.stop + 1)
+        instant = _nominal(at, around, rate_hz) * stretch + offset
         gained = np.diff(_phase(instant, edge_time, edge_phase, slowest)) / np.diff(instant)
         if at is not None:
-            gained[np.diff(at[beside]) > 1] = np.nan
+            gained[np.diff(at[around]) > 1] = np.nan
         frequency[part.start + 1 : part.stop + 1] = gained
     starts = np.zeros(1, dtype=np.int64)
     if at is not None:

@@ -41,7 +41,7 @@ class Decoded:
     rate_hz : float
         Sample rate [Hz].
     values : (n,) array
-        Values, NaN where nothing was recorded; of the lines, the masks with `present` beside them.
+        Values, NaN where nothing was recorded; of the lines, the masks with `present` next to them.
     present : (n,) array of bool
         Where something was recorded.
     blemishes : tuple of Blemish

@@ -90,7 +90,7 @@ class Recording:
     lacking : mapping of str to str
         Columns of `samples` that hold nothing, and why: ``not recorded`` or ``not usable``.
     supplied : mapping or None
-        What it lacked and was stated beside it, with names and hashes.
+        What it lacked and was stated next to it, with names and hashes.
     auxiliary : AuxiliaryChannels
         Coils and index pulses, where they were asked for.
     """
@@ -143,7 +143,7 @@ def read_recording(
     name : str, optional
         Name under which it is known in findings; the file's own name by default.
     supplied : Supplied, optional
-        What is stated beside the file, used where the file does not say it.
+        What is stated next to the file, used where the file does not say it.
     coils : bool
         Whether the voltages of the coils and the index pulses are read too.
 
@@ -225,8 +225,8 @@ def _frame(tracks: Mapping[str, Decoded | None], lines: Decoded | None, findings
                 lost=f"{late + early} samples",
             )
     columns = {"sample": pl.Series(np.arange(first, stop, dtype=np.int64))}
-    for name, held in tracks.items():
-        columns[name] = pl.Series(np.full(stop - first, np.nan) if held is None else _padded(held, first, stop))
+    for name, whole in tracks.items():
+        columns[name] = pl.Series(np.full(stop - first, np.nan) if whole is None else _padded(whole, first, stop))
     nothing = pl.Series([None], dtype=pl.UInt32).new_from_index(0, stop - first)
     if lines is None:
         return first, pl.DataFrame(columns | {"lines": nothing})

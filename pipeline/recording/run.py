@@ -78,7 +78,7 @@ def _checked(entries: Mapping[str, str], findings: Findings) -> RunInfo | None:
     for key in REQUIRED:
         if key not in entries:
             hint = near_miss(key, strange) if strange else f"Add '{key}' in the recorder, or in [run] of {SUPPLY}."
-            _fault(findings, Code.RUN_KEY, key, "the key is missing", "it beside the others", hint)
+            _fault(findings, Code.RUN_KEY, key, "the key is missing", "it next to the others", hint)
     for key in strange:
         findings.warning(
             Code.RUN_KEY,

@@ -143,13 +143,13 @@ class Supply:
             where = f"attachment '{ATTACHMENT}'"
             self._tell("calibration", Code.CALIBRATION_MISSING, where, "it is not in the file", name, sha256)
             return [*attachments, (ATTACHMENT, given)]
-        inside, beside = _silently(own[0]), _silently(given)
-        if inside is not None and beside is not None and inside != beside:
+        inside, supplied = _silently(own[0]), _silently(given)
+        if inside is not None and supplied is not None and inside != supplied:
             self.findings.warning(
                 Code.CALIBRATION_VALUE,
                 f"attachment '{ATTACHMENT}'",
-                f"it differs from the supplied {self.given.calibration_file} in {_differing(inside, beside)}; expected "
-                "the same. The one inside of the recording is used",
+                f"it differs from the supplied {self.given.calibration_file} in {_differing(inside, supplied)}; "
+                "expected the same. The one inside of the recording is used",
                 "Correct the supplied one, or leave it away.",
             )
         return attachments
@@ -202,7 +202,7 @@ def _silently(data: bytes) -> Calibration | None:
     return read_calibration([(ATTACHMENT, data)], Findings(""))
 
 
-def _differing(inside: Calibration, beside: Calibration) -> str:
+def _differing(inside: Calibration, supplied: Calibration) -> str:
     names = ("sun", "ring", "counts_per_rev_sun", "counts_per_rev_ring")
-    pairs = [(name, getattr(inside, name), getattr(beside, name)) for name in names]
+    pairs = [(name, getattr(inside, name), getattr(supplied, name)) for name in names]
     return "; ".join(f"{name}: {own} inside, {other} supplied" for name, own, other in pairs if own != other)

@@ -22,7 +22,7 @@ _COLOURS = 13
 _ACROSS, _UP = 0.055, 0.05
 """Least distance of labels along an axis, in parts of its length, for a map as wide as the page."""
 _BESIDE = 24
-"""Most letters of a line beside the scale."""
+"""Most letters of a line next to the scale."""
 _LETTERED = 160
 """Most cells whose values are written into them."""
 

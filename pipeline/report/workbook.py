@@ -220,7 +220,7 @@ def _width(column: Column, cells: Sequence[Cell], *, numeric: bool) -> float:
     shown = (column.text(cell).partition(" ± ")[0] if numeric else column.text(cell) for cell in cells)
     longest = max((len(line) for text in shown for line in text.split("\n")), default=0)
     words = max(map(len, re.split(r"[\s_]", f"u({column.heading})")))
-    # Room for the arrow of the filter, which stands beside the unit.
+    # Room for the arrow of the filter, which stands next to the unit.
     return min(max(longest + 2, words + 2, len(column.heading) // 2 + 4, len(column.unit) + 4, _NARROWEST), _WIDEST)
 
 

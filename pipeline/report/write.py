@@ -1,4 +1,4 @@
-"""A report written to a folder: the page, and beside it its figures, tables, workbook and summary."""
+"""A report written to a folder: the page, and next to it its figures, tables, workbook and summary."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def write_report(
     folder : Path
         Where; made when it is not there. Files of other origin are left alone.
     facts : mapping, optional
-        What the summary tells beside the report; see `summary`.
+        What the summary tells in addition to the report; see `summary`.
     summed_up : bool
         Whether a summary is written; a caller that writes one of its own under that name says no.
 

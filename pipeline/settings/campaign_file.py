@@ -157,9 +157,9 @@ class Campaign(Strict):
     @model_validator(mode="after")
     def _one_of_two(self) -> Campaign:
         if self.recordings.path is not None and self.recordings.grids is not None:
-            refuse("beside recordings.path", "one of the two", "Leave one of them out.", "recordings", "grids")
+            refuse("together with recordings.path", "one of the two", "Leave one of them out.", "recordings", "grids")
         if self.ingest.limits is not None and self.windows is not None:
-            refuse("beside ingest.limits", "one of the two", "Leave one of them out.", "windows")
+            refuse("together with ingest.limits", "one of the two", "Leave one of them out.", "windows")
         return self
 
     @property

@@ -96,23 +96,23 @@ def gather_inputs(
     model_file = model_file or (None if given is None else file.resolve(given))
     model: LossModel | None
     about: tuple[tuple[str, str], ...]
-    beside: tuple[Mechanism, ...]
+    added: tuple[Mechanism, ...]
     if model_file is not None:
         whole = read_model(model_file)
-        model, beside = whole.baseline, whole.mechanisms(bench)
+        model, added = whole.baseline, whole.mechanisms(bench)
         about = (("Losses", f"model {model_file.name}"), ("Mechanisms of the model", whole.description))
     else:
-        model, beside = loss_model(file, bench), ()
+        model, added = loss_model(file, bench), ()
         about = _about_losses(file, model)
     extra = (*scenario.mechanism, *switched)
-    beside += tuple(one.mechanism(bench, model or NO_LOSSES) for one in extra)
-    _refuse_twice(file, beside)
+    added += tuple(one.mechanism(bench, model or NO_LOSSES) for one in extra)
+    _refuse_twice(file, added)
     if extra:
         about = (*about, ("Mechanisms switched on", "; ".join(one.description for one in extra)))
     torque_map, about_map = _torque_map(file, bench)
     drivetrain = Drivetrain(
         bench,
-        (*(() if model is None else baseline_mechanisms(model, bench)), *beside),
+        (*(() if model is None else baseline_mechanisms(model, bench)), *added),
         scenario.assumptions,
         mode.gear,
         mode.configuration,
@@ -120,18 +120,18 @@ def gather_inputs(
         mode.control_sun,
         mode.control_ring,
         torque_map,
-        begin_warm(beside),
+        begin_warm(added),
     )
     run = scenario.transient
     sun, ring = (
         programme_of(file, side, None if run is None else getattr(run, side), getattr(mode, f"control_{side}"))
         for side in SIDES
     )
-    if any(isinstance(m, WARMING) for m in beside):
-        held = drivetrain.warmth
-        text = f"sun {held.sun:g} K, ring {held.ring:g} K, magnets {held.magnets:g} K above ambient"
+    if any(isinstance(m, WARMING) for m in added):
+        warmth = drivetrain.warmth
+        text = f"sun {warmth.sun:g} K, ring {warmth.ring:g} K, magnets {warmth.magnets:g} K above ambient"
         about = (*about, ("Warmth held over a run", text))
-    limits = tuple(float(m.time_constant) for m in beside if isinstance(m, WARMING))
+    limits = tuple(float(m.time_constant) for m in added if isinstance(m, WARMING))
     return Inputs(bench, model, drivetrain, sun, ring, (*about, ("Torque map", about_map)), limits)
 
 
@@ -184,7 +184,7 @@ def _powers(text: str, where: str) -> tuple[float, ...]:
 
 
 def _calibrated(grid: Grid, options: AnalysisOptions, bench: BenchParameters, by_hand: dict[str, float]) -> LossModel:
-    """The calibrated losses; with constants set by hand, the others are calibrated beside them."""
+    """The calibrated losses; with constants set by hand, the others are calibrated together with them."""
     analysis = analyse(grid, options, bench)
     if by_hand and analysis.calibration is not None and analysis.fits is not None:
         correction = None if options.correction == "joint" else analysis.calibration.model.correction

@@ -49,7 +49,7 @@ def programme_of(file: ScenarioFile, side: str, motor: Motor | None, control: Co
 def _recorded(path: Path, given: RecordedProgramme, where: str) -> tuple[Array, Array]:
     """Times [s] and values of two columns of a CSV file."""
     if not path.is_file():
-        raise BenchError(f"{where}.file", f"no file {path}", "a CSV file beside the scenario", "Check the path.")
+        raise BenchError(f"{where}.file", f"no file {path}", "a CSV file next to the scenario", "Check the path.")
     try:
         frame = pd.read_csv(path, skipinitialspace=True)
     except (ValueError, UnicodeDecodeError) as error:

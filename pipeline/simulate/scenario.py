@@ -70,7 +70,7 @@ class Losses(Strict):
         changed = [name for name in type(self).model_fields if name not in SOURCES]
         for name in changed:
             if getattr(self, name) is not None and (self.none or self.model):
-                came = "beside none = true" if self.none else "beside a model, which holds it"
+                came = "together with none = true" if self.none else "together with a model, which holds it"
                 refuse(came, "a source of losses to change", "Take it out, or name grids or an analysis.", name)
         return self
 
@@ -89,13 +89,13 @@ class Map(Strict):
     def _consistent(self) -> Map:
         if self.fem is not None and self.model_fields_set != {"fem"}:
             other = key_of(min(self.model_fields_set - {"fem"}))
-            refuse("beside fem", "a table, or harmonics and cogging of the analytic map", "Take one out.", other)
+            refuse("together with fem", "a table, or harmonics and cogging of the analytic map", "Take one out.", other)
         for order in self.harmonics:
             if not (order.isdecimal() and 2 <= int(order) <= 100):
                 refuse(f"order '{order}'", "whole orders from 2 to 100, such as 3 = 0.05", "Correct it.", "harmonics")
         for side in SIDES:
             if getattr(self, f"cogging_{side}_order") is not None and getattr(self, f"cogging_{side}_nm") is None:
-                refuse("an order alone", "an amplitude beside it", "Add it.", f"cogging_{side}_Nm")
+                refuse("an order alone", "an amplitude with it", "Add it.", f"cogging_{side}_Nm")
         return self
 
 

@@ -82,7 +82,7 @@ def _contradictions(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:
     if scenario.response is not None:
         if neutral or (point is None and run is None):
             came = "in neutral" if neutral else "without a state to stand on"
-            yield "response", came, "an engaged bench, with [point] or [transient] beside it", "Add what is missing."
+            yield "response", came, "an engaged bench, with [point] or [transient]", "Add what is missing."
         if getattr(bench, f"control_{scenario.response.side}") is Control.SPEED:
             came, side = "a motor that follows speed", scenario.response.side
             yield "response.side", came, "one that follows torque", f"Set bench.control_{side} to torque."

@@ -86,7 +86,7 @@ def switch_on(table: object) -> tuple[Switched, ...]:
 def _one(name: str, given: object) -> Switched:
     known = {kind.identifier: kind for kind in CANDIDATES}
     if name in {kind.identifier for kind in BASELINE}:
-        refuse("a mechanism of the baseline", "one beside it", "Set the constants under [losses].", name)
+        refuse("a mechanism of the baseline", "one of the others", "Set the constants under [losses].", name)
     for other in OTHERS:
         if name == other.identifier:
             refuse("a mechanism without a mean torque", "one that acts on mean torques", other.instead, name)

@@ -78,7 +78,7 @@ class Manifest:
     origin : ImportRecord or None
         What it was imported from.
     supplied : SuppliedRecord or None
-        What it lacked and was stated beside it.
+        What it lacked and was stated next to it.
     offered : mapping or None
         Names and hashes of a map of which it took nothing.
     lacking : mapping of str to str

@@ -143,9 +143,9 @@ def find_recordings(place: Path) -> list[Path]:
     found = sorted(path for path in place.rglob(f"*{SUFFIX}") if not path.is_dir())
     if not found:
         others = sorted({path.suffix or "no suffix" for path in place.iterdir()})
-        held = f"no {SUFFIX} file" + (f" (but {', '.join(others[:5])})" if others else " (the folder is empty)")
+        contents = f"no {SUFFIX} file" + (f" (but {', '.join(others[:5])})" if others else " (the folder is empty)")
         do = BRING if FOREIGN & {other.lower() for other in others} else "Name the folder that holds them."
-        raise RecordingError(str(place), held, f"recordings with the ending {SUFFIX}", do)
+        raise RecordingError(str(place), contents, f"recordings with the ending {SUFFIX}", do)
     return found
 
 

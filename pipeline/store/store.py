@@ -179,7 +179,7 @@ class Store:
         leaving.unlink(missing_ok=True)
 
     def _forget(self, identifier: str) -> None:
-        """Remove what is kept of a source beside its manifest: samples, and lines of the shafts' orders."""
+        """Remove what is kept of a source apart from its manifest: samples, and lines of the shafts' orders."""
         (self.path / RUNS / f"{identifier}.parquet").unlink(missing_ok=True)
         for suffix in (".json", ".parquet"):
             (self.path / ORDERS / f"{identifier}{suffix}").unlink(missing_ok=True)

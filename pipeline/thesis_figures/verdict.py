@@ -39,7 +39,7 @@ class FigureVerdict(StrEnum):
 
 @dataclass(frozen=True)
 class JudgedFigure:
-    """A published figure beside ours, in the unit it is printed in.
+    """A published figure next to ours, in the unit it is printed in.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def validate(
     rng: np.random.Generator,
     figures: tuple[PublishedFigure, ...] = FIGURES,
 ) -> tuple[JudgedFigure, ...]:
-    """Every published figure beside what the published grid gives.
+    """Every published figure next to what the published grid gives.
 
     Parameters
     ----------

@@ -73,7 +73,7 @@ class EffectForm:
     first : float
         A size of the usual order, from which scaling starts.
     knobs : callable
-        Draws its shape, beside the law.
+        Draws its shape, in addition to the law.
     most : float
         Largest size that a bench could have.
     drag : callable, optional
@@ -125,7 +125,7 @@ class Effect:
 
 
 def no_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:
-    """Nothing to draw beside the law."""
+    """Nothing to draw in addition to the law."""
     return {}
 
 

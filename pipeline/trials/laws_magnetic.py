@@ -83,7 +83,7 @@ def _iron_power(load: Array, v: Array, load_power: float, speed_power: float) ->
 
 
 def _iron_hysteresis_eddy(load: Array, v: Array, hysteresis: float) -> Array:
-    """Steinmetz's hysteresis, whose torque does not depend on speed, beside eddy currents."""
+    """Steinmetz's hysteresis, whose torque does not depend on speed, in addition to eddy currents."""
     return np.asarray(hysteresis * load**1.6 + (1.0 - hysteresis) * load**2 * v)
 
 
@@ -93,7 +93,7 @@ def _iron_saturating(load: Array, v: Array, knee: float, speed_power: float) -> 
 
 
 def _iron_excess(load: Array, v: Array, excess: float) -> Array:
-    """Excess loss beside eddy currents."""
+    """Excess loss in addition to eddy currents."""
     return np.asarray(excess * load**1.5 * v**0.5 + (1.0 - excess) * load**2 * v)
 
 

@@ -26,7 +26,7 @@ def _constant(t: Array) -> Array:
 
 
 def _zero_walk(t: Array, trend: float, **walk: float) -> Array:
-    """A random walk by its sine expansion, beside a trend."""
+    """A random walk by its sine expansion, in addition to a trend."""
     found = trend * t
     for i in range(WALK_TERMS):
         rate = 0.25 * (2 * i + 1)  # turns over the campaign

@@ -184,27 +184,27 @@ class WindowReadings:
 def hold_points(case: ConcealedCampaign, rng: np.random.Generator) -> WindowReadings:
     """One run of the campaign, up to what varies within the windows."""
     at, world = case.design.at, case.world
-    held = []
+    torques = []
     for shown, speed, rest, fastest in (
         (case.shown[0], at.speed_sun, at.rest_sun, FASTEST_SUN),
         (case.shown[1], at.speed_ring, at.rest_ring, FASTEST_RING),
     ):
         reaction = np.where(at.neutral & rest, world.reaction * rng.standard_normal(len(at)), 0.0)
-        held.append(shown + reaction + world.noise.wander_of(speed, fastest, rng))
+        torques.append(shown + reaction + world.noise.wander_of(speed, fastest, rng))
     error = 1.0 + SPEED_ERROR * rng.standard_normal(len(at))
     error_ring = np.where(at.engaged, error, 1.0 + SPEED_ERROR * rng.standard_normal(len(at)))
-    return WindowReadings((held[0], held[1]), (at.speed_sun * error, at.speed_ring * error_ring))
+    return WindowReadings((torques[0], torques[1]), (at.speed_sun * error, at.speed_ring * error_ring))
 
 
 def measure_case(case: ConcealedCampaign, rng: np.random.Generator) -> Grid:
     """The campaign as a measured grid: what reading its recordings would give, without writing them."""
-    held, noise, n = hold_points(case, rng), case.world.noise, len(case.design.at)
+    readings, noise, n = hold_points(case, rng), case.world.noise, len(case.design.at)
     means, within = [], []
-    for torque, scatter in zip(held.torques, (noise.mean_sun, noise.mean_ring), strict=True):
+    for torque, scatter in zip(readings.torques, (noise.mean_sun, noise.mean_ring), strict=True):
         means.append(torque + scatter * rng.standard_normal(n))
         within.append(scatter * np.sqrt(rng.chisquare(BATCHES - 1, n) / (BATCHES - 1)))
     step = REVOLUTION / COUNTS_PER_REV / WINDOW
-    speed_sun, speed_ring = (np.round(speed / step) * step for speed in held.speeds)
+    speed_sun, speed_ring = (np.round(speed / step) * step for speed in readings.speeds)
     nothing = np.zeros(n)
     return Grid(
         origin="measured",

@@ -40,17 +40,17 @@ def _record_case(case: ConcealedCampaign, rng: np.random.Generator) -> Iterator[
     rng : numpy.random.Generator
         Noise of this run of the campaign; the same state gives the same bytes.
     """
-    held, at, noise = hold_points(case, rng), case.design.at, case.world.noise
+    points, at, noise = hold_points(case, rng), case.design.at, case.world.noise
     calibration, n = _bench_calibration(), round(WINDOW * RATE)
     time = np.arange(n) / RATE
     for i in range(len(at)):
         torque_sun, torque_ring = (
             _stepped(torque[i] + white * rng.standard_normal(n), nominal)
             for torque, white, nominal in zip(
-                held.torques, (noise.white_sun, noise.white_ring), (NOMINAL_SUN, NOMINAL_RING), strict=True
+                points.torques, (noise.white_sun, noise.white_ring), (NOMINAL_SUN, NOMINAL_RING), strict=True
             )
         )
-        angle_sun, angle_ring = (rng.uniform(0.0, REVOLUTION) + speed[i] * time for speed in held.speeds)
+        angle_sun, angle_ring = (rng.uniform(0.0, REVOLUTION) + speed[i] * time for speed in points.speeds)
         setpoints = {
             "sun_speed_set_rpm": round(at.speed_sun[i] / RPM, 6),
             "ring_speed_set_rpm": round(at.speed_ring[i] / RPM, 6),

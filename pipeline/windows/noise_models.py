@@ -21,12 +21,12 @@ LONGEST_MEMORY = 0.3
 SHORTEST_MEMORY = 0.004
 """Shortest one; below it pieces are as good as independent."""
 MEMORIES = 24
-"""Correlation times that are weighed, equally spaced in their logarithm, beside none at all."""
+"""Correlation times that are weighed, equally spaced in their logarithm, and none at all."""
 INDEPENDENT = 4.0
 """Weight of no correlation at all before the data are seen, where each of the others has 1."""
 
 SLOW, SLOW_WEIGHT = (0.06, 0.12, 0.25, 0.6, 1.5, 3.0), 1.0
-"""Correlation times of slow noise beside independent noise, as part of the stretch, and their weight together."""
+"""Correlation times of slow noise plus independent noise, as part of the stretch, and their weight together."""
 SLOW_WHITE = (0.2, 0.4, 0.6, 0.8, 0.9, 0.95)
 """Share of the independent noise in the variance of a piece."""
 POWERS, POWER_WEIGHT = (0.25, 0.5, 0.75, 1.0), 0.4
@@ -40,7 +40,7 @@ CYCLES, CYCLES_WEIGHT = tuple(float(c) for c in np.geomspace(1.5, 20.0, 14)), 1.
 DAMPING = (0.05, 0.12, 0.3)
 """Their damping ratios."""
 RING_WHITE = (0.0, 0.01, 0.04, 0.2, 0.6)
-"""Share of independent noise beside them in the variance of a piece."""
+"""Share of independent noise added to them in the variance of a piece."""
 
 UNEVEN = 0.1
 """Part by which the density at zero may differ from that at one cycle in the stretch and pass for flat there."""
@@ -50,7 +50,7 @@ UNSAFE = 0.1
 
 @dataclass(frozen=True)
 class _NoiseForm:
-    r"""Noise whose correlation is a sum of exponentials, with or without independent noise beside it.
+    r"""Noise whose correlation is a sum of exponentials, with or without independent noise.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class _NoiseForm:
     memory: float
 
     def covariance(self, m: int) -> Array:
-        r"""Covariance of m equal pieces with the first (m,), without independent noise beside; its variance 1.
+        r"""Covariance of m equal pieces with the first (m,), without independent noise; its variance 1.
 
         Notes
         -----

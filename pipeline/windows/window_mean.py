@@ -94,7 +94,7 @@ def serial_mean(pieces: Array) -> SerialMean | None:
 
     Notes
     -----
-    The noise may be of first order, slow beside independent noise, of a power law of frequency, or a resonance
+    The noise may be of first order, slow plus independent noise, of a power law of frequency, or a resonance
     (`forms`). For each form the truth given the pieces follows Student's t with m - 1 degrees of freedom about the
     generalised mean; the forms are weighed by :math:`|C|^{-1/2} (1^T C^{-1} 1)^{-1/2} S^{-(m-1)/2}`, the likelihood
     with mean and size integrated out, times their weight before. The interval is that of the mixture, laid about the

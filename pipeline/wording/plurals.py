@@ -1,4 +1,4 @@
-"""Numbers beside the nouns that they count."""
+"""Numbers next to the nouns that they count."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ class Assumptions:
         a frequent block default, the loop is unstable for lags up to 0.03 s; see `check_control`.
     motor_signs : MotorConvention
         ``CONSISTENT`` (default): one constant for torque and back-EMF, physical signs on both sides, nothing created.
-        ``THESIS``: K_c beside K_e, and on the ring the back-EMF, friction and rotor inertia with the sign turned
+        ``THESIS``: K_c and K_e, and on the ring the back-EMF, friction and rotor inertia with the sign turned
         (sections 5.4.1 and 5.4.2). Shaft torques at steady speed do not depend on it.
     rotor_inertia : RotorInertia
         Whether the shaft feels the motor's rotor. Default: equation 5.11 as written. Counting it in the shaft

@@ -145,7 +145,7 @@ def solver_text(given: Formulas, cache: bool) -> str:
     given : Formulas
         The equations.
     cache : bool
-        Whether the compiled code is to be kept beside the module.
+        Whether the compiled code is to be kept next to the module.
     """
     y, a, p = (tuple(map(str, symbols)) for symbols in (given.state, given.asked, given.parameters))
     size = len(given.state)

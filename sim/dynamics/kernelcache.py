@@ -57,7 +57,7 @@ def load_solver(structure: str, lasting: bool, make: Callable[[bool], str]) -> M
     lasting : bool
         Whether it may be kept; not when it depends on code from elsewhere.
     make : callable
-        Makes the text; its argument says whether compiled code is kept beside it.
+        Makes the text; its argument says whether compiled code is kept next to it.
     """
     name = "solver_" + hashlib.sha256(_sources() + structure.encode()).hexdigest()[:24]
     if not lasting:

@@ -63,7 +63,7 @@ def course(
 
     Notes
     -----
-    One-step and L-stable, which the torque loop (10^6 1/s) beside the lightly damped magnetic oscillation (16 Hz) asks
+    One-step and L-stable, which the torque loop (10^6 1/s) next to the lightly damped magnetic oscillation (16 Hz) asks
     for. The run begins anew at each leg. Energies are summed at the collocation points of the steps with the method's
     own weights: there the state meets the equations to rounding.
     """

@@ -209,9 +209,9 @@ class TorqueMap:
         """
         torque = np.atleast_1d(np.asarray(torque_sun, dtype=np.float64))
         limits = self.pull_out
-        held = (torque > limits.torque_low) & (torque < limits.torque_high)
-        if not held.all():
-            i = int(np.flatnonzero(~held)[0])
+        carried = (torque > limits.torque_low) & (torque < limits.torque_high)
+        if not carried.all():
+            i = int(np.flatnonzero(~carried)[0])
             limit = limits.torque_high if torque[i] > 0.0 else limits.torque_low
             raise BenchError(
                 f"load of point {i}",

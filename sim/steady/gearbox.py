@@ -27,7 +27,7 @@ class Gearbox:
     bench : BenchParameters
         Pole pairs of the stages.
     mechanisms : tuple of Mechanism
-        What acts on the rotors beside the coupling.
+        What acts on the rotors in addition to the coupling.
     """
 
     bench: BenchParameters

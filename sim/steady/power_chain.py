@@ -22,7 +22,7 @@ class MotorConvention(StrEnum):
     """Method of reckoning the power of the motors.
 
     ``CONSISTENT``: one constant for torque and back-EMF and physical signs, so that nothing is created or lost.
-    ``THESIS``: torque constant 1.19 N m/A beside a back-EMF constant of 1.0219 V s/rad (peak against rms, a slip of
+    ``THESIS``: torque constant 1.19 N m/A and a back-EMF constant of 1.0219 V s/rad (peak against rms, a slip of
     units that creates or removes their difference times speed times current), and on the load side joule and
     friction losses that enter with the sign of a gain.
     """

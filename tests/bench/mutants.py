@@ -256,7 +256,7 @@ STATISTICS = (
     mutant("periodogram of half the amplitude", "periodogram", "(2.0 / x.shape[-1])", "(1.0 / x.shape[-1])", DECISIONS),
     mutant(
         "noise beside a line without its slope",
-        "noise_beside",
+        "noise_around",
         "slope = slope + np.clip(step_slope, -2.0, 2.0)",
         "slope = 0.0 * step_slope",
         DECISIONS,

@@ -227,7 +227,7 @@ def test_analyse_holds_the_correction_of_a_model_and_nothing_else(tmp_path: Path
     held = with_model(OPTIONS, path, None)
     assert held.fixed_correction == BASELINE_HERE.correction
     assert replace(held, correction="joint") == OPTIONS
-    with pytest.raises(BenchError, match="beside --k-corr"):
+    with pytest.raises(BenchError, match="and --k-corr"):
         with_model(OPTIONS, path, "0.8")
 
 

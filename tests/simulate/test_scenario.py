@@ -124,7 +124,7 @@ def test_a_fault_is_told_with_its_place(old: str, new: str, key: str, words: str
     ("text", "key", "words"),
     [
         ("[losses]\nnone = true\n", "", "Add one of these tables."),
-        ("[losses]\nnone = true\n[response]\n", "response", "with [point] or [transient] beside it"),
+        ("[losses]\nnone = true\n[response]\n", "response", "with [point] or [transient]"),
         (
             '[bench]\nconfiguration = "neutral"\n[losses]\nnone = true\n[point]\nspeed_sun_rpm = 1\n',
             "point",

@@ -1,4 +1,4 @@
-"""Figures of two campaigns beside each other: maps, differences by load, what they follow, loss curves."""
+"""Figures of two campaigns side by side: maps, differences by load, what they follow, loss curves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page that sets two campaigns beside each other."""
+"""The page that sets two campaigns side by side."""
 
 from __future__ import annotations
 

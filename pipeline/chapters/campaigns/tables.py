@@ -1,4 +1,4 @@
-"""Tables of two campaigns beside each other: conditions, constants, points, and points without a partner."""
+"""Tables of two campaigns side by side: conditions, constants, points, and points without a partner."""
 
 from __future__ import annotations
 

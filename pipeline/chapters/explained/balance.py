@@ -102,7 +102,7 @@ def _mean_over(x: Array, y: Array) -> tuple[Array, Array]:
 
 def _stand_row(d: TermsDiagnosis, kind: str, step: ModelStep) -> tuple[Cell, ...]:
     """What one more term changes: its evidence, both errors, withheld blocks with the interval of the gain."""
-    held, (low, high) = step.held, step.carried
+    proof, (low, high) = step.held, step.carried
     carries = "–" if math.isnan(low) else "yes" if low > 0.0 else "no" if high < 0.0 else "not certain"
     return (
         title_of(d, step.added) if step.added else "baseline: " + ", ".join(d.case.baseline),
@@ -110,7 +110,7 @@ def _stand_row(d: TermsDiagnosis, kind: str, step: ModelStep) -> tuple[Cell, ...
         step.evidence if step.added else None,
         100.0 * step.error_fit,
         100.0 * step.error_withheld,
-        *((None,) * 4 if held is None else (held.rmse_before, held.rmse_after, *held.gain_interval)),
+        *((None,) * 4 if proof is None else (proof.rmse_before, proof.rmse_after, *proof.gain_interval)),
         carries,
     )
 
@@ -146,11 +146,11 @@ def _models(d: TermsDiagnosis) -> Section:
         "shapes are those of the fitted record; the withheld record takes part in no choice and no fit. Blocks of "
         "neighbours are withheld a quarter at a time; their interval is at 95 %, from resampled blocks."
     ]
-    held, more = d.held_out, d.further_decoys
-    if held is not None:
+    proof, more = d.held_out, d.further_decoys
+    if proof is not None:
         texts.append(
-            f"Choice made anew for every part: {held.split}. {held.rmse_before:.3f} N before, "
-            f"{held.rmse_after:.3f} N after, gain {held.gain_interval[0]:.3f} to {held.gain_interval[1]:.3f} N."
+            f"Choice made anew for every part: {proof.split}. {proof.rmse_before:.3f} N before, "
+            f"{proof.rmse_after:.3f} N after, gain {proof.gain_interval[0]:.3f} to {proof.gain_interval[1]:.3f} N."
         )
     best = (
         f"; none lowered the error on the withheld record by more than {percent(max(more.gains))}" if more.gains else ""
@@ -171,7 +171,7 @@ def _parameters(d: TermsDiagnosis) -> Section:
     published = {(p.term, p.parameter): p.value for p in d.case.published}
     sets = [("named terms", d.steps[-1].fitted.estimates)]
     sets += [("refined", _last(d).fitted.estimates)] if d.refinements else []
-    sets += [("beside the named", contest.beside) for contest in d.contests]
+    sets += [("beside the named", contest.given_named) for contest in d.contests]
     rows: list[tuple[Cell, ...]] = [
         (kind, *_estimated(e), published.get((e.term, e.name))) for kind, estimates in sets for e in estimates
     ]

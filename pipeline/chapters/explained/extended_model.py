@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def prediction_table(carried: Carried) -> Table:
-    """The model as it came beside what this campaign's own fits make of it."""
+    """The model as it came next to what this campaign's own fits make of it."""
     unit = RESIDUAL.display_unit
     rows: list[tuple[Cell, ...]] = [
         (p.kind, float(p.count), *(float(RESIDUAL.display(v)) for v in (p.noise, p.as_is, p.recalibrated, p.refitted)))

@@ -68,31 +68,31 @@ def _out_of_reach(audit: Audit) -> list[tuple[str, str]]:
 def withheld_items(diagnosis: Diagnosis) -> list[Facts | Table]:
     """Error on withheld readings, the placebo, and what the baseline had absorbed."""
     items: list[Facts | Table] = []
-    held = diagnosis.held_out
-    if held is not None:
-        low, high = held.gain_interval
+    proof = diagnosis.held_out
+    if proof is not None:
+        low, high = proof.gain_interval
         effect = "this effect" if diagnosis.refit is not None else "this dependence"
         rows = [
-            ("Data not used for the fit", held.split),
+            ("Data not used for the fit", proof.split),
             (
                 "Error on data not used for the fit",
-                f"{held.rmse_before * 1e3:.2f} mN m without {effect}, "
-                f"{held.rmse_after * 1e3:.2f} mN m with it; repeatability is {held.noise_floor * 1e3:.2f} mN m",
+                f"{proof.rmse_before * 1e3:.2f} mN m without {effect}, "
+                f"{proof.rmse_after * 1e3:.2f} mN m with it; repeatability is {proof.noise_floor * 1e3:.2f} mN m",
             ),
             ("Reduction of that error, 95 % interval", f"{low * 1e3:.2f} to {high * 1e3:.2f} mN m"),
         ]
-        if held.expected_after is not None:
+        if proof.expected_after is not None:
             rows.append(
                 (
                     "Error expected from noise alone",
-                    f"{held.expected_after * 1e3:.2f} mN m, of the readings and of the fit that predicts them",
+                    f"{proof.expected_after * 1e3:.2f} mN m, of the readings and of the fit that predicts them",
                 )
             )
-        if held.placebo_gain is not None:
+        if proof.placebo_gain is not None:
             rows.append(
                 (
                     "Reduction by a placebo",
-                    f"{number(held.placebo_gain * 1e3, 2)} mN m, from the same effect shuffled over the readings; "
+                    f"{number(proof.placebo_gain * 1e3, 2)} mN m, from the same effect shuffled over the readings; "
                     "expected is 0",
                 )
             )

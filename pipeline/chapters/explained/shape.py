@@ -36,8 +36,8 @@ def shape_items(diagnosis: Diagnosis) -> list[Text | Facts | Table | Figure]:
 
 
 def _facts(shape: Shape) -> Facts:
-    held, (low, high) = shape.held_out, shape.held_out.gain_interval
-    assert held.placebo_gain is not None  # the proof of a form has one
+    proof, (low, high) = shape.held_out, shape.held_out.gain_interval
+    assert proof.placebo_gain is not None  # the proof of a form has one
     smooth = "no family follows it" if np.isnan(shape.rmse_smooth) else f"{shape.rmse_smooth * 1e3:.2f} mN m"
     where = f"{shape.signal.replace('_', ' ')}, {shape.configuration} points"
     kind = "a drag" if shape.as_drag else "a torque of the same sign in both directions"
@@ -45,17 +45,17 @@ def _facts(shape: Shape) -> Facts:
         ("Short form", f"{shape.text} [N m]: {shape.label}"),
         ("Where", f"{where}, as {kind}"),
         *((f"{c.symbol} [{c.unit}]", c.meaning) for c in shape.covariates),
-        ("Withheld error of the baseline", f"{held.rmse_before * 1e3:.2f} mN m"),
+        ("Withheld error of the baseline", f"{proof.rmse_before * 1e3:.2f} mN m"),
         (
             "Withheld error with the form",
-            f"{held.rmse_after * 1e3:.2f} mN m, chosen and fitted without these readings",
+            f"{proof.rmse_after * 1e3:.2f} mN m, chosen and fitted without these readings",
         ),
         ("Withheld error with smooth columns", smooth),
-        ("Noise of the same readings", f"{held.noise_floor * 1e3:.2f} mN m"),
+        ("Noise of the same readings", f"{proof.noise_floor * 1e3:.2f} mN m"),
         ("Gain, 95 % interval", f"{low * 1e3:.2f} to {high * 1e3:.2f} mN m"),
         (
             "Gain of the placebo",
-            f"{number(held.placebo_gain * 1e3, 2)} mN m, covariates of whole blocks exchanged",
+            f"{number(proof.placebo_gain * 1e3, 2)} mN m, covariates of whole blocks exchanged",
         ),
         ("The same form chosen", f"in {shape.alike} of {shape.folds} parts"),
     ]

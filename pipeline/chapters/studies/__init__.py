@@ -1,1 +1,1 @@
-"""Chapters of the studies beside a campaign."""
+"""Chapters of the studies next to a campaign."""

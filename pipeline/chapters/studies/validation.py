@@ -1,4 +1,4 @@
-"""Chapter on the published figures: each beside what the published grids give."""
+"""Chapter on the published figures: each next to what the published grids give."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ class _ChannelsTable(Strict):
 
 
 class _RecordTable(Strict):
-    """Table ``[record]``: recordings, in a folder beside the file."""
+    """Table ``[record]``: recordings, in a folder next to the file."""
 
     folder: str = "."
     fit: str
@@ -125,7 +125,7 @@ class _KnownTermsTable(Strict):
 
 
 class Published(Strict):
-    """A published parameter that ours is set beside."""
+    """A published parameter that ours is compared with."""
 
     term: str
     parameter: str

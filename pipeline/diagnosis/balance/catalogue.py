@@ -22,7 +22,7 @@ TermSet: TypeAlias = Explanation[TermFit, TermProblem]
 TermNaming: TypeAlias = Naming[TermFit, TermProblem]
 
 TWIN = 0.999
-"""Correlation of what two terms leave beside everything else from which on a record cannot tell them apart."""
+"""Correlation of what two terms leave given everything else from which on a record cannot tell them apart."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Twins:
     ids : tuple of str
         Two ids; one where the baseline holds it.
     correlation : float
-        Of what the two leave beside baseline and named terms; 1 for an absorbed one.
+        Of what the two leave given baseline and named terms; 1 for an absorbed one.
     """
 
     ids: tuple[str, ...]
@@ -65,7 +65,7 @@ class Twins:
 
 
 def find_twins(problem: TermProblem) -> tuple[Twins, ...]:
-    """Shape-free terms that look alike beside a baseline, from the design of the record alone."""
+    """Shape-free terms that look alike given a baseline, from the design of the record alone."""
     tables = {k: t for k, t in problem.tables.items() if t.term.shape is None}
     columns = {key: table.columns[:, 0, 0] for key, table in tables.items()}
     seen = {key: problem.project(column[:, None])[:, 0] for key, column in columns.items()}

@@ -76,8 +76,8 @@ class Contest:
         Evidence by which it must be: `MARGIN`, and what both leave beyond the noise.
     held : HeldOut
         Withheld blocks with the rival and with the named set.
-    beside : tuple of Estimate
-        What the rival's own terms come to beside the named set.
+    given_named : tuple of Estimate
+        What the rival's own terms come to given the named set.
     error_fit, error_withheld : float
         Relative force errors of the rival set without refinements.
     """
@@ -86,7 +86,7 @@ class Contest:
     lead: float
     margin: float
     held: HeldOut
-    beside: tuple[Estimate, ...]
+    given_named: tuple[Estimate, ...]
     error_fit: float
     error_withheld: float
 

@@ -51,7 +51,7 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     steps : tuple of ModelStep
         Baseline, then one named term after the other.
     refinements : tuple of ModelStep
-        Terms that lower the error on withheld blocks, but beside those named may be no more than an error
+        Terms that lower the error on withheld blocks, but given those named may be no more than an error
         of their form.
     twins : tuple of Twins
         What the design of the recording cannot tell apart.
@@ -198,7 +198,7 @@ def diagnose_terms(
 
 
 def _absorbed(steps: tuple[ModelStep, ...]) -> tuple[Absorbed, ...]:
-    """Baseline parameters alone and beside the named terms."""
+    """Baseline parameters alone and given the named terms."""
     first, last = steps[0].fitted, steps[-1].fitted
     return tuple(
         Absorbed(f"{before.term} {before.name}", before.value, after.value, after.standard_error)

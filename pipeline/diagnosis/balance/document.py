@@ -111,7 +111,7 @@ def _contest(contest: Contest) -> dict[str, Any]:
         "lead": contest.lead,
         "margin": contest.margin,
         "held_out": contest.held.document("N"),
-        "beside_the_named": [_estimate(e) for e in contest.beside],
+        "beside_the_named": [_estimate(e) for e in contest.given_named],
         "relative_error_fit": contest.error_fit,
         "relative_error_withheld": number(contest.error_withheld),
     }

@@ -98,8 +98,8 @@ def fit_together(
     Notes
     -----
     Least squares on the thinned rows is the practice of the published reference models. Errors come from the scores,
-    summed over lags up to a block of neighbours (`serial.covariance_of`), with the derivative to each shape beside
-    the columns, so that a shape that is not known widens the error of its amplitude.
+    summed over lags up to a block of neighbours (`serial.covariance_of`), with the derivative to each shape as
+    further columns, so that a shape that is not known widens the error of its amplitude.
     """
     design = design_of(recorded, baseline, fits)
     values = solve(design, recorded.force)

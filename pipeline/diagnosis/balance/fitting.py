@@ -1,4 +1,4 @@
-"""Terms fitted beside a free baseline: amplitudes in closed form inside their bounds, the shape searched."""
+"""Terms fitted together with a free baseline: amplitudes in closed form inside their bounds, the shape searched."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def tabulate(recorded: Recorded, terms: tuple[Term, ...], *, coarse: bool = Fals
 
 @dataclass(frozen=True)
 class TermFit(Fit[Term]):
-    """A term fitted beside the baseline.
+    """A term fitted together with the baseline.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ class TermFit(Fit[Term]):
 
 @dataclass(frozen=True)
 class TermProblem(WhitenedProblem[TermFit]):
-    """The whitened problem of a record: its force beside the free terms of the baseline.
+    """The whitened problem of a record: its force and the free terms of the baseline.
 
     Parameters
     ----------

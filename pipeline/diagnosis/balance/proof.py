@@ -61,7 +61,7 @@ class WithheldSamples(Withholding[TermFit, TermProblem]):
 
 
 def withheld_samples(recorded: Recorded, problem: TermProblem, noise: SerialNoise, plain: Array) -> WithheldSamples:
-    """The samples of a record beside the free columns (n, k) of its baseline, dealt to the folds of the proof."""
+    """The samples of a record next to the free columns (n, k) of its baseline, dealt to the folds of the proof."""
     n = len(recorded.force)
     block = _blocks_of(n)
     return WithheldSamples(

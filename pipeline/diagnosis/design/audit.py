@@ -33,7 +33,7 @@ DIGITS = 6
 pairs equal to them stand in the order of the catalogue."""
 
 RESEMBLING = 0.5
-"""Correlation from which on a pair that can be separated is shown to people beside the look-alikes."""
+"""Correlation from which on a pair that can be separated is shown to people in addition to the look-alikes."""
 
 UNSEEN = 0.999
 """Part of an effect's power that the baseline takes up from which on it cannot be seen at all."""

@@ -93,7 +93,7 @@ def withheld_errors(problem: Problem, extra: list[Array | None] | list[Array] | 
 
 
 def placebo_errors(problem: Problem, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Withheld errors [N m] of a constant at the location, and of the same search beside it on exchanged covariates.
+    """Withheld errors [N m] of a constant at the location, and of the same search on exchanged covariates.
 
     Blocks of readings exchange their covariates, so that a form has nothing to follow; what a constant takes up needs
     no covariate and is not held against it.

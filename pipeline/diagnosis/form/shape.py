@@ -96,7 +96,7 @@ class Shape:
 
 def shape_document(shape: Shape) -> dict[str, Any]:
     """The shape as JSON: formula, constants, errors on withheld readings."""
-    held = shape.held_out
+    proof = shape.held_out
     return {
         "label": shape.label,
         "signal": shape.signal,
@@ -111,12 +111,12 @@ def shape_document(shape: Shape) -> dict[str, Any]:
             {"name": c.name, "value": c.value, "standard_error": c.standard_error, "unit": c.unit}
             for c in shape.constants
         ],
-        "rmse_before_Nm": held.rmse_before,
-        "rmse_after_Nm": held.rmse_after,
+        "rmse_before_Nm": proof.rmse_before,
+        "rmse_after_Nm": proof.rmse_after,
         "rmse_smooth_Nm": None if math.isnan(shape.rmse_smooth) else shape.rmse_smooth,
-        "noise_floor_Nm": held.noise_floor,
-        "gain_interval_Nm": list(held.gain_interval),
-        "placebo_gain_Nm": held.placebo_gain,
+        "noise_floor_Nm": proof.noise_floor,
+        "gain_interval_Nm": list(proof.gain_interval),
+        "placebo_gain_Nm": proof.placebo_gain,
         "alike": shape.alike,
         "folds": shape.folds,
     }

@@ -85,7 +85,7 @@ def _hold_up(problem: Problem, rng: np.random.Generator) -> Shape | None:
 
     Notes
     -----
-    For every fold the form is chosen among all, and fitted beside the baseline, without the withheld readings. A form
+    For every fold the form is chosen among all, and fitted with the baseline, without the withheld readings. A form
     is reported when it is worth its constants on all readings, the 95 % interval of the fall of the withheld error lies
     above zero, it predicts at least `SMOOTH_SHARE` of what the family's smooth columns predict (in squares), half of
     the folds choose a form of the same covariates, and a placebo, the same search with the covariates of whole blocks
@@ -106,14 +106,14 @@ def _hold_up(problem: Problem, rng: np.random.Generator) -> Shape | None:
     before = withheld_errors(problem, None)
     chosen = [choose(problem, library, k) for k in range(STRUCTURE_FOLDS)]
     after = withheld_errors(problem, [None if fit is None else problem.laid_out(fit.columns) for fit in chosen])
-    held = compared("", (before, after), problem.white.scale, (problem.block, touched), rng)
+    proof = compared("", (before, after), problem.white.scale, (problem.block, touched), rng)
     rmse_smooth = math.nan
     if problem.smooth.shape[1]:
         smooth = withheld_errors(problem, [problem.smooth] * STRUCTURE_FOLDS)
         rmse_smooth = math.sqrt(float(np.mean(smooth[touched] ** 2)))
-        if held.rmse_before**2 - held.rmse_after**2 < SMOOTH_SHARE * (held.rmse_before**2 - rmse_smooth**2):
+        if proof.rmse_before**2 - proof.rmse_after**2 < SMOOTH_SHARE * (proof.rmse_before**2 - rmse_smooth**2):
             return None
-    if held.gain_interval[0] <= 0.0:
+    if proof.gain_interval[0] <= 0.0:
         return None
     same = sum(fit is not None and fit.form.covariates == best.form.covariates for fit in chosen)
     if same < STRUCTURE_FOLDS / 2:
@@ -131,7 +131,7 @@ def _hold_up(problem: Problem, rng: np.random.Generator) -> Shape | None:
         covariates=best.form.covariates,
         constants=constants,
         as_drag=True,
-        held_out=replace(held, placebo_gain=rmse_constant - rmse_placebo),
+        held_out=replace(proof, placebo_gain=rmse_constant - rmse_placebo),
         rmse_smooth=rmse_smooth,
         alike=sum(fit is not None and fit.form.name == best.form.name for fit in chosen),
         folds=STRUCTURE_FOLDS,

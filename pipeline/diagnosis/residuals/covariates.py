@@ -164,7 +164,7 @@ def looks(readings: Readings, bench: BenchParameters, model: LossModel) -> tuple
 
     Notes
     -----
-    The families of the mismatch test (`pmg.pipeline.fit.structure`) and, beside them, directions of rotation and
+    The families of the mismatch test (`pmg.pipeline.fit.structure`) and, in addition, directions of rotation and
     of approach: a drag of another size in the other direction, constant and growing with the own speed, and a drag
     that differs after a rise and after a fall of speed.
     """

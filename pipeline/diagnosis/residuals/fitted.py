@@ -166,7 +166,7 @@ def _curves(grid: Grid, fits: LossFits) -> Fitted:
 
 
 def _planes(grid: Grid, fits: LossFits, planes: PlaneFits, bench: BenchParameters) -> Fitted:
-    """The loss curves with every term of both speeds that could be tested beside them, fitted together."""
+    """The loss curves with every term of both speeds that could be tested in addition to them, fitted together."""
     line = _curves(grid, fits)
     added = []
     for fit, plane in ((fits.sun, planes.sun), (fits.ring, planes.ring)):

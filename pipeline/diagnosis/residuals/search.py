@@ -52,7 +52,7 @@ class Followed:
     shape : tuple of (where, drag)
         Mean drag [N m] at low, middle and high values of the covariate, or at each sign.
     p_value : float
-        Nominal, of this covariate alone beside the fit.
+        Nominal, of this covariate alone added to the fit.
     p_search : float
         Of one as clear anywhere: any covariate, shaft and fit.
     same_trace : tuple of str
@@ -60,7 +60,7 @@ class Followed:
     rank : int or None
         Place among those taken out one after the other, clearest first.
     p_beyond : float
-        As `p_search`, beside every covariate of a smaller rank.
+        As `p_search`, with every covariate of a smaller rank.
     """
 
     look: Look
@@ -108,7 +108,7 @@ class ShaftResidual:
     untested : dict
         Covariates that could not, with the reason.
     outliers : tuple of (Outlier, bool)
-        Points that stand out, and whether they still do beside the ranked covariates.
+        Points that stand out, and whether they still do with the ranked covariates in.
     """
 
     fit: Fitted

@@ -20,7 +20,7 @@ APART_OF_NOMINAL = 0.002
 def compare_encodings(
     values: tuple[Array, Array], firsts: tuple[int, int], transducer: Transducer, topic: str, findings: Findings
 ) -> None:
-    """Compare the torque by the edges, which is used, with the one by the frequency that was recorded beside them.
+    """Compare the torque by the edges, which is used, with the one by the frequency that was recorded next to them.
 
     Parameters
     ----------
@@ -42,7 +42,9 @@ def compare_encodings(
     known = np.isfinite(by_edges) & np.isfinite(by_frequency)
     limit = APART_OF_NOMINAL * transducer.nominal_torque
     if not known.any():
-        message = "the frequency beside the edges holds no sample that they hold; expected both over the run. The edges"
+        message = (
+            "the frequency next to the edges holds no sample that they hold; expected both over the run. The edges"
+        )
         findings.info(Code.CHANNEL_CONFLICT, topic, f"{message} are used", "Nothing is lost.")
         return
     off = abs(float(np.mean(by_edges[known] - by_frequency[known])))
@@ -58,7 +60,7 @@ def compare_encodings(
     findings.warning(
         Code.TORQUES_DISAGREE,
         topic,
-        f"the torques by this frequency and by the edges beside it are {off:.3f} N m apart in the mean, limit "
+        f"the torques by this frequency and by the edges next to it are {off:.3f} N m apart in the mean, limit "
         f"{limit:.3f} N m. The edges are used",
         "Find out which is wrong (timebase_hz, rate_hz, wiring), and record that one no more.",
     )

@@ -58,7 +58,7 @@ def check_torques(
     Parameters
     ----------
     sun, ring : Decoded or None
-        Torques [N m]; None where there is none. The shunt is looked for only beside the other one.
+        Torques [N m]; None where there is none. The shunt is looked for only next to the other one.
     calibration : Calibration
         Their transducers.
     findings : Findings
@@ -201,9 +201,9 @@ def _shunted(track: Decoded, other: Decoded, nominal: float) -> Ranges:
     for start, stop in joined(stretches(wanted), width).tolist():
         at = start + int(np.argmax(np.abs(step[start:stop])))
         place = at + track.first - other.first
-        beside = other.values[max(0, place - width) : place], other.values[max(0, place + FLANK) :][:width]
-        if all(len(part) for part in beside):
-            seen = abs(float(np.mean(beside[1]) - np.mean(beside[0])))
+        around = other.values[max(0, place - width) : place], other.values[max(0, place + FLANK) :][:width]
+        if all(len(part) for part in around):
+            seen = abs(float(np.mean(around[1]) - np.mean(around[0])))
             if seen > SHARED_STEP * SHUNT * nominal:
                 continue
         flanks.append((at, float(step[at])))
@@ -227,7 +227,7 @@ def _any_flank(values: Array, least: float) -> bool:
 
 
 def _steps(values: Array, width: int) -> tuple[Array, Array]:
-    """Change of the local mean across each sample, and change of the value itself; 0 near the ends and beside gaps."""
+    """Change of the local mean across each sample, and change of the value itself; 0 near the ends and next to gaps."""
     n = len(values)
     total = np.concatenate(([0.0], np.cumsum(np.nan_to_num(values))))
     means = (total[width:] - total[:-width]) / width

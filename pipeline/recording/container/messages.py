@@ -113,13 +113,13 @@ class Messages:
         """Length of each message [bytes]."""
         return np.array(self._lengths, dtype=np.int64)
 
-    def _held(self) -> Iterator[tuple[int, int, Bytes]]:
+    def _parts(self) -> Iterator[tuple[int, int, Bytes]]:
         """First message and message after the last of each array, and the array."""
         yield from zip(self._firsts, [*self._firsts[1:], len(self)], self._arrays, strict=False)
 
     def __iter__(self) -> Iterator[bytes]:
-        for first, stop, held in self._held():
-            view, at = held.data, 0
+        for first, stop, stored in self._parts():
+            view, at = stored.data, 0
             for length in self._lengths[first:stop]:
                 yield view[at : at + length].tobytes()
                 at += length
@@ -127,8 +127,8 @@ class Messages:
     def those(self, wanted: npt.NDArray[np.bool_]) -> Iterator[tuple[int, bytes]]:
         """The wanted messages, each with its place."""
         lengths = self.lengths()
-        for first, stop, held in self._held():
-            own, view = lengths[first:stop], held.data
+        for first, stop, stored in self._parts():
+            own, view = lengths[first:stop], stored.data
             places = np.flatnonzero(wanted[first:stop])
             ends = np.cumsum(own)[places]
             for place, end, length in zip(places.tolist(), ends.tolist(), own[places].tolist(), strict=True):
@@ -143,22 +143,22 @@ class Messages:
             Messages that are looked at together, so that copies of them stay small; 0 for as many as there are.
         """
         lengths = self.lengths()
-        for first, stop, held in self._held():
+        for first, stop, stored in self._parts():
             at, step = 0, most or max(stop - first, 1)
             for low in range(first, stop, step):
                 own = lengths[low : min(low + step, stop)]
-                part = held[at : at + int(own.sum())]
+                part = stored[at : at + int(own.sum())]
                 at += len(part)
                 yield from _by_length(low, own, part)
 
 
-def _by_length(first: int, own: Places, held: Bytes) -> Iterator[tuple[Places, Bytes]]:
+def _by_length(first: int, own: Places, stored: Bytes) -> Iterator[tuple[Places, Bytes]]:
     """The same of messages of some lengths that fill an array, the first of them at a place."""
     starts = np.cumsum(own) - own
     for length in np.unique(own).tolist():
         rows = np.flatnonzero(own == length)
         if length == 0 or len(rows) == len(own):
-            data = held.reshape(len(rows), length) if length else held[:0].reshape(len(rows), 0)
+            data = stored.reshape(len(rows), length) if length else stored[:0].reshape(len(rows), 0)
         else:
-            data = np.lib.stride_tricks.sliding_window_view(held, length)[starts[rows]]
+            data = np.lib.stride_tricks.sliding_window_view(stored, length)[starts[rows]]
         yield first + rows, data

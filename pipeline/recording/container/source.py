@@ -56,7 +56,7 @@ class ByteSource:
     def __init__(self, stream: BinaryIO, size: int) -> None:
         self.stream = stream
         self.size = size
-        self._held = (0, b"")
+        self._cached = (0, b"")
         self._summed = (0, 0, 0)
         self._trail = Trail()
         self._followed = 0
@@ -75,10 +75,10 @@ class ByteSource:
         stop = max(start, min(stop, self.size))
         if stop - start > SMALL:
             return self._whole(start, stop, stop - start)
-        first, held = self._held
-        if start < first or stop > first + len(held):
-            first, held = self._held = start, self._whole(start, stop, SMALL)
-        return held[start - first : stop - first]
+        first, cached = self._cached
+        if start < first or stop > first + len(cached):
+            first, cached = self._cached = start, self._whole(start, stop, SMALL)
+        return cached[start - first : stop - first]
 
     def lend(self, start: int, stop: int) -> memoryview:
         """The same in memory that the next calls take again.
@@ -121,7 +121,7 @@ class ByteSource:
         return self._trail.add(data)
 
     def close(self) -> None:
-        """Let go of what works beside the reading."""
+        """Let go of what works during the reading."""
         self._trail.close()
 
     def _follow_to(self, stop: int) -> None:

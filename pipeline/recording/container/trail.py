@@ -1,4 +1,4 @@
-"""Hash and CRC of a file from its beginning, worked out beside the reading."""
+"""Hash and CRC of a file from its beginning, worked out during the reading."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Future
 
 ASIDE = 1 << 16
-"""Stretches from this length on are worked out beside the reading [bytes]; a shorter one costs less than its handing
+"""Stretches from this length on are worked out during the reading [bytes]; a shorter one costs less than its handing
 over."""
 
 

@@ -139,7 +139,7 @@ def agree(
     results: Mapping[int, Mapping[str, Any]],
     second: Mapping[int, Mapping[str, Any]],
 ) -> TrialAgreement | None:
-    """Both results of each campaign beside each other, by its number; None where none went both ways.
+    """Both results of each campaign side by side, by its number; None where none went both ways.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Chapter on the trial of the diagnosis: rates beside their aims, detection, confusion, every campaign."""
+"""Chapter on the trial of the diagnosis: rates with their aims, detection, confusion, every campaign."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figures of a trial, each beside its aim."""
+"""The figures of a trial, each with its aim."""
 
 from __future__ import annotations
 
@@ -163,7 +163,7 @@ def figures(scores: Sequence[Score], resolutions: Sequence[str], lifts: Sequence
     right, either = (DiagnosisScore.RIGHT,), (DiagnosisScore.RIGHT, DiagnosisScore.RIGHT_SET)
     tested = [word for word in resolutions if word != "not tested"]
     wrong, alarm, out = (DiagnosisScore.WRONG,), (DiagnosisScore.FALSE_ALARM,), (DiagnosisScore.NOT_IN_LIBRARY,)
-    held = [score.held_out for score in made if score.held_out is not None]
+    errors = [score.held_out for score in made if score.held_out is not None]
     fitted = [score.parameter for score in made if score.parameter is not None]
     covers = [parameter.covers for parameter in fitted if parameter.covers is not None]
     many = f"one effect of {ABOUT_ONE[0]:g} sigma or more"
@@ -179,7 +179,7 @@ def figures(scores: Sequence[Score], resolutions: Sequence[str], lifts: Sequence
         _rate("confident_library", "wrong and confident, effects of the library", library, wrong, Aim(high=0.02)),
         _rate("confident_outside", "wrong and confident, effects outside it", outside, wrong, Aim(high=0.10)),
         _rate("outside_told", "said not in library, effects outside it that were seen", seen_outside, out),
-        middle("held_out", "error on withheld readings over the noise, median", held, Aim(high=1.05)),
+        middle("held_out", "error on withheld readings over the noise, median", errors, Aim(high=1.05)),
         middle("parameter_error", "relative error of a parameter, median", [p.relative for p in fitted], Aim(high=0.1)),
         share("parameter_cover", "95 % intervals of a parameter that hold the true value", covers, Aim(0.90, 0.98)),
         share(

@@ -46,7 +46,7 @@ class DiagnosisScore(StrEnum):
 
 @dataclass(frozen=True)
 class ParameterScore:
-    """A fitted parameter beside its true value.
+    """A fitted parameter next to its true value.
 
     Parameters
     ----------
@@ -136,13 +136,13 @@ class Score:
 
 
 def judge(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Score:
-    """A diagnosis document beside the truth."""
+    """A diagnosis document against the truth."""
     effects, kind = truth["effects"], str(truth["kind"])
     outcome = _naming_outcome(truth, document)
     tested = document is not None and any(rival["separating_test"] for rival in document["rivals"])
     separated = outcome is DiagnosisScore.SAID_CONFOUNDED or (outcome is DiagnosisScore.RIGHT_SET and tested)
-    held = None if document is None else document["held_out"]
-    after = document is not None and document["verdict"] in ("named", "ambiguous") and held is not None
+    proof = None if document is None else document["held_out"]
+    after = document is not None and document["verdict"] in ("named", "ambiguous") and proof is not None
     return Score(
         kind=kind,
         stratum=str(truth["stratum"]),
@@ -153,7 +153,7 @@ def judge(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Score
         outcome=outcome,
         p_value=None if document is None else float(document["p_value"]),
         parameter=_parameter_beside(truth, document),
-        held_out=float(held["rmse_after_Nm"] / held["noise_floor_Nm"]) if after and held is not None else None,
+        held_out=float(proof["rmse_after_Nm"] / proof["noise_floor_Nm"]) if after and proof is not None else None,
         recognised=separated if kind == "confounded" else None,
         laws=max((str(effect["laws"]) for effect in effects), key=lambda family: family == RESERVED, default=""),
     )

@@ -95,7 +95,7 @@ def open_truth(text: str, sealed: str, where: str) -> dict[str, Any]:
 
 
 def open_truths(lots: tuple[Lot, ...], folder: Path) -> dict[int, dict[str, Any]]:
-    """Every truth checked against the seal and laid beside it, in ``truths``; call it when all diagnoses are made.
+    """Every truth checked against the seal and laid next to it, in ``truths``; call it when all diagnoses are made.
 
     A truth that already lies there is the one that is checked.
     """

@@ -134,7 +134,7 @@ def _asked_both(recordings: int | None, quick: bool, route: str, case: int | Non
 
 
 def _case_file(out: Path, task: CaseTask) -> Path:
-    """Where the result of a campaign is kept; that of the second way beside that of the first."""
+    """Where the result of a campaign is kept; that of the second way next to that of the first."""
     return out / "cases" / f"{task.lot.number:04d}{'' if task.further else '-' + task.route}.json"
 
 

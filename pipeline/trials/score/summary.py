@@ -28,7 +28,7 @@ SCHEMA = "pmg.proof/1"
 TIME_AIM = 60.0
 """Longest that a campaign should take [s]."""
 NOTHING, A_SET, OTHER_SET, NOT_IN = "nothing", "a set with it", "a set without it", "not in library"
-"""Columns of the confusion table beside the ids."""
+"""Columns of the confusion table in addition to the ids."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Trial:
     rows : tuple of dict
         The same as JSON.
     figures : tuple of Figured
-        Rates and sizes beside their aims.
+        Rates and sizes with their aims.
     bins, curve
         Detection against size.
     seconds : tuple of float
