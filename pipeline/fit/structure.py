@@ -54,7 +54,7 @@ class ResidualStructure:
     columns: Array
 
 
-def _polynomials(x: Array, degree: int) -> Array:
+def polynomials(x: Array, degree: int) -> Array:
     """Legendre polynomials 1 to `degree` of a covariate scaled to [-1, 1]; no columns where it does not vary."""
     span = float(np.ptp(x)) if len(x) else 0.0
     if span <= 1e-9 * max(1.0, float(np.abs(x).max(initial=0.0))):
@@ -142,7 +142,7 @@ def _signal_families(readings: Readings, signal: str, rows: Mask) -> Iterator[Re
     drift = rows & (readings.configuration == "zero")
     if drift.sum() >= MINIMUM_ZERO_CHECKS and readings.grid.points.ordered:
         yield ResidualStructure(
-            signal, "zero", ("order",), place(readings, drift, _polynomials(_time(readings)[drift], 1))
+            signal, "zero", ("order",), place(readings, drift, polynomials(_time(readings)[drift], 1))
         )
 
 
@@ -160,13 +160,13 @@ def _neutral_families(
     slip = bench.pole_slip(at.gear, at.speed_sun, at.speed_ring)
     moving_other = np.abs(other) > REST
     for covariates, columns in (
-        ((f"speed_{shaft}",), _polynomials(np.sqrt(np.abs(own)), 6)),
-        ((other_name,), np.c_[_polynomials(np.abs(other), 3), np.where(moving_other, 1.0, 0.0)]),
+        ((f"speed_{shaft}",), polynomials(np.sqrt(np.abs(own)), 6)),
+        ((other_name,), np.c_[polynomials(np.abs(other), 3), np.where(moving_other, 1.0, 0.0)]),
         (
             ("speed_difference",),
-            np.c_[_polynomials(np.abs(difference), 3), np.sign(difference) * np.sign(own)],
+            np.c_[polynomials(np.abs(difference), 3), np.sign(difference) * np.sign(own)],
         ),
-        (("pole_slip_speed",), np.c_[_polynomials(np.abs(slip), 3), np.sign(slip) * np.sign(own)]),
+        (("pole_slip_speed",), np.c_[polynomials(np.abs(slip), 3), np.sign(slip) * np.sign(own)]),
         ((f"speed_{shaft}", other_name), _products(np.abs(own), np.abs(other))),
     ):
         yield ResidualStructure(signal, "neutral", covariates, place(readings, rows, columns))
@@ -184,9 +184,9 @@ def _engaged_families(readings: Readings, signal: str, rows: Mask) -> Iterator[R
         signal,
         "engaged",
         (f"{signal.replace('torque', 'speed')}",),
-        place(readings, rows, _polynomials(np.sqrt(own), 6)),
+        place(readings, rows, polynomials(np.sqrt(own), 6)),
     )
-    yield ResidualStructure(signal, "engaged", ("load",), place(readings, rows, _polynomials(load, 2)))
+    yield ResidualStructure(signal, "engaged", ("load",), place(readings, rows, polynomials(load, 2)))
     yield ResidualStructure(
         signal,
         "engaged",
@@ -213,7 +213,7 @@ def _order_families(readings: Readings, model: LossModel, shaft: str, mine: Mask
         if configuration == "engaged":
             drag = drag + own_drag.ring[readings.row[rows]] / 2.0
         drag = drag / max(float(np.sqrt(np.mean(drag**2))), 1e-12)
-        trend = _polynomials(time, 5)
+        trend = polynomials(time, 5)
         yield ResidualStructure(signal, configuration, ("order",), place(readings, rows, trend))
         yield ResidualStructure(
             signal, configuration, ("order", f"speed_{shaft}"), place(readings, rows, trend * drag[:, None])
@@ -224,7 +224,7 @@ def _order_families(readings: Readings, model: LossModel, shaft: str, mine: Mask
         memory = (memory - memory.mean(axis=0))[:, spread > 0.0] / spread[spread > 0.0]
         yield ResidualStructure(signal, configuration, ("run_history",), place(readings, rows, memory * drag[:, None]))
         previous = np.nan_to_num(preceding(at, np.abs(at.speed_sun)))
-        columns = _polynomials(previous[readings.row[rows]], 1)
+        columns = polynomials(previous[readings.row[rows]], 1)
         yield ResidualStructure(signal, configuration, ("previous_point",), place(readings, rows, columns))
 
 
@@ -234,6 +234,6 @@ def _time(readings: Readings) -> Array:
 
 def _products(x: Array, y: Array) -> Array:
     """Products of the first Legendre polynomials of two covariates."""
-    left, right = _polynomials(x, 2), _polynomials(y, 2)
+    left, right = polynomials(x, 2), polynomials(y, 2)
     columns = [left[:, [i]] * right[:, [j]] for i in range(left.shape[1]) for j in range(right.shape[1])]
     return np.hstack(columns) if columns else np.zeros((len(x), 0))

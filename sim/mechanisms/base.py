@@ -43,6 +43,16 @@ class Component(StrEnum):
     RING_ENCODER = "ring_encoder"
 
 
+class LawCovariate(StrEnum):
+    """Quantities that laws are smooth functions of."""
+
+    SPEED = "speed"
+    LOAD = "load"
+    SLIP = "slip"
+    DIFFERENCE = "difference"
+    TIME = "time"
+
+
 class Experiment(StrEnum):
     """Tests the bench can run."""
 
@@ -138,7 +148,8 @@ class Mechanism(ABC):
     (``both``: it acts on both at once); `shape`, those that only change its form; `components`, where it sits if that
     depends on the shaft; `both_at_once`, whether one cause may well act on both shafts; `linear`, whether the effect
     is proportional to the sizes; `memory`, whether a point depends on what was run before it; `refined`, the same
-    mechanism in more detail, for data that call for it; `without`, the bench that its effect is counted from.
+    mechanism in more detail, for data that call for it; `follows`, the quantities its law is a smooth function of,
+    along which a real one may bend away from it; `without`, the bench that its effect is counted from.
     """
 
     identifier: ClassVar[str]
@@ -156,6 +167,7 @@ class Mechanism(ABC):
     both_at_once: ClassVar[bool] = False
     linear: ClassVar[bool] = True
     refined: ClassVar[type[Mechanism] | None] = None
+    follows: ClassVar[tuple[LawCovariate, ...]] = ()
     without: ClassVar[str] = "a bench without it"
     instead: ClassVar[str] = "Leave it out of the run; its steady points can be simulated."
 

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 from pmg.sim import sources
 from pmg.sim.grid import Configuration
-from pmg.sim.mechanisms.base import BOTH_TORQUES, Component, Experiment, Reveals, RotorLaw, Torques, modulus, parameter
+from pmg.sim.mechanisms.base import (
+    BOTH_TORQUES,
+    Component,
+    Experiment,
+    LawCovariate,
+    Reveals,
+    RotorLaw,
+    Torques,
+    modulus,
+    parameter,
+)
 from pmg.sim.mechanisms.magnetic import RotorDamping
 
 if TYPE_CHECKING:
@@ -33,6 +43,7 @@ class CouplingLeftInNeutral(RotorLaw):
     affects = BOTH_TORQUES
     acts_in = (Configuration.NEUTRAL,)
     shape: ClassVar[tuple[str, ...]] = ("critical",)
+    follows = (LawCovariate.SLIP,)
 
     pole_pairs: tuple[tuple[int, int], ...]
 
@@ -142,6 +153,7 @@ class SkinEffect(RotorDamping):
     revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "magnetic loss grows more slowly than the square of speed"),)
     dissipates = False
     linear = False
+    follows = (LawCovariate.SPEED,)
     by_shaft = {"both": ("shielding",)}
 
     c: float

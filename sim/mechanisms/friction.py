@@ -14,6 +14,7 @@ from pmg.sim.mechanisms.base import (
     BOTH_TORQUES,
     Component,
     Experiment,
+    LawCovariate,
     Mechanism,
     Reveals,
     RotorLaw,
@@ -45,6 +46,7 @@ class ThinFilm(RotorLaw):
     components = BEARINGS
     affects = BOTH_TORQUES
     revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "drag rises towards low speed"),)
+    follows = (LawCovariate.SPEED,)
     by_shaft = {"sun": ("extra_sun",), "ring": ("extra_ring",)}
 
     extra_sun: float = parameter("N m", bounds=(0.0, 1.0), typical=0.02, meaning="extra drag of the sun near rest")
@@ -110,6 +112,7 @@ class AirDrag(RotorLaw):
     components = BEARINGS
     affects = BOTH_TORQUES
     revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "loss power grows with the cube of speed"),)
+    follows = (LawCovariate.SPEED,)
     by_shaft = {"sun": ("k_sun",), "ring": ("k_ring",)}
 
     k_sun: float = parameter("N m s2/rad2", bounds=(0.0, 1e-4), typical=1e-6, meaning="air drag of the sun shaft")
@@ -173,6 +176,7 @@ class RubbingCarrier(RotorLaw):
     affects = BOTH_TORQUES
     revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "loss power proportional to speed"),)
     acts_in = (Configuration.ENGAGED,)
+    follows = (LawCovariate.SPEED,)
     by_shaft = {"sun": ("friction_sun",), "ring": ("friction_ring",)}
 
     friction_sun: float = parameter("N m", bounds=(0.0, 0.5), typical=5e-3, meaning="dry friction on the sun")

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from pmg.sim import sources
-from pmg.sim.mechanisms.base import BOTH_TORQUES, Component, Experiment, Instrument, Reveals, Torques, parameter
+from pmg.sim.mechanisms.base import (
+    BOTH_TORQUES,
+    Component,
+    Experiment,
+    Instrument,
+    LawCovariate,
+    Reveals,
+    Torques,
+    parameter,
+)
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import HOUR
 
@@ -66,6 +75,7 @@ class DriftingZero(Instrument):
         Reveals(Experiment.ZERO_CHECKS, "readings with free shafts that move"),
         Reveals(Experiment.REPEATS, "the same point reads differently later"),
     )
+    follows = (LawCovariate.TIME,)
     memory = True
 
     @classmethod
@@ -167,6 +177,7 @@ class GainError(Instrument):
         Reveals(Experiment.REVERSED_FLOW, "the apparent loss changes its sign with the power flow"),
         Reveals(Experiment.OTHER_STAGE, "the error per torque stays the same at another ratio of the two torques"),
     )
+    follows = (LawCovariate.LOAD,)
     by_shaft = {"sun": ("gain_sun",), "ring": ("gain_ring",)}
 
     gain_sun: float = parameter("1", bounds=(-0.2, 0.2), typical=0.01, meaning="gain error of the sun's transducer")
@@ -196,6 +207,7 @@ class ShownTorque(Instrument):
         Reveals(Experiment.NEUTRAL_SWEEP, "a reading that follows the other shaft's torque"),
         Reveals(Experiment.OTHER_STAGE, "the error per torque changes with the ratio of the two torques"),
     )
+    follows = (LawCovariate.LOAD,)
 
     part_sun: float = parameter(
         "1", bounds=(-0.2, 0.2), typical=0.01, meaning="part of the ring torque shown by the sun"

@@ -16,6 +16,7 @@ from pmg.sim.mechanisms.base import (
     Component,
     Experiment,
     Instant,
+    LawCovariate,
     MotionLaw,
     Reveals,
     RotorLaw,
@@ -84,6 +85,7 @@ class FrictionUnderLoad(LoadLaw):
     components = BEARINGS
     affects = BOTH_TORQUES
     revealed_by = (Reveals(Experiment.REVERSED_FLOW, "the loss keeps its sign when the power flow turns"),)
+    follows = (LawCovariate.LOAD,)
     by_shaft = {"sun": ("mu_sun",), "ring": ("mu_ring",)}
 
     mu_sun: float = parameter("1", bounds=(0.0, 0.2), typical=0.01, meaning="friction torque on the sun per torque")
@@ -145,6 +147,10 @@ class IronLossUnderLoad(LoadLaw):
     component = Component.MAGNETIC_GEAR
     affects = BOTH_TORQUES
     revealed_by = (Reveals(Experiment.ENGAGED_LOADS, "magnetic loss grows with load and speed together"),)
+    follows = (
+        LawCovariate.LOAD,
+        LawCovariate.SPEED,
+    )
     by_shaft = {"both": ("k",)}
 
     @abstractmethod
@@ -224,6 +230,7 @@ class RelativeBearingUnderLoad(LoadLaw):
     affects = BOTH_TORQUES
     revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "torque follows the speed difference"),)
     acts_in = (Configuration.NEUTRAL, Configuration.ENGAGED)
+    follows = (LawCovariate.DIFFERENCE,)
     by_shaft = {"both": ("m_0", "m_1", "mu")}
     shape = ("power",)
 
@@ -263,6 +270,7 @@ class RelativeBearingDrag(RotorLaw):
     component = Component.RELATIVE_BEARING
     affects = BOTH_TORQUES
     revealed_by = (Reveals(Experiment.NEUTRAL_SWEEP, "torque follows the speed difference"),)
+    follows = (LawCovariate.DIFFERENCE,)
     by_shaft = {"both": ("m_0", "m_1")}
     refined = RelativeBearingUnderLoad
 

@@ -10,8 +10,7 @@ import numpy as np
 from scipy import stats
 
 from pmg.pipeline.diagnosis.design.plans import Plan, join_points, possible_plans
-from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
-from pmg.pipeline.diagnosis.engine.naming import MARGIN
+from pmg.pipeline.diagnosis.engine.catalogue import ENTRY, MARGIN
 from pmg.pipeline.diagnosis.grid.candidates import GridProblem, candidates, grid_problem
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import take_readings

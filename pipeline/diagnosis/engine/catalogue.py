@@ -5,13 +5,20 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
+import numpy as np
+
 from pmg.pipeline.diagnosis.engine.problem import F, P
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
+    from pmg.sim.signals import Array
+
 ENTRY = 10.0
 """Evidence that a candidate must bring to enter: fall of the sum of squares in noise variances, beyond its cost."""
+
+MARGIN = 10.0
+"""Evidence by which a candidate must beat a rival to be named alone: odds of about 150 to 1."""
 
 LEADERS = 2
 """Leading candidates that are compared in detail, so that a simple form does not lose to another's detailed one."""
@@ -40,6 +47,11 @@ class CandidateCatalogue(ABC, Generic[F, P]):
         With `narrower`, one that acts in several places is tried in each of them alone, too.
         """
         return fit
+
+    def free_form(self, problem: P, fit: F) -> Array:
+        """Whitened columns (m, k) along which the law of a fit may bend smoothly by its own covariates; none here."""
+        del fit
+        return np.zeros((len(problem.left), 0))
 
     def choose(self, problem: P, without: Collection[str] = ()) -> F:
         """The best candidate but some; the leading ones are compared in detail."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
-from pmg.pipeline.diagnosis.engine.naming import FORM_ERROR
+from pmg.pipeline.diagnosis.engine.free_form import FORM_ERROR
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:

@@ -26,11 +26,15 @@ class Explanation(Generic[F, P]):
     fits : tuple of Fit
         In the order in which they entered.
     problem : WhitenedProblem
-        With them taken out and their parameters free.
+        With them taken out and their parameters free; where their laws are free, with what these take up, too.
+    bent : float
+        What a free form of their laws takes up beyond the forms of the catalogue [noise variances]; 0 where the laws
+        are those of the catalogue.
     """
 
     fits: tuple[F, ...]
     problem: P
+    bent: float = 0.0
 
     @property
     def ids(self) -> frozenset[str]:

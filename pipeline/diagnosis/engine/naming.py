@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Generic
 
 from pmg.pipeline.diagnosis.engine.adequacy import ORDINARY
-from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
+from pmg.pipeline.diagnosis.engine.catalogue import ENTRY, MARGIN
 from pmg.pipeline.diagnosis.engine.explanation import Explanation, all_in_detail, leaders_in_detail, swapped
+from pmg.pipeline.diagnosis.engine.free_form import FORM_ERROR, free_form
 from pmg.pipeline.diagnosis.engine.problem import F, P
 
 if TYPE_CHECKING:
@@ -15,21 +16,13 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.engine.adequacy import AdequacyTest, Remainder
     from pmg.pipeline.diagnosis.engine.catalogue import CandidateCatalogue
+    from pmg.pipeline.diagnosis.engine.free_form import FreeForm
 
 MOST = 3
 """Candidates named at once at most."""
 
-MARGIN = 10.0
-"""Evidence by which a candidate must beat a rival to be named alone: odds of about 150 to 1."""
-
 FIRST_OF_PAIRS = 3
 """Leading single candidates from which pairs are tried."""
-
-FORM_ERROR = 0.10
-"""Part of a candidate's gain that may be left over and pass for the error of its form rather than another candidate.
-
-Other physical forms of the same mechanism leave a few hundredths once it is taken in detail; mechanisms from outside
-the catalogue mostly leave more of their nearest look-alike."""
 
 SHARE_OF_REST = 0.5
 """Part of what is left that a further candidate must explain to enter."""
@@ -40,8 +33,9 @@ SHARE_OF_FIRST = 0.05
 TOGETHER = 0.9
 """Part of what is left that two candidates must explain to enter at once."""
 
-CHANCE = 0.5
-"""Part of what noise exceeds one time in a hundred that may be left over beside an error of form."""
+UNSEEN, CHANCE = 0.1, 0.5
+"""Part of a candidate's gain, and of what noise exceeds one time in a hundred, that may be left over together where no
+structure is seen in it."""
 
 SMALL_PART = 0.3
 """Part of a candidate's gain that may be left over where it is within the noise."""
@@ -98,6 +92,8 @@ class Naming(Generic[F, P]):
         The rounds; the first ranks every single candidate.
     by_parts : int
         How many of the rivals, the last ones, are there because parts of the rows name them, not by their evidence.
+    further : tuple of Fit
+        A further candidate that would take up what is left; an error of form of those before explains it as well.
     """
 
     best: Explanation[F, P]
@@ -108,6 +104,7 @@ class Naming(Generic[F, P]):
     weak: tuple[Explanation[F, P], ...]
     rounds: tuple[SearchRound[F], ...]
     by_parts: int = 0
+    further: tuple[F, ...] = ()
 
     @property
     def ranking(self) -> tuple[F, ...]:
@@ -146,19 +143,17 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
     before = remainder_of(problem)
     rounds = [SearchRound(tuple(ranking), tuple(fit.identifier for fit in best.fits), before)]
     remainder = remainder_of(best.problem) if best.fits else before
-    pool = list(singles)
+    pool, further = list(singles), tuple[F, ...]()
     if best.fits and not (remainder.adequate and _explains(best, remainder)):
         singles = leaders_in_detail(problem, catalogue, singles)
         pool += singles
         best, remainder = _better(best, singles[0], remainder, remainder_of)
     while best.fits and not remainder.adequate and len(best.fits) < MOST:
         starts = [best] if len(best.fits) > 1 else singles[:FIRST_OF_PAIRS]
-        extended = [_extended(catalogue, start) for start in starts]
-        larger = sorted((e for some, _ in extended for e in some), key=lambda e: -e.score)
-        ranking = extended[[start.ids for start in starts].index(best.ids)][1]
-        after = larger[0] if larger and _enters(best, larger[0], remainder.excess) else None
-        if after is None and catalogue.pairs_at_once:
-            after = _together(catalogue, best, larger, remainder.excess)
+        after, larger, ranking = _enlarged(catalogue, best, starts, remainder.excess)
+        form = free_form(best, catalogue, remainder_of) if after is not None else None
+        if form is not None and after is not None and form.rivals(after.score - best.score):
+            further, after = tuple(fit for fit in after.fits if fit.identifier not in best.ids), None
         entered = () if after is None else tuple(fit.identifier for fit in after.fits[len(best.fits) :])
         rounds.append(SearchRound(tuple(ranking), entered, remainder))
         if after is None:
@@ -181,12 +176,33 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
     weak: tuple[Explanation[F, P], ...] = ()
     if catalogue.tells_weak:
         weak = _weak(singles, lambda leader: remainder if leader is best else remainder_of(leader.problem))
-    return Naming(best, rivals, shafts, remainder, _explains(best, remainder), weak, tuple(rounds))
+    found = Naming(best, rivals, shafts, remainder, _explains(best, remainder), weak, tuple(rounds), further=further)
+    return found if found.explained or not best.fits else _bent(found, free_form(best, catalogue, remainder_of))
+
+
+def _bent(naming: Naming[F, P], form: FreeForm[F, P] | None) -> Naming[F, P]:
+    """The result with the laws of the leading set free, where these explain; its rivals are those of the bound ones."""
+    if form is None or not form.explains:
+        return naming
+    return replace(naming, best=form.explanation, remainder=form.remainder, explained=True)
 
 
 def margin_beside(remainder: Remainder) -> float:
     """Evidence by which a set must beat its rivals, with what it leaves beyond the noise."""
     return MARGIN + (0.0 if remainder.adequate else remainder.excess)
+
+
+def _enlarged(
+    catalogue: CandidateCatalogue[F, P], best: Explanation[F, P], starts: list[Explanation[F, P]], excess: float
+) -> tuple[Explanation[F, P] | None, list[Explanation[F, P]], list[F]]:
+    """The larger set that enters or None, all larger ones best first, and the ranking beside the best."""
+    extended = [_extended(catalogue, start) for start in starts]
+    larger = sorted((e for some, _ in extended for e in some), key=lambda e: -e.score)
+    ranking = extended[[start.ids for start in starts].index(best.ids)][1]
+    after = larger[0] if larger and _enters(best, larger[0], excess) else None
+    if after is None and catalogue.pairs_at_once:
+        after = _together(catalogue, best, larger, excess)
+    return after, larger, ranking
 
 
 def _extended(catalogue: CandidateCatalogue[F, P], first: Explanation[F, P]) -> tuple[list[Explanation[F, P]], list[F]]:
@@ -197,12 +213,13 @@ def _extended(catalogue: CandidateCatalogue[F, P], first: Explanation[F, P]) -> 
 
 def _explains(best: Explanation[F, P], remainder: Remainder) -> bool:
     """Whether what a set leaves is an error of form, or noise."""
-    if not best.fits or any(fit.bends_to_anything for fit in best.fits):
+    if not best.fits or not best.needed or any(fit.bends_to_anything for fit in best.fits):
         return False
     if remainder.within_noise and remainder.excess <= SMALL_PART * best.gain:
         return True
-    chance = CHANCE * remainder.usual if remainder.p_value >= ORDINARY else 0.0
-    return remainder.excess <= FORM_ERROR * best.gain + chance
+    if remainder.p_value >= ORDINARY:
+        return remainder.excess <= UNSEEN * best.gain + CHANCE * remainder.usual
+    return remainder.excess <= FORM_ERROR * best.gain
 
 
 def _weak(

@@ -119,11 +119,15 @@ class WhitenedProblem(ABC, Generic[F]):
 
     def take_out(self, fit: F) -> Self:
         """The problem with a fitted candidate taken out and its parameters free to move with the baseline's."""
-        added = orthonormal(self.project(self.slopes(fit)), 1e-4)
-        left = self.left - fit.seen
+        changed: dict[str, Any] = {"left": self.left - fit.seen}
+        return replace(self, **changed).take_up(self.slopes(fit))
+
+    def take_up(self, columns: Array) -> Self:
+        """The problem whose baseline may follow some more whitened columns (m, k)."""
+        added = orthonormal(self.project(columns), 1e-4)
         changed: dict[str, Any] = {
             "baseline": np.hstack([self.baseline, added]),
-            "left": left - added @ (added.T @ left),
+            "left": self.left - added @ (added.T @ self.left),
         }
         return replace(self, **changed)
 

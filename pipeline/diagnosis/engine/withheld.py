@@ -83,6 +83,11 @@ class Withholding(ABC, Generic[F, P]):
     def predictors(self, fits: tuple[F, ...]) -> tuple[Array, Array, Array]:
         """Predictions of fits for every row as they are, columns refitted with the baseline, and all their slopes."""
 
+    def free_form(self, fits: tuple[F, ...]) -> Array:
+        """Columns (m, k) along which the laws of fits may bend; none here."""
+        del fits
+        return self.columns[:, :0]
+
     def touched(self, fits: tuple[F, ...]) -> Mask:
         """Rows that fits act on, of those in a fold."""
         effect = self.effect(fits)
@@ -95,6 +100,8 @@ def withhold(
     fits: tuple[F, ...],
     rng: np.random.Generator,
     placebo_rng: np.random.Generator | None = None,
+    *,
+    bent: bool = False,
 ) -> HeldOut:
     """Errors on withheld blocks, with the baseline alone and with what the rest of the rows would name.
 
@@ -109,6 +116,8 @@ def withhold(
         the rest.
     rng, placebo_rng : numpy.random.Generator
         Resamples the blocks; shuffles the placebo, the same where not given.
+    bent : bool
+        Whether the laws of what is chosen may bend along their own covariates.
 
     Notes
     -----
@@ -126,6 +135,9 @@ def withhold(
         found = _choose_all(rows.part(train), catalogue, len(fits))
         sets.append(found)
         fixed, moving, slopes = rows.predictors(found)
+        if bent:
+            free = rows.free_form(found)
+            moving, slopes = np.hstack([moving, free]), np.hstack([slopes, free])
         after[test] = unpredicted(y - fixed, np.hstack([columns, moving]), scale, train)[test]
         reach_after[test] = _reach(np.hstack([columns, slopes]), scale, train, test)
     touched &= reach_before <= FARTHEST

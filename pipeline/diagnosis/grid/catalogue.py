@@ -9,11 +9,13 @@ from pmg.pipeline.diagnosis.engine.explanation import Explanation
 from pmg.pipeline.diagnosis.engine.naming import Naming
 from pmg.pipeline.diagnosis.grid.candidates import CandidateFit, GridProblem, candidates, refinement
 from pmg.pipeline.diagnosis.grid.fitting import fit_candidate
+from pmg.pipeline.diagnosis.grid.free_form import bent_columns
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
     from pmg.pipeline.diagnosis.grid.candidates import Candidate
+    from pmg.sim.signals import Array
 
 GridExplanation: TypeAlias = Explanation[CandidateFit, GridProblem]
 GridNaming: TypeAlias = Naming[CandidateFit, GridProblem]
@@ -60,6 +62,10 @@ class MechanismCatalogue(CandidateCatalogue[CandidateFit, GridProblem]):
         best = max(tried, key=problem.score)
         worth = problem.score(best) > problem.score(fit) + FINER
         return best if worth and not best.without_scale else fit
+
+    def free_form(self, problem: GridProblem, fit: CandidateFit) -> Array:
+        """Smooth changes of the law of a mechanism along its own covariates, whitened."""
+        return problem.white(bent_columns(problem, fit))
 
 
 MECHANISMS = MechanismCatalogue()

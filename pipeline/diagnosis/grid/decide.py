@@ -138,7 +138,7 @@ def _searched(problem: GridProblem, floor: NoiseFloor, rng: np.random.Generator)
 def _withheld(problem: GridProblem, explanation: GridExplanation, rng: np.random.Generator) -> HeldOut | None:
     """The proof on withheld readings; None where the effect touches too few blocks for one: it is not named then."""
     try:
-        return withhold(withheld_readings(problem), MECHANISMS, explanation.fits, rng)
+        return withhold(withheld_readings(problem), MECHANISMS, explanation.fits, rng, bent=explanation.bent > 0.0)
     except FitError:
         return None
 

@@ -11,7 +11,7 @@ from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.wording import numerals
 from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.plurals import counted
-from pmg.sim.mechanisms.base import Instrument
+from pmg.sim.mechanisms.base import Instrument, LawCovariate
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import MINUTE
 
@@ -75,6 +75,7 @@ def _without_outliers(diagnosis: Diagnosis) -> str:
         sentences.append(f"Cause: {_causes(diagnosis, diagnosis.naming.best)}.")
         sentences += [_size(diagnosis, fit) for fit in diagnosis.naming.best.fits]
         sentences += [_fitted(diagnosis, i) for i in range(len(diagnosis.naming.best.fits))]
+        sentences.append(_form(diagnosis.naming))
         sentences.append(_advice(diagnosis.naming))
     else:
         sets = [_causes(diagnosis, diagnosis.naming.best)]
@@ -140,6 +141,35 @@ def _fitted(diagnosis: Diagnosis, i: int) -> str:
         there = other.candidate.parameters[best]
         instead = f", or {there.meaning} {numerals.number(float(other.values[best]), spec='.3g')}{unit}"
     return f"Fitted: {first.meaning} {number}{unit}{instead}."
+
+
+COVARIATES = {
+    LawCovariate.LOAD: "load",
+    LawCovariate.SPEED: "speed",
+    LawCovariate.SLIP: "slip of the poles",
+    LawCovariate.DIFFERENCE: "speed difference",
+    LawCovariate.TIME: "time",
+}
+"""Covariates of laws in words."""
+
+
+def _form(naming: GridNaming) -> str:
+    """Whether the law is another than the library's, and what would explain the same."""
+    best, further = naming.best, naming.further
+    if not best.bent and not further:
+        return ""
+    along = dict.fromkeys(COVARIATES[name] for fit in best.fits for name in fit.candidate.kind.follows)
+    text = ""
+    if best.bent:
+        part = best.gain / (best.gain + best.bent)
+        text = (
+            f"The law differs from that of the library: the library's form explains {part:.1%} of the difference "
+            f"(in squares), a smooth change of it with {' and '.join(along)} takes up the rest."
+        )
+    if further:
+        titles = " and ".join(f"{fit.candidate.kind.title[0].lower()}{fit.candidate.kind.title[1:]}" for fit in further)
+        text += f" What the library's form leaves may be this error of form, or {titles}; these readings cannot tell."
+    return text.strip()
 
 
 EXTENDED = "compare with the extended model (`pmg compare --model model.toml`)"

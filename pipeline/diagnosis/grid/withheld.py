@@ -11,6 +11,7 @@ from pmg.pipeline.diagnosis.engine.held_out import compared, touched_blocks, wit
 from pmg.pipeline.diagnosis.engine.problem import freed
 from pmg.pipeline.diagnosis.engine.withheld import BLOCKS, FOLDS, Withholding
 from pmg.pipeline.diagnosis.grid.candidates import CandidateFit, GridProblem
+from pmg.pipeline.diagnosis.grid.free_form import bent_columns
 from pmg.pipeline.diagnosis.grid.locate import located_families
 from pmg.pipeline.fit.whitening import Whitener
 
@@ -63,6 +64,10 @@ class WithheldReadings(Withholding[CandidateFit, GridProblem]):
         inside = [[p.name not in fit.on_bound for p in fit.candidate.parameters] for fit in fits]
         slopes = np.hstack([problem.tangents(fit)[:, free] for fit, free in zip(fits, inside, strict=True)])
         return effects, slopes if len(fits) > 1 else slopes[:, :0], slopes
+
+    def free_form(self, fits: tuple[CandidateFit, ...]) -> Array:
+        """Smooth changes of each law along its own covariates."""
+        return np.hstack([bent_columns(self.problem, fit) for fit in fits])
 
 
 def withheld_readings(problem: GridProblem) -> WithheldReadings:

@@ -1,0 +1,138 @@
+"""Laws that bend: what a smooth change along a mechanism's own covariates takes up, and what it must not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from tests.trials.strata_by_name import find_stratum
+
+from pmg.pipeline.diagnosis.engine.adequacy import AdequacyTest, Remainder
+from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
+from pmg.pipeline.diagnosis.engine.explanation import Explanation
+from pmg.pipeline.diagnosis.engine.free_form import BENT, FORM_ERROR, FreeForm, free_form
+from pmg.pipeline.diagnosis.grid.candidates import Candidate, CandidateFit, GridProblem, candidates, grid_problem
+from pmg.pipeline.diagnosis.grid.catalogue import MECHANISMS, GridExplanation
+from pmg.pipeline.diagnosis.grid.free_form import bent_columns
+from pmg.pipeline.fit.analysis import analyse
+from pmg.pipeline.fit.options import AnalysisOptions
+from pmg.pipeline.fit.whitening import whitener
+from pmg.pipeline.grid.readings import take_readings
+from pmg.pipeline.trials.nature import draw_case, measure_case
+from pmg.sim.bench import load_bench
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.engine.problem import WhitenedProblem
+
+NOISE = Remainder(0.5, 0.0, 40.0)
+SEEN = Remainder(0.001, 500.0, 40.0)
+
+
+@pytest.fixture(scope="module")
+def clean() -> GridProblem:
+    """A campaign without an effect."""
+    rng = np.random.default_rng(5)
+    bench = load_bench()
+    analysis = analyse(measure_case(draw_case(find_stratum("clean"), rng), rng), AnalysisOptions(), bench)
+    assert analysis.floor is not None
+    assert analysis.calibration is not None
+    readings = take_readings(analysis.grid, bench)
+    return grid_problem(readings, bench, analysis.calibration.model, whitener(readings, bench, analysis.floor))
+
+
+def candidate(identifier: str, shaft: str) -> Candidate:
+    (found,) = (c for c in candidates() if (c.identifier, c.shaft) == (identifier, shaft))
+    return found
+
+
+def planted(clean: GridProblem, identifier: str, shaft: str, size: float, bend: float) -> GridExplanation:
+    """The fit of a mechanism of that size, where the readings hold its law bent by that part along its covariate."""
+    fit = clean.fitted(candidate(identifier, shaft), np.array([size]))
+    change = bent_columns(clean, fit)
+    effect = fit.effect + bend * (change[:, 0] if change.shape[1] else 0.0)
+    problem = replace(clean, left=clean.left + clean.beyond_baseline(effect))
+    found = MECHANISMS.fit(problem, fit.candidate)
+    return Explanation((found,), problem.take_out(found))
+
+
+def judge(remainder: Remainder) -> AdequacyTest:
+    """A judge that always says the same."""
+
+    def judged(problem: WhitenedProblem[CandidateFit]) -> Remainder:
+        del problem
+        return remainder
+
+    return judged
+
+
+def test_a_smooth_change_along_the_load_is_taken_up_by_load_friction(clean: GridProblem) -> None:
+    bound = planted(clean, "load_dependent_bearing_friction", "sun", 0.03, 0.3)
+    form = free_form(bound, MECHANISMS, judge(NOISE))
+    assert form is not None
+    assert form.evidence > 20.0
+    left = form.explanation.problem.left
+    assert left @ left < 1.3 * (len(left) - form.explanation.problem.baseline.shape[1])
+    assert left @ left == pytest.approx(bound.problem.left @ bound.problem.left - form.explanation.bent)
+    straight = free_form(planted(clean, "load_dependent_bearing_friction", "sun", 0.03, 0.0), MECHANISMS, judge(NOISE))
+    assert straight is not None
+    assert straight.evidence < 5.0
+
+
+def test_a_change_acts_where_the_mechanism_acts_and_nowhere_else(clean: GridProblem) -> None:
+    for identifier, shaft, count in (
+        ("load_dependent_bearing_friction", "ring", 2),
+        ("load_dependent_iron_loss", "both", 5),
+        ("residual_magnetic_coupling", "both", 2),
+        ("torque_zero_offset", "sun", 0),
+    ):
+        chosen = candidate(identifier, shaft)
+        fit = clean.fitted(chosen, np.array([p.typical for p in chosen.parameters]))
+        columns = bent_columns(clean, fit)
+        assert columns.shape == (len(clean.left), count)
+        assert not columns[fit.effect == 0.0].any()
+        assert not count or np.abs(columns).max() > 0.1 * np.abs(fit.effect).max()
+
+
+def test_what_has_no_covariate_does_not_bend(clean: GridProblem) -> None:
+    assert free_form(planted(clean, "torque_zero_offset", "sun", 0.02, 0.0), MECHANISMS, judge(NOISE)) is None
+
+
+def test_beside_another_candidate_no_law_is_free(clean: GridProblem) -> None:
+    first = planted(clean, "load_dependent_bearing_friction", "sun", 0.03, 0.3)
+    second = MECHANISMS.fit(first.problem, candidate("torque_zero_offset", "ring"))
+    assert free_form(first.plus(second), MECHANISMS, judge(NOISE)) is None
+
+
+@pytest.mark.parametrize(
+    ("bent", "remainder", "explains"),
+    [
+        (0.5 * BENT, NOISE, True),
+        (1.5 * BENT, NOISE, False),
+        (0.5 * BENT, replace(SEEN, excess=0.9 * FORM_ERROR * 1000.0), True),
+        (0.5 * BENT, replace(SEEN, excess=1.1 * FORM_ERROR * 1000.0), False),
+    ],
+)
+def test_a_bent_law_explains_while_it_is_still_that_law_and_leaves_next_to_nothing(
+    bent: float, remainder: Remainder, *, explains: bool, clean: GridProblem
+) -> None:
+    found = planted(clean, "load_dependent_bearing_friction", "sun", 0.03, 0.0)
+    fit = replace(found.fits[0], gain=1000.0)
+    form = FreeForm(replace(found, fits=(fit,), bent=bent * 1000.0), remainder, 50.0)
+    assert form.explains is explains
+    assert form.rivals(50.0 + 0.9 * MARGIN) is explains
+    assert not form.rivals(50.0 + 1.1 * MARGIN)
+
+
+def test_a_drag_larger_than_the_whole_one_that_was_measured_is_not_there(clean: GridProblem) -> None:
+    film = candidate("stribeck_mixed_lubrication", "ring")
+    slow = clean.fitted(film, np.array([0.02, 15.0]))
+    assert slow.needed
+    assert not slow.exceeds
+    most = float(np.abs(clean.readings.torque[~clean.readings.sun]).max())
+    huge = clean.fitted(film, np.array([3.0 * most, 50.0]))
+    assert huge.exceeds
+    assert not huge.needed
+    found = Explanation((replace(huge, gain=1000.0),), clean.take_out(huge))
+    assert not FreeForm(found, NOISE, 50.0).explains
