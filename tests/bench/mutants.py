@@ -384,7 +384,7 @@ PHYSICS = (
         "acts_in = (Configuration.NEUTRAL, Configuration.ENGAGED)",
         FORMS,
     ),
-    mutant("breakdown at half the torque", "_breakdown", "strength * 2.0 * slip", "strength * slip", FORMS),
+    mutant("breakdown at half the torque", "ResidualCoupling.part", "2.0 * x", "x", FORMS),
     mutant(
         "pole slip of the difference of speeds",
         "CouplingLeftInNeutral.law",
@@ -393,13 +393,7 @@ PHYSICS = (
         FORMS,
     ),
     mutant("skin effect with the root of the frequency ratio", "SkinEffect.drag", "** -0.25", "** -0.5", FORMS),
-    mutant(
-        "iron loss by the torque of the ring",
-        "IronLossUnderLoad.law",
-        "self.damping(load / ratio)",
-        "self.damping(load)",
-        FORMS,
-    ),
+    mutant("iron loss by the torque of the ring", "IronLossUnderLoad.law", "load / ratio", "load", FORMS),
     mutant("excess loss that is linear", "ExcessDamping.drag", "/ np.sqrt(1.0 + modulus(speed, rest))", "", FORMS),
     mutant("eddy currents that drive", "EddyDamping.drag", "-self.c * speed", "self.c * speed", CONTRACT),
     mutant(
