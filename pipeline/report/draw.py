@@ -12,7 +12,7 @@ import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.figure import Figure as Canvas
+from matplotlib.figure import Figure as MatplotlibFigure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.transforms import Bbox
 
@@ -25,6 +25,7 @@ from pmg.pipeline.report.theme import LIGHT, THEMED, alone, themed
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from matplotlib.backend_bases import RendererBase
     from matplotlib.figure import SubFigure
 
 PRINT = Sheet(width=8.4, letters=9.5, palette=LIGHT)
@@ -54,6 +55,18 @@ _STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "errorbar.capsize": 2.0,
 }
+
+
+class Canvas(MatplotlibFigure):
+    """A figure of matplotlib that is laid out without being drawn, for no output, once more."""
+
+    def draw(self, renderer: RendererBase) -> None:
+        """Lay out while that is to be done, as matplotlib does before it saves; else draw."""
+        layout = self.get_layout_engine()
+        if isinstance(layout, ConstrainedLayoutEngine):
+            layout.execute(self)
+        else:
+            super().draw(renderer)
 
 
 def draw_png(figure: Figure) -> bytes:
