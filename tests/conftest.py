@@ -19,13 +19,15 @@ FILES = 12
 LONGEST = (
     "test_tutorial.py",
     "commands/test_notebook.py",
-    "cli/test_cli.py",
     "commands/test_commands.py",
-    "sim/dynamics/test_kernel.py",
-    "trials/test_trial.py",
     "recovery/test_planted.py",
+    "cli/test_cli.py",
+    "recovery/test_limits.py",
+    "sim/dynamics/test_kernel.py",
     "simulate/test_simulate.py",
     "commands/test_scale.py",
+    "test_processors.py",
+    "trials/test_trial.py",
     "balance/test_balance.py",
 )
 """Files of tests that take longest. They begin, so that at the end no core waits long for another."""

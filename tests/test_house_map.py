@@ -18,6 +18,7 @@ from tests.house_map import (
     PAGE,
     PICTURE,
     WIDTH,
+    Room,
     drawn,
     laid_out,
     picture,
@@ -31,43 +32,46 @@ from tests.house_map import (
 if TYPE_CHECKING:
     from pathlib import Path
 
-ROOMS = rooms_of(MODULES)
+
+@pytest.fixture(scope="module")
+def rooms() -> dict[str, Room]:
+    return rooms_of(MODULES)
 
 
 def test_the_map_is_that_of_the_code() -> None:
     assert stale(MODULES, ROOT) == [], "the code has changed since the map was drawn: run ./pmgw map and commit it"
 
 
-def test_the_map_names_every_room_and_every_module() -> None:
+def test_the_map_names_every_room_and_every_module(rooms: dict[str, Room]) -> None:
     pages = drawn(MODULES, ROOT)
-    assert {f"pmg.{name}" for name in ROOMS} == {f"pmg.{name}" for floor in FLOORS for name in floor}
-    for room in ROOMS.values():
+    assert {f"pmg.{name}" for name in rooms} == {f"pmg.{name}" for floor in FLOORS for name in floor}
+    for room in rooms.values():
         assert f"[{room.title}](" in pages[PAGE]
         for module in room.modules:
             if module.name.startswith(f"pmg.{room.name}."):
                 assert f"`{module.name.removeprefix(f'pmg.{room.name}.').replace('.', '/')}" in pages[room.readme]
 
 
-def test_every_module_says_what_it_is_in_its_first_line() -> None:
-    empty = [line for room in ROOMS.values() for line in room_list(room, ROOMS).splitlines() if line.endswith("|  |")]
+def test_every_module_says_what_it_is_in_its_first_line(rooms: dict[str, Room]) -> None:
+    empty = [line for room in rooms.values() for line in room_list(room, rooms).splitlines() if line.endswith("|  |")]
     assert empty == []
 
 
-def test_the_picture_is_drawn_inside_its_frame_without_boxes_over_each_other() -> None:
-    layout = laid_out(ROOMS)
+def test_the_picture_is_drawn_inside_its_frame_without_boxes_over_each_other(rooms: dict[str, Room]) -> None:
+    layout = laid_out(rooms)
     for row in layout.rows:
-        middles = sorted(layout.x[name] for name in row if name in ROOMS)
+        middles = sorted(layout.x[name] for name in row if name in rooms)
         assert all(right - left > BOX_WIDTH for left, right in pairwise(middles))
         assert all(BOX_WIDTH / 2 <= x <= WIDTH - BOX_WIDTH / 2 for x in middles)
-    root = ElementTree.fromstring(picture(ROOMS))
+    root = ElementTree.fromstring(picture(rooms))
     assert root.attrib["width"] == str(WIDTH)
     texts = {"".join(text.itertext()) for text in root.iter("{http://www.w3.org/2000/svg}text")}
-    assert {room.title.removeprefix("pipeline/") for room in ROOMS.values()} <= texts
+    assert {room.title.removeprefix("pipeline/") for room in rooms.values()} <= texts
 
 
-def test_every_arrow_goes_down() -> None:
-    for high, *_, low in laid_out(ROOMS).paths:
-        assert ROOMS[high].floor > ROOMS[low].floor
+def test_every_arrow_goes_down(rooms: dict[str, Room]) -> None:
+    for high, *_, low in laid_out(rooms).paths:
+        assert rooms[high].floor > rooms[low].floor
 
 
 def test_arrows_that_others_imply_are_left_out_and_no_other() -> None:

@@ -93,9 +93,8 @@ def _correlation(readings: Readings, residual: Array, basis: Array, side: str) -
 
 def _deviance(whitened: Array, dof: int) -> float:
     """Restricted deviance of the last column given the others, without the determinant of the noise."""
-    q, r = np.linalg.qr(whitened[:, :-1])
-    left = whitened[:, -1] - q @ (q.T @ whitened[:, -1])
-    return float(dof * math.log(left @ left / dof) + 2.0 * np.log(np.abs(np.diag(r))).sum())
+    *others, left = np.diag(np.linalg.qr(whitened, mode="r"))
+    return float(dof * math.log(left**2 / dof) + 2.0 * np.log(np.abs(others)).sum())
 
 
 STRAY = 3.0

@@ -152,10 +152,11 @@ def test_slip_and_lock_are_seen_alike() -> None:
     assert abs(fast["phase"][-1]) == pytest.approx(np.pi, abs=1e-6)
     assert str(fast.stopped)[:20] == str(slow.stopped)[:20]
     fast, slow = (
-        transient(Task(drivetrain(), *beyond, 0.8), rtol=1e-7, solver=solver, on_slip=OnSlip.GO_ON) for solver in Solver
+        transient(Task(drivetrain(), *beyond, 0.5), rtol=1e-7, solver=solver, on_slip=OnSlip.GO_ON) for solver in Solver
     )
+    assert len(slow.slips) > 20
     np.testing.assert_allclose(fast.slips, slow.slips, rtol=1e-6)
-    fast, slow = (transient(Task(BASE, SUN, RING, 4.0), rtol=1e-7, solver=solver) for solver in Solver)
+    fast, slow = (transient(Task(BASE, SUN, RING, 4.0), rtol=1e-6, solver=solver) for solver in Solver)
     assert fast.locked_at == pytest.approx(slow.locked_at, abs=2e-3)
 
 
