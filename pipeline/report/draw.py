@@ -57,7 +57,7 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-class Canvas(MatplotlibFigure):
+class _Canvas(MatplotlibFigure):
     """A figure of matplotlib that is laid out without being drawn, for no output, once more."""
 
     def draw(self, renderer: RendererBase) -> None:
@@ -128,7 +128,7 @@ def draw_all(figures: Sequence[Figure], title: str = "") -> Drawings:
     return replace(made, pdf=book.getvalue())
 
 
-def _captioned(canvas: Canvas, figure: Figure, count: int) -> Bbox:
+def _captioned(canvas: _Canvas, figure: Figure, count: int) -> Bbox:
     """The page [in] that holds a figure and, below it, its caption, which is added here."""
     width, height = canvas.get_size_inches()
     lines = [
@@ -164,13 +164,13 @@ def _vectors(figure: Figure) -> str:
     return _saved(canvas, format="svg", metadata=_NO_METADATA).decode()
 
 
-def _canvas(figure: Figure, sheet: Sheet) -> Canvas:
+def _canvas(figure: Figure, sheet: Sheet) -> _Canvas:
     columns = min(figure.columns, len(figure.panels))
     column = sheet.shared(columns)
     rows = [figure.panels[start : start + columns] for start in range(0, len(figure.panels), columns)]
     heights = [max(_height(panel, column) for panel in row) for row in rows]
     layout = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, wspace=0.0, hspace=0.0)
-    canvas = Canvas(figsize=(sheet.width, sum(heights)), layout=layout, facecolor="none")
+    canvas = _Canvas(figsize=(sheet.width, sum(heights)), layout=layout, facecolor="none")
     if sheet.palette is LIGHT:
         canvas.set_facecolor(LIGHT["paper"])
     boxes = canvas.subfigures(len(rows), columns, squeeze=False, height_ratios=heights, wspace=0, hspace=0)
@@ -197,7 +197,7 @@ def _draw(panel: Panel, box: SubFigure, height: float, sheet: Sheet) -> None:
         draw_flow.draw(panel, box, height, sheet)
 
 
-def _saved(canvas: Canvas, **how: Any) -> bytes:  # noqa: ANN401 - handed on to matplotlib as they are
+def _saved(canvas: _Canvas, **how: Any) -> bytes:  # noqa: ANN401 - handed on to matplotlib as they are
     file = io.BytesIO()
     canvas.savefig(file, **how)
     return file.getvalue()
