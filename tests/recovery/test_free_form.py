@@ -123,6 +123,7 @@ def test_a_bent_law_explains_while_it_is_still_that_law_and_leaves_next_to_nothi
     assert form.explains is explains
     assert form.rivals(50.0 + 0.9 * MARGIN) is explains
     assert not form.rivals(50.0 + 1.1 * MARGIN)
+    assert not replace(form, evidence=-1.0).explains
 
 
 def test_a_drag_larger_than_the_whole_one_that_was_measured_is_not_there(clean: GridProblem) -> None:

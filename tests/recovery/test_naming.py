@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.trials.strata_by_name import find_stratum
@@ -51,6 +53,11 @@ def test_a_planted_mechanism_is_named(identifier: str, shaft: str, seen_on: str,
     document = diagnosis_document(found)
     assert [row["id"] for row in document["mechanisms"]] == [identifier]
     assert "Cause: " in statement(found)
+    best, (other, *_) = found.naming.best, (fit for fit in found.naming.ranking if fit.identifier != identifier)
+    assert "law differs" not in statement(found)
+    bent = replace(found, naming=replace(found.naming, best=replace(best, bent=0.25 * best.gain), further=(other,)))
+    assert "The law differs from that of the library: the library's form explains 80.0% " in statement(bent)
+    assert f"or {other.candidate.kind.title[0].lower()}{other.candidate.kind.title[1:]}" in statement(bent)
 
 
 def test_a_twin_under_one_way_flow_is_ambiguous_with_the_test_that_tells(bench: BenchParameters) -> None:

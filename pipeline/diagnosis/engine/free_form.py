@@ -46,10 +46,10 @@ class FreeForm(Generic[F, P]):
 
     @property
     def explains(self) -> bool:
-        """Whether it is still that law, and leaves noise or next to nothing."""
+        """Whether it brings something, is still that law, and leaves noise or next to nothing."""
         whole = self.explanation.gain
         rest = self.remainder.adequate or self.remainder.excess <= FORM_ERROR * whole
-        return self.explanation.needed and self.explanation.bent <= BENT * whole and rest
+        return self.evidence > 0.0 and self.explanation.needed and self.explanation.bent <= BENT * whole and rest
 
     def rivals(self, score: float) -> bool:
         """Whether it explains as well as a further candidate of that score."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.form.shape import shape_document
 from pmg.pipeline.diagnosis.grid.diagnosis import component_of
 from pmg.pipeline.diagnosis.grid.statement import phrase, statement
@@ -205,18 +206,25 @@ def _parameters(fit: CandidateFit, values: Array, errors: Array | None) -> list[
 def _rival(diagnosis: Diagnosis, rival: Rival) -> dict[str, Any]:
     assert diagnosis.naming is not None  # a rival is one to something
     fits = (*diagnosis.naming.best.fits, *rival.explanation.fits)
-    closer = diagnosis.naming.best.score - rival.explanation.score
-    reason = ", less than the margin"
-    if rival.by_parts:
-        reason = ", but parts of the readings name it instead"
-    elif diagnosis.weak:
-        reason = ", and the mismatch is too weak to name its cause"
     return {
         "ids": list(dict.fromkeys(fit.candidate.identifier for fit in fits)),
         "shafts": list(dict.fromkeys(fit.candidate.shaft for fit in fits)),
-        "why": f"evidence differs by {closer:.1f} noise variances{reason}",
+        "why": _why(diagnosis, rival, diagnosis.naming.best.score - rival.explanation.score),
         "separating_test": "" if rival.test is None else rival.test.plan.description,
     }
+
+
+def _why(diagnosis: Diagnosis, rival: Rival, closer: float) -> str:
+    """Why a rival that has less evidence by `closer` [noise variances] is not excluded."""
+    if rival.by_parts:
+        return "the first fits all readings better, but parts of them name this one"
+    if diagnosis.weak:
+        return "the difference is too weak to name its cause"
+    if closer > MARGIN:
+        return "the first fits better, but by less than what its own law leaves unexplained"
+    if closer <= math.log(2.0):
+        return "both fit equally well"
+    return f"the first is favoured by odds of {math.exp(0.5 * closer):.2g} to 1, too little to exclude this one"
 
 
 def _next_tests(diagnosis: Diagnosis) -> list[dict[str, Any]]:
