@@ -20,7 +20,12 @@ from pmg.pipeline.campaign_comparison.side import CampaignSide
 from pmg.pipeline.campaign_comparison.transducers import Transducers
 from pmg.pipeline.catalogue.difference import MeanDifference, differing, mean_differences, paired
 from pmg.pipeline.diagnosis.design.audit import ALIKE, DIGITS, audit_design
+from pmg.pipeline.diagnosis.engine.adequacy import Remainder
+from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.engine.evidence import Evidence
+from pmg.pipeline.diagnosis.engine.explanation import Explanation, rivals_near
+from pmg.pipeline.diagnosis.engine.naming import Naming
+from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem
 from pmg.pipeline.diagnosis.engine.scan import ABSORBED, MINIMUM_ROOM, Scan, make_scan
 from pmg.pipeline.diagnosis.grid.evidence import both_shafts
 from pmg.pipeline.diagnosis.grid.outliers import _far_off, _surprises
@@ -550,3 +555,34 @@ def test_a_leg_gives_what_the_programme_says_with_its_rates(time: float) -> None
     if row[0][0] < time - step and time + step < legs.ends[int(np.searchsorted(legs.ends, time, side="right"))]:
         before, after = (follow(row[0], time + by)[1] for by in (-step, step))
         assert bend == pytest.approx((after - before) / (2.0 * step), abs=1e-4)
+
+
+# --- near decisions ------------------------------------------------------------------------------------
+
+
+class _Unmoved(WhitenedProblem[Fit[Any]]):
+    """A problem whose candidates move nothing else."""
+
+    def slopes(self, fit: Fit[Any]) -> Array:
+        return np.zeros((len(self.left), 1))
+
+
+@pytest.mark.parametrize(
+    ("behind", "place"),
+    [(0.0, "level"), (4e-7, "level"), (2e-6, "rival"), (9.9, "rival"), (10.0, "missed"), (10.9, "missed"), (11.1, "")],
+)
+def test_a_set_that_was_kept_behind_or_out_by_little_is_named(behind: float, place: str) -> None:
+    """Equal to the decimals that count, within the margin, beside it by less than `NEAR`, or far from it."""
+    problem = _Unmoved(np.zeros((100, 0)), np.zeros(100))
+    gains = {"friction": 50.0, "windage": 50.0 - behind}
+    best, other = (
+        Explanation((Fit(SimpleNamespace(identifier=name), gain, 0.0, np.zeros(100), ()),), problem)
+        for name, gain in gains.items()
+    )
+    rivals, shafts, missed = rivals_near(best, [best, other], best.score - MARGIN)
+    remainder = cast(Remainder, None)
+    found = Naming(best, rivals, shafts, remainder, explained=True, weak=(), rounds=(), missed=missed)
+    assert found.level == ((other,) if place == "level" else ())
+    assert found.rivals == ((other,) if place in ("level", "rival") else ())
+    assert [each.ids for each, _ in missed] == ([other.ids] if place == "missed" else [])
+    assert [short for _, short in missed] == pytest.approx([behind - MARGIN] if place == "missed" else [])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.recording.findings import Code
-from pmg.pipeline.recording.run import SUPPLY
+from pmg.pipeline.recording.run import LARGEST_NUMBER, SUPPLY
 from pmg.sim.errors import near_miss
 from pmg.sim.shafts import SIDES, PerShaft
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 ATTACHMENT = "calibration.toml"
-SIZES = 1e-9, 1e12
+SIZES = 1e-9, LARGEST_NUMBER
 """Sizes of the numbers of a calibration, beyond which there is no transducer and no encoder."""
 LONGEST_SERIAL = 64
 """Bits of a serial number that is written as a number."""

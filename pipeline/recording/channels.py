@@ -21,8 +21,8 @@ ENCODING = "protobuf"
 SHARED_CLOCK = 0
 COUNTERS = ("u32", "u64")
 """Sample types of counters."""
-LARGEST_RATE = 1e8
-"""Largest sample rate taken in [Hz]; beyond it the number is a slip of the unit."""
+SMALLEST_RATE, LARGEST_RATE = 1e-6, 1e8
+"""Smallest and largest sample rate taken in [Hz]; beyond them the number is a slip of the unit."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ def check_channel(topic: Topic, spec: ChannelSpec, findings: Findings) -> Channe
     for key in ("rate_hz", *spec.numbers):
         if key in given:
             value = _positive(given[key])
-            if value is None or (key == "rate_hz" and value > LARGEST_RATE):
+            if value is None or (key == "rate_hz" and not SMALLEST_RATE <= value <= LARGEST_RATE):
                 findings.error(
                     Code.CHANNEL_VALUE,
                     topic.name,

@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.recording.blocks import before_restart, read_blocks, without_strays
 from pmg.pipeline.recording.checks.stretches import stretches, tell_stretches
 from pmg.pipeline.recording.findings import Code
+from pmg.pipeline.recording.run import LARGEST_NUMBER
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -168,10 +169,11 @@ def _finite(
     values: npt.NDArray[Any], present: Mask, first: int, topic: str, findings: Findings
 ) -> npt.NDArray[np.bool_]:
     finite: npt.NDArray[np.bool_] = np.isfinite(values)
-    if finite.all():
+    if finite.all() and values.max() <= LARGEST_NUMBER and values.min() >= -LARGEST_NUMBER:
         return finite
+    finite &= np.abs(values) <= LARGEST_NUMBER
     words = (
-        "are NaN or infinite",
+        f"are NaN, infinite or beyond {LARGEST_NUMBER:g}",
         "finite numbers. They are treated as missing",
         "Check the input's wiring and the recorder's conversion.",
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -42,6 +41,8 @@ RUN_KEYS = {
 }
 """Set-points in the run's metadata."""
 RFC_3339 = re.compile(r"(\d{4}-\d\d-\d\d)[Tt ](\d\d:\d\d:\d\d)(?:\.(\d+))?(?:([Zz])|([+-]\d\d:\d\d))", flags=re.ASCII)
+LARGEST_NUMBER = 1e12
+"""Size beyond which a number is no reading or setting of a bench; its square, or a sum, may be beyond all floats."""
 YEARS = 1900, 9000
 """First and last year of a start: beyond, it is damage, and times of its samples may not be formed."""
 
@@ -136,7 +137,7 @@ def _setpoints(entries: Mapping[str, str], findings: Findings) -> Setpoints:
         **{
             name: value * scale
             for key, (name, scale) in RUN_KEYS.items()
-            if (value := _parsed(entries, key, finite, "a finite number", findings)) is not None
+            if (value := _parsed(entries, key, finite, f"a number up to {LARGEST_NUMBER:g}", findings)) is not None
         }
     )
 
@@ -145,7 +146,7 @@ def step_setpoints(point: str, entries: Mapping[str, float], findings: Findings)
     """Set-points of a test step in SI; an unknown or non-finite one is a finding and left out."""
     known: dict[str, float] = {}
     for key, value in sorted(entries.items()):
-        if key in STEP_KEYS and math.isfinite(value):
+        if key in STEP_KEYS and abs(value) <= LARGEST_NUMBER:
             name, scale = STEP_KEYS[key]
             known[name] = value * scale
         else:
@@ -177,7 +178,7 @@ def _utc(text: str) -> datetime:
 
 
 def finite(text: str) -> float:
-    """A finite number.
+    """A finite number of a size that something at a bench may have.
 
     Raises
     ------
@@ -185,7 +186,7 @@ def finite(text: str) -> float:
         When the text is none.
     """
     value = float(text)
-    if not math.isfinite(value):
+    if not abs(value) <= LARGEST_NUMBER:
         raise ValueError(text)
     return value
 

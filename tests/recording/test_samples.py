@@ -24,6 +24,7 @@ from pmg.pipeline.recording.counters import unwrap
 from pmg.pipeline.recording.findings import Finding, UnusableRecordingError
 from pmg.pipeline.recording.layouts.wire import ClockMark
 from pmg.pipeline.recording.read import Recording, read_recording
+from pmg.pipeline.recording.run import LARGEST_NUMBER
 from pmg.pipeline.windows.windows import find_windows
 
 from .writer import (
@@ -189,6 +190,24 @@ def test_blocks_that_come_late_are_no_restart() -> None:
 def test_values_that_are_no_numbers_are_told_with_their_range_and_not_as_a_gap_too() -> None:
     finding = only(spoilt(TORQUE, lambda v: changed(v, slice(70, 75), math.nan)), Code.NOT_FINITE)
     assert (finding.sample_range, finding.lost) == ((70, 75), "5 samples")
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, -math.inf, 2.0 * LARGEST_NUMBER])
+def test_values_that_no_reading_has_are_missing(value: float) -> None:
+    """The square of such a value, or the sum of a few, is beyond all floats."""
+    finding = only(spoilt(TORQUE, lambda v: changed(v, slice(70, 75), value)), Code.NOT_FINITE)
+    assert finding.sample_range == (70, 75)
+
+
+@pytest.mark.parametrize("number", ["1e308", "-1e308", "inf", "1e13"])
+def test_set_points_that_no_bench_has_are_refused(number: str) -> None:
+    with pytest.raises(UnusableRecordingError, match="sun_speed_set_rpm"):
+        made(replace(LIVE, run=dict(LIVE.run) | {"sun_speed_set_rpm": number}))
+
+
+def test_a_rate_of_almost_nothing_is_refused() -> None:
+    with pytest.raises(UnusableRecordingError, match="rate_hz '5e-324'"):
+        made(replace(LIVE, channel={topic: {"rate_hz": "5e-324"} for topic in tracks(LIVE)}))
 
 
 def test_flags_of_the_recorder_are_told_with_their_range() -> None:

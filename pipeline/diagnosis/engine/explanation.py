@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 SWAPS = 4
 """Candidates tried in the place of each one of a set."""
 
+NEAR = 1.0
+"""Evidence by which a set may miss the margin for the decision against it to be near: odds of 1.6 to 1."""
+
 
 @dataclass(frozen=True)
 class Explanation(Generic[F, P]):
@@ -127,3 +130,29 @@ def swapped(problem: P, catalogue: CandidateCatalogue[F, P], explanation: Explan
         seen = {fit.candidate: fit, **{one.candidate: one for one in tried}}
         found += [_replaced(explanation, place, one, rest, gain) for one in list(seen.values())[1 : SWAPS + 1]]
     return [one for one in found if one.needed]
+
+
+def rivals_near(
+    best: Explanation[F, P], pool: list[Explanation[F, P]], least: float
+) -> tuple[tuple[Explanation[F, P], ...], dict[str, str], tuple[tuple[Explanation[F, P], float], ...]]:
+    """Rivals above a least evidence, places of the best, and sets that miss it by less than `NEAR`, with how much."""
+    near = [e for e in sorted(pool, key=lambda e: -e.score) if e.score > least - NEAR]
+    rivals, shafts = _rivals(best, [e for e in near if e.score > least])
+    missed = [e for e in _rivals(best, near)[0] if e.score <= least and best.fits]
+    return rivals, shafts, tuple((each, least - each.score) for each in missed)
+
+
+def _rivals(
+    best: Explanation[F, P], near: list[Explanation[F, P]]
+) -> tuple[tuple[Explanation[F, P], ...], dict[str, str]]:
+    """Rivals with other candidates, each set once; and the places of the best, open where a twin differs there only."""
+    shafts = {fit.identifier: fit.place for fit in best.fits}
+    rivals: dict[frozenset[str], Explanation[F, P]] = {}
+    for other in near:
+        if other.ids == best.ids:
+            for fit in other.fits:
+                if fit.place != shafts[fit.identifier] and "both" not in (fit.place, shafts[fit.identifier]):
+                    shafts[fit.identifier] = "either"
+        elif len(other.fits) <= len(best.fits) and not other.ids < best.ids:
+            rivals.setdefault(other.ids, other)
+    return tuple(rivals.values()), shafts

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Generic
 
 from pmg.pipeline.diagnosis.engine.adequacy import ORDINARY
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY, MARGIN
-from pmg.pipeline.diagnosis.engine.explanation import Explanation, all_in_detail, leaders_in_detail, swapped
+from pmg.pipeline.diagnosis.engine.explanation import (
+    Explanation,
+    all_in_detail,
+    leaders_in_detail,
+    rivals_near,
+    swapped,
+)
 from pmg.pipeline.diagnosis.engine.free_form import FORM_ERROR, free_form
 from pmg.pipeline.diagnosis.engine.problem import F, P
 
@@ -94,6 +100,8 @@ class Naming(Generic[F, P]):
         How many of the rivals, the last ones, are there because parts of the rows name them, not by their evidence.
     further : tuple of Fit
         A further candidate that would take up what is left; an error of form of those before explains it as well.
+    missed : tuple of (Explanation, float)
+        Sets of other candidates that miss the margin by less than `NEAR`, and by how much, best first.
     """
 
     best: Explanation[F, P]
@@ -105,6 +113,13 @@ class Naming(Generic[F, P]):
     rounds: tuple[SearchRound[F], ...]
     by_parts: int = 0
     further: tuple[F, ...] = ()
+    missed: tuple[tuple[Explanation[F, P], float], ...] = ()
+
+    @property
+    def level(self) -> tuple[Explanation[F, P], ...]:
+        """Rivals of the same evidence as the leading set, to the decimals that count: the catalogue's order decides."""
+        by_evidence = self.rivals[: len(self.rivals) - self.by_parts]
+        return tuple(rival for rival in by_evidence if rival.score == self.best.score)
 
     @property
     def ranking(self) -> tuple[F, ...]:
@@ -170,13 +185,13 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
         best, remainder = _better(best, max([best, *others], key=lambda e: e.score), remainder, remainder_of)
         if best is current:
             break
-    margin = margin_beside(remainder)
-    near = [e for e in sorted(pool, key=lambda e: -e.score) if e.score > max(0.0, best.score - margin)]
-    rivals, shafts = _rivals(best, near)
+    rivals, shafts, missed = rivals_near(best, pool, max(0.0, best.score - margin_beside(remainder)))
     weak: tuple[Explanation[F, P], ...] = ()
     if catalogue.tells_weak:
         weak = _weak(singles, lambda leader: remainder if leader is best else remainder_of(leader.problem))
-    found = Naming(best, rivals, shafts, remainder, _explains(best, remainder), weak, tuple(rounds), further=further)
+    found = Naming(
+        best, rivals, shafts, remainder, _explains(best, remainder), weak, tuple(rounds), further=further, missed=missed
+    )
     return found if found.explained or not best.fits else _bent(found, free_form(best, catalogue, remainder_of))
 
 
@@ -267,19 +282,3 @@ def _together(
     least = max(ENTRY, SHARE_OF_FIRST * before.gain)
     whole = best.gain - before.gain >= TOGETHER * excess
     return best if whole and all(fit.gain > least for fit in best.fits if fit.identifier not in before.ids) else None
-
-
-def _rivals(
-    best: Explanation[F, P], near: list[Explanation[F, P]]
-) -> tuple[tuple[Explanation[F, P], ...], dict[str, str]]:
-    """Rivals with other candidates, each set once; and the places of the best, open where a twin differs there only."""
-    shafts = {fit.identifier: fit.place for fit in best.fits}
-    rivals: dict[frozenset[str], Explanation[F, P]] = {}
-    for other in near:
-        if other.ids == best.ids:
-            for fit in other.fits:
-                if fit.place != shafts[fit.identifier] and "both" not in (fit.place, shafts[fit.identifier]):
-                    shafts[fit.identifier] = "either"
-        elif len(other.fits) <= len(best.fits) and not other.ids < best.ids:
-            rivals.setdefault(other.ids, other)
-    return tuple(rivals.values()), shafts

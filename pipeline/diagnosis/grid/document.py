@@ -11,7 +11,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.form.shape import shape_document
 from pmg.pipeline.diagnosis.grid.diagnosis import component_of
-from pmg.pipeline.diagnosis.grid.statement import phrase, statement
+from pmg.pipeline.diagnosis.grid.statement import near_decision, phrase, statement
 from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
@@ -59,6 +59,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "mechanisms": _mechanisms(diagnosis),
         "rivals": [_rival(diagnosis, rival) for rival in diagnosis.rivals],
+        "near_ties": _near_ties(diagnosis),
         "absorbed": [row.document for row in diagnosis.absorbed],
         "held_out": None
         if held is None
@@ -125,6 +126,15 @@ def probabilities(diagnosis: Diagnosis) -> list[float]:
         elsewhere / sum(by_parts) if apart else (1.0 - elsewhere) * weight / sum(weights)
         for weight, apart in zip(weights, by_parts, strict=True)
     ]
+
+
+def _near_ties(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Sets that a rule kept behind the leading one or out of the rivals by little, and by how much evidence."""
+    if (naming := near_decision(diagnosis)) is None:
+        return []
+    level = ((rival, 0.0, "the order of the catalogue") for rival in naming.level)
+    missed = ((other, round(short, 2), "the margin of evidence") for other, short in naming.missed)
+    return [{"ids": sorted(other.ids), "by": by, "decided_by": rule} for other, by, rule in (*level, *missed)]
 
 
 def _mechanisms(diagnosis: Diagnosis) -> list[dict[str, Any]]:

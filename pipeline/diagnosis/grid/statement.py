@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -93,9 +94,30 @@ def _without_outliers(diagnosis: Diagnosis) -> str:
                 f"Do: {test.plan.description} ({test.plan.seconds / MINUTE:.0f} min; it tells with a probability of "
                 f"{test.power:.0%})."
             )
-    sentences.append(_held_out(diagnosis))
-    sentences.append(_by_chance(diagnosis))
+    sentences += [_near(diagnosis), _held_out(diagnosis), _by_chance(diagnosis)]
     return " ".join(sentence for sentence in sentences if sentence)
+
+
+def near_decision(diagnosis: Diagnosis) -> GridNaming | None:
+    """What the catalogue says where its evidence decided what is named; None elsewhere."""
+    decided = diagnosis.verdict in (Verdict.NAMED, Verdict.AMBIGUOUS) and not diagnosis.weak
+    return diagnosis.naming if decided else None
+
+
+def _near(diagnosis: Diagnosis) -> str:
+    """A word on what was decided by little, naming the other."""
+    if (naming := near_decision(diagnosis)) is None:
+        return ""
+    words = ""
+    if naming.level:
+        other = _causes(diagnosis, naming.level[0])
+        words = f"{other[0].upper()}{other[1:]} fits as well, to all digits that count: the order of the catalogue "
+        words += "decides which comes first."
+    if naming.missed:
+        missed, short = naming.missed[0]
+        words += f"{' ' if words else ''}It was near: {_causes(diagnosis, missed)} misses the limit for a rival by "
+        words += f"odds of {math.exp(0.5 * short):.1f} to 1."
+    return words
 
 
 def _causes(diagnosis: Diagnosis, explanation: GridExplanation) -> str:

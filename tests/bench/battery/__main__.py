@@ -22,12 +22,13 @@ from pathlib import Path
 from tests.grid.checked_campaign import NEUTRAL, Runs, sound_campaign
 from tests.recording.writer import write
 
-from . import bombs, campaigns, containers, places, signals, stored, texts
+from . import bombs, campaigns, containers, extremes, places, signals, stored, texts
 from .case import Case
 from .outcome import BAD, Outcome, Result, Sound, sound_campaign_of, tried
 from .sound import false_alarms
 
-CASES = (*signals.CASES, *campaigns.CASES, *containers.CASES, *places.CASES, *texts.CASES, *stored.CASES, *bombs.CASES)
+KINDS = (signals, campaigns, containers, places, texts, stored, extremes, bombs)
+CASES = tuple(case for kind in KINDS for case in kind.CASES)
 SMALL = ("02.mcap", NEUTRAL)
 """Recordings of the small campaign."""
 
