@@ -98,7 +98,7 @@ class ResidualCouplingOfStages(CouplingLeftInNeutral):
         "rad/s", bounds=(50.0, 20000.0), typical=1000.0, meaning="critical slip speed of the poles", null=1000.0
     )
     fall: float = parameter(
-        "1", bounds=(1.0, 3.0), typical=1.6, meaning="power of the slip in the denominator", null=2.0
+        "1", bounds=(1.0, 3.0), typical=2.0, meaning="power of the slip in the denominator", null=2.0
     )
 
     @property

@@ -68,7 +68,9 @@ class LoadLaw(MotionLaw):
     def torque(self, at: OperatingPoints) -> Torques:
         """Torques on the rotors at steady points: the ring's load is what its motor applies when engaged."""
         load = np.where(at.engaged, np.abs(at.torque_ring), 0.0)
-        return self.law(at.speed_sun, at.speed_ring, load, of_stage(at.gear, *self.ratios))
+        whole = self.law(at.speed_sun, at.speed_ring, load, of_stage(at.gear, *self.ratios))
+        acts = np.isin(at.configuration, self.acts_in)
+        return Torques(np.where(acts, whole.sun, 0.0), np.where(acts, whole.ring, 0.0))
 
 
 @dataclass(frozen=True)
@@ -183,8 +185,8 @@ class LoadIronLossPower(IronLossUnderLoad):
     shape = ("power", "speed_power")
 
     k: float = parameter("N m s/rad", bounds=(0.0, 1e-2), typical=5e-5, meaning="damping at 1 N m and 100 rad/s")
-    power: float = parameter("1", bounds=(0.8, 2.2), typical=1.6, meaning="power of the transmitted torque", null=2.0)
-    speed_power: float = parameter("1", bounds=(0.5, 1.4), typical=0.8, meaning="power of the speed", null=1.0)
+    power: float = parameter("1", bounds=(0.5, 3.0), typical=2.0, meaning="power of the transmitted torque", null=2.0)
+    speed_power: float = parameter("1", bounds=(0.5, 1.4), typical=1.0, meaning="power of the speed", null=1.0)
 
     def drag(self, torque: Number, speed: Number, rest: float) -> Number:
         """A power of the torque and one of the speed."""

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from tests.trials.strata_by_name import find_stratum
 
-from pmg.pipeline.diagnosis.engine.adequacy import AdequacyTest, Remainder
+from pmg.pipeline.diagnosis.engine.adequacy import AdequacyTest, Remainder, adequacy_test
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.engine.explanation import Explanation
 from pmg.pipeline.diagnosis.engine.free_form import BENT, FORM_ERROR, FreeForm, free_form
+from pmg.pipeline.diagnosis.engine.naming import name_candidates, with_free_laws
 from pmg.pipeline.diagnosis.grid.candidates import Candidate, CandidateFit, GridProblem, candidates, grid_problem
 from pmg.pipeline.diagnosis.grid.catalogue import MECHANISMS, GridExplanation
+from pmg.pipeline.diagnosis.grid.evidence import campaign_evidence
 from pmg.pipeline.diagnosis.grid.free_form import bent_columns
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
@@ -25,21 +27,29 @@ from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.problem import WhitenedProblem
+    from pmg.pipeline.fit.noise import NoiseFloor
 
 NOISE = Remainder(0.5, 0.0, 40.0)
 SEEN = Remainder(0.001, 500.0, 40.0)
 
 
 @pytest.fixture(scope="module")
-def clean() -> GridProblem:
-    """A campaign without an effect."""
+def measured() -> tuple[GridProblem, NoiseFloor]:
+    """A campaign without an effect, and its noise."""
     rng = np.random.default_rng(5)
     bench = load_bench()
     analysis = analyse(measure_case(draw_case(find_stratum("clean"), rng), rng), AnalysisOptions(), bench)
     assert analysis.floor is not None
     assert analysis.calibration is not None
     readings = take_readings(analysis.grid, bench)
-    return grid_problem(readings, bench, analysis.calibration.model, whitener(readings, bench, analysis.floor))
+    white = whitener(readings, bench, analysis.floor)
+    return grid_problem(readings, bench, analysis.calibration.model, white), analysis.floor
+
+
+@pytest.fixture(scope="module")
+def clean(measured: tuple[GridProblem, NoiseFloor]) -> GridProblem:
+    """A campaign without an effect."""
+    return measured[0]
 
 
 def candidate(identifier: str, shaft: str) -> Candidate:
@@ -126,14 +136,15 @@ def test_a_bent_law_explains_while_it_is_still_that_law_and_leaves_next_to_nothi
     assert not replace(form, evidence=-1.0).explains
 
 
-def test_a_drag_larger_than_the_whole_one_that_was_measured_is_not_there(clean: GridProblem) -> None:
-    film = candidate("stribeck_mixed_lubrication", "ring")
-    slow = clean.fitted(film, np.array([0.02, 15.0]))
-    assert slow.needed
-    assert not slow.exceeds
-    most = float(np.abs(clean.readings.torque[~clean.readings.sun]).max())
-    huge = clean.fitted(film, np.array([3.0 * most, 50.0]))
-    assert huge.exceeds
-    assert not huge.needed
-    found = Explanation((replace(huge, gain=1000.0),), clean.take_out(huge))
-    assert not FreeForm(found, NOISE, 50.0).explains
+def test_a_law_that_bends_is_named_alone(measured: tuple[GridProblem, NoiseFloor]) -> None:
+    """No power of the load gives a friction with a waist; the second polynomial of its root does."""
+    clean, floor = measured
+    fit = clean.fitted(candidate("load_dependent_bearing_friction", "sun"), np.array([0.05]))
+    waist = fit.effect + 0.2 * bent_columns(clean, fit)[:, 1]
+    problem = replace(clean, left=clean.left + clean.beyond_baseline(waist))
+    judged = adequacy_test(campaign_evidence(problem, floor, 100, np.random.default_rng(1)))
+    found = with_free_laws(name_candidates(problem, MECHANISMS, judged), problem, MECHANISMS, judged)
+    assert found.explained
+    assert [fit.identifier for fit in found.best.fits] == ["load_dependent_bearing_friction"]
+    assert found.best.bent > 20.0
+    assert found.remainder.adequate

@@ -55,8 +55,8 @@ def test_a_planted_mechanism_is_named(identifier: str, shaft: str, seen_on: str,
     assert "Cause: " in statement(found)
     best, (other, *_) = found.naming.best, (fit for fit in found.naming.ranking if fit.identifier != identifier)
     assert "law differs" not in statement(found)
-    bent = replace(found, naming=replace(found.naming, best=replace(best, bent=0.25 * best.gain), further=(other,)))
-    assert "The law differs from that of the library: the library's form explains 80.0% " in statement(bent)
+    bent = replace(found, naming=replace(found.naming, best=replace(best, bent=best.gain / 9.0), further=(other,)))
+    assert "The law differs from that of the library: the library's form explains 90.0% " in statement(bent)
     assert f"or {other.candidate.kind.title[0].lower()}{other.candidate.kind.title[1:]}" in statement(bent)
 
 

@@ -163,13 +163,13 @@ FORMS: dict[type[Mechanism], Callable[[Point], Pair]] = {
     ResidualCoupling: neutral(lambda at: (-5 * 1e-3 * slip(at, 5, 13), -13 * 1e-3 * slip(at, 5, 13))),
     ResidualCouplingOfStages: neutral(
         lambda at: (
-            -5 * 1e-3 * slip(at, 5, 13, 1.6) - 7 * 5e-4 * slip(at, 7, 11, 1.6),
-            -13 * 1e-3 * slip(at, 5, 13, 1.6) - 11 * 5e-4 * slip(at, 7, 11, 1.6),
+            -5 * 1e-3 * slip(at, 5, 13) - 7 * 5e-4 * slip(at, 7, 11),
+            -13 * 1e-3 * slip(at, 5, 13) - 11 * 5e-4 * slip(at, 7, 11),
         )
     ),
     SkinEffect: engaged(both(lambda w: 2e-4 * w * (1.0 - (1.0 + (0.01 * w) ** 2) ** -0.25))),
     LoadIronLoss: under_load(lambda load, w: 5e-5 * load * w),
-    LoadIronLossPower: under_load(lambda load, w: sgn(w) * 5e-5 * load**1.6 * 100.0 * (abs(w) / 100.0) ** 0.8),
+    LoadIronLossPower: under_load(lambda load, w: sgn(w) * 5e-5 * load**2 * abs(w)),
 }
 """Torques of sun and ring at typical values; stage 1."""
 

@@ -49,7 +49,7 @@ def offer_decoys(problem: WhitenedProblem[Any], naming: Naming[Any, Any], decoys
     """
     if not naming.best.fits:
         return None
-    whole = naming.best.gain + naming.remainder.excess
+    whole = naming.best.gain + naming.best.bent + naming.remainder.excess
     gains, evidence = gains_of(problem, decoys)
     good = (evidence > ENTRY) & (whole - gains <= FORM_ERROR * gains)
     return Decoys(len(gains), int(good.sum()), float(gains.max() / naming.best.gain))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Generic
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.engine.adequacy import ORDINARY
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.engine.problem import F, P
 
@@ -22,8 +23,26 @@ FORM_ERROR = 0.03
 Other physical forms of the same mechanism leave less than two hundredths once it is taken in detail; mechanisms from
 outside the catalogue leave four or more of their nearest look-alike."""
 
+UNSEEN, CHANCE = 0.1, 0.5
+"""Part of a candidate's gain, and of what noise exceeds one time in a hundred, that may be left over together where no
+structure is seen in it."""
+
+SMALL_PART = 0.3
+"""Part of a candidate's gain that may be left over where it is within the noise."""
+
 BENT = 0.15
 """Part of a candidate's gain that a free form of its law may add: beyond, it is another law."""
+
+
+def explains(best: Explanation[F, P], remainder: Remainder) -> bool:
+    """Whether what a set leaves is an error of form, or noise."""
+    if not best.fits or not best.needed or any(fit.bends_to_anything for fit in best.fits):
+        return False
+    if remainder.within_noise and remainder.excess <= SMALL_PART * best.gain:
+        return True
+    if remainder.p_value >= ORDINARY:
+        return remainder.excess <= UNSEEN * best.gain + CHANCE * remainder.usual
+    return remainder.excess <= FORM_ERROR * best.gain
 
 
 @dataclass(frozen=True)
@@ -47,9 +66,8 @@ class FreeForm(Generic[F, P]):
     @property
     def explains(self) -> bool:
         """Whether it brings something, is still that law, and leaves noise or next to nothing."""
-        whole = self.explanation.gain
-        rest = self.remainder.adequate or self.remainder.excess <= FORM_ERROR * whole
-        return self.evidence > 0.0 and self.explanation.needed and self.explanation.bent <= BENT * whole and rest
+        same = self.explanation.bent <= BENT * self.explanation.gain
+        return self.evidence > 0.0 and same and explains(self.explanation, self.remainder)
 
     def rivals(self, score: float) -> bool:
         """Whether it explains as well as a further candidate of that score."""

@@ -14,7 +14,7 @@ from pmg.pipeline.diagnosis.engine.explanation import (
     rivals_near,
     swapped,
 )
-from pmg.pipeline.diagnosis.engine.free_form import FORM_ERROR, free_form
+from pmg.pipeline.diagnosis.engine.free_form import explains, free_form
 from pmg.pipeline.diagnosis.engine.problem import F, P
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.engine.adequacy import AdequacyTest, Remainder
     from pmg.pipeline.diagnosis.engine.catalogue import CandidateCatalogue
-    from pmg.pipeline.diagnosis.engine.free_form import FreeForm
 
 MOST = 3
 """Candidates named at once at most."""
@@ -38,13 +37,6 @@ SHARE_OF_FIRST = 0.05
 
 TOGETHER = 0.9
 """Part of what is left that two candidates must explain to enter at once."""
-
-UNSEEN, CHANCE = 0.1, 0.5
-"""Part of a candidate's gain, and of what noise exceeds one time in a hundred, that may be left over together where no
-structure is seen in it."""
-
-SMALL_PART = 0.3
-"""Part of a candidate's gain that may be left over where it is within the noise."""
 
 WEAK = 80.0
 """Gain below which what a candidate leaves looks like noise, and an effect of another kind may pass for it."""
@@ -159,7 +151,7 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
     rounds = [SearchRound(tuple(ranking), tuple(fit.identifier for fit in best.fits), before)]
     remainder = remainder_of(best.problem) if best.fits else before
     pool, further = list(singles), tuple[F, ...]()
-    if best.fits and not (remainder.adequate and _explains(best, remainder)):
+    if best.fits and not (remainder.adequate and explains(best, remainder)):
         singles = leaders_in_detail(problem, catalogue, singles)
         pool += singles
         best, remainder = _better(best, singles[0], remainder, remainder_of)
@@ -168,7 +160,7 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
         after, larger, ranking = _enlarged(catalogue, best, starts, remainder.excess)
         form = free_form(best, catalogue, remainder_of) if after is not None else None
         if form is not None and after is not None and form.rivals(after.score - best.score):
-            further, after = tuple(fit for fit in after.fits if fit.identifier not in best.ids), None
+            further, after = tuple(fit for fit in after.fits if best.ids < after.ids and fit not in best.fits), None
         entered = () if after is None else tuple(fit.identifier for fit in after.fits[len(best.fits) :])
         rounds.append(SearchRound(tuple(ranking), entered, remainder))
         if after is None:
@@ -189,17 +181,37 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
     weak: tuple[Explanation[F, P], ...] = ()
     if catalogue.tells_weak:
         weak = _weak(singles, lambda leader: remainder if leader is best else remainder_of(leader.problem))
-    found = Naming(
-        best, rivals, shafts, remainder, _explains(best, remainder), weak, tuple(rounds), further=further, missed=missed
-    )
-    return found if found.explained or not best.fits else _bent(found, free_form(best, catalogue, remainder_of))
+    explained = explains(best, remainder)
+    return Naming(best, rivals, shafts, remainder, explained, weak, tuple(rounds), further=further, missed=missed)
 
 
-def _bent(naming: Naming[F, P], form: FreeForm[F, P] | None) -> Naming[F, P]:
-    """The result with the laws of the leading set free, where these explain; its rivals are those of the bound ones."""
-    if form is None or not form.explains:
+def with_free_laws(
+    naming: Naming[F, P], problem: P, catalogue: CandidateCatalogue[F, P], remainder_of: AdequacyTest
+) -> Naming[F, P]:
+    """What the catalogue says once laws may bend.
+
+    A leader that leaves structure is named with its law free, where that explains. Laws are free for the others, too:
+    a single candidate that explains as well then, or better, is a rival.
+    """
+    best = naming.best
+    if not best.fits or (naming.remainder.p_value >= ORDINARY and naming.explained):
         return naming
-    return replace(naming, best=form.explanation, remainder=form.remainder, explained=True)
+    form = free_form(best, catalogue, remainder_of)
+    if form is not None and form.explains and not naming.explained:
+        naming = replace(naming, best=form.explanation, remainder=form.remainder, explained=True)
+    if not naming.explained or len(best.fits) > 1:
+        return naming
+    reached = best.score + (max(form.evidence, 0.0) if form is not None else 0.0)
+    known = {best.ids, *(rival.ids for rival in naming.rivals)}
+    found = list(naming.rivals)
+    for fit in naming.ranking[: FIRST_OF_PAIRS + 3]:
+        other = Explanation((fit,), problem.take_out(fit))
+        if other.ids in known or (bent := free_form(other, catalogue, remainder_of)) is None:
+            continue
+        known.add(other.ids)
+        if bent.explains and other.score + bent.evidence > reached - MARGIN:
+            found.append(bent.explanation)
+    return replace(naming, rivals=tuple(found))
 
 
 def margin_beside(remainder: Remainder) -> float:
@@ -224,17 +236,6 @@ def _extended(catalogue: CandidateCatalogue[F, P], first: Explanation[F, P]) -> 
     """The best ways to add one candidate to a set, and the ranking they are from."""
     ranking = catalogue.rank(first.problem, first.ids)
     return [first.plus(fit) for fit in ranking[:FIRST_OF_PAIRS] if fit.admissible], ranking
-
-
-def _explains(best: Explanation[F, P], remainder: Remainder) -> bool:
-    """Whether what a set leaves is an error of form, or noise."""
-    if not best.fits or not best.needed or any(fit.bends_to_anything for fit in best.fits):
-        return False
-    if remainder.within_noise and remainder.excess <= SMALL_PART * best.gain:
-        return True
-    if remainder.p_value >= ORDINARY:
-        return remainder.excess <= UNSEEN * best.gain + CHANCE * remainder.usual
-    return remainder.excess <= FORM_ERROR * best.gain
 
 
 def _weak(

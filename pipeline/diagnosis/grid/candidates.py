@@ -12,7 +12,6 @@ from pmg.pipeline.fit.calibration import jacobian, parameter_names
 from pmg.pipeline.fit.noise_floor import BASELINE_FREE
 from pmg.pipeline.fit.whitening import undo
 from pmg.pipeline.grid.readings import Readings, change, predict
-from pmg.sim.grid import Configuration
 from pmg.sim.mechanisms import CANDIDATES, Instrument
 from pmg.sim.steady.baseline import baseline_mechanisms
 from pmg.sim.steady.gearbox import Gearbox
@@ -24,9 +23,6 @@ if TYPE_CHECKING:
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.mechanisms import Mechanism, Parameter
     from pmg.sim.signals import Array
-
-BEYOND = 5.0
-"""Standard deviations by which a drag may exceed the one that was measured."""
 
 
 @dataclass(frozen=True)
@@ -98,13 +94,10 @@ class CandidateFit(Fit[Candidate]):
         Its parameters: sizes, then shapes.
     effect : (m,) array
         Change of each reading [N m], before anything is absorbed.
-    exceeds : bool
-        Whether it would be a drag larger than the whole one that was measured somewhere.
     """
 
     values: Array
     effect: Array
-    exceeds: bool = False
 
     @property
     def place(self) -> str:
@@ -113,8 +106,8 @@ class CandidateFit(Fit[Candidate]):
 
     @property
     def needed(self) -> bool:
-        """Whether not all sizes are on a bound: it would be absent, or as large as can be; nor more than is there."""
-        return not self.exceeds and not set(self.candidate.sizes) <= set(self.on_bound)
+        """Whether not all sizes are on a bound: it would be absent, or as large as can be."""
+        return not set(self.candidate.sizes) <= set(self.on_bound)
 
     @property
     def bends_to_anything(self) -> bool:
@@ -203,17 +196,7 @@ class GridProblem(WhitenedProblem[CandidateFit]):
     ) -> CandidateFit:
         """A candidate with values of its parameters, as a fit."""
         effect = self.effect(candidate, values)
-        exceeds = candidate.kind.dissipates and bool(np.any(self.readings.direction * effect > self._most))
-        return CandidateFit(
-            candidate, gain, len(values), self.beyond_baseline(effect), on_bound, values, effect, exceeds
-        )
-
-    @property
-    def _most(self) -> Array:
-        """Largest drag that each reading may be made of [N m]: in neutral what was measured, elsewhere anything."""
-        readings = self.readings
-        most = np.abs(readings.torque) + BEYOND * self.white.scale
-        return np.where(readings.configuration == Configuration.NEUTRAL, most, np.inf)
+        return CandidateFit(candidate, gain, len(values), self.beyond_baseline(effect), on_bound, values, effect)
 
     def tangents(self, fit: CandidateFit) -> Array:
         """Change of each reading per change of each parameter of a fitted candidate (m, k) [N m per unit]."""

@@ -12,7 +12,7 @@ from pmg.pipeline.diagnosis.design.next_test import lifting_test, next_test
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
 from pmg.pipeline.diagnosis.engine.conclusion import conclude
-from pmg.pipeline.diagnosis.engine.naming import name_candidates
+from pmg.pipeline.diagnosis.engine.naming import name_candidates, with_free_laws
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
 from pmg.pipeline.diagnosis.form.symbolic import find_shape
@@ -98,6 +98,8 @@ def diagnose(
         return replace(said, verdict=verdict, mismatch=mismatch, lifting=lifting)
     first = grid_problem(readings, bench, calibration.model, whitener(readings, bench, floor), allowed)
     problem, naming = _searched(first, floor, rng)
+    judged = adequacy_test(campaign_evidence(problem, floor, JUDGE_DRAWS, rng))
+    naming = with_free_laws(naming, problem, MECHANISMS, judged)
     conclusion = conclude(problem, MECHANISMS, naming, lambda best: _withheld(problem, best, rng))
     said = replace(said, **{f.name: getattr(conclusion, f.name) for f in fields(conclusion)})
     if not said.verdict.names:

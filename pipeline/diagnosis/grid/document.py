@@ -234,7 +234,7 @@ def _why(diagnosis: Diagnosis, rival: Rival, closer: float) -> str:
         return "the first fits better, but by less than what its own law leaves unexplained"
     if closer <= math.log(2.0):
         return "both fit equally well"
-    return f"the first is favoured by odds of {math.exp(0.5 * closer):.2g} to 1, too little to exclude this one"
+    return f"the first is favoured by odds of about {math.exp(0.5 * closer):.0f} to 1, too little to exclude this one"
 
 
 def _next_tests(diagnosis: Diagnosis) -> list[dict[str, Any]]:

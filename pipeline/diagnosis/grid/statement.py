@@ -186,11 +186,12 @@ def _form(naming: GridNaming) -> str:
         part = best.gain / (best.gain + best.bent)
         text = (
             f"The law differs from that of the library: the library's form explains {part:.1%} of the difference "
-            f"(in squares), a smooth change of it with {' and '.join(along)} takes up the rest."
+            f"(in squares), a smooth change of it with {' and '.join(along)} takes up most of the rest. The error "
+            "on data not used for the fit is with the law free; the extended model has the library's form."
         )
     if further:
         titles = " and ".join(f"{fit.candidate.kind.title[0].lower()}{fit.candidate.kind.title[1:]}" for fit in further)
-        text += f" What the library's form leaves may be this error of form, or {titles}; these readings cannot tell."
+        text += f" What the library's form leaves may be an error of form, or {titles}; these readings cannot tell."
     return text.strip()
 
 
@@ -251,7 +252,7 @@ NEAREST_FROM = 0.2
 
 def _nearest(diagnosis: Diagnosis) -> str:
     """The mechanism that comes nearest, where it takes up a good part of the mismatch."""
-    if diagnosis.naming is None or not diagnosis.naming.best.fits:
+    if diagnosis.naming is None or not diagnosis.naming.best.fits or not diagnosis.naming.best.needed:
         return ""
     naming = diagnosis.naming
     share = naming.best.gain / (naming.best.gain + naming.remainder.excess)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class FileLimit:
-    """Limit by the size of a file: the larger of both.
+    """Limit by the size of a file: the larger of the first two, up to the last.
 
     Parameters
     ----------
@@ -15,14 +15,18 @@ class FileLimit:
         However small the file is.
     per_byte : int
         For each byte of it.
+    ceiling : int or None
+        However large it is.
     """
 
     floor: int
     per_byte: int
+    ceiling: int | None = None
 
     def of(self, size: int) -> int:
         """Most of a file of that size [bytes]."""
-        return max(self.floor, self.per_byte * size)
+        most = max(self.floor, self.per_byte * size)
+        return most if self.ceiling is None else min(most, self.ceiling)
 
 
 EXPANDED = FileLimit(64 << 20, 100)
@@ -32,5 +36,5 @@ WASTED = FileLimit(4 << 30, 400)
 """Bytes that are expanded of chunks that turn out damaged: a damaged head may claim much."""
 MESSAGES = FileLimit(500_000, 4)
 """Messages that are taken: recorded ones take a byte and more."""
-MISSING = FileLimit(5_000_000, 4)
+MISSING = FileLimit(5_000_000, 4, 50_000_000)
 """Samples that the gaps of a channel leave out together: each takes the memory of one that is there."""
