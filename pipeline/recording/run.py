@@ -137,7 +137,8 @@ def _setpoints(entries: Mapping[str, str], findings: Findings) -> Setpoints:
         **{
             name: value * scale
             for key, (name, scale) in RUN_KEYS.items()
-            if (value := _parsed(entries, key, finite, f"a number up to {LARGEST_NUMBER:g}", findings)) is not None
+            if (value := _parsed(entries, key, finite, f"a finite number up to {LARGEST_NUMBER:g}", findings))
+            is not None
         }
     )
 
