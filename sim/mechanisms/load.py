@@ -185,7 +185,7 @@ class LoadIronLossPower(IronLossUnderLoad):
     shape = ("power", "speed_power")
 
     k: float = parameter("N m s/rad", bounds=(0.0, 1e-2), typical=5e-5, meaning="damping at 1 N m and 100 rad/s")
-    power: float = parameter("1", bounds=(0.5, 3.0), typical=2.0, meaning="power of the transmitted torque", null=2.0)
+    power: float = parameter("1", bounds=(0.8, 2.2), typical=2.0, meaning="power of the transmitted torque", null=2.0)
     speed_power: float = parameter("1", bounds=(0.5, 1.4), typical=1.0, meaning="power of the speed", null=1.0)
 
     def drag(self, torque: Number, speed: Number, rest: float) -> Number:
