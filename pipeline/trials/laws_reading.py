@@ -1,4 +1,4 @@
-"""Laws of faulty torque readings: how a zero moves with time, a gain with torque, and what of the other is shown.
+"""Laws of faulty torque readings: zeros that move with time, gains that change with torque, crosstalk.
 
 `t` is time in lengths of the campaign, `x` a torque over the nominal one.
 """

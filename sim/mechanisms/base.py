@@ -241,6 +241,11 @@ class MotionLaw(Mechanism):
     def at_instant(self, now: Instant) -> Torques:
         """Torques on the rotors [N m] at an instant."""
 
+    def where_it_acts(self, at: OperatingPoints, whole: Torques) -> Torques:
+        """Torques at steady points (n,) of the configurations in which it acts; none at the others."""
+        acts = np.isin(at.configuration, self.acts_in)
+        return Torques(np.where(acts, whole.sun, 0.0), np.where(acts, whole.ring, 0.0))
+
     def carrier_law(self, speed_carrier: Number, rest: float = 0.0) -> Number:
         """Torque on the carrier [N m] at its speed; none unless the mechanism says otherwise."""
         return 0.0 * (speed_carrier + rest)
@@ -264,9 +269,7 @@ class RotorLaw(MotionLaw):
 
     def torque(self, at: OperatingPoints) -> Torques:
         """Torques on the rotors at steady points: the law where the mechanism acts, none elsewhere."""
-        acts = np.isin(at.configuration, self.acts_in)
-        whole = self.law(at.speed_sun, at.speed_ring)
-        return Torques(np.where(acts, whole.sun, 0.0), np.where(acts, whole.ring, 0.0))
+        return self.where_it_acts(at, self.law(at.speed_sun, at.speed_ring))
 
 
 _ABOVE_ZERO = 1e-16

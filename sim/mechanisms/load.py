@@ -68,9 +68,7 @@ class LoadLaw(MotionLaw):
     def torque(self, at: OperatingPoints) -> Torques:
         """Torques on the rotors at steady points: the ring's load is what its motor applies when engaged."""
         load = np.where(at.engaged, np.abs(at.torque_ring), 0.0)
-        whole = self.law(at.speed_sun, at.speed_ring, load, of_stage(at.gear, *self.ratios))
-        acts = np.isin(at.configuration, self.acts_in)
-        return Torques(np.where(acts, whole.sun, 0.0), np.where(acts, whole.ring, 0.0))
+        return self.where_it_acts(at, self.law(at.speed_sun, at.speed_ring, load, of_stage(at.gear, *self.ratios)))
 
 
 @dataclass(frozen=True)
@@ -166,7 +164,7 @@ class IronLossUnderLoad(LoadLaw):
 
 
 REFERENCE_SPEED = 100.0
-"""Speed at which a power of the speed counts as the speed itself [rad/s]; scales a parameter only."""
+"""Speed, or difference of speeds, that powers are taken of in units of it [rad/s]; scales a parameter only."""
 
 
 @dataclass(frozen=True)
@@ -209,10 +207,6 @@ class LoadIronLoss(IronLossUnderLoad):
         return -self.k * torque * speed
 
 
-REFERENCE_DIFFERENCE = 100.0
-"""Speed difference that makes the viscous part of bearing 3 dimensionless [rad/s]; scales its parameter only."""
-
-
 @dataclass(frozen=True)
 class RelativeBearingUnderLoad(LoadLaw):
     """`RelativeBearingDrag` in more detail: another power of the speed difference, and friction that grows with load.
@@ -250,7 +244,7 @@ class RelativeBearingUnderLoad(LoadLaw):
         """Drag on the sun, its reaction on the ring."""
         del ratio
         difference = speed_sun - speed_ring
-        viscous = self.m_1 * (modulus(difference, rest) / REFERENCE_DIFFERENCE) ** self.power
+        viscous = self.m_1 * (modulus(difference, rest) / REFERENCE_SPEED) ** self.power
         on_sun = against(difference, self.m_0 + viscous + self.mu * load, rest)
         return Torques(on_sun, -on_sun)
 
@@ -287,6 +281,6 @@ class RelativeBearingDrag(RotorLaw):
     def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
         """Drag on the sun, its reaction on the ring."""
         difference = speed_sun - speed_ring
-        viscous = self.m_1 * (modulus(difference, rest) / REFERENCE_DIFFERENCE) ** (2.0 / 3.0)
+        viscous = self.m_1 * (modulus(difference, rest) / REFERENCE_SPEED) ** (2.0 / 3.0)
         on_sun = against(difference, self.m_0 + viscous, rest)
         return Torques(on_sun, -on_sun)

@@ -77,9 +77,9 @@ class FreeForm(Generic[F, P]):
 def free_form(
     best: Explanation[F, P], catalogue: CandidateCatalogue[F, P], remainder_of: AdequacyTest
 ) -> FreeForm[F, P] | None:
-    """A candidate with its law free along its own covariates; None where it has none, or beside others.
+    """A candidate with its law free along its own covariates; None where it has none, or in a set of several.
 
-    Beside another candidate free laws would bend to almost anything.
+    Together with another candidate free laws would bend to almost anything.
     """
     if len(best.fits) > 1:
         return None

@@ -222,7 +222,7 @@ def margin_beside(remainder: Remainder) -> float:
 def _enlarged(
     catalogue: CandidateCatalogue[F, P], best: Explanation[F, P], starts: list[Explanation[F, P]], excess: float
 ) -> tuple[Explanation[F, P] | None, list[Explanation[F, P]], list[F]]:
-    """The larger set that enters or None, all larger ones best first, and the ranking beside the best."""
+    """The larger set that enters or None, all larger ones best first, and what may join the best one, ranked."""
     extended = [_extended(catalogue, start) for start in starts]
     larger = sorted((e for some, _ in extended for e in some), key=lambda e: -e.score)
     ranking = extended[[start.ids for start in starts].index(best.ids)][1]
