@@ -13,7 +13,7 @@ import polars as pl
 
 from pmg.pipeline.analysis.power_flow import flow_document, flow_frame, power_flows
 from pmg.pipeline.files.atomic import write_atomic
-from pmg.pipeline.files.json_values import proven_json, read_json, read_proven_json
+from pmg.pipeline.files.json_values import PROOF, proven_json, read_json, read_proven_json
 from pmg.pipeline.files.notes import note_read
 from pmg.pipeline.fit.budget_document import budget_document, budget_frame
 from pmg.pipeline.fit.common_errors import CORRECTION, CURVES, TRANSDUCERS
@@ -23,6 +23,7 @@ from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.levels import by_load
 from pmg.pipeline.grid.missing_uncertainty import unstated_columns, unstated_in
 from pmg.pipeline.grid.tables import frame_grid, grid_frame
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.store.store import Store, refuse_recordings
 from pmg.pipeline.wording.safe_text import spreadsheet_text
 from pmg.sim.bench import load_bench
@@ -223,6 +224,19 @@ def analysed_campaign(store: Path) -> str | None:
         return None
     name = document.get("campaign") if isinstance(document, dict) else None
     return name if isinstance(name, str) else None
+
+
+def unproven_analysis(store: Path) -> tuple[Remark, ...]:
+    """A warning where the analysis in a store holds no hash of its own bytes: nobody can tell whether it changed."""
+    summary = store / FOLDER / SUMMARY
+    try:
+        document = read_json(summary)
+    except (OSError, ValueError):
+        return ()
+    if not isinstance(document, dict) or PROOF in document:
+        return ()
+    message = "the analysis is unproven: it holds no hash of its own bytes; expected one, as pmg writes it. "
+    return (Remark("warning", str(summary), message + "Run 'pmg analyse' again."),)
 
 
 def _loss_tables(analysis: Analysis, folder: Path) -> dict[str, pd.DataFrame]:

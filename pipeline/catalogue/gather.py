@@ -85,12 +85,13 @@ def _analysed(store: Store) -> tuple[Grid | None, list[Remark]]:
         FOLDER,
         SUMMARY,
         read_analysis,
+        unproven_analysis,
     )
 
     if not (store.path / FOLDER / SUMMARY).is_file():
         return None, []
     try:
-        return read_analysis(store.path)[0], []
+        return read_analysis(store.path)[0], list(unproven_analysis(store.path))
     except PmgError as error:
         return None, [Remark("warning", FOLDER, f"{error.came}; left out. {error.do}")]
 

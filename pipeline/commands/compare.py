@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.analysis.outputs import read_analysis
+from pmg.pipeline.analysis.outputs import read_analysis, unproven_analysis
 from pmg.pipeline.analysis.tolerance import Tolerance
 from pmg.pipeline.chapters.measured.sensor_fault import sensor_fault_warning
 from pmg.pipeline.chapters.page import RecordedFacts, build_report
@@ -82,7 +82,7 @@ def run_compare(
     """
     began = clock()
     given = None if model is None else read_model(model)
-    whole = analysed(store, *read_analysis(store))
+    whole = analysed(store, *read_analysis(store), unproven_analysis(store))
     judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, np.random.default_rng(SEED), given)
     hashed = () if model is None else ((f"SHA-256 of {model.name}", sha256_of(model)),)
     page, remarks = campaign_page(

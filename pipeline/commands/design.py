@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.analysis.outputs import read_analysis
+from pmg.pipeline.analysis.outputs import read_analysis, unproven_analysis
 from pmg.pipeline.chapters.explained.detectability import audit_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.commands.outcome import Outcome
@@ -17,7 +17,7 @@ from pmg.pipeline.model.read_model import read_model
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
-from pmg.pipeline.simulate.inputs import loss_model
+from pmg.pipeline.simulate.inputs import loss_model, unproven_losses
 from pmg.pipeline.simulate.planned import planned_floor, planned_grid
 from pmg.pipeline.simulate.scenario_file import read_scenario
 from pmg.sim.bench import load_bench
@@ -61,6 +61,7 @@ def run_design(
         if file.table.plan is None:
             raise BenchError(str(plan), "no [plan]", "a table [plan]", "Add one.")
         model = loss_model(file, bench) if whole is None else whole.baseline
+        remarks = unproven_losses(file) if whole is None else ()
         if model is None:
             raise BenchError(f"{plan}: losses", "none", "losses to take effects about", "Name grids or an analysis.")
         grid, floor = planned_grid(file.table.plan, bench), planned_floor(file.table.plan)
@@ -69,6 +70,7 @@ def run_design(
         assert store is not None  # one of the two is given
         measured, options = read_analysis(store)
         bench, remarks = recorded_bench(store, measured, bench)
+        remarks = unproven_analysis(store) + remarks
         analysis = analyse(measured, options, bench)
         if analysis.calibration is None or analysis.floor is None:
             raise analysis.missing[0]

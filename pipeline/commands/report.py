@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.analysis.outputs import unproven_analysis
 from pmg.pipeline.campaign_comparison.constants import constant_differences, curve_differences
 from pmg.pipeline.campaign_comparison.difference import subtract
 from pmg.pipeline.campaign_comparison.document import kinds_compared, mean_document, versus_document
@@ -110,7 +111,7 @@ def run_report(
     return Outcome(
         data,
         tuple(_lines(versus, judged, files[0])),
-        tuple(_findings(versus)),
+        (*(remark for store in stores for remark in unproven_analysis(store)), *_findings(versus)),
         partial=judged is not None and bool(a.analysis.missing or b.analysis.missing),
         mismatch=judged is not None and judged.differ,
         failed=judged is None,

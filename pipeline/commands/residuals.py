@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.analysis.outputs import read_analysis
+from pmg.pipeline.analysis.outputs import read_analysis, unproven_analysis
 from pmg.pipeline.chapters.explained.structure import structure_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.commands.compare import SEED
@@ -118,7 +118,7 @@ def _analysed(store: Path | None, grids: Path | None) -> tuple[Analysis, BenchPa
     if store is not None and grids is None:
         grid, options = read_analysis(store)
         bench, remarks = recorded_bench(store, grid, bench)
-        return analyse(grid, options, bench), bench, remarks
+        return analyse(grid, options, bench), bench, unproven_analysis(store) + remarks
     if grids is not None and store is None:
         return analyse(read_published(grids, bench), THESIS_OPTIONS, bench), bench, ()
     came, do = "neither" if store is None else "both", "Name a store with an analysis, or published grids."

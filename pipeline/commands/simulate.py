@@ -11,7 +11,7 @@ from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.report.write import PAGE
 from pmg.pipeline.simulate.files import simulation_files, write_simulation
-from pmg.pipeline.simulate.inputs import gather_inputs
+from pmg.pipeline.simulate.inputs import gather_inputs, unproven_losses
 from pmg.pipeline.simulate.scenario_file import read_scenario
 from pmg.pipeline.simulate.scenario_mechanisms import switch_on_by_words
 from pmg.pipeline.simulate.simulation import findings_of, simulate
@@ -66,6 +66,7 @@ def run_simulate(
     simulation = simulate(scenario, inputs)
     files, missing = simulation_files(simulation, scenario, bench)
     findings = findings_of(simulation, scenario, inputs) + missing
+    findings += unproven_losses(file) if model is None else ()
     digest = hashlib.sha256(file.text.encode()).hexdigest()
     source = {"file": path.name, "sha256": digest}
     provenance = [("Scenario", path.name), ("SHA-256 of the scenario", digest), ("Randomness", "none")]

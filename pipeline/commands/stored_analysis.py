@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.commands.analyse import failed_sources
@@ -75,7 +75,7 @@ class StoredAnalysis:
     sources: SourceFacts
 
 
-def analysed(store: Path, grid: Grid, options: AnalysisOptions) -> StoredAnalysis:
+def analysed(store: Path, grid: Grid, options: AnalysisOptions, remarks: tuple[Remark, ...] = ()) -> StoredAnalysis:
     """A grid analysed on the bench that its recordings state.
 
     Parameters
@@ -86,9 +86,12 @@ def analysed(store: Path, grid: Grid, options: AnalysisOptions) -> StoredAnalysi
         Of one campaign.
     options : AnalysisOptions
         Choices.
+    remarks : tuple of Remark
+        On the analysis that the grid is from; they stand before those on its recordings.
     """
     bench = load_bench()
     sources = _read_sources(store, grid, bench, options.checks)
+    sources = replace(sources, remarks=remarks + sources.remarks)
     bench = rated(bench, sources.facts)
     return StoredAnalysis(store, options, bench, analyse(grid, options, bench), sources)
 

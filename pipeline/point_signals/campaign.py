@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
 
+NO_NUMBER = "No number of the analysis is taken from them: means and their uncertainty come from its proven document"
+"""Why a recording whose samples were changed in the store keeps its place in the grid."""
 SAME_START = 3
 """Decimals of a second to which the start of a window is the same in grid and store."""
 
@@ -100,7 +102,7 @@ def campaign_signals(store: Store, grid: Grid, budget: Budget) -> CampaignSignal
         try:
             run = _run(store, manifest)
         except StoreError as error:
-            lacking = f"samples {error.came}; ingest {manifest.file} again"
+            lacking = f"samples {error.came}. {NO_NUMBER}; ingest {manifest.file} again"
             for row in of_run:
                 cells[row] = replace(cells[row], file=manifest.file, lacking=lacking)
             continue

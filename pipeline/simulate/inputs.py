@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.analysis.outputs import read_analysis
+from pmg.pipeline.analysis.outputs import read_analysis, unproven_analysis
 from pmg.pipeline.fit.analysis import analyse, chosen_terms, fit_curves
 from pmg.pipeline.fit.calibration import calibrate
 from pmg.pipeline.fit.loss_fit import check_powers
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.fit.options import AnalysisOptions
+    from pmg.pipeline.recording.remark import Remark
     from pmg.pipeline.simulate.scenario_file import ScenarioFile
     from pmg.pipeline.simulate.scenario_mechanisms import Switched
     from pmg.sim.bench import BenchParameters
@@ -177,6 +178,12 @@ def loss_model(file: ScenarioFile, bench: BenchParameters) -> LossModel | None:
     if given.K_corr is not None:
         options = replace(options, correction=repr(given.K_corr))
     return _calibrated(grid, options, bench, by_hand)
+
+
+def unproven_losses(file: ScenarioFile) -> tuple[Remark, ...]:
+    """A warning where the losses are of an analysis in a store that is unproven."""
+    given = file.table.losses
+    return () if given.analysis is None or given.model is not None else unproven_analysis(file.resolve(given.analysis))
 
 
 def _powers(text: str, where: str) -> tuple[float, ...]:

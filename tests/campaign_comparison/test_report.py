@@ -119,7 +119,10 @@ def test_grids_without_a_common_point_are_told_with_the_nearest(published: Path,
     stored["origin"] = "published"
     del stored["proof"]
     (tmp_path / "s" / "analysis" / "analysis.json").write_text(json.dumps(stored))
-    data = call(published, tmp_path / "s", "--report", tmp_path / "r", expect=2)["data"]
+    told = call(published, tmp_path / "s", "--report", tmp_path / "r", expect=2)
+    data = told["data"]
+    (unproven,) = [f for f in told["findings"] if "unproven" in f["message"]]
+    assert (unproven["severity"], unproven["where"]) == ("warning", str(tmp_path / "s" / "analysis" / "analysis.json"))
     assert data["statement"].startswith("No point of A has a partner")
     assert len(data["only_b"]) == len(away)
     assert all(one["nearest"] for one in data["only_b"])

@@ -29,7 +29,7 @@ from pmg.pipeline.grid.campaign import choose_campaign, measured_grid
 from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.grid.window_facts import window_facts
 from pmg.pipeline.point_signals import encoded as contract
-from pmg.pipeline.point_signals.campaign import CampaignSignals, campaign_signals
+from pmg.pipeline.point_signals.campaign import NO_NUMBER, CampaignSignals, campaign_signals
 from pmg.pipeline.point_signals.cell import CellSignals
 from pmg.pipeline.point_signals.encoded import Encoded, encode
 from pmg.pipeline.point_signals.quantised import UNKNOWN, Numbers
@@ -227,6 +227,7 @@ def test_a_recording_that_cannot_be_read_is_told_and_takes_no_other_point(
     (finding,) = made.findings
     assert finding.severity == "warning"
     assert "1 point without signals: B" in finding.message
+    assert (NO_NUMBER in finding.message) == (harm in ("cut", "changed", "columns"))
     page = encode(made.cells)
     assert page.index["cells"][1]["lacking"] == made.cells[1].lacking
     assert len(decode(page, 1)["budget"]) == 2

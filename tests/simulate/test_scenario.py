@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -9,10 +10,11 @@ import pytest
 from tests.conftest import ROOT
 
 from pmg.pipeline.analysis.outputs import write_analysis
+from pmg.pipeline.files.json_values import PROOF
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import THESIS_OPTIONS, chosen_options
 from pmg.pipeline.grid.tables import read_published
-from pmg.pipeline.simulate.inputs import gather_inputs
+from pmg.pipeline.simulate.inputs import gather_inputs, unproven_losses
 from pmg.pipeline.simulate.scenario_file import read_scenario
 from pmg.sim.bench import BenchParameters
 from pmg.sim.dynamics.constants import Control
@@ -301,6 +303,13 @@ def test_losses_may_come_from_a_stored_analysis(tmp_path: Path, bench: BenchPara
     assert model is not None
     assert model.c == pytest.approx(analysis.calibration.model.c, rel=1e-9)
     assert model.curve_sun.coefficients == pytest.approx(analysis.calibration.model.curve_sun.coefficients)
+    assert not unproven_losses(file)
+    summary = tmp_path / "store" / "analysis" / "analysis.json"
+    summary.write_text(
+        json.dumps({key: value for key, value in json.loads(summary.read_text()).items() if key != PROOF})
+    )
+    (remark,) = unproven_losses(file)
+    assert (remark.severity, remark.where) == ("warning", str(summary))
 
 
 def test_a_harmonic_and_cogging_reach_the_map(tmp_path: Path, bench: BenchParameters) -> None:

@@ -96,6 +96,15 @@ CASES = (
     ),
     Case(
         "text",
+        "analysis/analysis.json of the store without its proof, read",
+        spoil=_stored("analysis/analysis.json", JSONS["without its proof"]),
+        calls=(READS["analysis"],),
+        says="unproven",
+        small=True,
+        first="made",
+    ),
+    Case(
+        "text",
         "samples of the store with another digit",
         spoil=_other_samples,
         calls=(Call(("compare", "--store", "store", "--report", "report", "--json")),),
