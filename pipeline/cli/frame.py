@@ -9,7 +9,6 @@ import traceback
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from enum import IntEnum, StrEnum
 from functools import wraps
 from inspect import Parameter, Signature, signature
@@ -122,7 +121,7 @@ def _carry_out(
     fail_on: _FailOn,
     audited: Mapping[str, object] | None,
 ) -> None:
-    """Run a stage, leave an entry in the audit trail of its stores, print what it gave, and exit with its code.
+    """Run a stage, leave entries in the audit trail of its stores, print what it gave, and exit with its code.
 
     Parameters
     ----------
@@ -159,13 +158,14 @@ def _carry_out(
 
 
 def _audited(command: str, run: Callable[[], _Ending], settings: Mapping[str, object]) -> _Ending:
-    """The ending of a command, after an entry of it was left in its stores; one that could not be is a finding."""
-    from pmg.pipeline.commands.audit_entry import leave_entries
+    """The ending of a command that leaves entries in its stores as it begins and ends; one that fails is a finding."""
+    from pmg.pipeline.commands.audit_entry import AuditedCall
 
-    began = datetime.now(UTC)
-    with taking_notes() as notes:
+    call = AuditedCall(command, sys.argv[1:], settings)
+    with taking_notes(call.begin) as notes:
+        call.begin(notes)
         ending = run()
-    remarks = leave_entries(command, sys.argv[1:], settings, notes, began, int(ending.code))
+    remarks = call.end(notes, int(ending.code))
     if remarks and ending.outcome is not None:
         return replace(ending, outcome=replace(ending.outcome, findings=ending.outcome.findings + remarks))
     _tell_findings(remarks)

@@ -11,7 +11,7 @@ from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.files.atomic import PREFIX
 from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.recording.remark import Remark
-from pmg.pipeline.store.audit_trail import FILE, NUMBER, OWN, AuditTrail, Break, read_trail
+from pmg.pipeline.store.audit_trail import BEGAN, FILE, NUMBER, OWN, STATE, AuditTrail, Break, read_trail
 from pmg.pipeline.store.store import SOURCES, Store
 from pmg.pipeline.wording.plurals import counted, listed
 from pmg.pipeline.wording.safe_text import printable
@@ -66,6 +66,11 @@ def run_audit(store: Path, head: str | None = None) -> Outcome:
     remarks = [Remark("error", f"{place}: line {at.line}", f"{at.came}; expected {at.expected}") for at in breaks]
     remarks += [Remark("warning", f"{place}: line {at.line}", _lost(at)) for at in trail.lost]
     remarks += [Remark("warning", path, "changed since pmg wrote it, by its hash") for path in held.changed]
+    remarks += [
+        Remark("warning", f"{place}: line {entry.get(NUMBER)}", _unended(entry))
+        for entry in trail.calls
+        if entry.get(STATE) == BEGAN
+    ]
     if not trail.entries:
         remarks.append(Remark("warning", place, "no entry: made before pmg kept a trail, or the trail was removed"))
     elif without:
@@ -91,6 +96,13 @@ def run_audit(store: Path, head: str | None = None) -> Outcome:
 
 def _lost(at: Break) -> str:
     return f"{at.came}; expected {at.expected}. A kill or a full disk leaves such a line: what it said is lost"
+
+
+def _unended(entry: Mapping[str, Any]) -> str:
+    return (
+        f"'{_call(entry)}' began at {entry.get(BEGAN)} and left no end; expected one. It was killed or its machine "
+        "stopped, or it is still running; what it wrote is not in the trail. If it is no longer running, run it again"
+    )
 
 
 def _held_files(store: Path, trail: AuditTrail) -> _HeldFiles:
@@ -121,25 +133,33 @@ def _without_entry(store: Path, held: _HeldFiles) -> list[str]:
 
 
 def _table(trail: AuditTrail) -> list[str]:
-    rows = [tuple(printable(text) for text in _row(entry)) for entry in trail.entries]
+    rows = [tuple(printable(text) for text in _row(entry)) for entry in trail.calls]
     return aligned_cells([HEADS, *rows], RIGHT) if rows else []
 
 
 def _row(entry: Mapping[str, Any]) -> Iterator[str]:
-    versions, words = entry.get("versions"), entry.get("arguments")
+    versions = entry.get("versions")
     yield str(entry.get(NUMBER))
     yield str(entry.get("began"))[:19].replace("T", " ")
     yield str(entry.get("user"))
     yield str(entry.get("host"))
     yield str(versions.get("pmg") if isinstance(versions, dict) else None)
-    yield str(entry.get("exit_code"))
+    yield "none" if entry.get(STATE) == BEGAN else str(entry.get("exit_code"))
     yield str(sum(len(part) for name in ("read", "recordings") if isinstance(part := entry.get(name), list)))
     yield str(len(tuple(_files(entry.get("written")))))
-    yield shlex.join(["pmg", *map(str, words if isinstance(words, list) else ())])
+    yield _call(entry)
+
+
+def _call(entry: Mapping[str, Any]) -> str:
+    """The call as typed; from Python the function, and the script."""
+    words = entry.get("arguments")
+    typed = shlex.join(map(str, words if isinstance(words, list) else ()))
+    return f"Python {entry.get('command')}: {typed}" if entry.get("by") == "Python" else f"pmg {typed}".rstrip()
 
 
 def _summary(trail: AuditTrail, breaks: list[Break], held: _HeldFiles) -> Iterator[str]:
     count = f"{len(trail.entries)} {'entry' if len(trail.entries) == 1 else 'entries'}"
+    count = f"{counted(len(trail.calls), 'call')} in {count}"
     if breaks:
         yield f"{count}; the chain is broken at line {min(at.line for at in breaks)}: what stands there is no record"
     elif trail.entries:

@@ -1,22 +1,26 @@
-"""The entry of the audit trail that a command leaves in each store it worked on."""
+"""The entries of the audit trail that a call leaves in each store it works on: as it begins, and as it ends."""
 
 from __future__ import annotations
 
 import os
 import platform
 import sys
+import warnings
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from enum import Enum
 from getpass import getuser
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pmg.pipeline.files.notes import notes_taken, taking_notes
 from pmg.pipeline.recording.remark import Remark
-from pmg.pipeline.store.audit_trail import FILE, append_entry
+from pmg.pipeline.store.audit_trail import BEGAN, ENDED, FILE, OPENED_BY, STATE, append_entry
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from datetime import datetime
+    from collections.abc import Iterator, Mapping, Sequence
 
     from pmg.pipeline.files.notes import Notes
 
@@ -24,73 +28,119 @@ VERSIONS = {"pmg": "pmg-bench", "numpy": "numpy", "scipy": "scipy"}
 """Distributions whose versions an entry names."""
 
 
-def leave_entries(
-    command: str, words: Sequence[str], settings: Mapping[str, object], notes: Notes, began: datetime, code: int
-) -> tuple[Remark, ...]:
-    """Leave an entry in the store that the settings name, or in each of several.
+def _now() -> str:
+    return datetime.now(UTC).isoformat()
+
+
+@dataclass(frozen=True)
+class AuditedCall:
+    """A call of a command, or from Python, that leaves entries.
 
     Parameters
     ----------
     command : str
         Its name.
     words : sequence of str
-        Its call as typed.
+        Its call as typed; from Python, that of the script.
     settings : mapping
         What the call set, by name; the notes hold what a campaign file set besides.
-    notes : Notes
-        Of what it read and wrote.
-    began : datetime
+    by : str
+        ``pmg`` for a command, ``Python``.
+    began : str
         When.
-    code : int
-        Its exit code.
-
-    Returns
-    -------
-    tuple of Remark
-        A warning for each entry that could not be written: the results of the command stand all the same.
+    opened : dict of Path to int or None
+        Number of the entry of its beginning, by store; None where that could not be written.
     """
-    chosen = {name: value for name, value in {**settings, **notes.settings}.items() if value is not None}
-    named = chosen.get("stores", [chosen.get("store")])
-    stores = [path for path in named if isinstance(path, Path)] if isinstance(named, list) else []
-    failed = []
-    for store in dict.fromkeys(stores):
+
+    command: str
+    words: Sequence[str]
+    settings: Mapping[str, object]
+    by: str = "pmg"
+    began: str = field(default_factory=_now)
+    opened: dict[Path, int | None] = field(default_factory=dict)
+
+    def begin(self, notes: Notes) -> None:
+        """Leave an entry of the beginning in each store that is there and has none; the end tells if it could not."""
+        chosen = self._chosen(notes)
+        for store in _stores(chosen):
+            if self.opened.get(store) is None:
+                with suppress(Exception):
+                    self.opened[store] = append_entry(store, {STATE: BEGAN, **self._facts(chosen)})
+
+    def end(self, notes: Notes, code: int) -> tuple[Remark, ...]:
+        """Leave an entry of the end in each store, with the exit code.
+
+        Returns
+        -------
+        tuple of Remark
+            A warning for each entry that could not be written: the results of the call stand all the same.
+        """
+        chosen = self._chosen(notes)
+        failed = []
+        for store in _stores(chosen):
+            place = {STATE: ENDED, OPENED_BY: self.opened.get(store), ENDED: _now(), "exit_code": code}
+            try:
+                append_entry(store, self._facts(chosen) | _files(notes, store.absolute()) | place)
+            except Exception as error:
+                came = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
+                message = f"the audit trail has no entry of this command ({came}); expected a file that "
+                message += "can be written. The results stand; note by hand what was run, and put the file right"
+                failed.append(Remark("warning", str(store / FILE), message))
+        return tuple(failed)
+
+    def _chosen(self, notes: Notes) -> dict[str, object]:
+        return {name: value for name, value in {**self.settings, **notes.settings}.items() if value is not None}
+
+    def _facts(self, settings: Mapping[str, object]) -> dict[str, Any]:
+        """Who calls what, where and with which settings."""
+        versions = {"python": platform.python_version()} | {name: version(each) for name, each in VERSIONS.items()}
+        return {
+            BEGAN: self.began,
+            "user": _user(),
+            "host": platform.node(),
+            "platform": platform.platform(),
+            "versions": versions,
+            "command": self.command,
+            "by": self.by,
+            "arguments": list(self.words),
+            "folder": str(Path.cwd()),
+            "settings": {name: _plain(value) for name, value in settings.items()},
+        }
+
+
+@contextmanager
+def audited_from_python(name: str, store: Path | None, **settings: object) -> Iterator[None]:
+    """Entries of a call from Python in a store, if it names one; within a command, its own stand for it."""
+    if notes_taken() is not None:
+        yield
+        return
+    call = AuditedCall(name, sys.argv, {"store": store, **settings}, by="Python")
+    code = 1
+    with taking_notes(call.begin) as notes:
+        call.begin(notes)
         try:
-            append_entry(store, _facts(command, words, chosen, notes, began, code, store.absolute()))
-        except Exception as error:
-            came = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
-            message = f"the audit trail has no entry of this command ({came}); expected a file that "
-            message += "can be written. The results stand; note by hand what was run, and put the file right"
-            failed.append(Remark("warning", str(store / FILE), message))
-    return tuple(failed)
+            yield
+            code = 0
+        finally:
+            for remark in call.end(notes, code):
+                warnings.warn(f"{remark.where}: {remark.message}", stacklevel=4)
 
 
-def _facts(
-    command: str,
-    words: Sequence[str],
-    settings: Mapping[str, object],
-    notes: Notes,
-    began: datetime,
-    code: int,
-    store: Path,
-) -> dict[str, Any]:
-    """The entry without its place in the chain; files of the store are named from there, others in full."""
+def _stores(settings: Mapping[str, object]) -> list[Path]:
+    """Stores that settings name."""
+    named = settings.get("stores", [settings.get("store")])
+    return list(dict.fromkeys(path for path in named if isinstance(path, Path))) if isinstance(named, list) else []
+
+
+def _files(notes: Notes, store: Path) -> dict[str, Any]:
+    """What went in and came out; files of the store are named from there, others in full."""
     named = set(notes.read.values())
     recordings = {digest: name for digest, name in notes.recordings.items() if digest not in named}
     read = {path: digest for path, digest in notes.read.items() if path not in notes.written}
     return {
-        "began": began.isoformat(),
-        "user": _user(),
-        "host": platform.node(),
-        "platform": platform.platform(),
-        "versions": {"python": platform.python_version()} | {name: version(each) for name, each in VERSIONS.items()},
-        "command": command,
-        "arguments": list(words),
-        "folder": str(Path.cwd()),
-        "settings": {name: _plain(value) for name, value in settings.items()},
         "read": [_file(path, digest, store) for path, digest in sorted(read.items())],
         "recordings": [{"name": name, "sha256": digest} for digest, name in sorted(recordings.items())],
         "written": [_file(path, digest, store) for path, digest in sorted(notes.written.items())],
-        "exit_code": code,
     }
 
 

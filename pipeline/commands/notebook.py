@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.commands.analyse import gather
+from pmg.pipeline.commands.audit_entry import audited_from_python
 from pmg.pipeline.commands.compare import SEED, write_results
 from pmg.pipeline.commands.compare_and_diagnose import diagnose_campaign, simulate_campaign
 from pmg.pipeline.commands.ingest import IngestOptions, run_ingest
@@ -96,8 +97,10 @@ def ingest(
         When there are no recordings.
     """
     place = Path(tempfile.mkdtemp(prefix="pmg-store-")) if store is None else Path(store)
+    options = IngestOptions(workers, limits=limits, chart=supplied)
     try:
-        done = run_ingest(Path(recordings), place, IngestOptions(workers, limits=limits, chart=supplied))
+        with audited_from_python("ingest", place, recordings=recordings, **vars(options)):
+            done = run_ingest(Path(recordings), place, options)
     except BaseException:
         if store is None:
             shutil.rmtree(place, ignore_errors=True)
@@ -168,11 +171,13 @@ def analyse(
         robust=robust,
     )
     store = recordings.store if isinstance(recordings, IngestedCampaigns) else Path(recordings or ".")
-    gathered = gather(store, None if grids is None else Path(grids), campaign)
-    first = analyse_grid(gathered.grid, options, gathered.bench)
-    # As it comes back from a store: speeds in rpm and back, the noise floor in u. The same bytes as by the commands.
-    grid = frame_grid(grid_frame(first.grid), first.grid.origin, first.grid.campaign)
-    return CampaignAnalysis(analysed(store, grid, first.options), recordings)
+    of = None if recordings is None else store
+    with audited_from_python("analyse", of, grids=grids, campaign=campaign, **options.document()):
+        gathered = gather(store, None if grids is None else Path(grids), campaign)
+        first = analyse_grid(gathered.grid, options, gathered.bench)
+        # As it comes back from a store: speeds in rpm and back, noise floor in u. The same bytes as by the commands.
+        grid = frame_grid(grid_frame(first.grid), first.grid.origin, first.grid.campaign)
+        return CampaignAnalysis(analysed(store, grid, first.options), recordings)
 
 
 def compare(analysis: CampaignAnalysis, model: str | Path | None = None) -> CampaignComparison:

@@ -30,12 +30,15 @@ class Notes:
         Name of each recording that the store answered for, by its SHA-256.
     settings : dict of str to object
         Settings in force, whatever set them.
+    told : callable
+        Told of these notes when settings are known, or a store was made.
     """
 
     read: dict[str, str] = field(default_factory=dict)
     written: dict[str, str] = field(default_factory=dict)
     recordings: dict[str, str] = field(default_factory=dict)
     settings: dict[str, object] = field(default_factory=dict)
+    told: Callable[[Notes], None] | None = None
 
     def add(self, others: Notes) -> None:
         """Take in the notes of a part of the call."""
@@ -49,9 +52,9 @@ _TAKEN: ContextVar[Notes | None] = ContextVar("notes", default=None)
 
 
 @contextmanager
-def taking_notes() -> Iterator[Notes]:
-    """Notes of what the block does in this process."""
-    notes = Notes()
+def taking_notes(told: Callable[[Notes], None] | None = None) -> Iterator[Notes]:
+    """Notes of what the block does in this process; `told` gets them when settings are known, or a store was made."""
+    notes = Notes(told=told)
     before = _TAKEN.set(notes)
     try:
         yield notes
@@ -87,6 +90,13 @@ def note_settings(values: Mapping[str, object]) -> None:
     """Note settings in force."""
     if (notes := _TAKEN.get()) is not None:
         notes.settings.update(values)
+    note_store()
+
+
+def note_store() -> None:
+    """Note that a store was made, or is known by now."""
+    if (notes := _TAKEN.get()) is not None and notes.told is not None:
+        notes.told(notes)
 
 
 @dataclass(frozen=True)

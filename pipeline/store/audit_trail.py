@@ -25,6 +25,8 @@ PATIENCE_S = 10.0
 """Time for which another command may hold the trail [s]."""
 OWN, BEFORE, NUMBER = "sha256", "previous", "entry"
 """Keys of the hash of an entry, of the hash of the one before it, and of its line."""
+STATE, BEGAN, ENDED, OPENED_BY = "state", "began", "ended", "opened_by"
+"""Key of what an entry is, its two values, and key of the number of the entry with which its call began."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +69,15 @@ class AuditTrail:
         """Hash of the last entry, which stands for all before it; None where there is no entry."""
         return self.entries[-1][OWN] if self.entries else None
 
+    @property
+    def calls(self) -> tuple[dict[str, Any], ...]:
+        """One entry a call: that of its end, or that of its beginning where it left no end."""
+        closed = {str(entry.get(OPENED_BY)) for entry in self.entries}
+        return tuple(e for e in self.entries if e.get(STATE) != BEGAN or str(e.get(NUMBER)) not in closed)
 
-def append_entry(store: Path, facts: Mapping[str, Any]) -> None:
-    """Append an entry to the trail of a store; nothing is done where there is no store.
+
+def append_entry(store: Path, facts: Mapping[str, Any]) -> int | None:
+    """Append an entry to the trail of a store; gives its number, None where there is no store and nothing is done.
 
     Parameters
     ----------
@@ -84,7 +92,7 @@ def append_entry(store: Path, facts: Mapping[str, Any]) -> None:
         It cannot be written; the trail is as it was.
     """
     if not (store / MARK).is_file():
-        return
+        return None
     path = store / FILE
     if path.exists() and not path.is_file():
         raise OSError(0, "not a regular file", str(path))
@@ -106,6 +114,7 @@ def append_entry(store: Path, facts: Mapping[str, Any]) -> None:
         except OSError:
             os.ftruncate(descriptor, end)
             raise
+    return len(starts) + 1
 
 
 def read_trail(store: Path) -> AuditTrail:

@@ -13,7 +13,7 @@ import polars as pl
 
 from pmg.pipeline.files.atomic import PREFIX, abandoned, write_atomic, write_together
 from pmg.pipeline.files.json_values import ChangedError, proven_json, read_json, read_proven_json
-from pmg.pipeline.files.notes import note_recording
+from pmg.pipeline.files.notes import note_recording, note_store
 from pmg.pipeline.recording.codes import Code, Severity
 from pmg.pipeline.recording.findings import Finding
 from pmg.pipeline.store.manifest import FAILED, INGESTED, SCHEMA, Manifest, manifest_of
@@ -77,6 +77,7 @@ class Store:
         """Make the folder a store."""
         if not self.made:
             write_atomic(self.path / MARK, f'{{\n "schema": "{SCHEMA}"\n}}\n'.encode())
+            note_store()
 
     def require(self) -> None:
         """Raise a `StoreError` where nothing was ever ingested."""

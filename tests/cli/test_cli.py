@@ -67,7 +67,7 @@ def test_grids_go_in_by_their_bytes_and_the_report_comes_out_by_its(
     published: tuple[dict[str, Any], Path, Path],
 ) -> None:
     _, store, report = published
-    entry = read_trail(store).entries[0]
+    entry = read_trail(store).calls[0]
     assert {each["path"]: each["sha256"] for each in entry["read"]} == hashes(sorted(PUBLISHED.glob("*_grid.csv")))
     written = {each["path"]: each["sha256"] for each in entry["written"]}
     assert written.items() >= hashes(p for p in report.rglob("*") if p.is_file()).items()

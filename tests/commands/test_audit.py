@@ -6,7 +6,11 @@ import hashlib
 import json
 import os
 import platform
+import shlex
 import shutil
+import signal
+import subprocess
+import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -16,10 +20,11 @@ import pytest
 from tests.cli.test_cli import RUNNER, call
 from tests.recording.writer import Bench, write
 
+from pmg.pipeline import analyse, ingest
 from pmg.pipeline.cli.app import app
-from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.store.audit_trail import FILE, read_trail
 from pmg.pipeline.store.store import Store
+from pmg.sim.errors import StoreError
 
 LIMITS = "[windows]\nspeed_change_rpm = 7.0\n"
 
@@ -52,7 +57,7 @@ def folder(recorded: Path, tmp_path: Path) -> Path:
 
 
 def test_an_entry_says_who_ran_what_on_which_bytes_with_which_settings(recorded: Path) -> None:
-    (entry,) = read_trail(recorded / "s").entries
+    (entry,) = read_trail(recorded / "s").calls
     began = datetime.fromisoformat(entry["began"])
     assert began.utcoffset() == UTC.utcoffset(None)
     assert (entry["host"], entry["folder"], entry["command"]) == (platform.node(), str(Path.cwd()), "ingest")
@@ -60,7 +65,8 @@ def test_an_entry_says_who_ran_what_on_which_bytes_with_which_settings(recorded:
     assert entry["versions"]["numpy"] == np.__version__
     assert entry["versions"]["python"] == platform.python_version()
     assert entry["versions"].keys() == {"pmg", "python", "numpy", "scipy"}
-    assert entry["exit_code"] == 0
+    assert (entry["exit_code"], entry["by"], entry["state"]) == (0, "pmg", "ended")
+    assert began <= datetime.fromisoformat(entry["ended"])
     names = ("campaign.toml", "limits.toml", *(f"recordings/{number}.mcap" for number in range(3)))
     assert named(entry["read"]) == {str(recorded / name): digest(recorded / name) for name in names}
     assert entry["settings"]["limits"] == str(recorded / "limits.toml")
@@ -132,7 +138,8 @@ def test_the_audit_shows_each_entry_and_the_head_to_be_noted(folder: Path) -> No
     shown = RUNNER.invoke(app, ["runs", "audit", str(folder / "s")])
     head = read_trail(folder / "s").head
     assert shown.exit_code == 0
-    assert "2 entries; the chain is whole" in shown.stdout
+    assert "2 calls in 4 entries; the chain is whole" in shown.stdout
+    assert shown.stdout.count("pmg ingest") == 0
     assert f"head: {head}" in shown.stdout
     audit(folder / "s", "--head", str(head), expect=0)
 
@@ -141,8 +148,8 @@ def test_a_broken_chain_ends_with_two_and_its_line(folder: Path) -> None:
     trail = folder / "s" / FILE
     trail.write_text(trail.read_text().replace('"exit_code":0', '"exit_code":3'))
     told, findings = audit(folder / "s", expect=2)
-    assert [each["line"] for each in told["breaks"]] == [1]
-    assert "line 1" in findings
+    assert [each["line"] for each in told["breaks"]] == [2]
+    assert "line 2" in findings
     assert told["breaks"][0]["came"] != told["breaks"][0]["expected"]
 
 
@@ -155,7 +162,7 @@ def test_a_trail_cut_at_its_end_or_written_anew_shows_by_the_head_that_was_noted
     trail.write_bytes(first)
     audit(folder / "s", expect=0)
     told, _ = audit(folder / "s", "--head", head, expect=2)
-    assert told["breaks"][0]["line"] == 2
+    assert told["breaks"][0]["line"] == 3
 
 
 def test_a_torn_tail_ends_with_three(folder: Path) -> None:
@@ -163,7 +170,7 @@ def test_a_torn_tail_ends_with_three(folder: Path) -> None:
     with trail.open("ab") as file:
         file.write(b'{"arguments":["ing')
     told, findings = audit(folder / "s", expect=3)
-    assert [each["line"] for each in told["lost"]] == [2]
+    assert [each["line"] for each in told["lost"]] == [3]
     assert "A kill or a full disk" in findings
 
 
@@ -191,14 +198,50 @@ def test_a_store_without_a_trail_is_read_and_its_later_commands_have_one(folder:
     assert "that no entry wrote" in findings
 
 
-def test_a_store_by_python_has_no_trail(recorded: Path, tmp_path: Path) -> None:
-    """Entries are of commands; a script keeps its own record."""
-    ingest(recorded / "recordings", Store(tmp_path / "s"), workers=1)
-    assert not (tmp_path / "s" / FILE).exists()
+def test_calls_from_python_leave_their_entries(recorded: Path, tmp_path: Path) -> None:
+    found = ingest(recorded / "recordings", tmp_path / "s")
+    with pytest.raises(StoreError):
+        analyse(found, campaign="none of it")
+    ingested, analysed = read_trail(tmp_path / "s").calls
+    assert [e["state"] for e in read_trail(tmp_path / "s").entries] == ["began", "ended"] * 2
+    assert (ingested["command"], ingested["by"], ingested["exit_code"]) == ("ingest", "Python", 0)
+    assert {Path(path).name for path in named(ingested["read"])} == {f"{number}.mcap" for number in range(3)}
+    assert (analysed["command"], analysed["exit_code"]) == ("analyse", 1)
+    assert analysed["settings"]["campaign"] == "none of it"
+    shown = RUNNER.invoke(app, ["runs", "audit", str(tmp_path / "s")]).stdout
+    assert "Python ingest: " in shown
+    (tmp_path / "s" / FILE).unlink()
+    (tmp_path / "s" / FILE).mkdir()
+    with pytest.warns(UserWarning, match="the audit trail has no entry"):
+        ingest(recorded / "recordings", tmp_path / "s")
+
+
+KILLED = """
+import os, signal, sys
+from pmg.pipeline.commands import ingest_files
+ingest_files.supersede = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+from pmg.pipeline.cli.app import main
+main()
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no signal that cannot be caught")
+@pytest.mark.parametrize("store", ["new", "s"])
+def test_a_command_that_was_killed_is_seen_by_its_beginning(folder: Path, store: str) -> None:
+    words = ["ingest", str(folder / "recordings"), "--store", str(folder / store)]
+    done = subprocess.run([sys.executable, "-c", KILLED, *words], check=False)
+    assert done.returncode == -signal.SIGKILL
+    last = read_trail(folder / store).calls[-1]
+    assert (last["state"], last["arguments"], last["user"] != "") == ("began", words, True)
+    _, findings = audit(folder / store, expect=0)
+    assert f"'pmg {shlex.join(words)}' began at {last['began']} and left no end" in findings
+    call("ingest", folder / "recordings", "--store", folder / store, expect=0)
+    assert read_trail(folder / store).calls[-1]["exit_code"] == 0
+    assert audit(folder / store, expect=0)[1].count("left no end") == 1
 
 
 def test_text_in_a_trail_cannot_steer_a_terminal(folder: Path) -> None:
-    (entry,) = read_trail(folder / "s").entries
+    (entry,) = read_trail(folder / "s").calls
     os.truncate(folder / "s" / FILE, 0)
     from pmg.pipeline.store.audit_trail import append_entry
 
