@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
+from pmg.sim.shafts import SIDES
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -17,6 +19,11 @@ COPY = "the same run is in"
 """Start of the reason by which a copy is rejected; the file that is kept follows."""
 TORQUE_DIGITS = 9
 """Decimals [N m] to which mean torques of the same samples agree."""
+COPY_OF_NOMINAL = 1e-4
+"""How far the mean torques of a run in two files may differ, as part of the nominal torque; beyond, one was corrected.
+It is more than single precision loses."""
+COPY_SIGMAS = 10.0
+"""The same where one file holds less of the window, in standard uncertainties of the two means."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +58,24 @@ class _Placed:
         apart = a.stop_sample <= b.first_sample or b.stop_sample <= a.first_sample
         return self.manifest.identifier != other.manifest.identifier and not apart
 
+    def other_version(self, other: _Placed) -> bool:
+        """Whether the numbers of one of the two were changed."""
+        sides = (torque_apart(self.manifest, self.window, other.manifest, other.window, side) for side in SIDES)
+        return any(apart > limit for apart, limit in sides)
+
+
+def torque_apart(a: Manifest, of_a: StoredWindow, b: Manifest, of_b: StoredWindow, side: str) -> tuple[float, float]:
+    """How far two means of the torque of a shaft over the same samples are apart, and how far they may be [N m].
+
+    Nothing where one of them is not known.
+    """
+    means = of_a.means[side], of_b.means[side]
+    apart = abs(means[0].torque - means[1].torque)
+    limit = COPY_OF_NOMINAL * max(a.calibration[side].nominal_torque, b.calibration[side].nominal_torque)
+    if (of_a.first_sample, of_a.stop_sample) != (of_b.first_sample, of_b.stop_sample):
+        limit += COPY_SIGMAS * math.hypot(*(mean.within for mean in means))
+    return (0.0, limit) if math.isnan(apart) or math.isnan(limit) else (apart, limit)
+
 
 def without_copies(manifests: Sequence[Manifest]) -> list[Manifest]:
     """These sources of one campaign, with windows rejected that another file holds too.
@@ -69,7 +94,8 @@ def without_copies(manifests: Sequence[Manifest]) -> list[Manifest]:
     Notes
     -----
     A run has one start. Windows of the same point over the same samples, in two files that state the same start, are
-    one window that was written twice: copied in other chunks, or cut short. Where a file names no point, its name
+    one window that was written twice: copied in other chunks, or cut short. Where the mean torques differ, they are
+    two versions of it, one of them corrected, which a cross-check names. Where a file names no point, its name
     stands for it; its windows are copies where the mean torques agree too, as an import may give many runs one start.
     """
     groups: dict[tuple[str, ...], list[_Placed]] = defaultdict(list)
@@ -81,7 +107,7 @@ def without_copies(manifests: Sequence[Manifest]) -> list[Manifest]:
     for group in groups.values():
         kept: list[_Placed] = []
         for placed in sorted(group, key=lambda each: each.fullness):
-            original = next((other for other in kept if placed.overlaps(other)), None)
+            original = next((o for o in kept if placed.overlaps(o) and not placed.other_version(o)), None)
             if original is None:
                 kept.append(placed)
             else:

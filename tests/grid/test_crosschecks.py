@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import CompressionType
 from tests.grid.checked_campaign import (
     ENGAGED,
     FAULTS,
@@ -98,7 +99,41 @@ def test_a_planted_contradiction_is_named_and_costs_no_other_file(fault: Fault, 
 
 
 def test_every_check_has_a_fault_or_a_test_of_its_own() -> None:
-    assert {check.name for check in CROSS_CHECKS} - {fault.check for fault in FAULTS} == {"two-encodings"}
+    assert {check.name for check in CROSS_CHECKS} - {fault.check for fault in FAULTS} == {"two-encodings", "versions"}
+
+
+@pytest.mark.parametrize(("point", "name"), [("P03", "new.mcap"), (None, "new.mcap"), (None, f"corrected/{NEUTRAL}")])
+def test_a_corrected_recording_next_to_the_first_one_is_named_with_it(
+    point: str | None, name: str, checked: Check, tmp_path: Path
+) -> None:
+    """Neither counts as a repeat of the other, and nothing is chosen by chance."""
+    runs = sound()
+    (tmp_path / "corrected").mkdir()
+    calibration = CALIBRATION.replace("10003.2", "10007.2")
+    runs[NEUTRAL] = replace(runs[NEUTRAL], run=dict(runs[NEUTRAL].run) | {"point": point})
+    runs[name] = replace(runs[NEUTRAL], calibration=calibration)
+    found = checked(runs)
+    assert rejected(found) == {NEUTRAL, name}
+    assert {place.split(":")[0] for place in named(found, "versions")} == {NEUTRAL, name}
+    assert {finding.severity for finding in found.findings} == {"error"}
+    assert f"{NEUTRAL} holds the same run" in " ".join(finding.message for finding in found.findings)
+    assert [finding.size for finding in found.findings] == pytest.approx([4e-3, 4e-3], rel=0.01)
+
+
+def test_the_same_numbers_in_other_bytes_are_a_copy_and_no_other_version(checked: Check) -> None:
+    runs = sound()
+    runs["new.mcap"] = replace(runs[NEUTRAL], compression=CompressionType.LZ4)
+    found = checked(runs)
+    assert found.findings == ()
+    assert len(rejected(found)) == 1
+
+
+def test_one_start_for_points_that_nobody_named_tells_nothing(checked: Check) -> None:
+    """Where it is that of other points too, as of a recorder that writes the day alone."""
+    runs = sound()
+    start = {"started_at": "2025-04-23T00:00:00Z", "point": None}
+    runs = {name: replace(one, run=dict(one.run) | start, host=(0, 0)) for name, one in runs.items()}
+    assert named(checked(runs), "versions") == []
 
 
 def test_the_table_of_the_page_is_that_of_the_checks() -> None:

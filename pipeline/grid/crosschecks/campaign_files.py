@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.grid.copies import torque_apart
 from pmg.pipeline.grid.crosschecks.contradiction import SIGMAS, Contradiction, accepted_rows, robust_scale
 from pmg.pipeline.grid.window_facts import marked_as_simulated
 from pmg.pipeline.wording.plurals import counted
@@ -124,6 +125,48 @@ def _off(transducer: Transducer, usual: tuple[float, float, float]) -> float:
     zero, span, nominal = usual
     torque = np.array([-1.0, 0.0, 1.0]) * nominal
     return float(np.max(np.abs(transducer.torque(zero + torque * span / nominal) - torque)))
+
+
+def versions_of_one_run(manifests: Sequence[Manifest], _: BenchParameters) -> Iterator[Contradiction]:
+    """Recordings of one run, by its start and its point, whose torques differ: one of them was corrected.
+
+    Notes
+    -----
+    Nothing tells which is right. Points that nobody named are the same where name of the file or set-points are, and
+    nothing else has this start; an import may give many runs one.
+    """
+    groups: dict[tuple[object, ...], list[Row]] = defaultdict(list)
+    for row in accepted_rows(manifests):
+        imported = row.manifest.origin is not None or row.manifest.supplied is not None
+        if row.manifest.run.point or not imported:
+            groups[row.manifest.started_at, row.window.point].append(row)
+            groups[(row.manifest.started_at,)].append(row)
+    told = set()
+    for key, rows in groups.items():
+        if len(key) == 1 and len({_asked(row) for row in rows}) > 1:
+            continue
+        for row in rows:
+            off, limit, side, other = max(_versions(row, rows), key=lambda v: v[0] - v[1], default=(0.0, 0.0, "", ""))
+            if off > limit and row.key not in told:
+                told.add(row.key)
+                message = (
+                    f"{other} holds the same run, by its start and point, in another version: the torque of the {side} "
+                    f"differs by {off:.3g} N m, limit {limit:.3g} N m"
+                )
+                do = "Put the right version in the place of the other, and ingest both folders again."
+                yield Contradiction(row, off, limit, message, do)
+
+
+def _versions(row: Row, rows: Sequence[Row]) -> Iterator[tuple[float, float, str, str]]:
+    """How far the torques of a window are off those of the same samples in other files, by shaft and file [N m]."""
+    for other in rows:
+        shared = min(row.window.stop_sample, other.window.stop_sample) > max(
+            row.window.first_sample, other.window.first_sample
+        )
+        if shared and other.manifest.identifier != row.manifest.identifier:
+            for side in SIDES:
+                apart = torque_apart(row.manifest, row.window, other.manifest, other.window, side)
+                yield (*apart, side, other.manifest.file)
 
 
 def repeats_that_differ(manifests: Sequence[Manifest], bench: BenchParameters) -> Iterator[Contradiction]:

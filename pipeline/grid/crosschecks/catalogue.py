@@ -9,6 +9,7 @@ from pmg.pipeline.grid.crosschecks.campaign_files import (
     calibrations_unlike_the_others,
     repeats_that_differ,
     simulated_among_measured,
+    versions_of_one_run,
 )
 from pmg.pipeline.grid.crosschecks.channels import (
     encodings_that_differ,
@@ -61,6 +62,7 @@ _REJECT, _WIDEN, _KEEP = Action.REJECT, Action.WIDEN, Action.KEEP
 CROSS_CHECKS: tuple[CrossCheck, ...] = (
     CrossCheck("simulated-data", _REJECT, "measured recordings of the campaign", simulated_among_measured),
     CrossCheck("calibration", _REJECT, "calibrations with the same serial number", calibrations_unlike_the_others),
+    CrossCheck("versions", _REJECT, "the same run in another file", versions_of_one_run),
     CrossCheck("sample-rate", _REJECT, "times at which the host wrote the blocks", sample_rates_off_the_host),
     CrossCheck("start-time", _KEEP, "time at which the host wrote the first block", starts_off_the_host),
     CrossCheck("two-encodings", _REJECT, "the same torque as edges and as frequency", encodings_that_differ),

@@ -55,6 +55,11 @@ def _again(**changes: object) -> Callable[[Runs], None]:
     return plant
 
 
+def _unnamed_again(runs: Runs) -> None:
+    first = replace(runs[NEUTRAL], run=dict(runs[NEUTRAL].run) | {"point": None})
+    runs[NEUTRAL], runs["99.mcap"] = first, replace(first, calibration=CALIBRATION.replace("10003.2", "10007.2"))
+
+
 def _copy(desk: Desk) -> None:
     shutil.copy(desk.recordings / NEUTRAL, desk.recordings / "copy.mcap")
 
@@ -82,6 +87,8 @@ PLANTED: tuple[tuple[str, Callable[[Runs], object]], ...] = (
     ),
     ("calibration missing", changed(calibration=None)),
     ("same run in a second file of other bytes", _again(compression=CompressionType.LZ4)),
+    ("corrected version of a run in a second file", _again(calibration=CALIBRATION.replace("10003.2", "10007.2"))),
+    ("the same where nobody named the point", _unnamed_again),
     ("name of a point used twice", run(point="P04")),
     ("name of the campaign in capitals in one run", run(campaign="Made")),
     ("half of the recordings of another campaign", every(lambda n: run(n, campaign="other"), lambda n: n > "20.mcap")),
