@@ -9,21 +9,31 @@ import numpy as np
 import pytest
 from tests.trials.strata_by_name import find_stratum
 
+from pmg.pipeline.diagnosis.design.next_test import form_test
 from pmg.pipeline.diagnosis.engine.adequacy import AdequacyTest, Remainder, adequacy_test
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.engine.explanation import Explanation
-from pmg.pipeline.diagnosis.engine.free_form import BENT, FORM_ERROR, FreeForm, free_form
+from pmg.pipeline.diagnosis.engine.free_form import BENT, FORM_ERROR, FreeForm, explains, free_form
 from pmg.pipeline.diagnosis.engine.naming import name_candidates, with_free_laws
-from pmg.pipeline.diagnosis.grid.candidates import Candidate, CandidateFit, GridProblem, candidates, grid_problem
+from pmg.pipeline.diagnosis.grid.candidates import (
+    Candidate,
+    CandidateFit,
+    GridProblem,
+    candidates,
+    grid_problem,
+    refinement,
+)
 from pmg.pipeline.diagnosis.grid.catalogue import MECHANISMS, GridExplanation
 from pmg.pipeline.diagnosis.grid.evidence import campaign_evidence
 from pmg.pipeline.diagnosis.grid.free_form import bent_columns
+from pmg.pipeline.diagnosis.grid.law import law_powers
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import take_readings
 from pmg.pipeline.trials.nature import draw_case, measure_case
 from pmg.sim.bench import load_bench
+from pmg.sim.mechanisms.base import LawCovariate
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.problem import WhitenedProblem
@@ -105,6 +115,34 @@ def test_a_change_acts_where_the_mechanism_acts_and_nowhere_else(clean: GridProb
         assert not count or np.abs(columns).max() > 0.1 * np.abs(fit.effect).max()
 
 
+def test_what_takes_a_multiple_of_a_law_is_no_change_of_it(clean: GridProblem) -> None:
+    """A direction of the bend that the baseline all but absorbs shows only what a law many times as large would."""
+    fit = clean.fitted(candidate("stribeck_mixed_lubrication", "ring"), np.array([0.2, 15.0]))
+    beside = clean.take_out(fit)
+    along, seen, _ = np.linalg.svd(beside.project(beside.white(bent_columns(clean, fit))), full_matrices=False)
+    assert seen[0] > 4.0 > 0.5 > seen[-1]
+    for direction, taken_up in ((along[:, 0], True), (along[:, -1], False)):
+        form = free_form(Explanation((fit,), replace(beside, left=10.0 * direction)), MECHANISMS, judge(NOISE))
+        assert form is not None
+        assert bool(form.explanation.bent > 50.0) is taken_up
+        assert bool(form.evidence > 10.0) is taken_up
+
+
+@pytest.mark.parametrize(("power", "strays"), [(1.2, False), (2.2, True)])
+def test_a_law_that_runs_out_of_the_range_of_its_source_is_another_law(
+    power: float, *, strays: bool, clean: GridProblem
+) -> None:
+    detailed = refinement(candidate("load_dependent_iron_loss", "both"))
+    assert detailed is not None
+    values = np.array([3.0 * detailed.parameters[0].typical, 1.6, power])
+    problem = replace(clean, left=clean.left + clean.beyond_baseline(clean.effect(detailed, values)))
+    found = MECHANISMS.fit(problem, detailed)
+    assert found.strays is strays
+    assert found.bends_to_anything is strays
+    explained = explains(Explanation((found,), problem.take_out(found)), NOISE)
+    assert explained is not strays
+
+
 def test_what_has_no_covariate_does_not_bend(clean: GridProblem) -> None:
     assert free_form(planted(clean, "torque_zero_offset", "sun", 0.02, 0.0), MECHANISMS, judge(NOISE)) is None
 
@@ -148,3 +186,47 @@ def test_a_law_that_bends_is_named_alone(measured: tuple[GridProblem, NoiseFloor
     assert [fit.identifier for fit in found.best.fits] == ["load_dependent_bearing_friction"]
     assert found.best.bent > 20.0
     assert found.remainder.adequate
+
+
+@pytest.mark.parametrize("power", [1.0, 1.45])
+def test_the_power_by_which_a_law_differs_is_told(power: float, clean: GridProblem) -> None:
+    simple = candidate("load_dependent_bearing_friction", "ring")
+    detailed = refinement(simple)
+    assert detailed is not None
+    problem = replace(clean, left=clean.left + clean.beyond_baseline(clean.effect(detailed, np.array([0.05, power]))))
+    (found,) = law_powers(problem, MECHANISMS.fit(problem, simple))
+    assert (found.along, found.shaft) == (LawCovariate.LOAD, "ring")
+    assert abs(found.more - (power - 1.0)) < 2.0 * found.standard_error
+    assert found.standard_error < 0.15
+
+
+def test_the_power_of_a_law_of_two_quantities_is_told_for_each(clean: GridProblem) -> None:
+    simple = candidate("load_dependent_iron_loss", "both")
+    detailed = refinement(simple)
+    assert detailed is not None
+    values = np.array([6.0 * detailed.parameters[0].typical, 1.2, 0.7])
+    problem = replace(clean, left=clean.left + clean.beyond_baseline(clean.effect(detailed, values)))
+    load, speed = law_powers(problem, MECHANISMS.fit(problem, simple))
+    assert (load.along, speed.along) == (LawCovariate.LOAD, LawCovariate.SPEED)
+    assert speed.more < -2.0 * speed.standard_error
+    assert abs(speed.more + 0.3) < 3.0 * speed.standard_error
+    assert abs(load.more - 0.2) < 3.0 * load.standard_error
+
+
+def test_a_further_cause_is_told_from_an_error_of_form_by_points_that_no_bend_follows(
+    measured: tuple[GridProblem, NoiseFloor],
+) -> None:
+    clean, floor = measured
+    best = planted(clean, "load_dependent_bearing_friction", "sun", 0.05, 0.0)
+    chosen = candidate("torque_zero_offset", "ring")
+    further = clean.fitted(chosen, np.array([0.0003]))
+    test = form_test(clean, best, (further,), floor)
+    assert test is not None
+    assert test.separates == ("torque_zero_offset",)
+    larger = form_test(clean, best, (clean.fitted(chosen, np.array([0.01])),), floor)
+    assert larger is not None
+    assert larger.power > max(test.power, 0.9)
+    (own,) = best.fits
+    same = form_test(clean, best, (clean.fitted(own.candidate, own.values),), floor)
+    assert same is not None
+    assert same.power < 0.05

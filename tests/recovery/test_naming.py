@@ -14,6 +14,7 @@ from pmg.pipeline.diagnosis.grid.decide import diagnose
 from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document
 from pmg.pipeline.diagnosis.grid.fitting import fit_candidate
+from pmg.pipeline.diagnosis.grid.law import LawPower
 from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
@@ -21,6 +22,7 @@ from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import take_readings
 from pmg.pipeline.trials.nature import draw_case, measure_case
 from pmg.sim.bench import BenchParameters
+from pmg.sim.mechanisms.base import LawCovariate
 
 
 def diagnosed(stratum: str, bench: BenchParameters, seed: int) -> Diagnosis:
@@ -55,9 +57,24 @@ def test_a_planted_mechanism_is_named(identifier: str, shaft: str, seen_on: str,
     assert "Cause: " in statement(found)
     best, (other, *_) = found.naming.best, (fit for fit in found.naming.ranking if fit.identifier != identifier)
     assert "law differs" not in statement(found)
-    bent = replace(found, naming=replace(found.naming, best=replace(best, bent=best.gain / 9.0), further=(other,)))
-    assert "The law differs from that of the library: the library's form explains 90.0% " in statement(bent)
+    assert "form" not in document or document["form"] is None
+    rest = replace(found.naming.remainder, excess=0.0)
+    naming = replace(found.naming, best=replace(best, bent=best.gain / 9.0), further=(other,), remainder=rest)
+    power = LawPower(identifier, "sun", LawCovariate.LOAD, 0.4, 0.1)
+    bent = replace(found, naming=naming, law=(power, replace(power, more=-0.1)))
+    assert "the library's form explains 90.0% " in statement(bent)
+    assert "It grows faster with load than the library's form, by a power of 0.40 ± 0.10." in statement(bent)
+    assert "more slowly" not in statement(bent)
     assert f"or {other.candidate.kind.title[0].lower()}{other.candidate.kind.title[1:]}" in statement(bent)
+    form = diagnosis_document(bent)["form"]
+    assert form["or_further"] == [other.identifier]
+    assert form["powers"][0] == {
+        "id": identifier,
+        "shaft": "sun",
+        "along": "load",
+        "value": 0.4,
+        "standard_error": 0.1,
+    }
 
 
 def test_a_twin_under_one_way_flow_is_ambiguous_with_the_test_that_tells(bench: BenchParameters) -> None:

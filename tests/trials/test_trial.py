@@ -302,7 +302,7 @@ def test_coverage_and_size_of_sets_are_counted_by_kind() -> None:
         (near, document("named", (GAIN, "sun"))),
         (near, document("ambiguous", (DRIFT, "sun"), rival=GAIN)),
         (near, document("consistent")),
-        (ONE, document("ambiguous", (DRIFT, "sun"), rival=WIND)),
+        (ONE, document("ambiguous", (DRIFT, "sun"), rival="not_in_library")),
         (OUTSIDE, document("not_in_library")),
         (PAIR, document("named", (GAIN, "sun"))),
         (CLEAN, document("named", (GAIN, "sun"))),
@@ -315,6 +315,10 @@ def test_coverage_and_size_of_sets_are_counted_by_kind() -> None:
         "set_cover_outside": (1, 1),
         "set_cover_two": (0, 1),
         "set_cover_confounded": (0, 0),
+        "set_cover_by_named": (1, 2),
+        "set_cover_by_ambiguous": (1, 1),
+        "set_cover_by_weak": (0, 1),
+        "set_cover_by_not_in_library": (1, 1),
     }
     size = found["set_size_one"]
     assert (size.value, size.of) == (1.5, 2)

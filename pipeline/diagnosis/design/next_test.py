@@ -12,12 +12,16 @@ from scipy import stats
 from pmg.pipeline.diagnosis.design.plans import Plan, join_points, possible_plans
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY, MARGIN
 from pmg.pipeline.diagnosis.grid.candidates import GridProblem, candidates, grid_problem
+from pmg.pipeline.diagnosis.grid.free_form import bent_columns
 from pmg.pipeline.fit.whitening import whitener
 from pmg.pipeline.grid.readings import take_readings
 from pmg.sim.grid import Grid
 from pmg.sim.mechanisms import Experiment
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
     from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
     from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.pipeline.grid.readings import Readings
@@ -84,15 +88,19 @@ def longer_problem(problem: GridProblem, plan: Plan, floor: NoiseFloor) -> GridP
 
 def distance(problem: GridProblem, one: GridExplanation, other: GridExplanation) -> float:
     """Distance of one explanation from the other's best fit, baseline free: a noncentrality in noise variances."""
-    blank = replace(problem, left=np.zeros(len(problem.readings)))
-    free = blank
-    for fit in other.fits:
-        moved = replace(fit, effect=problem.effect(fit.candidate, fit.values), seen=np.zeros(len(problem.readings)))
-        free = free.take_out(moved)
     effect: Array = np.sum([problem.effect(fit.candidate, fit.values) for fit in one.fits], axis=0)
     effect = effect - np.sum([problem.effect(fit.candidate, fit.values) for fit in other.fits], axis=0)
-    left = free.beyond_baseline(effect)
+    left = _free_beside(problem, other.fits).beyond_baseline(effect)
     return float(left @ left)
+
+
+def _free_beside(problem: GridProblem, fits: tuple[CandidateFit, ...]) -> GridProblem:
+    """The problem with nothing read, whose baseline may follow the parameters of some fits."""
+    free = replace(problem, left=np.zeros(len(problem.readings)))
+    for fit in fits:
+        moved = replace(fit, effect=problem.effect(fit.candidate, fit.values), seen=np.zeros(len(problem.readings)))
+        free = free.take_out(moved)
+    return free
 
 
 def power_to_separate(noncentrality: float) -> float:
@@ -141,11 +149,39 @@ def next_test(
 ) -> NextTest | None:
     """The shortest plan with enough power, else the one with most; None where no plan adds anything."""
     ids = sorted({fit.candidate.identifier for e in (best, rival) for fit in e.fits})
-    found = []
-    for plan in possible_plans(problem.readings.grid.points, problem.bench):
-        whole = longer_problem(problem, plan, floor)
-        apart = min(distance(whole, best, rival), distance(whole, rival, best))
-        found.append(NextTest(plan, tuple(ids), power_to_separate(apart)))
+
+    def apart(whole: GridProblem) -> float:
+        return min(distance(whole, best, rival), distance(whole, rival, best))
+
+    return _best_test(problem, floor, tuple(ids), apart)
+
+
+def form_test(
+    problem: GridProblem, best: GridExplanation, further: tuple[CandidateFit, ...], floor: NoiseFloor
+) -> NextTest | None:
+    """The test that would tell a further cause from an error of form: where the bent law could not take up its effect.
+
+    `further` are the candidates that stand against a change of the law of `best`.
+    """
+
+    def apart(whole: GridProblem) -> float:
+        free = _free_beside(whole, best.fits)
+        free = free.take_up(free.white(np.hstack([bent_columns(free, fit) for fit in best.fits])))
+        effect = np.sum([whole.effect(fit.candidate, fit.values) for fit in further], axis=0)
+        left = free.beyond_baseline(effect)
+        return float(left @ left)
+
+    return _best_test(problem, floor, tuple(sorted(fit.identifier for fit in further)), apart)
+
+
+def _best_test(
+    problem: GridProblem, floor: NoiseFloor, ids: tuple[str, ...], apart: Callable[[GridProblem], float]
+) -> NextTest | None:
+    """The shortest plan with enough power, else the one with most; `apart` is a noncentrality with its points in."""
+    found = [
+        NextTest(plan, ids, power_to_separate(apart(longer_problem(problem, plan, floor))))
+        for plan in possible_plans(problem.readings.grid.points, problem.bench)
+    ]
     if not found:
         return None
     strong = [test for test in found if test.power >= ENOUGH]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
-from pmg.pipeline.diagnosis.engine.free_form import FORM_ERROR
+from pmg.pipeline.diagnosis.engine.free_form import form_room
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
@@ -44,14 +44,15 @@ def offer_decoys(problem: WhitenedProblem[Any], naming: Naming[Any, Any], decoys
 
     Notes
     -----
-    A decoy passes by the rule that a candidate passes by: evidence beyond its cost, and no more left over than an error
-    of form. If decoys pass, so would many a wrong candidate: the mismatch has too little shape to name a cause by.
+    A decoy passes by the rule that the leading candidates passed by: evidence beyond its cost, and no more left over
+    than an error of form. If decoys pass, so would many a wrong candidate: the mismatch has too little shape to name a
+    cause by.
     """
     if not naming.best.fits:
         return None
     whole = naming.best.gain + naming.best.bent + naming.remainder.excess
     gains, evidence = gains_of(problem, decoys)
-    good = (evidence > ENTRY) & (whole - gains <= FORM_ERROR * gains)
+    good = (evidence > ENTRY) & (whole - gains <= form_room(gains, naming.remainder))
     return Decoys(len(gains), int(good.sum()), float(gains.max() / naming.best.gain))
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Generic
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
@@ -16,6 +15,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.adequacy import AdequacyTest, Remainder
     from pmg.pipeline.diagnosis.engine.catalogue import CandidateCatalogue
     from pmg.pipeline.diagnosis.engine.explanation import Explanation
+    from pmg.sim.signals import Array
+
+T = TypeVar("T", float, "Array")
 
 FORM_ERROR = 0.03
 """Part of a candidate's gain that may be left over and pass for the error of its form rather than another candidate.
@@ -33,16 +35,23 @@ SMALL_PART = 0.3
 BENT = 0.15
 """Part of a candidate's gain that a free form of its law may add: beyond, it is another law."""
 
+BEND = 0.5
+"""Standard deviation of what a change of a law is expected to multiply it with."""
+
 
 def explains(best: Explanation[F, P], remainder: Remainder) -> bool:
     """Whether what a set leaves is an error of form, or noise."""
     if not best.fits or not best.needed or any(fit.bends_to_anything for fit in best.fits):
         return False
-    if remainder.within_noise and remainder.excess <= SMALL_PART * best.gain:
-        return True
+    within = remainder.within_noise and remainder.excess <= SMALL_PART * best.gain
+    return bool(within or remainder.excess <= form_room(best.gain, remainder))
+
+
+def form_room(gain: T, remainder: Remainder) -> T:
+    """What may be left over of some gain and pass for an error of form: more where nothing is seen in it."""
     if remainder.p_value >= ORDINARY:
-        return remainder.excess <= UNSEEN * best.gain + CHANCE * remainder.usual
-    return remainder.excess <= FORM_ERROR * best.gain
+        return UNSEEN * gain + CHANCE * remainder.usual
+    return FORM_ERROR * gain
 
 
 @dataclass(frozen=True)
@@ -77,16 +86,32 @@ class FreeForm(Generic[F, P]):
 def free_form(
     best: Explanation[F, P], catalogue: CandidateCatalogue[F, P], remainder_of: AdequacyTest
 ) -> FreeForm[F, P] | None:
-    """A candidate with its law free along its own covariates; None where it has none, or in a set of several.
+    r"""A candidate with its law free along its own covariates; None where it has none, or in a set of several.
 
     Together with another candidate free laws would bend to almost anything.
+
+    Notes
+    -----
+    Each coefficient of the change, a part of the law, is zero before any reading, with a standard deviation of `BEND`:
+    what takes a multiple of the law is no change of it. With the whitened columns :math:`X` and
+    :math:`\Lambda = X^T X + I/s^2`, the evidence is :math:`y^T X \Lambda^{-1} X^T y - \ln\det(s^2\Lambda)`, twice the
+    logarithm of the ratio of marginal likelihoods (Bishop 2006, section 3.5.1).
+
+    References
+    ----------
+    C. M. Bishop, 'Pattern Recognition and Machine Learning', Springer, 2006.
     """
     if len(best.fits) > 1:
         return None
-    problem = best.problem.take_up(np.hstack([catalogue.free_form(best.problem, fit) for fit in best.fits]))
-    columns = problem.baseline.shape[1] - best.problem.baseline.shape[1]
-    if not columns:
+    start = best.problem
+    columns = start.project(np.hstack([catalogue.free_form(start, fit) for fit in best.fits]))
+    if not columns.any():
         return None
-    bent = float(best.problem.left @ best.problem.left - problem.left @ problem.left)
-    freed = replace(best, problem=problem, bent=bent)
-    return FreeForm(freed, remainder_of(problem), bent - columns * math.log(len(problem.left)))
+    along = columns.T @ start.left
+    precision = columns.T @ columns + np.eye(columns.shape[1]) / BEND**2
+    change = np.linalg.solve(precision, along)
+    changed: dict[str, Any] = {"left": start.left - columns @ change}
+    problem = replace(start, **changed)
+    bent = float(start.left @ start.left - problem.left @ problem.left)
+    evidence = float(along @ change - np.linalg.slogdet(precision * BEND**2).logabsdet)
+    return FreeForm(replace(best, problem=problem, bent=bent), remainder_of(problem), evidence)

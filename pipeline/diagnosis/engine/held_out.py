@@ -21,6 +21,9 @@ RESAMPLES = 2000
 WITHHELD_SHARE = 0.9
 """Part of the withheld mismatch, in squares beyond the noise, that a candidate must predict to be named."""
 
+BY_CHANCE = 2.0
+"""Standard errors of the noise by which what is left may exceed the share that a candidate must predict."""
+
 
 @dataclass(frozen=True)
 class HeldOut:
@@ -77,13 +80,13 @@ class HeldOut:
         Notes
         -----
         Mean squares beyond what noise alone gives, that of the predicting fits included, are compared. What is left
-        after may exceed its share by one standard error of a mean square of noise, :math:`s^2\sqrt{2/n}`.
+        after may exceed its share by `BY_CHANCE` standard errors of a mean square of noise, :math:`s^2\sqrt{2/n}`.
         """
         assert self.expected_before is not None
         assert self.expected_after is not None
         before = self.rmse_before**2 - self.expected_before**2
         after = self.rmse_after**2 - self.expected_after**2
-        chance = self.expected_after**2 * math.sqrt(2.0 / self.count)
+        chance = BY_CHANCE * self.expected_after**2 * math.sqrt(2.0 / self.count)
         return self.rmse_after < self.rmse_before and after <= (1.0 - WITHHELD_SHARE) * before + chance
 
 

@@ -38,14 +38,15 @@ SHARE_OF_FIRST = 0.05
 TOGETHER = 0.9
 """Part of what is left that two candidates must explain to enter at once."""
 
-WEAK = 80.0
-"""Gain below which what a candidate leaves looks like noise, and an effect of another kind may pass for it."""
+FAINT, WEAK = 80.0, 160.0
+"""Gains below which what any candidate leaves looks like noise, and below which an effect of another kind may pass for
+the leading one: of trials with gains between them, three in ten had such a cause."""
 
 PASSES = 3
 """Times the members of a set are swapped at most, as long as that makes it better."""
 
 FEWEST, MOST_RIVALS = 1, 4
-"""Rivals of a weak explanation that are listed, at least and at most."""
+"""Rivals of a faint explanation that are listed at least, and of any at most."""
 
 
 @dataclass(frozen=True)
@@ -249,7 +250,8 @@ def _weak(
         return ()
     others = [e for e in others if e.ids != leader.ids]
     near = [e for e in others if e.score > leader.score - MARGIN]
-    return (leader, *(near or others[:FEWEST])[:MOST_RIVALS])
+    fewest = FEWEST if leader.gain < FAINT else 0
+    return (leader, *(near or others[:fewest])[:MOST_RIVALS])
 
 
 def _better(

@@ -79,7 +79,7 @@ class Fit(Generic[C]):
 
     @property
     def bends_to_anything(self) -> bool:
-        """Whether its shape ran to where it no longer gives the effect a form of its own."""
+        """Whether its shape ran to where it is no longer a form of its own, or out of the range of its source."""
         return False
 
 

@@ -54,6 +54,11 @@ class Candidate:
         known = {p.name: p for p in self.kind.parameters()}
         return tuple(known[name] for name in (*self.sizes, *self.kind.shape))
 
+    @property
+    def powers(self) -> tuple[str, ...]:
+        """Names of the shapes that are powers with which the law goes."""
+        return tuple(name for name in self.kind.shape if name.endswith("power"))
+
     def mechanism(self, bench: BenchParameters, model: LossModel, values: Array) -> Mechanism:
         """The mechanism with these values of its free parameters."""
         named = {p.name: float(v) for p, v in zip(self.parameters, values, strict=True)}
@@ -94,10 +99,13 @@ class CandidateFit(Fit[Candidate]):
         Its parameters: sizes, then shapes.
     effect : (m,) array
         Change of each reading [N m], before anything is absorbed.
+    strays : bool
+        Whether a power of its law lies at the end of the range that its source gives, and would clearly go on.
     """
 
     values: Array
     effect: Array
+    strays: bool = False
 
     @property
     def place(self) -> str:
@@ -111,8 +119,8 @@ class CandidateFit(Fit[Candidate]):
 
     @property
     def bends_to_anything(self) -> bool:
-        """Whether it is without a scale and not proportional to its sizes either."""
-        return self.without_scale and not self.candidate.kind.linear
+        """Whether its law strays, or is without a scale and not proportional to its sizes either."""
+        return self.strays or (self.without_scale and not self.candidate.kind.linear)
 
     @property
     def size(self) -> float:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.design.blind import confounded_shafts, slow_changes
-from pmg.pipeline.diagnosis.design.next_test import lifting_test, next_test
+from pmg.pipeline.diagnosis.design.next_test import form_test, lifting_test, next_test
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
 from pmg.pipeline.diagnosis.engine.conclusion import conclude
@@ -21,6 +21,7 @@ from pmg.pipeline.diagnosis.grid.catalogue import MECHANISMS
 from pmg.pipeline.diagnosis.grid.decoys import smooth_decoys
 from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis, Rival
 from pmg.pipeline.diagnosis.grid.evidence import campaign_evidence
+from pmg.pipeline.diagnosis.grid.law import law_powers
 from pmg.pipeline.diagnosis.grid.locate import find_mismatch, located_families
 from pmg.pipeline.diagnosis.grid.outliers import without_outliers
 from pmg.pipeline.diagnosis.grid.refit import about, refit
@@ -112,13 +113,15 @@ def diagnose(
             shape=find_shape(first, beyond.locations, rng),
         )
     assert conclusion.naming is not None
-    best, rivals = conclusion.naming.best, conclusion.naming.rivals
+    best, rivals, further = conclusion.naming.best, conclusion.naming.rivals, conclusion.naming.further
     found, close = refit(problem, best.fits), len(rivals) - conclusion.naming.by_parts
     return replace(
         said,
         refit=found,
         rivals=tuple(Rival(e, next_test(problem, best, e, floor), i >= close) for i, e in enumerate(rivals)),
         absorbed=_swallowed(calibration, found),
+        law=tuple(power for fit in best.fits for power in law_powers(problem, fit)) if best.bent else (),
+        form_test=form_test(problem, best, further, floor) if further else None,
         decoys=None if said.weak else smooth_decoys(problem, naming, rng),
     )
 

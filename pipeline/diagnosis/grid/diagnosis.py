@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.design.next_test import NextTest
     from pmg.pipeline.diagnosis.form.shape import Shape
     from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
+    from pmg.pipeline.diagnosis.grid.law import LawPower
     from pmg.pipeline.diagnosis.grid.locate import CampaignMismatch, Location
     from pmg.pipeline.diagnosis.grid.refit import Refit
     from pmg.pipeline.fit.noise import NoiseFloor
@@ -64,6 +65,10 @@ class Diagnosis(Conclusion[CandidateFit, GridProblem]):
         What the points of the campaign can tell at all.
     shape : Shape or None
         A short form of what no mechanism explains, where one holds up on withheld readings.
+    law : tuple of LawPower
+        Powers by which the law of what was named differs from the library's form, where it does.
+    form_test : NextTest or None
+        The test that would tell an error of that form from a further cause, where either takes up what is left.
     """
 
     campaign: str
@@ -76,11 +81,13 @@ class Diagnosis(Conclusion[CandidateFit, GridProblem]):
     lifting: NextTest | None = None
     audit: Audit | None = None
     shape: Shape | None = None
+    law: tuple[LawPower, ...] = ()
+    form_test: NextTest | None = None
 
     @property
     def next_tests(self) -> tuple[NextTest, ...]:
         """Tests that would settle what is open, those of the rivals first."""
-        wanted = (*(rival.test for rival in self.rivals), self.lifting)
+        wanted = (*(rival.test for rival in self.rivals), self.lifting, self.form_test)
         return tuple(test for test in wanted if test is not None)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.form.shape import shape_document
 from pmg.pipeline.diagnosis.grid.diagnosis import component_of
 from pmg.pipeline.diagnosis.grid.statement import near_decision, phrase, statement
@@ -21,6 +22,14 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 SCHEMA = "pmg.diagnosis/1"
+
+_NONE_KNOWN = {
+    "ids": [str(Verdict.NOT_IN_LIBRARY)],
+    "shafts": [],
+    "why": "the difference is too weak to exclude a cause that the catalogue does not have",
+    "separating_test": "",
+}
+"""What stands beside the causes of a mismatch that is too weak to tell an effect of another kind by what it leaves."""
 
 OF_U = ("value", "after")
 """Keys of numbers to which the standard error beside them belongs."""
@@ -58,8 +67,9 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
             for place in mismatch.locations
         ],
         "mechanisms": _mechanisms(diagnosis),
-        "rivals": [_rival(diagnosis, rival) for rival in diagnosis.rivals],
+        "rivals": [_rival(diagnosis, rival) for rival in diagnosis.rivals] + [_NONE_KNOWN] * diagnosis.weak,
         "near_ties": _near_ties(diagnosis),
+        "form": _form(diagnosis),
         "absorbed": [row.document for row in diagnosis.absorbed],
         "held_out": None
         if held is None
@@ -135,6 +145,29 @@ def _near_ties(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     level = ((rival, 0.0, "the order of the catalogue") for rival in naming.level)
     missed = ((other, round(short, 2), "the margin of evidence") for other, short in naming.missed)
     return [{"ids": sorted(other.ids), "by": by, "decided_by": rule} for other, by, rule in (*level, *missed)]
+
+
+def _form(diagnosis: Diagnosis) -> dict[str, Any] | None:
+    """How the law differs from the library's form, and what explains as much; None where it does not."""
+    naming = diagnosis.naming
+    if naming is None or not (naming.best.bent or naming.further):
+        return None
+    return {
+        "explained_by_library_form": naming.best.gain,
+        "taken_up_by_another_law": naming.best.bent,
+        "left": naming.remainder.excess,
+        "powers": [
+            {
+                "id": power.identifier,
+                "shaft": power.shaft,
+                "along": str(power.along),
+                "value": power.more,
+                "standard_error": power.standard_error,
+            }
+            for power in diagnosis.law
+        ],
+        "or_further": [fit.identifier for fit in naming.further],
+    }
 
 
 def _mechanisms(diagnosis: Diagnosis) -> list[dict[str, Any]]:

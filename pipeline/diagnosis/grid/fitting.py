@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING
@@ -56,7 +57,16 @@ def fit_candidate(problem: GridProblem, candidate: Candidate) -> CandidateFit:
     near = np.maximum(SHAPE_PRECISION * values, margin)  # a search stops so far from a bound
     at_bound |= shape & ((values - low < near) | (high - values < near))
     on_bound = tuple(p.name for p, at in zip(parameters, at_bound, strict=True) if at)
-    return problem.fitted(candidate, values, whole - cost, on_bound)
+    found = problem.fitted(candidate, values, whole - cost, on_bound)
+    return replace(found, strays=_strays(problem, found))
+
+
+def _strays(problem: GridProblem, fit: CandidateFit) -> bool:
+    """Whether a power of a law, at the end of its range, would bring evidence by going on, to first order."""
+    if not set(fit.candidate.powers) & set(fit.on_bound):
+        return False
+    left, free = problem.left - fit.seen, problem.take_out(fit).left
+    return float(left @ left - free @ free) > ENTRY
 
 
 def _typical(candidate: Candidate) -> Array:

@@ -116,7 +116,7 @@ def refit(problem: GridProblem, fits: tuple[CandidateFit, ...]) -> Refit:
     spare = len(problem.left) - int(free.sum()) - allowed.shape[1]
     wider = math.sqrt(max(settled.cost / max(spare, 1), 1.0))
     if found.status > 0:  # a fit that ran out of steps has no error bars
-        errors[free] = wider * (_spread(slopes_at(residuals, settled, *units)) * size[free])
+        errors[free] = wider * (spread_of(slopes_at(residuals, settled, *units)) * size[free])
     own, *added = np.split(values, cuts)
     own_errors, *added_errors = np.split(errors, cuts)
     return Refit(
@@ -129,7 +129,7 @@ def refit(problem: GridProblem, fits: tuple[CandidateFit, ...]) -> Refit:
     )
 
 
-def _spread(slopes: Array) -> Array:
+def spread_of(slopes: Array) -> Array:
     """Standard errors (k,) for whitened slopes (m, k); NaN where a direction that is not determined enters."""
     _, singular, right = np.linalg.svd(slopes, full_matrices=False)
     weak = singular < WEAK * singular.max(initial=0.0)

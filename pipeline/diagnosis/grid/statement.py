@@ -9,10 +9,11 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.design.next_test import HIDDEN
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.grid.law_words import form_sentences
 from pmg.pipeline.wording import numerals
 from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.plurals import counted
-from pmg.sim.mechanisms.base import Instrument, LawCovariate
+from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import MINUTE
 
@@ -76,14 +77,15 @@ def _without_outliers(diagnosis: Diagnosis) -> str:
         sentences.append(f"Cause: {_causes(diagnosis, diagnosis.naming.best)}.")
         sentences += [_size(diagnosis, fit) for fit in diagnosis.naming.best.fits]
         sentences += [_fitted(diagnosis, i) for i in range(len(diagnosis.naming.best.fits))]
-        sentences.append(_form(diagnosis.naming))
+        sentences.append(form_sentences(diagnosis))
         sentences.append(_advice(diagnosis.naming))
     else:
         sets = [_causes(diagnosis, diagnosis.naming.best)]
         sets += [_causes(diagnosis, rival.explanation) for rival in diagnosis.rivals]
         known = "; or ".join(sets)
         if diagnosis.weak:
-            sentences.append(f"The difference is too weak to name one cause. Possible causes: {known}.")
+            none = "or one that the catalogue does not have"
+            sentences.append(f"The difference is too weak to name one cause. Possible causes: {known}; {none}.")
         else:
             sentences.append(f"These recordings cannot tell between: {known}.")
         sentences += [_size(diagnosis, fit) for fit in diagnosis.naming.best.fits]
@@ -162,37 +164,12 @@ def _fitted(diagnosis: Diagnosis, i: int) -> str:
     if other is not None:
         there = other.candidate.parameters[best]
         instead = f", or {there.meaning} {numerals.number(float(other.values[best]), spec='.3g')}{unit}"
-    return f"Fitted: {first.meaning} {number}{unit}{instead}."
-
-
-COVARIATES = {
-    LawCovariate.LOAD: "load",
-    LawCovariate.SPEED: "speed",
-    LawCovariate.SLIP: "slip of the poles",
-    LawCovariate.DIFFERENCE: "speed difference",
-    LawCovariate.TIME: "time",
-}
-"""Covariates of laws in words."""
-
-
-def _form(naming: GridNaming) -> str:
-    """Whether the law is another than the library's, and what would explain the same."""
-    best, further = naming.best, naming.further
-    if not best.bent and not further:
-        return ""
-    along = dict.fromkeys(COVARIATES[name] for fit in best.fits for name in fit.candidate.kind.follows)
-    text = ""
-    if best.bent:
-        part = best.gain / (best.gain + best.bent)
-        text = (
-            f"The law differs from that of the library: the library's form explains {part:.1%} of the difference "
-            f"(in squares), a smooth change of it with {' and '.join(along)} takes up most of the rest. The error "
-            "on data not used for the fit is with the law free; the extended model has the library's form."
-        )
-    if further:
-        titles = " and ".join(f"{fit.candidate.kind.title[0].lower()}{fit.candidate.kind.title[1:]}" for fit in further)
-        text += f" What the library's form leaves may be an error of form, or {titles}; these readings cannot tell."
-    return text.strip()
+    powers = [
+        f"; {p.meaning} {measured(float(value), float(error))}"
+        for p, value, error in zip(fit.candidate.parameters, found.values[i], found.standard_errors[i], strict=True)
+        if p.name in fit.candidate.powers and np.isfinite(error)
+    ]
+    return f"Fitted: {first.meaning} {number}{unit}{instead}{''.join(powers)}."
 
 
 EXTENDED = "compare with the extended model (`pmg compare --model model.toml`)"

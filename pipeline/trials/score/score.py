@@ -123,6 +123,11 @@ class Score:
         return (NOT_IN_LIBRARY,) if self.verdict == NOT_IN_LIBRARY else self.named
 
     @property
+    def answer(self) -> str:
+        """The verdict; ``weak`` where causes stand beside none of the library."""
+        return "weak" if self.verdict == "ambiguous" and NOT_IN_LIBRARY in self.named else self.verdict
+
+    @property
     def holds(self) -> bool | None:
         """Whether that set holds the truth, every effect of it; None without a set, or without an effect."""
         if not self.told or not self.ids:

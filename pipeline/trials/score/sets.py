@@ -9,7 +9,7 @@ from pmg.pipeline.trials.laws import RESERVED, USUAL
 from pmg.pipeline.trials.score.figures import ABOUT_ONE, IN_LIBRARY, Aim, Figured, figures, mean, share
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from pmg.pipeline.trials.score.score import Score
 
@@ -20,6 +20,13 @@ WORDS = {
     "confounded": "designs that cannot tell",
 }
 """Kinds of campaign in which a set may hold a truth."""
+ANSWERS = {
+    "named": "where a cause was named",
+    "ambiguous": "where several causes were given",
+    "weak": "where the difference was too weak to name one cause",
+    "not_in_library": "where no cause of the library was given",
+}
+"""Kinds of answer, each with how often it holds the truth."""
 COVER, SMALL = Aim(low=0.95), Aim(high=1.5)
 """Of the share of sets that hold the truth, and of the mean size where there is one cause to tell."""
 OF_LAWS = (
@@ -52,6 +59,10 @@ def set_figures(scores: Sequence[Score]) -> tuple[Figured, ...]:
             for kind, words in WORDS.items()
         ),
         *(
+            share(f"set_cover_by_{answer}", f"sets that hold the truth, {words}", _holding(told, answer), COVER)
+            for answer, words in ANSWERS.items()
+        ),
+        *(
             mean(
                 f"set_size_{kind}",
                 f"mean size of a set about 1 sigma, {words}",
@@ -61,6 +72,11 @@ def set_figures(scores: Sequence[Score]) -> tuple[Figured, ...]:
             for kind, words in WORDS.items()
         ),
     )
+
+
+def _holding(told: Mapping[str, Sequence[Score]], answer: str) -> list[bool]:
+    """Whether each set of one of the `ANSWERS` holds the truth."""
+    return [bool(score.holds) for scores in told.values() for score in scores if score.answer == answer]
 
 
 def figures_by_laws(scores: Sequence[Score]) -> tuple[Figured, ...]:

@@ -1,0 +1,72 @@
+"""Sentences on the law of what was named: how it differs from the library's form, and what would explain the same."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.wording.numerals import measured
+from pmg.sim.mechanisms.base import LawCovariate
+from pmg.sim.signals import MINUTE
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
+
+COVARIATES = {
+    LawCovariate.LOAD: "load",
+    LawCovariate.SPEED: "speed",
+    LawCovariate.SLIP: "slip of the poles",
+    LawCovariate.DIFFERENCE: "speed difference",
+    LawCovariate.TIME: "time",
+}
+"""Covariates of laws in words."""
+
+CLEAR = 2.0
+"""Standard errors by which a power must differ from that of the library's form to be mentioned."""
+
+
+def form_sentences(diagnosis: Diagnosis) -> str:
+    """Whether the law is another than the library's, in which power, and what would explain the same."""
+    naming = diagnosis.naming
+    if naming is None:
+        return ""
+    best, further, sentences = naming.best, naming.further, []
+    if best.bent:
+        along = dict.fromkeys(COVARIATES[name] for fit in best.fits for name in fit.candidate.kind.follows)
+        whole = best.gain + best.bent + naming.remainder.excess
+        sentences.append(
+            f"The law differs from that of the library: the library's form explains {best.gain / whole:.1%} of the "
+            f"difference (in squares), a smooth change of it with {' and '.join(along)} another "
+            f"{best.bent / whole:.1%}; {naming.remainder.excess / whole:.1%} remains."
+        )
+        sentences += _powers(diagnosis)
+        sentences.append(
+            "The error on data not used for the fit is with the law free; the extended model has the library's form."
+        )
+    if further:
+        titles = " and ".join(f"{fit.candidate.kind.title[0].lower()}{fit.candidate.kind.title[1:]}" for fit in further)
+        part = sum(fit.gain for fit in further) / (best.gain + sum(fit.gain for fit in further))
+        sentences.append(
+            f"What the library's form leaves ({part:.1%} of the effect, in squares) may be an error of form, or "
+            f"{titles}; these readings cannot tell."
+        )
+        test = diagnosis.form_test
+        if test is not None:
+            sentences.append(
+                f"To tell: {test.plan.description} ({test.plan.seconds / MINUTE:.0f} min; it tells with a probability "
+                f"of {test.power:.0%})."
+            )
+    return " ".join(sentences)
+
+
+def _powers(diagnosis: Diagnosis) -> list[str]:
+    """What each power says, where it is clear."""
+    found = []
+    for power in diagnosis.law:
+        if abs(power.more) > CLEAR * power.standard_error:
+            way = "faster" if power.more > 0.0 else "more slowly"
+            where = f" on the {power.shaft} shaft" if len({other.shaft for other in diagnosis.law}) > 1 else ""
+            found.append(
+                f"It grows {way} with {COVARIATES[power.along]}{where} than the library's form, by a power of "
+                f"{measured(abs(power.more), power.standard_error)}."
+            )
+    return found
