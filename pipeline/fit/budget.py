@@ -39,10 +39,13 @@ class Budget(PerShaft[ShaftBudget]):
         The n points.
     facts : WindowFacts or None
         What is known of the windows; None where the grid comes from tables.
+    floor : NoiseFloor or None
+        Noise of one point; None where it was not estimated.
     """
 
     grid: Grid
     facts: WindowFacts | None
+    floor: NoiseFloor | None = None
 
 
 def budget_of(grid: Grid, floor: NoiseFloor | None, bench: BenchParameters, facts: WindowFacts | None = None) -> Budget:
@@ -68,7 +71,7 @@ def budget_of(grid: Grid, floor: NoiseFloor | None, bench: BenchParameters, fact
     noise: PerShaft[ShaftNoise | None] = floor or PerShaft(None, None)
     windows: PerShaft[ShaftFacts | None] = facts or PerShaft(None, None)
     shafts = per_shaft(lambda side: _shaft(grid, side, noise[side], bench, windows[side]))
-    return Budget(shafts.sun, shafts.ring, grid, facts)
+    return Budget(shafts.sun, shafts.ring, grid, facts, floor)
 
 
 def _shaft(
@@ -86,11 +89,14 @@ def _independent(
     own, u = grid.within[side], grid.u[side]
     unknown = np.full(len(grid), np.nan)
     dof = unknown if facts is None else facts.dof
-    within = own
+    within, wander_dof = own, np.full(len(grid), math.inf)
     if noise is not None:
-        noisy = own > NOISY_WINDOW * noise.within
-        within = np.where(noisy, own, noise.within)
-        dof = np.where(noisy, dof, float(np.nansum(dof[grid.accepted])) or np.nan)
+        noisy, pooled = own > NOISY_WINDOW * noise.within, float(np.nansum(dof[grid.accepted])) or math.nan
+        within, dof = np.where(noisy, own, noise.within), np.where(noisy, dof, pooled)
+        if noise.dof:
+            wander = np.sqrt(np.maximum(u**2 - within**2, 0.0))
+            wander_dof = _wander_dof(wander, noise, pooled)
+            dof = np.where(noisy | (wander > 0.0), dof, np.fmin(dof, noise.dof))
     within = np.minimum(within, u)
     steps = unknown if facts is None else facts.resolution
     rounding = np.zeros(len(grid)) if facts is None else undithered(steps, facts.std)
@@ -104,8 +110,8 @@ def _independent(
             distribution="t",
             common=False,
             divisor=1.0,
-            value=np.sqrt(np.maximum(u**2 - within**2, 0.0)),
-            dof=np.full(len(grid), math.inf if noise is None else float(noise.dof)),
+            value=np.sqrt(np.maximum(u**2 - within**2, 0.0)) if noise is None or noise.dof else unknown,
+            dof=wander_dof,
             remark="none estimated" if noise is None else noise.source,
         ),
         _half_width(
@@ -116,6 +122,22 @@ def _independent(
             common=False,
         ),
     )
+
+
+def _wander_dof(wander: Array, noise: ShaftNoise, within_dof: float) -> Array:
+    r"""Degrees of freedom of the wander of each point (n,) [N m].
+
+    Notes
+    -----
+    Wander is what the scatter of the points has beyond that within their windows, :math:`w^2 = s^2 - u^2`, so that
+
+    .. math:: \nu_w = \frac{w^4}{s^4/\nu_s + u^4/\nu_u}
+
+    and both together are known as well as the scatter of the points is, not as the pooled windows are.
+    """
+    among = (wander**2 + noise.within**2) ** 2 / noise.dof
+    inside = noise.within**4 / within_dof if within_dof > 0.0 else 0.0
+    return np.asarray(wander**4 / (among + inside))
 
 
 def _common(grid: Grid, side: str, bench: BenchParameters, facts: ShaftFacts | None) -> tuple[Contribution, ...]:

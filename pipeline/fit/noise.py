@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -56,6 +57,9 @@ class Growth:
         return np.asarray((1.0 + growth * square) / (1.0 + growth * self.mean_square))
 
 
+DRIFTED = "residual scatter; repeats differ by more, so the bench drifted between them"
+"""Source of a noise beside which the repeats show a slow change."""
+
 NO_GROWTH = Growth(np.r_[1.0, np.zeros(len(GROWTHS) - 1)], 1.0, 0.0)
 """Noise of the same size at every speed."""
 
@@ -67,9 +71,9 @@ class ShaftNoise:
     Parameters
     ----------
     u : float
-        Standard uncertainty of one point's mean [N m], all causes that differ from point to point.
+        Noise of one point's mean that structure is judged against [N m], all causes that differ from point to point.
     dof : float
-        Degrees of freedom behind it.
+        Degrees of freedom behind `of_mean`; 0 where the campaign does not tell how far a mean strays.
     within : float
         Root mean square of the within-window part [N m].
     repeats, repeats_dof : float
@@ -82,6 +86,9 @@ class ShaftNoise:
         Where `u` comes from, in words.
     growth : Growth
         How its size grows with the shaft's speed; `u` is the root mean square over the readings.
+    neighbours : float
+        Scatter about the loss curves alone [N m], where the campaign is too small to tell its noise from a mismatch;
+        NaN elsewhere.
     """
 
     u: float
@@ -94,6 +101,12 @@ class ShaftNoise:
     correlation_weights: Array
     source: str
     growth: Growth = NO_GROWTH
+    neighbours: float = math.nan
+
+    @property
+    def of_mean(self) -> float:
+        """Standard uncertainty of one point's mean [N m]: `u`, or what its neighbours say where that is all."""
+        return self.u if math.isnan(self.neighbours) else self.neighbours
 
     @property
     def correlation(self) -> float:

@@ -11,7 +11,16 @@ import numpy as np
 from scipy import stats
 
 from pmg.pipeline.fit.calibration import jacobian, start_model
-from pmg.pipeline.fit.noise import CORRELATIONS, GROWTHS, NO_CORRELATION, NO_GROWTH, Growth, NoiseFloor, ShaftNoise
+from pmg.pipeline.fit.noise import (
+    CORRELATIONS,
+    DRIFTED,
+    GROWTHS,
+    NO_CORRELATION,
+    NO_GROWTH,
+    Growth,
+    NoiseFloor,
+    ShaftNoise,
+)
 from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.fit.structure import families
 from pmg.pipeline.fit.whitening import EVEN, chain_of, growth_of, relative_scale
@@ -35,6 +44,15 @@ MORE = 0.01
 LESS = 0.001
 """Level of the test whether repeats scatter less: a mismatch that no family follows is rarer than lucky repeats."""
 
+
+FEWEST_NEIGHBOURS = 1.5
+"""Degrees of freedom below which the scatter about the loss curves states no uncertainty of a mean."""
+
+NEIGHBOURS = "scatter about the loss curves, a mismatch included: no repeats, no residual to spare"
+"""Source of the uncertainty of a mean where a campaign is too small to tell its noise from a mismatch."""
+
+ALIKE = PerShaft(1.0, 1.0)
+"""Noise of both shafts of one size, from which the search for either begins."""
 
 MINIMUM_FOR_CORRELATION = 30
 """Degrees of freedom below which no correlation between neighbours is estimated."""
@@ -150,23 +168,20 @@ def noise_floor(grid: Grid, fits: LossFits, bench: BenchParameters) -> NoiseFloo
     Where they agree (F test at 1 %, at 0.1 % where the repeats scatter less) they are pooled by degrees of freedom.
     Repeats that scatter more betray a slow change between them, repeats that scatter less a mismatch that no family
     follows; in both cases the smaller figure is the noise, and the mismatch test is reported.
+
+    A campaign without repeats that is too small for the families has no such estimate: structure is judged against the
+    scatter within the windows, and a mean is as uncertain as the scatter about the loss curves says.
     """
     readings = take_readings(grid, bench)
     model = start_model(fits)
     residual = readings.torque - predict(readings, bench, model)
     structured = structured_columns(readings, bench, model)
-    sigma, dof, growth = PerShaft(1.0, 1.0), PerShaft(0.0, 0.0), EVEN
-    for step in range(4):
-        scale = relative_scale(readings, bench, sigma, growth)
-        basis = orthonormal(structured / scale[:, None])
-        left = residual / scale - basis @ (basis.T @ (residual / scale))
-        leverage = np.einsum("ij,ij->i", basis, basis)
-        dof = readings.of_shaft.map(partial(_left_dof, leverage))
-        sigma = per_shaft(partial(_rescaled, readings, left, sigma, dof))
-        if step == 1:
-            flat = relative_scale(readings, bench, sigma)
-            growth = per_shaft(partial(_growth, readings, residual / flat, structured / flat[:, None]))
+    even, _ = _scatter(readings, bench, residual, structured)
+    flat = relative_scale(readings, bench, even)
+    growth = per_shaft(partial(_growth, readings, residual / flat, structured / flat[:, None]))
+    sigma, dof = _scatter(readings, bench, residual, structured, even, growth)
     scale = relative_scale(readings, bench, sigma, growth)
+    near, near_dof = _scatter(readings, bench, residual, jacobian(readings, bench, model, BASELINE_FREE))
     contrasts = repeat_contrasts(readings)
 
     def shaft(side: str) -> ShaftNoise:
@@ -176,9 +191,34 @@ def noise_floor(grid: Grid, fits: LossFits, bench: BenchParameters) -> NoiseFloo
         even = residual / np.sqrt(growth[side].variance(readings.speed_own))
         repeats = _repeat_scatter(readings, even, contrasts, side)
         pooled = _pool(grid.within[side][grid.accepted], repeats, sigma[side], dof[side], rho)
-        return replace(pooled, growth=growth[side])
+        if pooled.dof or near_dof[side] < FEWEST_NEIGHBOURS:
+            return replace(pooled, growth=growth[side])
+        return replace(pooled, neighbours=near[side], dof=near_dof[side], source=NEIGHBOURS)
 
     return NoiseFloor(*per_shaft(shaft))
+
+
+def _scatter(
+    readings: Readings,
+    bench: BenchParameters,
+    residual: Array,
+    columns: Array,
+    sigma: PerShaft[float] = ALIKE,
+    growth: PerShaft[Growth] = EVEN,
+) -> tuple[PerShaft[float], PerShaft[float]]:
+    """Standard deviation of either shaft's readings [N m] beyond some columns (m, k), and its degrees of freedom.
+
+    The shafts share columns, so that each is weighed by the other's: twice over, from `sigma` on.
+    """
+    dof = PerShaft(0.0, 0.0)
+    for _ in range(2):
+        scale = relative_scale(readings, bench, sigma, growth)
+        basis = orthonormal(columns / scale[:, None])
+        left = residual / scale - basis @ (basis.T @ (residual / scale))
+        leverage = np.einsum("ij,ij->i", basis, basis)
+        dof = readings.of_shaft.map(partial(_left_dof, leverage))
+        sigma = per_shaft(partial(_rescaled, readings, left, sigma, dof))
+    return sigma, dof
 
 
 def _left_dof(leverage: Array, mine: Mask) -> float:
@@ -217,8 +257,7 @@ def _pool(within: Array, repeats: tuple[float, int], unstructured: float, dof: f
         return replace(noise, u=spread, dof=float(n), source="repeated points")
     ratio = (spread / unstructured) ** 2 if unstructured > 0.0 else math.inf
     if stats.f.sf(ratio, n, dof) < MORE:
-        source = "residual scatter; repeats differ by more, so the bench drifted between them"
-        return replace(noise, u=unstructured, dof=dof, source=source)
+        return replace(noise, u=unstructured, dof=dof, source=DRIFTED)
     if stats.f.cdf(ratio, n, dof) < LESS:
         source = "repeated points; the rest scatters more, so something is left that no covariate follows"
         return replace(noise, u=spread, dof=float(n), source=source)

@@ -116,8 +116,8 @@ def share(hits: np.ndarray) -> str:
     return f"{hits.mean():.1%} ({low:.1%} to {high:.1%})"
 
 
-def windowed_coverage(runs: int) -> None:
-    """Print the table over correlation times."""
+def windowed_coverage(runs: int) -> dict[str, Tally]:
+    """Print the tables over correlation times and over other noises; the windows behind them by noise."""
     found = {memory: tally(memory, runs) for memory in MEMORIES}
     out = sys.stdout.write
     out(f"95 % intervals of the mean of a {SECONDS:g} s window at {RATE:g} samples/s, {runs} windows a column\n")
@@ -140,17 +140,18 @@ def windowed_coverage(runs: int) -> None:
     }
     for name, told in lines.items():
         out(f"{name:<34}" + "".join(f"{told(t):>25}" for t in found.values()) + "\n")
-    other_colours(runs)
+    return {f"first order, {memory * 1e3:g} ms": t for memory, t in found.items()} | other_colours(runs)
 
 
-def other_colours(runs: int) -> None:
+def other_colours(runs: int) -> dict[str, Tally]:
     """Print the table over noises that are not of first order, or outlive most of the window."""
+    found: dict[str, Tally] = {}
     out = sys.stdout.write
     out(f"\nother noises, {SLOW_RATE:g} samples/s; truth: mean over {SPAN} windows of 1/f^a, start of a walk\n\n")
     heads = ("truth inside", "flagged", "inside, flagged", "inside, not flagged", "half-width/ideal", "batches alone")
     out(f"{'noise':<38}" + "".join(f"{head:>25}" for head in heads) + "\n")
     for colour in COLOURS:
-        t = tally(colour, runs, SLOW_RATE)
+        t = found[colour.name] = tally(colour, runs, SLOW_RATE)
         cells = (
             share(t.held),
             share(t.flagged),
@@ -160,3 +161,4 @@ def other_colours(runs: int) -> None:
             share(t.batches),
         )
         out(f"{colour.name:<38}" + "".join(f"{cell:>25}" for cell in cells) + "\n")
+    return found

@@ -21,6 +21,7 @@ from pmg.pipeline.fit.budget import Budget, budget_of
 from pmg.pipeline.fit.budget_document import budget_document, budget_frame, shown_point
 from pmg.pipeline.fit.budget_remarks import budget_remarks
 from pmg.pipeline.fit.common_errors import transducer_causes
+from pmg.pipeline.fit.noise import DRIFTED, NO_CORRELATION, NoiseFloor, ShaftNoise
 from pmg.pipeline.grid.contributions import Contribution, ShaftBudget
 from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
@@ -34,6 +35,8 @@ from pmg.sim.grid import Grid
 
 BENCH = load_bench()
 ZEROS = np.array([-1.0e-3, 0.5e-3, 0.2e-3, -0.4e-3, 0.1e-3])
+NOISE = ShaftNoise(1e-3, 50.0, 0.4e-3, 1e-3, 5, 1e-3, 45.0, NO_CORRELATION, "pooled")
+FLOOR = NoiseFloor(NOISE, NOISE)
 PUBLISHED = Path(__file__).resolve().parents[2] / "raw" / "published"
 
 
@@ -81,7 +84,7 @@ def facts(
 
 def budget(grid: Grid | None = None, resolution: float = 2e-4, std: float = 1e-2, flagged: int | None = None) -> Budget:
     grid = campaign() if grid is None else grid
-    return budget_of(grid, None, BENCH, facts(grid, resolution, std, flagged))
+    return budget_of(grid, FLOOR, BENCH, facts(grid, resolution, std, flagged))
 
 
 def named(shaft: ShaftBudget, key: str) -> Contribution:
@@ -294,6 +297,30 @@ def test_remarks_name_slow_noise_and_a_tare_that_is_off() -> None:
     off = list(budget_remarks(budget(campaign(zero=5e-3))))
     assert [remark.where for remark in off] == ["zero checks"]
     assert "sun" in off[0].message
+
+
+def test_where_a_campaign_cannot_state_the_interval_of_a_mean_it_says_so() -> None:
+    """Without an estimate from points: of the window alone. With repeats that differ by more: of its time alone."""
+    drifted, unseen = replace(NOISE, source=DRIFTED, repeats=7e-3), replace(NOISE, dof=0.0)
+    for floor, words in (
+        (None, ("the sun and the ring", "window alone")),
+        (NoiseFloor(NOISE, unseen), ("of the ring", "window alone")),
+        (NoiseFloor(drifted, NOISE), ("sun differ by 7.00 mN m", "at another time")),
+        (FLOOR, ()),
+    ):
+        found = [r.message for r in budget_remarks(budget_of(campaign(), floor, BENCH)) if r.where.startswith("unc")]
+        assert len(found) == bool(words)
+        assert all(word in message for message in found for word in words)
+
+
+@pytest.mark.parametrize("within", [0.1e-3, 0.7e-3, 1.2e-3])
+def test_a_mean_is_known_as_well_as_the_scatter_of_the_points_not_as_their_windows(within: float) -> None:
+    noise = replace(NOISE, within=within, dof=6.0)
+    grid = campaign()
+    grid = replace(grid, within_sun=np.full(len(grid), within), common_sun=np.zeros(len(grid)))
+    found = budget_of(grid, NoiseFloor(noise, NOISE), BENCH, facts(grid)).sun
+    assert found.dof == pytest.approx(6.0, rel=0.05)
+    assert found.independent == pytest.approx(1e-3)
 
 
 @pytest.mark.parametrize(("kept", "word"), [(0, "none"), (1, "one"), (2, "")])
