@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from tests.trials.strata_by_name import find_stratum
 
+from pmg.pipeline.diagnosis.engine.naming import FAINT
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.candidates import CandidateFit, candidates, grid_problem
 from pmg.pipeline.diagnosis.grid.decide import diagnose
@@ -92,6 +93,20 @@ def test_what_is_outside_the_catalogue_is_not_named(bench: BenchParameters) -> N
     assert found.verdict is Verdict.NOT_IN_LIBRARY
     assert not diagnosis_document(found)["mechanisms"]
     assert "No mechanism of the catalogue" in statement(found)
+    naming = found.naming
+    assert naming is not None
+    first, left = naming.ranking[0], naming.remainder
+    best = replace(naming.best, fits=(first,))
+    rounds = (replace(naming.rounds[0], remainder=replace(left, excess=0.9 * FAINT)),)
+    nothing = replace(found, naming=replace(naming, best=best, remainder=replace(left, excess=first.gain)))
+    close = replace(found, naming=replace(naming, best=best, remainder=replace(left, excess=0.1 * first.gain)))
+    faint = replace(found, naming=replace(naming, best=best, rounds=rounds))
+    assert not diagnosis_document(nothing)["rivals"]
+    (row,) = diagnosis_document(close)["rivals"]
+    assert row["ids"] == [first.identifier]
+    assert "91% of the difference" in row["why"]
+    assert len(diagnosis_document(faint)["rivals"]) == 3
+    assert "No cause can be named. It may be " in statement(faint)
 
 
 def test_a_candidate_taken_out_leaves_nothing_of_itself(bench: BenchParameters) -> None:

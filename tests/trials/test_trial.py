@@ -281,10 +281,12 @@ def test_rates_are_counted_over_the_right_campaigns() -> None:
         (ONE, document("ambiguous", (DRIFT, "sun"), rival=GAIN), (DRIFT, GAIN), True),
         (ONE, document("ambiguous", (DRIFT, "sun"), rival=WIND), (DRIFT, WIND), False),
         (ONE, document("not_in_library"), ("not_in_library",), False),
+        (ONE, document("not_in_library", (GAIN, "sun"), rival=WIND), ("not_in_library", GAIN, WIND), True),
         (OUTSIDE, document("not_in_library"), ("not_in_library",), True),
         (OUTSIDE, document("ambiguous", (DRIFT, "sun"), rival="not_in_library"), (DRIFT, "not_in_library"), True),
         (OUTSIDE, document("named", (DRIFT, "sun")), (DRIFT,), False),
         (PAIR, document("named", (GAIN, "sun")), (GAIN,), False),
+        (PAIR, document("named", (GAIN, "sun")) | {"form": {"or_further": [DRIFT]}}, (GAIN, DRIFT), True),
         (PAIR, document("named", (GAIN, "sun"), (DRIFT, "ring")), (GAIN, DRIFT), True),
     ],
 )

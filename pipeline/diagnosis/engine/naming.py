@@ -165,6 +165,7 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
         entered = () if after is None else tuple(fit.identifier for fit in after.fits[len(best.fits) :])
         rounds.append(SearchRound(tuple(ranking), entered, remainder))
         if after is None:
+            further = further or _further(best, larger)
             break
         pool += [*larger, after]
         best, remainder = after, remainder_of(after.problem)
@@ -266,6 +267,14 @@ def _enters(before: Explanation[F, P], after: Explanation[F, P], excess: float) 
     left = before.problem.left
     enough = max(SHARE_OF_REST * min(excess, float(left @ left)), SHARE_OF_FIRST * before.gain)
     return after.score > before.score + ENTRY and after.gain - before.gain > enough and after.needed
+
+
+def _further(before: Explanation[F, P], larger: list[Explanation[F, P]]) -> tuple[F, ...]:
+    """What would join a set with evidence of its own, where an error of form of that set explains it as well."""
+    for after in larger:
+        if before.ids < after.ids and after.score > before.score + ENTRY and after.needed:
+            return after.fits[len(before.fits) :]
+    return ()
 
 
 def _together(

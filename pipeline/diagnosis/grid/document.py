@@ -8,28 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
-from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.form.shape import shape_document
 from pmg.pipeline.diagnosis.grid.diagnosis import component_of
+from pmg.pipeline.diagnosis.grid.rivals import rival_rows
 from pmg.pipeline.diagnosis.grid.statement import near_decision, phrase, statement
 from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
-    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis, Rival
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.sim.grid import OperatingPoints
     from pmg.sim.signals import Array
 
 SCHEMA = "pmg.diagnosis/1"
-
-_NONE_KNOWN = {
-    "ids": [str(Verdict.NOT_IN_LIBRARY)],
-    "shafts": [],
-    "why": "the difference is too weak to exclude a cause that the catalogue does not have",
-    "separating_test": "",
-}
-"""What stands beside the causes of a mismatch that is too weak to tell an effect of another kind by what it leaves."""
 
 OF_U = ("value", "after")
 """Keys of numbers to which the standard error beside them belongs."""
@@ -67,7 +58,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
             for place in mismatch.locations
         ],
         "mechanisms": _mechanisms(diagnosis),
-        "rivals": [_rival(diagnosis, rival) for rival in diagnosis.rivals] + [_NONE_KNOWN] * diagnosis.weak,
+        "rivals": rival_rows(diagnosis),
         "near_ties": _near_ties(diagnosis),
         "form": _form(diagnosis),
         "absorbed": [row.document for row in diagnosis.absorbed],
@@ -244,30 +235,6 @@ def _parameters(fit: CandidateFit, values: Array, errors: Array | None) -> list[
         }
         for parameter, value, error in zip(fit.candidate.parameters, values, spread, strict=True)
     ]
-
-
-def _rival(diagnosis: Diagnosis, rival: Rival) -> dict[str, Any]:
-    assert diagnosis.naming is not None  # a rival is one to something
-    fits = (*diagnosis.naming.best.fits, *rival.explanation.fits)
-    return {
-        "ids": list(dict.fromkeys(fit.candidate.identifier for fit in fits)),
-        "shafts": list(dict.fromkeys(fit.candidate.shaft for fit in fits)),
-        "why": _why(diagnosis, rival, diagnosis.naming.best.score - rival.explanation.score),
-        "separating_test": "" if rival.test is None else rival.test.plan.description,
-    }
-
-
-def _why(diagnosis: Diagnosis, rival: Rival, closer: float) -> str:
-    """Why a rival that has less evidence by `closer` [noise variances] is not excluded."""
-    if rival.by_parts:
-        return "the first fits all readings better, but parts of them name this one"
-    if diagnosis.weak:
-        return "the difference is too weak to name its cause"
-    if closer > MARGIN:
-        return "the first fits better, but by less than what its own law leaves unexplained"
-    if closer <= math.log(2.0):
-        return "both fit equally well"
-    return f"the first is favoured by odds of about {math.exp(0.5 * closer):.0f} to 1, too little to exclude this one"
 
 
 def _next_tests(diagnosis: Diagnosis) -> list[dict[str, Any]]:

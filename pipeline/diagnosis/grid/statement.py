@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.design.next_test import HIDDEN
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.law_words import form_sentences
+from pmg.pipeline.diagnosis.grid.rivals import near_causes, nearest_share
 from pmg.pipeline.wording import numerals
 from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.plurals import counted
@@ -71,7 +72,8 @@ def _without_outliers(diagnosis: Diagnosis) -> str:
         )
     sentences = [_place(diagnosis)]
     if diagnosis.naming is None or diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
-        sentences.append(f"No mechanism of the catalogue explains it{_nearest(diagnosis)}. We can show where, not why.")
+        none = f"No mechanism of the catalogue explains it{_nearest(diagnosis)}. We can show where, not why."
+        sentences.append(_faint(diagnosis) or none)
         sentences.append(_shape_sentence(diagnosis))
     elif diagnosis.verdict is Verdict.NAMED:
         sentences.append(f"Cause: {_causes(diagnosis, diagnosis.naming.best)}.")
@@ -229,16 +231,22 @@ NEAREST_FROM = 0.2
 
 def _nearest(diagnosis: Diagnosis) -> str:
     """The mechanism that comes nearest, where it takes up a good part of the mismatch."""
-    if diagnosis.naming is None or not diagnosis.naming.best.fits or not diagnosis.naming.best.needed:
-        return ""
     naming = diagnosis.naming
-    share = naming.best.gain / (naming.best.gain + naming.remainder.excess)
-    if share < NEAREST_FROM:
+    if naming is None or (share := nearest_share(naming)) < NEAREST_FROM:
         return ""
     titles = " with ".join(fit.candidate.kind.title for fit in naming.best.fits)
     others = [" with ".join(fit.candidate.kind.title for fit in rival.fits) for rival in naming.rivals[:1]]
     rival = f", or {others[0]}," if others else ""
     return f" (the closest, {titles[0].lower()}{titles[1:]}{rival} explains {share:.0%} of it)"
+
+
+def _faint(diagnosis: Diagnosis) -> str:
+    """What may make a difference that is too faint to exclude anything."""
+    sets, why = near_causes(diagnosis)
+    if len(sets) < 2:
+        return ""
+    titles = [f"{fit.candidate.kind.title[0].lower()}{fit.candidate.kind.title[1:]}" for (fit,) in sets]
+    return f"No cause can be named. It may be {', '.join(titles)} or none of the catalogue: {why}."
 
 
 def _place(diagnosis: Diagnosis) -> str:

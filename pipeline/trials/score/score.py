@@ -102,6 +102,8 @@ class Score:
         For a confounded design: that it cannot tell was said, or the set with the truth and a test that would.
     laws : str
         Family of its effects' laws, reserved if that of any is; empty where nothing is concealed.
+    near : tuple of str
+        Ids that stand beside none of the library, or beside what was named as an error of its form would explain them.
     """
 
     kind: str
@@ -116,11 +118,12 @@ class Score:
     held_out: float | None
     recognised: bool | None
     laws: str
+    near: tuple[str, ...] = ()
 
     @property
     def told(self) -> tuple[str, ...]:
         """The set that was told: ids, or that it is none of the library; empty where no mismatch was claimed."""
-        return (NOT_IN_LIBRARY,) if self.verdict == NOT_IN_LIBRARY else self.named
+        return (NOT_IN_LIBRARY,) * (self.verdict == NOT_IN_LIBRARY) + self.named + self.near
 
     @property
     def answer(self) -> str:
@@ -160,6 +163,7 @@ def judge(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Score
         parameter=_parameter_beside(truth, document),
         held_out=float(proof["rmse_after_Nm"] / proof["noise_floor_Nm"]) if after and proof is not None else None,
         recognised=separated if kind == "confounded" else None,
+        near=_near_ids(document),
         laws=max((str(effect["laws"]) for effect in effects), key=lambda family: family == RESERVED, default=""),
     )
 
@@ -170,8 +174,23 @@ def _said_ids(document: Mapping[str, Any] | None) -> tuple[str, ...]:
         return ()
     ids = [mechanism["id"] for mechanism in document["mechanisms"]]
     if document["verdict"] == "ambiguous":
-        ids += [name for rival in document["rivals"] for name in rival["ids"]]
+        ids += _rival_ids(document)
     return tuple(dict.fromkeys(ids))
+
+
+def _near_ids(document: Mapping[str, Any] | None) -> tuple[str, ...]:
+    """Ids that are told without being named."""
+    if document is None:
+        return ()
+    if document["verdict"] == NOT_IN_LIBRARY:
+        return _rival_ids(document)
+    form = document.get("form")
+    return tuple(form["or_further"]) if document["verdict"] == "named" and form else ()
+
+
+def _rival_ids(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Every id of its rivals, each once."""
+    return tuple(dict.fromkeys(name for rival in document["rivals"] for name in rival["ids"]))
 
 
 def _naming_outcome(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> DiagnosisScore:
