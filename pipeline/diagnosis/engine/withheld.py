@@ -53,7 +53,7 @@ class Withholding(ABC, Generic[F, P]):
     scale : (m,) array
         Standard deviation of each row.
     block, fold : (m,) array of int
-        Block of neighbours, and the fold it is dealt to; rows of fold `FOLDS` always train.
+        Block of neighbours, and the fold it is dealt to; rows of fold `folds` always train.
     groups : list of (g,) array of int
         Rows among which a placebo is shuffled.
     what : str
@@ -70,6 +70,12 @@ class Withholding(ABC, Generic[F, P]):
 
     noun: ClassVar[str]
     """The chosen kind, with its verb: ``mechanism was``."""
+
+    folds: ClassVar[int] = FOLDS
+    """Parts withheld in turn."""
+
+    portion: ClassVar[str] = "a quarter"
+    """Such a part, in words."""
 
     @abstractmethod
     def part(self, rows: Mask) -> P:
@@ -91,7 +97,7 @@ class Withholding(ABC, Generic[F, P]):
     def touched(self, fits: tuple[F, ...]) -> Mask:
         """Rows that fits act on, of those in a fold."""
         effect = self.effect(fits)
-        return np.asarray((np.abs(effect) > 0.1 * np.sqrt(np.mean(effect**2))) & (self.fold < FOLDS))
+        return np.asarray((np.abs(effect) > 0.1 * np.sqrt(np.mean(effect**2))) & (self.fold < self.folds))
 
 
 def withhold(
@@ -126,10 +132,10 @@ def withhold(
     """
     y, columns, scale = rows.y, rows.columns, rows.scale
     touched = rows.touched(fits)
-    before, after = withheld_left(y, columns, scale, rows.fold, FOLDS), y.copy()
+    before, after = withheld_left(y, columns, scale, rows.fold, rows.folds), y.copy()
     reach_before, reach_after = np.zeros_like(y), np.zeros_like(y)
     sets: list[tuple[F, ...]] = []
-    for k in range(FOLDS):
+    for k in range(rows.folds):
         train, test = rows.fold != k, rows.fold == k
         reach_before[test] = _reach(columns, scale, train, test)
         found = _choose_all(rows.part(train), catalogue, len(fits))
@@ -148,7 +154,7 @@ def withhold(
         where, came = "held-out proof", f"{len(blocks)} blocks of readings"
         raise FitError(where, came, "two or more", "Measure more speeds, or record when each point was run.")
     named = {fit.identifier for fit in fits}
-    kept, tries = sum(fit.identifier in named for found in sets for fit in found), FOLDS * len(fits)
+    kept, tries = sum(fit.identifier in named for found in sets for fit in found), rows.folds * len(fits)
     split = _split(rows, f"{kept} of {tries}", of - int(touched.sum()), of)
     return replace(
         compared(split, (before, after), scale, (rows.block, touched), rng),
@@ -162,7 +168,8 @@ def withhold(
 
 def _split(rows: Withholding[F, P], kept: str, aside: int, of: int) -> str:
     lost = f"; {aside} of {of} readings, which the rest does not determine, left out of the count" if aside else ""
-    return f"{rows.what}, a quarter at a time, withheld before the choice: the same {rows.noun} chosen in {kept}{lost}"
+    withheld = f"{rows.what}, {rows.portion} at a time, withheld before the choice"
+    return f"{withheld}: the same {rows.noun} chosen in {kept}{lost}"
 
 
 def _elsewhere(sets: list[tuple[F, ...]], named: set[str]) -> tuple[tuple[Any, ...], ...]:
@@ -187,7 +194,7 @@ def _placebo_gain(
         for group in rows.groups:
             shuffled[group] = effect[rng.permutation(group)]
         columns = np.column_stack([rows.columns, shuffled])
-        after = withheld_left(rows.y, columns, rows.scale, rows.fold, FOLDS)
+        after = withheld_left(rows.y, columns, rows.scale, rows.fold, rows.folds)
         gains.append(without - math.sqrt((after[touched] ** 2).mean()))
     return float(np.mean(gains))
 

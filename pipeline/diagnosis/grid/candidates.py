@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -141,6 +141,19 @@ def predict_with(readings: Readings, bench: BenchParameters, model: LossModel, e
     return readings.of(steady(gearbox, readings.grid.points))
 
 
+class Known(Protocol):
+    """Fits to all readings of a campaign, where those to a part of them start."""
+
+    def fit(self, candidate: Candidate) -> CandidateFit:
+        """The fit of a candidate to all readings."""
+
+    def about(self, candidate: Candidate) -> tuple[Array, Array]:
+        """Effect (m,) and slopes (m, k) of that fit at the m readings of the part."""
+
+    def beside(self, candidate: Candidate) -> Known:
+        """Fits next to a candidate, which is taken out."""
+
+
 @dataclass(frozen=True)
 class GridProblem(WhitenedProblem[CandidateFit]):
     """The whitened problem of a campaign: its readings about the calibrated baseline.
@@ -160,6 +173,8 @@ class GridProblem(WhitenedProblem[CandidateFit]):
     columns : (m, k) array
         What the baseline may use, before whitening [N m per unit]: slopes of its constants, and whatever else it is
         allowed to follow.
+    whole : Known, optional
+        Fits to all readings, where these are a part of them.
     """
 
     readings: Readings
@@ -169,11 +184,17 @@ class GridProblem(WhitenedProblem[CandidateFit]):
     predicted: Array
     ideal: Array
     columns: Array
+    whole: Known | None = None
 
     @property
     def allowed(self) -> Array:
         """Columns that the baseline may follow besides its constants (m, j)."""
         return self.columns[:, len(parameter_names(self.model, BASELINE_FREE)) :]
+
+    def take_out(self, fit: CandidateFit) -> GridProblem:
+        """The problem with a fitted candidate taken out and its parameters free to move with the baseline's."""
+        whole = None if self.whole is None else self.whole.beside(fit.candidate)
+        return replace(super().take_out(fit), whole=whole)
 
     def beyond_baseline(self, effect: Array) -> Array:
         """The part of an effect [N m] that the baseline cannot absorb, whitened."""

@@ -8,7 +8,7 @@ from pmg.pipeline.diagnosis.engine.catalogue import ENTRY, CandidateCatalogue
 from pmg.pipeline.diagnosis.engine.explanation import Explanation
 from pmg.pipeline.diagnosis.engine.naming import Naming
 from pmg.pipeline.diagnosis.grid.candidates import CandidateFit, GridProblem, candidates, refinement
-from pmg.pipeline.diagnosis.grid.fitting import fit_candidate
+from pmg.pipeline.diagnosis.grid.fitting import fit_candidate, settled_fit
 from pmg.pipeline.diagnosis.grid.free_form import bent_columns
 
 if TYPE_CHECKING:
@@ -30,6 +30,11 @@ class MechanismCatalogue(CandidateCatalogue[CandidateFit, GridProblem]):
     def fit(self, problem: GridProblem, candidate: Candidate) -> CandidateFit:
         """Best values of one mechanism with the baseline free to move."""
         return fit_candidate(problem, candidate)
+
+    def choose(self, problem: GridProblem, without: Collection[str] = ()) -> CandidateFit:
+        """The best mechanism but some; the leading ones are compared in detail, and fits by one step followed up."""
+        best = super().choose(problem, without)
+        return best if problem.whole is None else settled_fit(problem, best)
 
     def rank(self, problem: GridProblem, without: Collection[str] = ()) -> list[CandidateFit]:
         """All mechanisms but some fitted, best score first.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -17,10 +18,10 @@ from pmg.pipeline.diagnosis.grid.candidates import candidates
 from pmg.pipeline.fit.settle import settle
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
-    from pmg.pipeline.diagnosis.grid.candidates import Candidate, CandidateFit, GridProblem
-    from pmg.sim.signals import Array
+    from pmg.pipeline.diagnosis.grid.candidates import Candidate, CandidateFit, GridProblem, Known
+    from pmg.sim.signals import Array, Mask
 
 SHAPE_STARTS = 4
 """Values of the first shape parameter, evenly spaced on a logarithm inside its bounds, from which a fit starts."""
@@ -42,21 +43,25 @@ def fit_candidate(problem: GridProblem, candidate: Candidate) -> CandidateFit:
     -----
     The baseline enters linearised, as a projection, so that only the candidate's own parameters are searched, inside
     their physical bounds: sizes in closed form where the effect is proportional to them, shapes from several values.
+    Where the readings are a part of a campaign, shapes start from their values on all of it (`KnownFits`).
     """
-    parameters = candidate.parameters
-    low, high = (np.array([p.bounds[side] for p in parameters]) for side in (0, 1))
-    fit = _by_proportion if candidate.kind.linear else _by_search
-    cost, values = fit(problem, candidate)
+    if problem.whole is not None:
+        return _told(problem, candidate, *_from_known(problem, candidate, problem.whole))
+    cost, values = (_by_proportion if candidate.kind.linear else _by_search)(problem, candidate)
+    fit = _told(problem, candidate, cost, values)
+    return settled_fit(problem, fit) if candidate.kind.shape and fit.gain > ENTRY else fit
+
+
+def _told(problem: GridProblem, candidate: Candidate, cost: float, values: Array) -> CandidateFit:
+    """The fit with these values, which leave that sum of squares."""
+    low, high = np.array([p.bounds for p in candidate.parameters]).T
     whole = float(problem.left @ problem.left)
-    if candidate.kind.shape and whole - cost > ENTRY:
-        settled = settle(partial(_residuals, problem, candidate), values, _typical(candidate), np.array([low, high]))
-        cost, values = settled.cost, settled.values
     margin = 1e-6 * (high - low)
     at_bound = (values - low < margin) | (high - values < margin)
     shape = np.arange(len(values)) >= len(candidate.sizes)
     near = np.maximum(SHAPE_PRECISION * values, margin)  # a search stops so far from a bound
     at_bound |= shape & ((values - low < near) | (high - values < near))
-    on_bound = tuple(p.name for p, at in zip(parameters, at_bound, strict=True) if at)
+    on_bound = tuple(p.name for p, at in zip(candidate.parameters, at_bound, strict=True) if at)
     found = problem.fitted(candidate, values, whole - cost, on_bound)
     return replace(found, strays=_strays(problem, found))
 
@@ -136,27 +141,93 @@ def _by_proportion(problem: GridProblem, candidate: Candidate) -> tuple[float, A
     return cost, np.r_[sizes, shape]
 
 
+def _from_known(problem: GridProblem, candidate: Candidate, whole: Known) -> tuple[float, Array]:
+    """Sum of squares and values by one step from those of all readings, inside the bounds."""
+    known, bounds = whole.fit(candidate).values, np.array([p.bounds for p in candidate.parameters]).T
+    effect, slopes = whole.about(candidate)
+    seen = problem.project(problem.white(slopes))
+    moved = bounded_sizes(seen, problem.left - problem.beyond_baseline(effect) + seen @ known, bounds)[1]
+    tried = [(float(left @ left), v) for v in (moved, known) for left in [_residuals(problem, candidate, v)]]
+    return min(tried, key=lambda each: each[0])
+
+
+def settled_fit(problem: GridProblem, fit: CandidateFit) -> CandidateFit:
+    """A fit followed to its minimum."""
+    candidate = fit.candidate
+    bounds = np.array([p.bounds for p in candidate.parameters]).T
+    found = settle(partial(_residuals, problem, candidate), fit.values, _typical(candidate), bounds)
+    return _told(problem, candidate, found.cost, found.values)
+
+
 def _by_search(problem: GridProblem, candidate: Candidate) -> tuple[float, Array]:
-    """Sum of squares and values by nonlinear least squares."""
-    parameters = candidate.parameters
+    """Sum of squares and values by nonlinear least squares from several shapes."""
+    starts = [np.r_[_sizes(problem, candidate, shape)[1], shape] for shape in _shapes(candidate)]
+    ends = [_search(problem, candidate, start, FIRST_STEPS) for start in starts]
+    best = sorted(ends, key=lambda end: end[0])[:FOLLOWED]
+    return min((_search(problem, candidate, end, None) for _, end in best), key=lambda end: end[0])
+
+
+def _search(problem: GridProblem, candidate: Candidate, start: Array, most: int | None) -> tuple[float, Array]:
+    """Sum of squares and values by nonlinear least squares from a start (k,), in so many steps at most."""
     typical = _typical(candidate)
-    low, high = (np.array([p.bounds[side] for p in parameters]) for side in (0, 1))
-    bounds = low / typical, high / typical
+    low, high = np.array([p.bounds for p in candidate.parameters]).T
 
     def residuals(scaled: Array) -> Array:
         return _residuals(problem, candidate, scaled * typical)
 
-    def search(start: Array, most: int | None) -> tuple[float, Array]:
-        found = least_squares(residuals, start, bounds=bounds, x_scale="jac", xtol=1e-5, ftol=1e-7, max_nfev=most)
-        return 2.0 * float(found.cost), found.x
+    inside = np.clip(start, low + 1e-9 * typical, high - 1e-9 * typical) / typical
+    bounds = low / typical, high / typical
+    found = least_squares(residuals, inside, bounds=bounds, x_scale="jac", xtol=1e-5, ftol=1e-7, max_nfev=most)
+    return 2.0 * float(found.cost), found.x * typical
 
-    ends = []
-    for shape in _shapes(candidate):
-        start = np.r_[_sizes(problem, candidate, shape)[1], shape]
-        ends.append(search(np.clip(start, low + 1e-9 * typical, high - 1e-9 * typical) / typical, FIRST_STEPS))
-    best = sorted(ends, key=lambda end: end[0])[:FOLLOWED]
-    cost, scaled = min((search(end, None) for _, end in best), key=lambda end: end[0])
-    return cost, scaled * typical
+
+class KnownFits:
+    """Fits to all readings of a campaign, each made once: where fits to a part of them start.
+
+    Parameters
+    ----------
+    problem : callable
+        Gives the problem of all readings; it is asked for with the first fit.
+    """
+
+    def __init__(self, problem: Callable[[], GridProblem]) -> None:
+        self._problem = cache(problem)
+        self._beside: dict[Candidate, KnownFits] = {}
+        self.rows: Mask | slice = slice(None)
+        self._fit = cache(self._fitted)
+        self._about = cache(self._effect_and_slopes)
+
+    def fit(self, candidate: Candidate) -> CandidateFit:
+        """The fit of a candidate to all readings."""
+        return self._fit(candidate)
+
+    def about(self, candidate: Candidate) -> tuple[Array, Array]:
+        """Effect (m,) and slopes (m, k) of the fit of a candidate at the m readings of the part."""
+        effect, slopes = self._about(candidate)
+        return effect[self.rows], slopes[self.rows]
+
+    def part(self, rows: Mask | slice) -> KnownFits:
+        """The same for a part of the readings."""
+        same = copy(self)
+        same.rows = rows
+        return same
+
+    def beside(self, candidate: Candidate) -> KnownFits:
+        """Fits next to a candidate, which is taken out."""
+        if candidate not in self._beside:
+            self._beside[candidate] = KnownFits(
+                lambda: replace(self._problem().take_out(self.fit(candidate)), whole=self.part(slice(None)))
+            )
+        return self._beside[candidate].part(self.rows)
+
+    def _fitted(self, candidate: Candidate) -> CandidateFit:
+        fit = fit_candidate(self._problem(), candidate)
+        by_one_step = self._problem().whole is not None and candidate.kind.shape and fit.gain > ENTRY
+        return settled_fit(self._problem(), fit) if by_one_step else fit
+
+    def _effect_and_slopes(self, candidate: Candidate) -> tuple[Array, Array]:
+        fit = self.fit(candidate)
+        return fit.effect, self._problem().tangents(fit)
 
 
 SMALL = 0.05

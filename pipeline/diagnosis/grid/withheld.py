@@ -9,8 +9,9 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.engine.held_out import compared, touched_blocks, withheld_left
 from pmg.pipeline.diagnosis.engine.problem import freed
-from pmg.pipeline.diagnosis.engine.withheld import BLOCKS, FOLDS, Withholding
+from pmg.pipeline.diagnosis.engine.withheld import BLOCKS, Withholding
 from pmg.pipeline.diagnosis.grid.candidates import CandidateFit, GridProblem
+from pmg.pipeline.diagnosis.grid.fitting import KnownFits
 from pmg.pipeline.diagnosis.grid.free_form import bent_columns
 from pmg.pipeline.diagnosis.grid.locate import located_families
 from pmg.pipeline.fit.whitening import Whitener
@@ -32,10 +33,15 @@ class WithheldReadings(Withholding[CandidateFit, GridProblem]):
     """Readings of a campaign as they are withheld.
 
     What was run before a point is known without its reading, so mechanisms with a memory see the whole run history.
+    Every choice and every fit is made anew without the withheld readings; the fits start from the values that all
+    readings give (`whole`).
     """
 
     problem: GridProblem
+    whole: KnownFits
     noun = "mechanism was"
+    folds = 8
+    portion = "an eighth"
 
     def part(self, rows: Mask) -> GridProblem:
         """The problem of some readings; neighbours are no longer neighbours, so the noise is taken as white."""
@@ -51,6 +57,7 @@ class WithheldReadings(Withholding[CandidateFit, GridProblem]):
             predicted=self.problem.predicted[rows],
             ideal=self.problem.ideal[rows],
             columns=columns,
+            whole=self.whole.part(rows),
         )
 
     def effect(self, fits: tuple[CandidateFit, ...]) -> Array:
@@ -73,7 +80,7 @@ class WithheldReadings(Withholding[CandidateFit, GridProblem]):
 def withheld_readings(problem: GridProblem) -> WithheldReadings:
     """The readings of a problem, dealt to the folds of the proof."""
     readings = problem.readings
-    block, fold = deal(readings, FOLDS)
+    block, fold = deal(readings, WithheldReadings.folds)
     places = np.char.add(np.where(readings.sun, "sun ", "ring "), readings.configuration)
     return WithheldReadings(
         y=readings.torque - problem.predicted,
@@ -84,6 +91,7 @@ def withheld_readings(problem: GridProblem) -> WithheldReadings:
         groups=[np.flatnonzero(places == place) for place in np.unique(places)],
         what=_blocks_words(readings),
         problem=problem,
+        whole=KnownFits(lambda: problem),
     )
 
 

@@ -1,0 +1,45 @@
+"""Fits to a part of the readings, by one step from those of all, against fits made anew."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.nature import campaign_points, measure
+from tests.recovery.test_planted import NATURE, analysed
+
+from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
+from pmg.pipeline.diagnosis.grid.candidates import candidates, grid_problem
+from pmg.pipeline.diagnosis.grid.catalogue import MECHANISMS
+from pmg.pipeline.diagnosis.grid.fitting import fit_candidate, settled_fit
+from pmg.pipeline.diagnosis.grid.withheld import withheld_readings
+from pmg.pipeline.fit.whitening import whitener
+from pmg.pipeline.grid.readings import take_readings
+from pmg.sim.bench import BenchParameters
+
+
+def test_fits_to_a_part_of_the_readings_are_those_made_anew(bench: BenchParameters) -> None:
+    """One step comes near, a few more to the same minimum; what leads is followed up."""
+    rng = np.random.default_rng(3)
+    analysis = analysed(measure(NATURE, campaign_points("random", rng), rng, sun_gain=0.005)[0], bench)
+    assert analysis.floor is not None
+    assert analysis.calibration is not None
+    readings = take_readings(analysis.grid, bench)
+    white = whitener(readings, bench, analysis.floor)
+    rows = withheld_readings(grid_problem(readings, bench, analysis.calibration.model, white))
+    train = rows.fold != 1
+    part = rows.part(train)
+    anew = replace(part, whole=None)
+    tried = 0
+    for candidate in candidates():
+        if candidate.identifier not in {"torque_gain_error", "stribeck_mixed_lubrication", "magnet_temperature"}:
+            continue
+        full = fit_candidate(anew, candidate)
+        if full.gain > ENTRY:
+            near = fit_candidate(part, candidate)
+            assert near.gain > full.gain - max(1.0, 0.02 * full.gain)
+            assert settled_fit(part, near).gain == pytest.approx(full.gain, abs=0.1, rel=1e-3)
+            tried += 1
+    assert tried >= 2
+    assert MECHANISMS.choose(part).identifier == MECHANISMS.choose(anew).identifier
