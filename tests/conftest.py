@@ -1,17 +1,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from hypothesis import settings
 
 from pmg.pipeline.commands.ingest_files import ingest
+from pmg.pipeline.files.threads import one_thread
 from pmg.pipeline.store.store import Store
 from pmg.sim.bench import BenchParameters, load_bench
 
 from .bench.kill import contents
 from .recording.writer import Bench, write
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 ROOT = Path(__file__).resolve().parent.parent
 FILES = 12
@@ -43,6 +48,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the tests of `LONGEST` first; all others keep their order."""
     place = {ROOT / "tests" / name: count for count, name in enumerate(LONGEST)}
     items.sort(key=lambda item: place.get(item.path, len(LONGEST)))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_thread_for_linear_algebra() -> Iterator[None]:
+    """Parts of pmg are called as its commands call them."""
+    with one_thread():
+        yield
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ from pmg.pipeline.cli.frame import Progress, command
 from pmg.pipeline.cli.group import AnswersInJson
 from pmg.pipeline.cli.options import ANALYSIS, RUN, CampaignOptions, Given, options_of
 from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.files.threads import keep_to_one_thread
 
 
 def _grouped(app: typer.Typer, groups: dict[str, typer.Typer]) -> typer.Typer:
@@ -120,12 +121,8 @@ report = app.command()(cli_report.report)
 
 
 def main() -> None:
-    """Entry of the console scripts.
-
-    Linear algebra keeps to one thread unless the user says otherwise: its matrices here are small, and on a machine
-    that is busy, threads that wait for each other make the analysis several times slower.
-    """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    """Entry of the console scripts."""
+    keep_to_one_thread()
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by the caller: no file of a store may be opened in its place
             setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 (as long as the process)

@@ -26,6 +26,7 @@ from pmg.pipeline.commands.notebook_results import (
     IngestedCampaigns,
 )
 from pmg.pipeline.commands.stored_analysis import analysed
+from pmg.pipeline.files.threads import one_thread
 from pmg.pipeline.fit.analysis import analyse as analyse_grid
 from pmg.pipeline.fit.options import chosen_options
 from pmg.pipeline.grid.tables import frame_grid, grid_frame
@@ -63,6 +64,7 @@ def read_recording(recording: str | Path) -> Recording:
     return read.read_recording(Path(recording))
 
 
+@one_thread()
 def ingest(
     recordings: str | Path,
     store: str | Path | None = None,
@@ -118,6 +120,7 @@ def ingest(
     return found
 
 
+@one_thread()
 def analyse(
     recordings: IngestedCampaigns | str | Path | None = None,
     *,
@@ -180,6 +183,7 @@ def analyse(
         return CampaignAnalysis(analysed(store, grid, first.options), recordings)
 
 
+@one_thread()
 def compare(analysis: CampaignAnalysis, model: str | Path | None = None) -> CampaignComparison:
     """Simulate every point of a campaign, and subtract.
 
@@ -210,6 +214,7 @@ def compare(analysis: CampaignAnalysis, model: str | Path | None = None) -> Camp
     return CampaignComparison(analysis, simulated)
 
 
+@one_thread()
 def diagnose(comparison: CampaignComparison, *, seed: int = SEED) -> CampaignDiagnosis:
     """Name what the simulation left out, or say why it cannot be determined.
 
@@ -231,6 +236,7 @@ def diagnose(comparison: CampaignComparison, *, seed: int = SEED) -> CampaignDia
     )
 
 
+@one_thread()
 def write_report(
     diagnosis: CampaignDiagnosis,
     folder: str | Path,
