@@ -43,8 +43,8 @@ RUN_KEYS = {
 RFC_3339 = re.compile(r"(\d{4}-\d\d-\d\d)[Tt ](\d\d:\d\d:\d\d)(?:\.(\d+))?(?:([Zz])|([+-]\d\d:\d\d))", flags=re.ASCII)
 LARGEST_NUMBER = 1e12
 """Size beyond which a number is no reading or setting of a bench; its square, or a sum, may be beyond all floats."""
-YEARS = 1900, 9000
-"""First and last year of a start: beyond, it is damage, and times of its samples may not be formed."""
+YEARS = 1970, 2261
+"""First and last year of a start [UTC]: a recording counts nanoseconds since 1970 in 63 bits; beyond, it is damage."""
 
 
 def read_run(records: Iterable[tuple[str, Mapping[str, str]]], findings: Findings) -> RunInfo | None:
@@ -175,7 +175,10 @@ def _utc(text: str) -> datetime:
     if not YEARS[0] <= int(day[:4]) <= YEARS[1]:
         raise ValueError(text)
     micro = (fraction or "0")[:6].ljust(6, "0")
-    return datetime.fromisoformat(f"{day}T{clock}.{micro}{offset or '+00:00'}").astimezone(UTC)
+    found = datetime.fromisoformat(f"{day}T{clock}.{micro}{offset or '+00:00'}").astimezone(UTC)
+    if found.year < YEARS[0]:
+        raise ValueError(text)
+    return found
 
 
 def finite(text: str) -> float:

@@ -43,7 +43,8 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("audited")
     (folder / "recordings").mkdir()
     for number in range(3):
-        write(folder / "recordings" / f"{number}.mcap", Bench(torque={"sun": 0.1 * number, "ring": 1.5}))
+        run = {"started_at": f"2025-04-23T08:0{number}:00Z"}
+        write(folder / "recordings" / f"{number}.mcap", Bench(torque={"sun": 0.1 * number, "ring": 1.5}, run=run))
     (folder / "limits.toml").write_text(LIMITS)
     text = '[recordings]\npath = "recordings"\n[store]\npath = "s"\n[ingest]\nworkers = 2\nlimits = "limits.toml"\n'
     (folder / "campaign.toml").write_text(text)

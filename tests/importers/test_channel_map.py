@@ -96,6 +96,7 @@ def test_what_is_no_toml_and_what_maps_nothing_or_twice_is_refused(tmp_path: Pat
         ("gear = 2", "gear = 3", "gear"),
         ('configuration = "engaged"', 'configuration = "engadged"', "Did you mean 'engaged'?"),
         ("started_at = 2026-03-04T09:30:00.250Z", 'started_at = "yesterday"', "started_at"),
+        ("started_at = 2026-03-04", "started_at = 2826-03-04", "started_at"),
         ("started_at = 2026-03-04T09:30:00.250Z", "", "started_at"),
         ('point = "E1"', 'point = { property = "bensh" }', "Did you mean 'bench'?"),
         ("calibration.toml", "calibrations.toml", "is no file"),

@@ -57,6 +57,8 @@ def test_the_run_is_read_in_si_and_utc(tmp_path: Path) -> None:
         ({"started_at": "23.4.2025 8:00"}, Code.RUN_VALUE, "2025-04-23T08"),
         ({"started_at": "2025-04-23T08:00:00"}, Code.RUN_VALUE, "started_at"),
         ({"started_at": "2025-13-23T08:00:00Z"}, Code.RUN_VALUE, "started_at"),
+        ({"started_at": "1970-01-01T00:30:00+01:00"}, Code.RUN_VALUE, "started_at"),
+        ({"started_at": "2262-01-01T00:00:00Z"}, Code.RUN_VALUE, "started_at"),
         ({"sun_speed_set_rpm": "fast"}, Code.RUN_VALUE, "finite number"),
         ({"ring_torque_set_Nm": "nan"}, Code.RUN_VALUE, "finite number"),
         ({"campaign": None}, Code.RUN_KEY, "campaign"),
