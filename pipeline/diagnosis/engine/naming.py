@@ -249,10 +249,13 @@ def _weak(
     leader, *others = sorted(singles, key=lambda e: -e.score)
     if leader.gain >= WEAK or leader.score <= 0.0 or not remainder_of(leader).within_noise:
         return ()
-    others = [e for e in others if e.ids != leader.ids]
-    near = [e for e in others if e.score > leader.score - MARGIN]
+    first: dict[frozenset[str], Explanation[F, P]] = {}
+    for other in others:
+        first.setdefault(other.ids, other)
+    distinct = [e for ids, e in first.items() if ids != leader.ids]
+    near = [e for e in distinct if e.score > leader.score - MARGIN]
     fewest = FEWEST if leader.gain < FAINT else 0
-    return (leader, *(near or others[:fewest])[:MOST_RIVALS])
+    return (leader, *(near or distinct[:fewest])[:MOST_RIVALS])
 
 
 def _better(

@@ -1,0 +1,60 @@
+"""The track record of each kind of answer: how often it held the truth where the truth was concealed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from scipy import stats
+
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
+
+
+@dataclass(frozen=True)
+class TrackRecord:
+    """Answers of one kind in the trial, and how many of them held the truth: every cause, or that it is none known.
+
+    Parameters
+    ----------
+    answer : str
+        The kind, in words.
+    held, of : int
+        Counts.
+    """
+
+    answer: str
+    held: int
+    of: int
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the rate (Clopper and Pearson)."""
+        found = stats.binomtest(self.held, self.of).proportion_ci(0.95, "exact")
+        return float(found.low), float(found.high)
+
+    @property
+    def words(self) -> str:
+        """Rate with its interval, in words."""
+        low, high = self.interval
+        return (
+            f"{self.answer}: held the truth in {self.held / self.of:.0%} of {self.of} concealed synthetic campaigns "
+            f"(95 % interval {low:.0%} to {high:.0%})"
+        )
+
+
+RECORD = {
+    "named": TrackRecord("a cause named", 0, 1),
+    "ambiguous": TrackRecord("several causes given", 0, 1),
+    "weak": TrackRecord("a difference too weak to name its cause", 0, 1),
+    "not_in_library": TrackRecord("no known cause given, with those that come near", 0, 1),
+}
+"""From the trial that ``reports/PROOF.md`` describes; sizes, causes and designs as drawn there."""
+
+
+def track_record(diagnosis: Diagnosis) -> TrackRecord | None:
+    """The record of answers like this one; None where none was found."""
+    weak = diagnosis.verdict is Verdict.AMBIGUOUS and diagnosis.weak
+    return RECORD.get("weak" if weak else str(diagnosis.verdict))
