@@ -12,9 +12,10 @@ from tests.trials.strata_by_name import find_stratum
 from pmg.pipeline.diagnosis.design.next_test import form_test
 from pmg.pipeline.diagnosis.engine.adequacy import AdequacyTest, Remainder, adequacy_test
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
-from pmg.pipeline.diagnosis.engine.explanation import Explanation
+from pmg.pipeline.diagnosis.engine.explanation import Explanation, explain_with
+from pmg.pipeline.diagnosis.engine.forms import with_free_laws, with_look_alikes
 from pmg.pipeline.diagnosis.engine.free_form import BENT, FORM_ERROR, FreeForm, explains, free_form
-from pmg.pipeline.diagnosis.engine.naming import name_candidates, with_free_laws
+from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.grid.candidates import (
     Candidate,
     CandidateFit,
@@ -230,3 +231,20 @@ def test_a_further_cause_is_told_from_an_error_of_form_by_points_that_no_bend_fo
     same = form_test(clean, best, (clean.fitted(own.candidate, own.values),), floor)
     assert same is not None
     assert same.power < 0.05
+
+
+def test_of_a_pair_of_look_alikes_either_alone_is_a_rival(clean: GridProblem) -> None:
+    """Gain and crosstalk show the same under load; a small part of the other takes up an error of form of either."""
+    gain = clean.fitted(candidate("torque_gain_error", "ring"), np.array([0.01]))
+    other = clean.fitted(candidate("torque_crosstalk", "ring"), np.array([0.0015]))
+    apart = clean.fitted(candidate("torque_zero_offset", "ring"), np.array([0.003]))
+
+    def rivals(first: CandidateFit, second: CandidateFit) -> set[str]:
+        problem = replace(clean, left=clean.left + first.seen + second.seen)
+        naming = name_candidates(problem, MECHANISMS, judge(SEEN))
+        pair = explain_with(problem, MECHANISMS, [first.candidate, second.candidate])
+        found = with_look_alikes(replace(naming, best=pair, rivals=()), problem)
+        return {identifier for rival in found.rivals for identifier in rival.ids}
+
+    assert rivals(gain, other) == {"torque_gain_error", "torque_crosstalk"}
+    assert rivals(gain, apart) == set()

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic
 
-from pmg.pipeline.diagnosis.engine.adequacy import ORDINARY
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY, MARGIN
 from pmg.pipeline.diagnosis.engine.explanation import (
     Explanation,
@@ -185,35 +184,6 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
         weak = _weak(singles, lambda leader: remainder if leader is best else remainder_of(leader.problem))
     explained = explains(best, remainder)
     return Naming(best, rivals, shafts, remainder, explained, weak, tuple(rounds), further=further, missed=missed)
-
-
-def with_free_laws(
-    naming: Naming[F, P], problem: P, catalogue: CandidateCatalogue[F, P], remainder_of: AdequacyTest
-) -> Naming[F, P]:
-    """What the catalogue says once laws may bend.
-
-    A leader that leaves structure is named with its law free, where that explains. Laws are free for the others, too:
-    a single candidate that explains as well then, or better, is a rival.
-    """
-    best = naming.best
-    if not best.fits or (naming.remainder.p_value >= ORDINARY and naming.explained):
-        return naming
-    form = free_form(best, catalogue, remainder_of)
-    if form is not None and form.explains and not naming.explained:
-        naming = replace(naming, best=form.explanation, remainder=form.remainder, explained=True)
-    if not naming.explained or len(best.fits) > 1:
-        return naming
-    reached = best.score + (max(form.evidence, 0.0) if form is not None else 0.0)
-    known = {best.ids, *(rival.ids for rival in naming.rivals)}
-    found = list(naming.rivals)
-    for fit in naming.ranking[: FIRST_OF_PAIRS + 3]:
-        other = Explanation((fit,), problem.take_out(fit))
-        if other.ids in known or (bent := free_form(other, catalogue, remainder_of)) is None:
-            continue
-        known.add(other.ids)
-        if bent.explains and other.score + bent.evidence > reached - MARGIN:
-            found.append(bent.explanation)
-    return replace(naming, rivals=tuple(found))
 
 
 def margin_beside(remainder: Remainder) -> float:

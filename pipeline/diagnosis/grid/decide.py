@@ -12,7 +12,8 @@ from pmg.pipeline.diagnosis.design.next_test import form_test, lifting_test, nex
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
 from pmg.pipeline.diagnosis.engine.conclusion import conclude
-from pmg.pipeline.diagnosis.engine.naming import name_candidates, with_free_laws
+from pmg.pipeline.diagnosis.engine.forms import with_free_laws, with_look_alikes
+from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
 from pmg.pipeline.diagnosis.form.symbolic import find_shape
@@ -100,7 +101,7 @@ def diagnose(
     first = grid_problem(readings, bench, calibration.model, whitener(readings, bench, floor), allowed)
     problem, naming = _searched(first, floor, rng)
     judged = adequacy_test(campaign_evidence(problem, floor, JUDGE_DRAWS, rng))
-    naming = with_free_laws(naming, problem, MECHANISMS, judged)
+    naming = with_look_alikes(with_free_laws(naming, problem, MECHANISMS, judged), problem)
     conclusion = conclude(problem, MECHANISMS, naming, lambda best: _withheld(problem, best, rng))
     said = replace(said, **{f.name: getattr(conclusion, f.name) for f in fields(conclusion)})
     if not said.verdict.names:
@@ -118,7 +119,9 @@ def diagnose(
     return replace(
         said,
         refit=found,
-        rivals=tuple(Rival(e, next_test(problem, best, e, floor), i >= close) for i, e in enumerate(rivals)),
+        rivals=tuple(
+            Rival(e, next_test(problem, _against(e, best, rivals), e, floor), i >= close) for i, e in enumerate(rivals)
+        ),
         absorbed=_swallowed(calibration, found),
         law=tuple(power for fit in best.fits for power in law_powers(problem, fit)) if best.bent else (),
         form_test=form_test(problem, best, further, floor) if further else None,
@@ -146,6 +149,12 @@ def _withheld(problem: GridProblem, explanation: GridExplanation, rng: np.random
         return withhold(withheld_readings(problem), MECHANISMS, explanation.fits, rng, bent=explanation.bent > 0.0)
     except FitError:
         return None
+
+
+def _against(rival: GridExplanation, best: GridExplanation, rivals: tuple[GridExplanation, ...]) -> GridExplanation:
+    """What a test must tell a rival from: the leading set, or the other look-alike where the rival is a part of it."""
+    parts = (other for other in rivals if rival.ids < best.ids and other.ids < best.ids and other is not rival)
+    return next(parts, best)
 
 
 def _swallowed(calibration: FittedBaseline, found: Refit) -> tuple[Absorbed, ...]:

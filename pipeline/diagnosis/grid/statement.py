@@ -141,7 +141,7 @@ def _size(diagnosis: Diagnosis, fit: CandidateFit) -> str:
     assert naming is not None
     problem, readings = naming.best.problem, diagnosis.mismatch.readings
     left, touched = problem.unabsorbed(fit), fit.effect != 0.0
-    side = max(SIDES, key=lambda side: float(np.sum(left[readings.of_shaft[side]] ** 2)))
+    side = max(SIDES, key=lambda side: float(np.sum(left[touched & readings.of_shaft[side]] ** 2)))
     drag = (readings.direction * left)[touched & readings.of_shaft[side]] * 1e3
     subject = "It changes" if len(naming.best.fits) == 1 else f"{fit.candidate.kind.title} changes"
     return (
