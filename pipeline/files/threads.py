@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Variables that say how many threads libraries of linear algebra start."""
+
 
 def keep_to_one_thread() -> None:
     """Keep this process and those that it starts to one thread; it works before libraries of numbers are loaded."""
-    for library in ("OPENBLAS", "MKL"):
-        os.environ[f"{library}_NUM_THREADS"] = "1"
+    os.environ.update(dict.fromkeys(THREADS, "1"))
 
 
 @contextmanager
@@ -27,5 +29,12 @@ def one_thread() -> Iterator[None]:
     import scipy.linalg  # noqa: F401 - it brings a library of its own besides numpy's; both must be there to be limited
     from threadpoolctl import threadpool_limits
 
-    with threadpool_limits(limits=1, user_api="blas"):
-        yield
+    before = dict(os.environ)
+    keep_to_one_thread()  # for processes that are started within
+    try:
+        with threadpool_limits(limits=1, user_api="blas"):
+            yield
+    finally:
+        for name in THREADS:
+            os.environ.pop(name)
+            os.environ.update({name: before[name]} if name in before else {})

@@ -44,9 +44,12 @@ def test_calls_from_python_do_and_leave_the_threads_of_their_caller(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[set[int]] = []
+    started: list[str] = []
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
 
     def looked(*_: object) -> None:
         seen.append(threads())
+        started.append(os.environ["OPENBLAS_NUM_THREADS"])
         raise GridError("here", "nothing", "threads", "None.")
 
     for name in ("run_ingest", "gather"):
@@ -58,3 +61,5 @@ def test_calls_from_python_do_and_leave_the_threads_of_their_caller(
                 called(tmp_path)
         assert threads() == before
     assert seen == [{1}, {1}]
+    assert started == ["1", "1"], "what processes that are started meanwhile read"
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "2"

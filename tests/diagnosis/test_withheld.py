@@ -10,6 +10,7 @@ from tests.nature import campaign_points, measure
 from tests.recovery.test_planted import NATURE, analysed
 
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
+from pmg.pipeline.diagnosis.engine.withheld import withhold
 from pmg.pipeline.diagnosis.grid.candidates import candidates, grid_problem
 from pmg.pipeline.diagnosis.grid.catalogue import MECHANISMS
 from pmg.pipeline.diagnosis.grid.fitting import fit_candidate, settled_fit
@@ -43,3 +44,20 @@ def test_fits_to_a_part_of_the_readings_are_those_made_anew(bench: BenchParamete
             tried += 1
     assert tried >= 2
     assert MECHANISMS.choose(part).identifier == MECHANISMS.choose(anew).identifier
+
+
+def test_parts_without_readings_are_no_choices(bench: BenchParameters) -> None:
+    """Without an order few speeds deal to fewer parts than there may be; only those that withhold something count."""
+    rng = np.random.default_rng(3)
+    analysis = analysed(measure(NATURE, campaign_points("random", rng), rng, sun_gain=0.02)[0], bench)
+    assert analysis.floor is not None
+    assert analysis.calibration is not None
+    readings = take_readings(analysis.grid, bench)
+    white = whitener(readings, bench, analysis.floor)
+    problem = grid_problem(readings, bench, analysis.calibration.model, white)
+    dealt = withheld_readings(problem)
+    rows = replace(dealt, fold=np.where(dealt.fold < 3, dealt.fold, dealt.folds))
+    (gain,) = (c for c in candidates() if (c.identifier, c.shaft) == ("torque_gain_error", "sun"))
+    held = withhold(rows, MECHANISMS, (fit_candidate(problem, gain),), rng)
+    assert "in 3 parts" in held.split
+    assert "in 3 of 3" in held.split

@@ -15,7 +15,7 @@ from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.engine.explanation import Explanation, explain_with
 from pmg.pipeline.diagnosis.engine.forms import with_free_laws, with_look_alikes
 from pmg.pipeline.diagnosis.engine.free_form import BENT, FORM_ERROR, FreeForm, explains, free_form
-from pmg.pipeline.diagnosis.engine.naming import name_candidates
+from pmg.pipeline.diagnosis.engine.naming import _further, name_candidates
 from pmg.pipeline.diagnosis.grid.candidates import (
     Candidate,
     CandidateFit,
@@ -26,7 +26,7 @@ from pmg.pipeline.diagnosis.grid.candidates import (
 )
 from pmg.pipeline.diagnosis.grid.catalogue import MECHANISMS, GridExplanation
 from pmg.pipeline.diagnosis.grid.evidence import campaign_evidence
-from pmg.pipeline.diagnosis.grid.free_form import bent_columns
+from pmg.pipeline.diagnosis.grid.free_form import bent_columns, law_parts
 from pmg.pipeline.diagnosis.grid.law import law_powers
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
@@ -223,7 +223,7 @@ def test_a_further_cause_is_told_from_an_error_of_form_by_points_that_no_bend_fo
     further = clean.fitted(chosen, np.array([0.0003]))
     test = form_test(clean, best, (further,), floor)
     assert test is not None
-    assert test.separates == ("torque_zero_offset",)
+    assert test.separates == ("load_dependent_bearing_friction", "torque_zero_offset")
     larger = form_test(clean, best, (clean.fitted(chosen, np.array([0.01])),), floor)
     assert larger is not None
     assert larger.power > max(test.power, 0.9)
@@ -243,8 +243,29 @@ def test_of_a_pair_of_look_alikes_either_alone_is_a_rival(clean: GridProblem) ->
         problem = replace(clean, left=clean.left + first.seen + second.seen)
         naming = name_candidates(problem, MECHANISMS, judge(SEEN))
         pair = explain_with(problem, MECHANISMS, [first.candidate, second.candidate])
-        found = with_look_alikes(replace(naming, best=pair, rivals=()), problem)
+        found = with_look_alikes(replace(naming, best=pair, rivals=(), explained=True), problem)
         return {identifier for rival in found.rivals for identifier in rival.ids}
 
     assert rivals(gain, other) == {"torque_gain_error", "torque_crosstalk"}
     assert rivals(gain, apart) == set()
+
+
+@pytest.mark.parametrize(("power", "told"), [(3.0, True), (6.0, False)])
+def test_a_power_beyond_the_search_is_not_told(power: float, *, told: bool, clean: GridProblem) -> None:
+    """The scale that goes with a steep power is not bounded, and a power at the end of the search is none."""
+    fit = clean.fitted(candidate("windage", "sun"), np.array([1e-6]))
+    (part,) = law_parts(clean, fit)
+    steep = fit.effect * 40.0 * np.exp((power - 1.0) * part.logarithm(LawCovariate.SPEED))
+    found = law_powers(replace(clean, left=clean.left + clean.beyond_baseline(1e3 * steep)), fit)
+    assert bool(found) is told
+    assert all(abs(each.more - (power - 1.0)) < 0.05 for each in found)
+
+
+def test_what_joins_a_set_is_not_the_set_again_in_another_order(clean: GridProblem) -> None:
+    first = planted(clean, "load_dependent_bearing_friction", "sun", 0.03, 0.0)
+    offset = MECHANISMS.fit(first.problem, candidate("torque_zero_offset", "ring"))
+    large = replace(offset, gain=1000.0)
+    again = MECHANISMS.fit(first.problem, candidate("load_dependent_bearing_friction", "ring"))
+    other = Explanation((large,), clean).plus(replace(again, gain=1000.0))
+    assert not _further(first, [other])
+    assert _further(first, [other, first.plus(large)]) == (large,)

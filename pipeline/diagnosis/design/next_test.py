@@ -171,7 +171,7 @@ def form_test(
         left = free.beyond_baseline(effect)
         return float(left @ left)
 
-    return _best_test(problem, floor, tuple(sorted(fit.identifier for fit in further)), apart)
+    return _best_test(problem, floor, tuple(sorted({fit.identifier for fit in (*best.fits, *further)})), apart)
 
 
 def _best_test(

@@ -29,7 +29,7 @@ class Explanation(Generic[F, P]):
     fits : tuple of Fit
         In the order in which they entered.
     problem : WhitenedProblem
-        With them taken out and their parameters free; where their laws are free, with what these take up, too.
+        With them taken out and their parameters free; where their laws bend, what that takes up is out of its rows.
     bent : float
         What a free form of their laws takes up beyond the forms of the catalogue [noise variances]; 0 where the laws
         are those of the catalogue.

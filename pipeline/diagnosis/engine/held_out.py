@@ -129,9 +129,27 @@ def solve(design: Array, y: Array) -> Array:
     return np.asarray(np.linalg.lstsq(design / length, y, rcond=1e-8)[0] / length)
 
 
-def unpredicted(y: Array, columns: Array, scale: Array, train: Mask) -> Array:
-    """Rows (m,) less what the training rows, weighted by their scale, determine of some columns (m, k)."""
-    return np.asarray(y - columns @ solve(columns[train] / scale[train, None], y[train] / scale[train]))
+def unpredicted(y: Array, columns: Array, scale: Array, train: Mask, spread: Array | None = None) -> Array:
+    """Rows (m,) less what the training rows, weighted by their scale, determine of some columns (m, k).
+
+    `spread` is as in `training_rows`.
+    """
+    design = training_rows(columns, scale, train, spread)
+    seen = np.zeros(len(design))
+    seen[: int(train.sum())] = y[train] / scale[train]
+    return np.asarray(y - columns @ solve(design, seen))
+
+
+def training_rows(columns: Array, scale: Array, train: Mask, spread: Array | None = None) -> Array:
+    """Weighted training rows of some columns, and below them one for each coefficient that is known beforehand.
+
+    `spread` (k,) is the standard deviation of each coefficient about zero before anything is seen; infinite where not
+    known.
+    """
+    rows = columns[train] / scale[train, None]
+    if spread is None:
+        return np.asarray(rows)
+    return np.vstack([rows, np.diag(1.0 / spread)[np.isfinite(spread)]])
 
 
 def withheld_left(

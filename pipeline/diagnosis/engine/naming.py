@@ -160,7 +160,7 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
         after, larger, ranking = _enlarged(catalogue, best, starts, remainder.excess)
         form = free_form(best, catalogue, remainder_of) if after is not None else None
         if form is not None and after is not None and form.rivals(after.score - best.score):
-            further, after = tuple(fit for fit in after.fits if best.ids < after.ids and fit not in best.fits), None
+            further, after = _further(best, [after]), None
         entered = () if after is None else tuple(fit.identifier for fit in after.fits[len(best.fits) :])
         rounds.append(SearchRound(tuple(ranking), entered, remainder))
         if after is None:
@@ -244,9 +244,11 @@ def _enters(before: Explanation[F, P], after: Explanation[F, P], excess: float) 
 
 def _further(before: Explanation[F, P], larger: list[Explanation[F, P]]) -> tuple[F, ...]:
     """What would join a set with evidence of its own, where an error of form of that set explains it as well."""
+    count = len(before.fits)
     for after in larger:
-        if before.ids < after.ids and after.score > before.score + ENTRY and after.needed:
-            return after.fits[len(before.fits) :]
+        grown = len(after.fits) > count and all(a is b for a, b in zip(after.fits, before.fits, strict=False))
+        if grown and after.score > before.score + ENTRY and after.needed:
+            return after.fits[count:]
     return ()
 
 

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.engine.held_out import HeldOut, compared, touched_blocks, unpredicted, withheld_left
+from pmg.pipeline.diagnosis.engine.free_form import BEND
+from pmg.pipeline.diagnosis.engine.held_out import (
+    HeldOut,
+    compared,
+    touched_blocks,
+    training_rows,
+    unpredicted,
+    withheld_left,
+)
 from pmg.pipeline.diagnosis.engine.problem import F, P
 from pmg.sim.errors import FitError
 
@@ -74,9 +82,6 @@ class Withholding(ABC, Generic[F, P]):
     folds: ClassVar[int] = FOLDS
     """Parts withheld in turn."""
 
-    portion: ClassVar[str] = "a quarter"
-    """Such a part, in words."""
-
     @abstractmethod
     def part(self, rows: Mask) -> P:
         """The problem of some of the rows."""
@@ -135,17 +140,16 @@ def withhold(
     before, after = withheld_left(y, columns, scale, rows.fold, rows.folds), y.copy()
     reach_before, reach_after = np.zeros_like(y), np.zeros_like(y)
     sets: list[tuple[F, ...]] = []
-    for k in range(rows.folds):
+    for k in np.unique(rows.fold[rows.fold < rows.folds]):
         train, test = rows.fold != k, rows.fold == k
         reach_before[test] = _reach(columns, scale, train, test)
         found = _choose_all(rows.part(train), catalogue, len(fits))
         sets.append(found)
         fixed, moving, slopes = rows.predictors(found)
-        if bent:
-            free = rows.free_form(found)
-            moving, slopes = np.hstack([moving, free]), np.hstack([slopes, free])
-        after[test] = unpredicted(y - fixed, np.hstack([columns, moving]), scale, train)[test]
-        reach_after[test] = _reach(np.hstack([columns, slopes]), scale, train, test)
+        free = rows.free_form(found) if bent else columns[:, :0]
+        used, uncertain = (np.hstack([columns, own, free]) for own in (moving, slopes))
+        after[test] = unpredicted(y - fixed, used, scale, train, _spread(used, free))[test]
+        reach_after[test] = _reach(uncertain, scale, train, test, _spread(uncertain, free))
     touched &= reach_before <= FARTHEST
     reached, of = touched & (reach_after <= FARTHEST), int(touched.sum())
     touched = reached if reached.sum() >= (1.0 - LOST) * of else touched
@@ -154,8 +158,8 @@ def withhold(
         where, came = "held-out proof", f"{len(blocks)} blocks of readings"
         raise FitError(where, came, "two or more", "Measure more speeds, or record when each point was run.")
     named = {fit.identifier for fit in fits}
-    kept, tries = sum(fit.identifier in named for found in sets for fit in found), rows.folds * len(fits)
-    split = _split(rows, f"{kept} of {tries}", of - int(touched.sum()), of)
+    kept, tries = sum(fit.identifier in named for found in sets for fit in found), len(sets) * len(fits)
+    split = _split(rows, len(sets), f"{kept} of {tries}", of - int(touched.sum()), of)
     return replace(
         compared(split, (before, after), scale, (rows.block, touched), rng),
         placebo_gain=_placebo_gain(rows, rows.effect(fits), before, touched, placebo_rng or rng),
@@ -166,9 +170,14 @@ def withhold(
     )
 
 
-def _split(rows: Withholding[F, P], kept: str, aside: int, of: int) -> str:
+def _spread(columns: Array, free: Array) -> Array:
+    """Standard deviation of each coefficient beforehand: `BEND` for the last ones, along which laws bend."""
+    return np.repeat([np.inf, BEND], [columns.shape[1] - free.shape[1], free.shape[1]])
+
+
+def _split(rows: Withholding[F, P], parts: int, kept: str, aside: int, of: int) -> str:
     lost = f"; {aside} of {of} readings, which the rest does not determine, left out of the count" if aside else ""
-    withheld = f"{rows.what}, {rows.portion} at a time, withheld before the choice"
+    withheld = f"{rows.what}, in {parts} parts, each withheld before the choice"
     return f"{withheld}: the same {rows.noun} chosen in {kept}{lost}"
 
 
@@ -199,12 +208,12 @@ def _placebo_gain(
     return float(np.mean(gains))
 
 
-def _reach(columns: Array, scale: Array, train: Mask, test: Mask) -> Array:
+def _reach(columns: Array, scale: Array, train: Mask, test: Mask, spread: Array | None = None) -> Array:
     """Standard deviation with which the training rows predict the baseline of the test rows, over their noise."""
     length = np.linalg.norm(columns, axis=0)
-    unit = columns / np.where(length > 0.0, length, 1.0)
-    inverse = np.linalg.pinv(unit[train] / scale[train, None], rcond=1e-8)
-    return np.asarray(np.linalg.norm(unit[test] @ inverse, axis=1) / scale[test])
+    length[length == 0.0] = 1.0
+    inverse = np.linalg.pinv(training_rows(columns, scale, train, spread) / length, rcond=1e-8)
+    return np.asarray(np.linalg.norm(columns[test] / length @ inverse, axis=1) / scale[test])
 
 
 def _expected(scale: Array, reach: Array, touched: Mask) -> float:

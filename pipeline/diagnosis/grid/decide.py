@@ -124,7 +124,7 @@ def diagnose(
         ),
         absorbed=_swallowed(calibration, found),
         law=tuple(power for fit in best.fits for power in law_powers(problem, fit)) if best.bent else (),
-        form_test=form_test(problem, best, further, floor) if further else None,
+        form_test=form_test(problem, best, further, floor) if further and said.verdict is Verdict.NAMED else None,
         decoys=None if said.weak else smooth_decoys(problem, naming, rng),
     )
 

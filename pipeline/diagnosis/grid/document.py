@@ -10,7 +10,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.form.shape import shape_document
 from pmg.pipeline.diagnosis.grid.diagnosis import component_of
-from pmg.pipeline.diagnosis.grid.rivals import rival_rows
+from pmg.pipeline.diagnosis.grid.rivals import KNOWN, rival_rows
 from pmg.pipeline.diagnosis.grid.statement import near_decision, phrase, statement
 from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
 
@@ -114,17 +114,20 @@ def _design(diagnosis: Diagnosis) -> dict[str, Any] | None:
 def probabilities(diagnosis: Diagnosis) -> list[float]:
     """Weight of the leading explanation and of each rival, for equal prior odds.
 
-    What parts of the readings name instead shares evenly the part of the choices that did not agree.
+    What parts of the readings name instead shares evenly the part of the choices that did not agree; either of a pair
+    of look-alikes counts as much as the pair. Of a weak difference, something is left for what nobody knows.
     """
     if diagnosis.naming is None:
         return []
     by_parts = [False, *(rival.by_parts for rival in diagnosis.rivals)]
-    scores = [diagnosis.naming.best.score, *(rival.explanation.score for rival in diagnosis.rivals)]
+    best, others = diagnosis.naming.best, [rival.explanation for rival in diagnosis.rivals]
+    scores = [best.score, *(best.score if other.ids < best.ids else other.score for other in others)]
     most = max(score for score, apart in zip(scores, by_parts, strict=True) if not apart)
     weights = [0.0 if apart else math.exp(0.5 * (s - most)) for s, apart in zip(scores, by_parts, strict=True)]
     elsewhere = 1.0 - diagnosis.held_out.kept if diagnosis.held_out is not None and any(by_parts) else 0.0
+    known = KNOWN if diagnosis.weak else 1.0
     return [
-        elsewhere / sum(by_parts) if apart else (1.0 - elsewhere) * weight / sum(weights)
+        known * (elsewhere / sum(by_parts) if apart else (1.0 - elsewhere) * weight / sum(weights))
         for weight, apart in zip(weights, by_parts, strict=True)
     ]
 
@@ -141,7 +144,7 @@ def _near_ties(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 def _form(diagnosis: Diagnosis) -> dict[str, Any] | None:
     """How the law differs from the library's form, and what explains as much; None where it does not."""
     naming = diagnosis.naming
-    if naming is None or not (naming.best.bent or naming.further):
+    if naming is None or not diagnosis.verdict.names or not (naming.best.bent or naming.further):
         return None
     return {
         "explained_by_library_form": naming.best.gain,

@@ -70,8 +70,10 @@ def _strays(problem: GridProblem, fit: CandidateFit) -> bool:
     """Whether a power of a law, at the end of its range, would bring evidence by going on, to first order."""
     if not set(fit.candidate.powers) & set(fit.on_bound):
         return False
-    left, free = problem.left - fit.seen, problem.take_out(fit).left
-    return float(left @ left - free @ free) > ENTRY
+    loose = [p.name in fit.candidate.powers or p.name not in fit.on_bound for p in fit.candidate.parameters]
+    beside = replace(problem, left=problem.left - fit.seen)
+    free = beside.take_up(problem.slopes(fit)[:, loose])
+    return float(beside.left @ beside.left - free.left @ free.left) > ENTRY
 
 
 def _typical(candidate: Candidate) -> Array:

@@ -64,9 +64,9 @@ def law_parts(problem: GridProblem, fit: CandidateFit) -> tuple[LawPart, ...]:
         values = fit.values.copy()
         for i, name in enumerate(fit.candidate.sizes):
             values[i] = values[i] if name in own else 0.0
-        if values[:sizes].any():
+        if values[:sizes].any() and (effect := problem.effect(fit.candidate, values)).any():
             follows = {name: _covariate(problem, shaft, name) for name in fit.candidate.kind.follows}
-            found.append(LawPart(shaft, problem.effect(fit.candidate, values), follows))
+            found.append(LawPart(shaft, effect, follows))
     return tuple(found)
 
 

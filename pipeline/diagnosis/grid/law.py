@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 MOST = 3.0
 """Power beyond that of the library's form at which the search ends."""
 
+INSIDE = 0.99
+"""Part of that up to which a power counts as found: a search stays a little inside its bounds."""
+
 
 @dataclass(frozen=True)
 class LawPower:
@@ -78,13 +81,14 @@ def law_powers(problem: GridProblem, fit: CandidateFit) -> tuple[LawPower, ...]:
         effect = np.sum([own[0] * part.effect * np.exp(x @ own[1:]) for part, x, own in split], axis=0)
         return problem.left - problem.beyond_baseline(effect)
 
-    found = least_squares(residuals, start, bounds=(-MOST, MOST), xtol=1e-10, ftol=1e-12)
+    limit = np.where(start == 1.0, np.inf, MOST)
+    found = least_squares(residuals, start, bounds=(-limit, limit), xtol=1e-10, ftol=1e-12)
     spare = max(len(problem.left) - problem.baseline.shape[1] - len(start), 1)
     errors = math.sqrt(max(1.0, 2.0 * found.cost / spare)) * spread_of(np.asarray(found.jac))
     powers, first = [], 0
     for part, own in zip(parts, free, strict=True):
         for i, name in enumerate(own, start=first + 1):
-            if np.isfinite(errors[i]) and abs(found.x[i]) < MOST:
+            if np.isfinite(errors[i]) and abs(found.x[i]) < INSIDE * MOST:
                 powers.append(LawPower(fit.identifier, part.shaft, name, float(found.x[i]), float(errors[i])))
         first += 1 + len(own)
     return tuple(powers)

@@ -34,8 +34,8 @@ def form_sentences(diagnosis: Diagnosis) -> str:
         along = dict.fromkeys(COVARIATES[name] for fit in best.fits for name in fit.candidate.kind.follows)
         whole = best.gain + best.bent + naming.remainder.excess
         sentences.append(
-            f"The law differs from that of the library: the library's form explains {best.gain / whole:.1%} of the "
-            f"difference (in squares), a smooth change of it with {' and '.join(along)} another "
+            f"The law differs from that of the library. The library's form explains {best.gain / whole:.1%} of the "
+            f"difference (in squares). A smooth change with {' and '.join(along)} explains another "
             f"{best.bent / whole:.1%}; {naming.remainder.excess / whole:.1%} remains."
         )
         sentences += _powers(diagnosis)
@@ -63,10 +63,10 @@ def _powers(diagnosis: Diagnosis) -> list[str]:
     found = []
     for power in diagnosis.law:
         if abs(power.more) > CLEAR * power.standard_error:
-            way = "faster" if power.more > 0.0 else "more slowly"
+            way = "higher" if power.more > 0.0 else "lower"
             where = f" on the {power.shaft} shaft" if len({other.shaft for other in diagnosis.law}) > 1 else ""
             found.append(
-                f"It grows {way} with {COVARIATES[power.along]}{where} than the library's form, by a power of "
-                f"{measured(abs(power.more), power.standard_error)}."
+                f"With {COVARIATES[power.along]}{where} it goes by a power "
+                f"{measured(abs(power.more), power.standard_error)} {way} than the fitted form."
             )
     return found

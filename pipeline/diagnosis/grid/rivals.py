@@ -20,6 +20,9 @@ CLOSE = 0.8
 """Part of a difference from which a cause that is not named, as it leaves too much, stands beside none of the
 catalogue."""
 
+KNOWN = 0.7
+"""Part of weak differences whose cause was in the catalogue: of trials with gains from 80 to 160 noise variances."""
+
 MAY_BE = 3
 """Causes that stand beside none of the catalogue where a difference is faint."""
 
@@ -41,15 +44,23 @@ def rival_rows(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     return [*rows, _NONE_KNOWN] if diagnosis.weak else rows
 
 
+def is_faint(diagnosis: Diagnosis) -> bool:
+    """Whether a difference, of which no cause is named, is too faint to exclude any."""
+    naming = diagnosis.naming
+    none = diagnosis.verdict is Verdict.NOT_IN_LIBRARY
+    return none and naming is not None and naming.rounds[0].remainder.excess < FAINT
+
+
 def near_causes(diagnosis: Diagnosis) -> tuple[list[tuple[CandidateFit, ...]], str]:
     """Sets of causes that stand beside none of the catalogue, and why; none where nothing comes near."""
     naming = diagnosis.naming
     if naming is None:
         return [], ""
-    if naming.rounds[0].remainder.excess < FAINT:
+    if is_faint(diagnosis):
         first: dict[str, CandidateFit] = {}
         for fit in naming.ranking:
-            first.setdefault(fit.identifier, fit)
+            if fit.needed:
+                first.setdefault(fit.identifier, fit)
         return [(fit,) for fit in list(first.values())[:MAY_BE]], "the difference is too faint to exclude any"
     share = nearest_share(naming)
     why = (
@@ -78,13 +89,17 @@ def _rival(diagnosis: Diagnosis, rival: Rival) -> dict[str, Any]:
     assert diagnosis.naming is not None  # a rival is one to something
     best = diagnosis.naming.best
     why = _why(diagnosis, rival, best.score - rival.explanation.score)
-    return _row((*best.fits, *rival.explanation.fits), why, "" if rival.test is None else rival.test.plan.description)
+    fits = () if rival.explanation.ids < best.ids else best.fits
+    test = "" if rival.test is None else rival.test.plan.description
+    return _row((*fits, *rival.explanation.fits), why, test)
 
 
 def _why(diagnosis: Diagnosis, rival: Rival, closer: float) -> str:
     """Why a rival that has less evidence by `closer` [noise variances] is not excluded."""
     if rival.by_parts:
         return "the first fits all readings better, but parts of them name this one"
+    if diagnosis.naming is not None and rival.explanation.ids < diagnosis.naming.best.ids:
+        return "by itself, with another form of its law, it explains about as much as both"
     if diagnosis.weak:
         return "the difference is too weak to name its cause"
     if closer > MARGIN:

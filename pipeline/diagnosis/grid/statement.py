@@ -10,7 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.design.next_test import HIDDEN
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.law_words import form_sentences
-from pmg.pipeline.diagnosis.grid.rivals import near_causes, nearest_share
+from pmg.pipeline.diagnosis.grid.rivals import is_faint, near_causes, nearest_share
 from pmg.pipeline.wording import numerals
 from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.plurals import counted
@@ -44,7 +44,7 @@ PHRASES = {
 
 def phrase(diagnosis: Diagnosis) -> str:
     """The verdict in a few words: the same in the report, in ``diagnosis.json`` and on the terminal."""
-    return "too weak to name one cause" if diagnosis.weak else PHRASES[diagnosis.verdict]
+    return "too weak to name one cause" if diagnosis.weak or is_faint(diagnosis) else PHRASES[diagnosis.verdict]
 
 
 def statement(diagnosis: Diagnosis) -> str:
@@ -242,11 +242,11 @@ def _nearest(diagnosis: Diagnosis) -> str:
 
 def _faint(diagnosis: Diagnosis) -> str:
     """What may make a difference that is too faint to exclude anything."""
-    sets, why = near_causes(diagnosis)
-    if len(sets) < 2:
+    if not is_faint(diagnosis):
         return ""
+    sets, why = near_causes(diagnosis)
     titles = [f"{fit.candidate.kind.title[0].lower()}{fit.candidate.kind.title[1:]}" for (fit,) in sets]
-    return f"No cause can be named. It may be {', '.join(titles)} or none of the catalogue: {why}."
+    return f"No cause can be named. It may be {', '.join([*titles, 'or none of the catalogue'])}: {why}."
 
 
 def _place(diagnosis: Diagnosis) -> str:

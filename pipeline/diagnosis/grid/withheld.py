@@ -41,7 +41,6 @@ class WithheldReadings(Withholding[CandidateFit, GridProblem]):
     whole: KnownFits
     noun = "mechanism was"
     folds = 8
-    portion = "an eighth"
 
     def part(self, rows: Mask) -> GridProblem:
         """The problem of some readings; neighbours are no longer neighbours, so the noise is taken as white."""

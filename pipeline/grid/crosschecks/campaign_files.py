@@ -140,6 +140,7 @@ def versions_of_one_run(manifests: Sequence[Manifest], _: BenchParameters) -> It
         imported = row.manifest.origin is not None or row.manifest.supplied is not None
         if row.manifest.run.point or not imported:
             groups[row.manifest.started_at, row.window.point].append(row)
+        if not (row.manifest.run.point or imported):
             groups[(row.manifest.started_at,)].append(row)
     told = set()
     for key, rows in groups.items():
