@@ -50,7 +50,7 @@ OWNERS: dict[str, tuple[str, ...]] = {
         "pmg.pipeline.model.read_model",
         "pmg.pipeline.settings",
         "pmg.pipeline.simulate",
-        "pmg.pipeline.windows.limits",
+        "pmg.pipeline.windows.limits_file",
     ),
     "typer": COMMAND_LINE,
     "rich": COMMAND_LINE,

@@ -9,7 +9,7 @@ from pmg.pipeline.importers.channel_map import RUN_KEYS, read_map
 from pmg.pipeline.importers.export import export_recording
 from pmg.pipeline.importers.import_recording import FORMATS, import_recording
 from pmg.pipeline.recording.remark import Remark
-from pmg.pipeline.windows.limits import chosen_limits
+from pmg.pipeline.windows.limits_file import chosen_limits
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import BenchError, PmgError, RecordingError, near_miss
 

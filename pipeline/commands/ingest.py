@@ -18,7 +18,7 @@ from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.recording.supplied import NOTHING
 from pmg.pipeline.store.sources import Shard
 from pmg.pipeline.store.store import Store
-from pmg.pipeline.windows.limits import chosen_limits
+from pmg.pipeline.windows.limits_file import chosen_limits
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.bench import load_bench
 

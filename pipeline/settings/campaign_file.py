@@ -13,7 +13,7 @@ from pmg.pipeline.fit.loss_fit import check_powers
 from pmg.pipeline.fit.options import AUTO, AnalysisOptions, parse_powers
 from pmg.pipeline.grid.crosschecks.catalogue import CROSS_CHECKS, allowed_actions
 from pmg.pipeline.settings.tolerance import Tolerances, tolerance
-from pmg.pipeline.windows.limits import WindowsTable
+from pmg.pipeline.windows.limits_file import WindowsTable
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:

@@ -33,7 +33,7 @@ from pmg.pipeline.recording.findings import Finding
 from pmg.pipeline.recording.run_records import RunRecord, Setpoints
 from pmg.pipeline.store.manifest import FAILED, Manifest
 from pmg.pipeline.store.store import Store
-from pmg.pipeline.windows.limits import _read_limits
+from pmg.pipeline.windows.limits_file import _read_limits
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import RecordingError
 from pmg.sim.losscurve import LossCurve

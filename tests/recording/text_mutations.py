@@ -24,7 +24,7 @@ from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.simulate.inputs import gather_inputs
 from pmg.pipeline.simulate.scenario_file import read_scenario
 from pmg.pipeline.simulate.simulation import simulate
-from pmg.pipeline.windows.limits import limits_file
+from pmg.pipeline.windows.limits_file import limits_file
 from pmg.pipeline.windows.windows import find_windows
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import PmgError

@@ -22,7 +22,8 @@ from pmg.pipeline.settings.chosen import choose
 from pmg.pipeline.settings.settings import settings
 from pmg.pipeline.settings.template import template
 from pmg.pipeline.settings.tolerance import tolerance
-from pmg.pipeline.windows.limits import LIMITS, Steadiness, chosen_limits
+from pmg.pipeline.windows.limits import LIMITS, Steadiness
+from pmg.pipeline.windows.limits_file import chosen_limits
 from pmg.pipeline.wording.quantities import DIMENSIONS, RATIO, TORQUE_OF_SHAFT, quantity
 from pmg.sim.errors import BenchError, PmgError
 from pmg.sim.signals import RPM

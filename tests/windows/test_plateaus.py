@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from tests.recording.writer import Bench, write
 
 from pmg.pipeline.recording.read import read_recording
-from pmg.pipeline.windows.limits import LIMITS, _read_limits, chosen_limits
+from pmg.pipeline.windows.limits import LIMITS
+from pmg.pipeline.windows.limits_file import _read_limits, chosen_limits
 from pmg.pipeline.windows.plateaus import plateaus
 from pmg.pipeline.windows.steadiness import _torque_changes
 from pmg.pipeline.windows.window import Window
