@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 PREFIX = ".pmg-"
 """Start of the names of files that are still being written."""
+AT_ONCE = 4
+"""Files that the disk is asked to keep at the same time."""
 ABANDONED = 3600.0
 """Age after which such a file belongs to no running process [s], where its process cannot be asked after."""
 
@@ -32,11 +34,17 @@ def write_atomic(path: Path, data: bytes) -> None:
 
 def write_together(files: dict[Path, bytes]) -> None:
     """Write several files, each as `write_atomic` does; what the disk takes for them is waited for at once."""
-    with ExitStack() as left, ThreadPoolExecutor(len(files)) as threads:
+    with ExitStack() as left:
         asides = {path: left.enter_context(_aside(path)) for path in reversed(files)}  # left in the order of the files
         for path, data in files.items():
             asides[path].write(data)
-        list(threads.map(_settle, asides.values()))
+        list(_settling(os.getpid()).map(_settle, asides.values()))
+
+
+@cache
+def _settling(_process: int) -> ThreadPoolExecutor:
+    """Threads that wait for the disk, started once for all files; a process that was forked off has its own."""
+    return ThreadPoolExecutor(AT_ONCE, "pmg-settle")
 
 
 @contextmanager
