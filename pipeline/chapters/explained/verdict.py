@@ -12,6 +12,7 @@ from pmg.pipeline.chapters.explained.next_tests import next_test_items
 from pmg.pipeline.chapters.explained.shape import shape_items
 from pmg.pipeline.diagnosis.grid.diagnosis import component_of
 from pmg.pipeline.diagnosis.grid.statement import phrase, statement
+from pmg.pipeline.diagnosis.grid.track_record import track_record
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, Table, Text
 from pmg.pipeline.wording.numerals import number
 from pmg.sim import sources
@@ -43,6 +44,11 @@ def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.
         Facts(
             (
                 ("Verdict", phrase(diagnosis)),
+                *(
+                    (("Such answers in trials", record.words),)
+                    if (record := track_record(diagnosis)) is not None
+                    else ()
+                ),
                 ("p-value of the whole procedure", _p_value(mismatch)),
                 (
                     "Test",

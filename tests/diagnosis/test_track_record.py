@@ -1,0 +1,24 @@
+"""The track record of answers: the figures of the trial, as its page has them."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from tests.house import ROOT
+
+from pmg.pipeline.diagnosis.grid.track_record import RECORD, TrackRecord
+
+
+def test_the_record_is_that_of_the_trial_on_its_page() -> None:
+    page = (ROOT / "pipeline" / "trials" / "README.md").read_text(encoding="utf-8")
+    told = re.search(r"what is told holds the truth \| \**(\d+) of (\d+) ", page)
+    assert told is not None
+    held, of = (sum(getattr(record, name) for record in RECORD.values()) for name in ("held", "of"))
+    assert (held, of) == (int(told[1]), int(told[2]))
+
+
+def test_the_words_give_rate_and_interval() -> None:
+    record = TrackRecord("a cause named", 19, 20)
+    assert record.interval == pytest.approx((0.751, 0.999), abs=1e-3)
+    assert record.words.startswith("a cause named: held the truth in 95% of 20 concealed synthetic campaigns")
