@@ -98,7 +98,13 @@ def _checked(entries: Mapping[str, str], findings: Findings) -> RunInfo | None:
             "the key is missing in an engaged run; expected 'sun' or 'ring'. Taken as 'sun'",
             "Let the recorder write which side drives.",
         )
-    started = _parsed(entries, "started_at", _utc, "a time such as 2025-04-23T08:00:40.390872Z", findings)
+    started = _parsed(
+        entries,
+        "started_at",
+        _utc,
+        f"a time such as 2025-04-23T08:00:40.390872Z, from {YEARS[0]} to {YEARS[1]}",
+        findings,
+    )
     setpoints = _setpoints(entries, findings)
     errors = sum(f.severity == "error" for f in findings.gathered) - errors_before
     if errors or configuration is None or gear is None or drive is None or started is None:

@@ -20,6 +20,7 @@ from tests.balance.slide import make_case, plain
 from tests.bench.help import HEAVY, PROBE, walk
 from tests.conftest import FILES, ROOT
 from tests.importers import written
+from tests.recording.writer import Bench, write
 from typer.testing import CliRunner
 
 from pmg.pipeline.cli.app import app
@@ -279,8 +280,9 @@ def places(campaign: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
     for name in ("sound", "damaged", "logs", "slide"):
         found[name] = here / name
         found[name].mkdir()
-    for path in sorted(campaign.glob("0[0-3].mcap")):
-        shutil.copy(path, found["sound"])
+    for number in range(4):
+        run = {"started_at": f"2025-04-23T08:0{number}:00Z"}
+        write(found["sound"] / f"0{number}.mcap", Bench(torque={"sun": 0.1 * number, "ring": 1.5}, run=run))
     shutil.copy(campaign / "notes.mcap", found["damaged"])
     for name, text in (
         ("bad-key.toml", "[windows]\nshortets = 1.0\n"),
