@@ -170,7 +170,7 @@ def by_blocks(path: Path) -> Callable[[], int]:
     def read() -> int:
         findings = Findings(path.name)
         topics = convert_topics(open_container(path, lambda topic: True, findings).topics, findings)
-        return sum(_values(topic, findings).nbytes for topic in topics.values())
+        return sum(_values(topic, findings).nbytes for topic in topics.values() if topic.name in SPECS)
 
     return read
 
