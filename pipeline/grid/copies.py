@@ -54,14 +54,18 @@ class _Placed:
 
     def overlaps(self, other: _Placed) -> bool:
         """Whether both are of the same samples, in part at least, in two files."""
-        a, b = self.window, other.window
-        apart = a.stop_sample <= b.first_sample or b.stop_sample <= a.first_sample
-        return self.manifest.identifier != other.manifest.identifier and not apart
+        return in_two_files(self.manifest, self.window, other.manifest, other.window)
 
     def other_version(self, other: _Placed) -> bool:
         """Whether the numbers of one of the two were changed."""
         sides = (torque_apart(self.manifest, self.window, other.manifest, other.window, side) for side in SIDES)
         return any(apart > limit for apart, limit in sides)
+
+
+def in_two_files(a: Manifest, of_a: StoredWindow, b: Manifest, of_b: StoredWindow) -> bool:
+    """Whether two windows are of the same samples, in part at least, in two files."""
+    apart = of_a.stop_sample <= of_b.first_sample or of_b.stop_sample <= of_a.first_sample
+    return a.identifier != b.identifier and not apart
 
 
 def torque_apart(a: Manifest, of_a: StoredWindow, b: Manifest, of_b: StoredWindow, side: str) -> tuple[float, float]:

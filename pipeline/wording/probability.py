@@ -10,6 +10,14 @@ SMALLEST = 1e-12
 """Nominal p-values below this are written as below this: no tail is known further out."""
 
 
+def exact_interval(hits: int, of: int) -> tuple[float, float]:
+    """Clopper and Pearson's interval of a rate, which holds the true one at least as often as it says."""
+    from scipy import stats
+
+    found = stats.binomtest(hits, of).proportion_ci(CONFIDENCE, method="exact")
+    return float(found.low), float(found.high)
+
+
 def nominal_p_text(p_value: float) -> str:
     """A p-value of a formula: ``= 0.03``, ``< 1e-12``."""
     return f"= {p_value:.2g}" if p_value >= SMALLEST else f"< {SMALLEST:.0g}"

@@ -71,9 +71,9 @@ def _strays(problem: GridProblem, fit: CandidateFit) -> bool:
     if not set(fit.candidate.powers) & set(fit.on_bound):
         return False
     loose = [p.name in fit.candidate.powers or p.name not in fit.on_bound for p in fit.candidate.parameters]
-    beside = replace(problem, left=problem.left - fit.seen)
-    free = beside.take_up(problem.slopes(fit)[:, loose])
-    return float(beside.left @ beside.left - free.left @ free.left) > ENTRY
+    rest = replace(problem, left=problem.left - fit.seen)
+    free = rest.take_up(problem.slopes(fit)[:, loose])
+    return float(rest.left @ rest.left - free.left @ free.left) > ENTRY
 
 
 def _typical(candidate: Candidate) -> Array:

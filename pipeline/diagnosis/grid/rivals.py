@@ -1,4 +1,4 @@
-"""Causes that stand beside a verdict, as rows of the document: rivals, none of the catalogue, and what came near."""
+"""Causes that are not excluded, as rows of the document: rivals, none of the catalogue, and what came near."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ _NONE_KNOWN = {
 def rival_rows(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Every cause that is not excluded, with why; of what is said to be none of the catalogue, those that come near."""
     if diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
-        fits, why = near_causes(diagnosis)
-        return [_row(fit_or_set, why) for fit_or_set in fits]
+        sets, why = near_causes(diagnosis)
+        return [_row(fits, why) for fits in sets]
     rows = [_rival(diagnosis, rival) for rival in diagnosis.rivals]
     return [*rows, _NONE_KNOWN] if diagnosis.weak else rows
 

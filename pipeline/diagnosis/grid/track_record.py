@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from scipy import stats
-
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.wording.probability import exact_interval
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
@@ -32,8 +31,7 @@ class TrackRecord:
     @property
     def interval(self) -> tuple[float, float]:
         """95 % interval of the rate (Clopper and Pearson)."""
-        found = stats.binomtest(self.held, self.of).proportion_ci(0.95, "exact")
-        return float(found.low), float(found.high)
+        return exact_interval(self.held, self.of)
 
     @property
     def words(self) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.grid.copies import torque_apart
+from pmg.pipeline.grid.copies import in_two_files, torque_apart
 from pmg.pipeline.grid.crosschecks.contradiction import SIGMAS, Contradiction, accepted_rows, robust_scale
 from pmg.pipeline.grid.window_facts import marked_as_simulated
 from pmg.pipeline.wording.plurals import counted
@@ -161,10 +161,7 @@ def versions_of_one_run(manifests: Sequence[Manifest], _: BenchParameters) -> It
 def _versions(row: Row, rows: Sequence[Row]) -> Iterator[tuple[float, float, str, str]]:
     """How far the torques of a window are off those of the same samples in other files, by shaft and file [N m]."""
     for other in rows:
-        shared = min(row.window.stop_sample, other.window.stop_sample) > max(
-            row.window.first_sample, other.window.first_sample
-        )
-        if shared and other.manifest.identifier != row.manifest.identifier:
+        if in_two_files(row.manifest, row.window, other.manifest, other.window):
             for side in SIDES:
                 apart = torque_apart(row.manifest, row.window, other.manifest, other.window, side)
                 yield (*apart, side, other.manifest.file)

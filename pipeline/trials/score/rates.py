@@ -12,7 +12,7 @@ from scipy.optimize import brentq, minimize
 from scipy.special import expit, log_expit
 
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
-from pmg.pipeline.wording.probability import CONFIDENCE
+from pmg.pipeline.wording.probability import CONFIDENCE, exact_interval
 
 if TYPE_CHECKING:
     from pmg.sim.signals import Array, Mask
@@ -51,10 +51,7 @@ class Rate:
     @property
     def interval(self) -> tuple[float, float] | None:
         """Clopper and Pearson's interval, which holds the true rate at least as often as it says."""
-        if not self.of:
-            return None
-        found = stats.binomtest(self.hits, self.of).proportion_ci(CONFIDENCE, method="exact")
-        return float(found.low), float(found.high)
+        return exact_interval(self.hits, self.of) if self.of else None
 
 
 def count(mask: Mask | list[bool]) -> Rate:
