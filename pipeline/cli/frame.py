@@ -176,14 +176,14 @@ def _ending(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on: 
     """Run a stage; an error is printed on standard error."""
     try:
         outcome = stage()
+        if outcome.refusal is not None:
+            return _refused(command, outcome.refusal, outcome)
         code = _exit_code(outcome, fail_on)
         if as_json:  # a value that JSON cannot hold is a defect like any other
             as_text(command, code, outcome, None)
         return _Ending(code, outcome)
     except PmgError as problem:
-        code = _ExitCode.COULD_NOT_RUN
-        error = {"where": problem.where, "came": problem.came, "expected": problem.expected, "do": problem.do}
-        _tell_error(command, f"{problem.where}: {problem.came}; expected {problem.expected}.", problem.do)
+        return _refused(command, problem)
     except OSError as problem:
         code = _ExitCode.COULD_NOT_RUN
         where, came = str(problem.filename or command), problem.strerror or str(problem)
@@ -206,6 +206,13 @@ def _ending(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on: 
         say(traceback.format_exc())
         _tell_error(command, "internal error, a defect of pmg.", "Please report it with the lines above.")
     return _Ending(code, error=error)
+
+
+def _refused(command: str, problem: PmgError, outcome: Outcome | None = None) -> _Ending:
+    """The ending of a command that cannot do what was asked, with what it had remarked on before."""
+    _tell_error(command, f"{problem.where}: {problem.came}; expected {problem.expected}.", problem.do)
+    parts = {"where": problem.where, "came": problem.came, "expected": problem.expected, "do": problem.do}
+    return _Ending(_ExitCode.COULD_NOT_RUN, outcome, parts)
 
 
 def say(text: str, end: str = "\n") -> None:
@@ -231,7 +238,7 @@ def as_text(command: str, code: int, outcome: Outcome | None, error: dict[str, s
         "schema": SCHEMA,
         "command": command,
         "exit_code": int(code),
-        "data": None if outcome is None else outcome.data,
+        "data": None if outcome is None or error is not None else outcome.data,
         "findings": [] if outcome is None else [remark.to_dict() for remark in outcome.findings],
         "error": error,
     }

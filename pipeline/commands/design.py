@@ -73,7 +73,7 @@ def run_design(
         remarks = unproven_analysis(store) + remarks
         analysis = analyse(measured, options, bench)
         if analysis.calibration is None or analysis.floor is None:
-            raise analysis.missing[0]
+            return Outcome({}, (), remarks, refusal=analysis.missing[0])
         grid, floor, model = analysis.grid, analysis.floor, analysis.calibration.model
         name, taken = f"campaign {grid.campaign}", went_in(store, grid)
     model = model if whole is None else whole.baseline

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pmg.pipeline.recording.remark import Remark
+    from pmg.sim.errors import PmgError
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class Outcome:
         Simulation and recordings differ.
     failed : bool
         Nothing can be done with what was given; the remarks say why.
+    refusal : PmgError, optional
+        Why the command stopped after what it remarks on; then there are no results.
     """
 
     data: dict[str, Any]
@@ -35,3 +38,4 @@ class Outcome:
     partial: bool = False
     mismatch: bool = False
     failed: bool = False
+    refusal: PmgError | None = None

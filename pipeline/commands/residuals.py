@@ -83,7 +83,7 @@ def run_residuals(
         raise FitError("--draws", str(draws), f"{FEWEST_DRAWS} or more", "Ask for more synthetic grids.")
     analysis, bench, remarks = _analysed(store, grids)
     if analysis.fits is None or (fit == "baseline" and analysis.calibration is None):
-        raise analysis.missing[0]
+        return Outcome({}, (), remarks, refusal=analysis.missing[0])
     grid = analysis.grid
     study = study_residuals(analysis, bench, tuple(FITS) if fit is None else (fit,), draws, seed)
     data: dict[str, Any] = {

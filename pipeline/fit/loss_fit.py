@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.fit.robust import huber_weights, sandwich
+from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import FitError
 from pmg.sim.losscurve import SPEED_REFERENCE_RING, SPEED_REFERENCE_SUN, LossCurve
 from pmg.sim.shafts import PerShaft, per_shaft
@@ -28,7 +29,6 @@ THESIS_POWERS_SUN = (0.0, 1.0, 2.0, 3.0)
 
 THESIS_POWERS_RING = (0.0, 1.0, 2.0, 3.0, 4.0)
 """Ring curve that reproduces the thesis's simulated torques best."""
-
 
 ALIKE = 1e-8
 """Ratio of singular values (columns of unit length) below which two terms cannot be separated."""
@@ -219,8 +219,8 @@ def _fit_one(reading: ShaftDrag, powers: tuple[float, ...], weights: Array | Non
     if n <= k + 1 or levels < k:
         raise FitError(
             f"loss fit of the {shaft}",
-            f"{n} neutral points at {levels} speeds",
-            f"at least {k + 2} points at {k} speeds or more for {k} terms",
+            f"{counted(n, 'neutral point')} at {counted(levels, 'speed')}",
+            f"at least {k + 2} points at {counted(k, 'speed')} or more for {counted(k, 'term')}",
             "Measure more speeds, or choose fewer terms.",
         )
     curve = LossCurve(powers, np.zeros(k), reading.reference, float(np.abs(speed[rows]).max()))

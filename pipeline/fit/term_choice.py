@@ -11,6 +11,7 @@ import numpy as np
 
 from pmg.pipeline.fit.loss_fit import ALIKE, relative_weights
 from pmg.pipeline.fit.robust import huber_weights
+from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import FitError
 from pmg.sim.losscurve import LossCurve
 
@@ -137,7 +138,7 @@ def choose_terms(reading: ShaftDrag, weights: Array | None = None, *, robust: bo
     if len(names) < MINIMUM_LEVELS:
         raise FitError(
             f"terms of the {reading.shaft}'s loss curve",
-            f"{n} neutral points at {len(names)} speeds",
+            f"{counted(n, 'neutral point')} at {counted(len(names), 'speed')}",
             f"at least {MINIMUM_LEVELS} speeds, of which one is withheld at a time",
             "Measure more speeds, or name the terms by --terms-sun and --terms-ring.",
         )

@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -25,8 +25,11 @@ from typer.testing import CliRunner
 
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.files.json_values import PROOF
+from pmg.pipeline.fit import analysis
+from pmg.pipeline.fit.analysis import Analysis
 from pmg.pipeline.recording.remark import Remark
-from pmg.sim.errors import StoreError
+from pmg.sim.errors import FitError, StoreError
 
 RUNNER = CliRunner()
 PLAIN_TERMS = ("--terms-sun", "0,1", "--terms-ring", "0,1")
@@ -435,6 +438,28 @@ def test_what_is_no_store_is_told_for_what_it_is(
     assert "pmg ingest" in error["do"]
 
 
+@pytest.mark.parametrize("command", ["design --store {store}", "residuals --draws 20 --store {store}"])
+def test_a_refusal_comes_with_what_was_remarked_on_before(
+    command: str, places: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = shutil.copytree(places["analysed"], tmp_path / "store")
+    summary = store / "analysis" / "analysis.json"
+    held = {key: value for key, value in json.loads(summary.read_text()).items() if key != PROOF}
+    summary.write_text(json.dumps(held))
+
+    def analyse(*given: Any) -> Analysis:  # noqa: ANN401 - as the stage gives it
+        return replace(analysis.analyse(*given), fits=None, calibration=None, missing=(FitError("a", "b", "c", "d"),))
+
+    monkeypatch.setattr(f"pmg.pipeline.commands.{command.split()[0]}.analyse", analyse)
+    words = command.format(store=store).split()
+    result = call(*words)
+    assert (result["exit_code"], result["error"]["came"], result["data"]) == (2, "b", None)
+    assert ["unproven" in finding["message"] for finding in result["findings"]] == [True]
+    told = RUNNER.invoke(app, words).stderr
+    assert "a: b; expected c.\nhint: d\n" in told
+    assert "unproven" in told
+
+
 def test_an_interrupted_command_goes_on_or_begins_anew(plant: Plant, places: dict[str, Path], tmp_path: Path) -> None:
     for command, word in (("ingest", "resume"), ("doctor", "anew"), ("compare", "anew")):
         plant(TABLE[command].stage, raises(KeyboardInterrupt()))
@@ -504,11 +529,13 @@ def raises(problem: BaseException) -> Callable[..., Outcome]:
 
 
 FOUND = Outcome({"a": 1}, ("done",), (Remark("warning", "here", "something"),), mismatch=True)
+REFUSAL = StoreError("here", "this", "that", "do it")
 PLANTED: tuple[tuple[Callable[..., Outcome], tuple[str, ...], int], ...] = (
     (gives(Outcome({}, ())), (), 0),
     (gives(Outcome({"a": 1}, (), partial=True)), (), 3),
     (gives(Outcome({"a": 1}, (), failed=True)), (), 2),
-    (raises(StoreError("here", "this", "that", "do it")), (), 2),
+    (raises(REFUSAL), (), 2),
+    (gives(replace(FOUND, refusal=REFUSAL)), (), 2),
     (raises(PermissionError(13, "Permission denied", "/there")), (), 2),
     (raises(RuntimeError("a planted defect")), (), 70),
     (gives(Outcome({"a": float("nan")}, ())), (), 70),
@@ -545,7 +572,7 @@ def test_lines_for_people_and_errors_with_a_hint(
     done = RUNNER.invoke(app, words)
     assert (done.exit_code, done.stdout) == (0, "done\n")
     assert done.stderr.endswith("warning: here: something\n")
-    plant(TABLE[command].stage, raises(StoreError("here", "this", "that", "do it")))
+    plant(TABLE[command].stage, raises(REFUSAL))
     done = RUNNER.invoke(app, words)
     assert (done.exit_code, done.stdout) == (2, "")
     assert done.stderr.endswith(f"pmg {command}: here: this; expected that.\nhint: do it\n")

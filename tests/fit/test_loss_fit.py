@@ -77,7 +77,7 @@ def test_impossible_terms_are_refused(powers: tuple[float, ...]) -> None:
 
 def test_too_few_speeds_are_named() -> None:
     at = points("neutral", [600.0] * 9, [100.0] * 9)
-    with pytest.raises(FitError, match="9 neutral points at 1 speeds"):
+    with pytest.raises(FitError, match="9 neutral points at 1 speed; expected at least 6 points at 4 speeds or more"):
         fit_losses(measured(at, np.ones(9), np.ones(9)))
 
 
