@@ -11,7 +11,8 @@ import pytest
 from tests.recovery.test_planted import SCHEMA
 from tests.trials.strata_by_name import find_stratum
 
-from pmg.pipeline.diagnosis.engine.naming import FAINT
+from pmg.pipeline.diagnosis.engine.free_form import explains
+from pmg.pipeline.diagnosis.engine.naming import WEAK
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.candidates import CandidateFit, candidates, grid_problem
 from pmg.pipeline.diagnosis.grid.decide import diagnose
@@ -102,16 +103,30 @@ def test_what_is_outside_the_catalogue_is_not_named(bench: BenchParameters) -> N
     assert naming is not None
     first, left = naming.ranking[0], naming.remainder
     best = replace(naming.best, fits=(first,))
-    rounds = (replace(naming.rounds[0], remainder=replace(left, excess=0.9 * FAINT)),)
+    rounds = (replace(naming.rounds[0], remainder=replace(left, excess=0.9 * WEAK)),)
     nothing = replace(found, naming=replace(naming, best=best, remainder=replace(left, excess=first.gain)))
     close = replace(found, naming=replace(naming, best=best, remainder=replace(left, excess=0.1 * first.gain)))
-    faint = replace(found, naming=replace(naming, best=best, rounds=rounds))
+    weak = replace(naming, best=best, rounds=rounds)
+    faint = replace(found, naming=weak)
     assert not diagnosis_document(nothing)["rivals"]
     (row,) = diagnosis_document(close)["rivals"]
     assert row["ids"] == [first.identifier]
     assert "91% of the difference" in row["why"]
-    assert len(diagnosis_document(faint)["rivals"]) == 3
+    assert len(diagnosis_document(faint)["rivals"]) == 2
     assert "No cause can be named. It may be " in statement(faint)
+    small = replace(weak, rounds=(replace(rounds[0], ranking=(replace(first, gain=0.1 * WEAK),)),))
+    assert not diagnosis_document(replace(faint, naming=small))["rivals"]
+    assert "No cause can be named: " in statement(replace(faint, naming=small))
+
+
+def test_a_hump_of_drag_is_no_thin_film_that_leaves_the_bearings_driving_the_shaft(bench: BenchParameters) -> None:
+    found = diagnosed("outside_drag_hump ring 2", bench, 1000)
+    assert found.verdict is Verdict.NOT_IN_LIBRARY
+    naming = found.naming
+    assert naming is not None
+    assert naming.best.ids == {"stribeck_mixed_lubrication"}
+    assert explains(naming.best, naming.remainder)
+    assert not naming.explained
 
 
 def test_a_candidate_taken_out_leaves_nothing_of_itself(bench: BenchParameters) -> None:

@@ -25,7 +25,7 @@ from pmg.pipeline.diagnosis.grid.evidence import campaign_evidence
 from pmg.pipeline.diagnosis.grid.law import law_powers
 from pmg.pipeline.diagnosis.grid.locate import find_mismatch, located_families
 from pmg.pipeline.diagnosis.grid.outliers import without_outliers
-from pmg.pipeline.diagnosis.grid.refit import about, refit
+from pmg.pipeline.diagnosis.grid.refit import about, drives_at_rest, refit
 from pmg.pipeline.diagnosis.grid.withheld import prove_structure, withheld_readings
 from pmg.pipeline.fit.calibration import jacobian, start_model
 from pmg.pipeline.fit.whitening import whitener
@@ -100,8 +100,7 @@ def diagnose(
         return replace(said, verdict=verdict, mismatch=mismatch, lifting=lifting)
     first = grid_problem(readings, bench, calibration.model, whitener(readings, bench, floor), allowed)
     problem, naming = _searched(first, floor, rng)
-    judged = adequacy_test(campaign_evidence(problem, floor, JUDGE_DRAWS, rng))
-    naming = with_look_alikes(with_free_laws(naming, problem, MECHANISMS, judged), problem)
+    naming = _with_its_laws(problem, naming, floor, rng)
     conclusion = conclude(problem, MECHANISMS, naming, lambda best: _withheld(problem, best, rng))
     said = replace(said, **{f.name: getattr(conclusion, f.name) for f in fields(conclusion)})
     if not said.verdict.names:
@@ -141,6 +140,14 @@ def _searched(problem: GridProblem, floor: NoiseFloor, rng: np.random.Generator)
             break
         problem, naming = again, better
     return problem, naming
+
+
+def _with_its_laws(problem: GridProblem, naming: GridNaming, floor: NoiseFloor, rng: np.random.Generator) -> GridNaming:
+    """What the catalogue says once laws may bend; nothing is explained if its baseline drives a shaft at rest."""
+    judged = adequacy_test(campaign_evidence(problem, floor, JUDGE_DRAWS, rng))
+    naming = with_look_alikes(with_free_laws(naming, problem, MECHANISMS, judged), problem)
+    drives = naming.explained and drives_at_rest(problem, naming.best.fits)
+    return replace(naming, explained=False) if drives else naming
 
 
 def _withheld(problem: GridProblem, explanation: GridExplanation, rng: np.random.Generator) -> HeldOut | None:

@@ -10,8 +10,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
+from pmg.pipeline.diagnosis.engine.held_out import solve
 from pmg.pipeline.diagnosis.grid.candidates import grid_problem, predict_with
 from pmg.pipeline.fit.calibration import CONSTANTS, parameter_names, parameter_values, with_parameters
+from pmg.pipeline.fit.noise_floor import BASELINE_FREE
 from pmg.pipeline.fit.settle import settle, slopes_at
 from pmg.pipeline.fit.span import orthonormal
 
@@ -27,6 +29,9 @@ FREE = ("K_corr", "b", "c")
 
 MOST_STEPS = 60
 """Steps of the fit; it starts from the separate fits, so a few are enough."""
+
+CLEARLY = 3.0
+"""Standard errors by which the drag of a baseline at rest must be negative to be no drag: a bearing drives no shaft."""
 
 WEAK = 1e-7
 """Ratio of singular values below which a direction is not determined and gets no error."""
@@ -136,6 +141,26 @@ def spread_of(slopes: Array) -> Array:
     spread = np.where(weak[:, None], 0.0, right / np.where(weak, 1.0, singular)[:, None])
     lost = (np.abs(right[weak]) > 0.3).any(axis=0)
     return np.where(lost, np.nan, np.sqrt(np.sum(spread**2, axis=0)))
+
+
+def drives_at_rest(problem: GridProblem, fits: tuple[CandidateFit, ...]) -> bool:
+    """Whether the baseline beside fitted mechanisms would have to drive a shaft at rest.
+
+    What rises and falls again over speed passes for friction that falls from rest once the free curve of the baseline
+    bends below zero there. Standard errors are widened as those of the refit.
+    """
+    loose = [problem.tangents(fit)[:, [p.name not in fit.on_bound for p in fit.candidate.parameters]] for fit in fits]
+    columns = problem.white(np.hstack([problem.columns, *loose]))
+    beyond = problem.readings.torque - problem.predicted - np.sum([fit.effect for fit in fits], axis=0)
+    rows = problem.white(beyond[:, None])[:, 0]
+    size = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(np.float64).tiny)
+    change = solve(columns, rows)
+    left = rows - columns @ change
+    wider = math.sqrt(max(float(left @ left) / max(len(rows) - columns.shape[1], 1), 1.0))
+    error = wider * spread_of(columns / size) / size
+    values = parameter_values(problem.model, BASELINE_FREE)
+    rest = [i for i, name in enumerate(parameter_names(problem.model, BASELINE_FREE)) if name.endswith("[0]")]
+    return any(values[i] + change[i] < -CLEARLY * error[i] for i in rest)
 
 
 def about(problem: GridProblem, explanation: GridExplanation) -> GridProblem | None:

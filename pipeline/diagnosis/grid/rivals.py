@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
-from pmg.pipeline.diagnosis.engine.naming import FAINT
+from pmg.pipeline.diagnosis.engine.naming import WEAK
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -23,8 +23,9 @@ catalogue."""
 KNOWN = 0.7
 """Part of weak differences whose cause was in the catalogue: of trials with gains from 80 to 160 noise variances."""
 
-MAY_BE = 3
-"""Causes that stand beside none of the catalogue where a difference is faint."""
+MAY_BE, AT_ALL = 2, 0.2
+"""Causes that stand beside none of the catalogue where a difference is weak, and the part of it that each must explain:
+of trials, a third cause, or one that explains less, was the true one as rarely as any."""
 
 _NONE_KNOWN = {
     "ids": [str(Verdict.NOT_IN_LIBRARY)],
@@ -48,7 +49,7 @@ def is_faint(diagnosis: Diagnosis) -> bool:
     """Whether a difference, of which no cause is named, is too faint to exclude any."""
     naming = diagnosis.naming
     none = diagnosis.verdict is Verdict.NOT_IN_LIBRARY
-    return none and naming is not None and naming.rounds[0].remainder.excess < FAINT
+    return none and naming is not None and naming.rounds[0].remainder.excess < WEAK
 
 
 def near_causes(diagnosis: Diagnosis) -> tuple[list[tuple[CandidateFit, ...]], str]:
@@ -58,13 +59,15 @@ def near_causes(diagnosis: Diagnosis) -> tuple[list[tuple[CandidateFit, ...]], s
         return [], ""
     if is_faint(diagnosis):
         first: dict[str, CandidateFit] = {}
+        least = AT_ALL * naming.rounds[0].remainder.excess
         for fit in naming.ranking:
-            if fit.needed:
+            if fit.needed and fit.gain > least:
                 first.setdefault(fit.identifier, fit)
         return [(fit,) for fit in list(first.values())[:MAY_BE]], "the difference is too faint to exclude any"
     share = nearest_share(naming)
     why = (
-        f"it explains {share:.0%} of the difference, but leaves more than noise, or fails on data not used for the fit"
+        f"it explains {share:.0%} of the difference, but leaves more than noise, fails on data not used for the fit, "
+        "or would have the bearings drive a shaft at rest"
     )
     return ([naming.best.fits], why) if share >= CLOSE else ([], "")
 

@@ -245,6 +245,8 @@ def _faint(diagnosis: Diagnosis) -> str:
     if not is_faint(diagnosis):
         return ""
     sets, why = near_causes(diagnosis)
+    if not sets:
+        return f"No cause can be named: {why}."
     titles = [f"{fit.candidate.kind.title[0].lower()}{fit.candidate.kind.title[1:]}" for (fit,) in sets]
     return f"No cause can be named. It may be {', '.join([*titles, 'or none of the catalogue'])}: {why}."
 
