@@ -43,7 +43,7 @@ SAMPLED = 4096
 """Samples of a window from which its median is known well enough to tell spikes."""
 GOLDEN = 0.6180339887498949
 """Part of a window by which one of them is ahead of the one before: no period of a signal keeps step with it."""
-FEW_BINS = 64
+FEW_BINS = 256
 """Bins up to which a Fourier sum for each takes less time than the transform, and little memory."""
 TOGETHER = 1024
 """Samples of a signal whose part in a Fourier coefficient is summed at once."""
@@ -236,7 +236,7 @@ def low_pass(x: Array, rate_hz: float, cutoff_hz: float) -> Array:
 
 
 def _low_passed_std(x: Array, rate_hz: float, cutoff_hz: float) -> float:
-    r"""Standard deviation of a signal after `low_pass`, in a short window from the few bins below the cut-off alone.
+    r"""Standard deviation of a signal after `low_pass`, in all but hours from the few bins below the cut-off alone.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from pmg.pipeline.recording.means import BATCH_METHOD, MEMORY_METHOD
 from pmg.pipeline.windows.noise_models import _kinds, forms
 from pmg.pipeline.windows.reduce import _reduce_shaft, _resolution
 from pmg.pipeline.windows.revolutions import SLACK, WholeRevolutions, whole_revolutions
-from pmg.pipeline.windows.window_mean import FEWEST_PIECES, serial_mean
+from pmg.pipeline.windows.window_mean import FEWEST_PIECES, _half_width, serial_mean
 from pmg.sim.signals import RPM
 
 RATE = 1000.0
@@ -141,6 +141,17 @@ def test_independent_pieces_have_the_uncertainty_of_their_mean(rng: np.random.Ge
     assert all(f is not None for f in found)
     u = np.array([f.u for f in found if f is not None])
     assert float(np.sqrt(np.mean(u**2))) == pytest.approx(1.0 / math.sqrt(50), rel=0.15)
+
+
+@pytest.mark.parametrize("level", [0.6826894921370859, 0.95])
+@pytest.mark.parametrize("parts", [1, 2, 40])
+def test_the_interval_of_a_mixture_holds_its_part(parts: int, level: float, rng: np.random.Generator) -> None:
+    for spread in (0.0, 0.3, 2.0):
+        weight, off = rng.exponential(size=parts), spread * rng.standard_normal(parts)
+        scale = np.exp(spread * rng.standard_normal(parts))
+        half = _half_width(level, weight, off, scale, 7)
+        inside = np.diff(stats.t(7, off, scale).cdf([[-half], [half]]), axis=0)[0]
+        assert float(weight @ inside) == pytest.approx(level * weight.sum(), rel=1e-10)
 
 
 def test_too_few_or_equal_pieces_tell_nothing() -> None:
