@@ -72,7 +72,8 @@ def periodogram(x: Array) -> Array:
     (s, n // 2 + 1) array
         In the square of the signal's unit; for noise its mean is that of a least-squares amplitude squared.
     """
-    return np.asarray(np.abs(fft.rfft(x, axis=-1) * (2.0 / x.shape[-1])) ** 2, dtype=np.float64)
+    found = fft.rfft(x, axis=-1)
+    return np.asarray((found.real**2 + found.imag**2) * (2.0 / x.shape[-1]) ** 2, dtype=np.float64)
 
 
 def emptied(bins: int, lines: npt.ArrayLike) -> Mask:

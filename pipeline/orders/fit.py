@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, reduce
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,9 +13,10 @@ from scipy import special
 from pmg.pipeline.orders.band import FALSE_ALARM, LineNoise, emptied, noise_around, periodogram
 from pmg.pipeline.wording.probability import CONFIDENCE
 from pmg.sim.errors import FitError
+from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     import numpy.typing as npt
 
@@ -25,6 +27,8 @@ PIECE = 1 << 12
 """Samples whose cosines and sines are held at once; as many as a processor keeps near."""
 WORST_CONDITION = 1e8
 """Condition of the normal equations from which on lines are not separated."""
+WHOLE = 1e-6
+"""Part of an encoder's step by which an angle may miss a whole number of them."""
 TREND = 3
 """Terms of the parabola that a slow change of the signal takes."""
 
@@ -76,7 +80,14 @@ class Orders:
         return low, size + reach
 
 
-def fit_orders(signals: Array, sun: Array, ring: Array, groups: Sequence[Group], rate_hz: float) -> Orders:
+def fit_orders(
+    signals: Array,
+    sun: Array,
+    ring: Array,
+    groups: Sequence[Group],
+    rate_hz: float,
+    steps: Mapping[str, float] = MappingProxyType({}),
+) -> Orders:
     r"""Lines of both shafts in signals over one window, all at once.
 
     Parameters
@@ -89,6 +100,8 @@ def fit_orders(signals: Array, sun: Array, ring: Array, groups: Sequence[Group],
         Resolved lines (`lines.resolve`).
     rate_hz : float
         Sample rate [Hz].
+    steps : mapping of str to float
+        One count of the encoder of ``sun`` and ``ring`` [rad]; saves time where angles are whole steps.
 
     Raises
     ------
@@ -112,11 +125,11 @@ def fit_orders(signals: Array, sun: Array, ring: Array, groups: Sequence[Group],
         nothing = np.empty((len(signals), 0))
         return Orders((), nothing.astype(np.complex128), nothing, nothing, nothing, signals - signals.mean(1)[:, None])
     centred = signals - signals.mean(axis=1)[:, None]
-    pieces = [slice(start, min(start + PIECE, n)) for start in range(0, n, PIECE)]
     columns = TREND + 2 * len(groups)
+    shafts = _Shaft(sun, steps.get("sun")), _Shaft(ring, steps.get("ring"))
     normal, projected = np.zeros((columns, columns)), np.zeros((columns, len(signals)))
-    for piece in pieces:
-        design = _design(sun, ring, groups, piece)
+    for piece in _pieces(n):
+        design = _design(*shafts, groups, piece)
         normal += design @ design.T
         projected += design @ centred[:, piece].T
     condition = float(np.linalg.cond(normal))
@@ -129,30 +142,87 @@ def fit_orders(signals: Array, sun: Array, ring: Array, groups: Sequence[Group],
         )
     inverse = np.linalg.inv(normal)
     found = inverse @ projected
-    residual = centred
-    for piece in pieces:
-        residual[:, piece] -= found.T @ _design(sun, ring, groups, piece)
     amplitude = found[TREND::2].T + 1j * found[TREND + 1 :: 2].T
+    residual = centred
+    _subtract(residual, found[:TREND], amplitude, shafts, groups)
     # what the other lines cost a line: one where it is at right angles to them
     cost = np.diag(inverse)[TREND:].reshape(-1, 2).mean(axis=1) * (n / 2.0)
     power, dof, band = _noise(residual, groups, rate_hz, cost)
     return Orders(tuple(groups), amplitude, np.sqrt(power / 2.0), dof, band, residual)
 
 
-def _design(sun: Array, ring: Array, groups: Sequence[Group], piece: slice) -> Array:
+def _subtract(
+    signals: Array,
+    trend: Array,
+    amplitude: npt.NDArray[np.complex128],
+    shafts: tuple[_Shaft, _Shaft],
+    groups: Sequence[Group],
+) -> None:
+    """Take a parabola and lines out of signals: what repeats with a shaft is made for one turn, and looked up."""
+    left = list(range(len(groups)))
+    waves: list[tuple[Array, npt.NDArray[np.intp]]] = []
+    for shaft, other in zip(shafts, ("order_ring", "order_sun"), strict=True):
+        own = [at for at in left if not getattr(groups[at].lines[0], other)]
+        if shaft.place is not None and own:
+            orders = [groups[at].lines[0].order_sun + groups[at].lines[0].order_ring for at in own]
+            waves.append(((amplitude[:, own] @ np.stack([shaft.turn[order] for order in orders])).real, shaft.place))
+            left = [at for at in left if at not in own]
+    parts = np.stack([amplitude[:, left].real, amplitude[:, left].imag], axis=-1).reshape(len(signals), -1)
+    weights, rest = np.hstack([trend.T, parts]), [groups[at] for at in left]
+    for piece in _pieces(signals.shape[1]):
+        signals[:, piece] -= weights @ _design(*shafts, rest, piece)
+        for wave, place in waves:
+            signals[:, piece] -= wave.take(place[piece], axis=1)
+
+
+def _pieces(n: int) -> list[slice]:
+    return [slice(start, min(start + PIECE, n)) for start in range(0, n, PIECE)]
+
+
+def _design(sun: _Shaft, ring: _Shaft, groups: Sequence[Group], piece: slice) -> Array:
     """Parabola, and cosine and negative sine of each line, over a piece of the window."""
-    n = len(sun)
+    n = len(sun.angle)
     time = 2.0 * np.arange(piece.start, piece.stop) / (n - 1) - 1.0
     design = np.empty((TREND + 2 * len(groups), len(time)))
     design[0], design[1], design[2] = 1.0, time, time**2 - 1.0 / 3.0
-    of_sun, of_ring = _Powers(sun[piece]), _Powers(ring[piece])
+    of_sun, of_ring = sun.powers(piece), ring.powers(piece)
     for place, group in enumerate(groups):
         line = group.lines[0]
-        parts = (powers[order] for powers, order in ((of_sun, line.order_sun), (of_ring, line.order_ring)) if order)
+        parts = (powers(order) for powers, order in ((of_sun, line.order_sun), (of_ring, line.order_ring)) if order)
         turning = reduce(np.multiply, parts)
         design[TREND + 2 * place] = turning.real
         np.negative(turning.imag, out=design[TREND + 1 + 2 * place])
     return design
+
+
+class _Shaft:
+    r"""Powers of :math:`e^{i\theta}` at the angles of a shaft; where those are steps of its encoder, made for one turn.
+
+    Parameters
+    ----------
+    angle : (n,) array
+        Angles [rad].
+    step : float or None
+        One count of the encoder [rad]; None where it is not known.
+    """
+
+    def __init__(self, angle: Array, step: float | None) -> None:
+        self.angle = angle
+        self.place: npt.NDArray[np.intp] | None = None
+        turn = 0 if step is None else round(REVOLUTION / step)
+        if step is None or not turn < len(angle):
+            return
+        count = np.rint((angle - angle[0]) / step)
+        if np.abs(angle - angle[0] - count * step).max() < WHOLE * step:
+            self.place = np.mod(count, turn).astype(np.intp)
+            self.turn = _Powers(angle[0] + REVOLUTION / turn * np.arange(turn))
+
+    def powers(self, piece: slice) -> Callable[[int], npt.NDArray[np.complex128]]:
+        """Powers over a piece of the window, by their orders."""
+        if self.place is None:
+            return _Powers(self.angle[piece]).__getitem__
+        place = self.place[piece]
+        return lambda order: self.turn[order].take(place)
 
 
 class _Powers(dict[int, "npt.NDArray[np.complex128]"]):

@@ -134,7 +134,7 @@ def orders_of_point(
     rows += [empty_row(n, g.lines[0], lacking[n], g.name) for n in names if n not in whole for g in groups]
     stacked = np.stack([values[name] for name in whole]) if groups and whole else None
     try:
-        orders = None if stacked is None else fit_orders(stacked, zero["sun"], zero["ring"], groups, rate_hz)
+        orders = None if stacked is None else fit_orders(stacked, zero["sun"], zero["ring"], groups, rate_hz, steps)
     except FitError as error:
         orders = None
         rows += [empty_row(n, g.lines[0], error.came, g.name) for n in whole for g in groups]

@@ -127,6 +127,23 @@ def test_the_length_of_the_pieces_does_not_matter(
     assert np.allclose(pieces.band, whole.band, equal_nan=True)
 
 
+@pytest.mark.parametrize("known", [("sun", "ring"), ("ring",)])
+def test_steps_of_the_encoders_save_time_and_change_nothing(
+    bench: BenchParameters, rng: np.random.Generator, known: tuple[str, ...]
+) -> None:
+    step = REVOLUTION / 512
+    smooth = turning(613.0, -241.0, start=0.3)
+    sun, ring = (0.7 * step + np.floor(angle / step) * step for angle in smooth)
+    signals, groups = coloured("pink", rng, 2, SAMPLES), groups_at(bench, 613.0, -241.0)
+    assert "slip" in {group.name for group in groups}
+    steps = dict.fromkeys(known, step)
+    looked_up, made = (fit_orders(signals, sun, ring, groups, RATE, each) for each in (steps, {}))
+    assert np.allclose(looked_up.amplitude, made.amplitude, rtol=0.0, atol=1e-10 * np.abs(made.amplitude).max())
+    assert np.allclose(looked_up.residual, made.residual, rtol=0.0, atol=1e-10 * np.abs(signals).max())
+    off, same = (fit_orders(signals, *smooth, groups, RATE, each).amplitude for each in (steps, {}))
+    assert np.array_equal(off, same)
+
+
 def test_a_line_of_one_shaft_is_not_taken_for_the_others(bench: BenchParameters) -> None:
     """At 5.3 turns of the sun for one of the ring, over a window of no whole number of turns of either."""
     sun, ring = turning(521.3, -98.7)
