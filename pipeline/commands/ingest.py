@@ -94,7 +94,7 @@ def run_ingest(
         supplied=NOTHING if options.chart is None else read_supply(options.chart),
         progress=progress,
     )
-    manifests = [m for m in Store(store).manifests() if m.ingested]
+    manifests = [m for m in report.held if m.ingested]
     copies, missing_points = _copied_windows(manifests, report.sha256), _unreached(manifests, report.sha256)
     lines = [
         f"ingested {report.ingested}, already there {report.skipped}, not usable {report.failed}; "

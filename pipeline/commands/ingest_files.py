@@ -68,6 +68,8 @@ class IngestReport:
         Content of those files.
     campaigns : tuple of str
         Campaigns that they belong to.
+    held : tuple of Manifest
+        All that the store holds after it.
     """
 
     ingested: int
@@ -78,6 +80,7 @@ class IngestReport:
     findings: tuple[Finding, ...]
     sha256: frozenset[str]
     campaigns: tuple[str, ...]
+    held: tuple[Manifest, ...]
 
 
 def ingest(
@@ -137,8 +140,8 @@ def ingest(
         if progress is not None:
             progress(done, len(inventory.sources), job.source.name)
     store.sweep()
-    supersede(store, inventory.sources)
-    known = {manifest.sha256: manifest for manifest in store.manifests()}
+    held = supersede(store, inventory.sources)
+    known = {manifest.sha256: manifest for manifest in held}
     if scheduler is not None and any(source.sha256 not in known for source in todo):
         raise _unseen(store.path)
     manifests = [known[source.sha256] for source in inventory.sources if source.sha256 in known]
@@ -154,6 +157,7 @@ def ingest(
         findings=(*inventory.findings, *found, *_shared_start(known.values(), sha256)),
         sha256=sha256,
         campaigns=tuple(sorted({manifest.campaign for manifest in manifests if manifest.ingested})),
+        held=tuple(held),
     )
 
 
