@@ -61,3 +61,9 @@ def test_parts_without_readings_are_no_choices(bench: BenchParameters) -> None:
     held = withhold(rows, MECHANISMS, (fit_candidate(problem, gain),), rng)
     assert "in 3 parts" in held.split
     assert "in 3 of 3" in held.split
+    named = tuple(fit_candidate(problem, c) for c in candidates() if c.shaft == "sun")[:2]
+    chosen = tuple(replace(fit, values=1.1 * fit.values) for fit in named[::-1])
+    assert rows.beside_each_other(chosen, named) is named
+    assert rows.beside_each_other(chosen[:1], named[1:]) == chosen[:1]
+    other = (replace(chosen[0], candidate=gain), chosen[1])
+    assert rows.beside_each_other(other, named) is other

@@ -99,6 +99,11 @@ class Withholding(ABC, Generic[F, P]):
         del fits
         return self.columns[:, :0]
 
+    def beside_each_other(self, chosen: tuple[F, ...], named: tuple[F, ...]) -> tuple[F, ...]:
+        """Fits that predict in place of those chosen without a part of the rows, which stand one after the other."""
+        del named
+        return chosen
+
     def touched(self, fits: tuple[F, ...]) -> Mask:
         """Rows that fits act on, of those in a fold."""
         effect = self.effect(fits)
@@ -145,6 +150,7 @@ def withhold(
         reach_before[test] = _reach(columns, scale, train, test)
         found = _choose_all(rows.part(train), catalogue, len(fits))
         sets.append(found)
+        found = rows.beside_each_other(found, fits)
         fixed, moving, slopes = rows.predictors(found)
         free = rows.free_form(found) if bent else columns[:, :0]
         used, uncertain = (np.hstack([columns, own, free]) for own in (moving, slopes))

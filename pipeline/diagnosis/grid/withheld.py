@@ -71,6 +71,16 @@ class WithheldReadings(Withholding[CandidateFit, GridProblem]):
         slopes = np.hstack([problem.tangents(fit)[:, free] for fit, free in zip(fits, inside, strict=True)])
         return effects, slopes if len(fits) > 1 else slopes[:, :0], slopes
 
+    def beside_each_other(
+        self, chosen: tuple[CandidateFit, ...], named: tuple[CandidateFit, ...]
+    ) -> tuple[CandidateFit, ...]:
+        """Several that are named and chosen again stand where all readings have them, to be fitted from there at once.
+
+        One after the other, warming with a dozen constants ends elsewhere than beside its partner.
+        """
+        same = {fit.identifier for fit in chosen} == {fit.identifier for fit in named}
+        return named if len(named) > 1 and same else chosen
+
     def free_form(self, fits: tuple[CandidateFit, ...]) -> Array:
         """Smooth changes of each law along its own covariates."""
         return np.hstack([bent_columns(self.problem, fit) for fit in fits])
