@@ -188,14 +188,26 @@ def _phase(instant: Array, edge_time: Array, edge_phase: npt.NDArray[np.int64], 
     high = min(len(edge_time), max(2, int(np.searchsorted(edge_time, instant[-1], side="right")) + 1))
     low = max(0, min(low, high - 3))
     near, count, ends = edge_time[low:high], edge_phase[low:high].astype(np.float64), edge_time[-1]
-    segment = np.searchsorted(near, instant, side="right") - 1
-    segment = np.clip(segment, 0, len(near) - 2)
+    segment = _segments(near, instant)
     width = np.diff(near)
     slope = np.diff(count) / width
-    wide = width[segment] > slowest
     since = instant - near[segment]
-    steady = slope[np.where(wide, np.maximum(segment - 1, 0), segment)]
-    phase = count[segment] + steady * since
-    beyond = instant > ends + slowest
-    phase[beyond | (wide & (since > slowest)) | (wide & (segment + low == 0))] = np.nan
+    pauses = width > slowest
+    if not pauses.any():
+        phase = count[segment] + slope[segment] * since
+    else:
+        wide = pauses[segment]
+        phase = count[segment] + slope[np.where(wide, np.maximum(segment - 1, 0), segment)] * since
+        phase[wide & ((since > slowest) | (segment + low == 0))] = np.nan
+    phase[instant > ends + slowest] = np.nan
     return np.asarray(phase)
+
+
+def _segments(edges: Array, instant: Array) -> npt.NDArray[np.intp]:
+    """Edge before each instant, at most the last but one; nothing is sought where each sample has one of its own."""
+    last = len(edges) - 2
+    first = max(0, int(np.searchsorted(edges, instant[0], side="right")) - 1)
+    own = np.minimum(np.arange(first, first + len(instant)), last)
+    if edges[first] <= instant[0] and ((edges[own] <= instant) & ((instant < edges[own + 1]) | (own == last))).all():
+        return own
+    return np.clip(np.searchsorted(edges, instant, side="right") - 1, 0, last)
