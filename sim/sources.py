@@ -94,3 +94,5 @@ BIRGE = Source(
     "R. T. Birge, 'The calculation of errors by the method of least squares', Physical Review 40, 1932, "
     "doi:10.1103/PhysRev.40.207",
 )
+DAHL = Source("dahl", "P. R. Dahl, 'A solid friction model', Aerospace Corporation, TOR-0158(3107-18)-1, 1968")
+BALANCE = Source("force-balance", "Force balance of a moving part; a term written down for this library")

@@ -101,7 +101,7 @@ def compare(given: Given) -> Outcome:
 @command("run", options_of(CampaignOptions, f"recordings {RUN} config"))
 def run(given: Given, progress: Progress = None) -> Outcome:
     """Run ingest, analyse and compare in one go; or analyse and compare published grids (--grids)."""
-    from pmg.pipeline.commands.run import run_all
+    from pmg.pipeline.commands.compare import run_all
     from pmg.pipeline.settings.chosen import choose
 
     return run_all(choose(**given), progress)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.analysis.outputs import analysed_campaign, analysis_document, analysis_files, write_analysis
+from pmg.pipeline.commands.motion import analyse_motion, campaign_in_motion
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate, now
 from pmg.pipeline.fit.analysis import Analysis, analyse
@@ -52,6 +53,9 @@ def run_analyse(
         Time of day, for the provenance.
     """
     began = clock()
+    moving = campaign_in_motion(store, campaign) if grids is None else None
+    if moving is not None:
+        return analyse_motion(store, moving)
     gathered = gather(store, grids, campaign, options.checks)
     grid, bench, failed = gathered.grid, gathered.bench, gathered.failed
     if grids is not None:

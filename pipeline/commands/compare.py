@@ -1,4 +1,4 @@
-"""pmg compare: the simulator compared with the bench, the diagnosis, and the report of both."""
+"""pmg compare and pmg run: the simulator compared with the bench, the diagnosis, the report; the whole way there."""
 
 from __future__ import annotations
 
@@ -9,12 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.analysis.outputs import read_analysis, unproven_analysis
+from pmg.pipeline.analysis.outputs import analysed_campaign, read_analysis, unproven_analysis
 from pmg.pipeline.analysis.tolerance import Tolerance
 from pmg.pipeline.chapters.measured.sensor_fault import sensor_fault_warning
 from pmg.pipeline.chapters.page import RecordedFacts, build_report
-from pmg.pipeline.commands.analyse import analysis_findings
-from pmg.pipeline.commands.compare_and_diagnose import compare_and_diagnose, leave_model, summary_facts
+from pmg.pipeline.commands.analyse import analysis_findings, run_analyse
+from pmg.pipeline.commands.compare_and_diagnose import (
+    DIAGNOSIS,
+    SEED,
+    compare_and_diagnose,
+    leave_model,
+    summary_facts,
+)
+from pmg.pipeline.commands.ingest import ingest_chosen
+from pmg.pipeline.commands.motion import campaign_in_motion, compare_motion
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate, now
 from pmg.pipeline.commands.stored_analysis import analysed
@@ -32,9 +40,10 @@ from pmg.pipeline.model.sensor_fault_correction import correct_sensor_fault
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store.store import Store
+from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     from pmg.pipeline.commands.provenance import Clock
@@ -46,12 +55,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.report.document import Report, Section
     from pmg.pipeline.settings.chosen import Chosen
     from pmg.pipeline.store.manifest import Manifest
-
-DIAGNOSIS = "diagnosis.json"
-"""Name of the diagnosis next to the report."""
-
-SEED = 20260101
-"""Seed of the synthetic campaigns behind a p-value; named in the report."""
 
 
 def run_compare(
@@ -110,14 +113,50 @@ def run_compare(
     )
 
 
-def compare_chosen(chosen: Chosen) -> Outcome:
-    """Simulate, compare and report the analysed campaign that file and options name."""
+def compare_chosen(chosen: Chosen, campaign: str | None = None) -> Outcome:
+    """Simulate, compare and report the analysed campaign that file and options name, or the runs in motion of one.
+
+    Parameters
+    ----------
+    chosen : Chosen
+        Of the call.
+    campaign : str, optional
+        The one that was just ingested; where none is named, the one whose analysis the store holds.
+    """
+    store = chosen.needed("store")
+    named = campaign or chosen.text("campaign") or analysed_campaign(store)
+    moving = campaign_in_motion(store, named) if chosen.path("grids") is None else None
+    if moving is not None:
+        return compare_motion(store, moving, chosen.needed("report"), chosen.text("note") or "")
     return run_compare(
         chosen.needed("store"),
         chosen.needed("report"),
         chosen.text("note") or "",
         chosen.path("model"),
         tolerances=chosen.tolerance,
+    )
+
+
+def run_all(chosen: Chosen, progress: Callable[[int, int, str], None] | None) -> Outcome:
+    """Ingest, analyse and compare; with published grids, analyse and compare."""
+    recordings, grids, campaign = chosen.path("recordings"), chosen.path("grids"), chosen.text("campaign")
+    store, _, options = chosen.needed("store"), chosen.needed("report"), chosen.options()
+    if (recordings is None) == (grids is None):
+        came = "neither RECORDINGS nor --grids" if recordings is None else "both RECORDINGS and --grids"
+        raise RecordingError("pmg run", came, "one of them", "Name a folder of recordings, or one of published grids.")
+    parts: dict[str, Outcome] = {}
+    if recordings is not None:
+        parts["ingest"] = ingest_chosen(chosen, progress)
+        ingested = parts["ingest"].data["campaigns"]
+        campaign = campaign or (ingested[0] if len(ingested) == 1 else None)
+    parts["analyse"] = run_analyse(store, options, grids=grids, campaign=campaign)
+    parts["compare"] = compare_chosen(chosen, campaign)
+    return Outcome(
+        data={name: part.data for name, part in parts.items()},
+        lines=tuple(line for part in parts.values() for line in part.lines),
+        findings=tuple(dict.fromkeys(remark for part in parts.values() for remark in part.findings)),
+        partial=any(part.partial for part in parts.values()),
+        mismatch=parts["compare"].mismatch,
     )
 
 

@@ -33,6 +33,12 @@ if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
 
+DIAGNOSIS = "diagnosis.json"
+"""Name of the diagnosis next to the report."""
+
+SEED = 20260101
+"""Seed of the synthetic campaigns behind a p-value; named in the report."""
+
 
 @dataclass(frozen=True)
 class SimulatedCampaign:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 from pmg.pipeline.commands.design import audit_words
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.importers.supply import read_supply
-from pmg.pipeline.preflight.abilities import NO, Design, abilities
+from pmg.pipeline.preflight.abilities import NO, Design, abilities, zero_ability
 from pmg.pipeline.preflight.environment import BAD, OK, environment
+from pmg.pipeline.preflight.motion import motion_abilities, motion_summary
 from pmg.pipeline.preflight.rehearsal import audit, rehearse
 from pmg.pipeline.preflight.survey import survey
 from pmg.pipeline.recording.remark import Remark
@@ -85,8 +86,14 @@ def run_doctor(
     return Outcome(data, tuple(lines), tuple(findings), failed=nothing)
 
 
+_HOW = (
+    "each read once, checksums compared, no sample decoded",
+    "checksums compared, samples of runs in motion alone decoded",
+)
+
+
 def _head(found: Survey, size: int) -> str:
-    how = "from the manifests of the store" if found.stored else "each read once, checksums compared, no sample decoded"
+    how = "from the manifests of the store" if found.stored else _HOW[bool(found.moving)]
     damaged, copies = sum(bool(f.damage) for f in found.usable), sum(bool(f.copy) for f in found.files)
     unusable = sum(bool(f.unusable) and not f.copy for f in found.files)
     counts = f"{len(found.usable)} usable, {damaged} of them damaged, {unusable} not usable"
@@ -99,12 +106,16 @@ def _campaign(found: Survey, name: str, bench: BenchParameters) -> dict[str, Any
     rehearsed = rehearse(points, bench) if points else None
     seen = None if rehearsed is None else audit(rehearsed, bench)
     design = Design.of(points)
+    moving = bool(found.moving) and not design.neutral + design.engaged
+    told = (zero_ability(design),) if moving else abilities(found, rehearsed, bench)
+    told += motion_abilities(found.moving) if found.moving else ()
     return {
         "campaign": name,
         "points": asdict(design),
         "design": design.summary(),
         "without_set_points": sum(file.untold for file in found.usable),
-        "chapters": [asdict(ability) for ability in abilities(found, rehearsed, bench)],
+        "chapters": [asdict(ability) for ability in told],
+        "moving": list(motion_summary(found.moving)),
         "holes": [] if rehearsed is None else list(rehearsed.lacking),
         "mechanisms": None if seen is None else _mechanisms(seen),
     }
@@ -130,6 +141,9 @@ def _lines(part: dict[str, Any]) -> list[str]:
     lines = [f"campaign {part['campaign']}: {part['design']}"]
     if part["without_set_points"]:
         lines.append(f"  {counted(part['without_set_points'], 'recording')} without set-points: not counted here")
+    lines += [f"  in motion: {line}" for line in part["moving"]]
+    if part["moving"] and not (part["points"]["neutral"] or part["points"]["engaged"]):
+        lines.append("  no steady point: the chapters of the steady grid are not possible")
     for row in part["chapters"]:
         lines.append(f"  {row['state']:<8}{row['chapter']:<30}{row['why']}")
         if row["unlock"]:

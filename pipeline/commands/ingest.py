@@ -100,6 +100,8 @@ def run_ingest(
         f"ingested {report.ingested}, already there {report.skipped}, not usable {report.failed}; "
         f"{counted(report.windows, 'window')}, {report.rejected} rejected"
     ]
+    if report.moving:
+        lines.append(f"{counted(report.moving, 'run')} in motion, {report.set_aside} set aside")
     if copies:
         lines.append(f"{counted(len(copies), 'window')} in two files: counted once")
     contradictions = _contradictions(manifests, report.sha256, options.checks)
@@ -115,6 +117,7 @@ def run_ingest(
         "failed": report.failed,
         "windows": report.windows,
         "rejected": report.rejected,
+        **({"moving": report.moving, "set_aside": report.set_aside} if report.moving else {}),
         "copies": len(copies),
         "not_reached": len(missing_points),
         "contradictions": len(contradictions),
@@ -127,7 +130,7 @@ def run_ingest(
         data,
         tuple(lines),
         findings + judged + copies + contradictions + tuple(point.finding() for point in missing_points),
-        partial=bool(report.failed or report.rejected or missing or lost),
+        partial=bool(report.failed or report.rejected or report.set_aside or missing or lost),
     )
 
 

@@ -9,10 +9,12 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.files.parallel import map_over
+from pmg.pipeline.motion.judge import judge_motion
 from pmg.pipeline.orders.stored_lines import order_files
 from pmg.pipeline.recording.codes import Code, Severity
 from pmg.pipeline.recording.findings import Finding, UnusableRecordingError
 from pmg.pipeline.recording.read import read_recording
+from pmg.pipeline.recording.run import RECORD
 from pmg.pipeline.recording.run_records import RunRecord
 from pmg.pipeline.recording.supplied import NOTHING
 from pmg.pipeline.store.manifest import FAILED, INGESTED, Manifest, StoredWindow
@@ -62,6 +64,8 @@ class IngestReport:
         Files decoded now, already in the store, and not usable.
     windows, rejected : int
         Windows of all usable files, and those that failed a check.
+    moving, set_aside : int
+        Runs in motion of all usable files, and those that are no evidence.
     findings : tuple of Finding
         Of the files of this call, whether decoded now or earlier.
     sha256 : frozenset of str
@@ -77,6 +81,8 @@ class IngestReport:
     failed: int
     windows: int
     rejected: int
+    moving: int
+    set_aside: int
     findings: tuple[Finding, ...]
     sha256: frozenset[str]
     campaigns: tuple[str, ...]
@@ -146,6 +152,7 @@ def ingest(
         raise _unseen(store.path)
     manifests = [known[source.sha256] for source in inventory.sources if source.sha256 in known]
     windows = [window for manifest in manifests for window in manifest.windows]
+    moving = [record for manifest in manifests for record in manifest.moving]
     sha256 = frozenset(source.sha256 for source in inventory.sources)
     found = (finding for manifest in manifests for finding in manifest.findings)
     return IngestReport(
@@ -154,6 +161,8 @@ def ingest(
         failed=counts[FAILED] + inventory.unreadable,
         windows=len(windows),
         rejected=sum(not window.accepted for window in windows),
+        moving=len(moving),
+        set_aside=sum(not record.sound for record in moving),
         findings=(*inventory.findings, *found, *_shared_start(known.values(), sha256)),
         sha256=sha256,
         campaigns=tuple(sorted({manifest.campaign for manifest in manifests if manifest.ingested})),
@@ -193,7 +202,7 @@ def _run_record(recording: Recording) -> RunRecord:
     """The run of a recording, for its manifest."""
     run = recording.run
     lines = run.campaign, run.point, str(run.configuration), run.gear, run.drive, run.started_at.isoformat(), run.note
-    return RunRecord(*lines)
+    return RunRecord(*lines, manoeuvre=run.manoeuvre if run.manoeuvre.moves else None)
 
 
 def _failed(source: StoredSource, store: Store, findings: tuple[Finding, ...], run: RunRecord) -> str:
@@ -205,15 +214,15 @@ def _failed(source: StoredSource, store: Store, findings: tuple[Finding, ...], r
 def _done(manifest: Manifest, limits: Steadiness, supplied: Supplied) -> bool:
     """Whether a source is in the store as it would come in now.
 
-    One that names no limits was judged by the defaults. One whose means were taken in an earlier way is read anew, and
-    one without a hash of itself.
+    One that names no limits was judged by the defaults. One whose means were taken in an earlier way is read anew, one
+    without a hash of itself, and one whose manoeuvre was not understood yet.
     What was supplied stays where nothing is supplied now; where something else is, or where a map may name channels
     that were not offered before, the source is read anew.
     """
     judged_by = LIMITS.document() if manifest.limits is None else manifest.limits
     if not (manifest.ingested and manifest.proven and manifest.reduction == REDUCTION):
         return False
-    if judged_by != limits.document():
+    if judged_by != limits.document() or any(f.where == f"{RECORD}.manoeuvre" for f in manifest.findings):
         return False
     if supplied == NOTHING:
         return True
@@ -259,6 +268,7 @@ def _changed(source: StoredSource) -> Finding:
 def _manifest(source: StoredSource, recording: Recording, windows: Sequence[Window], job: _Job) -> Manifest:
     """The manifest of a usable recording."""
     supplied, origin = recording.supplied, recording.origin
+    moving, findings = judge_motion(recording)
     return Manifest(
         source.identifier,
         source.name,
@@ -266,7 +276,7 @@ def _manifest(source: StoredSource, recording: Recording, windows: Sequence[Wind
         source.sha256,
         INGESTED,
         _run_record(recording),
-        recording.findings,
+        recording.findings + findings,
         tuple(_window(recording, window) for window in windows),
         recording.calibration,
         recording.rate_hz,
@@ -279,6 +289,7 @@ def _manifest(source: StoredSource, recording: Recording, windows: Sequence[Wind
         lacking=recording.lacking,
         reduction=REDUCTION,
         limits=job.limits.document(),
+        moving=moving,
     )
 
 

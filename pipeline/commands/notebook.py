@@ -16,8 +16,8 @@ import numpy as np
 
 from pmg.pipeline.commands.analyse import gather
 from pmg.pipeline.commands.audit_entry import audited_from_python
-from pmg.pipeline.commands.compare import SEED, write_results
-from pmg.pipeline.commands.compare_and_diagnose import diagnose_campaign, simulate_campaign
+from pmg.pipeline.commands.compare import write_results
+from pmg.pipeline.commands.compare_and_diagnose import SEED, diagnose_campaign, simulate_campaign
 from pmg.pipeline.commands.ingest import IngestOptions, run_ingest
 from pmg.pipeline.commands.notebook_results import (
     CampaignAnalysis,

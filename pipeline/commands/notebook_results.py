@@ -11,7 +11,8 @@ import pandas as pd
 import polars as pl
 
 from pmg.pipeline.analysis.outputs import balance_frame
-from pmg.pipeline.commands.compare import SEED, campaign_page, seeded
+from pmg.pipeline.commands.compare import campaign_page, seeded
+from pmg.pipeline.commands.compare_and_diagnose import SEED
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document, mechanism_facts
 from pmg.pipeline.grid.tables import grid_frame
 from pmg.pipeline.model.model_file import model_text

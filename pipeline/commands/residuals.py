@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from pmg.pipeline.analysis.outputs import read_analysis, unproven_analysis
 from pmg.pipeline.chapters.explained.structure import structure_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
-from pmg.pipeline.commands.compare import SEED
+from pmg.pipeline.commands.compare_and_diagnose import SEED
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now, went_in
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE

@@ -9,7 +9,7 @@ import numpy as np
 
 from pmg.pipeline.chapters.explained.balance import terms_sections
 from pmg.pipeline.chapters.page import PACKAGES, versions
-from pmg.pipeline.commands.compare import SEED
+from pmg.pipeline.commands.compare_and_diagnose import SEED
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.diagnosis.balance.case_file import read_case

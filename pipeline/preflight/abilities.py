@@ -202,11 +202,15 @@ def _from_samples(found: Survey, points: tuple[Asked, ...], design: Design, name
     else:
         yield Ability("coil flux", NO, "no search coil was recorded", "the search coils, /daq/emf/...")
     yield _load_angle(found, points, design, named)
-    if design.zero >= 2 or not named:
-        yield Ability("zero and its drift", YES if named else UNKNOWN, unnamed or counted(design.zero, "zero check"))
-    else:
-        state = IN_PART if design.zero else NO
-        yield Ability("zero and its drift", state, counted(design.zero, "zero check"), "zero checks before and after")
+    yield zero_ability(design) if named else Ability("zero and its drift", UNKNOWN, unnamed)
+
+
+def zero_ability(design: Design) -> Ability:
+    """The zero of the transducers, from zero checks."""
+    if design.zero >= 2:
+        return Ability("zero and its drift", YES, counted(design.zero, "zero check"))
+    state = IN_PART if design.zero else NO
+    return Ability("zero and its drift", state, counted(design.zero, "zero check"), "zero checks before and after")
 
 
 def _load_angle(found: Survey, points: tuple[Asked, ...], design: Design, named: bool) -> Ability:

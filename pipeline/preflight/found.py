@@ -10,6 +10,7 @@ from pmg.pipeline.recording.auxiliary_channels import COILS
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from pmg.pipeline.motion.stored import JudgedRun
     from pmg.pipeline.recording.run_records import Setpoints
 
 
@@ -75,6 +76,8 @@ class File:
         Hash of its bytes; empty where it could not be read.
     copy : str
         The file before it that has the same bytes; empty where there is none.
+    moving : tuple of JudgedRun
+        Its runs in motion.
     """
 
     name: str
@@ -87,6 +90,7 @@ class File:
     campaign: str = ""
     sha256: str = ""
     copy: str = ""
+    moving: tuple[JudgedRun, ...] = ()
 
     @property
     def coils(self) -> bool:
@@ -135,6 +139,13 @@ class Survey:
             first.setdefault(point.key, point.file)
         kept = every if self.stored else [p for p in every if p.file == first[p.key]]
         return tuple(sorted(kept, key=lambda p: (p.started_at, p.point)))
+
+    @property
+    def moving(self) -> tuple[JudgedRun, ...]:
+        """Runs in motion of all usable recordings, in the order of time; one in two files counts once."""
+        every = [run for file in self.usable for run in file.moving]
+        once = {(run.record.started_at_s, run.record.point): run for run in reversed(every)}
+        return tuple(once[key] for key in sorted(once))
 
     def recorded(self, word: str) -> int:
         """Recordings with a channel that begins or ends with a word."""

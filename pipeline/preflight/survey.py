@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 from pmg.pipeline.grid.campaign import campaigns
 from pmg.pipeline.grid.copies import without_copies
+from pmg.pipeline.motion.judge import judge_motion
+from pmg.pipeline.motion.stored import JudgedRun, judged_runs
 from pmg.pipeline.orders.stored_lines import kept_orders
 from pmg.pipeline.preflight.found import Asked, File, Survey
 from pmg.pipeline.recording.calibration import read_calibration
@@ -16,6 +18,7 @@ from pmg.pipeline.recording.container.contents import open_container
 from pmg.pipeline.recording.container.gathered import FIELDS_KEY
 from pmg.pipeline.recording.events import read_steps
 from pmg.pipeline.recording.findings import Findings, UnusableRecordingError
+from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.recording.run import read_run
 from pmg.pipeline.recording.run_records import Setpoints
 from pmg.pipeline.recording.supplied import NOTHING, Supply
@@ -54,7 +57,7 @@ def survey(
     ----------
     place : Path
         A folder of recordings, one recording, or a store. Recordings are read once from end to end, their checksums
-        compared; samples are not decoded. Of a store the manifests alone are read.
+        compared; samples are decoded of runs in motion alone. Of a store the manifests alone are read.
     progress : callable, optional
         Told (done, total, name) after each recording.
     supplied : Supplied
@@ -94,6 +97,8 @@ def _look(path: Path, name: str, supplied: Supplied = NOTHING) -> File:
     run = read_run(supply.run(container.metadata, path.stem), findings)
     calibration = read_calibration(supply.calibration(container.attachments), findings)
     refused = [f"{f.where}: {f.message}. {f.do}" for f in findings.gathered[before:] if f.severity == Severity.ERROR]
+    if run is not None and run.manoeuvre.moves:
+        return _look_moving(path, name, supplied, channels)
     steps = read_steps(container.topics, findings)
     errors = [f"{f.where}: {f.message}" for f in findings.listed() if f.severity == Severity.ERROR]
     absent = [what for what, kinds in NEEDED.items() if not any(t in channels for kind in kinds for t in kind)]
@@ -104,6 +109,22 @@ def _look(path: Path, name: str, supplied: Supplied = NOTHING) -> File:
     points = _points(run, steps, name, _rate(container.topics))
     damage = errors[0] if errors else ""
     return File(name, size, points, "", damage, channels, not points, run.campaign, sha256)
+
+
+def _look_moving(path: Path, name: str, supplied: Supplied, channels: tuple[str, ...]) -> File:
+    """A recording of runs in motion, decoded: only its samples tell which shafts turn."""
+    size = path.stat().st_size
+    try:
+        recording = read_recording(path, name, supplied)
+    except UnusableRecordingError as error:
+        return File(name, size, unusable=error.findings[-1].message, channels=channels)
+    records, findings = judge_motion(recording)
+    run = recording.run
+    moving = tuple(JudgedRun(run.configuration, run.drive, run.manoeuvre, record) for record in records)
+    errors = [f for f in (*recording.findings, *findings) if f.severity == Severity.ERROR]
+    damage = f"{errors[0].where}: {errors[0].message}" if errors else ""
+    sha256 = recording.sha256
+    return File(name, size, (), "", damage, channels, campaign=run.campaign, sha256=sha256, moving=moving)
 
 
 def _channels(topics: Mapping[str, Topic]) -> tuple[str, ...]:
@@ -183,7 +204,9 @@ def _stored(store: Store, manifest: Manifest) -> File:
         )
         for window in manifest.windows
     )
-    return File(manifest.file, manifest.size or 0, points, "", first, channels, not points, manifest.campaign)
+    size, moving = manifest.size or 0, judged_runs([replace(manifest, windows=())])
+    untold = not points and not moving
+    return File(manifest.file, size, points, "", first, channels, untold, manifest.campaign, moving=moving)
 
 
 def _asked_or_measured(window: StoredWindow) -> Setpoints:

@@ -10,6 +10,7 @@ from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.recording.layouts import wire
 from pmg.pipeline.recording.layouts.otherevents import KINDS, read_other
 from pmg.pipeline.recording.run import step_setpoints
+from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.errors import near_miss
 
 if TYPE_CHECKING:
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 
 Message = TypeVar("Message")
 
-PHASES = ("START", "SETTLED", "MEASURE", "END")
+MOVING_PHASES = tuple(each.phase for each in Manoeuvre if each.moves)
+PHASES = ("START", "SETTLED", "MEASURE", "END", Manoeuvre.ZERO.phase, *MOVING_PHASES)
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ class SequenceStep:
     point : str
         Test point.
     phase : str
-        ``START``, ``SETTLED``, ``MEASURE`` or ``END``.
+        One of `PHASES`; ``ZERO``, the phase of a zero check, stands as ``MEASURE``.
     setpoints : Setpoints
         What was asked for.
     """
@@ -88,8 +90,10 @@ def read_events(
     return tuple(messages)
 
 
-def read_steps(topics: Mapping[str, Topic], findings: Findings) -> tuple[SequenceStep, ...]:
-    """Steps of the test sequence in the order of their samples."""
+def read_steps(
+    topics: Mapping[str, Topic], findings: Findings, manoeuvre: Manoeuvre = Manoeuvre.STEADY
+) -> tuple[SequenceStep, ...]:
+    """Steps of the test sequence in the order of their samples; those of a run in motion are judged later."""
     steps: list[SequenceStep] = []
     for raw in read_events(topics, "/test/step", wire.test_step, findings):
         if raw.phase not in PHASES:
@@ -101,8 +105,9 @@ def read_steps(topics: Mapping[str, Topic], findings: Findings) -> tuple[Sequenc
             )
             continue
         setpoints = step_setpoints(raw.point, raw.setpoint, findings)
-        steps.append(SequenceStep(raw.sample, raw.point, raw.phase, setpoints))
-    if steps and not any(step.phase == "MEASURE" for step in steps):
+        phase = Manoeuvre.STEADY.phase if raw.phase == Manoeuvre.ZERO.phase else raw.phase
+        steps.append(SequenceStep(raw.sample, raw.point, phase, setpoints))
+    if steps and not manoeuvre.moves and not any(step.phase == "MEASURE" for step in steps):
         findings.error(
             Code.STEP_MISSING,
             "/test/step",

@@ -182,9 +182,10 @@ def read_recording(
     marks = sound_marks(marks, run, (first, first + samples.height), decoded[0].rate_hz, findings)
     changes = read_events(topics, "/events/lines", wire.line_event, findings)
     events = tuple(sorted(changes, key=lambda event: event.sample))
-    steps = read_steps(topics, findings)
+    steps = read_steps(topics, findings, run.manoeuvre)
     check_lines(lines, events, findings)
-    check_wiring(_held(samples, first, decoded[0].rate_hz, run, steps), run, calibration, findings)
+    if not run.manoeuvre.moves:
+        check_wiring(_held(samples, first, decoded[0].rate_hz, run, steps), run, calibration, findings)
     spoilt = check_torques(tracks["torque_sun"], tracks["torque_ring"], calibration, findings)
     return Recording(
         file=findings.file,

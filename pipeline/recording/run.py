@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pmg.pipeline.recording.findings import Code, Findings
-from pmg.pipeline.recording.run_records import NO_SETPOINTS, RunInfo, Setpoints
+from pmg.pipeline.recording.run_records import NO_SETPOINTS, Manoeuvre, RunInfo, Setpoints
 from pmg.sim.bench import GEARS
 from pmg.sim.errors import near_miss
 from pmg.sim.grid import Configuration
@@ -24,7 +24,7 @@ LAYOUT = "pmg.v1"
 SUPPLY = "a file for 'pmg ingest --map FILE'"
 """Where a user states what a recording lacks."""
 REQUIRED = ("layout", "campaign", "configuration", "gear", "started_at")
-OPTIONAL = ("point", "drive", "sun_speed_set_rpm", "ring_speed_set_rpm", "ring_torque_set_Nm", "note")
+OPTIONAL = ("point", "drive", "sun_speed_set_rpm", "ring_speed_set_rpm", "ring_torque_set_Nm", "note", "manoeuvre")
 CONFIGURATIONS = tuple(each.value for each in Configuration)
 DRIVES = SIDES
 NUMBERS = tuple(str(gear) for gear in GEARS)
@@ -118,7 +118,25 @@ def _checked(entries: Mapping[str, str], findings: Findings) -> RunInfo | None:
         started_at=started,
         setpoints=setpoints,
         note=entries.get("note", ""),
+        manoeuvre=_manoeuvre(entries.get("manoeuvre", Manoeuvre.STEADY), Configuration(configuration), findings),
     )
+
+
+def _manoeuvre(came: str, configuration: Configuration, findings: Findings) -> Manoeuvre:
+    """What the run does; a word that is unknown, or that its configuration rules out, is a finding."""
+    at_rest = configuration is Configuration.ZERO
+    taken = Manoeuvre.ZERO if at_rest else Manoeuvre.STEADY
+    known = tuple(each.value for each in Manoeuvre)
+    if came in known and (came == Manoeuvre.STEADY or (came == Manoeuvre.ZERO) == at_rest):
+        return Manoeuvre(came)
+    words = [word for word in known if (word == Manoeuvre.ZERO) == at_rest]
+    findings.warning(
+        Code.RUN_VALUE,
+        f"{RECORD}.manoeuvre",
+        f"'{came}' in configuration '{configuration}'; expected {' or '.join(map(repr, words))}. Taken as '{taken}'",
+        "Correct it in the recorder." if came in known else near_miss(came, words),
+    )
+    return taken
 
 
 def known_of_run(records: Iterable[tuple[str, Mapping[str, str]]]) -> dict[str, Any]:

@@ -3,12 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from datetime import datetime
 
     from pmg.sim.grid import Configuration
+
+
+class Manoeuvre(StrEnum):
+    """What a run does; the words of the key ``manoeuvre``."""
+
+    STEADY = "steady"
+    RAMP = "ramp"
+    COAST = "coast"
+    STEPS = "steps"
+    SWEEP = "sweep"
+    DITHER = "dither"
+    ZERO = "zero"
+
+    @property
+    def moves(self) -> bool:
+        """Whether its run has no steady window."""
+        return self not in (Manoeuvre.STEADY, Manoeuvre.ZERO)
+
+    @property
+    def phase(self) -> str:
+        """Phase of its test steps."""
+        return "MEASURE" if self is Manoeuvre.STEADY else self.name
 
 
 @dataclass(frozen=True)
@@ -49,6 +72,8 @@ class RunRecord:
         Free text.
     setpoints : Setpoints
         Set-points of the whole run; kept of a source that is not usable, whose windows cannot say them.
+    manoeuvre : str or None
+        What a run in motion does; None of a steady one.
     """
 
     campaign: str | None = None
@@ -59,6 +84,7 @@ class RunRecord:
     started_at: str | None = None
     note: str | None = None
     setpoints: Setpoints = NO_SETPOINTS
+    manoeuvre: str | None = None
 
 
 @dataclass(frozen=True)
@@ -122,6 +148,8 @@ class RunInfo:
         Set-points of the whole run.
     note : str
         Free text; empty when there is none.
+    manoeuvre : Manoeuvre
+        What the run does.
     """
 
     campaign: str
@@ -132,3 +160,4 @@ class RunInfo:
     started_at: datetime
     setpoints: Setpoints
     note: str
+    manoeuvre: Manoeuvre = Manoeuvre.STEADY

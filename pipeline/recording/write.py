@@ -26,14 +26,14 @@ from pmg.pipeline.recording.frequency import DEFAULT_BITS
 from pmg.pipeline.recording.join import SIMULATED
 from pmg.pipeline.recording.layouts.moments import SECOND_NS
 from pmg.pipeline.recording.layouts.repack import BLOCK_SAMPLES
-from pmg.pipeline.recording.layouts.schema import CLOCK_MARK, SAMPLE_BLOCK, descriptor_set, encode
+from pmg.pipeline.recording.layouts.schema import CLOCK_MARK, SAMPLE_BLOCK, TEST_STEP, descriptor_set, encode
 from pmg.pipeline.recording.run import LAYOUT, RECORD, RUN_KEYS, read_run
 from pmg.sim.errors import RecordingError, near_miss
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     import numpy.typing as npt
 
@@ -82,6 +82,11 @@ class SimulatedRun:
         Any of ``sun_speed_set_rpm``, ``ring_speed_set_rpm``, ``ring_torque_set_Nm``, in the unit of the key.
     note : str
         Free text.
+    manoeuvre : str
+        What a run in motion does; empty for a steady one.
+    phases : sequence of (int, str)
+        Sample and name of the phases between the start and the end of a run in motion; none for a steady one, whose
+        whole file is one window.
     """
 
     campaign: str
@@ -97,6 +102,8 @@ class SimulatedRun:
     angle_ring: Array
     setpoints: Mapping[str, float]
     note: str = ""
+    manoeuvre: str = ""
+    phases: Sequence[tuple[int, str]] = ()
 
 
 def rated_calibration(bench: BenchParameters) -> Calibration:
@@ -127,8 +134,8 @@ def recording_bytes(run: SimulatedRun, calibration: Calibration) -> bytes:
     Notes
     -----
     The counters read the angle cut down to a whole count and wrap. A reader therefore gets the angle back to within
-    one count, and up to a whole number of wraps that is the same for all samples. There are no test steps: the
-    whole file is one window. The write time of a block is the time at which its last sample had been taken.
+    one count, and up to a whole number of wraps that is the same for all samples. The write time of
+    a block is the time at which its last sample had been taken.
     """
     where = f"run '{run.point}' of campaign '{run.campaign}'"
     entries, attachment = _entries(run, where), _attachment(calibration, where)
@@ -147,6 +154,12 @@ def recording_bytes(run: SimulatedRun, calibration: Calibration) -> bytes:
     ]
     clock = writer.register_channel("/sys/clock", ENCODING, mark)
     writer.add_message(clock, times[0], encode(CLOCK_MARK, {"utc_ns": times[0], "source": "simulated"}), times[0])
+    if run.phases:
+        schema = writer.register_schema(TEST_STEP.full_name, ENCODING, descriptor_set(TEST_STEP))
+        channel = writer.register_channel("/test/step", ENCODING, schema)
+        for sample, phase in ((0, "START"), *run.phases, (length - 1, "END")):
+            step = {"sample": sample, "point": run.point, "phase": phase}
+            writer.add_message(channel, times[0], encode(TEST_STEP, step), times[0])
     for first, (begun, taken) in zip(range(0, length, BLOCK_SAMPLES), pairwise(times), strict=True):
         for identity, dtype, samples in channels:
             message = _block(first, begun, dtype, samples[first : first + BLOCK_SAMPLES])
@@ -193,7 +206,7 @@ def _entries(run: SimulatedRun, where: str) -> dict[str, str]:
         "started_at": run.started_at.astimezone(UTC).isoformat(timespec="microseconds").replace("+00:00", "Z"),
         "drive": run.drive,
         **{key: repr(float(run.setpoints[key])) for key in RUN_KEYS if key in run.setpoints},
-        **({"note": run.note} if run.note else {}),
+        **{key: text for key, text in (("manoeuvre", run.manoeuvre), ("note", run.note)) if text},
     }
     findings = Findings(where)
     if read_run([(RECORD, entries)], findings) is None:

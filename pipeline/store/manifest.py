@@ -13,6 +13,7 @@ from pmg.pipeline.recording.means import BATCH_METHOD, PointMeans, ShaftMeans
 from pmg.pipeline.recording.origin import ImportRecord
 from pmg.pipeline.recording.run_records import RunRecord, Setpoints, WindowRecord
 from pmg.pipeline.recording.supplied import SuppliedRecord
+from pmg.pipeline.store.moving_record import MovingRecord, moving_record_of
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import SIDES
 
@@ -66,7 +67,7 @@ class Manifest:
     findings : tuple of Finding
         What reading it brought up.
     windows : tuple of StoredWindow
-        In the order in which they were found; none of a failed source.
+        In the order in which they were found; none of a failed source, and of one in motion.
     calibration : Calibration
         NaN where it is not known.
     rate_hz : float
@@ -91,6 +92,8 @@ class Manifest:
         SHA-256 of its files in the store as they were written, by folder and ending (``runs.parquet``).
     proven : bool
         Whether it was read from a file that holds the hash of itself.
+    moving : tuple of MovingRecord
+        Its runs in motion, in the order of their samples.
     """
 
     identifier: str
@@ -114,6 +117,7 @@ class Manifest:
     limits: Mapping[str, float] | None = None
     files: Mapping[str, str] = field(default_factory=dict)
     proven: bool = False
+    moving: tuple[MovingRecord, ...] = ()
 
     @property
     def ingested(self) -> bool:
@@ -148,7 +152,8 @@ class Manifest:
         plain |= with_nulls(
             {
                 "status": self.status,
-                "run": {key: getattr(self.run, key) for key in RUN},
+                "run": {key: getattr(self.run, key) for key in RUN}
+                | ({} if self.run.manoeuvre is None else {"manoeuvre": self.run.manoeuvre}),
                 "calibration": asdict(self.calibration),
                 "rate_hz": self.rate_hz,
                 "first_sample": self.first_sample,
@@ -159,6 +164,7 @@ class Manifest:
         later = {"offered": self.offered, "reduction": self.reduction, "limits": self.limits}
         plain |= {key: value for key, value in later.items() if value is not None}
         plain |= {"files": dict(self.files)} if self.files else {}
+        plain |= {"moving": [record.document() for record in self.moving]} if self.moving else {}
         return plain | {"windows": [_window_document(window) for window in self.windows]}
 
 
@@ -178,7 +184,9 @@ def manifest_of(identifier: str, document: Mapping[str, Any]) -> Manifest:
         place=_text(document.get("place", "")),
         sha256=_text(document["sha256"]),
         status=_text(document["status"]),
-        run=RunRecord(**{key: run.get(key) for key in RUN}, setpoints=_setpoints(run.get("setpoints", {}))),
+        run=RunRecord(
+            **{key: run.get(key) for key in (*RUN, "manoeuvre")}, setpoints=_setpoints(run.get("setpoints", {}))
+        ),
         findings=tuple(Finding.from_dict(plain) for plain in document["findings"]),
         windows=tuple(_window(plain) for plain in document["windows"]),
         calibration=Calibration(
@@ -199,6 +207,7 @@ def manifest_of(identifier: str, document: Mapping[str, Any]) -> Manifest:
         limits=document.get("limits"),
         files=dict(document.get("files", {})),
         proven=PROOF in document,
+        moving=tuple(map(moving_record_of, document.get("moving", ()))),
     )
 
 

@@ -55,15 +55,17 @@ def find_windows(recording: Recording, limits: Steadiness = LIMITS) -> tuple[Win
 
     Notes
     -----
-    In a sequence, a window lasts from MEASURE to END of the same point; one that is never closed lasts to the next
-    START or the end of the file and is rejected. Its set-points are those of the step; what the step leaves
-    open stays open. A point without MEASURE, and a gap of `limits.shortest` or more outside the windows, in which steps
-    may have been lost, are rejected windows (`pmg.pipeline.windows.gaps`). Without steps, a file that names its point
-    is one window, over the samples that all channels share; one that names none is cut into plateaus
-    (`pmg.pipeline.windows.plateaus`), each a window with the file's set-points, numbered in the order of time, whether
-    it is accepted or not. What lies between plateaus is rejected as changing. Where the file lost its end, the last
-    window is held against the length that it would have had, as far as that is known, and says so.
+    A run whose manoeuvre moves has none. In a sequence, a window lasts from MEASURE to END of the same point; one that
+    is never closed lasts to the next START or the end of the file and is rejected. Its set-points are those of the
+    step; what the step leaves open stays open. A point without MEASURE, and a gap of `limits.shortest` or more outside
+    the windows, in which steps may have been lost, are rejected windows (`pmg.pipeline.windows.gaps`). Without steps, a
+    file that names its point is one window, over the samples that all channels share; one that names none is cut into
+    plateaus (`pmg.pipeline.windows.plateaus`), each a window with the file's set-points, numbered in the order of time,
+    whether it is accepted or not. What lies between plateaus is rejected as changing. Where the file lost its end, the
+    last window is held against the length that it would have had, as far as that is known, and says so.
     """
+    if recording.run.manoeuvre.moves:
+        return ()
     if recording.steps:
         measured = _from_steps(recording.steps)
         spans = [(s.first, _meant(recording, s)) for s in measured]

@@ -17,7 +17,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from pmg.pipeline.commands.compare import SEED
+from pmg.pipeline.commands.compare_and_diagnose import SEED
 from pmg.pipeline.diagnosis.design.plans import join_points
 from pmg.pipeline.diagnosis.grid.decide import diagnose
 from pmg.pipeline.fit.analysis import analyse

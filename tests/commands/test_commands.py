@@ -103,7 +103,7 @@ TABLE: dict[str, Row] = {
         ),
     ),
     "run": Row(
-        "commands.run.run_all",
+        "commands.compare.run_all",
         "--grids {grids} --store {tmp}/s --report {tmp}/r --terms-sun 0,1 --terms-ring 0,1 --fail-on mismatch",
         (
             Wrong("--store {tmp}/s --report {tmp}/r", "one of them"),

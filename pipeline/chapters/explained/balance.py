@@ -82,7 +82,7 @@ def _friction(d: TermsDiagnosis) -> Figure:
     truth, pull = recorded.force + recorded.known, inertia * acceleration
     series = [Series("measured", speed, truth - pull, None, "markers", 0)]
     for colour, (name, step) in enumerate((("baseline", d.steps[0]), ("named terms", named)), start=1):
-        x, y = _mean_over(speed, step.fitted.predict(recorded) - pull)
+        x, y = mean_over(speed, step.fitted.predict(recorded) - pull)
         series.append(Series(name, x, y, None, "line", colour))
     return Figure(
         "terms-friction",
@@ -92,10 +92,10 @@ def _friction(d: TermsDiagnosis) -> Figure:
     )
 
 
-def _mean_over(x: Array, y: Array) -> tuple[Array, Array]:
-    """Means of y in 60 slices of x."""
-    edges = np.linspace(float(x.min()), float(x.max()), 61)
-    which = np.clip(np.searchsorted(edges, x) - 1, 0, 59)
+def mean_over(x: Array, y: Array, slices: int = 60) -> tuple[Array, Array]:
+    """Means of y in slices of x."""
+    edges = np.linspace(float(x.min()), float(x.max()), slices + 1)
+    which = np.clip(np.searchsorted(edges, x) - 1, 0, slices - 1)
     filled = np.unique(which)
     return np.array([x[which == k].mean() for k in filled]), np.array([y[which == k].mean() for k in filled])
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.chapters.explained.grounds import on_bound
+from pmg.pipeline.diagnosis.engine.conclusion import probabilities
 from pmg.pipeline.diagnosis.grid.decide import JUDGE_DRAWS
-from pmg.pipeline.diagnosis.grid.document import probabilities
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Series, Table
 from pmg.pipeline.wording.probability import search_p_text
 from pmg.sim.shafts import SIDES

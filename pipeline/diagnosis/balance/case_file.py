@@ -15,7 +15,7 @@ from pmg.sim.errors import near_miss
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pmg.pipeline.diagnosis.balance.term import Term
+    from pmg.pipeline.diagnosis.balance.term import Motion, Term
 
 SCHEMA = "pmg.terms/1"
 """Schema of the case file."""
@@ -202,7 +202,7 @@ class Case:
     """
 
     title: str
-    library: tuple[Term, ...]
+    library: tuple[Term[Motion], ...]
     fit: Path
     withheld: Path | None
     channels: dict[str, Channel]

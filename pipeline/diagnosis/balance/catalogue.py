@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -33,13 +33,13 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
     pairs_at_once: ClassVar[bool] = True
     tells_weak: ClassVar[bool] = False
 
-    def fit(self, problem: TermProblem, candidate: Term) -> TermFit:
+    def fit(self, problem: TermProblem, candidate: Term[Any]) -> TermFit:
         """Best amplitudes and shape of one term with the baseline free to move."""
         return fit_term(problem, candidate, refine=self.refine)
 
     def rank(self, problem: TermProblem, without: Collection[str] = ()) -> list[TermFit]:
         """All terms but some fitted, best score first."""
-        tables = [table for key, table in problem.tables.items() if key not in without]
+        tables = [table for table in problem.tables.values() if table.term.identifier not in without]
         fits = sorted((fit_term(problem, t.term, refine=False) for t in tables), key=lambda fit: -problem.score(fit))
         first = FIRST_OF_PAIRS + 1 if self.refine else 0
         fits[:first] = [

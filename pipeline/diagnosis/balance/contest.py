@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming, TermSet
     from pmg.pipeline.diagnosis.balance.mismatch import NoiseModel
     from pmg.pipeline.diagnosis.balance.recorded import Recorded
-    from pmg.pipeline.diagnosis.balance.term import Term
+    from pmg.pipeline.diagnosis.balance.term import Motion, Term
     from pmg.pipeline.diagnosis.engine.adequacy import AdequacyTest
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
 
@@ -103,7 +103,7 @@ class BalanceData:
     recorded: Recorded
     withheld: Recorded | None
     noise: NoiseModel
-    free: tuple[Term, ...]
+    free: tuple[Term[Motion], ...]
 
 
 def model_step(data: BalanceData, fits: tuple[TermFit, ...], rng: np.random.Generator) -> ModelStep:

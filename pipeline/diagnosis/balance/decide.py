@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
     from pmg.pipeline.diagnosis.balance.mismatch import NoiseModel, Place
     from pmg.pipeline.diagnosis.balance.recorded import Recorded
-    from pmg.pipeline.diagnosis.balance.term import Term
+    from pmg.pipeline.diagnosis.balance.term import Motion, Term
     from pmg.pipeline.diagnosis.engine.evidence import Evidence
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
@@ -76,12 +76,12 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     left_over: Mismatch[Place]
 
 
-def _free_terms(case: Case) -> tuple[Term, ...]:
+def _free_terms(case: Case) -> tuple[Term[Motion], ...]:
     """Terms of the baseline whose amplitudes are free."""
     return tuple(t for name in case.baseline for t in case.library if t.identifier == name and name not in case.fixed)
 
 
-def _searched_terms(case: Case) -> tuple[Term, ...]:
+def _searched_terms(case: Case) -> tuple[Term[Motion], ...]:
     """Terms that may be named; one whose amplitude is taken as known may be off by what its bounds allow."""
     terms = []
     for term in case.library:
@@ -99,7 +99,7 @@ def _searched_terms(case: Case) -> tuple[Term, ...]:
 class _Searched:
     """A record searched: its noise, families and evidence about the free terms of the baseline, and what was found."""
 
-    free: tuple[Term, ...]
+    free: tuple[Term[Motion], ...]
     noise: NoiseModel
     looked: tuple[ResidualStructure, ...]
     evidence: Evidence

@@ -8,7 +8,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.term import Motion, Quantity, Term
 from pmg.sim.signals import REVOLUTION
-from pmg.sim.sources import ARMSTRONG, Source
+from pmg.sim.sources import ARMSTRONG, BALANCE, DAHL, Source
 
 if TYPE_CHECKING:
     from pmg.sim.signals import Array
@@ -18,8 +18,6 @@ EMPS = Source(
     "A. Janot, M. Gautier, M. Brunot, 'Data Set and Reference Models of EMPS', Workshop on Nonlinear System "
     "Identification Benchmarks, 2019",
 )
-DAHL = Source("dahl", "P. R. Dahl, 'A solid friction model', Aerospace Corporation, TOR-0158(3107-18)-1, 1968")
-BALANCE = Source("force-balance", "Force balance of a carriage; a term written down for this library")
 
 REST_TEST = (
     "Record the force command with the drive switched off and with the carriage held at rest, creep through zero speed "
@@ -57,7 +55,7 @@ def _amount(name: str, unit: str, most: float) -> tuple[Quantity]:
 RIPPLE = _part("A", "N", 1e4) + _part("B", "N", 1e4)
 PERIOD = Quantity("p", "m", (2e-3, 1e-1), 3.0)
 
-DRIVE: tuple[Term, ...] = (
+DRIVE: tuple[Term[Motion], ...] = (
     Term("inertia", "Inertia", "M a", _amount("M", "kg", 1e5), lambda m, _: _stack(m.acceleration), EMPS),
     Term("viscous", "Viscous friction", "b v", _amount("b", "N s/m", 1e6), lambda m, _: _stack(m.speed), EMPS),
     Term(
@@ -206,5 +204,5 @@ DRIVE: tuple[Term, ...] = (
 )
 """Terms that a case file may take as baseline or leave to the search."""
 
-LIBRARIES: dict[str, tuple[Term, ...]] = {"drive": DRIVE}
+LIBRARIES: dict[str, tuple[Term[Motion], ...]] = {"drive": DRIVE}
 """Libraries by the name that a case file gives."""

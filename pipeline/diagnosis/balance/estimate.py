@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.balance.recorded import Recorded
     from pmg.pipeline.diagnosis.balance.serial import SerialNoise
-    from pmg.pipeline.diagnosis.balance.term import Term
+    from pmg.pipeline.diagnosis.balance.term import Motion, Term
     from pmg.sim.signals import Array
 
 T_95 = float(stats.t.ppf(0.975, BLOCKS - 1))
@@ -69,7 +69,7 @@ class FittedTerms:
         The same with errors, and the shapes.
     """
 
-    baseline: tuple[Term, ...]
+    baseline: tuple[Term[Motion], ...]
     fits: tuple[TermFit, ...]
     values: Array
     estimates: tuple[Estimate, ...]
@@ -84,14 +84,14 @@ class FittedTerms:
         return float(np.linalg.norm(force - self.predict(recorded)) / np.linalg.norm(force))
 
 
-def design_of(recorded: Recorded, baseline: tuple[Term, ...], fits: tuple[TermFit, ...]) -> Array:
+def design_of(recorded: Recorded, baseline: tuple[Term[Motion], ...], fits: tuple[TermFit, ...]) -> Array:
     """Thinned columns of baseline and terms at their shapes (n, k)."""
     blocks = [recorded.columns(term) for term in baseline] + [recorded.columns(f.candidate, f.shape) for f in fits]
     return np.hstack(blocks)
 
 
 def fit_together(
-    recorded: Recorded, noise: SerialNoise, baseline: tuple[Term, ...], fits: tuple[TermFit, ...]
+    recorded: Recorded, noise: SerialNoise, baseline: tuple[Term[Motion], ...], fits: tuple[TermFit, ...]
 ) -> FittedTerms:
     """Least squares of baseline and terms together.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -45,12 +45,12 @@ class Tabled:
         Columns at each of them.
     """
 
-    term: Term
+    term: Term[Any]
     shapes: Array
     columns: Array
 
 
-def _shape_grid(term: Term, travel: float, *, coarse: bool = False) -> Array:
+def _shape_grid(term: Term[Any], travel: float, *, coarse: bool = False) -> Array:
     """Values of the shape at which a term is looked at first; four of them where it is only to be allowed for."""
     if term.shape is None:
         return np.array([math.nan])
@@ -62,7 +62,7 @@ def _shape_grid(term: Term, travel: float, *, coarse: bool = False) -> Array:
     return np.asarray(1.0 / np.linspace(1.0 / high, 1.0 / low, max(2, int(PER_CYCLE * travel * (1 / low - 1 / high)))))
 
 
-def tabulate(recorded: Recorded, terms: tuple[Term, ...], *, coarse: bool = False) -> dict[str, Tabled]:
+def tabulate(recorded: Recorded, terms: tuple[Term[Any], ...], *, coarse: bool = False) -> dict[str, Tabled]:
     """Thinned columns of every term over its shapes."""
     travel = float(np.ptp(recorded.motion.position))
     tables = {}
@@ -74,12 +74,12 @@ def tabulate(recorded: Recorded, terms: tuple[Term, ...], *, coarse: bool = Fals
             whole = np.stack([term.columns(recorded.motion, float(s)) for s in some], axis=1)
             thinned = recorded.thin(whole.reshape(len(whole), -1))
             parts.append(thinned.reshape(len(thinned), *whole.shape[1:]))
-        tables[term.identifier] = Tabled(term, shapes, np.concatenate(parts, axis=1))
+        tables[term.key] = Tabled(term, shapes, np.concatenate(parts, axis=1))
     return tables
 
 
 @dataclass(frozen=True)
-class TermFit(Fit[Term]):
+class TermFit(Fit[Term[Any]]):
     """A term fitted together with the baseline.
 
     Parameters
@@ -92,6 +92,11 @@ class TermFit(Fit[Term]):
 
     amplitudes: Array
     shape: float
+
+    @property
+    def place(self) -> str:
+        """Where it acts."""
+        return self.candidate.place
 
     @property
     def admissible(self) -> bool:
@@ -111,7 +116,7 @@ class TermProblem(WhitenedProblem[TermFit]):
         Whitened columns over the shapes.
     """
 
-    columns_of: Callable[[Term, float], Array]
+    columns_of: Callable[[Term[Any], float], Array]
     tables: Mapping[str, Tabled]
 
     def of(self, rows: Mask) -> TermProblem:
@@ -145,7 +150,7 @@ def term_problem(recorded: Recorded, tables: dict[str, Tabled], noise: SerialNoi
         Thinned columns of the free baseline.
     """
 
-    def columns_of(term: Term, shape: float) -> Array:
+    def columns_of(term: Term[Any], shape: float) -> Array:
         return noise.whiten(recorded.columns(term, shape))
 
     white = {key: replace(table, columns=noise.whiten(table.columns)) for key, table in tables.items()}
@@ -153,9 +158,9 @@ def term_problem(recorded: Recorded, tables: dict[str, Tabled], noise: SerialNoi
     return TermProblem(*freed(noise.whiten(baseline), force), columns_of, white)
 
 
-def fit_term(problem: TermProblem, term: Term, *, refine: bool = True) -> TermFit:
+def fit_term(problem: TermProblem, term: Term[Any], *, refine: bool = True) -> TermFit:
     """Best amplitudes and shape of one term with the baseline free to move."""
-    table = problem.tables[term.identifier]
+    table = problem.tables[term.key]
     m, g, a = table.columns.shape
     seen = problem.project(table.columns.reshape(m, g * a)).reshape(m, g, a)
     gains = _gains(seen, problem.left, term)
@@ -184,7 +189,7 @@ def fit_term(problem: TermProblem, term: Term, *, refine: bool = True) -> TermFi
     return TermFit(term, gain, cost, effect, tuple(on_bound), amplitudes, shape)
 
 
-def _gains(seen: Array, left: Array, term: Term) -> Array:
+def _gains(seen: Array, left: Array, term: Term[Any]) -> Array:
     """Fall of the sum of squares at each shape (g,); a single amplitude keeps to its bounds."""
     if seen.shape[2] == 1:
         column = seen[:, :, 0]
@@ -193,11 +198,11 @@ def _gains(seen: Array, left: Array, term: Term) -> Array:
         return np.asarray(2.0 * amplitude * along - amplitude**2 * square)
     along = np.einsum("mga,m->ga", seen, left)
     square = np.einsum("mga,mgb->gab", seen, seen)
-    ridge = 1e-9 * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(seen.shape[2])
+    ridge = np.maximum(1e-9 * np.trace(square, axis1=1, axis2=2), 1e-300)[:, None, None] * np.eye(seen.shape[2])
     return np.asarray(np.einsum("ga,ga->g", along, np.linalg.solve(square + ridge, along[:, :, None])[:, :, 0]))
 
 
-def _refined(problem: TermProblem, term: Term, shapes: Array, best: int, gain: float) -> float:
+def _refined(problem: TermProblem, term: Term[Any], shapes: Array, best: int, gain: float) -> float:
     """The shape between its neighbours on the grid that fits best."""
     turn = (lambda x: 1.0 / x) if term.even_grid else math.exp
     back = (lambda s: 1.0 / s) if term.even_grid else math.log
@@ -211,7 +216,7 @@ def _refined(problem: TermProblem, term: Term, shapes: Array, best: int, gain: f
     return float(turn(found.x)) if -found.fun > gain else float(shapes[best])
 
 
-def shape_step(term: Term, shape: float) -> tuple[float, float]:
+def shape_step(term: Term[Any], shape: float) -> tuple[float, float]:
     """Two values about a shape, inside its bounds, for its derivative."""
     assert term.shape is not None
     low, high = term.shape.bounds

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.balance.recorded import Recorded
     from pmg.pipeline.diagnosis.balance.serial import SerialNoise
-    from pmg.pipeline.diagnosis.balance.term import Term
+    from pmg.pipeline.diagnosis.balance.term import Motion, Term
     from pmg.sim.signals import Array, Mask
 
 DECOYS = 40
@@ -87,7 +87,7 @@ def held_out(split: str, before: Array, after: Array, noise: SerialNoise, rng: n
 def set_against(
     recorded: Recorded,
     noise: SerialNoise,
-    baseline: tuple[Term, ...],
+    baseline: tuple[Term[Motion], ...],
     sets: tuple[tuple[TermFit, ...], tuple[TermFit, ...]],
     rng: np.random.Generator,
 ) -> HeldOut:
@@ -172,7 +172,7 @@ def surrogate_decoys(
         yield noise.whiten(_surrogate(recorded.columns(term), rng))
 
 
-def _decoy_terms(problem: TermProblem, recorded: Recorded) -> list[Term]:
+def _decoy_terms(problem: TermProblem, recorded: Recorded) -> list[Term[Motion]]:
     """Terms whose columns decoys are drawn from, in turn."""
     terms = [table.term for table in problem.tables.values()]
     varying = [term for term in terms if term.shape is None and _moves(recorded.columns(term))]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.diagnosis.balance.case_file import Case
-    from pmg.pipeline.diagnosis.balance.term import Term
+    from pmg.pipeline.diagnosis.balance.term import Motion, Term
     from pmg.sim.signals import Array
 
 RATE_TOLERANCE = 0.01
@@ -56,7 +56,7 @@ class Recorded:
         """Every column filtered and decimated like the force (parallel filtering)."""
         return _thin(columns, self.keep_every)
 
-    def columns(self, term: Term, shape: float = float("nan")) -> Array:
+    def columns(self, term: Term[Motion], shape: float = float("nan")) -> Array:
         """Thinned columns of a term (n, amplitudes) [N per unit]."""
         return self.thin(term.columns(self.motion, shape))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
@@ -78,8 +78,11 @@ class Quantity:
     cost: float = 1.0
 
 
+M = TypeVar("M")
+
+
 @dataclass(frozen=True)
-class Term:
+class Term(Generic[M]):
     """One term of the regression, linear in its amplitudes, with at most one shape parameter.
 
     Parameters
@@ -89,7 +92,7 @@ class Term:
     amplitudes : tuple of Quantity
         Linear parameters.
     columns : callable
-        From a `Motion` and the value of the shape (NaN without one) to an (n, amplitudes) array.
+        From what moves (a `Motion`) and the value of the shape (NaN without one) to an (n, amplitudes) array.
     source : Source
         Where the equation is taken from.
     shape : Quantity, optional
@@ -106,12 +109,22 @@ class Term:
     title: str
     equation: str
     amplitudes: tuple[Quantity, ...]
-    columns: Callable[[Motion, float], Array]
+    columns: Callable[[M, float], Array]
     source: Source
     shape: Quantity | None = None
     separating_test: str = ""
     of_model: bool = False
     even_grid: bool = False
+
+    @property
+    def place(self) -> str:
+        """Where it acts, of several places where it may; empty where there is one only."""
+        return ""
+
+    @property
+    def key(self) -> str:
+        """Its own among all terms."""
+        return self.identifier
 
     @property
     def parameters(self) -> tuple[Quantity, ...]:

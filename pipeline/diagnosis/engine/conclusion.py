@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Generic
+from typing import TYPE_CHECKING, Any, Generic
 
 from pmg.pipeline.diagnosis.engine.explanation import explain_with
 from pmg.pipeline.diagnosis.engine.naming import MOST_RIVALS
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.engine.naming import Naming
     from pmg.pipeline.diagnosis.engine.verdict import Absorbed
+
+KNOWN = 0.7
+"""Part of weak differences whose cause was in the catalogue: of trials with gains from 80 to 160 noise variances."""
 
 NOT_WORSE = 1.03
 """Withheld error with a weak candidate in, over that without, up to which it stays in the set of what may be."""
@@ -92,6 +96,28 @@ def conclude(
             named = _with_parts(problem, catalogue, named, held)
             return Conclusion(verdict=Verdict.AMBIGUOUS, naming=named, held_out=held, weak=True)
     return Conclusion(verdict=Verdict.NOT_IN_LIBRARY, naming=naming)
+
+
+def probabilities(conclusion: Conclusion[Any, Any]) -> list[float]:
+    """Weight of the leading explanation and of each rival, for equal prior odds.
+
+    What parts of the readings name instead shares evenly the part of the choices that did not agree; either of a pair
+    of look-alikes counts as much as the pair. Of a weak difference, something is left for what nobody knows.
+    """
+    naming = conclusion.naming
+    if naming is None:
+        return []
+    best, others = naming.best, naming.rivals
+    by_parts = [i > len(others) - naming.by_parts for i in range(len(others) + 1)]
+    scores = [best.score, *(best.score if other.ids < best.ids else other.score for other in others)]
+    most = max(score for score, apart in zip(scores, by_parts, strict=True) if not apart)
+    weights = [0.0 if apart else math.exp(0.5 * (s - most)) for s, apart in zip(scores, by_parts, strict=True)]
+    elsewhere = 1.0 - conclusion.held_out.kept if conclusion.held_out is not None and any(by_parts) else 0.0
+    known = KNOWN if conclusion.weak else 1.0
+    return [
+        known * (elsewhere / sum(by_parts) if apart else (1.0 - elsewhere) * weight / sum(weights))
+        for weight, apart in zip(weights, by_parts, strict=True)
+    ]
 
 
 def _with_parts(problem: P, catalogue: CandidateCatalogue[F, P], naming: Naming[F, P], held: HeldOut) -> Naming[F, P]:

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.engine.conclusion import probabilities
 from pmg.pipeline.diagnosis.form.shape import shape_document
 from pmg.pipeline.diagnosis.grid.diagnosis import component_of
-from pmg.pipeline.diagnosis.grid.rivals import KNOWN, rival_rows
+from pmg.pipeline.diagnosis.grid.rivals import rival_rows
 from pmg.pipeline.diagnosis.grid.statement import near_decision, phrase, statement
 from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.engine.naming import Naming
     from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.sim.grid import OperatingPoints
@@ -59,7 +61,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "mechanisms": _mechanisms(diagnosis),
         "rivals": rival_rows(diagnosis),
-        "near_ties": _near_ties(diagnosis),
+        "near_ties": near_ties(near_decision(diagnosis)),
         "form": _form(diagnosis),
         "absorbed": [row.document for row in diagnosis.absorbed],
         "held_out": None
@@ -70,20 +72,20 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "design": _design(diagnosis),
         "shape": None if diagnosis.shape is None else shape_document(diagnosis.shape),
     }
-    return {name: _legible(value) for name, value in document.items()}
+    return {name: legible(value) for name, value in document.items()}
 
 
-def _legible(value: Any) -> Any:  # noqa: ANN401 - any JSON value
+def legible(value: Any) -> Any:  # noqa: ANN401 - any JSON value
     """A JSON value whose numbers have the digits that no processor decides, and those with a standard error no more."""
     if isinstance(value, list):
-        return [_legible(part) for part in value]
+        return [legible(part) for part in value]
     if isinstance(value, dict):
         u = value.get("standard_error")
         if not isinstance(u, float) or not math.isfinite(u) or u <= 0.0:
-            return {name: _legible(part) for name, part in value.items()}
+            return {name: legible(part) for name, part in value.items()}
         digits = BESIDE_U - math.floor(math.log10(u))
         return {
-            name: round(part, digits) if name in OF_U and isinstance(part, float) else _legible(part)
+            name: round(part, digits) if name in OF_U and isinstance(part, float) else legible(part)
             for name, part in value.items()
         }
     return float(f"{value:.{LEGIBLE}g}") if isinstance(value, float) else value
@@ -111,30 +113,9 @@ def _design(diagnosis: Diagnosis) -> dict[str, Any] | None:
     }
 
 
-def probabilities(diagnosis: Diagnosis) -> list[float]:
-    """Weight of the leading explanation and of each rival, for equal prior odds.
-
-    What parts of the readings name instead shares evenly the part of the choices that did not agree; either of a pair
-    of look-alikes counts as much as the pair. Of a weak difference, something is left for what nobody knows.
-    """
-    if diagnosis.naming is None:
-        return []
-    by_parts = [False, *(rival.by_parts for rival in diagnosis.rivals)]
-    best, others = diagnosis.naming.best, [rival.explanation for rival in diagnosis.rivals]
-    scores = [best.score, *(best.score if other.ids < best.ids else other.score for other in others)]
-    most = max(score for score, apart in zip(scores, by_parts, strict=True) if not apart)
-    weights = [0.0 if apart else math.exp(0.5 * (s - most)) for s, apart in zip(scores, by_parts, strict=True)]
-    elsewhere = 1.0 - diagnosis.held_out.kept if diagnosis.held_out is not None and any(by_parts) else 0.0
-    known = KNOWN if diagnosis.weak else 1.0
-    return [
-        known * (elsewhere / sum(by_parts) if apart else (1.0 - elsewhere) * weight / sum(weights))
-        for weight, apart in zip(weights, by_parts, strict=True)
-    ]
-
-
-def _near_ties(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+def near_ties(naming: Naming[Any, Any] | None) -> list[dict[str, Any]]:
     """Sets that a rule kept behind the leading one or out of the rivals by little, and by how much evidence."""
-    if (naming := near_decision(diagnosis)) is None:
+    if naming is None:
         return []
     level = ((rival, 0.0, "the order of the catalogue") for rival in naming.level)
     missed = ((other, round(short, 2), "the margin of evidence") for other, short in naming.missed)

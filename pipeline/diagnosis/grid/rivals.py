@@ -12,22 +12,21 @@ from pmg.pipeline.diagnosis.engine.verdict import Verdict
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from pmg.pipeline.diagnosis.engine.conclusion import Conclusion
+    from pmg.pipeline.diagnosis.engine.naming import Naming
+    from pmg.pipeline.diagnosis.engine.problem import Fit
     from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
-    from pmg.pipeline.diagnosis.grid.catalogue import GridNaming
-    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis, Rival
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
 
 CLOSE = 0.8
 """Part of a difference from which a cause that is not named, as it leaves too much, stands beside none of the
 catalogue."""
 
-KNOWN = 0.7
-"""Part of weak differences whose cause was in the catalogue: of trials with gains from 80 to 160 noise variances."""
-
 MAY_BE, AT_ALL = 2, 0.2
 """Causes that stand beside none of the catalogue where a difference is weak, and the part of it that each must explain:
 of trials, a third cause, or one that explains less, was the true one as rarely as any."""
 
-_NONE_KNOWN = {
+NONE_KNOWN = {
     "ids": [str(Verdict.NOT_IN_LIBRARY)],
     "shafts": [],
     "why": "the difference is too weak to exclude a cause that the catalogue does not have",
@@ -40,9 +39,9 @@ def rival_rows(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Every cause that is not excluded, with why; of what is said to be none of the catalogue, those that come near."""
     if diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
         sets, why = near_causes(diagnosis)
-        return [_row(fits, why) for fits in sets]
-    rows = [_rival(diagnosis, rival) for rival in diagnosis.rivals]
-    return [*rows, _NONE_KNOWN] if diagnosis.weak else rows
+        return [rival_row(fits, why) for fits in sets]
+    rows = [_rival(diagnosis, i) for i in range(len(diagnosis.rivals))]
+    return [*rows, NONE_KNOWN] if diagnosis.weak else rows
 
 
 def is_faint(diagnosis: Diagnosis) -> bool:
@@ -72,38 +71,42 @@ def near_causes(diagnosis: Diagnosis) -> tuple[list[tuple[CandidateFit, ...]], s
     return ([naming.best.fits], why) if share >= CLOSE else ([], "")
 
 
-def nearest_share(naming: GridNaming) -> float:
+def nearest_share(naming: Naming[Any, Any]) -> float:
     """Part of the difference that the leading set takes up; 0 without one."""
     if not naming.best.fits or not naming.best.needed:
         return 0.0
     return naming.best.gain / (naming.best.gain + naming.remainder.excess)
 
 
-def _row(fits: Sequence[CandidateFit], why: str, test: str = "") -> dict[str, Any]:
+def rival_row(fits: Sequence[Fit[Any]], why: str, test: str = "") -> dict[str, Any]:
+    """A set of causes that is not excluded, with why and the test that would tell."""
     return {
-        "ids": list(dict.fromkeys(fit.candidate.identifier for fit in fits)),
-        "shafts": list(dict.fromkeys(fit.candidate.shaft for fit in fits)),
+        "ids": list(dict.fromkeys(fit.identifier for fit in fits)),
+        "shafts": list(dict.fromkeys(fit.place for fit in fits)),
         "why": why,
         "separating_test": test,
     }
 
 
-def _rival(diagnosis: Diagnosis, rival: Rival) -> dict[str, Any]:
+def _rival(diagnosis: Diagnosis, place: int) -> dict[str, Any]:
     assert diagnosis.naming is not None  # a rival is one to something
-    best = diagnosis.naming.best
-    why = _why(diagnosis, rival, best.score - rival.explanation.score)
+    best, rival = diagnosis.naming.best, diagnosis.rivals[place]
     fits = () if rival.explanation.ids < best.ids else best.fits
     test = "" if rival.test is None else rival.test.plan.description
-    return _row((*fits, *rival.explanation.fits), why, test)
+    return rival_row((*fits, *rival.explanation.fits), why_open(diagnosis, place), test)
 
 
-def _why(diagnosis: Diagnosis, rival: Rival, closer: float) -> str:
-    """Why a rival that has less evidence by `closer` [noise variances] is not excluded."""
-    if rival.by_parts:
+def why_open(conclusion: Conclusion[Any, Any], place: int) -> str:
+    """Why a rival, the one in a place among them, is not excluded."""
+    naming = conclusion.naming
+    assert naming is not None  # a rival is one to something
+    rival = naming.rivals[place]
+    closer = naming.best.score - rival.score
+    if place >= len(naming.rivals) - naming.by_parts:
         return "the first fits all readings better, but parts of them name this one"
-    if diagnosis.naming is not None and rival.explanation.ids < diagnosis.naming.best.ids:
+    if rival.ids < naming.best.ids:
         return "by itself, with another form of its law, it explains about as much as both"
-    if diagnosis.weak:
+    if conclusion.weak:
         return "the difference is too weak to name its cause"
     if closer > MARGIN:
         return "the first fits better, but by less than what its own law leaves unexplained"

@@ -117,6 +117,11 @@ CLOCK_MARK = Message(
 )
 """A sample index paired with UTC."""
 
+TEST_STEP = Message(
+    "pmg.v1", "TestStep", (Field(1, "sample", FIXED_64), Field(2, "point", STRING), Field(3, "phase", STRING))
+)
+"""A phase of the sequence from a sample on; its set-points are not written."""
+
 # --- the part of descriptor.proto that describes them --------------------------------------------------
 
 FIELD_DESCRIPTOR = Message(
@@ -152,11 +157,17 @@ TIMESTAMP_FILE = "google/protobuf/timestamp.proto"
 LAYOUT_FILE = "pmg_recording.proto"
 
 
-def descriptor_set() -> bytes:
-    """The schema of the written messages as an encoded FileDescriptorSet, complete with what it imports."""
+def descriptor_set(*more: Message) -> bytes:
+    """The schema of the written messages as an encoded FileDescriptorSet, complete with what it imports.
+
+    Parameters
+    ----------
+    *more : Message
+        Written besides blocks of samples and clock marks.
+    """
     files = (
         (TIMESTAMP_FILE, (), (TIMESTAMP,)),
-        (LAYOUT_FILE, (TIMESTAMP_FILE,), (SAMPLE_BLOCK, CLOCK_MARK)),
+        (LAYOUT_FILE, (TIMESTAMP_FILE,), (SAMPLE_BLOCK, CLOCK_MARK, *more)),
     )
     described = [
         {

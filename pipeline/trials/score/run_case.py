@@ -12,7 +12,8 @@ import numpy as np
 
 from pmg.pipeline.analysis.outputs import read_analysis
 from pmg.pipeline.commands.analyse import run_analyse
-from pmg.pipeline.commands.compare import SEED, run_compare
+from pmg.pipeline.commands.compare import run_compare
+from pmg.pipeline.commands.compare_and_diagnose import SEED
 from pmg.pipeline.commands.ingest import ALONE, run_ingest
 from pmg.pipeline.diagnosis.design.plans import join_points, possible_plans
 from pmg.pipeline.diagnosis.grid.decide import diagnose

@@ -1,0 +1,117 @@
+"""A campaign of runs in motion alone: no steady grid to analyse, and what `pmg compare` makes of its runs."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.chapters.in_motion.page import motion_report
+from pmg.pipeline.commands.compare_and_diagnose import DIAGNOSIS, SEED
+from pmg.pipeline.commands.crate import recordings_of
+from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.commands.provenance import leave_crate_of_files, now
+from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
+from pmg.pipeline.diagnosis.motion.document import motion_document
+from pmg.pipeline.files.atomic import write_atomic
+from pmg.pipeline.grid.campaign import campaigns, choose_campaign
+from pmg.pipeline.motion.stored import judged_runs, moving_runs, only_in_motion
+from pmg.pipeline.preflight.motion import motion_summary
+from pmg.pipeline.report.write import write_report
+from pmg.pipeline.store.store import MARK, Store
+from pmg.pipeline.wording.plurals import counted
+from pmg.sim.bench import load_bench
+from pmg.sim.signals import MINUTE
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pmg.pipeline.commands.provenance import Clock
+
+
+def campaign_in_motion(store: Path, campaign: str | None) -> str | None:
+    """Name of the campaign asked for, or of the only one, where it has no steady grid; None for any other.
+
+    Parameters
+    ----------
+    store : Path
+        Holds the recordings; whatever is wrong with it is for the stage that needs it to say.
+    campaign : str or None
+        Which campaign.
+    """
+    if not (store / MARK).is_file():
+        return None
+    manifests = Store(store).manifests()
+    known = campaigns(manifests)
+    name = known[0] if campaign is None and len(known) == 1 else campaign
+    return name if name and only_in_motion(m for m in manifests if m.ingested and m.campaign == name) else None
+
+
+def analyse_motion(store: Path, campaign: str) -> Outcome:
+    """Nothing to average or fit: say so, and who takes the runs from there."""
+    manifests = choose_campaign(Store(store), campaign)[1]
+    runs = [run for run in judged_runs(manifests) if run.manoeuvre.moves]
+    line = (
+        f"campaign {campaign}: no steady point, so no grid to analyse; 'pmg compare' diagnoses its "
+        f"{counted(len(runs), 'run')} in motion"
+    )
+    return Outcome({"analysis": None, "folder": None, "moving": len(runs)}, (line,))
+
+
+def compare_motion(store: Path, campaign: str, report: Path, note: str = "", *, clock: Clock = now) -> Outcome:
+    """Diagnose the runs in motion of a campaign, and write report, diagnosis and stills.
+
+    Parameters
+    ----------
+    store : Path
+        Holds the recordings; their samples are held against its hashes.
+    campaign : str
+        Which campaign.
+    report : Path
+        Folder of the report and diagnosis.json.
+    note : str
+        Told at the head of the report.
+    clock : callable
+        Time of day, for the provenance.
+    """
+    began = clock()
+    runs = moving_runs(Store(store), campaign)
+    judged = [run for run in judged_runs(choose_campaign(Store(store), campaign)[1]) if run.manoeuvre.moves]
+    moving, aside = [run for run in runs if run.manoeuvre.moves], [run for run in judged if not run.record.sound]
+    minutes = sum(len(run.torque.sun) / run.rate for run in moving) / MINUTE
+    diagnosis = diagnose_motion(campaign, runs, load_bench(), np.random.default_rng(SEED))
+    document = motion_document(diagnosis)
+    recordings = recordings_of(store, campaign)
+    page = motion_report(
+        diagnosis,
+        document,
+        (("Runs in motion", f"{len(moving)} of {len(judged)}"), ("Time in motion", f"{minutes:.1f} min")),
+        tuple(f"Set aside: {run.record.point}; pmg ingest says why." for run in aside),
+        note=note,
+        provenance=(
+            *((f"SHA-256 of {each.name}", each.sha256) for each in recordings),
+            ("Seed of the synthetic campaigns", str(SEED)),
+            ("Command", f"pmg compare --store STORE --report REPORT --campaign {shlex.quote(campaign)}"),
+        ),
+    )
+    points = {"accepted": len(moving), "rejected": len(aside)}
+    files = write_report(page, report, {"points": points, "diagnosis": document["verdict"]})
+    text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    write_atomic(report / DIAGNOSIS, text.encode())
+    written = (*files, report / DIAGNOSIS)
+    leave_crate_of_files(report, "pmg compare", recordings, written, began, clock)
+    data = {
+        "campaign": campaign,
+        "moving": len(moving),
+        "minutes": minutes,
+        "report": str(files[0]),
+        "files": [str(path) for path in written],
+        "diagnosis": json.loads(text),
+        "statement": document["statement"],
+    }
+    head = f"campaign {campaign}: {counted(len(moving), 'run')} in motion, {minutes:.1f} min"
+    lines = (head, *(f"  {line}" for line in motion_summary(judged)))
+    lines = (f"{document['phrase']}: {document['statement']}", *lines, f"report: {files[0]}")
+    return Outcome(data, lines, partial=bool(aside), mismatch=diagnosis.mismatch.found)

@@ -1,0 +1,153 @@
+"""Constants of the bench in motion: their data sheet, and how far each may be off it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.sim.shafts import SIDES, PerShaft, per_shaft
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.signals import Array
+
+SPEED_UNIT = 100.0
+"""Speed [rad/s] in whose units loss curves are written."""
+
+DRAG_POWERS = (0.0, 0.5, 1.0, 1.5, 2.0)
+"""Powers of speed in the drag of a rotor, in neutral and engaged: a loss curve of the campaign's own."""
+
+ENGAGED_POWERS = (0.0, 1.0, 2.0)
+"""Powers of speed in the drag that a rotor has besides when engaged."""
+
+FORM_SPEEDS = (1.5, 4.0, 10.0, 25.0, 60.0, 150.0)
+"""Speeds [rad/s] between which the drag may be off its curve."""
+
+FORM = 1e-3
+"""Standard deviation by which it may be off there [N m]: real loss curves are not of the fitted form."""
+
+SLIP_PASSAGE, SLIP_FORM = 1.0, 1e-3
+"""Rate of the pole angle [rad/s] about which its damping may be off its law, and by how much [N m]."""
+
+MAP_WAVES, MAP_FORM = (2, 3), 5e-4
+"""Harmonics by which the torque over the pole angle may be off a sine, and by how much [N m]."""
+
+SKEW = 1e-3
+"""Standard uncertainty of the time between a torque and an angle of the same sample [s]: one sample at 1 kHz."""
+
+DOUBT = 1.5
+"""Factor on what is said of the uncertainty of a data sheet."""
+
+FREE = np.inf
+
+
+@dataclass(frozen=True)
+class SheetConstant:
+    """A constant of the baseline.
+
+    Parameters
+    ----------
+    name, unit : str
+        Its name in files; SI unit.
+    expected, spread : float
+        Value of the data sheet and its standard uncertainty; infinite where the campaign alone decides.
+    """
+
+    name: str
+    unit: str
+    expected: float
+    spread: float
+
+
+@dataclass(frozen=True)
+class DataSheet:
+    """The constants of the baseline by name, in order, and the poles of the gear.
+
+    Parameters
+    ----------
+    constants : tuple of SheetConstant
+        Those of the bench, then the pole angle at the start of each engaged run.
+    poles : PerShaft of int
+        Pole pairs of the rotors.
+    """
+
+    constants: tuple[SheetConstant, ...]
+    poles: PerShaft[int]
+
+    def __len__(self) -> int:
+        """Count of constants."""
+        return len(self.constants)
+
+    def at(self, name: str) -> int:
+        """Place of a constant."""
+        return self.names.index(name)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names in order."""
+        return tuple(constant.name for constant in self.constants)
+
+    @property
+    def expected(self) -> Array:
+        """Values of the data sheet (k,)."""
+        return np.array([constant.expected for constant in self.constants])
+
+    @property
+    def spread(self) -> Array:
+        """Standard uncertainties (k,); infinite where free."""
+        return np.array([constant.spread for constant in self.constants])
+
+
+def drag_names(side: str) -> tuple[str, ...]:
+    """Names of the coefficients of a rotor's drag, and of those it has besides when engaged."""
+    return (*_powers("drag", side, DRAG_POWERS), *_powers("engaged_drag", side, ENGAGED_POWERS))
+
+
+def form_names(side: str) -> tuple[str, ...]:
+    """Names of what a rotor's drag is off its curve at each of `FORM_SPEEDS`."""
+    return tuple(f"drag_{side}_off_at_{speed:g}" for speed in FORM_SPEEDS)
+
+
+def _powers(name: str, side: str, powers: tuple[float, ...]) -> tuple[str, ...]:
+    return tuple(f"{name}_{side}_{power:g}" for power in powers)
+
+
+def start_name(file: str) -> str:
+    """Name of the pole angle at the start of a run."""
+    return f"pole_angle_{file}"
+
+
+def sheet_of(bench: BenchParameters, gear: int, engaged: tuple[str, ...]) -> DataSheet:
+    """The constants of a bench, and those of the engaged runs by file.
+
+    Notes
+    -----
+    Standard uncertainties: 5 % of a rotor's inertia, 20 % of a coupling's stiffness, 3 % of the pull-out torque, each
+    times `DOUBT`, as what is said of a bench is itself uncertain; 2 mN m of the zero of a transducer. Loss curves and
+    the damping of the pole angle are the campaign's own.
+    """
+    stage = bench.gear(gear)
+    peak = float(stage.pull_out_torque_sun) / stage.pole_pairs.sun
+
+    def constants() -> Iterator[SheetConstant]:
+        for side in SIDES:
+            inertia = float(getattr(bench.shafts, f"inertia_{side}")) + float(getattr(bench.rotors, f"inertia_{side}"))
+            compliance = 1.0 / float(bench.shafts.joint_stiffness)
+            yield SheetConstant(f"inertia_{side}", "kg m2", inertia, DOUBT * 0.05 * inertia)
+            yield SheetConstant(f"compliance_{side}", "rad/(N m)", compliance, DOUBT * 0.2 * compliance)
+            yield SheetConstant(f"zero_{side}", "N m", 0.0, 2e-3)
+            yield SheetConstant(f"skew_{side}", "s", 0.0, SKEW)
+        yield SheetConstant("pull_out", "N m", peak, DOUBT * 0.03 * peak)
+        yield SheetConstant("slip_damping", "N m s/rad", 0.0, FREE)
+        yield from (SheetConstant(f"slip_damping_off_{side}", "N m", 0.0, SLIP_FORM) for side in SIDES)
+        yield from (SheetConstant(f"map_off_{wave}", "N m", 0.0, MAP_FORM) for wave in MAP_WAVES)
+        for side in SIDES:
+            yield from (SheetConstant(name, "N m", 0.0, FREE) for name in drag_names(side))
+            yield from (SheetConstant(name, "N m", 0.0, FORM) for name in form_names(side))
+        yield from (SheetConstant(start_name(file), "rad", 0.0, FREE) for file in engaged)
+
+    return DataSheet(tuple(constants()), per_shaft(lambda side: stage.pole_pairs[side]))

@@ -1,0 +1,271 @@
+"""The verdict on a campaign of runs in motion: what the force balance of its rotors lacks, with the proof."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
+from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
+from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
+from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, conclude
+from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, Mismatch, search
+from pmg.pipeline.diagnosis.engine.naming import name_candidates
+from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
+from pmg.pipeline.diagnosis.engine.withheld import withhold
+from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, fit_baseline, start_baseline
+from pmg.pipeline.diagnosis.motion.constants import sheet_of
+from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
+from pmg.pipeline.diagnosis.motion.library import library
+from pmg.pipeline.diagnosis.motion.noise import row_noise, wander_of
+from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instruments
+from pmg.pipeline.diagnosis.motion.rows import stretches_of
+from pmg.pipeline.diagnosis.motion.view import History, RotorView
+from pmg.pipeline.diagnosis.motion.withheld import by_kind, by_run
+from pmg.pipeline.motion.smooth import smooth
+from pmg.sim.errors import FitError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pmg.pipeline.diagnosis.engine.explanation import Explanation
+    from pmg.pipeline.diagnosis.engine.held_out import HeldOut
+    from pmg.pipeline.diagnosis.motion.evidence import Family, MotionEvidence
+    from pmg.pipeline.diagnosis.motion.noise import RowNoise
+    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.pipeline.motion.run import MovingRun
+    from pmg.sim.bench import BenchParameters
+    from pmg.sim.signals import Array
+
+CLEANINGS = 2
+"""Times the constants are fitted, each time with columns freed from the noise that the fit before showed."""
+
+
+@dataclass(frozen=True)
+class MotionPlace:
+    """A structure that the missing torque follows.
+
+    Parameters
+    ----------
+    family : Family
+        Shaft, configuration and what it follows.
+    p_value : float
+        Of the whole search.
+    size : float
+        Root mean square of it over the rows that it may follow [N m].
+    """
+
+    family: Family
+    p_value: float
+    size: float
+
+
+class _MotionCatalogue(TermCatalogue):
+    """The mechanisms that runs in motion may show."""
+
+    tells_weak: ClassVar[bool] = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionDiagnosis(Conclusion[TermFit, TermProblem]):
+    """Mismatch, mechanisms and verdict of a campaign of runs in motion.
+
+    Parameters
+    ----------
+    campaign : str
+        Its name.
+    evidence : MotionEvidence
+        Rows and baseline; with what was named in it.
+    mismatch : Mismatch
+        Test and places.
+    before : MotionBaseline
+        The baseline alone.
+    constants, errors : (k,) array
+        Constants of the baseline beside what was named, and their standard errors.
+    sizes, size_errors : tuple of (p,) array
+        Parameters of each named mechanism, amplitudes then shape, and their standard errors.
+    """
+
+    campaign: str
+    evidence: MotionEvidence
+    mismatch: Mismatch[MotionPlace]
+    before: MotionBaseline
+    constants: Array
+    errors: Array
+    sizes: tuple[Array, ...]
+    size_errors: tuple[Array, ...]
+
+
+def diagnose_motion(
+    campaign: str, runs: tuple[MovingRun, ...], bench: BenchParameters, rng: np.random.Generator
+) -> MotionDiagnosis:
+    """Test for a mismatch, search the library for what makes it, prove it on kinds of run that took no part.
+
+    Parameters
+    ----------
+    campaign : str
+        Name of the campaign.
+    runs : tuple of MovingRun
+        Its runs.
+    bench : BenchParameters
+        The bench, as its data sheet has it.
+    rng : numpy.random.Generator
+        Draws synthetic campaigns, resamples.
+    """
+    start = _start(runs, bench)
+    noise = [row_noise(start, place) for place in range(len(start.stretches))]
+    rough, _ = _fitted(start, noise, ())
+    wander = wander_of(rough, noise)
+    noise = [row_noise(rough, place, wander) for place in range(len(start.stretches))]
+    before, covariance = _fitted(rough, noise, ())
+    found = motion_evidence(before, noise, library(), rng)
+    mismatch = _mismatch(found)
+    conclusion, together = Conclusion[TermFit, TermProblem](verdict=Verdict.CONSISTENT), None
+    if mismatch.found:
+        found, conclusion = _explained(found, before, noise, rng)
+        named = conclusion.naming.best.fits if conclusion.verdict.names and conclusion.naming is not None else ()
+        together = _together(found, named)
+    alone = before.values, np.sqrt(np.diag(covariance)), (), ()
+    constants, errors, sizes, size_errors = together or alone
+    return MotionDiagnosis(
+        verdict=conclusion.verdict,
+        naming=conclusion.naming,
+        held_out=conclusion.held_out,
+        weak=conclusion.weak,
+        absorbed=_absorbed(before, constants, errors) if mismatch.found else (),
+        campaign=campaign,
+        evidence=found,
+        mismatch=mismatch,
+        before=before,
+        constants=constants,
+        errors=errors,
+        sizes=sizes,
+        size_errors=size_errors,
+    )
+
+
+def _explained(
+    found: MotionEvidence, before: MotionBaseline, noise: list[RowNoise], rng: np.random.Generator
+) -> tuple[MotionEvidence, Conclusion[TermFit, TermProblem]]:
+    """What the library says of a mismatch, with the evidence about the constants beside what it names."""
+    naming = name_candidates(found.problem, _MotionCatalogue(), adequacy_test(found.evidence))
+    if naming.best.fits:
+        about, _ = _fitted(before, noise, naming.best.fits)
+        found = motion_evidence(about, noise, library(), rng)
+        naming = name_candidates(found.problem, _MotionCatalogue(), adequacy_test(found.evidence))
+    return found, conclude(found.problem, _MotionCatalogue(), naming, _proof(found, rng))
+
+
+def _start(runs: tuple[MovingRun, ...], bench: BenchParameters) -> MotionBaseline:
+    gears = {run.gear for run in runs}
+    if len(gears) != 1:
+        came = ", ".join(f"gear {gear}" for gear in sorted(gears)) or "no run"
+        raise FitError("diagnosis in motion", came, "runs of one gear", "Diagnose each gear by itself.")
+    smoothed = tuple(smooth(run) for run in runs)
+    sheet = sheet_of(bench, gears.pop(), tuple(run.name for run in runs if run.coupled))
+    return start_baseline(sheet, stretches_of(smoothed))
+
+
+def _fitted(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit, ...]) -> tuple[MotionBaseline, Array]:
+    """The constants fitted beside some mechanisms, with columns freed from noise."""
+
+    def white(place: int, columns: Array) -> Array:
+        return noise[place].white(columns)
+
+    found, covariance = start, np.zeros((0, 0))
+    for _ in range(CLEANINGS if not start.instruments else 1):
+        extra = _columns_of(fits) if fits else None
+        found, covariance = fit_baseline(found, white, extra)
+        if fits and all(fit.candidate.of_transducer for fit in fits):  # type: ignore[attr-defined]
+            found = with_faults(found)
+        found = with_instruments(found)
+    return found, covariance
+
+
+def _columns_of(fits: tuple[TermFit, ...]) -> Callable[[MotionBaseline, int], Array]:
+    """Columns (n, a) of fitted mechanisms at the fine samples of a stretch, their shapes kept."""
+
+    def extra(clean: MotionBaseline, place: int) -> Array:
+        view = _view(clean, place)
+        columns = []
+        for fit in fits:
+            term: MotionTerm = fit.candidate  # type: ignore[assignment]
+            column = term.columns(view, fit.shape)
+            columns.append(column if term.acts(view) else 0.0 * column)
+        return np.hstack(columns)
+
+    return extra
+
+
+def _view(clean: MotionBaseline, place: int) -> RotorView:
+    return RotorView(
+        clean.states[place], History(clean, tuple({s.run.run.name: s.run for s in clean.stretches}.values()))
+    )
+
+
+def _mismatch(found: MotionEvidence) -> Mismatch[MotionPlace]:
+    (step,) = search(found.evidence, steps=1)
+    scan = step.scan
+    left = found.evidence.y - scan.baseline @ (scan.baseline.T @ found.evidence.y)
+    places = []
+    for k, (family, basis) in enumerate(zip(found.families, scan.bases, strict=True)):
+        seen = basis @ (basis.T @ left)
+        places.append(MotionPlace(family, step.corrected(k), found.torque_of(family, seen)))
+    clear = sorted((p for p in places if p.p_value <= FALSE_ALARM_RATE), key=lambda p: (p.p_value, -p.size))
+    return Mismatch(step.p_value, FALSE_ALARM_RATE, tuple(clear), len(places), found.evidence.null.shape[1])
+
+
+def _proof(
+    found: MotionEvidence, rng: np.random.Generator
+) -> Callable[[Explanation[TermFit, TermProblem]], HeldOut | None]:
+    """Errors of a set of mechanisms on withheld kinds of run, or where those cannot tell, on withheld runs.
+
+    What one kind of run alone shows, as friction right after a reversal, no other kind can predict. None where there
+    is too little to withhold.
+    """
+
+    def prove(best: Explanation[TermFit, TermProblem]) -> HeldOut | None:
+        held = None
+        for rows in (by_kind(found, best.fits), by_run(found, best.fits)):
+            if len(np.unique(rows.fold[rows.fold < rows.folds])) > 1:
+                held = withhold(rows, _MotionCatalogue(refine=False), best.fits, rng)
+                if held.predicts:
+                    break
+        return held
+
+    return prove
+
+
+def _together(
+    found: MotionEvidence, fits: tuple[TermFit, ...]
+) -> tuple[Array, Array, tuple[Array, ...], tuple[Array, ...]]:
+    """Constants and parameters fitted together about those of the evidence, each with its standard errors."""
+    slopes = [found.problem.slopes(fit) for fit in fits]
+    columns = np.hstack([found.columns, *slopes])
+    effect = sum((s[:, : len(f.amplitudes)] @ f.amplitudes for s, f in zip(slopes, fits, strict=True)), 0.0 * found.y)
+    length = np.linalg.norm(columns, axis=0)
+    length[length == 0.0] = 1.0
+    inverse = np.linalg.pinv(columns / length, rcond=1e-9)
+    moved = inverse @ (found.y - effect) / length
+    errors = np.linalg.norm(inverse, axis=1) / length
+    ends = np.cumsum([found.columns.shape[1], *(s.shape[1] for s in slopes)])
+    values = [np.r_[fit.amplitudes, [fit.shape] if fit.candidate.shape is not None else []] for fit in fits]
+    sizes = [v + m for v, m in zip(values, np.split(moved, ends)[1:], strict=False)]
+    return (
+        found.baseline.values + moved[: ends[0]],
+        errors[: ends[0]],
+        tuple(sizes),
+        tuple(np.split(errors, ends)[1 : 1 + len(fits)]),
+    )
+
+
+def _absorbed(before: MotionBaseline, constants: Array, errors: Array) -> tuple[Absorbed, ...]:
+    """Constants alone and beside what was named."""
+    rows = zip(before.sheet.constants, before.values, constants, errors, strict=True)
+    return tuple(
+        Absorbed(c.name, float(alone), float(beside), float(error) if error > 0.0 else None)
+        for c, alone, beside, error in rows
+        if not c.name.startswith("pole_angle")
+    )

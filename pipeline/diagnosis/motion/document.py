@@ -1,0 +1,169 @@
+"""The diagnosis of runs in motion as the JSON document ``pmg.diagnosis/1``."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.engine.conclusion import probabilities
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.grid.document import SCHEMA, legible, near_ties
+from pmg.pipeline.diagnosis.grid.rivals import CLOSE, NONE_KNOWN, nearest_share, rival_row, why_open
+from pmg.pipeline.diagnosis.motion.next_runs import next_runs, separating_run
+from pmg.pipeline.diagnosis.motion.statement import (
+    effect_size,
+    follows,
+    held_out_in_torque,
+    phrase,
+    row_noise_of,
+    signal_of,
+    size_of,
+    statement,
+)
+from pmg.pipeline.diagnosis.motion.traces import effects_of, fitted_values, named_fits, term_of
+from pmg.pipeline.motion.smooth import BAND
+from pmg.sim.mechanisms.base import Component
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit
+    from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, MotionPlace
+    from pmg.sim.signals import Array
+
+
+def motion_document(diagnosis: MotionDiagnosis) -> dict[str, Any]:
+    """The whole document."""
+    mismatch, noise, naming = diagnosis.mismatch, row_noise_of(diagnosis), diagnosis.naming
+    effects, held = effects_of(diagnosis), held_out_in_torque(diagnosis)
+    decided = diagnosis.verdict.names and not diagnosis.weak
+    document = {
+        "schema": SCHEMA,
+        "campaign": diagnosis.campaign,
+        "verdict": str(diagnosis.verdict),
+        "phrase": phrase(diagnosis),
+        "statement": statement(diagnosis, effects),
+        "weak": diagnosis.weak,
+        "p_value": mismatch.p_value,
+        "false_alarm_rate": mismatch.false_alarm_rate,
+        "noise_Nm": {
+            "sun": noise.sun,
+            "ring": noise.ring,
+            "source": f"white noise of each transducer up to {BAND:g} Hz, the band of the rows",
+        },
+        "locations": [_location(diagnosis, place) for place in mismatch.locations],
+        "mechanisms": _mechanisms(diagnosis, effects),
+        "rivals": _rivals(diagnosis),
+        "near_ties": near_ties(naming if decided else None),
+        "form": None,
+        "absorbed": [row.document for row in diagnosis.absorbed],
+        "held_out": None
+        if held is None
+        else held.document("Nm") | {"placebo_gain_Nm": held.placebo_gain, "expected_Nm": held.expected_after},
+        "next_tests": [
+            {
+                "description": run.description,
+                "points": [],
+                "minutes": run.minutes,
+                "separates": list(run.separates),
+                "power": None,
+            }
+            for run in next_runs(diagnosis)
+        ],
+        "decoys": None if diagnosis.decoys is None else asdict(diagnosis.decoys),
+        "design": None,
+        "shape": None,
+    }
+    return {name: legible(value) for name, value in document.items()}
+
+
+def _component_of(place: MotionPlace) -> Component | None:
+    """Component that a place points to; None where it cannot tell."""
+    follows, side = place.family.follows, signal_of(place)
+    if follows == "pull_out":
+        return Component.MAGNETIC_GEAR
+    if follows.startswith("compliance") or follows == "torque rate":
+        return Component(f"{side}_coupling")
+    if follows in ("direction", "time in the run", "travel since reversal"):
+        return Component(f"{side}_bearings")
+    if follows in ("pole angle", "rate of the pole angle"):
+        return Component.MAGNETIC_GEAR
+    return None
+
+
+def _location(diagnosis: MotionDiagnosis, place: MotionPlace) -> dict[str, Any]:
+    component = _component_of(place)
+    return {
+        "signal": f"torque_{signal_of(place)}",
+        "configuration": place.family.configuration,
+        "component": None if component is None else str(component),
+        "depends_on": [follows(place)],
+        "region": {},
+        "size_Nm": size_of(diagnosis, place),
+        "p_value": place.p_value,
+    }
+
+
+def _mechanisms(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> list[dict[str, Any]]:
+    naming = diagnosis.naming
+    if naming is None or not diagnosis.verdict.names:
+        return []
+    weights, named = probabilities(diagnosis), named_fits(diagnosis)
+    rows = [
+        _mechanism(fit, naming.shafts[fit.identifier], weights[0], values, errors)
+        for fit, values, errors in zip(named, diagnosis.sizes, diagnosis.size_errors, strict=True)
+    ]
+    others = [
+        (fit, weight)
+        for rival, weight in zip(naming.rivals, weights[1:], strict=True)
+        for fit in rival.fits
+        if fit.identifier not in {mine.identifier for mine in named}
+    ]
+    for fit, weight in others:
+        values = fitted_values(fit)
+        rows.append(_mechanism(fit, fit.place, weight, values, np.full(len(values), np.nan)))
+    if others:
+        effects = (*effects, *effects_of(diagnosis, tuple(fit for fit, _ in others)))
+    sizes = [effect_size(diagnosis, effect)[:2] for effect in effects]
+    return [row | {"rms_effect_Nm": rms, "peak_effect_Nm": peak} for row, (rms, peak) in zip(rows, sizes, strict=True)]
+
+
+def _mechanism(fit: TermFit, shaft: str, probability: float, values: Array, errors: Array) -> dict[str, Any]:
+    return {
+        "id": fit.identifier,
+        "component": str(term_of(fit).component),
+        "shaft": shaft,
+        "probability": probability,
+        "parameters": [
+            {
+                "name": quantity.name,
+                "value": float(value),
+                "standard_error": float(error) if math.isfinite(error) else None,
+                "unit": quantity.unit,
+            }
+            for quantity, value, error in zip(fit.candidate.parameters, values, errors, strict=True)
+        ],
+    }
+
+
+def _rivals(diagnosis: MotionDiagnosis) -> list[dict[str, Any]]:
+    """Every cause that is not excluded, with why and what would tell."""
+    naming = diagnosis.naming
+    if naming is None:
+        return []
+    if diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
+        share = nearest_share(naming)
+        why = f"it explains {share:.0%} of the difference, but leaves more than noise, or fails on runs not used"
+        return [rival_row(naming.best.fits, why)] if share >= CLOSE else []
+    if diagnosis.verdict is not Verdict.AMBIGUOUS:
+        return []
+    rows = [
+        rival_row(
+            (*(() if rival.ids < naming.best.ids else naming.best.fits), *rival.fits),
+            why_open(diagnosis, place),
+            separating_run(diagnosis, place),
+        )
+        for place, rival in enumerate(naming.rivals)
+    ]
+    return [*rows, NONE_KNOWN] if diagnosis.weak else rows

@@ -1,0 +1,79 @@
+"""Kinds of structure that the rows of a rotor are looked at for: what a missing torque may follow."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.motion.view import RotorView
+    from pmg.sim.signals import Array
+
+SLOWED = 51
+"""Fine samples over which a covariate is smoothed."""
+
+CURVE_KNOTS = 7
+"""Knots of a curve over a covariate."""
+
+
+def structures(view: RotorView, spans: dict[str, float]) -> dict[str, Array]:
+    """Columns (n, k) at the fine samples by what they follow; `spans` is the largest size of each covariate."""
+    if view.at_rest:
+        return {}
+    time = view.state.stretch.run.time / max(float(view.state.stretch.run.time[-1]), 1e-9)
+    found = {
+        "speed": _curve(view.speed, spans["speed"]),
+        "acceleration": _curve(_slowed(view.state.acceleration), spans["acceleration"]),
+        "torque": _curve(_slowed(view.shaft.torque), spans["torque"]),
+        "direction": np.stack([view.direction**2, view.direction**2 * view.drag], 1),
+        "time in the run": np.stack([time, time**2], 1) * view.drag[:, None],
+        "time in the campaign": np.stack(
+            [wave for k in (1, 2, 3) for wave in (np.cos(np.pi * k * view.campaign_time / spans["campaign"]),)], 1
+        ),
+        "angle of the shaft": np.stack([wave(k * view.shaft.angle) for k in (1, 2, 3) for wave in (np.cos, np.sin)], 1),
+        "travel since reversal": np.stack([view.direction * np.exp(-_travel(view) / w) for w in (0.3, 1.0, 3.0)], 1),
+    }
+    if view.coupled:
+        slip = view.state.slip
+        found["pole angle"] = _curve(view.state.pole_angle, 1.0)
+        found["rate of the pole angle"] = np.tanh(slip)[:, None]
+        found["load and speed"] = view.load[:, None] * _curve(view.speed, spans["speed"])
+    return found
+
+
+def _travel(view: RotorView) -> Array:
+    """Angle that the motor turned since its sense of rotation last changed [rad]."""
+    path = np.cumsum(np.abs(np.diff(view.shaft.angle, prepend=view.shaft.angle[0])))
+    sense = np.sign(view.shaft.speed)
+    turned = np.r_[True, sense[1:] != sense[:-1]]
+    return np.asarray(path - np.maximum.accumulate(np.where(turned, path, 0.0)))
+
+
+def spans_of(views: list[RotorView]) -> dict[str, float]:
+    """Largest size of each covariate over the views of one kind."""
+    moving = [view for view in views if not view.at_rest]
+    return {
+        "speed": _largest([view.speed for view in moving]),
+        "acceleration": _largest([np.percentile(np.abs(_slowed(view.state.acceleration)), [99.0]) for view in moving]),
+        "torque": _largest([view.shaft.torque for view in moving]),
+        "campaign": _largest([view.campaign_time for view in views]),
+    }
+
+
+def _slowed(values: Array) -> Array:
+    """A quantity at the fine samples without what is faster than a tenth of a second, for curves over it."""
+    weights = np.hanning(SLOWED)
+    return np.convolve(np.pad(values, SLOWED // 2, mode="edge"), weights / weights.sum(), "valid")
+
+
+def _largest(values: list[Array]) -> float:
+    return max((float(np.abs(each).max()) for each in values), default=1.0) or 1.0
+
+
+def _curve(x: Array, span: float) -> Array:
+    """Straight lines between knots over a covariate (n, k)."""
+    knots = np.linspace(-span, span, CURVE_KNOTS)
+    return np.asarray(
+        np.maximum(1.0 - np.abs(np.clip(x, knots[0], knots[-1])[:, None] - knots) / (knots[1] - knots[0]), 0.0)
+    )

@@ -1,0 +1,155 @@
+"""Candidates in the magnetic gear and between the shafts, which act on both rotors."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.term import Quantity
+from pmg.pipeline.diagnosis.motion.terms import amount, engaged, signed, stack, term
+from pmg.pipeline.diagnosis.motion.view import lagging, stopping
+from pmg.sim import sources
+from pmg.sim.mechanisms.base import Component
+from pmg.sim.shafts import SIDES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+
+STOPS = (2.5, 1.0, 0.4)
+"""Angles at which the springs of a hysteresis give way, over the middle one."""
+
+COGGING_ORDERS = (10, 18, 26, 90)
+"""Periods a turn that cogging may have: poles of a rotor, iron poles, and their least common multiple."""
+
+
+def spring_terms() -> Iterator[MotionTerm]:
+    """The magnetic spring: hysteresis, its shape, its strength."""
+    yield term(
+        "gear_hysteresis",
+        "Drag of the pole angle that does not depend on its rate",
+        "p h z(phi)",
+        amount("drag", "N m", 0.1),
+        engaged(lambda v, over: stack(v.pairs * v.of_poles(over, lagging))),
+        shape=Quantity("angle", "rad", (0.002, 0.2)),
+        source=sources.DAHL,
+        component=Component.MAGNETIC_GEAR,
+        shaft="both",
+    )
+
+    yield term(
+        "gear_hysteresis",
+        "Drag of the pole angle that does not depend on its rate",
+        "p sum h_i z_i(phi), z_i at most 1",
+        (*amount("soft", "N m", 0.1), *amount("drag", "N m", 0.1), *amount("stiff", "N m", 0.1)),
+        engaged(lambda v, over: v.pairs * stack(*(v.of_poles(k * over, stopping) for k in STOPS))),
+        shape=Quantity("angle", "rad", (0.005, 0.1)),
+        source=sources.DAHL,
+        variant="several stops",
+        component=Component.MAGNETIC_GEAR,
+        shaft="both",
+    )
+
+    yield term(
+        "torque_map_harmonic",
+        "Torque against pole angle that is no sine",
+        "p (A2 sin 2 phi + A3 sin 3 phi)",
+        signed("second", "third", unit="N m", most=0.5),
+        engaged(lambda v, _: v.pairs * stack(np.sin(2.0 * v.state.pole_angle), np.sin(3.0 * v.state.pole_angle))),
+        component=Component.MAGNETIC_GEAR,
+        shaft="both",
+    )
+
+    yield term(
+        "pull_out_torque",
+        "Another pull-out torque of the magnetic spring",
+        "p dA sin phi",
+        signed("more", unit="N m", most=0.3),
+        engaged(lambda v, _: stack(v.pairs * np.sin(v.state.pole_angle))),
+        constant="pull_out",
+        component=Component.MAGNETIC_GEAR,
+        shaft="both",
+    )
+
+    yield term(
+        "magnet_temperature",
+        "Magnets that weaken as they warm",
+        "-p a t A sin phi",
+        amount("fall", "1", 0.5),
+        engaged(lambda v, settles: stack(-v.load * (1.0 - np.exp(-v.campaign_time / settles)))),
+        shape=Quantity("settles", "s", (60.0, 5000.0)),
+        component=Component.MAGNETIC_GEAR,
+        shaft="both",
+    )
+
+
+def loss_terms() -> Iterator[MotionTerm]:
+    """Losses of the gear, and drag between the shafts."""
+    yield term(
+        "load_dependent_iron_loss",
+        "Magnetic loss growing with load",
+        "k |T| w",
+        (*amount("sun", "s/rad", 0.01), *amount("ring", "s/rad", 0.01)),
+        engaged(lambda v, _: stack(*(np.abs(v.load) * v.speed * (1.0 if v.side == side else 0.0) for side in SIDES))),
+        source=sources.BERTOTTI,
+        component=Component.MAGNETIC_GEAR,
+        shaft="both",
+    )
+
+    yield term(
+        "eddy_skin_effect",
+        "Eddy drag that grows more slowly than speed",
+        "-d w (1 - 1/(1 + (w/wc)2))",
+        (*amount("sun", "N m s/rad", 0.05), *amount("ring", "N m s/rad", 0.05)),
+        engaged(
+            lambda v, corner: stack(
+                *(-v.speed * (v.side == side) * (1.0 - 1.0 / (1.0 + (v.speed / corner) ** 2)) for side in SIDES)
+            )
+        ),
+        shape=Quantity("corner", "rad/s", (10.0, 300.0)),
+        source=sources.STOLL,
+        component=Component.MAGNETIC_GEAR,
+        shaft="both",
+    )
+
+    yield term(
+        "residual_magnetic_coupling",
+        "Coupling of the rotors left in neutral",
+        "p c v/(1 + (v/vc)2)",
+        amount("damping", "N m s/rad", 0.01),
+        lambda v, corner: stack((0.0 if v.coupled else v.pairs) * v.slip / (1.0 + (v.slip / corner) ** 2)),
+        shape=Quantity("corner", "rad/s", (20.0, 2000.0)),
+        component=Component.MAGNETIC_GEAR,
+        shaft="both",
+    )
+
+    yield term(
+        "relative_bearing_drag",
+        "Drag of the bearing between the shafts",
+        "+-(M + b |dw|) sign(dw)",
+        signed("constant", "rate", unit="N m", most=0.5),
+        lambda v, _: (1.0 if v.side == "sun" else -1.0) * stack(np.tanh(v.relative), v.relative / 100.0),
+        source=sources.HARRIS,
+        component=Component.RELATIVE_BEARING,
+        shaft="both",
+    )
+
+
+def cogging_terms() -> Iterator[MotionTerm]:
+    """Cogging by period."""
+    for side in SIDES:
+        for order in COGGING_ORDERS:
+            yield term(
+                "cogging",
+                "Cogging of the magnetic gear",
+                f"C sin({order} theta_{side} + phase)",
+                signed("cosine", "sine", unit="N m", most=0.5),
+                lambda v, _, side=side, order=order: stack(  # type: ignore[misc]
+                    *((v.side == side) * wave(order * v.shaft.angle) for wave in (np.cos, np.sin))
+                ),
+                component=Component.MAGNETIC_GEAR,
+                shaft="both",
+                variant=f"{side} {order}",
+            )

@@ -1,0 +1,196 @@
+"""Rows of evidence: one shaft of one run after the other, and the state of its rotor at each row."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.motion.constants import (
+    DRAG_POWERS,
+    ENGAGED_POWERS,
+    FORM_SPEEDS,
+    MAP_WAVES,
+    SLIP_PASSAGE,
+    SPEED_UNIT,
+    drag_names,
+    form_names,
+    start_name,
+)
+from pmg.pipeline.recording.run_records import Manoeuvre
+from pmg.sim.shafts import SIDES, PerShaft, per_shaft
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.motion.constants import DataSheet
+    from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft
+    from pmg.sim.signals import Array, Mask
+
+REST = 0.3
+"""Width of the smooth passage of friction through standstill [rad/s]."""
+
+MOVING = 1.0
+"""Speed [rad/s] above which friction is that of a turning bearing; slower rows are left out."""
+
+
+@dataclass(frozen=True)
+class RotorRows:
+    """Rows of one shaft in one run that say something of its rotor.
+
+    Parameters
+    ----------
+    run : SmoothRun
+        The run.
+    side : str
+        The shaft.
+    rows : (m,) array of bool
+        Which r of the run's rows: those in which the shaft turns; all of a zero run.
+    """
+
+    run: SmoothRun
+    side: str
+    rows: Mask
+
+    def __len__(self) -> int:
+        """Count of rows."""
+        return int(self.rows.sum())
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it is of a zero run, in which the transducer shows its zero."""
+        return self.run.run.manoeuvre is Manoeuvre.ZERO
+
+    @property
+    def coupled(self) -> bool:
+        """Whether the gear couples the rotor with the other one."""
+        return self.run.run.coupled
+
+    @property
+    def shaft(self) -> SmoothShaft:
+        """Signals of the shaft, at the fine samples of the run."""
+        return self.run.shafts[self.side]
+
+    @property
+    def torque(self) -> Array:
+        """Torque as measured [N m], (r,)."""
+        return self.run.measured[self.side][self.rows]
+
+    def of_rows(self, fine: Array) -> Array:
+        """Rows (r,) or (r, k) of a quantity at the fine samples."""
+        return self.run.rows(fine)[self.rows]
+
+
+def stretches_of(runs: tuple[SmoothRun, ...]) -> tuple[RotorRows, ...]:
+    """The stretches of some runs: shafts that turn, and both of a zero run; a held shaft shows a static reaction."""
+    found = []
+    for run in runs:
+        for side, shaft in run.shafts.items():
+            known = np.isfinite(run.measured[side])
+            if run.run.manoeuvre is Manoeuvre.ZERO:
+                rows = known
+            elif run.run.turns[side]:
+                rows = known & (np.abs(run.rows(shaft.speed)) > MOVING)
+            else:
+                continue
+            if rows.sum() > 1:
+                found.append(RotorRows(run, side, rows))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class RotorState:
+    """State of the rotor of a stretch, for some constants, at the n fine samples of the run.
+
+    Parameters
+    ----------
+    stretch : RotorRows
+        Which.
+    speed, acceleration : (n,) array
+        Of the rotor: that of the motor less what the coupling twists [rad/s, rad/s2].
+    pole_angle, slip : (n,) array
+        Angle of the rotors' poles against each other, and its rate [rad, rad/s]; zero in neutral.
+    """
+
+    stretch: RotorRows
+    speed: Array
+    acceleration: Array
+    pole_angle: Array
+    slip: Array
+
+    @cached_property
+    def direction(self) -> Array:
+        """Sense of rotation, smooth through standstill."""
+        return np.asarray(np.tanh(self.speed / REST))
+
+    @property
+    def share(self) -> Array:
+        """Speed in the unit of loss curves, without sign."""
+        return np.abs(self.speed) / SPEED_UNIT
+
+
+def rotor_state(stretch: RotorRows, sheet: DataSheet, values: Array) -> RotorState:
+    """The state of a rotor for the constants (k,) of a sheet.
+
+    Notes
+    -----
+    A coupling of stiffness k twists by T/k: the rotor lags the motor by it. The poles stand at
+    :math:`\\varphi = p_s \\theta_s + p_r \\theta_r + \\varphi_0` against each other.
+    """
+    shafts, rate = stretch.run.shafts, stretch.run.fine_rate
+    compliance = per_shaft(lambda side: float(values[sheet.at(f"compliance_{side}")]))
+    acting = per_shaft(lambda side: shafts[side].acting(rate))
+    own, give = stretch.shaft, compliance[stretch.side]
+    nothing = np.zeros(len(stretch.run.time))
+    pole_angle, slip = nothing, nothing
+    if stretch.coupled:
+        start = float(values[sheet.at(start_name(stretch.run.run.name))])
+        pole_angle = start + _of_poles(sheet.poles, per_shaft(lambda s: shafts[s].angle - compliance[s] * acting[s][0]))
+        slip = _of_poles(sheet.poles, per_shaft(lambda s: shafts[s].speed - compliance[s] * acting[s][1]))
+    _, torque_rate, curvature = acting[stretch.side]
+    return RotorState(stretch, own.speed - give * torque_rate, own.acceleration - give * curvature, pole_angle, slip)
+
+
+def _of_poles(poles: PerShaft[int], values: PerShaft[Array]) -> Array:
+    return np.asarray(sum(poles[side] * values[side] for side in SIDES))
+
+
+def linear_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[str, Array]:
+    r"""Torque that a transducer shows per unit of each constant that it is proportional to, at the fine samples.
+
+    Notes
+    -----
+    Force balance of a rotor with the torque T of its coupling, positive in the positive direction of rotation:
+    :math:`T = T_0 + J\dot\omega + \sum_j d_j\,\mathrm{sgn}(\omega)|\omega|^{n_j} + p\,(A\sin\varphi + c\,\dot\varphi)`
+    with the torques of the gear when engaged only. A reading that comes later by a skew s is less by
+    :math:`s\dot T + s^2 \ddot T/2`.
+    """
+    side = state.stretch.side
+    ones = np.ones(len(state.speed))
+    columns = {f"zero_{side}": ones}
+    if state.stretch.at_rest:
+        return columns
+    columns[f"inertia_{side}"] = state.acceleration
+    shaft, skew = state.stretch.shaft, 0.5 * float(values[sheet.at(f"skew_{side}")])
+    columns[f"skew_{side}"] = -shaft.torque_rate - skew * shaft.torque_curvature
+    drag, engaged = drag_names(side)[: len(DRAG_POWERS)], drag_names(side)[len(DRAG_POWERS) :]
+    for name, power in zip(drag, DRAG_POWERS, strict=True):
+        columns[name] = state.direction * state.share**power
+    for name, near in zip(form_names(side), _near(state.speed), strict=True):
+        columns[name] = state.direction * near
+    if state.stretch.coupled:
+        for name, power in zip(engaged, ENGAGED_POWERS, strict=True):
+            columns[name] = state.direction * state.share**power
+        columns["pull_out"] = sheet.poles[side] * np.sin(state.pole_angle)
+        columns["slip_damping"] = sheet.poles[side] * state.slip
+        for wave in MAP_WAVES:
+            columns[f"map_off_{wave}"] = sheet.poles[side] * np.sin(wave * state.pole_angle)
+        columns[f"slip_damping_off_{side}"] = np.tanh(state.slip / SLIP_PASSAGE)
+    return columns
+
+
+def _near(speed: Array) -> tuple[Array, ...]:
+    """How near a speed is to each of `FORM_SPEEDS`: straight lines over its logarithm, 1 there and 0 at the next."""
+    at = np.log(np.maximum(np.abs(speed), FORM_SPEEDS[0]))
+    knots = np.log(FORM_SPEEDS)
+    return tuple(np.interp(at, knots, unit) for unit in np.eye(len(knots)))

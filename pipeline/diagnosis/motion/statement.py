@@ -1,0 +1,236 @@
+"""The verdict on runs in motion in sentences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.grid.rivals import nearest_share
+from pmg.pipeline.diagnosis.grid.statement import NEAREST_FROM, PHRASES, SHAFT_WORDS
+from pmg.pipeline.diagnosis.motion.next_runs import next_runs
+from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
+from pmg.pipeline.motion.smooth import BAND
+from pmg.pipeline.wording.numerals import measured
+from pmg.pipeline.wording.units import MILLI
+from pmg.sim.shafts import SIDES, PerShaft, per_shaft
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit
+    from pmg.pipeline.diagnosis.engine.explanation import Explanation
+    from pmg.pipeline.diagnosis.engine.held_out import HeldOut
+    from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, MotionPlace
+    from pmg.sim.signals import Array
+
+OFF_SHEET = "data sheet"
+"""Configuration of a place that is a constant far from its data sheet."""
+
+REMEDIES = {
+    "rotor_inertia": "check the drawing of the {shaft} rotor for parts it lacks",
+    "coupling_compliance": "inspect the {shaft} coupling, its clamping and its elastomer",
+    "coupling_backlash": "inspect the {shaft} coupling and take out its play",
+    "pull_out_torque": "put the fitted pull-out torque into the bench file",
+    "lubricant_viscosity": "log the temperature of the {shaft} bearings and warm up first",
+    "magnet_temperature": "log the temperature of the magnets and warm up first",
+    "torque_zero_drift": "take the zero of the {shaft} transducer before and after each run",
+    "torque_gain_error": "calibrate the {shaft} torque transducer",
+    "torque_crosstalk": "calibrate both torque transducers against each other",
+    "transducer_bandwidth": "check the filter of the {shaft} torque transducer",
+    "channel_delay": "check the filters and the clock of the {shaft} torque and angle channels",
+    "encoder_eccentricity": "check the seat of the {shaft} encoder",
+    "shaft_unbalance": "balance the {shaft} shaft",
+    "presliding_friction": "inspect the {shaft} bearings and seals",
+    "direction_dependent_friction": "inspect the {shaft} bearings and seals",
+}
+"""What to do about a mechanism; the others belong into the model."""
+
+INTO_MODEL = "take the effect into the model with its fitted parameters"
+
+
+def phrase(diagnosis: MotionDiagnosis) -> str:
+    """The verdict in a few words: the same in the report, in ``diagnosis.json`` and on the terminal."""
+    return "too weak to name one cause" if diagnosis.weak else PHRASES[diagnosis.verdict]
+
+
+def statement(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> str:
+    """The verdict in a few sentences; `effects` are those of what is named."""
+    mismatch, naming = diagnosis.mismatch, diagnosis.naming
+    if diagnosis.verdict is Verdict.CONSISTENT:
+        return (
+            "No difference between recordings and model beyond the noise "
+            f"(p = {mismatch.p_value:.3g}, corrected for multiple testing; limit {mismatch.false_alarm_rate:.0%})."
+        )
+    sentences = [_place(diagnosis)]
+    if naming is None or not diagnosis.verdict.names:
+        share = 0.0 if naming is None else nearest_share(naming)
+        nearest = f" (the closest, {_causes(naming.best)}, explains {share:.0%} of it)" if naming is not None else ""
+        nearest = nearest if share >= NEAREST_FROM else ""
+        sentences.append(f"No mechanism of the catalogue explains it{nearest}. We can show where, not why.")
+    elif diagnosis.verdict is Verdict.NAMED:
+        sentences.append(f"Cause: {_causes(naming.best, naming.shafts)}.")
+    else:
+        known = "; or ".join(_causes(each) for each in (naming.best, *naming.rivals))
+        weak = "The difference is too weak to name one cause. Possible causes"
+        none = "; or one that the catalogue does not have" if diagnosis.weak else ""
+        sentences.append(f"{weak if diagnosis.weak else 'These recordings cannot tell between'}: {known}{none}.")
+    sentences += [_size(diagnosis, i, effect) for i, effect in enumerate(effects)]
+    sentences += [_proof(diagnosis), _advice(diagnosis)]
+    return " ".join(sentence for sentence in sentences if sentence)
+
+
+def _causes(explanation: Explanation[TermFit, Any], shafts: dict[str, str] | None = None) -> str:
+    """A set of mechanisms by their titles and shafts."""
+    words = []
+    for fit in explanation.fits:
+        title = fit.candidate.title
+        words.append(f"{title[0].lower()}{title[1:]}{SHAFT_WORDS[(shafts or {}).get(fit.identifier, fit.place)]}")
+    return " together with ".join(words)
+
+
+def row_noise_of(diagnosis: MotionDiagnosis) -> PerShaft[float]:
+    """Standard deviation of the torque of a row [N m]: white noise of the transducers up to the band of the rows."""
+
+    def of(side: str) -> float:
+        densities = [s.shaft.density for s in diagnosis.before.stretches if s.side == side]
+        return float(np.sqrt(np.median(densities) * BAND)) if densities else 0.0
+
+    return per_shaft(of)
+
+
+def _in_torque(diagnosis: MotionDiagnosis) -> float:
+    """Torque of one unit of whitened rows [N m]: noise of a row, the mean over the rows of both shafts."""
+    noise, rows = row_noise_of(diagnosis), dict.fromkeys(SIDES, 0)
+    for stretch in diagnosis.before.stretches:
+        rows[stretch.side] += len(stretch)
+    mean_square = sum(noise[side] ** 2 * rows[side] for side in SIDES) / max(sum(rows.values()), 1)
+    return float(np.sqrt(mean_square)) * diagnosis.evidence.scatter
+
+
+def follows(place: MotionPlace) -> str:
+    """What the torque follows at a place, or which constant is far from its data sheet."""
+    return place.family.follows.replace("_", " ")
+
+
+def signal_of(place: MotionPlace) -> str:
+    """Side of the torque in which a place is seen; of the gear's constants, the ring's, which is larger."""
+    family = place.family
+    if family.configuration != OFF_SHEET:
+        return family.side
+    return "sun" if family.follows.endswith("_sun") else "ring"
+
+
+def size_of(diagnosis: MotionDiagnosis, place: MotionPlace) -> float:
+    """Size of a place; of a constant, the torque of its distance from the data sheet over the rows it moves [N m]."""
+    if place.family.configuration != OFF_SHEET:
+        return place.size
+    before = diagnosis.before
+    at = before.sheet.at(place.family.follows)
+    column = np.concatenate([before.clean.columns(i)[:, at] for i in range(len(before.stretches))])
+    moved = column[column != 0.0] * (before.values[at] - before.sheet.expected[at])
+    return float(np.sqrt(moved @ moved / max(len(moved), 1)))
+
+
+def _place(diagnosis: MotionDiagnosis) -> str:
+    """Where the difference is largest."""
+    differ = f"Model and recordings differ (p ≤ {diagnosis.mismatch.p_value:.2g})."
+    if not diagnosis.mismatch.locations:
+        return differ
+    places = diagnosis.mismatch.locations
+    of_rotors = [place for place in places if place.family.configuration != OFF_SHEET]
+    place = max(of_rotors or places, key=lambda place: size_of(diagnosis, place))
+    size = f"{size_of(diagnosis, place) / MILLI:.1f} mN m rms"
+    if place.family.configuration != OFF_SHEET:
+        where = f"the {place.family.side} torque in {place.family.configuration} runs follows the {follows(place)}"
+        return f"{differ} Most of it: {where} ({size})."
+    sheet, at = diagnosis.before.sheet, diagnosis.before.sheet.at(place.family.follows)
+    distance = (diagnosis.before.values[at] - sheet.expected[at]) / sheet.spread[at]
+    far = f"fitted without a cause, it lies {distance:+.1f} standard uncertainties off"
+    return f"{differ} Most of it: the {follows(place)} is not that of the data sheet ({size}); {far}."
+
+
+def _size(diagnosis: MotionDiagnosis, i: int, effect: tuple[Array, ...]) -> str:
+    """Effect of a named mechanism against the noise, and its parameter that is known best."""
+    fit, values, errors = named_fits(diagnosis)[i], diagnosis.sizes[i], diagnosis.size_errors[i]
+    noise = row_noise_of(diagnosis)
+    rms, peak, side = effect_size(diagnosis, effect)
+    subject = "It changes" if len(named_fits(diagnosis)) == 1 else f"{fit.candidate.title} changes"
+    with np.errstate(divide="ignore", invalid="ignore"):
+        best = int(np.nanargmin(np.abs(errors / np.where(values, values, np.nan)))) if np.any(values) else 0
+    quantity = fit.candidate.parameters[best]
+    unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+    name = f"{quantity.name.replace('_', ' ')} "
+    beyond = ""
+    if term_of(fit).constant:
+        name, beyond = "", f" {quantity.name} than in the data sheet"
+    fitted = measured(float(values[best]), float(errors[best]))
+    return (
+        f"{subject} the {side} torque by {rms / MILLI:.1f} mN m rms, up to {peak / MILLI:.0f} mN m; the noise is "
+        f"{noise[side] / MILLI:.1f} mN m. Fitted: {name}{fitted}{unit}{beyond}."
+    )
+
+
+def effect_size(diagnosis: MotionDiagnosis, effect: tuple[Array, ...]) -> tuple[float, float, str]:
+    """Root mean square and peak [N m] of an effect over the rows on which it acts, and the side where it is larger."""
+    stretches = diagnosis.before.stretches
+    of = {side: [e for e, s in zip(effect, stretches, strict=True) if s.side == side and e.any()] for side in SIDES}
+    joined = {side: np.concatenate([np.zeros(1), *parts]) for side, parts in of.items()}
+    power = {side: float(values @ values) for side, values in joined.items()}
+    count = sum(len(values) - 1 for values in joined.values())
+    peak = max(float(np.abs(values).max()) for values in joined.values())
+    return float(np.sqrt(sum(power.values()) / max(count, 1))), peak, max(SIDES, key=lambda side: power[side])
+
+
+def held_out_in_torque(diagnosis: MotionDiagnosis) -> HeldOut | None:
+    """The proof on withheld kinds of run in torque, by the noise of a row [N m]."""
+    held = diagnosis.held_out
+    if held is None:
+        return None
+    unit = _in_torque(diagnosis)
+
+    def turned(value: float | None) -> float | None:
+        return None if value is None else unit * value
+
+    return replace(
+        held,
+        split=f"{held.split}; errors are whitened, one is the noise of a row, {unit / MILLI:.2g} mN m",
+        rmse_before=unit * held.rmse_before,
+        rmse_after=unit * held.rmse_after,
+        noise_floor=unit * held.noise_floor,
+        gain_interval=(unit * held.gain_interval[0], unit * held.gain_interval[1]),
+        placebo_gain=turned(held.placebo_gain),
+        expected_before=turned(held.expected_before),
+        expected_after=turned(held.expected_after),
+    )
+
+
+def _proof(diagnosis: MotionDiagnosis) -> str:
+    held = held_out_in_torque(diagnosis)
+    if held is None:
+        return ""
+    low, high = held.gain_interval
+    change = "drops" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly drop:")
+    return (
+        f"With it in the model, the error on kinds of run not used for the fit {change} from "
+        f"{held.rmse_before / MILLI:.1f} to {held.rmse_after / MILLI:.1f} mN m; the noise is "
+        f"{held.noise_floor / MILLI:.1f} mN m."
+    )
+
+
+def _advice(diagnosis: MotionDiagnosis) -> str:
+    """What to do: of a cause, its remedy; of several, the run that would tell; of none, where to look."""
+    tests = next_runs(diagnosis)
+    if diagnosis.verdict is Verdict.NAMED and diagnosis.naming is not None:
+        remedies = []
+        for fit in diagnosis.naming.best.fits:
+            shaft = diagnosis.naming.shafts[fit.identifier]
+            text = REMEDIES.get(fit.identifier, INTO_MODEL)
+            remedies.append(text.format(shaft={"either": "sun or ring", "both": "sun and ring"}.get(shaft, shaft)))
+        return f"Do: {'; '.join(dict.fromkeys(remedies))}."
+    if tests:
+        first = tests[0].description
+        return f"Do: {first[0].lower()}{first[1:]} ({tests[0].minutes:.0f} min)."
+    seen = [place for place in diagnosis.mismatch.locations if place.family.configuration != OFF_SHEET]
+    where = f"the {seen[0].family.side} shaft in {seen[0].family.configuration} runs" if seen else "the data sheet"
+    return f"Do: inspect {where}; the chapter on the runs shows when the torque is missing."

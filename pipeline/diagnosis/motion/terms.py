@@ -1,0 +1,103 @@
+"""Candidates in motion: what one is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.term import Quantity, Term
+from pmg.pipeline.diagnosis.motion.view import RotorView
+from pmg.sim import sources
+from pmg.sim.mechanisms.base import Component
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pmg.sim.signals import Array
+    from pmg.sim.sources import Source
+
+
+@dataclass(frozen=True)
+class MotionTerm(Term[RotorView]):
+    """A mechanism on a place.
+
+    Parameters
+    ----------
+    component : Component
+        Where it sits.
+    shaft : str
+        ``sun``, ``ring`` or ``both``.
+    variant : str
+        Tells apart several forms of one mechanism on one place.
+    spreads : bool
+        Whether the gear carries its effect to the other rotor.
+    constant : str
+        SheetConstant of the baseline of which it says that the data sheet is wrong; its size is by how much.
+    """
+
+    component: Component = field(kw_only=True)
+    shaft: str = field(kw_only=True)
+    variant: str = ""
+    spreads: bool = False
+    constant: str = ""
+
+    @property
+    def place(self) -> str:
+        """Shaft on which it acts."""
+        return self.shaft
+
+    @property
+    def key(self) -> str:
+        """Its own among all terms."""
+        return "/".join((self.identifier, self.shaft, self.variant))
+
+    @property
+    def of_transducer(self) -> bool:
+        """Whether it is what a transducer shows beyond the torque of its coupling."""
+        return self.component.endswith("torque_transducer")
+
+    def acts(self, view: RotorView) -> bool:
+        """Whether it may act on that rotor."""
+        return not self.constant and (self.spreads or self.shaft in (view.side, "both"))
+
+
+def term(
+    identifier: str,
+    title: str,
+    equation: str,
+    sizes: tuple[Quantity, ...],
+    law: Callable[[RotorView, float], Array],
+    *,
+    source: Source = sources.BALANCE,
+    shape: Quantity | None = None,
+    **where: Any,  # noqa: ANN401 - component, shaft, variant, spreads, constant
+) -> MotionTerm:
+    """A candidate that says nothing of a rotor at rest."""
+    return MotionTerm(identifier, title, equation, sizes, _turning(law), source, shape, **where)
+
+
+def amount(name: str, unit: str, most: float, cost: float = 1.0) -> tuple[Quantity, ...]:
+    """A size that cannot be negative."""
+    return (Quantity(name, unit, (0.0, most), cost),)
+
+
+def signed(*names: str, unit: str, most: float) -> tuple[Quantity, ...]:
+    """Sizes of either sign."""
+    return tuple(Quantity(name, unit, (-most, most)) for name in names)
+
+
+def stack(*columns: Array) -> Array:
+    """Columns side by side (n, k)."""
+    return np.stack(columns, axis=1)
+
+
+def engaged(law: Callable[[RotorView, float], Array]) -> Callable[[RotorView, float], Array]:
+    """A law that acts in the engaged gear only."""
+    return lambda view, shape: law(view, shape) if view.coupled else 0.0 * law(view, shape)
+
+
+def _turning(law: Callable[[RotorView, float], Array]) -> Callable[[RotorView, float], Array]:
+    """A law that acts on a rotor that is not at rest."""
+    return lambda view, shape: 0.0 * law(view, shape) if view.at_rest else law(view, shape)

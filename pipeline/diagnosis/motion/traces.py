@@ -1,0 +1,164 @@
+"""Measured and predicted torque of each stretch, and what is missing, before and after what was named."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.motion.evidence import views_of
+from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_spread
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit
+    from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
+    from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
+    from pmg.pipeline.diagnosis.motion.rows import RotorRows, RotorState
+    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.sim.signals import Array
+
+SMOOTHED = 0.25
+"""Time over which the missing torque is smoothed where it is drawn [s]."""
+
+
+@dataclass(frozen=True)
+class TorqueTrace:
+    """Torque of a stretch at its n rows [N m].
+
+    Parameters
+    ----------
+    stretch : RotorRows
+        Which.
+    state : RotorState
+        Of its rotor, with what was named.
+    before, of_constants, after : (n,) array
+        Predicted by the baseline alone, with the data sheet where that is named to be wrong; by its constants beside
+        what was named; and together with that.
+    spread : (n,) array
+        Standard deviation of the measured torque, smoothed over `SMOOTHED`.
+    """
+
+    stretch: RotorRows
+    state: RotorState
+    before: Array
+    of_constants: Array
+    after: Array
+    spread: Array
+
+    @property
+    def time(self) -> Array:
+        """Of the rows [s] (n,)."""
+        return self.stretch.run.row_time[self.stretch.rows]
+
+    def missing(self, predicted: Array) -> Array:
+        """Measured less predicted torque, smoothed over `SMOOTHED` [N m] (n,)."""
+        return _smoothed(self.stretch, (self.stretch.torque - predicted)[:, None])[:, 0]
+
+
+def term_of(fit: TermFit) -> MotionTerm:
+    """The mechanism of a fit."""
+    return cast("MotionTerm", fit.candidate)
+
+
+def named_fits(diagnosis: MotionDiagnosis) -> tuple[TermFit, ...]:
+    """What a diagnosis names, or names first; none without a cause."""
+    naming = diagnosis.naming
+    return naming.best.fits if diagnosis.verdict.names and naming is not None else ()
+
+
+def final_baseline(diagnosis: MotionDiagnosis) -> MotionBaseline:
+    """The baseline with the constants that were fitted beside what is named."""
+    return replace(diagnosis.evidence.baseline, values=diagnosis.constants, beside=())
+
+
+def fitted_values(fit: TermFit) -> Array:
+    """Parameters of a fit by itself, amplitudes then shape."""
+    return np.asarray(np.r_[fit.amplitudes, [] if fit.candidate.shape is None else [fit.shape]])
+
+
+def effects_of(diagnosis: MotionDiagnosis, others: tuple[TermFit, ...] = ()) -> tuple[tuple[Array, ...], ...]:
+    """Torque of each named mechanism, or of others in their place, at the rows of each stretch [N m]."""
+    baseline, fits = final_baseline(diagnosis), others or named_fits(diagnosis)
+    views, sizes = views_of(baseline), tuple(map(fitted_values, others)) or diagnosis.sizes
+    found = []
+    for fit, values in zip(fits, sizes, strict=True):
+        term, count = term_of(fit), len(fit.amplitudes)
+        shape = float(np.clip(values[count], *term.shape.bounds)) if term.shape is not None else fit.shape
+        of_fit = []
+        for place, view in enumerate(views):
+            if term.constant:
+                columns = baseline.clean.columns(place)[:, [baseline.sheet.at(term.constant)]]
+            else:
+                columns = view.state.stretch.of_rows(term.columns(view, shape)) * term.acts(view)
+            of_fit.append(np.asarray(columns @ values[:count]))
+        found.append(tuple(of_fit))
+    return tuple(found)
+
+
+def constants_covariance(diagnosis: MotionDiagnosis) -> Array:
+    """Covariance (k, k) of the constants, fitted together with the parameters of what is named."""
+    found = diagnosis.evidence
+    columns = np.hstack([found.columns, *(found.problem.slopes(fit) for fit in named_fits(diagnosis))])
+    length = np.linalg.norm(columns, axis=0)
+    length[length == 0.0] = 1.0
+    inverse = np.linalg.pinv(columns / length, rcond=1e-9)[: found.columns.shape[1]]
+    inverse /= length[: found.columns.shape[1], None]
+    return np.asarray(inverse @ inverse.T)
+
+
+def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> tuple[TorqueTrace, ...]:
+    """Torque of every stretch; `effects` are those of what was named.
+
+    Notes
+    -----
+    A constant of which the data sheet is wrong is among the fitted ones, so that its effect is in the baseline already.
+    """
+    baseline, fits = final_baseline(diagnosis), named_fits(diagnosis)
+    sheet, values = baseline.sheet, diagnosis.before.values.copy()
+    wrong = [sheet.at(term_of(fit).constant) for fit in fits if term_of(fit).constant]
+    values[wrong] = sheet.expected[wrong]
+    before = replace(diagnosis.before, values=values)
+    found = []
+    for place, stretch in enumerate(baseline.stretches):
+        added = np.zeros(len(stretch))
+        for fit, of_fit in zip(fits, effects, strict=True):
+            added += 0.0 if term_of(fit).constant else of_fit[place]
+        of_constants = baseline.predicted(place)
+        found.append(
+            TorqueTrace(
+                stretch,
+                baseline.states[place],
+                before.predicted(place),
+                of_constants,
+                of_constants + added,
+                _spread(baseline, place) * diagnosis.evidence.scatter,
+            )
+        )
+    return tuple(found)
+
+
+def _spread(baseline: MotionBaseline, place: int) -> Array:
+    """Standard deviation of the smoothed torque of a stretch (n,)."""
+    stretch, factor = baseline.stretches[place], row_noise(baseline, place).factor
+    weights = np.zeros(factor.shape[1])
+    width = min(_width(stretch), len(weights))
+    weights[(len(weights) - width) // 2 :][:width] = 1.0 / width
+    white = np.zeros(len(weights))  # what the weights make of the factor's columns
+    for lag, diagonal in enumerate(factor):
+        white[: len(weights) - lag] += diagonal[: len(weights) - lag] * weights[lag:]
+    slow = _smoothed(stretch, slow_spread(stretch))
+    return np.asarray(np.sqrt(white @ white + np.sum(slow**2, axis=1)))
+
+
+def _width(stretch: RotorRows) -> int:
+    return 2 * round(0.5 * SMOOTHED * stretch.run.row_rate) + 1
+
+
+def _smoothed(stretch: RotorRows, rows: Array) -> Array:
+    """Moving mean of rows (n, k) over those of a stretch that are near in time."""
+    whole = np.zeros((len(stretch.run), rows.shape[1] + 1))
+    whole[stretch.rows, :-1], whole[stretch.rows, -1] = rows, 1.0
+    total = np.cumsum(np.pad(whole, ((_width(stretch) // 2 + 1, _width(stretch) // 2), (0, 0))), axis=0)
+    means = total[_width(stretch) :] - total[: -_width(stretch)]
+    return np.asarray(means[stretch.rows, :-1] / means[stretch.rows, -1:])

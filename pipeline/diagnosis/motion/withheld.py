@@ -1,0 +1,105 @@
+"""Kinds of run withheld, and what is proved on them: fitted to ramps and steps, proved on the sweep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
+from pmg.pipeline.diagnosis.engine.withheld import Withholding
+from pmg.pipeline.recording.run_records import Manoeuvre
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.motion.constants import DataSheet
+    from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
+    from pmg.pipeline.diagnosis.motion.rows import RotorRows
+    from pmg.sim.signals import Array, Mask
+
+KINDS = ((Manoeuvre.RAMP, Manoeuvre.COAST), (Manoeuvre.STEPS,), (Manoeuvre.SWEEP,), (Manoeuvre.DITHER,))
+"""Kinds of run that are withheld one after the other."""
+
+NEVER = len(KINDS)
+"""Fold of rows that are never withheld: zero runs and the data sheet."""
+
+
+@dataclass(frozen=True)
+class WithheldRuns(Withholding[TermFit, TermProblem]):
+    """Rows of a campaign as they are withheld, by kind of run."""
+
+    problem: TermProblem
+    constants: Array
+    sheet: DataSheet
+    noun = "mechanism was"
+    folds: ClassVar[int] = NEVER
+
+    def part(self, rows: Mask) -> TermProblem:
+        """The problem of some rows."""
+        return self.problem.of(rows)
+
+    def effect(self, fits: tuple[TermFit, ...]) -> Array:
+        """Whitened torque of fitted mechanisms."""
+        return np.asarray(sum(self._columns(fit) @ fit.amplitudes for fit in fits))
+
+    def predictors(self, fits: tuple[TermFit, ...]) -> tuple[Array, Array, Array]:
+        """Columns of the mechanisms at their shapes, refitted with the baseline."""
+        columns = np.hstack([self._columns(fit) for fit in fits])
+        return np.zeros(len(self.y)), columns, columns
+
+    def _columns(self, fit: TermFit) -> Array:
+        """Columns of a mechanism; of one that a data sheet is wrong about, the constant's own."""
+        name = fit.candidate.constant  # type: ignore[attr-defined]
+        if name:
+            return self.constants[:, [self.sheet.at(name)]]
+        return self.problem.columns_of(fit.candidate, fit.shape)
+
+    def touched(self, fits: tuple[TermFit, ...]) -> Mask:
+        """Rows of every run that may be withheld."""
+        del fits
+        return np.asarray(self.fold < self.folds)
+
+
+def by_kind(found: MotionEvidence, fits: tuple[TermFit, ...]) -> WithheldRuns:
+    """The rows of a campaign, dealt to folds by kind of run."""
+    folds = [_kind(stretch) for stretch in found.baseline.stretches]
+    return _withheld(found, fits, folds, "kinds of run (ramps and coast-downs, steps, sweeps, dithers)")
+
+
+def by_run(found: MotionEvidence, fits: tuple[TermFit, ...]) -> WithheldRuns:
+    """The same, dealt run by run, for what one kind of run alone can show: each fold has some of every kind."""
+    seen: dict[int, list[str]] = {}
+    folds = []
+    for stretch in found.baseline.stretches:
+        kind, name = _kind(stretch), stretch.run.run.name
+        names = seen.setdefault(kind, [])
+        if name not in names:
+            names.append(name)
+        folds.append(NEVER if kind == NEVER else (names.index(name) + kind) % NEVER)
+    return _withheld(found, fits, folds, "runs, some of every kind at a time")
+
+
+def _withheld(found: MotionEvidence, fits: tuple[TermFit, ...], folds: list[int], what: str) -> WithheldRuns:
+    """Rows with the folds of their stretches.
+
+    A constant of which `fits` say that the data sheet is wrong has its value from there without them.
+    """
+    sheet = found.baseline.sheet
+    wrong = [sheet.at(fit.candidate.constant) for fit in fits if fit.candidate.constant]  # type: ignore[attr-defined]
+    y = found.y + found.columns[:, wrong] @ (found.baseline.values - sheet.expected)[wrong]
+    return WithheldRuns(
+        y=y,
+        columns=np.delete(found.columns, wrong, axis=1),
+        constants=found.columns,
+        sheet=sheet,
+        scale=np.ones(len(found.y)),
+        block=found.block,
+        fold=np.array([*folds, NEVER])[found.block],
+        groups=[np.flatnonzero(found.block == k) for k in np.unique(found.block)],
+        what=what,
+        problem=found.problem,
+    )
+
+
+def _kind(stretch: RotorRows) -> int:
+    return next((fold for fold, kinds in enumerate(KINDS) if stretch.run.run.manoeuvre in kinds), NEVER)

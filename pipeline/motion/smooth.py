@@ -1,0 +1,199 @@
+"""Smooth signals of a run in motion: torques, angles and their derivatives, and rows made of them by a low-pass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.signal import fftconvolve, firwin, welch
+
+from pmg.sim.shafts import PerShaft, per_shaft
+
+if TYPE_CHECKING:
+    from pmg.pipeline.motion.run import MovingRun
+    from pmg.sim.signals import Array
+
+FINE_RATE = 250.0
+"""Rate at which torques that are no linear function of a signal are worked out [1/s]."""
+
+FINE_BAND, FINE_HALF = 80.0, 0.03
+"""Cut-off of the filter before it [Hz] and half its length [s]: flat over the band of the rows."""
+
+BAND, HALF = 28.0, 0.12
+"""Cut-off of the low-pass of the rows [Hz], above the mode of the magnetic spring, and half its length [s]."""
+
+STENCIL = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0
+"""Weights of the central difference of the sixth order."""
+
+PER_ROW = 3
+"""Fine samples for each row."""
+
+KAISER = 5.6
+"""Shape of the window of both filters: 60 dB of stop band."""
+
+
+@dataclass(frozen=True)
+class SmoothShaft:
+    """Signals of one shaft at the n fine samples of a run.
+
+    Parameters
+    ----------
+    torque, torque_rate, torque_curvature : (n,) array
+        Torque of the coupling and its derivatives in time [N m, N m/s, N m/s2].
+    angle, speed, acceleration : (n,) array
+        Of the motor [rad, rad/s, rad/s2].
+    density : float
+        Spectral density of the torque's white noise [(N m)2/Hz], one-sided.
+    angle_density : float
+        Spectral density of the angle's quantisation [rad2/Hz], one-sided.
+    fault : (n,) array, optional
+        What the transducer shows beyond the torque of the coupling [N m].
+    """
+
+    torque: Array
+    torque_rate: Array
+    torque_curvature: Array
+    angle: Array
+    speed: Array
+    acceleration: Array
+    density: float
+    angle_density: float
+    fault: Array | None = None
+
+    def acting(self, rate: float) -> tuple[Array, Array, Array]:
+        """Torque that twists the coupling, and its derivatives: what is shown less the fault; `rate` of the samples."""
+        if self.fault is None:
+            return self.torque, self.torque_rate, self.torque_curvature
+        slope = derivative(self.fault, rate)
+        return self.torque - self.fault, self.torque_rate - slope, self.torque_curvature - derivative(slope, rate)
+
+
+@dataclass(frozen=True)
+class SmoothRun:
+    """A run in motion with its signals smooth.
+
+    Parameters
+    ----------
+    run : MovingRun
+        The run.
+    time : (n,) array
+        Of the fine samples, since the first of the run [s].
+    fine_rate : float
+        Fine samples a second [1/s].
+    shafts : PerShaft of SmoothShaft
+        Signals of either shaft.
+    measured : PerShaft of (m,) array
+        Torque at the rows, NaN where a signal was lost [N m].
+    """
+
+    run: MovingRun
+    time: Array
+    fine_rate: float
+    shafts: PerShaft[SmoothShaft]
+    measured: PerShaft[Array]
+
+    def __len__(self) -> int:
+        """Count of rows."""
+        return len(self.measured.sun)
+
+    @property
+    def row_rate(self) -> float:
+        """Rows a second [1/s]."""
+        return self.fine_rate / PER_ROW
+
+    @property
+    def row_time(self) -> Array:
+        """Time of the rows, since the first sample of the run [s]."""
+        half = len(self.weights) // 2
+        return self.time[half : len(self.time) - half : PER_ROW]
+
+    @property
+    def weights(self) -> Array:
+        """Weights of the fine samples in a row."""
+        return _low_pass(BAND, HALF, self.fine_rate)
+
+    def rows(self, fine: Array) -> Array:
+        """Rows (m,) or (m, k) of a quantity at the fine samples (n,) or (n, k), low-passed."""
+        weights = self.weights if fine.ndim == 1 else self.weights[:, None]
+        return np.asarray(fftconvolve(fine, weights, "valid", axes=0)[::PER_ROW])
+
+
+def smooth(run: MovingRun) -> SmoothRun:
+    """The smooth signals of a run.
+
+    Notes
+    -----
+    All signals go through the same linear-phase filters, so that equations of motion hold between rows as they hold
+    between signals. A torque that is no linear function of them is worked out at the fine samples, whose filter is
+    flat over the band, and then low-passed like the rest. A missing stretch of a signal (NaN) is bridged by a straight
+    line, and its rows are NaN.
+    """
+    step = max(round(run.rate / FINE_RATE), 1)
+    weights = _low_pass(FINE_BAND, FINE_HALF, run.rate)
+    half = len(weights) // 2
+    time = np.arange(half, len(run.torque.sun) - half, step) / run.rate
+
+    def through(values: Array) -> Array:
+        return np.asarray(fftconvolve(values, weights, "valid")[::step])
+
+    def shaft(side: str) -> SmoothShaft:
+        torque, angle = _bridged(run.torque[side]), _bridged(run.angle[side])
+        angle = angle - angle[0]
+        speed, torque_rate = derivative(angle, run.rate), derivative(torque, run.rate)
+        return SmoothShaft(
+            torque=through(torque),
+            torque_rate=through(torque_rate),
+            torque_curvature=through(derivative(torque_rate, run.rate)),
+            angle=through(angle),
+            speed=through(speed),
+            acceleration=through(derivative(speed, run.rate)),
+            density=_white_density(torque, run.rate),
+            angle_density=run.count[side] ** 2 / 6.0 / run.rate,
+        )
+
+    shafts = per_shaft(shaft)
+    found = SmoothRun(run, time, run.rate / step, shafts, PerShaft(time, time))
+
+    def measured(side: str) -> Array:
+        known = np.isfinite(run.torque[side]) & np.isfinite(run.angle[side])
+        lost = fftconvolve(~known, np.ones(len(weights)), "valid")[::step] > 0.5
+        far = fftconvolve(lost, np.ones(len(found.weights)), "valid")[::PER_ROW] > 0.5
+        return np.where(far, np.nan, found.rows(shafts[side].torque))
+
+    return SmoothRun(run, time, found.fine_rate, shafts, per_shaft(measured))
+
+
+def row_weights(run: SmoothRun) -> tuple[Array, Array]:
+    """Weights (w,) of the samples in a row of a signal, and in one of its second derivative."""
+    half = round((HALF + FINE_HALF) * run.run.rate)
+    low = _low_pass(BAND, half / run.run.rate, run.run.rate)
+    return low, derivative(derivative(low, run.run.rate), run.run.rate)
+
+
+def derivative(values: Array, rate: float) -> Array:
+    """Derivative in time of equidistant values (n,), by differences of the sixth order; of the second at either end."""
+    found = np.gradient(values) * rate
+    if len(values) > 2 * len(STENCIL):
+        at = len(STENCIL) // 2
+        found[at:-at] = np.correlate(values, STENCIL, "valid") * rate
+    return np.asarray(found)
+
+
+@lru_cache(maxsize=16)
+def _low_pass(cut_off: float, half_length: float, rate: float) -> Array:
+    return np.asarray(firwin(2 * round(half_length * rate) + 1, cut_off, window=("kaiser", KAISER), fs=rate))
+
+
+def _bridged(values: Array) -> Array:
+    """Values with missing stretches bridged by straight lines."""
+    known = np.isfinite(values)
+    at = np.arange(len(values))
+    return values if known.all() else np.interp(at, at[known], values[known])
+
+
+def _white_density(torque: Array, rate: float) -> float:
+    """Spectral density of a torque's noise well above the band [(N m)2/Hz], one-sided."""
+    frequency, density = welch(torque, rate, nperseg=min(round(rate), len(torque)))
+    return float(np.median(density[(frequency > 3.0 * BAND) & (frequency < 0.4 * rate)]) / 0.97)

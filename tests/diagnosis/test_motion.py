@@ -1,0 +1,181 @@
+"""Diagnosis of runs in motion: smooth signals, noise, constants, and a planted cause, on runs written down here.
+
+The runs come from formulas of their own: angles are given, torques follow from the force balance in closed form, so
+that nothing is integrated and no code is shared with the models.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.motion.baseline import start_baseline
+from pmg.pipeline.diagnosis.motion.constants import sheet_of
+from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
+from pmg.pipeline.diagnosis.motion.library import library
+from pmg.pipeline.diagnosis.motion.noise import row_noise
+from pmg.pipeline.diagnosis.motion.rows import stretches_of
+from pmg.pipeline.diagnosis.motion.view import lagging, stopping
+from pmg.pipeline.motion.run import MovingRun
+from pmg.pipeline.motion.smooth import derivative, smooth
+from pmg.pipeline.recording.run_records import Manoeuvre
+from pmg.sim.bench import load_bench
+from pmg.sim.errors import FitError
+from pmg.sim.grid import Configuration
+from pmg.sim.shafts import PerShaft
+
+RATE = 1000.0
+COUNT = 2.0 * np.pi / 5120
+STIFFNESS, INERTIA = 4000.0, 0.00166
+DRAG = 0.01, 0.07
+
+
+def _run(number: int, manoeuvre: Manoeuvre, speed: np.ndarray, rng: np.random.Generator, lag: float = 0.0) -> MovingRun:
+    """A neutral run of the sun: its rotor turns at a given speed, the motor ahead of it by the coupling's twist."""
+    seconds = np.arange(len(speed)) / RATE
+    rotor = np.cumsum(speed) / RATE
+    acceleration = np.gradient(speed) * RATE
+    torque = INERTIA * acceleration + np.tanh(speed / 0.3) * (DRAG[0] + DRAG[1] * np.sqrt(np.abs(speed) / 100.0))
+    kept = np.exp(-1.0 / RATE / lag) if lag else 0.0
+    shown = lfilter([1.0 - kept], [1.0, -kept], torque)
+    motor = rotor + torque / STIFFNESS
+    wander = 5e-4 * rng.standard_normal() + 3e-4 * np.sin(2.0 * np.pi * seconds / 20.0 + rng.uniform(0.0, 6.0))
+    still = np.zeros(len(speed))
+    return MovingRun(
+        f"{number}.mcap",
+        f"N_{number}",
+        Configuration.NEUTRAL if manoeuvre is not Manoeuvre.ZERO else Configuration.ZERO,
+        1,
+        "sun",
+        manoeuvre,
+        datetime(2025, 6, 3, 8, tzinfo=UTC) + timedelta(seconds=60.0 * number),
+        RATE,
+        PerShaft(shown + wander + 0.012 * rng.standard_normal(len(speed)), 0.02 * rng.standard_normal(len(speed))),
+        PerShaft(COUNT * np.floor(motor / COUNT), still),
+        PerShaft(COUNT, COUNT),
+        PerShaft(bool(np.ptp(rotor) > 0.1), False),
+    )
+
+
+def _ramp(top: float, seconds: float = 12.0) -> np.ndarray:
+    """Up and down again with rounded corners."""
+    t = np.arange(round(seconds * RATE)) / RATE
+    corner = np.clip(np.minimum(t - 1.0, seconds - 1.0 - t) / (0.35 * seconds), 0.0, 1.0)
+    return np.asarray(top * (3.0 * corner**2 - 2.0 * corner**3))
+
+
+def _dither(middle: float, seconds: float = 12.0) -> np.ndarray:
+    t = np.arange(round(seconds * RATE)) / RATE
+    grown = np.clip(t - 1.0, 0.0, 1.0)
+    return np.asarray(middle * grown + 8.0 * grown * (np.sin(2 * np.pi * 3.1 * t) + 0.6 * np.sin(2 * np.pi * 7.7 * t)))
+
+
+def _campaign(seed: int, lag: float = 0.0) -> tuple[MovingRun, ...]:
+    rng = np.random.default_rng(seed)
+    rest = np.zeros(4000)
+    plan = [
+        (Manoeuvre.ZERO, rest),
+        (Manoeuvre.RAMP, _ramp(180.0)),
+        (Manoeuvre.DITHER, _dither(60.0)),
+        (Manoeuvre.RAMP, _ramp(-150.0)),
+        (Manoeuvre.DITHER, _dither(-40.0)),
+        (Manoeuvre.ZERO, rest),
+    ]
+    return tuple(_run(k, manoeuvre, speed, rng, lag) for k, (manoeuvre, speed) in enumerate(plan))
+
+
+@given(st.floats(0.5, 25.0), st.floats(0.0, 6.0))
+@settings(max_examples=30)
+def test_a_wave_in_the_band_goes_through_with_its_derivatives(frequency: float, phase: float) -> None:
+    t = np.arange(3000) / RATE
+    wave = np.sin(2.0 * np.pi * frequency * t + phase)
+    inner = slice(10, -10)
+    slope = 2.0 * np.pi * frequency * np.cos(2.0 * np.pi * frequency * t + phase)
+    assert np.abs(derivative(wave, RATE) - slope)[inner].max() < 1e-6 * 2.0 * np.pi * frequency
+
+
+def test_signals_of_a_run_keep_the_equation_between_them() -> None:
+    run = smooth(_run(1, Manoeuvre.DITHER, _dither(60.0), np.random.default_rng(1)))
+    shaft = run.shafts.sun
+    rate = np.gradient(run.rows(shaft.angle)) * run.row_rate
+    assert np.abs(rate - run.rows(shaft.speed))[5:-5].max() < 0.05 * np.ptp(rate)
+    assert len(run.row_time) == len(run) == len(run.rows(run.time))
+
+
+def test_a_lost_stretch_is_no_row() -> None:
+    run = _run(1, Manoeuvre.RAMP, _ramp(180.0), np.random.default_rng(1))
+    torque = run.torque.sun.copy()
+    torque[5000:5400] = np.nan
+    whole, holed = smooth(run), smooth(MovingRun(**{**vars(run), "torque": PerShaft(torque, run.torque.ring)}))
+    lost = np.isnan(holed.measured.sun)
+    assert lost[np.searchsorted(holed.row_time, 5.2)]
+    far = np.abs(holed.row_time - 5.2) > 0.6
+    assert not lost[far].any()
+    np.testing.assert_allclose(holed.measured.sun[far], whole.measured.sun[far], atol=1e-12)
+
+
+def test_rows_are_white_once_whitened() -> None:
+    runs = tuple(smooth(run) for run in _campaign(3))
+    baseline = start_baseline(sheet_of(load_bench(), 1, ()), stretches_of(runs))
+    stretch = baseline.stretches[0]
+    noise = np.random.default_rng(5).standard_normal((200, len(stretch.run.run.torque.sun))) * 0.012
+    rows = np.stack([runs[0].rows(smooth_of(stretch.run.run, each)) for each in noise[:40]])
+    white = row_noise(baseline, 0, 1e-9).white(rows.T - rows.mean(axis=1))
+    assert 0.85 < white.std() < 1.1
+    slow = white[: 15 * 20].reshape(15, 20, -1).sum(axis=1)
+    assert 0.85 < float(np.mean(slow**2)) / 20.0 < 1.15
+
+
+def smooth_of(run: MovingRun, torque: np.ndarray) -> np.ndarray:
+    """Fine samples of another torque in a run."""
+    return smooth(MovingRun(**{**vars(run), "torque": PerShaft(torque, torque)})).shafts.sun.torque
+
+
+def test_a_sound_campaign_is_consistent_and_its_inertia_is_found() -> None:
+    found = diagnose_motion("sound", _campaign(11), load_bench(), np.random.default_rng(0))
+    assert found.verdict is Verdict.CONSISTENT
+    place = found.before.sheet.at("inertia_sun")
+    assert abs(found.constants[place] - INERTIA) < 4.0 * found.errors[place] + 1e-3 * INERTIA
+
+
+def test_a_lag_of_the_transducer_is_named_with_its_size() -> None:
+    found = diagnose_motion("lagging", _campaign(12, lag=0.014), load_bench(), np.random.default_rng(0))
+    assert found.verdict.names
+    assert found.naming is not None
+    names = {(fit.identifier, fit.place) for e in (found.naming.best, *found.naming.rivals) for fit in e.fits}
+    assert ("transducer_bandwidth", "sun") in names
+    assert found.mismatch.p_value < 0.05
+
+
+def test_no_run_and_runs_of_two_gears_are_refused() -> None:
+    with pytest.raises(FitError, match="no run"):
+        diagnose_motion("none", (), load_bench(), np.random.default_rng(0))
+    one, *others = _campaign(1)
+    mixed = (MovingRun(**{**vars(one), "gear": 2}), *others)
+    with pytest.raises(FitError, match="gear 1, gear 2"):
+        diagnose_motion("mixed", mixed, load_bench(), np.random.default_rng(0))
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=40), st.floats(0.01, 0.5))
+@settings(max_examples=40)
+def test_friction_that_follows_an_angle_stays_within_its_largest_and_depends_on_no_rate(
+    steps: list[float], over: float
+) -> None:
+    angle = np.cumsum(steps)
+    for law in (lagging, stopping):
+        found = law(np.repeat(angle, 3), over)
+        slower = law(np.repeat(angle, 6), over)
+        assert np.abs(found).max() <= 1.0 + 1e-12
+        np.testing.assert_allclose(found[::3], slower[::6], atol=1e-9)
+
+
+def test_every_candidate_has_its_own_key_and_moves_rows_or_the_data_sheet() -> None:
+    terms = library()
+    assert len({term.key for term in terms}) == len(terms)
+    assert all(term.amplitudes and term.equation and term.source.citation for term in terms)

@@ -1,0 +1,101 @@
+"""A campaign in motion through pmg run: the cause is named in diagnosis.json, the page and its stills are whole."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+from tests.report import chromium
+
+from pmg.pipeline.commands.compare import run_all
+from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.settings.chosen import choose
+from pmg.pipeline.trials.motion.nature import MotionCase, draw_motion_case, write_motion_case
+from pmg.pipeline.trials.motion.strata import MotionStratum
+
+RUNS = ("Z_0", "N_ring_up", "N_ring_dither")
+HEAVIER = 1.2
+"""Part of the ring rotor's inertia that is concealed."""
+LARGEST_PAGE = 6e6
+
+
+def few_runs(case: MotionCase) -> MotionCase:
+    """The same bench with a heavier ring rotor and a few of its runs."""
+    scene = case.scene
+    kept = [i for i, run in enumerate(scene.campaign.runs) if run.point in RUNS]
+    campaign = replace(scene.campaign, runs=tuple(scene.campaign.runs[i] for i in kept))
+    scene = replace(scene, campaign=campaign, begun=tuple(scene.begun[i] for i in kept))
+    return replace(
+        case, scene=scene, effects=(replace(case.effects[0], effect=replace(case.effects[0].effect, size=HEAVIER)),)
+    )
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[MotionCase, Outcome, Path]:
+    """The case, what pmg run says of it, and the folder of the report."""
+    home, rng = tmp_path_factory.mktemp("motion"), np.random.default_rng(5)
+    stratum = MotionStratum("heavier ring rotor", "B", (("rotor_inertia", "ring"),))
+    case = few_runs(draw_motion_case(rng, stratum))
+    (home / "in").mkdir()
+    write_motion_case(case, home / "in", rng)
+    report = home / "report"
+    return case, run_all(choose(None, recordings=home / "in", store=home / "store", report=report), None), report
+
+
+def document(report: Path) -> dict[str, Any]:
+    """What stands in diagnosis.json, as its schema asks."""
+    found: dict[str, Any] = json.loads((report / "diagnosis.json").read_bytes())
+    schema = json.loads(files("pmg.pipeline.diagnosis").joinpath("diagnosis.schema.json").read_bytes())
+    Draft202012Validator(schema).validate(found)
+    return found
+
+
+def test_the_cause_is_named_in_the_document(told: tuple[MotionCase, Outcome, Path]) -> None:
+    case, outcome, report = told
+    found = document(report)
+    assert found["verdict"] == "named"
+    (mechanism,) = found["mechanisms"]
+    assert (mechanism["id"], mechanism["shaft"]) == ("rotor_inertia", "ring")
+    (more,) = mechanism["parameters"]
+    truth = HEAVIER * case.scene.bench.shafts.ring.rotor_inertia
+    assert abs(more["value"] - truth) < 0.2 * truth
+    assert found["held_out"]["gain_interval_Nm"][0] > 0.0
+    assert any(place["depends_on"] == ["inertia ring"] for place in found["locations"])
+    absorbed = {row["parameter"] for row in found["absorbed"]}
+    assert {"inertia_ring", "pull_out"} <= absorbed
+    compared = outcome.data["compare"]
+    assert compared["diagnosis"] == found
+    assert compared["moving"] == 2
+    assert outcome.mismatch
+    assert not outcome.partial
+    assert {str(finding.severity) for finding in outcome.findings} == {"info"}  # they say that it is simulated
+    assert f"{found['phrase']}: {found['statement']}" in outcome.lines
+
+
+def test_the_page_and_its_stills_are_whole(told: tuple[MotionCase, Outcome, Path]) -> None:
+    _, outcome, report = told
+    assert {str(path) for path in report.rglob("*.png")} <= set(outcome.data["compare"]["files"])
+    stills = {path.stem for path in report.rglob("*.png")}
+    assert {"run-01", "run-02", "run-03", "loss-curves", "response"} == stills
+    page = (report / "report.html").read_text(encoding="utf-8")
+    assert len(page) < LARGEST_PAGE
+    assert document(report)["phrase"] in page
+    rows = (report / "tables" / "constants.csv").read_text(encoding="utf-8")
+    assert "inertia ring" in rows
+
+
+@chromium.needed
+def test_the_page_draws_its_runs(told: tuple[MotionCase, Outcome, Path], tmp_path: Path) -> None:
+    with chromium.tab(tmp_path) as tab:
+        tab.show(1280)
+        tab.open(told[2] / "report.html")
+        tab.ask("document.getElementById('run-02').scrollIntoView() ?? 1")
+        tab.wait("document.getElementById('run-02').dataset.drawn === 'yes'")
+        assert tab.ask("document.querySelectorAll('#run-02 .plot').length") == 3
+        assert tab.noise() == []
