@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.chapters.explained.balance import mean_over
-from pmg.pipeline.diagnosis.motion.constants import DRAG_POWERS, SPEED_UNIT, drag_names
+from pmg.pipeline.diagnosis.motion.constants import (
+    DRAG_POWERS,
+    FORM_SPEEDS,
+    MAP_WAVES,
+    SPEED_UNIT,
+    drag_names,
+    form_names,
+)
 from pmg.pipeline.diagnosis.motion.rows import linear_columns
 from pmg.pipeline.diagnosis.motion.traces import constants_covariance, final_baseline, named_fits, term_of
 from pmg.pipeline.recording.run_records import Manoeuvre
@@ -36,7 +43,7 @@ def constants_section(diagnosis: MotionDiagnosis) -> Section:
     rows: list[tuple[Cell, ...]] = []
     far = []
     for i, constant in enumerate(sheet.constants):
-        if not np.isfinite(constant.spread) and constant.name != "slip_damping":
+        if "_off" in constant.name or (np.isinf(constant.spread) and constant.name != "slip_damping"):
             continue
         beside, error, free = float(diagnosis.constants[i]), float(diagnosis.errors[i]), np.isinf(constant.spread)
         distance = float("nan") if free else (beside - constant.expected) / constant.spread
@@ -89,7 +96,7 @@ def loss_curve_section(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ..
         ]
         if not ramps:
             continue
-        names = drag_names(side)[: len(DRAG_POWERS)]
+        names = (*drag_names(side)[: len(DRAG_POWERS)], *form_names(side))
         at = [baseline.sheet.at(name) for name in names]
         speed = np.concatenate([trace.stretch.of_rows(trace.state.speed) for trace in ramps])
         drag = np.concatenate([_without(trace, names, diagnosis) for trace in ramps])
@@ -100,7 +107,11 @@ def loss_curve_section(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ..
                 x, y = mean_over(np.abs(speed[there]), sense * drag[there], SLICES)
                 series.append(Series(name, SPEEDS[side].display(x), y / MILLI, None, "markers", colour))
         x = np.linspace(float(np.abs(speed).min()), float(np.abs(speed).max()), 80)
-        columns = (x[:, None] / SPEED_UNIT) ** np.array(DRAG_POWERS)
+        near = [
+            np.interp(np.log(np.maximum(x, FORM_SPEEDS[0])), np.log(FORM_SPEEDS), unit)
+            for unit in np.eye(len(FORM_SPEEDS))
+        ]
+        columns = np.hstack([(x[:, None] / SPEED_UNIT) ** np.array(DRAG_POWERS), np.stack(near, 1)])
         u = np.sqrt(np.einsum("ni,ij,nj->n", columns, covariance[np.ix_(at, at)], columns))
         curve = columns @ diagnosis.constants[at]
         series.insert(0, Series("fitted", SPEEDS[side].display(x), curve / MILLI, u / MILLI, "line", 0))
@@ -134,12 +145,13 @@ def pole_angle_section(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ..
     ends = [float(end) for values in angle.values() for end in (values.min(), values.max())]
     x = np.linspace(min(ends), max(ends), 120)
     series = [Series("A sin φ", np.degrees(x), peak * np.sin(x), None, "line", 0)]
+    map_names = ("pull_out", *(f"map_off_{wave}" for wave in MAP_WAVES))
     named = map(term_of, named_fits(diagnosis))
     bends, largest = any(t.component is Component.MAGNETIC_GEAR and not t.constant for t in named), 0.0
     for side in sides:
         mine = [trace for trace in engaged if trace.stretch.side == side]
         pairs = baseline.sheet.poles[side]
-        torque = _joined([_without(trace, ("pull_out",), diagnosis) for trace in mine]) / pairs
+        torque = _joined([_without(trace, map_names, diagnosis) for trace in mine]) / pairs
         at, mean = mean_over(angle[side], torque, SLICES)
         largest = max(largest, float(np.abs(mean - peak * np.sin(at)).max()) * pairs)
         series.append(Series(f"measured, {side}", np.degrees(at), mean, None, "markers", 1 + SIDES.index(side)))

@@ -90,7 +90,7 @@ def _diagnosis(diagnosis: MotionDiagnosis, document: dict[str, Any]) -> Section:
         low, high = (end / MILLI for end in held["gain_interval_Nm"])
         facts += [
             (
-                "Error on kinds of run not used for the fit",
+                "Error on runs not used for the fit",
                 f"{held['rmse_before_Nm'] / MILLI:.2f} mN m before, {held['rmse_after_Nm'] / MILLI:.2f} after; "
                 f"noise {held['noise_floor_Nm'] / MILLI:.2f}; gain {low:.2f} to {high:.2f} (95 %)",
             ),

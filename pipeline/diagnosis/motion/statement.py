@@ -212,7 +212,7 @@ def _proof(diagnosis: MotionDiagnosis) -> str:
     low, high = held.gain_interval
     change = "drops" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly drop:")
     return (
-        f"With it in the model, the error on kinds of run not used for the fit {change} from "
+        f"With it in the model, the error on runs not used for the fit {change} from "
         f"{held.rmse_before / MILLI:.1f} to {held.rmse_after / MILLI:.1f} mN m; the noise is "
         f"{held.noise_floor / MILLI:.1f} mN m."
     )

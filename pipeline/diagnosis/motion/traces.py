@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from pmg.pipeline.diagnosis.motion.evidence import views_of
-from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_spread
+from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_spread, wander_of
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
@@ -119,6 +119,8 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
     wrong = [sheet.at(term_of(fit).constant) for fit in fits if term_of(fit).constant]
     values[wrong] = sheet.expected[wrong]
     before = replace(diagnosis.before, values=values)
+    noise = [row_noise(diagnosis.evidence.baseline, place) for place in range(len(baseline.stretches))]
+    wander = wander_of(diagnosis.evidence.baseline, noise)
     found = []
     for place, stretch in enumerate(baseline.stretches):
         added = np.zeros(len(stretch))
@@ -132,22 +134,21 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
                 before.predicted(place),
                 of_constants,
                 of_constants + added,
-                _spread(baseline, place) * diagnosis.evidence.scatter,
+                _spread(stretch, noise[place].factor, wander) * diagnosis.evidence.scatter,
             )
         )
     return tuple(found)
 
 
-def _spread(baseline: MotionBaseline, place: int) -> Array:
-    """Standard deviation of the smoothed torque of a stretch (n,)."""
-    stretch, factor = baseline.stretches[place], row_noise(baseline, place).factor
+def _spread(stretch: RotorRows, factor: Array, wander: float) -> Array:
+    """Standard deviation of the smoothed torque of a stretch (n,); `factor` is that of its noise."""
     weights = np.zeros(factor.shape[1])
     width = min(_width(stretch), len(weights))
     weights[(len(weights) - width) // 2 :][:width] = 1.0 / width
     white = np.zeros(len(weights))  # what the weights make of the factor's columns
     for lag, diagonal in enumerate(factor):
         white[: len(weights) - lag] += diagonal[: len(weights) - lag] * weights[lag:]
-    slow = _smoothed(stretch, slow_spread(stretch))
+    slow = _smoothed(stretch, slow_spread(stretch, wander))
     return np.asarray(np.sqrt(white @ white + np.sum(slow**2, axis=1)))
 
 
