@@ -321,5 +321,7 @@ def test_damaged_input_is_refused(published_folder: Path, tmp_path: Path) -> Non
     for name in ("neutral_grid.csv", "engaged_grid.csv"):
         text = (published_folder / name).read_text(encoding="utf-8").splitlines()
         (tmp_path / name).write_text("\n".join(text[:3] if name.startswith("neutral") else text), encoding="utf-8")
-    with pytest.raises(PmgError):
-        run_residuals(None, tmp_path, draws=19)
+    refused = run_residuals(None, tmp_path, draws=19)
+    assert refused.refusal is not None
+    assert "; expected " in str(refused.refusal)
+    assert not refused.data
