@@ -87,7 +87,7 @@ ELASTICS: tuple[MotionForm, ...] = (
         0.1,
         2.0,
         _more_inertia,
-        named_laws(fixed={}, film={"time": (2e-3, 8e-3)}, spring={"frequency": (90.0, 160.0), "damped": (0.02, 0.1)}),
+        named_laws(fixed={}, film={"time": (4e-4, 1e-3)}, spring={"frequency": (90.0, 160.0), "damped": (0.02, 0.1)}),
         {},
     ),
     MotionForm(

@@ -15,7 +15,11 @@ from pmg.pipeline.trials.motion import places as at
 from pmg.pipeline.trials.motion.places import compiled
 
 if TYPE_CHECKING:
+    from typing import TypeAlias
+
     from pmg.sim.signals import Array
+
+    Numbers: TypeAlias = tuple[Array, Array, Array]  # shafts, gear and drag tables
 
 
 @compiled
@@ -25,11 +29,11 @@ def _direction(speed: float, width: float) -> float:
 
 
 @compiled
-def _coupling_torque(shaft: Array, twist: float, rate: float) -> float:
+def _coupling_torque(shafts: Array, side: int, twist: float, rate: float) -> float:
     """Torque in a coupling [N m]."""
-    gap, contact = shaft[at.GAP], 1.0
+    gap, contact = shafts[side, at.GAP], 1.0
     if gap > 0.0:
-        corner = gap * shaft[at.GAP_ROUND]
+        corner = gap * shafts[side, at.GAP_ROUND]
         if corner > 0.0:
             upper, lower = (twist - gap) / corner, (-twist - gap) / corner
             twist = corner * (np.logaddexp(0.0, upper) - np.logaddexp(0.0, lower))
@@ -38,10 +42,10 @@ def _coupling_torque(shaft: Array, twist: float, rate: float) -> float:
             return 0.0
         else:
             twist -= np.copysign(gap, twist)
-    stiffness = shaft[at.STIFFNESS]
-    if shaft[at.SOFTNESS] != 0.0:
-        stiffness *= 1.0 - shaft[at.SOFTNESS] / (1.0 + (twist / shaft[at.SOFT_TWIST]) ** 2)
-    return float(stiffness * twist + contact * shaft[at.DAMPING] * rate)
+    stiffness = shafts[side, at.STIFFNESS]
+    if shafts[side, at.SOFTNESS] != 0.0:
+        stiffness *= 1.0 - shafts[side, at.SOFTNESS] / (1.0 + (twist / shafts[side, at.SOFT_TWIST]) ** 2)
+    return float(stiffness * twist + contact * shafts[side, at.DAMPING] * rate)
 
 
 @compiled
@@ -54,40 +58,44 @@ def _bristle(law: float, span: float, deflection: float, way: float) -> float:
 
 
 @compiled
-def _table_drag(table: Array, speed: float) -> float:
+def _table_drag(tables: Array, side: int, speed: float) -> float:
     """Drag of a rotor at a speed, without its sign [N m]."""
-    row = table[0] if speed >= 0.0 else table[1]
+    way = 0 if speed >= 0.0 else 1
     place = np.sqrt(abs(speed) / at.FINEST) * (at.NODES - 1)
     node = min(int(place), at.NODES - 2)
-    return float(row[node] + (place - node) * (row[node + 1] - row[node]))
+    low = tables[side, way, node]
+    return float(low + (place - node) * (tables[side, way, node + 1] - low))
 
 
 @compiled
-def _rotor_drag(shaft: Array, given: Array, table: Array, speed: float, carried: float, other: float) -> float:
+def _rotor_drag(
+    shafts: Array, tables: Array, side: int, given: Array, speed: float, carried: float, other: float
+) -> float:
     """Drag of a rotor by speed, load and the other shaft's speed, without bristles and magnetic drag [N m]."""
-    size = _table_drag(table, speed) * given[at.DRAG_SCALE] + given[at.DRAG_MORE] - shaft[at.BRISTLE]
-    if shaft[at.LOAD_FRICTION] != 0.0:
-        load, dead = abs(carried) / shaft[at.LOAD_REFERENCE], shaft[at.LOAD_DEAD]
-        power = shaft[at.LOAD_POWER]
-        size += shaft[at.LOAD_FRICTION] * ((load * load + dead * dead) ** (0.5 * power) - dead**power)
-    if shaft[at.IRON] != 0.0:
-        load = (abs(carried) / shaft[at.LOAD_REFERENCE]) ** shaft[at.IRON_LOAD_POWER]
-        size += shaft[at.IRON] * load * (abs(speed) / 100.0) ** shaft[at.IRON_SPEED_POWER]
-    if shaft[at.CROSS_DRAG] != 0.0:
-        size += shaft[at.CROSS_DRAG] * (other / 50.0) ** 2
-    return float(size * _direction(speed, shaft[at.TURNING_WIDTH]))
+    size = _table_drag(tables, side, speed) * given[side, at.DRAG_SCALE] + given[side, at.DRAG_MORE]
+    size -= shafts[side, at.BRISTLE]
+    if shafts[side, at.LOAD_FRICTION] != 0.0:
+        load, dead = abs(carried) / shafts[side, at.LOAD_REFERENCE], shafts[side, at.LOAD_DEAD]
+        power = shafts[side, at.LOAD_POWER]
+        size += shafts[side, at.LOAD_FRICTION] * ((load * load + dead * dead) ** (0.5 * power) - dead**power)
+    if shafts[side, at.IRON] != 0.0:
+        load = (abs(carried) / shafts[side, at.LOAD_REFERENCE]) ** shafts[side, at.IRON_LOAD_POWER]
+        size += shafts[side, at.IRON] * load * (abs(speed) / 100.0) ** shafts[side, at.IRON_SPEED_POWER]
+    if shafts[side, at.CROSS_DRAG] != 0.0:
+        size += shafts[side, at.CROSS_DRAG] * (other / 50.0) ** 2
+    return float(size * _direction(speed, shafts[side, at.TURNING_WIDTH]))
 
 
 @compiled
-def _turn_torque(shaft: Array, angle: float, speed: float) -> float:
+def _turn_torque(shafts: Array, side: int, angle: float, speed: float) -> float:
     """Torque that follows the rotor's turn: unbalance and cogging, against the rotation [N m]."""
     found = 0.0
-    if shaft[at.UNBALANCE] != 0.0:
-        growth = 1.0 + shaft[at.UNBALANCE_GROWTH] * (speed / 100.0) ** 2
-        found += shaft[at.UNBALANCE] * growth * np.sin(angle + shaft[at.UNBALANCE_PHASE])
-    if shaft[at.COGGING] != 0.0:
-        turn = shaft[at.COGGING_ORDER] * angle + shaft[at.COGGING_PHASE]
-        found += shaft[at.COGGING] * (np.sin(turn) + shaft[at.COGGING_SECOND] * np.sin(2.0 * turn))
+    if shafts[side, at.UNBALANCE] != 0.0:
+        growth = 1.0 + shafts[side, at.UNBALANCE_GROWTH] * (speed / 100.0) ** 2
+        found += shafts[side, at.UNBALANCE] * growth * np.sin(angle + shafts[side, at.UNBALANCE_PHASE])
+    if shafts[side, at.COGGING] != 0.0:
+        turn = shafts[side, at.COGGING_ORDER] * angle + shafts[side, at.COGGING_PHASE]
+        found += shafts[side, at.COGGING] * (np.sin(turn) + shafts[side, at.COGGING_SECOND] * np.sin(2.0 * turn))
     return float(found)
 
 
@@ -114,42 +122,43 @@ def _gear_torque(gear: Array, angle: float, rate: float, deflection: float, way:
 
 
 @compiled
-def _motor_torque(shaft: Array, drive: float) -> float:
+def _motor_torque(shafts: Array, side: int, drive: float) -> float:
     """Torque of a motor whose drive asks for one, within its limit [N m]."""
-    limit = shaft[at.LIMIT]
+    limit = shafts[side, at.LIMIT]
     if limit == np.inf:
         return drive
-    if shaft[at.LIMIT_SOFT] > 0.0:
+    if shafts[side, at.LIMIT_SOFT] > 0.0:
         return float(limit * np.tanh(drive / limit))
     return float(min(max(drive, -limit), limit))
 
 
 @compiled
-def _shaft_rates(y: Array, shaft: Array, asked: float, rates: Array) -> float:
+def _shaft_rates(y: Array, shafts: Array, side: int, asked: float, rates: Array) -> float:
     """Rates of a motor with its drive and of what hangs on the rotor; returns the torque on the rotor so far [N m]."""
-    width, speed = shaft[at.TURNING_WIDTH], y[at.MOTOR_SPEED]
-    coupling = _coupling_torque(shaft, y[at.MOTOR_ANGLE] - y[at.ROTOR_ANGLE], speed - y[at.ROTOR_SPEED])
-    drag = _direction(speed, width) * shaft[at.MOTOR_DRY] + shaft[at.MOTOR_VISCOUS] * speed
-    rates[at.MOTOR_ANGLE] = speed
-    rates[at.MOTOR_SPEED] = (_motor_torque(shaft, y[at.DRIVE]) - drag - coupling) / shaft[at.MOTOR_INERTIA]
-    rates[at.ROTOR_ANGLE] = y[at.ROTOR_SPEED]
-    rates[at.DRIVE] = (asked - y[at.DRIVE]) / shaft[at.DRIVE_LAG]
-    on_rotor = coupling - _turn_torque(shaft, y[at.ROTOR_ANGLE], y[at.ROTOR_SPEED])
-    if shaft[at.EXTRA_INERTIA] > 0.0:
-        pull = shaft[at.EXTRA_STIFFNESS] * (y[at.ROTOR_ANGLE] - y[at.EXTRA_ANGLE])
-        pull += shaft[at.EXTRA_DAMPING] * (y[at.ROTOR_SPEED] - y[at.EXTRA_SPEED])
-        rates[at.EXTRA_ANGLE] = y[at.EXTRA_SPEED]
-        rates[at.EXTRA_SPEED] = pull / shaft[at.EXTRA_INERTIA]
+    width, speed = shafts[side, at.TURNING_WIDTH], y[side, at.MOTOR_SPEED]
+    twist = y[side, at.MOTOR_ANGLE] - y[side, at.ROTOR_ANGLE]
+    coupling = _coupling_torque(shafts, side, twist, speed - y[side, at.ROTOR_SPEED])
+    drag = _direction(speed, width) * shafts[side, at.MOTOR_DRY] + shafts[side, at.MOTOR_VISCOUS] * speed
+    rates[side, at.MOTOR_ANGLE] = speed
+    left = _motor_torque(shafts, side, y[side, at.DRIVE]) - drag - coupling
+    rates[side, at.MOTOR_SPEED] = left / shafts[side, at.MOTOR_INERTIA]
+    rates[side, at.ROTOR_ANGLE] = y[side, at.ROTOR_SPEED]
+    rates[side, at.DRIVE] = (asked - y[side, at.DRIVE]) / shafts[side, at.DRIVE_LAG]
+    on_rotor = coupling - _turn_torque(shafts, side, y[side, at.ROTOR_ANGLE], y[side, at.ROTOR_SPEED])
+    if shafts[side, at.EXTRA_INERTIA] > 0.0:
+        pull = shafts[side, at.EXTRA_STIFFNESS] * (y[side, at.ROTOR_ANGLE] - y[side, at.EXTRA_ANGLE])
+        pull += shafts[side, at.EXTRA_DAMPING] * (y[side, at.ROTOR_SPEED] - y[side, at.EXTRA_SPEED])
+        rates[side, at.EXTRA_ANGLE] = y[side, at.EXTRA_SPEED]
+        rates[side, at.EXTRA_SPEED] = pull / shafts[side, at.EXTRA_INERTIA]
         on_rotor -= pull
     return float(on_rotor)
 
 
 @compiled
 def _rates(
-    y: Array, bristles: Array, span: float, given: Array, bench: tuple[Array, Array, Array], rates: Array
+    y: Array, bristles: Array, span: float, given: Array, shafts: Array, gear: Array, tables: Array, rates: Array
 ) -> None:
     """Rates of all states, a span [s] into a step at whose start the bristles stood as given."""
-    shafts, gear, tables = bench
     spring, more = 0.0, 0.0
     if gear[at.PULL_OUT] > 0.0:
         angle = shafts[0, at.POLES] * y[0, at.ROTOR_ANGLE] + shafts[1, at.POLES] * y[1, at.ROTOR_ANGLE]
@@ -159,33 +168,33 @@ def _rates(
     for side in range(2):
         if given[side, at.MODE] == at.HELD:
             continue
-        shaft, speed = shafts[side], y[side, at.ROTOR_SPEED]
-        torque = _shaft_rates(y[side], shaft, given[side, at.REFERENCE], rates[side])
-        carried = shaft[at.POLES] * spring
-        torque -= _rotor_drag(shaft, given[side], tables[side], speed, carried, y[1 - side, at.ROTOR_SPEED])
-        if shaft[at.BRISTLE] != 0.0:
-            size = _bristle(shaft[at.BRISTLE_LAW], shaft[at.BRISTLE_SPAN], bristles[side], speed * span)
-            torque -= shaft[at.BRISTLE] * size / shaft[at.BRISTLE_SPAN]
+        speed = y[side, at.ROTOR_SPEED]
+        torque = _shaft_rates(y, shafts, side, given[side, at.REFERENCE], rates)
+        carried = shafts[side, at.POLES] * spring
+        torque -= _rotor_drag(shafts, tables, side, given, speed, carried, y[1 - side, at.ROTOR_SPEED])
+        if shafts[side, at.BRISTLE] != 0.0:
+            size = _bristle(shafts[side, at.BRISTLE_LAW], shafts[side, at.BRISTLE_SPAN], bristles[side], speed * span)
+            torque -= shafts[side, at.BRISTLE] * size / shafts[side, at.BRISTLE_SPAN]
         if gear[at.PULL_OUT] > 0.0:
-            torque -= carried + shaft[at.POLES] * more + shaft[at.EDDY] * speed
-        rates[side, at.ROTOR_SPEED] = torque / shaft[at.ROTOR_INERTIA]
+            torque -= carried + shafts[side, at.POLES] * more + shafts[side, at.EDDY] * speed
+        rates[side, at.ROTOR_SPEED] = torque / shafts[side, at.ROTOR_INERTIA]
 
 
 @compiled
-def _regulate(shaft: Array, given: Array, before: float, y: Array, memory: Array, sample: float) -> float:
+def _regulate(shafts: Array, side: int, given: Array, before: float, y: Array, memory: Array, sample: float) -> float:
     """Torque that a drive asks for over the next sample [N m]; memory holds its integral and its filtered speed."""
     if given[at.MODE] == at.TORQUE:
         return float(given[at.REFERENCE])
-    memory[1] += shaft[at.SPEED_FILTER] * (y[at.MOTOR_SPEED] - memory[1])
+    memory[1] += shafts[side, at.SPEED_FILTER] * (y[at.MOTOR_SPEED] - memory[1])
     if given[at.MODE] == at.FREE:
         memory[0] = 0.0
         return 0.0
     error = given[at.REFERENCE] - memory[1]
-    forward = shaft[at.FORWARD] * (given[at.REFERENCE] - before) / sample
-    asked = shaft[at.PROPORTIONAL] * error + memory[0] + forward
-    limit = shaft[at.LARGEST_TORQUE]
+    forward = shafts[side, at.FORWARD] * (given[at.REFERENCE] - before) / sample
+    asked = shafts[side, at.PROPORTIONAL] * error + memory[0] + forward
+    limit = shafts[side, at.LARGEST_TORQUE]
     if abs(asked) <= limit:
-        memory[0] += shaft[at.INTEGRAL] * error * sample
+        memory[0] += shafts[side, at.INTEGRAL] * error * sample
         return float(asked)
     return float(np.copysign(limit, asked))
 
@@ -200,18 +209,17 @@ def _shifted(y: Array, by: float, rates: Array, found: Array) -> None:
 
 @compiled
 def _advance(
-    y: Array, bristles: Array, step: float, now: Array, bench: tuple[Array, Array, Array], work: Array
+    y: Array, bristles: Array, step: float, now: Array, shafts: Array, gear: Array, tables: Array, work: Array
 ) -> None:
     """One step of all states, in place."""
-    shafts, gear, _ = bench
     one, two, three, four, middle = work[0], work[1], work[2], work[3], work[4]
-    _rates(y, bristles, 0.0, now, bench, one)
+    _rates(y, bristles, 0.0, now, shafts, gear, tables, one)
     _shifted(y, 0.5 * step, one, middle)
-    _rates(middle, bristles, 0.5 * step, now, bench, two)
+    _rates(middle, bristles, 0.5 * step, now, shafts, gear, tables, two)
     _shifted(y, 0.5 * step, two, middle)
-    _rates(middle, bristles, 0.5 * step, now, bench, three)
+    _rates(middle, bristles, 0.5 * step, now, shafts, gear, tables, three)
     _shifted(y, step, three, middle)
-    _rates(middle, bristles, step, now, bench, four)
+    _rates(middle, bristles, step, now, shafts, gear, tables, four)
     turned = 0.0
     for side in range(2):
         before = y[side, at.ROTOR_ANGLE]
@@ -228,7 +236,7 @@ def _advance(
 
 
 @compiled
-def integrate(y: Array, given: Array, bench: tuple[Array, Array, Array], sample: float, substeps: int) -> Array:
+def integrate(y: Array, given: Array, bench: Numbers, sample: float, substeps: int) -> Array:
     """States of both shafts followed through a run.
 
     Parameters
@@ -249,22 +257,22 @@ def integrate(y: Array, given: Array, bench: tuple[Array, Array, Array], sample:
     (n, 2, OUTPUTS) array
     """
     count, step = len(given), sample / substeps
-    shafts = bench[0]
+    shafts, gear, tables = bench
     found = np.zeros((count, 2, at.OUTPUTS))
     bristles, memory, work = np.zeros(3), np.zeros((2, 2)), np.zeros((5, 2, at.STATES))
     now = given[0].copy()
     for k in range(count):
         for side in range(2):
-            state, shaft = y[side], shafts[side]
+            state = y[side]
             twist, rate = state[at.MOTOR_ANGLE] - state[at.ROTOR_ANGLE], state[at.MOTOR_SPEED] - state[at.ROTOR_SPEED]
             found[k, side, at.ANGLE], found[k, side, at.TURNING] = state[at.MOTOR_ANGLE], state[at.MOTOR_SPEED]
             found[k, side, at.ROTOR], found[k, side, at.ROTOR_TURNING] = state[at.ROTOR_ANGLE], state[at.ROTOR_SPEED]
-            found[k, side, at.COUPLING] = _coupling_torque(shaft, twist, rate)
-            found[k, side, at.MOTOR_TORQUE] = _motor_torque(shaft, state[at.DRIVE])
+            found[k, side, at.COUPLING] = _coupling_torque(shafts, side, twist, rate)
+            found[k, side, at.MOTOR_TORQUE] = _motor_torque(shafts, side, state[at.DRIVE])
             now[side] = given[k, side]
             before = given[max(k - 1, 0), side, at.REFERENCE]
             if now[side, at.MODE] != at.HELD:
-                now[side, at.REFERENCE] = _regulate(shaft, given[k, side], before, state, memory[side], sample)
+                now[side, at.REFERENCE] = _regulate(shafts, side, given[k, side], before, state, memory[side], sample)
         for _ in range(substeps):
-            _advance(y, bristles, step, now, bench, work)
+            _advance(y, bristles, step, now, shafts, gear, tables, work)
     return found
