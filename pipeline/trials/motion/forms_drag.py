@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.signal import lfilter
 
-from pmg.pipeline.trials.forms_drag import BEARINGS
+from pmg.pipeline.trials.forms_drag import BEARINGS, GEAR_BY_SHAFT
 from pmg.pipeline.trials.forms_magnetic import GEAR
 from pmg.pipeline.trials.laws import Families, Law
 from pmg.pipeline.trials.motion import places as at
@@ -15,6 +15,7 @@ from pmg.pipeline.trials.motion.bench import FASTEST
 from pmg.pipeline.trials.motion.effect import MotionEffect, MotionForm, named_laws
 from pmg.pipeline.trials.motion.machine import ROW, SPEEDS
 from pmg.pipeline.trials.motion.programme import RATE
+from pmg.sim.grid import Configuration
 
 if TYPE_CHECKING:
     from pmg.pipeline.trials.motion.machine import Machine
@@ -56,6 +57,18 @@ def _iron_loss(machine: Machine, effect: MotionEffect) -> None:
         shaft = machine.shafts[row]
         shaft[at.IRON] = effect.size * (1.0, 2.6)[row]
         shaft[at.IRON_LOAD_POWER], shaft[at.IRON_SPEED_POWER] = effect.number("load"), effect.number("speed")
+
+
+def _rubbing(machine: Machine, effect: MotionEffect) -> None:
+    """Drag when engaged only, by a law of the speed asked for over the highest one that stays near 1."""
+    row, fastest = ROW[effect.shaft], FASTEST[effect.shaft]
+
+    def change(run: PlannedRun, given: Array) -> None:
+        if run.configuration is Configuration.ENGAGED:
+            speed = np.abs(_speed_asked(run, effect.shaft))
+            given[:, row, at.DRAG_MORE] += effect.size * effect.shape(speed / fastest)
+
+    machine.inputs.append(change)
 
 
 def _warming(campaign: MotionCampaign, effect: MotionEffect, machine: Machine) -> tuple[Array, Array]:
@@ -182,6 +195,16 @@ DRAGS: tuple[MotionForm, ...] = (
         0.1,
         _iron_loss,
         named_laws(product={"load": (0.9, 1.3), "speed": (0.8, 1.1)}, eddy={"load": (1.8, 2.1), "speed": (0.9, 1.1)}),
+        {},
+    ),
+    MotionForm(
+        "engaged_dry_friction",
+        GEAR_BY_SHAFT,
+        "N m",
+        5e-3,
+        0.1,
+        _rubbing,
+        Families({"constant": Law(_constant), "falling": Law(_settling, {"steady": (0.6, 0.9)})}),
         {},
     ),
     MotionForm(

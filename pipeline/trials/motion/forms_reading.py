@@ -235,5 +235,15 @@ READINGS: tuple[MotionForm, ...] = (
         named_laws(sine={"second": (0.0, 0.0)}, sharp={"second": (0.2, 0.5)}),
         {**PHASE, "order": (5.5, 26.5)},
     ),
+    MotionForm(
+        "coupling_misalignment",
+        COUPLINGS,
+        "N m",
+        5e-3,
+        0.1,
+        _cogging,
+        named_laws(pure={"second": (0.0, 0.0)}, bent={"second": (0.2, 0.5)}),
+        {**PHASE, "order": (2.0, 2.0)},
+    ),
 )
 """Forms of faulty readings and of torques by the turn."""

@@ -79,7 +79,7 @@ def motion_strata() -> tuple[MotionStratum, ...]:
         )
         for form in forms
         for shaft in form.components
-        for size in SIZES
+        for size in (SIZES if form.seen else SIZES[2:3])
     ]
     double = [
         MotionStratum(f"{' + '.join(' '.join(one) for one in pair)} {size:g}", "C", pair, size)
