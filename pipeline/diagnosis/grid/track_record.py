@@ -44,10 +44,10 @@ class TrackRecord:
 
 
 RECORD = {
-    "named": TrackRecord("a cause named", 150, 158),
-    "ambiguous": TrackRecord("several causes given", 22, 23),
-    "weak": TrackRecord("a difference too weak to name its cause", 73, 79),
-    "not_in_library": TrackRecord("no known cause given, with those that come near", 101, 113),
+    "named": TrackRecord("a cause named", 148, 154),
+    "ambiguous": TrackRecord("several causes given", 30, 30),
+    "weak": TrackRecord("a difference too weak to name its cause", 68, 70),
+    "not_in_library": TrackRecord("no known cause given, with those that come near", 109, 114),
 }
 """From the trial of 600 campaigns in ``pipeline/trials/README.md``; sizes, causes and designs as drawn there."""
 
