@@ -22,6 +22,8 @@ PREFIX = ".pmg-"
 """Start of the names of files that are still being written."""
 AT_ONCE = 4
 """Files that the disk is asked to keep at the same time."""
+UNNOTED, UNTOLD = "unnoted", "untold"
+"""Births of a process that has ended and is not noted yet, and of one of which the system does not tell."""
 ABANDONED = 3600.0
 """Age after which such a file belongs to no running process [s], where its process cannot be asked after."""
 
@@ -63,7 +65,7 @@ def opened_aside(path: Path) -> Iterator[BinaryIO]:
 def _aside(path: Path) -> Iterator[BinaryIO]:
     """A file of another name, to be settled within the block; then it is renamed."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    owner = f"{PREFIX}{_realm()}-{os.getpid()}-"
+    owner = f"{PREFIX}{_realm()}-{os.getpid()}.{_birth(os.getpid())}-"
     handle, name = tempfile.mkstemp(prefix=owner, suffix=path.suffix, dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as aside:
@@ -89,8 +91,8 @@ def abandoned(path: Path) -> bool:
     On the machine that wrote it, because no such process runs; from elsewhere, because it is an hour old or more.
     """
     realm, _, rest = path.name.removeprefix(PREFIX).partition("-")
-    pid = rest.partition("-")[0]
-    if realm == _realm() and pid.isdecimal() and not _runs(int(pid)):
+    pid, _, birth = rest.partition("-")[0].partition(".")
+    if realm == _realm() and pid.isdecimal() and not _runs(int(pid), birth):
         return True
     try:
         return time.time() - path.stat().st_mtime > ABANDONED
@@ -98,8 +100,11 @@ def abandoned(path: Path) -> bool:
         return False
 
 
-def _runs(pid: int) -> bool:
-    """Whether a process of this number lives; taken to where the system cannot be asked without harm."""
+def _runs(pid: int, birth: str) -> bool:
+    """Whether the process of this number that started then lives; taken to where the system cannot be asked safely.
+
+    One that has ended and waits for its parent to note it does not live: in a container nobody may ever note it.
+    """
     if os.name != "posix":
         return True
     try:
@@ -108,7 +113,17 @@ def _runs(pid: int) -> bool:
         return False
     except OSError:
         return True
-    return True
+    now = _birth(pid)
+    return now != UNNOTED and (birth in {"", UNTOLD} or now in {birth, UNTOLD})
+
+
+def _birth(pid: int) -> str:
+    """When a process started, in ticks since the start of the machine; `UNNOTED`, or `UNTOLD` where nothing tells."""
+    try:
+        told = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+    except OSError:
+        return UNTOLD
+    return UNNOTED if told[0] in "ZX" else told[19]
 
 
 @cache

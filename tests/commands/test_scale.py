@@ -37,7 +37,7 @@ def test_a_command_killed_and_run_again_leaves_the_same_bytes_and_does_nothing_t
 ) -> None:
     found = kill_and_resume(campaign, tmp_path / "s", whole, moment, "--workers", str(workers))
     assert found.done >= moment
-    assert found.same
+    assert found.differing == ()
     assert (found.again, found.left) == (0, 0)
 
 
@@ -64,6 +64,27 @@ def test_what_a_dead_process_was_writing_is_cleared_away_at_once_and_what_a_live
     at = elsewhere.stat().st_mtime - 2 * ABANDONED
     os.utime(elsewhere, (at, at))
     assert abandoned(elsewhere)
+
+
+def test_the_writer_of_a_file_is_gone_when_it_ended_unnoted_and_when_another_process_has_its_number(
+    tmp_path: Path,
+) -> None:
+    code = (
+        "import os, sys; from pathlib import Path; from pmg.pipeline.files.atomic import opened_aside;"
+        "with_it = opened_aside(Path(sys.argv[1])); with_it.__enter__(); os._exit(1)"
+    )
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT / '.typing'}{os.pathsep}{ROOT}"}
+    unnoted = subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "a.json")], env=environment)
+    os.waitid(os.P_PID, unnoted.pid, os.WEXITED | os.WNOWAIT)  # it has ended; its parent has not taken note
+    (left,) = tmp_path.iterdir()
+    assert abandoned(left)
+    unnoted.wait()
+    assert abandoned(left)
+    number, _, birth = left.name.split("-")[2].partition(".")
+    assert number == str(unnoted.pid)
+    reused = left.with_name(left.name.replace(f"{number}.{birth}", f"{os.getpid()}.{birth}"))
+    left.rename(reused)
+    assert abandoned(reused)
 
 
 def test_a_removal_cut_short_is_finished(campaign: Path, whole: dict[str, bytes], tmp_path: Path) -> None:
