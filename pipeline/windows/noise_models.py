@@ -162,19 +162,51 @@ def _kinds() -> tuple[_NoiseForm, ...]:
     return tuple(found)
 
 
+def _axes(covariance: Array) -> tuple[Array, Array]:
+    r"""Variances (m,) on axes (m, m), in rows, on which m equal pieces fall apart; `covariance` (m,) is with the first.
+
+    Notes
+    -----
+    The matrix is the same read backwards, so its axes are even or odd about the middle and come from two halves of the
+    size [1]_: of :math:`A \pm B J`, with A the first block, B the one beside it, and J turning it over.
+
+    References
+    ----------
+    .. [1] A. Cantoni, P. Butler, Linear Algebra and its Applications 13 (1976) 275-288, theorem 2.
+    """
+    m = len(covariance)
+    half, odd = divmod(m, 2)
+    place = np.arange(half + odd)
+    first = covariance[np.abs(place[:, None] - place)]
+    crossed = covariance[m - 1 - place[:, None] - place]
+    if odd:  # the middle piece is its own mirror
+        for block in (first, crossed):
+            block[:, -1] *= np.sqrt(0.5)
+            block[-1] *= np.sqrt(0.5)
+    even, along = np.linalg.eigh(first + crossed)
+    uneven, across = np.linalg.eigh((first - crossed)[:half, :half])
+    axes = np.zeros((m, m))
+    axes[: half + odd, :half] = np.sqrt(0.5) * along[:half].T
+    axes[: half + odd, m - half :] = axes[: half + odd, :half][:, ::-1]
+    if odd:
+        axes[: half + odd, half] = along[half]
+    axes[half + odd :, :half] = np.sqrt(0.5) * across.T
+    axes[half + odd :, m - half :] = -axes[half + odd :, :half][:, ::-1]
+    return np.concatenate((even, uneven)), axes
+
+
 @lru_cache(maxsize=64)
 def forms(m: int) -> Forms:
     """All forms for m pieces."""
-    lag = np.abs(np.subtract.outer(np.arange(m), np.arange(m)))
     turn, rows = [], []
     for number, kind in enumerate(_kinds()):
-        own = kind.covariance(m)[lag]
-        along, axes = np.linalg.eigh(own)
-        turn.append(axes.T)
+        own = kind.covariance(m)
+        along, axes = _axes(own)
+        turn.append(axes)
         white = np.array(kind.white)
         variances = (1.0 - white[:, None]) * along + white[:, None]
         zero, first = ((1.0 - white) * kind.density(cycles, m) + white / m for cycles in (0.0, 1.0))
-        mean = (1.0 - white) * own.mean() + white / m
+        mean = (1.0 - white) * (2.0 * (own @ np.arange(m, 0, -1)) / m - own[0]) / m + white / m
         one = (1.0 - white) * kind.coarser(m, BATCHES) + white * BATCHES / m
         expected = (one - mean) / (BATCHES - 1)
         uneven = np.abs(np.log(zero / first)) > np.log1p(UNEVEN)

@@ -73,6 +73,17 @@ def test_forms_are_covariances_and_independent_noise_is_flat_and_safe_for_batche
     assert (known.uneven[: len(memory)] == (memory > 0.0503)).all()
 
 
+@pytest.mark.parametrize("m", [4, 17, 50])
+def test_the_axes_of_a_form_are_those_of_its_covariance_matrix(m: int) -> None:
+    known = forms(m)
+    lag = np.abs(np.subtract.outer(np.arange(m), np.arange(m)))
+    for number, kind in enumerate(_kinds()):
+        matrix, axes = kind.covariance(m)[lag], known.turn[number]
+        assert axes @ axes.T == pytest.approx(np.eye(m), abs=1e-12)
+        turned = axes @ matrix @ axes.T
+        assert turned == pytest.approx(np.diag(np.diag(turned)), abs=1e-10)
+
+
 def test_ripple_over_a_part_of_a_turn_stays_out_of_the_mean() -> None:
     """A plain mean over 10.5 turns is off by 0.05/(10.5 pi) N m, twenty times the noise of the mean."""
     n, speed = 5000, 126.0 * RPM
