@@ -13,6 +13,7 @@ from pmg.sim.shafts import PerShaft
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
+Spectrum = npt.NDArray[np.complex128]
 
 Number: TypeAlias = Any
 """Argument of plain arithmetic: a float, a complex number or an array of either."""

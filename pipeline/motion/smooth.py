@@ -10,10 +10,11 @@ import numpy as np
 from scipy.signal import fftconvolve, firwin, welch
 
 from pmg.sim.shafts import PerShaft, per_shaft
+from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
     from pmg.pipeline.motion.run import MovingRun
-    from pmg.sim.signals import Array
+    from pmg.sim.signals import Array, Mask
 
 FINE_RATE = 250.0
 """Rate at which torques that are no linear function of a signal are worked out [1/s]."""
@@ -29,6 +30,9 @@ STENCIL = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0
 
 PER_ROW = 3
 """Fine samples for each row."""
+
+MEDIAN = 0.97
+"""Median over mean of a density that is averaged over some thirty pieces."""
 
 KAISER = 5.6
 """Shape of the window of both filters: 60 dB of stop band."""
@@ -47,7 +51,7 @@ class SmoothShaft:
     density : float
         Spectral density of the torque's white noise [(N m)2/Hz], one-sided.
     angle_density : float
-        Spectral density of the angle's quantisation [rad2/Hz], one-sided.
+        Spectral density of the angle's noise [rad2/Hz], one-sided: quantisation, and what the times of samples jitter.
     fault : (n,) array, optional
         What the transducer shows beyond the torque of the coupling [N m].
     """
@@ -140,7 +144,7 @@ def smooth(run: MovingRun) -> SmoothRun:
 
     def shaft(side: str) -> SmoothShaft:
         torque, angle = _bridged(run.torque[side]), _bridged(run.angle[side])
-        angle = angle - angle[0]
+        angle = angle - REVOLUTION * np.floor(angle[0] / REVOLUTION)
         speed, torque_rate = derivative(angle, run.rate), derivative(torque, run.rate)
         return SmoothShaft(
             torque=through(torque),
@@ -150,7 +154,7 @@ def smooth(run: MovingRun) -> SmoothRun:
             speed=through(speed),
             acceleration=through(derivative(speed, run.rate)),
             density=_white_density(torque, run.rate),
-            angle_density=run.count[side] ** 2 / 6.0 / run.rate,
+            angle_density=max(run.count[side] ** 2 / 6.0 / run.rate, _angle_density(angle, run.rate)),
         )
 
     shafts = per_shaft(shaft)
@@ -196,4 +200,17 @@ def _bridged(values: Array) -> Array:
 def _white_density(torque: Array, rate: float) -> float:
     """Spectral density of a torque's noise well above the band [(N m)2/Hz], one-sided."""
     frequency, density = welch(torque, rate, nperseg=min(round(rate), len(torque)))
-    return float(np.median(density[(frequency > 3.0 * BAND) & (frequency < 0.4 * rate)]) / 0.97)
+    return float(np.median(density[_above(frequency, rate)]) / MEDIAN)
+
+
+def _angle_density(angle: Array, rate: float) -> float:
+    """Spectral density of an angle's noise well above the band [rad2/Hz], one-sided; of its steps, as it runs away."""
+    step = np.diff(angle)
+    frequency, density = welch(step, rate, nperseg=min(round(rate), len(step)))
+    passed = 4.0 * np.sin(np.pi * frequency / rate) ** 2
+    above = _above(frequency, rate)
+    return float(np.median(density[above] / passed[above]) / MEDIAN)
+
+
+def _above(frequency: Array, rate: float) -> Mask:
+    return np.asarray((frequency > 3.0 * BAND) & (frequency < 0.4 * rate))

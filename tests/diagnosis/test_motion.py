@@ -153,6 +153,37 @@ def test_a_lag_of_the_transducer_is_named_with_its_size() -> None:
     assert found.mismatch.p_value < 0.05
 
 
+def test_the_noise_of_an_angle_is_what_its_record_shows() -> None:
+    rng = np.random.default_rng(4)
+    turning = 150.0 * np.arange(20000) / RATE
+    for jitter in (0.0, 3e-3):
+        angle = COUNT * np.floor((turning + jitter * rng.standard_normal(len(turning))) / COUNT)
+        run = _run(1, Manoeuvre.RAMP, np.full(20000, 150.0), rng)
+        found = smooth(MovingRun(**{**vars(run), "angle": PerShaft(angle, run.angle.ring)})).shafts.sun.angle_density
+        expected = 2.0 * (COUNT**2 / 12.0 + jitter**2) / RATE
+        assert 0.85 * expected < found < 1.4 * expected
+
+
+def test_the_lag_of_a_transducer_is_found_to_a_hundredth() -> None:
+    for seed, lag in ((13, 0.014), (16, 0.005)):
+        found = diagnose_motion("lagging", _campaign(seed, lag=lag), load_bench(), np.random.default_rng(0))
+        assert found.naming is not None
+        (fit,) = found.naming.best.fits
+        assert fit.identifier == "transducer_bandwidth"
+        assert float(found.sizes[0][0]) == pytest.approx(lag, rel=0.05)
+
+
+def test_a_zero_that_is_off_and_one_that_moves_are_named() -> None:
+    for moved, name in ((lambda k: 0.05, "torque_zero_offset"), (lambda k: 0.03 * (k > 2), "torque_zero_drift")):
+        runs = []
+        for k, run in enumerate(_campaign(21)):
+            shown = PerShaft(run.torque.sun + moved(k), run.torque.ring)
+            runs.append(MovingRun(**{**vars(run), "torque": shown}))
+        found = diagnose_motion("zero", tuple(runs), load_bench(), np.random.default_rng(0))
+        assert found.naming is not None
+        assert name in {fit.identifier for e in (found.naming.best, *found.naming.rivals) for fit in e.fits}
+
+
 def test_no_run_and_runs_of_two_gears_are_refused() -> None:
     with pytest.raises(FitError, match="no run"):
         diagnose_motion("none", (), load_bench(), np.random.default_rng(0))

@@ -11,8 +11,8 @@ import pytest
 from tests.recovery.test_planted import SCHEMA
 from tests.trials.strata_by_name import find_stratum
 
+from pmg.pipeline.diagnosis.engine.catalogue import WEAK
 from pmg.pipeline.diagnosis.engine.free_form import explains
-from pmg.pipeline.diagnosis.engine.naming import WEAK
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.candidates import CandidateFit, candidates, grid_problem
 from pmg.pipeline.diagnosis.grid.decide import diagnose

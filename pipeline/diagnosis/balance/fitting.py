@@ -114,16 +114,19 @@ class TermProblem(WhitenedProblem[TermFit]):
         Whitened columns of a term at a value of its shape.
     tables : mapping of str to Tabled
         Whitened columns over the shapes.
+    absorbed : float
+        Part of a term's columns that must survive the baseline for it to be seen.
     """
 
     columns_of: Callable[[Term[Any], float], Array]
     tables: Mapping[str, Tabled]
+    absorbed: float = ABSORBED
 
     def of(self, rows: Mask) -> TermProblem:
         """The problem of some rows, before anything was taken out; the baseline is made orthonormal anew."""
         tables = {k: replace(t, columns=t.columns[rows]) for k, t in self.tables.items()}
         basis, left = freed(self.baseline[rows], self.left[rows])
-        return TermProblem(basis, left, lambda term, shape: self.columns_of(term, shape)[rows], tables)
+        return TermProblem(basis, left, lambda term, shape: self.columns_of(term, shape)[rows], tables, self.absorbed)
 
     def slopes(self, fit: TermFit) -> Array:
         """Whitened columns of a fitted term, and the derivative to its shape."""
@@ -158,6 +161,11 @@ def term_problem(recorded: Recorded, tables: dict[str, Tabled], noise: SerialNoi
     return TermProblem(*freed(noise.whiten(baseline), force), columns_of, white)
 
 
+FLAT = 2.0
+"""Fall of the sum of squares [noise variances] from a shape at its bound to the one before it, up to which the data do
+not tell it from that one."""
+
+
 def fit_term(problem: TermProblem, term: Term[Any], *, refine: bool = True) -> TermFit:
     """Best amplitudes and shape of one term with the baseline free to move."""
     table = problem.tables[term.key]
@@ -165,8 +173,11 @@ def fit_term(problem: TermProblem, term: Term[Any], *, refine: bool = True) -> T
     seen = problem.project(table.columns.reshape(m, g * a)).reshape(m, g, a)
     gains = _gains(seen, problem.left, term)
     best = int(np.argmax(gains))
+    inner = min(max(best, 1), g - 2) if g > 2 else best
+    untold = best != inner and bool(gains[best] - gains[inner] < FLAT)
+    best = inner if untold else best
     shape = float(table.shapes[best])
-    if term.shape is not None and refine:
+    if term.shape is not None and refine and not untold:
         shape = _refined(problem, term, table.shapes, best, float(gains[best]))
     tabled = term.shape is None or shape == table.shapes[best]
     whole = table.columns[:, best] if tabled else problem.columns_of(term, shape)
@@ -175,7 +186,7 @@ def fit_term(problem: TermProblem, term: Term[Any], *, refine: bool = True) -> T
     survives = float(np.linalg.norm(seen)) / size if size > 0.0 else 0.0
     bounds = np.array([q.bounds for q in term.amplitudes]).T
     shape_cost = 0.0 if term.shape is None else term.shape.cost
-    if survives < ABSORBED:
+    if survives < problem.absorbed:
         return TermFit(term, 0.0, shape_cost, np.zeros(len(seen)), (), np.zeros(len(term.amplitudes)), shape)
     _, amplitudes = bounded_sizes(seen, problem.left, bounds)
     margin = 1e-9 * np.ptp(bounds, axis=0)

@@ -24,6 +24,11 @@ LEADERS = 2
 """Leading candidates that are compared in detail, so that a simple form does not lose to another's detailed one."""
 
 
+FAINT, WEAK = 80.0, 160.0
+"""Gains below which what any candidate leaves looks like noise, and below which an effect of another kind may pass for
+the leading one: of trials with gains between them, three in ten had such a cause."""
+
+
 class CandidateCatalogue(ABC, Generic[F, P]):
     """Candidates that may explain what a baseline leaves."""
 
@@ -32,6 +37,9 @@ class CandidateCatalogue(ABC, Generic[F, P]):
 
     tells_weak: ClassVar[bool] = True
     """Whether the causes of a mismatch that is too weak to name one are reported as a set."""
+
+    weak_below: ClassVar[float] = WEAK
+    """Gain below which an effect of another kind may pass for the leading one."""
 
     @abstractmethod
     def rank(self, problem: P, without: Collection[str] = ()) -> list[F]:

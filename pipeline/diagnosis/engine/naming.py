@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic
 
-from pmg.pipeline.diagnosis.engine.catalogue import ENTRY, MARGIN
+from pmg.pipeline.diagnosis.engine.catalogue import ENTRY, FAINT, MARGIN
 from pmg.pipeline.diagnosis.engine.explanation import (
     Explanation,
     all_in_detail,
@@ -36,10 +36,6 @@ SHARE_OF_FIRST = 0.05
 
 TOGETHER = 0.9
 """Part of what is left that two candidates must explain to enter at once."""
-
-FAINT, WEAK = 80.0, 160.0
-"""Gains below which what any candidate leaves looks like noise, and below which an effect of another kind may pass for
-the leading one: of trials with gains between them, three in ten had such a cause."""
 
 PASSES = 3
 """Times the members of a set are swapped at most, as long as that makes it better."""
@@ -181,7 +177,9 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
     rivals, shafts, missed = rivals_near(best, pool, max(0.0, best.score - margin_beside(remainder)))
     weak: tuple[Explanation[F, P], ...] = ()
     if catalogue.tells_weak:
-        weak = _weak(singles, lambda leader: remainder if leader is best else remainder_of(leader.problem))
+        weak = _weak(
+            catalogue.weak_below, singles, lambda leader: remainder if leader is best else remainder_of(leader.problem)
+        )
     explained = explains(best, remainder)
     return Naming(best, rivals, shafts, remainder, explained, weak, tuple(rounds), further=further, missed=missed)
 
@@ -211,20 +209,20 @@ def _extended(catalogue: CandidateCatalogue[F, P], first: Explanation[F, P]) -> 
 
 
 def _weak(
-    singles: list[Explanation[F, P]], remainder_of: Callable[[Explanation[F, P]], Remainder]
+    below: float, singles: list[Explanation[F, P]], remainder_of: Callable[[Explanation[F, P]], Remainder]
 ) -> tuple[Explanation[F, P], ...]:
     """Single candidates that explain a weak mismatch, best first; none where it is strong or something is left."""
     if not singles:
         return ()
     leader, *others = sorted(singles, key=lambda e: -e.score)
-    if leader.gain >= WEAK or leader.score <= 0.0 or not remainder_of(leader).within_noise:
+    if leader.gain >= below or leader.score <= 0.0 or not remainder_of(leader).within_noise:
         return ()
     first: dict[frozenset[str], Explanation[F, P]] = {}
     for other in others:
         first.setdefault(other.ids, other)
     distinct = [e for ids, e in first.items() if ids != leader.ids]
     near = [e for e in distinct if e.score > leader.score - MARGIN]
-    fewest = FEWEST if leader.gain < FAINT else 0
+    fewest = FEWEST if leader.gain < min(FAINT, below) else 0
     return (leader, *(near or distinct[:fewest])[:MOST_RIVALS])
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
-from pmg.pipeline.diagnosis.engine.naming import WEAK
+from pmg.pipeline.diagnosis.engine.catalogue import MARGIN, WEAK
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 
 if TYPE_CHECKING:

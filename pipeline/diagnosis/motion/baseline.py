@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -42,6 +42,8 @@ class MotionBaseline:
         The same rows with signals freed from noise.
     beside : tuple of (n,) array
         Torque that mechanisms beside the baseline make at the fine samples of each stretch [N m]; none where empty.
+    amounts : (a,) array
+        Their amplitudes.
     """
 
     sheet: DataSheet
@@ -49,6 +51,7 @@ class MotionBaseline:
     stretches: tuple[RotorRows, ...]
     instruments: tuple[RotorRows, ...] = ()
     beside: tuple[Array, ...] = ()
+    amounts: Array = field(default_factory=lambda: np.zeros(0))
 
     @cached_property
     def clean(self) -> MotionBaseline:
@@ -151,7 +154,7 @@ def fit_baseline(
         k = len(found.sheet)
         covariance = np.linalg.pinv(rows[:, :-1].T @ rows[:, :-1], rcond=1e-13, hermitian=True)
         beside = tuple(columns @ moved[k:] for columns in others)
-        found = replace(found, values=found.values + moved[:k], beside=beside)
+        found = replace(found, values=found.values + moved[:k], beside=beside, amounts=moved[k:])
         if np.all(np.abs(moved[:k]) <= SETTLED * np.sqrt(np.diag(covariance)[:k]) + 1e-12):
             break
     return found, covariance

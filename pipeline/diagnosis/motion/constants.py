@@ -36,8 +36,15 @@ SLIP_PASSAGE, SLIP_FORM = 1.0, 1e-3
 MAP_WAVES, MAP_FORM = (2, 3), 5e-4
 """Harmonics by which the torque over the pole angle may be off a sine, and by how much [N m]."""
 
-SKEW = 1e-3
-"""Standard uncertainty of the time between a torque and an angle of the same sample [s]: one sample at 1 kHz."""
+SKEW = 5e-4
+"""Standard uncertainty of the time between a torque and an angle of the same sample [s]: half a sample at 1 kHz."""
+
+GIVE_FORM = 1.5e-4
+"""Standard deviation by which a coupling may give more or less than its stiffness says [rad/(N m)]: hubs, damping, and
+the noise of a torque in its own second derivative."""
+
+ENGAGED_DRY = 2e-3
+"""Standard deviation of the dry friction of a rotor that engaging brings [N m]: nothing touches in a magnetic gear."""
 
 DOUBT = 1.5
 """Factor on what is said of the uncertainty of a data sheet."""
@@ -107,6 +114,16 @@ def drag_names(side: str) -> tuple[str, ...]:
     return (*_powers("drag", side, DRAG_POWERS), *_powers("engaged_drag", side, ENGAGED_POWERS))
 
 
+def dry_name(side: str) -> str:
+    """Name of the dry friction that a rotor has besides when engaged."""
+    return drag_names(side)[len(DRAG_POWERS)]
+
+
+def map_name(wave: int) -> str:
+    """Name of a harmonic of the torque over the pole angle."""
+    return f"map_off_{wave}"
+
+
 def form_names(side: str) -> tuple[str, ...]:
     """Names of what a rotor's drag is off its curve at each of `FORM_SPEEDS`."""
     return tuple(f"drag_{side}_off_at_{speed:g}" for speed in FORM_SPEEDS)
@@ -127,8 +144,9 @@ def sheet_of(bench: BenchParameters, gear: int, engaged: tuple[str, ...]) -> Dat
     Notes
     -----
     Standard uncertainties: 5 % of a rotor's inertia, 20 % of a coupling's stiffness, 3 % of the pull-out torque, each
-    times `DOUBT`, as what is said of a bench is itself uncertain; 2 mN m of the zero of a transducer. Loss curves and
-    the damping of the pole angle are the campaign's own.
+    times `DOUBT`, as what is said of a bench is itself uncertain, and `GIVE_FORM` of a coupling; 2 mN m of the zero
+    of a transducer and of dry friction that engaging brings. Loss curves and the damping of the pole angle are the
+    campaign's own.
     """
     stage = bench.gear(gear)
     peak = float(stage.pull_out_torque_sun) / stage.pole_pairs.sun
@@ -138,15 +156,17 @@ def sheet_of(bench: BenchParameters, gear: int, engaged: tuple[str, ...]) -> Dat
             inertia = float(getattr(bench.shafts, f"inertia_{side}")) + float(getattr(bench.rotors, f"inertia_{side}"))
             compliance = 1.0 / float(bench.shafts.joint_stiffness)
             yield SheetConstant(f"inertia_{side}", "kg m2", inertia, DOUBT * 0.05 * inertia)
-            yield SheetConstant(f"compliance_{side}", "rad/(N m)", compliance, DOUBT * 0.2 * compliance)
+            give = np.hypot(DOUBT * 0.2 * compliance, GIVE_FORM)
+            yield SheetConstant(f"compliance_{side}", "rad/(N m)", compliance, float(give))
             yield SheetConstant(f"zero_{side}", "N m", 0.0, 2e-3)
             yield SheetConstant(f"skew_{side}", "s", 0.0, SKEW)
         yield SheetConstant("pull_out", "N m", peak, DOUBT * 0.03 * peak)
         yield SheetConstant("slip_damping", "N m s/rad", 0.0, FREE)
         yield from (SheetConstant(f"slip_damping_off_{side}", "N m", 0.0, SLIP_FORM) for side in SIDES)
-        yield from (SheetConstant(f"map_off_{wave}", "N m", 0.0, MAP_FORM) for wave in MAP_WAVES)
+        yield from (SheetConstant(map_name(wave), "N m", 0.0, MAP_FORM) for wave in MAP_WAVES)
         for side in SIDES:
-            yield from (SheetConstant(name, "N m", 0.0, FREE) for name in drag_names(side))
+            for name in drag_names(side):
+                yield SheetConstant(name, "N m", 0.0, ENGAGED_DRY if name == dry_name(side) else FREE)
             yield from (SheetConstant(name, "N m", 0.0, FORM) for name in form_names(side))
         yield from (SheetConstant(start_name(file), "rad", 0.0, FREE) for file in engaged)
 

@@ -15,14 +15,13 @@ from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, Mismatch, s
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
-from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, fit_baseline, start_baseline
+from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, start_baseline
+from pmg.pipeline.diagnosis.motion.beside import fit_beside
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
 from pmg.pipeline.diagnosis.motion.library import library
 from pmg.pipeline.diagnosis.motion.noise import row_noise, wander_of
-from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instruments
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
-from pmg.pipeline.diagnosis.motion.view import History, RotorView
 from pmg.pipeline.diagnosis.motion.withheld import by_kind, by_run
 from pmg.pipeline.motion.smooth import smooth
 from pmg.sim.errors import FitError
@@ -34,13 +33,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.motion.evidence import Family, MotionEvidence
     from pmg.pipeline.diagnosis.motion.noise import RowNoise
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
-
-CLEANINGS = 2
-"""Times the constants are fitted, each time with columns freed from the noise that the fit before showed."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +61,7 @@ class _MotionCatalogue(TermCatalogue):
     """The mechanisms that runs in motion may show."""
 
     tells_weak: ClassVar[bool] = True
+    weak_below: ClassVar[float] = 60.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,10 +112,10 @@ def diagnose_motion(
     """
     start = _start(runs, bench)
     noise = [row_noise(start, place) for place in range(len(start.stretches))]
-    rough, _ = _fitted(start, noise, ())
+    rough, _ = fit_beside(start, noise, ())
     wander = wander_of(rough, noise)
     noise = [row_noise(rough, place, wander) for place in range(len(start.stretches))]
-    before, covariance = _fitted(rough, noise, ())
+    before, covariance = fit_beside(rough, noise, ())
     found = motion_evidence(before, noise, library(), rng)
     mismatch = _mismatch(found)
     conclusion, together = Conclusion[TermFit, TermProblem](verdict=Verdict.CONSISTENT), None
@@ -152,7 +148,7 @@ def _explained(
     """What the library says of a mismatch, with the evidence about the constants beside what it names."""
     naming = name_candidates(found.problem, _MotionCatalogue(), adequacy_test(found.evidence))
     if naming.best.fits:
-        about, _ = _fitted(before, noise, naming.best.fits)
+        about, _ = fit_beside(before, noise, naming.best.fits)
         found = motion_evidence(about, noise, library(), rng)
         naming = name_candidates(found.problem, _MotionCatalogue(), adequacy_test(found.evidence))
     return found, conclude(found.problem, _MotionCatalogue(), naming, _proof(found, rng))
@@ -166,43 +162,6 @@ def _start(runs: tuple[MovingRun, ...], bench: BenchParameters) -> MotionBaselin
     smoothed = tuple(smooth(run) for run in runs)
     sheet = sheet_of(bench, gears.pop(), tuple(run.name for run in runs if run.coupled))
     return start_baseline(sheet, stretches_of(smoothed))
-
-
-def _fitted(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit, ...]) -> tuple[MotionBaseline, Array]:
-    """The constants fitted beside some mechanisms, with columns freed from noise."""
-
-    def white(place: int, columns: Array) -> Array:
-        return noise[place].white(columns)
-
-    found, covariance = start, np.zeros((0, 0))
-    for _ in range(CLEANINGS if not start.instruments else 1):
-        extra = _columns_of(fits) if fits else None
-        found, covariance = fit_baseline(found, white, extra)
-        if fits and all(fit.candidate.of_transducer for fit in fits):  # type: ignore[attr-defined]
-            found = with_faults(found)
-        found = with_instruments(found)
-    return found, covariance
-
-
-def _columns_of(fits: tuple[TermFit, ...]) -> Callable[[MotionBaseline, int], Array]:
-    """Columns (n, a) of fitted mechanisms at the fine samples of a stretch, their shapes kept."""
-
-    def extra(clean: MotionBaseline, place: int) -> Array:
-        view = _view(clean, place)
-        columns = []
-        for fit in fits:
-            term: MotionTerm = fit.candidate  # type: ignore[assignment]
-            column = term.columns(view, fit.shape)
-            columns.append(column if term.acts(view) else 0.0 * column)
-        return np.hstack(columns)
-
-    return extra
-
-
-def _view(clean: MotionBaseline, place: int) -> RotorView:
-    return RotorView(
-        clean.states[place], History(clean, tuple({s.run.run.name: s.run for s in clean.stretches}.values()))
-    )
 
 
 def _mismatch(found: MotionEvidence) -> Mismatch[MotionPlace]:

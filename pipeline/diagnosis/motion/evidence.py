@@ -12,6 +12,7 @@ from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermProblem
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS
 from pmg.pipeline.diagnosis.engine.evidence import Evidence
 from pmg.pipeline.diagnosis.engine.problem import freed
+from pmg.pipeline.diagnosis.motion.constants import MAP_WAVES, dry_name, form_names, map_name
 from pmg.pipeline.diagnosis.motion.families import spans_of, structures
 from pmg.pipeline.diagnosis.motion.view import History, RotorView
 from pmg.pipeline.fit.span import orthonormal
@@ -28,14 +29,21 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.sim.signals import Array, Mask
 
-_OF_SHEET = (
-    *(f"{name}_{side}" for side in SIDES for name in ("inertia", "compliance", "skew")),
-    "pull_out",
-)
-"""Constants whose distance from the data sheet is a finding."""
+_OF_SHEET = {
+    **{f"{name}_{side}": (f"{name}_{side}",) for side in SIDES for name in ("inertia", "compliance", "skew", "zero")},
+    "pull_out": ("pull_out",),
+    **{f"drag_{side}": form_names(side) for side in SIDES},
+    **{dry_name(side): (dry_name(side),) for side in SIDES},
+    "map": tuple(map(map_name, MAP_WAVES)),
+}
+"""Constants whose distance from the data sheet is a finding, together where they are of one curve."""
 
 SHAPES = 8
 """Values of a shape, evenly spaced on a logarithm, at which a candidate is tabled."""
+
+ABSORBED_BY_SHEET = 1e-4
+"""Part of a candidate's columns that must survive the constants: their data sheet holds back what they would take up,
+and that is a small part of a column that thousands of samples tell."""
 
 KEPT = 1e-2
 """Length of a direction, over the longest, from which on it is kept: what all columns of a stretch span."""
@@ -174,9 +182,9 @@ def motion_evidence(
     scatter = _scatter(np.concatenate([*(part.left for part in parts), off]), [columns, *found])
     unit = np.where(block < len(parts), 1.0 / scatter, 1.0)
     y, columns, found = unit * y, unit[:, None] * columns, [unit[:, None] * each for each in found]
-    for name in _OF_SHEET:
+    for name, names in _OF_SHEET.items():
         families = (*families, Family("both", "data sheet", name))
-        found.append(baseline.sheet.spread[baseline.sheet.at(name)] * _of_sheet(baseline.sheet, name, len(y)))
+        found.append(np.hstack([_unit_of_sheet(baseline.sheet, each, len(y)) for each in names]))
     tables = {}
     for term in terms:
         shapes, a = _shapes_of(term), len(term.amplitudes)
@@ -195,7 +203,7 @@ def motion_evidence(
         ]
         return unit[:, None] * stacked(of_part, len(term.amplitudes))
 
-    problem = TermProblem(*freed(columns, y), columns_of, tables)  # type: ignore[arg-type]
+    problem = TermProblem(*freed(columns, y), columns_of, tables, ABSORBED_BY_SHEET)  # type: ignore[arg-type]
     group = (np.ones(len(y), dtype=np.bool_),)
     evidence = Evidence(problem.left, problem.baseline, found, group, rng.standard_normal((len(y), DRAWS)))
     unexplained = np.array([part.unexplained for part in parts])
@@ -214,6 +222,11 @@ def _of_sheet(sheet: DataSheet, name: str, rows: int) -> Array:
     column = np.zeros((rows, 1))
     column[rows - len(known) + known.index(sheet.at(name))] = -1.0 / sheet.spread[sheet.at(name)]
     return column
+
+
+def _unit_of_sheet(sheet: DataSheet, name: str, rows: int) -> Array:
+    """The same per standard uncertainty of its data sheet."""
+    return np.asarray(sheet.spread[sheet.at(name)] * _of_sheet(sheet, name, rows))
 
 
 def _of_term(view: RotorView, term: MotionTerm, shapes: Array) -> Array:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.term import Quantity
+from pmg.pipeline.diagnosis.motion.constants import MAP_WAVES, map_name
 from pmg.pipeline.diagnosis.motion.terms import amount, engaged, signed, stack, term
 from pmg.pipeline.diagnosis.motion.view import lagging, stopping
 from pmg.sim import sources
@@ -58,6 +59,7 @@ def spring_terms() -> Iterator[MotionTerm]:
         "p (A2 sin 2 phi + A3 sin 3 phi)",
         signed("second", "third", unit="N m", most=0.5),
         engaged(lambda v, _: v.pairs * stack(np.sin(2.0 * v.state.pole_angle), np.sin(3.0 * v.state.pole_angle))),
+        mimicked_by=tuple(map(map_name, MAP_WAVES)),
         component=Component.MAGNETIC_GEAR,
         shaft="both",
     )

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.diagnosis.motion.gear_terms import cogging_terms, loss_terms, spring_terms
-from pmg.pipeline.diagnosis.motion.reading_terms import reading_terms
-from pmg.pipeline.diagnosis.motion.shaft_terms import bearing_terms, coupling_terms, turning_terms
+from pmg.pipeline.diagnosis.motion.reading_terms import scale_terms, time_terms, zero_terms
+from pmg.pipeline.diagnosis.motion.shaft_terms import bearing_terms, coupling_terms, rubbing_terms, turning_terms
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
@@ -15,6 +15,6 @@ if TYPE_CHECKING:
 
 def library() -> tuple[MotionTerm, ...]:
     """Every candidate."""
-    of_shaft = (bearing_terms, turning_terms, coupling_terms, reading_terms)
+    of_shaft = (bearing_terms, rubbing_terms, turning_terms, coupling_terms, scale_terms, time_terms, zero_terms)
     on_shafts = (term for side in SIDES for terms in of_shaft for term in terms(side))
     return (*on_shafts, *spring_terms(), *loss_terms(), *cogging_terms())

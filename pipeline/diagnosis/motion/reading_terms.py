@@ -19,14 +19,18 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 
+MOVES_IN = 10.0
+"""Time in which a zero that moves at one time does so [s]."""
+
+
 def _later(view: RotorView, delay: float) -> Array:
     """A torque less itself that much later, by its values."""
     time = view.state.stretch.run.time
     return view.shaft.torque - np.interp(time + delay, time, view.shaft.torque)
 
 
-def reading_terms(side: str) -> Iterator[MotionTerm]:
-    """What a transducer shows beyond the torque of its coupling."""
+def scale_terms(side: str) -> Iterator[MotionTerm]:
+    """What a transducer shows in proportion to a torque, its own or the other's."""
     transducer = Component(f"{side}_torque_transducer")
     yield term(
         "torque_gain_error",
@@ -34,9 +38,23 @@ def reading_terms(side: str) -> Iterator[MotionTerm]:
         "g T",
         signed("gain", unit="1", most=0.2),
         lambda v, _: stack(v.shaft.torque),
+        hears=lambda rate, _: (1.0, 0.0),
         source=sources.GUM,
         component=transducer,
         shaft=side,
+    )
+
+    yield term(
+        "torque_gain_error",
+        "Gain of the transducer that changes with the torque",
+        "g1 T + g2 T |T| + g3 T2",
+        (*signed("gain", unit="1", most=0.2), *signed("curved", "sided", unit="1/(N m)", most=0.1)),
+        lambda v, _: stack(v.shaft.torque, v.shaft.torque * np.abs(v.shaft.torque), v.shaft.torque**2),
+        hears=lambda rate, _: (1.0, 0.0),
+        source=sources.GUM,
+        component=transducer,
+        shaft=side,
+        variant="curved",
     )
 
     yield term(
@@ -45,17 +63,24 @@ def reading_terms(side: str) -> Iterator[MotionTerm]:
         "c T_other",
         signed("crosstalk", unit="1", most=0.2),
         lambda v, _: stack(v.other.torque),
+        hears=lambda rate, _: (0.0, 1.0),
         source=sources.GUM,
         component=transducer,
         shaft=side,
     )
 
+
+def time_terms(side: str) -> Iterator[MotionTerm]:
+    """What a transducer shows later than it is."""
+    transducer = Component(f"{side}_torque_transducer")
     yield term(
         "transducer_bandwidth",
         "First-order lag of the transducer",
         "-tau dT/dt",
         amount("lag", "s", 0.1),
         lambda v, _: stack(-v.shaft.torque_rate - v.skew * v.shaft.torque_curvature),
+        hears=lambda rate, _: (-rate, 0.0),
+        mimicked_by=(f"skew_{side}",),
         source=sources.BALANCE,
         component=transducer,
         shaft=side,
@@ -67,10 +92,42 @@ def reading_terms(side: str) -> Iterator[MotionTerm]:
         "T(t) - T(t + d)",
         (Quantity("part", "1", (0.5, 1.5)),),
         lambda v, delay: stack(_later(v, delay)),
+        hears=lambda rate, delay: (1.0 - np.exp(rate * delay), 0.0),
+        mimicked_by=(f"skew_{side}",),
         source=sources.BALANCE,
         shape=Quantity("delay", "s", (1e-3, 0.05)),
         component=transducer,
         shaft=side,
+    )
+
+
+def zero_terms(side: str) -> Iterator[MotionTerm]:
+    """A transducer that does not show zero at rest."""
+    transducer = Component(f"{side}_torque_transducer")
+    yield term(
+        "torque_zero_offset",
+        "Zero of the transducer that is off",
+        "T0",
+        signed("offset", unit="N m", most=0.5),
+        lambda v, _: stack(np.ones_like(v.speed)),
+        source=sources.GUM,
+        constant=f"zero_{side}",
+        component=transducer,
+        shaft=side,
+    )
+
+    yield term(
+        "torque_zero_drift",
+        "Zero of the transducer that moved at one time",
+        "T0 H(t - t0)",
+        signed("step", unit="N m", most=0.5),
+        lambda v, when: stack(0.5 + 0.5 * np.tanh((v.campaign_time - when * v.history.length) / MOVES_IN)),
+        source=sources.GUM,
+        shape=Quantity("when", "1", (0.1, 0.95)),
+        at_rest=True,
+        component=transducer,
+        shaft=side,
+        variant="step",
     )
 
     yield term(
@@ -81,6 +138,7 @@ def reading_terms(side: str) -> Iterator[MotionTerm]:
         lambda v, settles: stack(1.0 - np.exp(-v.campaign_time / settles)),
         source=sources.GUM,
         shape=Quantity("settles", "s", (60.0, 5000.0)),
+        at_rest=True,
         component=transducer,
         shaft=side,
     )

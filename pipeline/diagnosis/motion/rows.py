@@ -17,6 +17,7 @@ from pmg.pipeline.diagnosis.motion.constants import (
     SPEED_UNIT,
     drag_names,
     form_names,
+    map_name,
     start_name,
 )
 from pmg.pipeline.recording.run_records import Manoeuvre
@@ -184,7 +185,7 @@ def linear_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[s
         columns["pull_out"] = sheet.poles[side] * np.sin(state.pole_angle)
         columns["slip_damping"] = sheet.poles[side] * state.slip
         for wave in MAP_WAVES:
-            columns[f"map_off_{wave}"] = sheet.poles[side] * np.sin(wave * state.pole_angle)
+            columns[map_name(wave)] = sheet.poles[side] * np.sin(wave * state.pole_angle)
         columns[f"slip_damping_off_{side}"] = np.tanh(state.slip / SLIP_PASSAGE)
     return columns
 

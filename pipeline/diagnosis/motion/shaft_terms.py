@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.term import Quantity
+from pmg.pipeline.diagnosis.motion.constants import dry_name, form_names
 from pmg.pipeline.diagnosis.motion.terms import amount, engaged, signed, stack, term
 from pmg.pipeline.diagnosis.motion.view import lagging
 from pmg.pipeline.motion.smooth import derivative
@@ -67,7 +68,7 @@ def bearing_terms(side: str) -> Iterator[MotionTerm]:
         "lubricant_viscosity",
         "Lubricant that thins as the bearings warm",
         "-a x(t) M(w)",
-        amount("fall", "1", 2.0),
+        amount("fall", "1", 20.0),
         lambda v, settles: stack(-v.direction * v.drag * v.warmth(settles)),
         source=sources.HARRIS,
         shape=Quantity("settles", "s", (20.0, 2000.0)),
@@ -94,6 +95,7 @@ def bearing_terms(side: str) -> Iterator[MotionTerm]:
         lambda v, speed: stack(v.direction * np.exp(-np.abs(v.speed) / speed)),
         source=sources.ARMSTRONG,
         shape=Quantity("speed", "rad/s", (1.5, 40.0)),
+        mimicked_by=form_names(side),
         component=bearings,
         shaft=side,
     )
@@ -118,6 +120,21 @@ def bearing_terms(side: str) -> Iterator[MotionTerm]:
         lambda v, _: stack(v.direction**2 * v.drag),
         source=sources.ARMSTRONG,
         component=bearings,
+        shaft=side,
+    )
+
+
+def rubbing_terms(side: str) -> Iterator[MotionTerm]:
+    """What rubs on a rotor in the engaged gear."""
+    yield term(
+        "engaged_dry_friction",
+        "Dry friction in the engaged gear",
+        "M sign(w)",
+        amount("friction", "N m", 1.0),
+        engaged(lambda v, _: stack(v.direction)),
+        source=sources.BALANCE,
+        mimicked_by=(dry_name(side),),
+        component=Component.MAGNETIC_GEAR,
         shaft=side,
     )
 

@@ -15,7 +15,7 @@ from pmg.sim.mechanisms.base import Component
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pmg.sim.signals import Array
+    from pmg.sim.signals import Array, Spectrum
     from pmg.sim.sources import Source
 
 
@@ -35,6 +35,11 @@ class MotionTerm(Term[RotorView]):
         Whether the gear carries its effect to the other rotor.
     constant : str
         SheetConstant of the baseline of which it says that the data sheet is wrong; its size is by how much.
+    mimicked_by : tuple of str
+        Constants of the baseline that would take up its effect, far off their data sheet.
+    hears : callable, optional
+        Of a fault of a transducer: what its column holds of the noise in the own reading and in the other's, by the
+        rate of change of a wave (f,) and the shape.
     """
 
     component: Component = field(kw_only=True)
@@ -42,6 +47,8 @@ class MotionTerm(Term[RotorView]):
     variant: str = ""
     spreads: bool = False
     constant: str = ""
+    mimicked_by: tuple[str, ...] = ()
+    hears: Callable[[Spectrum, float], tuple[Spectrum | float, Spectrum | float]] | None = None
 
     @property
     def place(self) -> str:
@@ -72,10 +79,11 @@ def term(
     *,
     source: Source = sources.BALANCE,
     shape: Quantity | None = None,
-    **where: Any,  # noqa: ANN401 - component, shaft, variant, spreads, constant
+    **where: Any,  # noqa: ANN401 - component, shaft, variant, spreads, constant, mimicked_by, hears, at_rest
 ) -> MotionTerm:
-    """A candidate that says nothing of a rotor at rest."""
-    return MotionTerm(identifier, title, equation, sizes, _turning(law), source, shape, **where)
+    """A candidate; one that does not act `at_rest` says nothing of a rotor at rest."""
+    acting = law if where.pop("at_rest", False) else _turning(law)
+    return MotionTerm(identifier, title, equation, sizes, acting, source, shape, **where)
 
 
 def amount(name: str, unit: str, most: float, cost: float = 1.0) -> tuple[Quantity, ...]:

@@ -44,6 +44,11 @@ class History:
         """Start of the campaign [s since 1970]."""
         return min(run.run.started_at.timestamp() for run in self.runs)
 
+    @cached_property
+    def length(self) -> float:
+        """Time from its start to the end of its last run [s]."""
+        return max(run.run.started_at.timestamp() + float(run.time[-1]) for run in self.runs) - self.began
+
     def drag(self, side: str, speed: Array) -> Array:
         """Magnitude of a rotor's fitted drag at a speed [N m], neutral."""
         values = [float(self.baseline.values[self.baseline.sheet.at(n)]) for n in drag_names(side)[: len(DRAG_POWERS)]]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
     from pmg.pipeline.diagnosis.motion.rows import RotorRows
+    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.sim.signals import Array, Mask
 
 KINDS = ((Manoeuvre.RAMP, Manoeuvre.COAST), (Manoeuvre.STEPS,), (Manoeuvre.SWEEP,), (Manoeuvre.DITHER,))
@@ -49,7 +50,7 @@ class WithheldRuns(Withholding[TermFit, TermProblem]):
 
     def _columns(self, fit: TermFit) -> Array:
         """Columns of a mechanism; of one that a data sheet is wrong about, the constant's own."""
-        name = fit.candidate.constant  # type: ignore[attr-defined]
+        name = cast("MotionTerm", fit.candidate).constant
         if name:
             return self.constants[:, [self.sheet.at(name)]]
         return self.problem.columns_of(fit.candidate, fit.shape)
@@ -82,10 +83,13 @@ def by_run(found: MotionEvidence, fits: tuple[TermFit, ...]) -> WithheldRuns:
 def _withheld(found: MotionEvidence, fits: tuple[TermFit, ...], folds: list[int], what: str) -> WithheldRuns:
     """Rows with the folds of their stretches.
 
-    A constant of which `fits` say that the data sheet is wrong has its value from there without them.
+    A constant of which `fits` say that the data sheet is wrong, or that would take up what they do, has its value from
+    there without them.
     """
     sheet = found.baseline.sheet
-    wrong = [sheet.at(fit.candidate.constant) for fit in fits if fit.candidate.constant]  # type: ignore[attr-defined]
+    terms = [cast("MotionTerm", fit.candidate) for fit in fits]
+    named = (name for term in terms for name in (term.constant, *term.mimicked_by) if name)
+    wrong = sorted({sheet.at(name) for name in named})
     y = found.y + found.columns[:, wrong] @ (found.baseline.values - sheet.expected)[wrong]
     return WithheldRuns(
         y=y,

@@ -1,0 +1,113 @@
+"""The constants fitted beside mechanisms, on signals freed from the noise that the fit shows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, fit_baseline
+from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instruments
+from pmg.pipeline.diagnosis.motion.view import History, RotorView
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit
+    from pmg.pipeline.diagnosis.motion.noise import RowNoise
+    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.sim.signals import Array, Spectrum
+
+CLEANINGS = 2
+"""Times the constants are fitted, each time with columns freed from the noise that the fit before showed."""
+
+
+def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit, ...]) -> tuple[MotionBaseline, Array]:
+    """The constants fitted beside some mechanisms, their shapes kept, and the covariance (k, k).
+
+    Parameters
+    ----------
+    start : MotionBaseline
+        Where the search starts.
+    noise : list of RowNoise
+        Of each stretch.
+    fits : tuple of TermFit
+        The mechanisms; their amplitudes are fitted anew.
+    """
+
+    def white(place: int, columns: Array) -> Array:
+        return noise[place].white(columns)
+
+    def extra(clean: MotionBaseline, place: int) -> Array:
+        return np.hstack([_column(fit, clean, place) for fit in fits])
+
+    found, covariance = _apart(start, fits), np.zeros((0, 0))
+    for _ in range(CLEANINGS if fits or not start.instruments else 1):
+        found, covariance = fit_baseline(found, white, extra if fits else None)
+        if fits and all(_term(fit).of_transducer for fit in fits):
+            found = with_faults(found)
+        if not any(_term(fit).hears for fit in fits):
+            found = with_instruments(found)
+            continue
+        amounts = np.split(found.amounts, np.cumsum([len(fit.amplitudes) for fit in fits])[:-1])
+        found = with_instruments(found, _as_shown(found, fits, amounts), _Heard(fits, amounts))
+    return found, covariance
+
+
+def _apart(start: MotionBaseline, fits: tuple[TermFit, ...]) -> MotionBaseline:
+    """A baseline whose skew did not take up the faults of a transducer, so that both can be told apart."""
+    values = start.values.copy()
+    for fit in fits:
+        if _term(fit).hears:
+            at = start.sheet.at(f"skew_{_term(fit).place}")
+            values[at] = start.sheet.expected[at]
+    return replace(start, values=values)
+
+
+class _Heard:
+    """What faults of transducers hold of the noise of the readings that they are made of.
+
+    Parameters
+    ----------
+    fits : tuple of TermFit
+        Mechanisms, faults of transducers among them.
+    amounts : list of (a,) array
+        Their amplitudes.
+    """
+
+    def __init__(self, fits: tuple[TermFit, ...], amounts: list[Array]) -> None:
+        self.parts = [(_term(fit), float(a[0]), fit.shape) for fit, a in zip(fits, amounts, strict=True)]
+
+    def __call__(self, side: str, rate: Spectrum) -> tuple[Spectrum | float, Spectrum | float]:
+        own: Spectrum | float = 0.0
+        other: Spectrum | float = 0.0
+        for term, amount, shape in self.parts:
+            if term.hears is not None and term.place == side:
+                mine, theirs = term.hears(rate, shape)
+                own, other = own + amount * mine, other + amount * theirs
+        return own, other
+
+
+def _as_shown(found: MotionBaseline, fits: tuple[TermFit, ...], amounts: list[Array]) -> tuple[Array, ...]:
+    """Torque of the mechanisms at the fine samples of each stretch: faults of transducers from signals with noise."""
+    noisy = MotionBaseline(found.sheet, found.values, found.stretches)
+    return tuple(
+        np.asarray(
+            sum(
+                _column(fit, noisy if _term(fit).hears else found.clean, place) @ amount
+                for fit, amount in zip(fits, amounts, strict=True)
+            )
+        )
+        for place in range(len(found.stretches))
+    )
+
+
+def _column(fit: TermFit, clean: MotionBaseline, place: int) -> Array:
+    """Columns (n, a) of a fitted mechanism at the fine samples of a stretch."""
+    runs = {stretch.run.run.name: stretch.run for stretch in clean.stretches}
+    view = RotorView(clean.states[place], History(clean, tuple(runs.values())))
+    column = _term(fit).columns(view, fit.shape)
+    return column if _term(fit).acts(view) else 0.0 * column
+
+
+def _term(fit: TermFit) -> MotionTerm:
+    return cast("MotionTerm", fit.candidate)
