@@ -27,8 +27,9 @@ ENGAGED_POWERS = (0.0, 1.0, 2.0)
 FORM_SPEEDS = (1.5, 4.0, 10.0, 25.0, 60.0, 150.0)
 """Speeds [rad/s] between which the drag may be off its curve."""
 
-FORM = 1e-3
-"""Standard deviation by which it may be off there [N m]: real loss curves are not of the fitted form."""
+FORM = (4e-3, 4e-3, 3e-3, 1e-3, 1e-3, 1e-3)
+"""Standard deviation by which it may be off there [N m]: real loss curves are not of the fitted form, least of all
+where a film of lubricant breaks."""
 
 SLIP_PASSAGE, SLIP_FORM = 1.0, 1e-3
 """Rate of the pole angle [rad/s] about which its damping may be off its law, and by how much [N m]."""
@@ -167,7 +168,8 @@ def sheet_of(bench: BenchParameters, gear: int, engaged: tuple[str, ...]) -> Dat
         for side in SIDES:
             for name in drag_names(side):
                 yield SheetConstant(name, "N m", 0.0, ENGAGED_DRY if name == dry_name(side) else FREE)
-            yield from (SheetConstant(name, "N m", 0.0, FORM) for name in form_names(side))
+            for name, off in zip(form_names(side), FORM, strict=True):
+                yield SheetConstant(name, "N m", 0.0, off)
         yield from (SheetConstant(start_name(file), "rad", 0.0, FREE) for file in engaged)
 
     return DataSheet(tuple(constants()), per_shaft(lambda side: stage.pole_pairs[side]))

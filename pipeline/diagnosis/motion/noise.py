@@ -34,7 +34,7 @@ RIPPLE = 5e-3
 
 RIPPLE_ORDERS = (1, 2)
 
-FLOOR = 0.02
+FLOOR = 0.1
 """Part of the variance that is added to it alone, so that the whitening of a band-limited noise stays bounded."""
 
 
