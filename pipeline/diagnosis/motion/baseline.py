@@ -123,7 +123,7 @@ def start_baseline(sheet: DataSheet, stretches: tuple[RotorRows, ...]) -> Motion
 def fit_baseline(
     start: MotionBaseline,
     white: Callable[[int, Array], Array],
-    extra: Callable[[MotionBaseline, int], Array] | None = None,
+    extra: Callable[[MotionBaseline], list[Array]] | None = None,
 ) -> tuple[MotionBaseline, Array]:
     """The constants fitted to the rows together with their data sheet, and their covariance (k, k).
 
@@ -134,13 +134,13 @@ def fit_baseline(
     white : callable
         Whitens columns (n, j) of a stretch, given its place.
     extra : callable, optional
-        Further columns (n, j) at the fine samples of a stretch of a baseline, whose amplitudes are free.
+        Further columns (n, j) at the fine samples of each stretch of a baseline, whose amplitudes are free.
     """
     found, covariance = start, np.zeros((0, 0))
     known = np.isfinite(start.sheet.spread)
     for _ in range(ITERATIONS):
         blocks = []
-        others = [] if extra is None else [extra(found.clean, place) for place in range(len(found.stretches))]
+        others = [] if extra is None else extra(found.clean)
         for place in range(len(found.stretches)):
             own = [found.stretches[place].of_rows(columns) for columns in others[place : place + 1]]
             parts = [found.clean.columns(place), *own, found.missing(place)[:, None]]

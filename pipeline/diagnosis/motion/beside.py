@@ -9,12 +9,13 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, fit_baseline
 from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instruments
-from pmg.pipeline.diagnosis.motion.view import History, RotorView
+from pmg.pipeline.diagnosis.motion.view import views_of
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.noise import RowNoise
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.sim.signals import Array, Spectrum
 
 CLEANINGS = 2
@@ -37,8 +38,8 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
     def white(place: int, columns: Array) -> Array:
         return noise[place].white(columns)
 
-    def extra(clean: MotionBaseline, place: int) -> Array:
-        return np.hstack([_column(fit, clean, place) for fit in fits])
+    def extra(clean: MotionBaseline) -> list[Array]:
+        return [np.hstack([_column(fit, view) for fit in fits]) for view in views_of(clean)]
 
     found, covariance = _apart(start, fits), np.zeros((0, 0))
     for _ in range(CLEANINGS if fits or not start.instruments else 1):
@@ -89,22 +90,17 @@ class _Heard:
 
 def _as_shown(found: MotionBaseline, fits: tuple[TermFit, ...], amounts: list[Array]) -> tuple[Array, ...]:
     """Torque of the mechanisms at the fine samples of each stretch: faults of transducers from signals with noise."""
-    noisy = MotionBaseline(found.sheet, found.values, found.stretches)
-    return tuple(
-        np.asarray(
-            sum(
-                _column(fit, noisy if _term(fit).hears else found.clean, place) @ amount
-                for fit, amount in zip(fits, amounts, strict=True)
-            )
-        )
-        for place in range(len(found.stretches))
-    )
+    noisy = views_of(MotionBaseline(found.sheet, found.values, found.stretches))
+
+    def shown(of_noisy: RotorView, of_clean: RotorView) -> Array:
+        parts = zip(fits, amounts, strict=True)
+        return np.asarray(sum(_column(f, of_noisy if _term(f).hears else of_clean) @ amount for f, amount in parts))
+
+    return tuple(map(shown, noisy, views_of(found.clean)))
 
 
-def _column(fit: TermFit, clean: MotionBaseline, place: int) -> Array:
+def _column(fit: TermFit, view: RotorView) -> Array:
     """Columns (n, a) of a fitted mechanism at the fine samples of a stretch."""
-    runs = {stretch.run.run.name: stretch.run for stretch in clean.stretches}
-    view = RotorView(clean.states[place], History(clean, tuple(runs.values())))
     column = _term(fit).columns(view, fit.shape)
     return column if _term(fit).acts(view) else 0.0 * column
 

@@ -14,7 +14,7 @@ from pmg.pipeline.diagnosis.engine.evidence import Evidence
 from pmg.pipeline.diagnosis.engine.problem import freed
 from pmg.pipeline.diagnosis.motion.constants import MAP_WAVES, dry_name, form_names, map_name
 from pmg.pipeline.diagnosis.motion.families import spans_of, structures
-from pmg.pipeline.diagnosis.motion.view import History, RotorView
+from pmg.pipeline.diagnosis.motion.view import RotorView, views_of
 from pmg.pipeline.fit.span import orthonormal
 from pmg.pipeline.motion.smooth import BAND
 from pmg.sim.shafts import SIDES
@@ -135,13 +135,6 @@ class _Compressed:
     unexplained: float
 
 
-def views_of(baseline: MotionBaseline) -> list[RotorView]:
-    """Every stretch of a baseline as laws see it, on its clean signals."""
-    clean = baseline.clean
-    history = History(clean, tuple({s.run.run.name: s.run for s in clean.stretches}.values()))
-    return [RotorView(state, history) for state in clean.states]
-
-
 def _shapes_of(term: MotionTerm) -> Array:
     """Values of the shape at which a term is tabled."""
     return np.array([math.nan]) if term.shape is None else np.geomspace(*term.shape.bounds, SHAPES)
@@ -151,7 +144,7 @@ def motion_evidence(
     baseline: MotionBaseline, noise: list[RowNoise], terms: tuple[MotionTerm, ...], rng: np.random.Generator
 ) -> MotionEvidence:
     """The evidence of a campaign about a fitted baseline, with the terms that may be named."""
-    views = views_of(baseline)
+    views = views_of(baseline.clean)
     spans = {
         (side, coupled): spans_of([v for v in views if (v.side, v.coupled) == (side, coupled)])
         for side in SIDES

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.motion.evidence import views_of
 from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_spread, wander_of
+from pmg.pipeline.diagnosis.motion.view import views_of
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
@@ -80,7 +80,7 @@ def fitted_values(fit: TermFit) -> Array:
 def effects_of(diagnosis: MotionDiagnosis, others: tuple[TermFit, ...] = ()) -> tuple[tuple[Array, ...], ...]:
     """Torque of each named mechanism, or of others in their place, at the rows of each stretch [N m]."""
     baseline, fits = final_baseline(diagnosis), others or named_fits(diagnosis)
-    views, sizes = views_of(baseline), tuple(map(fitted_values, others)) or diagnosis.sizes
+    views, sizes = views_of(baseline.clean), tuple(map(fitted_values, others)) or diagnosis.sizes
     found = []
     for fit, values in zip(fits, sizes, strict=True):
         term, count = term_of(fit), len(fit.amplitudes)

@@ -214,6 +214,12 @@ class RotorView:
         return self.history.warmth(self.side, settles)[self.state.stretch.run.run.name]
 
 
+def views_of(baseline: MotionBaseline) -> list[RotorView]:
+    """Every stretch of a baseline as laws see it, with one history: what it worked out serves them all."""
+    history = History(baseline, tuple({s.run.run.name: s.run for s in baseline.stretches}.values()))
+    return [RotorView(state, history) for state in baseline.states]
+
+
 def lagging(angle: Array, over: float) -> Array:
     r"""Friction of a bristle, 1 at most (n,): it follows an angle [rad] and slips beyond `over` [rad].
 
