@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.trials.world import World
     from pmg.sim.signals import Array
 
-    Knobs: TypeAlias = Mapping[str, float | str]
     Pair: TypeAlias = tuple[Array, Array]  # sun and ring [N m]
+
+Knobs: TypeAlias = "Mapping[str, float | str]"
 
 NO_LAWS = Families()
 """Of an effect whose functions are all that it is."""
@@ -95,11 +96,34 @@ class EffectForm:
     laws: Families = NO_LAWS
 
 
+class _AnyForm(Protocol):
+    """What every form of an effect tells: id and unit, the places it may sit at, and its laws."""
+
+    @property
+    def identifier(self) -> str:
+        """Id of the vocabulary; ``outside_...`` for what no library knows."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of its size."""
+
+    @property
+    def components(self) -> Mapping[str, str]:
+        """Places by shaft, each with the component of the bench."""
+
+    @property
+    def laws(self) -> Families:
+        """Laws that it may follow."""
+
+
+F = TypeVar("F", bound=_AnyForm)
+
+
 @dataclass(frozen=True)
-class Effect:
+class PlacedForm(Generic[F]):
     """A form on a shaft, with its size and shape."""
 
-    form: EffectForm
+    form: F
     shaft: str
     size: float
     knobs: Knobs
@@ -109,19 +133,42 @@ class Effect:
         """Where it sits on the bench."""
         return self.form.components[self.shaft]
 
-    def number(self, name: str) -> float:
-        """A knob that is a number."""
-        return float(self.knobs[name])
-
-    def shape(self, *arguments: Array) -> Array:
-        """The law that was drawn, with its constants, at dimensionless arguments."""
-        law = self.form.laws.every[str(self.knobs["law"])]
-        return law.shape(*arguments, **{name: self.number(name) for name in law.ranges})
+    @property
+    def law(self) -> str:
+        """Name of its law; ``None`` where it has none to choose from."""
+        return str(self.knobs.get("law"))
 
     @property
     def family(self) -> str:
         """Whether its law is a usual or a reserved one."""
-        return self.form.laws.family(str(self.knobs.get("law")))
+        return self.form.laws.family(self.law)
+
+    def number(self, name: str) -> float:
+        """A knob that is a number."""
+        return float(self.knobs[name])
+
+    @property
+    def truth(self) -> dict[str, Any]:
+        """What it is, ready for JSON."""
+        return {
+            "id": self.form.identifier,
+            "in_library": not self.form.identifier.startswith("outside_"),
+            "shaft": self.shaft,
+            "component": self.component,
+            "size": self.size,
+            "unit": self.form.unit,
+            "knobs": dict(self.knobs),
+            "laws": self.family,
+        }
+
+    def shape(self, *arguments: Array) -> Array:
+        """The law that was drawn, with its constants."""
+        law = self.form.laws.every[self.law]
+        return law.shape(*arguments, **{name: self.number(name) for name in law.ranges})
+
+
+class Effect(PlacedForm[EffectForm]):
+    """An effect on a campaign of steady points."""
 
 
 def no_knobs(scene: BenchRun, rng: np.random.Generator) -> dict[str, float | str]:

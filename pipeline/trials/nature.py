@@ -89,9 +89,7 @@ class ConcealedCampaign:
     @property
     def expected(self) -> tuple[str, ...]:
         """Verdicts that are right: those of the stratum, and that all is well where nothing is left to be seen."""
-        seen = any(scaled.reached >= SEEN for scaled in self.effects)
-        found = self.stratum.expected
-        return found if seen or "consistent" in found else (*found, "consistent")
+        return right_verdicts(self.stratum.expected, (scaled.reached for scaled in self.effects))
 
     @property
     def truth(self) -> dict[str, Any]:
@@ -123,17 +121,15 @@ class ConcealedCampaign:
         }
 
 
+def right_verdicts(expected: tuple[str, ...], reached: Iterable[float]) -> tuple[str, ...]:
+    """Verdicts of a stratum, and that all is well where no effect reaches a size that is seen [sigma]."""
+    seen = any(size >= SEEN for size in reached)
+    return expected if seen or "consistent" in expected else (*expected, "consistent")
+
+
 def _effect_truth(scaled: Scaled) -> dict[str, Any]:
-    effect = scaled.effect
     return {
-        "id": effect.form.identifier,
-        "in_library": not effect.form.identifier.startswith("outside_"),
-        "shaft": effect.shaft,
-        "component": effect.component,
-        "size": effect.size,
-        "unit": effect.form.unit,
-        "knobs": dict(effect.knobs),
-        "laws": effect.family,
+        **scaled.effect.truth,
         "asked_sigma": scaled.asked,
         "reached_sigma": scaled.reached,
         "raw_sigma": scaled.raw,

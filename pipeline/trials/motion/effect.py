@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
+from pmg.pipeline.trials.effect import PlacedForm
 from pmg.pipeline.trials.laws import Families, Law
 
 if TYPE_CHECKING:
@@ -12,8 +13,6 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.trials.motion.machine import Machine
     from pmg.sim.signals import Array
-
-Knobs: TypeAlias = "Mapping[str, float | str]"
 
 
 @dataclass(frozen=True)
@@ -56,38 +55,13 @@ class MotionForm:
     seen: bool = True
 
 
-@dataclass(frozen=True)
-class MotionEffect:
-    """A form at a place, with its size and shape."""
-
-    form: MotionForm
-    shaft: str
-    size: float
-    knobs: Knobs
-
-    @property
-    def component(self) -> str:
-        """Where it sits on the bench."""
-        return self.form.components[self.shaft]
-
-    @property
-    def law(self) -> str:
-        """Name of its law."""
-        return str(self.knobs["law"])
+class MotionEffect(PlacedForm[MotionForm]):
+    """An effect on the machine in motion."""
 
     @property
     def signed(self) -> float:
         """Its size with its sign."""
         return self.size * self.number("sign")
-
-    def number(self, name: str) -> float:
-        """A knob that is a number."""
-        return float(self.knobs[name])
-
-    def shape(self, *arguments: Array) -> Array:
-        """The law that was drawn, with its constants."""
-        law = self.form.laws.every[self.law]
-        return law.shape(*arguments, **{name: self.number(name) for name in law.ranges})
 
 
 def named_laws(**ranges: Mapping[str, tuple[float, float]]) -> Families:

@@ -26,7 +26,7 @@ from pmg.pipeline.trials.motion.programme import RATE, draw_campaign
 from pmg.pipeline.trials.motion.sensors import CALIBRATION, COUNT, Instruments
 from pmg.pipeline.trials.motion.size import MotionYardstick, Scene, SizedEffect, scale_to
 from pmg.pipeline.trials.motion.strata import FORMS, MotionStratum
-from pmg.pipeline.trials.nature import SEEN
+from pmg.pipeline.trials.nature import right_verdicts
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import PerShaft
 from pmg.sim.signals import REVOLUTION
@@ -81,9 +81,7 @@ class MotionCase:
     @property
     def expected(self) -> tuple[str, ...]:
         """Verdicts that are right: those of the stratum, and that all is well where nothing is left to be seen."""
-        seen = any(sized.reached.absorbed >= SEEN for sized in self.effects)
-        found = self.stratum.expected
-        return found if seen or "consistent" in found else (*found, "consistent")
+        return right_verdicts(self.stratum.expected, (sized.reached.absorbed for sized in self.effects))
 
     @property
     def truth(self) -> dict[str, Any]:
@@ -105,16 +103,8 @@ class MotionCase:
 
 
 def _effect_truth(sized: SizedEffect) -> dict[str, Any]:
-    effect = sized.effect
     return {
-        "id": effect.form.identifier,
-        "in_library": not effect.form.identifier.startswith("outside_"),
-        "shaft": effect.shaft,
-        "component": effect.component,
-        "size": effect.size,
-        "unit": effect.form.unit,
-        "knobs": dict(effect.knobs),
-        "laws": effect.form.laws.family(effect.law),
+        **sized.effect.truth,
         "asked_sigma": sized.asked,
         "reached_sigma": sized.reached.absorbed,
         "raw_sigma": sized.reached.raw,
