@@ -149,6 +149,17 @@ def test_an_effect_is_scaled_to_the_size_asked_for(yardstick: MotionYardstick) -
     assert scaled.reached.absorbed == pytest.approx(2.0, rel=0.05)
 
 
+def test_a_baseline_takes_up_what_every_bench_has(yardstick: MotionYardstick) -> None:
+    """Ripple of a turn and half a sample between channels are within tolerance; ten times as much is ten of them."""
+    for identifier, size, law in (("shaft_unbalance", 6e-3, "gravity"), ("transducer_bandwidth", 5e-3, "first")):
+        effect = replace(_draw_effect(identifier, "sun", np.random.default_rng(5)), size=size)
+        effect = replace(effect, knobs={**effect.knobs, "law": law, "growth": 0.0})
+        found = yardstick.measure(yardstick.scene.courses([effect]))
+        points = sum(run.samples for run in yardstick.scene.campaign.runs) / RATE / POINT
+        assert found.absorbed < 0.9 * found.raw
+        assert found.absorbed * np.sqrt(points) < 15.0
+
+
 def test_a_baseline_takes_up_what_it_may_move(yardstick: MotionYardstick) -> None:
     """Ten per cent of inertia are two standard uncertainties, a drag curve is free, hysteresis is none of it."""
     left = {}

@@ -36,6 +36,14 @@ HIGHEST = 100.0
 """Highest frequency that counts [Hz]."""
 ZERO_TOLERANCE, ROTOR_TOLERANCE, STIFFNESS_TOLERANCE, SPRING_TOLERANCE = 2e-3, 0.05, 0.2, 0.03
 """Standard uncertainties of what a data sheet states: a zero [N m], and relative ones."""
+SKEW_TOLERANCE = 5e-4
+"""Standard uncertainty of the time between a torque and an angle of one sample [s]: half of it."""
+RIPPLE_TOLERANCES = (0.6e-3, 0.4e-3)
+"""Standard uncertainty of the ripple that every reading has once and twice a turn [N m]."""
+DRY_TOLERANCE = 2e-3
+"""Standard uncertainty of the dry friction that engaging brings [N m]."""
+ENCODER_TOLERANCE = 1e-4
+"""Standard uncertainty of the wave of a turn in the angle that an encoder shows [rad]."""
 FREE = 1e3
 """Standard uncertainty of what nothing is known of, in its own unit."""
 TENTS = 9
@@ -118,12 +126,20 @@ class CourseBalance:
                 continue
             yield f"inertia {side}", ROTOR_TOLERANCE, {side: shaft.rotor_inertia * rotor.acceleration}
             yield f"stiffness {side}", STIFFNESS_TOLERANCE, self._turned(side, rotor.twist)
+            yield f"skew {side}", SKEW_TOLERANCE, {side: np.gradient(rotor.torque) * RATE}
+            for wave in (np.cos, np.sin):
+                yield f"encoder {side} {wave.__name__}", ENCODER_TOLERANCE, self._turned(side, wave(rotor.angle))
+            for order, tolerance in enumerate(RIPPLE_TOLERANCES, 1):
+                for wave in (np.cos, np.sin):
+                    name = f"ripple {side} {order} {wave.__name__}"
+                    yield name, tolerance, {side: wave(order * self.course.turned[side])}
             direction, nodes = _direction(shaft, rotor.speed), np.linspace(0.0, 14.5, TENTS)
             for k, node in enumerate(nodes):
                 tent = np.maximum(1.0 - np.abs(np.sqrt(np.abs(rotor.speed)) - node) / nodes[1], 0.0)
                 yield f"drag {side} {k}", FREE, {side: tent * direction}
             if self.engaged:
                 yield f"eddy {side}", FREE, {side: rotor.speed}
+                yield f"dry {side}", DRY_TOLERANCE, {side: direction}
         if self.engaged:
             spring = self.bench.pull_out * np.sin(self.pole_angle)
             yield "pull-out", SPRING_TOLERANCE, {side: POLE_PAIRS[side] * spring for side in SIDES}
