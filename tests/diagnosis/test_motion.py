@@ -6,6 +6,7 @@ that nothing is integrated and no code is shared with the models.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -14,12 +15,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
+from pmg.pipeline.diagnosis.balance.fitting import fit_term
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.grid.free_form import DEGREE
 from pmg.pipeline.diagnosis.motion.baseline import start_baseline
+from pmg.pipeline.diagnosis.motion.beside import fit_beside
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
+from pmg.pipeline.diagnosis.motion.free_form import MIXED, bent_columns
 from pmg.pipeline.diagnosis.motion.library import library
-from pmg.pipeline.diagnosis.motion.noise import row_noise
+from pmg.pipeline.diagnosis.motion.noise import SlowNoise, row_noise, slow_noise_of
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.diagnosis.motion.view import lagging, stopping
 from pmg.pipeline.motion.run import MovingRun
@@ -126,7 +131,7 @@ def test_rows_are_white_once_whitened() -> None:
     stretch = baseline.stretches[0]
     noise = np.random.default_rng(5).standard_normal((200, len(stretch.run.run.torque.sun))) * 0.012
     rows = np.stack([runs[0].rows(smooth_of(stretch.run.run, each)) for each in noise[:40]])
-    white = row_noise(baseline, 0, 1e-9).white(rows.T - rows.mean(axis=1))
+    white = row_noise(baseline, 0, SlowNoise(1e-9, 3.0)).white(rows.T - rows.mean(axis=1))
     assert 0.75 < white.std() < 1.1  # less than 1 where the filter leaves nothing: the floor stands there
     slow = white[: 15 * 20].reshape(15, 20, -1).sum(axis=1)
     assert 0.75 < float(np.mean(slow**2)) / 20.0 < 1.15  # and what it adds makes the rest a little too wide
@@ -182,6 +187,61 @@ def test_a_zero_that_is_off_and_one_that_moves_are_named() -> None:
         found = diagnose_motion("zero", tuple(runs), load_bench(), np.random.default_rng(0))
         assert found.naming is not None
         assert name in {fit.identifier for e in (found.naming.best, *found.naming.rivals) for fit in e.fits}
+
+
+def _with_torque(run: MovingRun, more: np.ndarray) -> MovingRun:
+    """A run whose sun torque is larger."""
+    return MovingRun(**{**vars(run), "torque": PerShaft(run.torque.sun + more, run.torque.ring)})
+
+
+def test_the_wander_and_the_ripple_of_a_campaign_are_found() -> None:
+    rng, time, size, ripple = np.random.default_rng(6), 2.0, 4e-3, 6e-3
+    kept = float(np.exp(-1.0 / RATE / time))
+    runs = []
+    for number in range(12):
+        run = _run(number, Manoeuvre.RAMP, _ramp(120.0, 24.0), rng)
+        n = len(run.torque.sun)
+        start = kept * rng.standard_normal()
+        wander, _ = lfilter([1.0], [1.0, -kept], np.sqrt(1.0 - kept**2) * rng.standard_normal(n), zi=[start])
+        runs.append(_with_torque(run, size * wander + ripple * np.sin(run.angle.sun + rng.uniform(0.0, 6.3))))
+    start_at = start_baseline(sheet_of(load_bench(), 1, ()), stretches_of(tuple(map(smooth, runs))))
+    noise = [row_noise(start_at, place) for place in range(len(start_at.stretches))]
+    found = slow_noise_of(fit_beside(start_at, noise, ())[0], noise)
+    assert 0.6 * size < found.wander < 1.4 * size
+    assert 0.7 <= found.time < 3.0 * time
+    assert 0.5 * ripple < np.sqrt(2.0) * found.ripple[0] < 1.5 * ripple
+    assert found.ripple[1] < 0.2 * ripple
+
+
+def test_waves_of_a_turn_are_named_with_their_size() -> None:
+    runs = _campaign(22)
+    unbalanced = tuple(_with_torque(run, 0.02 * np.cos(run.angle.sun)) for run in runs if run.turns.sun)
+    eccentric = []
+    for run in runs:
+        shown = run.angle.sun + 3e-3 * np.sin(run.angle.sun) * run.turns.sun
+        eccentric.append(MovingRun(**{**vars(run), "angle": PerShaft(shown, run.angle.ring)}))
+    rest = tuple(run for run in runs if not run.turns.sun)
+    for campaign, name, place, size in (
+        ((*rest, *unbalanced), "shaft_unbalance", 0, 0.02),
+        (tuple(eccentric), "encoder_eccentricity", 1, 3e-3),
+    ):
+        found = diagnose_motion("waves", campaign, load_bench(), np.random.default_rng(0))
+        assert found.naming is not None
+        assert [fit.identifier for fit in found.naming.best.fits] == [name]
+        assert float(found.sizes[0][place]) == pytest.approx(size, rel=0.1)
+
+
+def test_a_law_may_bend_along_what_it_follows_only() -> None:
+    found = diagnose_motion("bends", _campaign(23, lag=0.014), load_bench(), np.random.default_rng(0))
+    problem = found.evidence.problem
+    for term in library():
+        if term.key in problem.tables and (term.follows or term.mixes or term.identifier == "transducer_bandwidth"):
+            fit = fit_term(problem, term)
+            fit = replace(fit, amplitudes=np.maximum(np.abs(fit.amplitudes), 1e-6))
+            columns = bent_columns(problem, fit)
+            count = DEGREE * len(term.follows) + (len(term.follows) == 2) + len(MIXED) * term.mixes
+            assert columns.shape == (len(problem.left), count)
+            assert columns.any() == (count > 0)
 
 
 def test_no_run_and_runs_of_two_gears_are_refused() -> None:

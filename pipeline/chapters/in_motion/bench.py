@@ -147,7 +147,7 @@ def pole_angle_section(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ..
     series = [Series("A sin φ", np.degrees(x), peak * np.sin(x), None, "line", 0)]
     map_names = ("pull_out", *(f"map_off_{wave}" for wave in MAP_WAVES))
     named = map(term_of, named_fits(diagnosis))
-    bends, largest = any(t.component is Component.MAGNETIC_GEAR and not t.constant for t in named), 0.0
+    bends, largest = any(t.component is Component.MAGNETIC_GEAR and not t.constants for t in named), 0.0
     for side in sides:
         mine = [trace for trace in engaged if trace.stretch.side == side]
         pairs = baseline.sheet.poles[side]

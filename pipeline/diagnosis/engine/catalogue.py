@@ -38,8 +38,8 @@ class CandidateCatalogue(ABC, Generic[F, P]):
     tells_weak: ClassVar[bool] = True
     """Whether the causes of a mismatch that is too weak to name one are reported as a set."""
 
-    weak_below: ClassVar[float] = WEAK
-    """Gain below which an effect of another kind may pass for the leading one."""
+    tells_unproven: ClassVar[bool] = False
+    """Whether what explains all, and is not proved on withheld rows, is reported as a set with what comes nearest."""
 
     @abstractmethod
     def rank(self, problem: P, without: Collection[str] = ()) -> list[F]:
@@ -48,6 +48,11 @@ class CandidateCatalogue(ABC, Generic[F, P]):
     @abstractmethod
     def fit(self, problem: P, candidate: Any) -> F:  # noqa: ANN401 - each catalogue has its own kind of candidate
         """Best values of one candidate with the baseline free to move."""
+
+    def weak_below(self, leading: tuple[F, ...]) -> float:
+        """Gain below which an effect of another kind may pass for the leading fits."""
+        del leading
+        return WEAK
 
     def in_detail(self, problem: P, fit: F, *, narrower: bool = False) -> F:
         """A fit in more detail where it has such a form and the data call for it; as it is otherwise.

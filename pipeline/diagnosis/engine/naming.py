@@ -209,12 +209,15 @@ def _extended(catalogue: CandidateCatalogue[F, P], first: Explanation[F, P]) -> 
 
 
 def _weak(
-    below: float, singles: list[Explanation[F, P]], remainder_of: Callable[[Explanation[F, P]], Remainder]
+    below_of: Callable[[tuple[F, ...]], float],
+    singles: list[Explanation[F, P]],
+    remainder_of: Callable[[Explanation[F, P]], Remainder],
 ) -> tuple[Explanation[F, P], ...]:
     """Single candidates that explain a weak mismatch, best first; none where it is strong or something is left."""
     if not singles:
         return ()
     leader, *others = sorted(singles, key=lambda e: -e.score)
+    below = below_of(leader.fits)
     if leader.gain >= below or leader.score <= 0.0 or not remainder_of(leader).within_noise:
         return ()
     first: dict[frozenset[str], Explanation[F, P]] = {}

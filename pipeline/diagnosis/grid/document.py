@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.naming import Naming
     from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
+    from pmg.pipeline.diagnosis.grid.law import LawPower
     from pmg.sim.grid import OperatingPoints
     from pmg.sim.signals import Array
 
@@ -62,7 +63,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "mechanisms": _mechanisms(diagnosis),
         "rivals": rival_rows(diagnosis),
         "near_ties": near_ties(near_decision(diagnosis)),
-        "form": _form(diagnosis),
+        "form": form_of(diagnosis.naming if diagnosis.verdict.names else None, diagnosis.law),
         "absorbed": [row.document for row in diagnosis.absorbed],
         "held_out": None
         if held is None
@@ -122,10 +123,9 @@ def near_ties(naming: Naming[Any, Any] | None) -> list[dict[str, Any]]:
     return [{"ids": sorted(other.ids), "by": by, "decided_by": rule} for other, by, rule in (*level, *missed)]
 
 
-def _form(diagnosis: Diagnosis) -> dict[str, Any] | None:
-    """How the law differs from the library's form, and what explains as much; None where it does not."""
-    naming = diagnosis.naming
-    if naming is None or not diagnosis.verdict.names or not (naming.best.bent or naming.further):
+def form_of(naming: Naming[Any, Any] | None, law: tuple[LawPower, ...] = ()) -> dict[str, Any] | None:
+    """How the law of what is named differs from the library's form, and what explains as much; None where not."""
+    if naming is None or not (naming.best.bent or naming.further):
         return None
     return {
         "explained_by_library_form": naming.best.gain,
@@ -139,7 +139,7 @@ def _form(diagnosis: Diagnosis) -> dict[str, Any] | None:
                 "value": power.more,
                 "standard_error": power.standard_error,
             }
-            for power in diagnosis.law
+            for power in law
         ],
         "or_further": [fit.identifier for fit in naming.further],
     }

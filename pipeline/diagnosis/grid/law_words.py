@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.wording.numerals import measured
 from pmg.sim.mechanisms.base import LawCovariate
 from pmg.sim.signals import MINUTE
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from pmg.pipeline.diagnosis.engine.naming import Naming
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
 
 COVARIATES = {
@@ -24,6 +27,18 @@ CLEAR = 2.0
 """Standard errors by which a power must differ from that of the library's form to be mentioned."""
 
 
+def bent_sentence(naming: Naming[Any, Any], along: Iterable[LawCovariate]) -> str:
+    """That the law of what leads is another than the library's, and how much either explains."""
+    best, left = naming.best, naming.remainder.excess
+    whole = best.gain + best.bent + left
+    change = " and ".join(dict.fromkeys(COVARIATES[name] for name in along)) or "its shape"
+    return (
+        f"The law differs from that of the library. The library's form explains {best.gain / whole:.1%} of the "
+        f"difference (in squares). A smooth change with {change} explains another {best.bent / whole:.1%}; "
+        f"{left / whole:.1%} remains."
+    )
+
+
 def form_sentences(diagnosis: Diagnosis) -> str:
     """Whether the law is another than the library's, in which power, and what would explain the same."""
     naming = diagnosis.naming
@@ -31,13 +46,8 @@ def form_sentences(diagnosis: Diagnosis) -> str:
         return ""
     best, further, sentences = naming.best, naming.further, []
     if best.bent:
-        along = dict.fromkeys(COVARIATES[name] for fit in best.fits for name in fit.candidate.kind.follows)
-        whole = best.gain + best.bent + naming.remainder.excess
-        sentences.append(
-            f"The law differs from that of the library. The library's form explains {best.gain / whole:.1%} of the "
-            f"difference (in squares). A smooth change with {' and '.join(along)} explains another "
-            f"{best.bent / whole:.1%}; {naming.remainder.excess / whole:.1%} remains."
-        )
+        along = [name for fit in best.fits for name in fit.candidate.kind.follows]
+        sentences.append(bent_sentence(naming, along))
         sentences += _powers(diagnosis)
         sentences.append(
             "The error on data not used for the fit is with the law free; the extended model has the library's form."

@@ -10,7 +10,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.engine.held_out import solve
 from pmg.pipeline.diagnosis.motion.constants import start_name
-from pmg.pipeline.diagnosis.motion.rows import linear_columns, rotor_state
+from pmg.pipeline.diagnosis.motion.rows import encoder_columns, linear_columns, rotor_state
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -87,6 +87,7 @@ class MotionBaseline:
         """Change of a stretch's torque per change of each constant (n, k)."""
         state = self.states[place]
         linear, found = linear_columns(state, self.sheet, self.values), np.zeros((len(state.stretch), len(self.sheet)))
+        linear |= encoder_columns(state, self.sheet, self.values)
         found[:, [self.sheet.at(name) for name in linear]] = state.stretch.of_rows(np.stack(list(linear.values()), 1))
         for name in self._bent(state.stretch):
             at = self.sheet.at(name)

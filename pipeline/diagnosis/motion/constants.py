@@ -37,12 +37,21 @@ SLIP_PASSAGE, SLIP_FORM = 1.0, 1e-3
 MAP_WAVES, MAP_FORM = (2, 3), 5e-4
 """Harmonics by which the torque over the pole angle may be off a sine, and by how much [N m]."""
 
+RIPPLE = {1: 6e-4, 2: 4e-4}
+"""Standard deviation of each wave of a turn that every reading has, by its order [N m]."""
+
+ECCENTRICITY = 1e-4
+"""Standard deviation of each wave of a turn in the angle that an encoder shows [rad]."""
+
+COGGING_ORDERS = (10, 18, 26, 90)
+"""Periods a turn that cogging may have: poles of a rotor, iron poles, and their least common multiple."""
+
 SKEW = 5e-4
 """Standard uncertainty of the time between a torque and an angle of the same sample [s]: half a sample at 1 kHz."""
 
-GIVE_FORM = 1.5e-4
-"""Standard deviation by which a coupling may give more or less than its stiffness says [rad/(N m)]: hubs, damping, and
-the noise of a torque in its own second derivative."""
+GIVE_FORM, GIVE_NOISE = 1e-4, 5e-7
+"""Standard deviation by which a coupling may give more or less than its stiffness says [rad/(N m)]: hubs and damping;
+and what the noise of a torque in its own second derivative adds, times the inertia behind it [kg m2 rad/(N m)]."""
 
 ENGAGED_DRY = 2e-3
 """Standard deviation of the dry friction of a rotor that engaging brings [N m]: nothing touches in a magnetic gear."""
@@ -134,6 +143,16 @@ def _powers(name: str, side: str, powers: tuple[float, ...]) -> tuple[str, ...]:
     return tuple(f"{name}_{side}_{power:g}" for power in powers)
 
 
+def ripple_names(side: str, order: int) -> tuple[str, str]:
+    """Names of the cosine and the sine of a wave of a turn in the reading of a shaft."""
+    return f"ripple_{side}_{order}_cosine", f"ripple_{side}_{order}_sine"
+
+
+def eccentricity_names(side: str) -> tuple[str, str]:
+    """Names of the cosine and the sine of the wave of a turn in the angle of an encoder."""
+    return f"eccentricity_{side}_cosine", f"eccentricity_{side}_sine"
+
+
 def start_name(file: str) -> str:
     """Name of the pole angle at the start of a run."""
     return f"pole_angle_{file}"
@@ -145,9 +164,9 @@ def sheet_of(bench: BenchParameters, gear: int, engaged: tuple[str, ...]) -> Dat
     Notes
     -----
     Standard uncertainties: 5 % of a rotor's inertia, 20 % of a coupling's stiffness, 3 % of the pull-out torque, each
-    times `DOUBT`, as what is said of a bench is itself uncertain, and `GIVE_FORM` of a coupling; 2 mN m of the zero
-    of a transducer and of dry friction that engaging brings. Loss curves and the damping of the pole angle are the
-    campaign's own.
+    times `DOUBT`, as what is said of a bench is itself uncertain, and what `GIVE_FORM` says of a coupling; 2 mN m of
+    the zero of a transducer and of dry friction that engaging brings. Loss curves and the damping of the pole angle
+    are the campaign's own.
     """
     stage = bench.gear(gear)
     peak = float(stage.pull_out_torque_sun) / stage.pole_pairs.sun
@@ -157,8 +176,8 @@ def sheet_of(bench: BenchParameters, gear: int, engaged: tuple[str, ...]) -> Dat
             inertia = float(getattr(bench.shafts, f"inertia_{side}")) + float(getattr(bench.rotors, f"inertia_{side}"))
             compliance = 1.0 / float(bench.shafts.joint_stiffness)
             yield SheetConstant(f"inertia_{side}", "kg m2", inertia, DOUBT * 0.05 * inertia)
-            give = np.hypot(DOUBT * 0.2 * compliance, GIVE_FORM)
-            yield SheetConstant(f"compliance_{side}", "rad/(N m)", compliance, float(give))
+            give = float(np.linalg.norm([DOUBT * 0.2 * compliance, GIVE_FORM, GIVE_NOISE / inertia]))
+            yield SheetConstant(f"compliance_{side}", "rad/(N m)", compliance, give)
             yield SheetConstant(f"zero_{side}", "N m", 0.0, 2e-3)
             yield SheetConstant(f"skew_{side}", "s", 0.0, SKEW)
         yield SheetConstant("pull_out", "N m", peak, DOUBT * 0.03 * peak)
@@ -170,6 +189,10 @@ def sheet_of(bench: BenchParameters, gear: int, engaged: tuple[str, ...]) -> Dat
                 yield SheetConstant(name, "N m", 0.0, ENGAGED_DRY if name == dry_name(side) else FREE)
             for name, off in zip(form_names(side), FORM, strict=True):
                 yield SheetConstant(name, "N m", 0.0, off)
+        for side in SIDES:
+            for order, ripple in RIPPLE.items():
+                yield from (SheetConstant(name, "N m", 0.0, ripple) for name in ripple_names(side, order))
+            yield from (SheetConstant(name, "rad", 0.0, ECCENTRICITY) for name in eccentricity_names(side))
         yield from (SheetConstant(start_name(file), "rad", 0.0, FREE) for file in engaged)
 
     return DataSheet(tuple(constants()), per_shaft(lambda side: stage.pole_pairs[side]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, conclude
+from pmg.pipeline.diagnosis.engine.forms import with_free_laws, with_look_alikes
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, Mismatch, search
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
@@ -19,8 +20,9 @@ from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, start_baselin
 from pmg.pipeline.diagnosis.motion.beside import fit_beside
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
+from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 from pmg.pipeline.diagnosis.motion.library import library
-from pmg.pipeline.diagnosis.motion.noise import row_noise, wander_of
+from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_noise_of
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.diagnosis.motion.withheld import by_kind, by_run
 from pmg.pipeline.motion.smooth import smooth
@@ -33,9 +35,15 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.motion.evidence import Family, MotionEvidence
     from pmg.pipeline.diagnosis.motion.noise import RowNoise
+    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
+
+
+WEAK, WEAK_OF_SHEET = 60.0, 25.0
+"""Gains below which an effect of another kind may pass for the leading one: of any, and of a constant that is so many
+times its variance off its data sheet."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +69,16 @@ class _MotionCatalogue(TermCatalogue):
     """The mechanisms that runs in motion may show."""
 
     tells_weak: ClassVar[bool] = True
-    weak_below: ClassVar[float] = 60.0
+    tells_unproven: ClassVar[bool] = True
+
+    def weak_below(self, leading: tuple[TermFit, ...]) -> float:
+        """Gain below which an effect of another kind may pass: less where a constant is plainly off its data sheet."""
+        of_sheet = all(cast("MotionTerm", fit.candidate).constants for fit in leading)
+        return WEAK_OF_SHEET if of_sheet else WEAK
+
+    def free_form(self, problem: TermProblem, fit: TermFit) -> Array:
+        """Whitened columns (m, k) along which the law of a fit may bend smoothly by what it follows."""
+        return bent_columns(problem, fit)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,8 +130,8 @@ def diagnose_motion(
     start = _start(runs, bench)
     noise = [row_noise(start, place) for place in range(len(start.stretches))]
     rough, _ = fit_beside(start, noise, ())
-    wander = wander_of(rough, noise)
-    noise = [row_noise(rough, place, wander) for place in range(len(start.stretches))]
+    slow_noise = slow_noise_of(rough, noise)
+    noise = [row_noise(rough, place, slow_noise) for place in range(len(start.stretches))]
     before, covariance = fit_beside(rough, noise, ())
     found = motion_evidence(before, noise, library(), rng)
     mismatch = _mismatch(found)
@@ -151,6 +168,8 @@ def _explained(
         about, _ = fit_beside(before, noise, naming.best.fits)
         found = motion_evidence(about, noise, library(), rng)
         naming = name_candidates(found.problem, _MotionCatalogue(), adequacy_test(found.evidence))
+    naming = with_free_laws(naming, found.problem, _MotionCatalogue(), adequacy_test(found.evidence))
+    naming = with_look_alikes(naming, found.problem)
     return found, conclude(found.problem, _MotionCatalogue(), naming, _proof(found, rng))
 
 
@@ -189,7 +208,7 @@ def _proof(
         held = None
         for rows in (by_kind(found, best.fits), by_run(found, best.fits)):
             if len(np.unique(rows.fold[rows.fold < rows.folds])) > 1:
-                held = withhold(rows, _MotionCatalogue(refine=False), best.fits, rng)
+                held = withhold(rows, _MotionCatalogue(refine=False), best.fits, rng, bent=best.bent > 0.0)
                 if held.predicts:
                     break
         return held

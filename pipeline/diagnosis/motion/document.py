@@ -10,7 +10,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.engine.conclusion import probabilities
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
-from pmg.pipeline.diagnosis.grid.document import SCHEMA, legible, near_ties
+from pmg.pipeline.diagnosis.grid.document import SCHEMA, form_of, legible, near_ties
 from pmg.pipeline.diagnosis.grid.rivals import CLOSE, NONE_KNOWN, nearest_share, rival_row, why_open
 from pmg.pipeline.diagnosis.motion.next_runs import next_runs, separating_run
 from pmg.pipeline.diagnosis.motion.statement import (
@@ -56,7 +56,7 @@ def motion_document(diagnosis: MotionDiagnosis) -> dict[str, Any]:
         "mechanisms": _mechanisms(diagnosis, effects),
         "rivals": _rivals(diagnosis),
         "near_ties": near_ties(naming if decided else None),
-        "form": None,
+        "form": form_of(naming if diagnosis.verdict.names else None),
         "absorbed": [row.document for row in diagnosis.absorbed],
         "held_out": None
         if held is None

@@ -12,7 +12,15 @@ from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermProblem
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS
 from pmg.pipeline.diagnosis.engine.evidence import Evidence
 from pmg.pipeline.diagnosis.engine.problem import freed
-from pmg.pipeline.diagnosis.motion.constants import MAP_WAVES, dry_name, form_names, map_name
+from pmg.pipeline.diagnosis.motion.constants import (
+    MAP_WAVES,
+    RIPPLE,
+    dry_name,
+    eccentricity_names,
+    form_names,
+    map_name,
+    ripple_names,
+)
 from pmg.pipeline.diagnosis.motion.families import spans_of, structures
 from pmg.pipeline.diagnosis.motion.view import RotorView, views_of
 from pmg.pipeline.fit.span import orthonormal
@@ -35,6 +43,8 @@ _OF_SHEET = {
     **{f"drag_{side}": form_names(side) for side in SIDES},
     **{dry_name(side): (dry_name(side),) for side in SIDES},
     "map": tuple(map(map_name, MAP_WAVES)),
+    **{f"eccentricity_{side}": eccentricity_names(side) for side in SIDES},
+    **{f"ripple_{side}_{order}": ripple_names(side, order) for side in SIDES for order in RIPPLE},
 }
 """Constants whose distance from the data sheet is a finding, together where they are of one curve."""
 
@@ -177,19 +187,19 @@ def motion_evidence(
     y, columns, found = unit * y, unit[:, None] * columns, [unit[:, None] * each for each in found]
     for name, names in _OF_SHEET.items():
         families = (*families, Family("both", "data sheet", name))
-        found.append(np.hstack([_unit_of_sheet(baseline.sheet, each, len(y)) for each in names]))
+        found.append(_units_of_sheet(baseline.sheet, names, len(y)))
     tables = {}
     for term in terms:
         shapes, a = _shapes_of(term), len(term.amplitudes)
         whole = stacked([part.candidates.get(term.key) for part in parts], len(shapes) * a)
-        if term.constant:
-            whole = _of_sheet(baseline.sheet, term.constant, len(y))
+        if term.constants:
+            whole = _of_sheet(baseline.sheet, term.constants, len(y))
         if whole.any():
             tables[term.key] = Tabled(term, shapes, (unit[:, None] * whole).reshape(len(whole), len(shapes), a))
 
     def columns_of(term: MotionTerm, shape: float) -> Array:
-        if term.constant:
-            return _of_sheet(baseline.sheet, term.constant, len(y))
+        if term.constants:
+            return _of_sheet(baseline.sheet, term.constants, len(y))
         of_part = [
             part.basis.T @ noise[place].white(_of_term(view, term, np.array([shape]))) if term.acts(view) else None
             for place, (part, view) in enumerate(zip(parts, views, strict=True))
@@ -209,17 +219,18 @@ def _scatter(left: Array, looked: list[Array]) -> float:
     return max(1.0, float(np.sqrt(rest @ rest / max(len(left) - everything.shape[1], 1))))
 
 
-def _of_sheet(sheet: DataSheet, name: str, rows: int) -> Array:
-    """The column (m, 1) of a constant that is off its data sheet: it moves what the sheet says of it."""
+def _of_sheet(sheet: DataSheet, names: tuple[str, ...], rows: int) -> Array:
+    """Columns (m, k) of constants that are off their data sheet: they move what the sheet says of them."""
     known = np.flatnonzero(np.isfinite(sheet.spread)).tolist()
-    column = np.zeros((rows, 1))
-    column[rows - len(known) + known.index(sheet.at(name))] = -1.0 / sheet.spread[sheet.at(name)]
-    return column
+    columns = np.zeros((rows, len(names)))
+    for column, place in enumerate(sheet.at(name) for name in names):
+        columns[rows - len(known) + known.index(place), column] = -1.0 / sheet.spread[place]
+    return columns
 
 
-def _unit_of_sheet(sheet: DataSheet, name: str, rows: int) -> Array:
+def _units_of_sheet(sheet: DataSheet, names: tuple[str, ...], rows: int) -> Array:
     """The same per standard uncertainty of its data sheet."""
-    return np.asarray(sheet.spread[sheet.at(name)] * _of_sheet(sheet, name, rows))
+    return np.asarray(sheet.spread[[sheet.at(name) for name in names]] * _of_sheet(sheet, names, rows))
 
 
 def _of_term(view: RotorView, term: MotionTerm, shapes: Array) -> Array:

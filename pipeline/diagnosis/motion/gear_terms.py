@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.term import Quantity
-from pmg.pipeline.diagnosis.motion.constants import MAP_WAVES, map_name
+from pmg.pipeline.diagnosis.motion.constants import COGGING_ORDERS, MAP_WAVES, map_name
 from pmg.pipeline.diagnosis.motion.terms import amount, engaged, signed, stack, term
 from pmg.pipeline.diagnosis.motion.view import lagging, stopping
 from pmg.sim import sources
-from pmg.sim.mechanisms.base import Component
+from pmg.sim.mechanisms.base import Component, LawCovariate
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
@@ -22,12 +22,9 @@ if TYPE_CHECKING:
 STOPS = (2.5, 1.0, 0.4)
 """Angles at which the springs of a hysteresis give way, over the middle one."""
 
-COGGING_ORDERS = (10, 18, 26, 90)
-"""Periods a turn that cogging may have: poles of a rotor, iron poles, and their least common multiple."""
 
-
-def spring_terms() -> Iterator[MotionTerm]:
-    """The magnetic spring: hysteresis, its shape, its strength."""
+def hysteresis_terms() -> Iterator[MotionTerm]:
+    """Hysteresis of the magnetic spring."""
     yield term(
         "gear_hysteresis",
         "Drag of the pole angle that does not depend on its rate",
@@ -36,6 +33,8 @@ def spring_terms() -> Iterator[MotionTerm]:
         engaged(lambda v, over: stack(v.pairs * v.of_poles(over, lagging))),
         shape=Quantity("angle", "rad", (0.002, 0.2)),
         source=sources.DAHL,
+        mixes=True,
+        follows=(LawCovariate.LOAD,),
         component=Component.MAGNETIC_GEAR,
         shaft="both",
     )
@@ -49,10 +48,15 @@ def spring_terms() -> Iterator[MotionTerm]:
         shape=Quantity("angle", "rad", (0.005, 0.1)),
         source=sources.DAHL,
         variant="several stops",
+        mixes=True,
+        follows=(LawCovariate.LOAD,),
         component=Component.MAGNETIC_GEAR,
         shaft="both",
     )
 
+
+def spring_terms() -> Iterator[MotionTerm]:
+    """The magnetic spring: its shape, its strength."""
     yield term(
         "torque_map_harmonic",
         "Torque against pole angle that is no sine",
@@ -60,6 +64,7 @@ def spring_terms() -> Iterator[MotionTerm]:
         signed("second", "third", unit="N m", most=0.5),
         engaged(lambda v, _: v.pairs * stack(np.sin(2.0 * v.state.pole_angle), np.sin(3.0 * v.state.pole_angle))),
         mimicked_by=tuple(map(map_name, MAP_WAVES)),
+        follows=(LawCovariate.LOAD,),
         component=Component.MAGNETIC_GEAR,
         shaft="both",
     )
@@ -70,7 +75,7 @@ def spring_terms() -> Iterator[MotionTerm]:
         "p dA sin phi",
         signed("more", unit="N m", most=0.3),
         engaged(lambda v, _: stack(v.pairs * np.sin(v.state.pole_angle))),
-        constant="pull_out",
+        constants=("pull_out",),
         component=Component.MAGNETIC_GEAR,
         shaft="both",
     )
@@ -82,6 +87,8 @@ def spring_terms() -> Iterator[MotionTerm]:
         amount("fall", "1", 0.5),
         engaged(lambda v, settles: stack(-v.load * (1.0 - np.exp(-v.campaign_time / settles)))),
         shape=Quantity("settles", "s", (60.0, 5000.0)),
+        mixes=True,
+        follows=(LawCovariate.TIME,),
         component=Component.MAGNETIC_GEAR,
         shaft="both",
     )
@@ -96,6 +103,7 @@ def loss_terms() -> Iterator[MotionTerm]:
         (*amount("sun", "s/rad", 0.01), *amount("ring", "s/rad", 0.01)),
         engaged(lambda v, _: stack(*(np.abs(v.load) * v.speed * (1.0 if v.side == side else 0.0) for side in SIDES))),
         source=sources.BERTOTTI,
+        follows=(LawCovariate.LOAD, LawCovariate.SPEED),
         component=Component.MAGNETIC_GEAR,
         shaft="both",
     )
@@ -112,6 +120,8 @@ def loss_terms() -> Iterator[MotionTerm]:
         ),
         shape=Quantity("corner", "rad/s", (10.0, 300.0)),
         source=sources.STOLL,
+        mixes=True,
+        follows=(LawCovariate.SPEED,),
         component=Component.MAGNETIC_GEAR,
         shaft="both",
     )
@@ -123,6 +133,8 @@ def loss_terms() -> Iterator[MotionTerm]:
         amount("damping", "N m s/rad", 0.01),
         lambda v, corner: stack((0.0 if v.coupled else v.pairs) * v.slip / (1.0 + (v.slip / corner) ** 2)),
         shape=Quantity("corner", "rad/s", (20.0, 2000.0)),
+        mixes=True,
+        follows=(LawCovariate.SLIP,),
         component=Component.MAGNETIC_GEAR,
         shaft="both",
     )
@@ -134,6 +146,7 @@ def loss_terms() -> Iterator[MotionTerm]:
         signed("constant", "rate", unit="N m", most=0.5),
         lambda v, _: (1.0 if v.side == "sun" else -1.0) * stack(np.tanh(v.relative), v.relative / 100.0),
         source=sources.HARRIS,
+        follows=(LawCovariate.DIFFERENCE,),
         component=Component.RELATIVE_BEARING,
         shaft="both",
     )
@@ -151,6 +164,7 @@ def cogging_terms() -> Iterator[MotionTerm]:
                 lambda v, _, side=side, order=order: stack(  # type: ignore[misc]
                     *((v.side == side) * wave(order * v.shaft.angle) for wave in (np.cos, np.sin))
                 ),
+                follows=(LawCovariate.SPEED,),
                 component=Component.MAGNETIC_GEAR,
                 shaft="both",
                 variant=f"{side} {order}",

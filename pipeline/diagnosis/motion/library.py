@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.diagnosis.motion.gear_terms import cogging_terms, loss_terms, spring_terms
+from pmg.pipeline.diagnosis.motion.gear_terms import cogging_terms, hysteresis_terms, loss_terms, spring_terms
 from pmg.pipeline.diagnosis.motion.reading_terms import scale_terms, time_terms, zero_terms
-from pmg.pipeline.diagnosis.motion.shaft_terms import bearing_terms, coupling_terms, rubbing_terms, turning_terms
+from pmg.pipeline.diagnosis.motion.shaft_terms import (
+    bearing_terms,
+    coupling_terms,
+    reversal_terms,
+    rubbing_terms,
+    turning_terms,
+    wave_terms,
+)
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
@@ -15,6 +22,16 @@ if TYPE_CHECKING:
 
 def library() -> tuple[MotionTerm, ...]:
     """Every candidate."""
-    of_shaft = (bearing_terms, rubbing_terms, turning_terms, coupling_terms, scale_terms, time_terms, zero_terms)
+    of_shaft = (
+        bearing_terms,
+        reversal_terms,
+        rubbing_terms,
+        wave_terms,
+        turning_terms,
+        coupling_terms,
+        scale_terms,
+        time_terms,
+        zero_terms,
+    )
     on_shafts = (term for side in SIDES for terms in of_shaft for term in terms(side))
-    return (*on_shafts, *spring_terms(), *loss_terms(), *cogging_terms())
+    return (*on_shafts, *hysteresis_terms(), *spring_terms(), *loss_terms(), *cogging_terms())

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import cholesky_banded, solve_banded
 
+from pmg.pipeline.diagnosis.motion.constants import RIPPLE
 from pmg.pipeline.motion.smooth import row_weights
 from pmg.sim.shafts import SIDES, other_side
 from pmg.sim.signals import NORMAL_MAD
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.rows import RotorRows
     from pmg.sim.signals import Array
 
-WANDER = 1e-3
-"""Standard deviation of a reading's wander where the campaign does not tell it [N m]."""
+CORRELATED = (0.7, 10.0)
+"""Least and largest correlation time of a wander within a run [s]: a slower one is taken for one that moves more."""
 
 LEAST_WANDER = 5e-4
 """Least standard deviation that is taken for the wander [N m]."""
@@ -27,15 +28,37 @@ OF_TIME = 3
 """Degree of the curve of time that the zero of a transducer may follow over a campaign."""
 
 KNOTS = 3.0
-"""Time over which a reading wanders [s]."""
+"""Time from knot to knot at which the wander of a reading is looked at [s]."""
 
-RIPPLE = 5e-3
-"""Standard deviation of the ripple of a reading over a turn [N m]; its phase is another one in each run."""
-
-RIPPLE_ORDERS = (1, 2)
+LEAST_RIPPLE = 3e-4
+"""Least standard deviation that is taken for the ripple of a turn [N m]."""
 
 FLOOR = 0.1
 """Part of the variance that is added to it alone, so that the whitening of a band-limited noise stays bounded."""
+
+
+@dataclass(frozen=True)
+class SlowNoise:
+    """Wander of the readings, from run to run and within one, and what their ripple of a turn differs between runs.
+
+    Parameters
+    ----------
+    wander : float
+        Standard deviation of the wander [N m].
+    time : float
+        Time over which it is correlated [s].
+    ripple : tuple of float
+        Standard deviation of the waves of each order of a turn about those that all runs have [N m]; a counter that
+        begins anew gives every run another phase.
+    """
+
+    wander: float = 1e-3
+    time: float = CORRELATED[-1]
+    ripple: tuple[float, ...] = (5e-3,) * len(RIPPLE)
+
+
+USUAL = SlowNoise()
+"""What is taken where the campaign does not tell it."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +85,7 @@ class RowNoise:
         return np.asarray(white - self.slow @ (self.shrunk[:, None] * (self.slow.T @ white)))
 
 
-def row_noise(baseline: MotionBaseline, place: int, wander: float = WANDER) -> RowNoise:
+def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUAL) -> RowNoise:
     """The noise of a stretch, from the noise of each signal and what the balance makes of it.
 
     Notes
@@ -95,21 +118,32 @@ def row_noise(baseline: MotionBaseline, place: int, wander: float = WANDER) -> R
         apart = at[lag:] - at[: len(at) - lag]
         banded[lag, : len(at) - lag] = np.where(apart < length, correlation[np.minimum(apart, length - 1)], 0.0)
     factor = cholesky_banded(banded, lower=True, check_finite=False)
-    white = solve_banded((len(factor) - 1, 0), factor, slow_spread(stretch, wander), check_finite=False)
+    white = solve_banded((len(factor) - 1, 0), factor, slow_spread(stretch, slow_noise), check_finite=False)
     slow, size, _ = np.linalg.svd(white, full_matrices=False)
     return RowNoise(factor, slow, 1.0 - 1.0 / np.sqrt(1.0 + size**2))
 
 
-def slow_spread(stretch: RotorRows, wander: float = WANDER) -> Array:
-    """Directions (n, k) of wander and ripple, each as long as its standard deviation [N m]."""
-    return np.hstack([wander * np.ones((len(stretch), 1)), wander * _knots(stretch), RIPPLE * _turns(stretch)])
+def slow_spread(stretch: RotorRows, noise: SlowNoise = USUAL) -> Array:
+    r"""Directions (n, k) of wander and ripple, each as long as its standard deviation [N m].
+
+    Notes
+    -----
+    A wander of size s and time t has the covariance :math:`s^2 e^{-|\Delta|/t}` between instants; straight lines
+    between knots half that time apart carry it.
+    """
+    lines, apart = _lines(stretch, min(0.5 * noise.time, KNOTS))
+    steps = np.arange(lines.shape[1])
+    root = np.linalg.cholesky(np.exp(-np.abs(steps[:, None] - steps) * apart / noise.time))
+    turns = _turns(stretch)
+    turns *= np.repeat(noise.ripple, 2)[: turns.shape[1]]
+    return np.hstack([noise.wander * np.ones((len(stretch), 1)), noise.wander * lines @ root, turns])
 
 
-def _knots(stretch: RotorRows) -> Array:
-    """Straight lines between knots `KNOTS` apart, (n, k): a reading that wanders from run to run and within one."""
+def _lines(stretch: RotorRows, apart: float) -> tuple[Array, float]:
+    """Straight lines between knots, (n, k), as evenly apart as the run allows, and how far that is [s]."""
     time = stretch.run.row_time[stretch.rows]
-    knots = np.linspace(0.0, stretch.run.time[-1], max(round(stretch.run.time[-1] / KNOTS), 1) + 1)
-    return np.asarray(np.maximum(1.0 - np.abs(time[:, None] - knots) / (knots[1] - knots[0]), 0.0))
+    knots = np.linspace(0.0, stretch.run.time[-1], max(round(stretch.run.time[-1] / apart), 1) + 1)
+    return np.maximum(1.0 - np.abs(time[:, None] - knots) / knots[1], 0.0), float(knots[1])
 
 
 def _turns(stretch: RotorRows) -> Array:
@@ -117,33 +151,58 @@ def _turns(stretch: RotorRows) -> Array:
     if stretch.at_rest:
         return np.zeros((len(stretch), 0))
     angle = stretch.shaft.angle
-    return stretch.of_rows(np.stack([wave(order * angle) for order in RIPPLE_ORDERS for wave in (np.cos, np.sin)], 1))
+    return stretch.of_rows(np.stack([wave(order * angle) for order in RIPPLE for wave in (np.cos, np.sin)], 1))
 
 
-def wander_of(baseline: MotionBaseline, noise: list[RowNoise]) -> float:
-    """Standard deviation of the wander that the residuals of a baseline show [N m].
+def slow_noise_of(baseline: MotionBaseline, noise: list[RowNoise]) -> SlowNoise:
+    """The wander and the ripple that the residuals of a baseline show.
 
     Each stretch tells the reading's offset at its knots; over a campaign they follow a smooth curve of time, which is
-    no wander. A few that stand out, as of a cause in some runs, do not count.
+    no wander, and the waves of a turn are those of its side, in neutral and engaged. A few that stand out, as of a
+    cause in some runs, do not count.
     """
-    offsets: dict[str, list[tuple[float, float]]] = {side: [] for side in SIDES}
+    told: dict[str, list[tuple[Array, Array]]] = {side: [] for side in SIDES}
+    ripples: dict[tuple[str, bool], list[Array]] = {}
     for place, stretch in enumerate(baseline.stretches):
+        lines, apart = _lines(stretch, KNOTS)
         white = solve_banded(
             (len(noise[place].factor) - 1, 0),
             noise[place].factor,
-            np.hstack([_knots(stretch), _turns(stretch), baseline.left(place)[:, None]]),
+            np.hstack([lines, _turns(stretch), baseline.left(place)[:, None]]),
             check_finite=False,
         )
-        found = np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=1e-6)[0]
-        knots = _knots(stretch).shape[1]
-        began = stretch.run.run.started_at.timestamp()
-        offsets[stretch.side] += [(began + KNOTS * k, float(found[k])) for k in range(knots)]
-    apart = np.concatenate([_about_trend(np.array(each)) for each in offsets.values() if len(each) > OF_TIME + 1])
-    return max(float(NORMAL_MAD * np.median(np.abs(apart))), LEAST_WANDER)
+        found, waves = np.split(np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=1e-6)[0], [lines.shape[1]])
+        when = np.asarray(stretch.run.run.started_at.timestamp() + apart * np.arange(len(found)))
+        told[stretch.side].append((when, found))
+        if len(waves):
+            ripples.setdefault((stretch.side, stretch.coupled), []).append(waves)
+    apart_of = [off for of_side in told.values() for off in _about_trend(of_side)]
+    if not apart_of:
+        return USUAL
+    size = max(_spread(np.concatenate(apart_of)), LEAST_WANDER)
+    both, change = (
+        _spread(np.concatenate([off[1:] + sign * off[:-1] for off in apart_of])) ** 2 for sign in (1.0, -1.0)
+    )
+    alike = np.clip((both - change) / max(both + change, 1e-30), 1e-9, 1.0 - 1e-9)
+    about = [each - np.median(each, axis=0) for each in map(np.array, ripples.values()) if len(each) > 1]
+    ripple = USUAL.ripple
+    if about:
+        by_order = np.split(np.vstack(about), len(RIPPLE), axis=1)
+        ripple = tuple(max(_spread(np.ravel(each)), LEAST_RIPPLE) for each in by_order)
+    return SlowNoise(size, float(np.clip(-KNOTS / np.log(alike), *CORRELATED)), ripple)
 
 
-def _about_trend(offsets: Array) -> Array:
-    """Offsets (n, 2) of time and value about a smooth curve of time (n,)."""
-    time = 2.0 * (offsets[:, 0] - offsets[:, 0].min()) / max(float(np.ptp(offsets[:, 0])), 1.0) - 1.0
+def _spread(values: Array) -> float:
+    """Robust standard deviation about zero; zero of none."""
+    return float(NORMAL_MAD * np.median(np.abs(values))) if len(values) else 0.0
+
+
+def _about_trend(told: list[tuple[Array, Array]]) -> list[Array]:
+    """Offsets of each stretch about a smooth curve of time over all of them; none where they are too few for it."""
+    when, off = (np.concatenate(each) for each in zip(*told, strict=True)) if told else (np.zeros(0), np.zeros(0))
+    if len(when) <= OF_TIME + 1:
+        return []
+    time = 2.0 * (when - when.min()) / max(float(np.ptp(when)), 1.0) - 1.0
     columns = np.polynomial.legendre.legvander(time, OF_TIME)
-    return np.asarray(offsets[:, 1] - columns @ np.linalg.lstsq(columns, offsets[:, 1], rcond=None)[0])
+    left = np.asarray(off - columns @ np.linalg.lstsq(columns, off, rcond=None)[0])
+    return np.split(left, np.cumsum([len(t) for t, _ in told])[:-1])

@@ -9,7 +9,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.term import Quantity
 from pmg.pipeline.diagnosis.motion.terms import amount, signed, stack, term
 from pmg.sim import sources
-from pmg.sim.mechanisms.base import Component
+from pmg.sim.mechanisms.base import Component, LawCovariate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -21,6 +21,11 @@ if TYPE_CHECKING:
 
 MOVES_IN = 10.0
 """Time in which a zero that moves at one time does so [s]."""
+
+
+def _drifting(course: Array) -> Array:
+    """A zero that moves from where it stood at the start."""
+    return stack(course, np.ones_like(course))
 
 
 def _later(view: RotorView, delay: float) -> Array:
@@ -40,6 +45,7 @@ def scale_terms(side: str) -> Iterator[MotionTerm]:
         lambda v, _: stack(v.shaft.torque),
         hears=lambda rate, _: (1.0, 0.0),
         source=sources.GUM,
+        follows=(LawCovariate.LOAD,),
         component=transducer,
         shaft=side,
     )
@@ -52,6 +58,7 @@ def scale_terms(side: str) -> Iterator[MotionTerm]:
         lambda v, _: stack(v.shaft.torque, v.shaft.torque * np.abs(v.shaft.torque), v.shaft.torque**2),
         hears=lambda rate, _: (1.0, 0.0),
         source=sources.GUM,
+        follows=(LawCovariate.LOAD,),
         component=transducer,
         shaft=side,
         variant="curved",
@@ -65,6 +72,7 @@ def scale_terms(side: str) -> Iterator[MotionTerm]:
         lambda v, _: stack(v.other.torque),
         hears=lambda rate, _: (0.0, 1.0),
         source=sources.GUM,
+        follows=(LawCovariate.LOAD,),
         component=transducer,
         shaft=side,
     )
@@ -111,7 +119,7 @@ def zero_terms(side: str) -> Iterator[MotionTerm]:
         signed("offset", unit="N m", most=0.5),
         lambda v, _: stack(np.ones_like(v.speed)),
         source=sources.GUM,
-        constant=f"zero_{side}",
+        constants=(f"zero_{side}",),
         component=transducer,
         shaft=side,
     )
@@ -119,12 +127,14 @@ def zero_terms(side: str) -> Iterator[MotionTerm]:
     yield term(
         "torque_zero_drift",
         "Zero of the transducer that moved at one time",
-        "T0 H(t - t0)",
-        signed("step", unit="N m", most=0.5),
-        lambda v, when: stack(0.5 + 0.5 * np.tanh((v.campaign_time - when * v.history.length) / MOVES_IN)),
+        "T0 H(t - t0) + T1",
+        signed("step", "start", unit="N m", most=0.5),
+        lambda v, when: _drifting(0.5 + 0.5 * np.tanh((v.campaign_time - when * v.history.length) / MOVES_IN)),
         source=sources.GUM,
         shape=Quantity("when", "1", (0.1, 0.95)),
+        mimicked_by=(f"zero_{side}",),
         at_rest=True,
+        follows=(LawCovariate.TIME,),
         component=transducer,
         shaft=side,
         variant="step",
@@ -133,12 +143,14 @@ def zero_terms(side: str) -> Iterator[MotionTerm]:
     yield term(
         "torque_zero_drift",
         "Zero of the transducer that drifts over the campaign",
-        "T0 (1 - exp(-t/tau))",
-        signed("drift", unit="N m", most=0.5),
-        lambda v, settles: stack(1.0 - np.exp(-v.campaign_time / settles)),
+        "T0 (1 - exp(-t/tau)) + T1",
+        signed("drift", "start", unit="N m", most=0.5),
+        lambda v, settles: _drifting(1.0 - np.exp(-v.campaign_time / settles)),
         source=sources.GUM,
         shape=Quantity("settles", "s", (60.0, 5000.0)),
+        mimicked_by=(f"zero_{side}",),
         at_rest=True,
+        follows=(LawCovariate.TIME,),
         component=transducer,
         shaft=side,
     )

@@ -13,11 +13,14 @@ from pmg.pipeline.diagnosis.motion.constants import (
     ENGAGED_POWERS,
     FORM_SPEEDS,
     MAP_WAVES,
+    RIPPLE,
     SLIP_PASSAGE,
     SPEED_UNIT,
     drag_names,
+    eccentricity_names,
     form_names,
     map_name,
+    ripple_names,
     start_name,
 )
 from pmg.pipeline.recording.run_records import Manoeuvre
@@ -146,10 +149,26 @@ def rotor_state(stretch: RotorRows, sheet: DataSheet, values: Array) -> RotorSta
     pole_angle, slip = nothing, nothing
     if stretch.coupled:
         start = float(values[sheet.at(start_name(stretch.run.run.name))])
-        pole_angle = start + _of_poles(sheet.poles, per_shaft(lambda s: shafts[s].angle - compliance[s] * acting[s][0]))
-        slip = _of_poles(sheet.poles, per_shaft(lambda s: shafts[s].speed - compliance[s] * acting[s][1]))
+        turned = per_shaft(lambda s: _true(shafts[s], s, sheet, values))
+        pole_angle = start + _of_poles(sheet.poles, per_shaft(lambda s: turned[s][0] - compliance[s] * acting[s][0]))
+        slip = _of_poles(sheet.poles, per_shaft(lambda s: turned[s][1] - compliance[s] * acting[s][1]))
+    _, speed, acceleration = _true(own, stretch.side, sheet, values)
     _, torque_rate, curvature = acting[stretch.side]
-    return RotorState(stretch, own.speed - give * torque_rate, own.acceleration - give * curvature, pole_angle, slip)
+    return RotorState(stretch, speed - give * torque_rate, acceleration - give * curvature, pole_angle, slip)
+
+
+def _true(shaft: SmoothShaft, side: str, sheet: DataSheet, values: Array) -> tuple[Array, Array, Array]:
+    """Angle, speed and acceleration of a motor without the wave of a turn that its encoder shows too much (n,)."""
+    cosine, sine = (float(values[sheet.at(name)]) for name in eccentricity_names(side))
+    if not cosine and not sine:
+        return shaft.angle, shaft.speed, shaft.acceleration
+    wave = cosine * np.cos(shaft.angle) + sine * np.sin(shaft.angle)
+    slope = sine * np.cos(shaft.angle) - cosine * np.sin(shaft.angle)
+    return (
+        np.asarray(shaft.angle - wave),
+        np.asarray(shaft.speed * (1.0 - slope)),
+        np.asarray(shaft.acceleration * (1.0 - slope) + shaft.speed**2 * wave),
+    )
 
 
 def _of_poles(poles: PerShaft[int], values: PerShaft[Array]) -> Array:
@@ -179,6 +198,9 @@ def linear_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[s
         columns[name] = state.direction * state.share**power
     for name, near in zip(form_names(side), _near(state.speed), strict=True):
         columns[name] = state.direction * near
+    for order in RIPPLE:
+        cosine, sine = ripple_names(side, order)
+        columns[cosine], columns[sine] = np.cos(order * shaft.angle), np.sin(order * shaft.angle)
     if state.stretch.coupled:
         for name, power in zip(engaged, ENGAGED_POWERS, strict=True):
             columns[name] = state.direction * state.share**power
@@ -188,6 +210,36 @@ def linear_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[s
             columns[map_name(wave)] = sheet.poles[side] * np.sin(wave * state.pole_angle)
         columns[f"slip_damping_off_{side}"] = np.tanh(state.slip / SLIP_PASSAGE)
     return columns
+
+
+def torque_of_angle(state: RotorState, sheet: DataSheet, values: Array, side: str, moved: tuple[Array, Array]) -> Array:
+    """Torque on the rotor of a state if that of a side stood by an angle ahead [rad]: `moved`, with its curvature."""
+    own, (angle, curvature) = state.stretch.side, moved
+    inertia = float(values[sheet.at(f"inertia_{own}")]) if own == side else 0.0
+    spring: Array | float = 0.0
+    if state.stretch.coupled:
+        spring = sheet.poles[own] * float(values[sheet.at("pull_out")]) * sheet.poles[side] * np.cos(state.pole_angle)
+    return np.asarray(inertia * curvature + spring * angle)
+
+
+def eccentric(state: RotorState, sheet: DataSheet, values: Array, side: str) -> tuple[Array, Array]:
+    """Torque on the rotor of a state where the encoder of a side shows an angle too large by a cosine, or a sine."""
+    shaft = state.stretch.run.shafts[side]
+    waves = np.cos(shaft.angle), np.sin(shaft.angle)
+    first, second = (torque_of_angle(state, sheet, values, side, (-wave, shaft.speed**2 * wave)) for wave in waves)
+    return first, second
+
+
+def encoder_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[str, Array]:
+    """Torque that a transducer shows per unit of each wave of a turn in the angle of an encoder (n,)."""
+    if state.stretch.at_rest:
+        return {}
+    sides = SIDES if state.stretch.coupled else (state.stretch.side,)
+    return {
+        name: column
+        for side in sides
+        for name, column in zip(eccentricity_names(side), eccentric(state, sheet, values, side), strict=True)
+    }
 
 
 def _near(speed: Array) -> tuple[Array, ...]:

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.term import Quantity
-from pmg.pipeline.diagnosis.motion.constants import dry_name, form_names
+from pmg.pipeline.diagnosis.motion.constants import SPEED_UNIT, dry_name, eccentricity_names, form_names, ripple_names
+from pmg.pipeline.diagnosis.motion.rows import eccentric, torque_of_angle
 from pmg.pipeline.diagnosis.motion.terms import amount, engaged, signed, stack, term
 from pmg.pipeline.diagnosis.motion.view import lagging
 from pmg.pipeline.motion.smooth import derivative
 from pmg.sim import sources
-from pmg.sim.mechanisms.base import Component
+from pmg.sim.mechanisms.base import Component, LawCovariate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
 
 def _moved(view: RotorView, side: str, angle: Array, curvature: Array) -> Array:
     """Torque on a rotor if that of a side stands by an angle [rad] ahead of where it was thought to stand."""
-    inertia = view.constant(f"inertia_{side}") if view.side == side else 0.0
-    return np.asarray(inertia * curvature + view.stiffness * view.history.baseline.sheet.poles[side] * angle)
+    baseline = view.history.baseline
+    return torque_of_angle(view.state, baseline.sheet, baseline.values, side, (angle, curvature))
 
 
 def _softer(side: str) -> Callable[[RotorView, float], Array]:
@@ -36,27 +37,23 @@ def _softer(side: str) -> Callable[[RotorView, float], Array]:
     return law
 
 
-def _play(side: str) -> Callable[[RotorView, float], Array]:
-    """A rotor that lags or leads by half the play, for a play of 1 rad; smooth through no torque."""
+def _yielding(side: str, angle_of: Callable[[Array, float], Array]) -> Callable[[RotorView, float], Array]:
+    """A rotor that lags by an angle that is a function of the torque in its coupling and of the shape."""
 
-    def law(view: RotorView, _: float) -> Array:
+    def law(view: RotorView, shape: float) -> Array:
         rate = view.state.stretch.run.fine_rate
-        angle = -0.5 * np.tanh(view.shaft_of(side).torque / PLAY_PASSAGE)
+        angle = -angle_of(view.shaft_of(side).torque, shape)
         return stack(_moved(view, side, angle, derivative(derivative(angle, rate), rate)))
 
     return law
-
-
-PLAY_PASSAGE = 0.02
-"""Torque over which a play passes from one flank to the other [N m]."""
 
 
 def _eccentric(side: str) -> Callable[[RotorView, float], Array]:
     """An encoder that shows an angle too large by a wave of once a turn, for 1 rad."""
 
     def law(view: RotorView, _: float) -> Array:
-        angle, speed = view.shaft_of(side).angle, view.shaft_of(side).speed
-        return stack(*(_moved(view, side, -wave(angle), speed**2 * wave(angle)) for wave in (np.cos, np.sin)))
+        baseline = view.history.baseline
+        return stack(*eccentric(view.state, baseline.sheet, baseline.values, side))
 
     return law
 
@@ -72,6 +69,8 @@ def bearing_terms(side: str) -> Iterator[MotionTerm]:
         lambda v, settles: stack(-v.direction * v.drag * v.warmth(settles)),
         source=sources.HARRIS,
         shape=Quantity("settles", "s", (20.0, 2000.0)),
+        mixes=True,
+        follows=(LawCovariate.SPEED, LawCovariate.TIME),
         component=bearings,
         shaft=side,
     )
@@ -83,6 +82,7 @@ def bearing_terms(side: str) -> Iterator[MotionTerm]:
         amount("mu", "1", 0.3),
         engaged(lambda v, _: stack(v.direction * np.abs(v.load))),
         source=sources.PALMGREN,
+        follows=(LawCovariate.LOAD, LawCovariate.SPEED),
         component=bearings,
         shaft=side,
     )
@@ -96,10 +96,16 @@ def bearing_terms(side: str) -> Iterator[MotionTerm]:
         source=sources.ARMSTRONG,
         shape=Quantity("speed", "rad/s", (1.5, 40.0)),
         mimicked_by=form_names(side),
+        mixes=True,
+        follows=(LawCovariate.SPEED,),
         component=bearings,
         shaft=side,
     )
 
+
+def reversal_terms(side: str) -> Iterator[MotionTerm]:
+    """Friction that depends on the sense of rotation, and on the last reversal."""
+    bearings = Component(f"{side}_bearings")
     yield term(
         "presliding_friction",
         "Friction that rises over an angle after a reversal",
@@ -108,6 +114,8 @@ def bearing_terms(side: str) -> Iterator[MotionTerm]:
         lambda v, over: stack(lagging(v.shaft.angle, over) - v.direction),
         source=sources.DAHL,
         shape=Quantity("angle", "rad", (0.03, 6.0)),
+        mixes=True,
+        follows=(LawCovariate.SPEED,),
         component=bearings,
         shaft=side,
     )
@@ -119,6 +127,19 @@ def bearing_terms(side: str) -> Iterator[MotionTerm]:
         signed("part", unit="1", most=1.0),
         lambda v, _: stack(v.direction**2 * v.drag),
         source=sources.ARMSTRONG,
+        follows=(LawCovariate.SPEED,),
+        component=bearings,
+        shaft=side,
+    )
+
+    yield term(
+        "direction_dependent_friction",
+        "Dry friction that is larger in one sense of rotation",
+        "M",
+        signed("friction", unit="N m", most=0.5),
+        lambda v, _: stack(v.direction**2),
+        source=sources.ARMSTRONG,
+        variant="dry",
         component=bearings,
         shaft=side,
     )
@@ -134,13 +155,14 @@ def rubbing_terms(side: str) -> Iterator[MotionTerm]:
         engaged(lambda v, _: stack(v.direction)),
         source=sources.BALANCE,
         mimicked_by=(dry_name(side),),
+        follows=(LawCovariate.SPEED, LawCovariate.LOAD),
         component=Component.MAGNETIC_GEAR,
         shaft=side,
     )
 
 
-def turning_terms(side: str) -> Iterator[MotionTerm]:
-    """What turns with a shaft: its mass, its unbalance, its encoder."""
+def wave_terms(side: str) -> Iterator[MotionTerm]:
+    """What comes back with every turn of a shaft."""
     bearings = Component(f"{side}_bearings")
     yield term(
         "shaft_unbalance",
@@ -149,10 +171,39 @@ def turning_terms(side: str) -> Iterator[MotionTerm]:
         signed("cosine", "sine", unit="N m", most=1.0),
         lambda v, _: stack(np.cos(v.shaft.angle), np.sin(v.shaft.angle)),
         source=sources.BALANCE,
+        constants=ripple_names(side, 1),
         component=bearings,
         shaft=side,
     )
 
+    yield term(
+        "shaft_unbalance",
+        "Unbalance of the shaft, larger as it bends with speed",
+        "(m g e + k w2) sin(theta + theta0)",
+        signed("cosine", "sine", "bent_cosine", "bent_sine", unit="N m", most=1.0),
+        lambda v, _: stack(*(w(v.shaft.angle) * (v.speed / SPEED_UNIT) ** n for n in (0, 2) for w in (np.cos, np.sin))),
+        source=sources.BALANCE,
+        mimicked_by=ripple_names(side, 1),
+        variant="bent",
+        component=bearings,
+        shaft=side,
+    )
+
+    yield term(
+        "coupling_misalignment",
+        "Misaligned coupling",
+        "C sin(2 theta + theta0) + D sin(4 theta + theta1)",
+        signed("cosine", "sine", "fourth_cosine", "fourth_sine", unit="N m", most=1.0),
+        lambda v, _: stack(*(wave(order * v.shaft.angle) for order in (2.0, 4.0) for wave in (np.cos, np.sin))),
+        source=sources.BALANCE,
+        mimicked_by=ripple_names(side, 2),
+        component=Component(f"{side}_coupling"),
+        shaft=side,
+    )
+
+
+def turning_terms(side: str) -> Iterator[MotionTerm]:
+    """What turns with a shaft: its encoder, its mass."""
     yield term(
         "encoder_eccentricity",
         "Encoder that sits off centre",
@@ -160,6 +211,7 @@ def turning_terms(side: str) -> Iterator[MotionTerm]:
         signed("cosine", "sine", unit="rad", most=0.05),
         _eccentric(side),
         source=sources.BALANCE,
+        constants=eccentricity_names(side),
         spreads=True,
         component=Component(f"{side}_encoder"),
         shaft=side,
@@ -172,8 +224,8 @@ def turning_terms(side: str) -> Iterator[MotionTerm]:
         signed("more", unit="kg m2", most=0.1),
         lambda v, _: stack(v.state.acceleration),
         source=sources.BALANCE,
-        constant=f"inertia_{side}",
-        component=bearings,
+        constants=(f"inertia_{side}",),
+        component=Component(f"{side}_bearings"),
         shaft=side,
     )
 
@@ -188,7 +240,23 @@ def coupling_terms(side: str) -> Iterator[MotionTerm]:
         (Quantity("more", "rad/(N m)", (-2e-4, 5e-3)),),
         _softer(side),
         source=sources.BALANCE,
-        constant=f"compliance_{side}",
+        constants=(f"compliance_{side}",),
+        spreads=True,
+        component=coupling,
+        shaft=side,
+    )
+
+    yield term(
+        "coupling_compliance",
+        "A coupling that is softer at small torques",
+        "-(J d2/dt2 + K p) dc T/(1 + (T/T1)2)",
+        amount("more", "rad/(N m)", 5e-3),
+        _yielding(side, lambda torque, stiffens: torque / (1.0 + (torque / stiffens) ** 2)),
+        source=sources.BALANCE,
+        shape=Quantity("stiffens", "N m", (0.4, 6.0)),
+        mimicked_by=(f"compliance_{side}",),
+        mixes=True,
+        variant="progressive",
         spreads=True,
         component=coupling,
         shaft=side,
@@ -197,11 +265,15 @@ def coupling_terms(side: str) -> Iterator[MotionTerm]:
     yield term(
         "coupling_backlash",
         "Play in the coupling",
-        "-(J s2 + K p) b/2 sign(T)",
+        "-(J s2 + K p) b/2 T/sqrt(T2 + Tp2)",
         amount("play", "rad", 0.2),
-        _play(side),
+        _yielding(side, lambda torque, passage: 0.5 * torque / np.hypot(torque, passage)),
         source=sources.BALANCE,
+        shape=Quantity("passage", "N m", (0.01, 0.3)),
+        mimicked_by=(f"compliance_{side}",),
         spreads=True,
+        mixes=True,
+        follows=(LawCovariate.LOAD,),
         component=coupling,
         shaft=side,
     )

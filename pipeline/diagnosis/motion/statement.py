@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.grid.law_words import bent_sentence
 from pmg.pipeline.diagnosis.grid.rivals import nearest_share
 from pmg.pipeline.diagnosis.grid.statement import NEAREST_FROM, PHRASES, SHAFT_WORDS
 from pmg.pipeline.diagnosis.motion.next_runs import next_runs
@@ -75,6 +76,8 @@ def statement(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
         weak = "The difference is too weak to name one cause. Possible causes"
         none = "; or one that the catalogue does not have" if diagnosis.weak else ""
         sentences.append(f"{weak if diagnosis.weak else 'These recordings cannot tell between'}: {known}{none}.")
+    if naming is not None and naming.best.bent:
+        sentences.append(bent_sentence(naming, [name for fit in naming.best.fits for name in term_of(fit).follows]))
     sentences += [_size(diagnosis, i, effect) for i, effect in enumerate(effects)]
     sentences += [_proof(diagnosis), _advice(diagnosis)]
     return " ".join(sentence for sentence in sentences if sentence)
@@ -162,7 +165,7 @@ def _size(diagnosis: MotionDiagnosis, i: int, effect: tuple[Array, ...]) -> str:
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
     name = f"{quantity.name.replace('_', ' ')} "
     beyond = ""
-    if term_of(fit).constant:
+    if term_of(fit).constants:
         name, beyond = "", f" {quantity.name} than in the data sheet"
     fitted = measured(float(values[best]), float(errors[best]))
     return (

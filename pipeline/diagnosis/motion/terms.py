@@ -10,7 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.term import Quantity, Term
 from pmg.pipeline.diagnosis.motion.view import RotorView
 from pmg.sim import sources
-from pmg.sim.mechanisms.base import Component
+from pmg.sim.mechanisms.base import Component, LawCovariate
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,22 +33,28 @@ class MotionTerm(Term[RotorView]):
         Tells apart several forms of one mechanism on one place.
     spreads : bool
         Whether the gear carries its effect to the other rotor.
-    constant : str
-        SheetConstant of the baseline of which it says that the data sheet is wrong; its size is by how much.
+    constants : tuple of str
+        Constants of the baseline of which it says that the data sheet is wrong; its sizes are by how much.
     mimicked_by : tuple of str
         Constants of the baseline that would take up its effect, far off their data sheet.
     hears : callable, optional
         Of a fault of a transducer: what its column holds of the noise in the own reading and in the other's, by the
         rate of change of a wave (f,) and the shape.
+    follows : tuple of LawCovariate
+        Quantities along which its law may be another one.
+    mixes : bool
+        Whether its law may be one of several shapes at once, as of bristles of several lengths.
     """
 
     component: Component = field(kw_only=True)
     shaft: str = field(kw_only=True)
     variant: str = ""
     spreads: bool = False
-    constant: str = ""
+    constants: tuple[str, ...] = ()
     mimicked_by: tuple[str, ...] = ()
     hears: Callable[[Spectrum, float], tuple[Spectrum | float, Spectrum | float]] | None = None
+    follows: tuple[LawCovariate, ...] = ()
+    mixes: bool = False
 
     @property
     def place(self) -> str:
@@ -67,7 +73,7 @@ class MotionTerm(Term[RotorView]):
 
     def acts(self, view: RotorView) -> bool:
         """Whether it may act on that rotor."""
-        return not self.constant and (self.spreads or self.shaft in (view.side, "both"))
+        return not self.constants and (self.spreads or self.shaft in (view.side, "both"))
 
 
 def term(
@@ -79,7 +85,7 @@ def term(
     *,
     source: Source = sources.BALANCE,
     shape: Quantity | None = None,
-    **where: Any,  # noqa: ANN401 - component, shaft, variant, spreads, constant, mimicked_by, hears, at_rest
+    **where: Any,  # noqa: ANN401 - component, shaft, variant, spreads, constants, mimicked_by, hears, follows, mixes, at_rest
 ) -> MotionTerm:
     """A candidate; one that does not act `at_rest` says nothing of a rotor at rest."""
     acting = law if where.pop("at_rest", False) else _turning(law)

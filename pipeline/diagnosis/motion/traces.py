@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_spread, wander_of
+from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_noise_of, slow_spread
 from pmg.pipeline.diagnosis.motion.view import views_of
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
+    from pmg.pipeline.diagnosis.motion.noise import SlowNoise
     from pmg.pipeline.diagnosis.motion.rows import RotorRows, RotorState
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.sim.signals import Array
@@ -87,8 +88,8 @@ def effects_of(diagnosis: MotionDiagnosis, others: tuple[TermFit, ...] = ()) -> 
         shape = float(np.clip(values[count], *term.shape.bounds)) if term.shape is not None else fit.shape
         of_fit = []
         for place, view in enumerate(views):
-            if term.constant:
-                columns = baseline.clean.columns(place)[:, [baseline.sheet.at(term.constant)]]
+            if term.constants:
+                columns = baseline.clean.columns(place)[:, [baseline.sheet.at(name) for name in term.constants]]
             else:
                 columns = view.state.stretch.of_rows(term.columns(view, shape)) * term.acts(view)
             of_fit.append(np.asarray(columns @ values[:count]))
@@ -116,16 +117,16 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
     """
     baseline, fits = final_baseline(diagnosis), named_fits(diagnosis)
     sheet, values = baseline.sheet, diagnosis.before.values.copy()
-    wrong = [sheet.at(term_of(fit).constant) for fit in fits if term_of(fit).constant]
+    wrong = [sheet.at(name) for fit in fits for name in term_of(fit).constants]
     values[wrong] = sheet.expected[wrong]
     before = replace(diagnosis.before, values=values)
     noise = [row_noise(diagnosis.evidence.baseline, place) for place in range(len(baseline.stretches))]
-    wander = wander_of(diagnosis.evidence.baseline, noise)
+    slow_noise = slow_noise_of(diagnosis.evidence.baseline, noise)
     found = []
     for place, stretch in enumerate(baseline.stretches):
         added = np.zeros(len(stretch))
         for fit, of_fit in zip(fits, effects, strict=True):
-            added += 0.0 if term_of(fit).constant else of_fit[place]
+            added += 0.0 if term_of(fit).constants else of_fit[place]
         of_constants = baseline.predicted(place)
         found.append(
             TorqueTrace(
@@ -134,13 +135,13 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
                 before.predicted(place),
                 of_constants,
                 of_constants + added,
-                _spread(stretch, noise[place].factor, wander) * diagnosis.evidence.scatter,
+                _spread(stretch, noise[place].factor, slow_noise) * diagnosis.evidence.scatter,
             )
         )
     return tuple(found)
 
 
-def _spread(stretch: RotorRows, factor: Array, wander: float) -> Array:
+def _spread(stretch: RotorRows, factor: Array, slow_noise: SlowNoise) -> Array:
     """Standard deviation of the smoothed torque of a stretch (n,); `factor` is that of its noise."""
     weights = np.zeros(factor.shape[1])
     width = min(_width(stretch), len(weights))
@@ -148,7 +149,7 @@ def _spread(stretch: RotorRows, factor: Array, wander: float) -> Array:
     white = np.zeros(len(weights))  # what the weights make of the factor's columns
     for lag, diagonal in enumerate(factor):
         white[: len(weights) - lag] += diagonal[: len(weights) - lag] * weights[lag:]
-    slow = _smoothed(stretch, slow_spread(stretch, wander))
+    slow = _smoothed(stretch, slow_spread(stretch, slow_noise))
     return np.asarray(np.sqrt(white @ white + np.sum(slow**2, axis=1)))
 
 

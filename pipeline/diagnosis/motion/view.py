@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
     from pmg.pipeline.diagnosis.motion.rows import RotorState
     from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft
+    from pmg.sim.shafts import PerShaft
     from pmg.sim.signals import Array
 
 EVERY = 3
@@ -76,6 +77,10 @@ class History:
         self._warmth[side, settles] = found
         return found
 
+    def largest(self, quantity: Callable[[PerShaft[SmoothShaft]], Array]) -> float:
+        """Largest magnitude of what a function makes of the signals of both shafts, over all runs."""
+        return max(float(np.abs(quantity(run.shafts)).max()) for run in self.runs)
+
     def of_way(self, run: str, over: float, law: Callable[[Array, float], Array], angle: Array) -> Array:
         """What a law makes of the way that an angle of a run went; worked out once."""
         key = (run, over, law.__name__)
@@ -94,7 +99,7 @@ class History:
         return {}
 
     def _largest(self, side: str) -> float:
-        speed = max(float(np.abs(run.shafts[side].speed).max()) for run in self.runs)
+        speed = self.largest(lambda shafts: shafts[side].speed)
         return float(max(abs(float(self.drag(side, np.array([speed]))[0])) * speed, 1e-12))
 
 

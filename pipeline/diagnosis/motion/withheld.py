@@ -9,6 +9,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.engine.withheld import Withholding
+from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 from pmg.pipeline.recording.run_records import Manoeuvre
 
 if TYPE_CHECKING:
@@ -48,11 +49,15 @@ class WithheldRuns(Withholding[TermFit, TermProblem]):
         columns = np.hstack([self._columns(fit) for fit in fits])
         return np.zeros(len(self.y)), columns, columns
 
+    def free_form(self, fits: tuple[TermFit, ...]) -> Array:
+        """Columns (m, k) along which the laws of fits may bend."""
+        return np.hstack([bent_columns(self.problem, fit) for fit in fits])
+
     def _columns(self, fit: TermFit) -> Array:
         """Columns of a mechanism; of one that a data sheet is wrong about, the constant's own."""
-        name = cast("MotionTerm", fit.candidate).constant
-        if name:
-            return self.constants[:, [self.sheet.at(name)]]
+        names = cast("MotionTerm", fit.candidate).constants
+        if names:
+            return self.constants[:, [self.sheet.at(name) for name in names]]
         return self.problem.columns_of(fit.candidate, fit.shape)
 
     def touched(self, fits: tuple[TermFit, ...]) -> Mask:
@@ -88,7 +93,7 @@ def _withheld(found: MotionEvidence, fits: tuple[TermFit, ...], folds: list[int]
     """
     sheet = found.baseline.sheet
     terms = [cast("MotionTerm", fit.candidate) for fit in fits]
-    named = (name for term in terms for name in (term.constant, *term.mimicked_by) if name)
+    named = (name for term in terms for name in (*term.constants, *term.mimicked_by))
     wrong = sorted({sheet.at(name) for name in named})
     y = found.y + found.columns[:, wrong] @ (found.baseline.values - sheet.expected)[wrong]
     return WithheldRuns(
