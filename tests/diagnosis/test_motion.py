@@ -21,6 +21,7 @@ from pmg.pipeline.diagnosis.grid.free_form import DEGREE
 from pmg.pipeline.diagnosis.motion.baseline import start_baseline
 from pmg.pipeline.diagnosis.motion.beside import fit_beside
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
+from pmg.pipeline.diagnosis.motion.coupling_terms import _damped
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.free_form import MIXED, bent_columns
 from pmg.pipeline.diagnosis.motion.library import library
@@ -229,6 +230,15 @@ def test_waves_of_a_turn_are_named_with_their_size() -> None:
         assert found.naming is not None
         assert [fit.identifier for fit in found.naming.best.fits] == [name]
         assert float(found.sizes[0][place]) == pytest.approx(size, rel=0.1)
+
+
+@pytest.mark.parametrize("settles", [2e-3, 0.02])
+def test_a_damped_coupling_lags_as_its_law_says(settles: float) -> None:
+    rate, turns = 250.0, 2.0 * np.pi * 4.0
+    time = np.arange(1000) / rate
+    lag = 1.0 / (1.0 + 1j * turns * settles)
+    expected = 1.0 + (lag * np.exp(1j * turns * time)).imag
+    assert np.abs(_damped(1.0 + np.sin(turns * time), settles, rate) - expected)[100:].max() < 2e-3
 
 
 def test_a_law_may_bend_along_what_it_follows_only() -> None:

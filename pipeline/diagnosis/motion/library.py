@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.diagnosis.motion.coupling_terms import coupling_terms, play_terms
 from pmg.pipeline.diagnosis.motion.gear_terms import cogging_terms, hysteresis_terms, loss_terms, spring_terms
 from pmg.pipeline.diagnosis.motion.reading_terms import scale_terms, time_terms, zero_terms
 from pmg.pipeline.diagnosis.motion.shaft_terms import (
     bearing_terms,
-    coupling_terms,
     reversal_terms,
     rubbing_terms,
     turning_terms,
@@ -29,6 +29,7 @@ def library() -> tuple[MotionTerm, ...]:
         wave_terms,
         turning_terms,
         coupling_terms,
+        play_terms,
         scale_terms,
         time_terms,
         zero_terms,

@@ -1,4 +1,4 @@
-"""Candidates on one shaft: its bearings, its coupling, its encoder."""
+"""Candidates on one shaft: its bearings, what turns with it, its encoder."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.term import Quantity
 from pmg.pipeline.diagnosis.motion.constants import SPEED_UNIT, dry_name, eccentricity_names, form_names, ripple_names
-from pmg.pipeline.diagnosis.motion.rows import eccentric, torque_of_angle
+from pmg.pipeline.diagnosis.motion.rows import eccentric
 from pmg.pipeline.diagnosis.motion.terms import amount, engaged, signed, stack, term
 from pmg.pipeline.diagnosis.motion.view import lagging
-from pmg.pipeline.motion.smooth import derivative
 from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate
 
@@ -21,31 +20,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.sim.signals import Array
-
-
-def _moved(view: RotorView, side: str, angle: Array, curvature: Array) -> Array:
-    """Torque on a rotor if that of a side stands by an angle [rad] ahead of where it was thought to stand."""
-    baseline = view.history.baseline
-    return torque_of_angle(view.state, baseline.sheet, baseline.values, side, (angle, curvature))
-
-
-def _softer(side: str) -> Callable[[RotorView, float], Array]:
-    def law(view: RotorView, _: float) -> Array:
-        shaft = view.shaft_of(side)
-        return stack(_moved(view, side, -shaft.torque, -shaft.torque_curvature))
-
-    return law
-
-
-def _yielding(side: str, angle_of: Callable[[Array, float], Array]) -> Callable[[RotorView, float], Array]:
-    """A rotor that lags by an angle that is a function of the torque in its coupling and of the shape."""
-
-    def law(view: RotorView, shape: float) -> Array:
-        rate = view.state.stretch.run.fine_rate
-        angle = -angle_of(view.shaft_of(side).torque, shape)
-        return stack(_moved(view, side, angle, derivative(derivative(angle, rate), rate)))
-
-    return law
 
 
 def _eccentric(side: str) -> Callable[[RotorView, float], Array]:
@@ -226,54 +200,5 @@ def turning_terms(side: str) -> Iterator[MotionTerm]:
         source=sources.BALANCE,
         constants=(f"inertia_{side}",),
         component=Component(f"{side}_bearings"),
-        shaft=side,
-    )
-
-
-def coupling_terms(side: str) -> Iterator[MotionTerm]:
-    """The coupling of a shaft."""
-    coupling = Component(f"{side}_coupling")
-    yield term(
-        "coupling_compliance",
-        "A softer coupling",
-        "-(J d2T/dt2 + K p T) dc",
-        (Quantity("more", "rad/(N m)", (-2e-4, 5e-3)),),
-        _softer(side),
-        source=sources.BALANCE,
-        constants=(f"compliance_{side}",),
-        spreads=True,
-        component=coupling,
-        shaft=side,
-    )
-
-    yield term(
-        "coupling_compliance",
-        "A coupling that is softer at small torques",
-        "-(J d2/dt2 + K p) dc T/(1 + (T/T1)2)",
-        amount("more", "rad/(N m)", 5e-3),
-        _yielding(side, lambda torque, stiffens: torque / (1.0 + (torque / stiffens) ** 2)),
-        source=sources.BALANCE,
-        shape=Quantity("stiffens", "N m", (0.4, 6.0)),
-        mimicked_by=(f"compliance_{side}",),
-        mixes=True,
-        variant="progressive",
-        spreads=True,
-        component=coupling,
-        shaft=side,
-    )
-
-    yield term(
-        "coupling_backlash",
-        "Play in the coupling",
-        "-(J s2 + K p) b/2 T/sqrt(T2 + Tp2)",
-        amount("play", "rad", 0.2),
-        _yielding(side, lambda torque, passage: 0.5 * torque / np.hypot(torque, passage)),
-        source=sources.BALANCE,
-        shape=Quantity("passage", "N m", (0.01, 0.3)),
-        mimicked_by=(f"compliance_{side}",),
-        spreads=True,
-        mixes=True,
-        follows=(LawCovariate.LOAD,),
-        component=coupling,
         shaft=side,
     )

@@ -1,0 +1,122 @@
+"""Candidates in the coupling of a shaft, which let a rotor stand behind where its motor says."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.signal import lfilter
+
+from pmg.pipeline.diagnosis.balance.term import Quantity
+from pmg.pipeline.diagnosis.motion.rows import torque_of_angle
+from pmg.pipeline.diagnosis.motion.terms import amount, stack, term
+from pmg.pipeline.motion.smooth import derivative
+from pmg.sim import sources
+from pmg.sim.mechanisms.base import Component, LawCovariate
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.view import RotorView
+    from pmg.sim.signals import Array
+
+
+def _moved(view: RotorView, side: str, angle: Array, curvature: Array) -> Array:
+    """Torque on a rotor if that of a side stands by an angle [rad] ahead of where it was thought to stand."""
+    baseline = view.history.baseline
+    return torque_of_angle(view.state, baseline.sheet, baseline.values, side, (angle, curvature))
+
+
+def _softer(side: str) -> Callable[[RotorView, float], Array]:
+    def law(view: RotorView, _: float) -> Array:
+        shaft = view.shaft_of(side)
+        return stack(_moved(view, side, -shaft.torque, -shaft.torque_curvature))
+
+    return law
+
+
+def _yielding(side: str, angle_of: Callable[[Array, float, float], Array]) -> Callable[[RotorView, float], Array]:
+    """A rotor that lags by an angle made of the torque in its coupling by the shape, at a rate of samples."""
+
+    def law(view: RotorView, shape: float) -> Array:
+        rate = view.state.stretch.run.fine_rate
+        angle = -angle_of(view.shaft_of(side).torque, shape, rate)
+        return stack(_moved(view, side, angle, derivative(derivative(angle, rate), rate)))
+
+    return law
+
+
+def _damped(torque: Array, settles: float, rate: float) -> Array:
+    r"""A torque by a first-order lag, :math:`1/(1 + s\tau)` with the bilinear rule."""
+    twice = 2.0 * rate * settles
+    first = 1.0 / (1.0 + twice)
+    slower = (1.0 - twice) * first
+    return np.asarray(lfilter([first, first], [1.0, slower], torque, zi=[(first - slower) * torque[0]])[0])
+
+
+def coupling_terms(side: str) -> Iterator[MotionTerm]:
+    """The coupling of a shaft."""
+    coupling = Component(f"{side}_coupling")
+    yield term(
+        "coupling_compliance",
+        "A softer coupling",
+        "-(J d2T/dt2 + K p T) dc",
+        (Quantity("more", "rad/(N m)", (-2e-4, 5e-3)),),
+        _softer(side),
+        source=sources.BALANCE,
+        constants=(f"compliance_{side}",),
+        spreads=True,
+        component=coupling,
+        shaft=side,
+    )
+
+    yield term(
+        "coupling_compliance",
+        "A coupling that is softer at small torques",
+        "-(J d2/dt2 + K p) dc T/(1 + (T/T1)2)",
+        amount("more", "rad/(N m)", 5e-3),
+        _yielding(side, lambda torque, stiffens, _: torque / (1.0 + (torque / stiffens) ** 2)),
+        source=sources.BALANCE,
+        shape=Quantity("stiffens", "N m", (0.4, 6.0)),
+        mimicked_by=(f"compliance_{side}",),
+        mixes=True,
+        variant="progressive",
+        spreads=True,
+        component=coupling,
+        shaft=side,
+    )
+
+    yield term(
+        "coupling_compliance",
+        "A softer coupling that is damped",
+        "-(J d2/dt2 + K p) dc T/(1 + s tau)",
+        amount("more", "rad/(N m)", 2e-2),
+        _yielding(side, _damped),
+        source=sources.BALANCE,
+        shape=Quantity("settles", "s", (1e-3, 0.03)),
+        mimicked_by=(f"compliance_{side}",),
+        variant="damped",
+        spreads=True,
+        component=coupling,
+        shaft=side,
+    )
+
+
+def play_terms(side: str) -> Iterator[MotionTerm]:
+    """Play in the coupling of a shaft."""
+    yield term(
+        "coupling_backlash",
+        "Play in the coupling",
+        "-(J s2 + K p) b/2 T/sqrt(T2 + Tp2)",
+        amount("play", "rad", 0.2),
+        _yielding(side, lambda torque, passage, _: 0.5 * torque / np.hypot(torque, passage)),
+        source=sources.BALANCE,
+        shape=Quantity("passage", "N m", (0.01, 0.3)),
+        mimicked_by=(f"compliance_{side}",),
+        spreads=True,
+        mixes=True,
+        follows=(LawCovariate.LOAD,),
+        component=Component(f"{side}_coupling"),
+        shaft=side,
+    )
