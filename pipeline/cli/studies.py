@@ -126,6 +126,9 @@ class _ProveOptions:
         str | None,
         typer.Option("--laws", help="Families of laws: usual if not given; reserved, for a final trial; all."),
     ] = None
+    track: Annotated[
+        str | None, typer.Option("--track", help="steady points if not given; motion: runs in motion.")
+    ] = None
     route: Annotated[str, typer.Option("--route", help="grid (fast), or recordings: through files.")] = "grid"
     recordings: Annotated[
         int | None,

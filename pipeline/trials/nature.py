@@ -25,7 +25,7 @@ from pmg.sim.grid import Grid
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from pmg.pipeline.trials.effect import Pair
 
@@ -163,9 +163,9 @@ def draw_case(stratum: Stratum, rng: np.random.Generator, laws: str = USUAL) -> 
     return ConcealedCampaign(f"campaign-{rng.bytes(4).hex()}", stratum, design, world, effects, rng.bytes(16).hex())
 
 
-def seal_truth(case: ConcealedCampaign) -> tuple[str, str]:
+def seal_truth(truth: Mapping[str, Any]) -> tuple[str, str]:
     """Text of ``truth.json``, and its SHA-256, which may be published beforehand."""
-    text = json.dumps(case.truth, indent=1, sort_keys=True) + "\n"
+    text = json.dumps(truth, indent=1, sort_keys=True) + "\n"
     return text, hashlib.sha256(text.encode("utf-8")).hexdigest()
 
 

@@ -80,6 +80,12 @@ class Stratum:
     pinned: tuple[tuple[str, float | str], ...] = ()
     outliers: int = 0
 
+    @property
+    def group(self) -> tuple[object, ...]:
+        """What it shares with its other sizes and shafts."""
+        ids = tuple(identifier for identifier, _ in self.effects)
+        return (*ids, self.one_way) if ids else (self.name,)
+
 
 def strata() -> tuple[Stratum, ...]:
     """Every kind of campaign."""

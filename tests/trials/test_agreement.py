@@ -21,7 +21,7 @@ from pmg.pipeline.trials.score.summary import score_lines, scores_document, summ
 from pmg.sim.errors import StoreError
 
 RUNNER = CliRunner()
-TOLD = {"seed": 1, "strata": ["clean"], "laws": "usual", "route": "grid", "code": "0" * 64}
+TOLD = {"seed": 1, "track": "steady", "strata": ["clean"], "laws": "usual", "route": "grid", "code": "0" * 64}
 POINTS = {f"torque_{shaft}{end}": [0.1, 0.2] for shaft in ("sun", "ring") for end in ("_Nm", "_without_Nm")}
 
 

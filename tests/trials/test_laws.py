@@ -180,7 +180,7 @@ def test_laws_come_from_the_list_asked_for(form: EffectForm, rng: np.random.Gene
 def test_a_trial_conceals_only_laws_of_its_choice_and_its_truth_names_them(choice: str) -> None:
     seen: set[str] = set()
     for lot in draw_lots(24, 7, ("one", "two"), choice):
-        for effect in json.loads(seal_truth(lot.draw())[0])["effects"]:
+        for effect in json.loads(seal_truth(lot.draw().truth)[0])["effects"]:
             laws = form_of(effect["id"]).laws
             assert effect["knobs"]["law"] in laws.among(choice)
             assert set(effect["knobs"]) >= set(laws.every[effect["knobs"]["law"]].ranges)

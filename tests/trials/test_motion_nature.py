@@ -215,7 +215,7 @@ def test_the_recordings_hold_what_is_measured_in_memory(scene: Scene, tmp_path: 
 
 
 def test_the_same_state_draws_the_same() -> None:
-    stratum = next(each for each in motion_strata() if each.kind == "C")
+    stratum = next(each for each in motion_strata() if each.kind == "two")
     first, second = (draw_motion_case(np.random.default_rng(8), stratum, size=0.0) for _ in range(2))
     assert [sized.effect.form.identifier for sized in first.effects] == [name for name, _ in stratum.effects]
     assert (first.campaign, first.nonce, first.scene.begun) == (second.campaign, second.nonce, second.scene.begun)

@@ -310,8 +310,8 @@ def case() -> ConcealedCampaign:
 def test_the_same_seed_gives_the_same_bytes(case: ConcealedCampaign) -> None:
     again = draw_case(case.stratum, np.random.default_rng(5))
     other = draw_case(case.stratum, np.random.default_rng(6))
-    assert seal_truth(again) == seal_truth(case)
-    assert seal_truth(other)[1] != seal_truth(case)[1]
+    assert seal_truth(again.truth) == seal_truth(case.truth)
+    assert seal_truth(other.truth)[1] != seal_truth(case.truth)[1]
     one, two = (measure_case(case, np.random.default_rng(1)) for _ in range(2))
     np.testing.assert_array_equal(one.torque_sun, two.torque_sun)
     first, second = (next(_record_case(case, np.random.default_rng(2))) for _ in range(2))
@@ -320,7 +320,7 @@ def test_the_same_seed_gives_the_same_bytes(case: ConcealedCampaign) -> None:
 
 
 def test_a_truth_is_sealed_and_complete(case: ConcealedCampaign) -> None:
-    text, digest = seal_truth(case)
+    text, digest = seal_truth(case.truth)
     assert digest == hashlib.sha256(text.encode("utf-8")).hexdigest()
     truth = json.loads(text)
     assert len(bytes.fromhex(truth["nonce"])) == 16

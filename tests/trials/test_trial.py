@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from pmg.pipeline.cli.app import app
 from pmg.pipeline.diagnosis.design.plans import possible_plans
 from pmg.pipeline.trials.nature import ConcealedCampaign, measure_case
 from pmg.pipeline.trials.score import run_case, stage
-from pmg.pipeline.trials.score.case_list import SHARES, chosen_kinds, draw_lots
+from pmg.pipeline.trials.score.case_list import SHARES, chosen_kinds, chosen_track, draw_lots, draw_motion_lots
 from pmg.pipeline.trials.score.figures import Aim, Figured, figures, mean
 from pmg.pipeline.trials.score.rates import Rate, fit_curve
 from pmg.pipeline.trials.score.score import DiagnosisScore, judge, resolution
@@ -467,6 +468,31 @@ def test_a_trial_resumes_and_makes_no_campaign_twice(
     first, second = copy.deepcopy(data["scores"]), again.data["scores"]
     assert first.pop("time_s")["aim"] == second.pop("time_s")["aim"]
     assert json.dumps(first) == json.dumps(second), "same seed, same bytes but for times"
+
+
+def test_a_trial_of_runs_in_motion_goes_through_recordings_and_has_aims_of_its_own(tmp_path: Path) -> None:
+    options = TrialOptions(campaigns=1, seed=SEED, strata="clean", track="motion", route="recordings", workers=1)
+    found = run_prove(tmp_path, options)
+    (row,) = found.data["scores"]["cases"]
+    assert row["verdict"] == "consistent"
+    assert found.data["scores"]["track"] == "motion"
+    aims = {figure["id"]: figure["aim"] for figure in found.data["scores"]["figures"]}
+    assert aims["size_95"] is None
+    assert aims["named_right_at_1"] is not None
+    assert "runs in motion" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    again = run_prove(tmp_path, options)
+    assert again.data["made"] == 0
+    with pytest.raises(StoreError, match="sealed for"):
+        run_prove(tmp_path, replace(options, track=None))
+
+
+def test_the_campaigns_of_a_trial_in_motion_are_of_every_kind_in_its_share() -> None:
+    lots = draw_motion_lots(40, SEED)
+    for kind, share in SHARES.items():
+        assert abs(sum(lot.stratum.kind == kind for lot in lots) - 40 * share) <= 1.0
+    assert lots[:7] == draw_motion_lots(7, SEED)
+    with pytest.raises(BenchError, match="--track"):
+        chosen_track("moving")
 
 
 def test_one_campaign_runs_alone(trial: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ class MotionStratum:
     name : str
         Unique.
     kind : str
-        ``A`` clean, ``B`` one effect, ``C`` two, ``D`` outside the library, ``E`` a design that cannot tell.
+        ``clean``, ``one``, ``outside``, ``two`` or ``confounded``.
     effects : tuple of (identifier, shaft)
         What is concealed.
     size : float
@@ -67,29 +67,34 @@ class MotionStratum:
     design: str = "full"
     expected: tuple[str, ...] = ("named", "ambiguous")
 
+    @property
+    def group(self) -> tuple[object, ...]:
+        """What it shares with its other sizes and shafts."""
+        return (*(identifier for identifier, _ in self.effects), self.design)
+
 
 def motion_strata() -> tuple[MotionStratum, ...]:
     """Every kind of campaign."""
-    clean = MotionStratum("clean", "A", expected=("consistent",))
+    clean = MotionStratum("clean", "clean", expected=("consistent",))
     single = [
         MotionStratum(f"{form.identifier} {shaft} {size:g}", kind, ((form.identifier, shaft),), size, expected=expected)
         for forms, kind, expected in (
-            (LIBRARY_FORMS, "B", ("named", "ambiguous")),
-            (OUTSIDERS, "D", ("not_in_library",)),
+            (LIBRARY_FORMS, "one", ("named", "ambiguous")),
+            (OUTSIDERS, "outside", ("not_in_library",)),
         )
         for form in forms
         for shaft in form.components
         for size in (SIZES if form.seen else SIZES[2:3])
     ]
     double = [
-        MotionStratum(f"{' + '.join(' '.join(one) for one in pair)} {size:g}", "C", pair, size)
+        MotionStratum(f"{' + '.join(' '.join(one) for one in pair)} {size:g}", "two", pair, size)
         for pair in PAIRS
         for size in SIZES_OF_TWO
     ]
     poor = [
         MotionStratum(
             f"{design}, {identifier} {shaft} {size:g}",
-            "E",
+            "confounded",
             ((identifier, shaft),),
             size,
             design,

@@ -12,14 +12,14 @@ from pmg.pipeline.trials.score.score import judge
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pmg.pipeline.trials.score.case_list import Lot
+    from pmg.pipeline.trials.score.case_list import AnyLot
     from pmg.pipeline.trials.score.score import Score
 
 CLEAN_PART = 3
 """For so many concealed campaigns that go both ways, one clean one does."""
 
 
-def both_ways(lots: tuple[Lot, ...], concealed: int) -> tuple[Lot, ...]:
+def both_ways(lots: tuple[AnyLot[Any], ...], concealed: int) -> tuple[AnyLot[Any], ...]:
     """The first campaigns that are not clean, so many of them, and a third as many clean ones, in their order."""
     left = {True: concealed // CLEAN_PART, False: concealed}
     chosen = []

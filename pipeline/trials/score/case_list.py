@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
 from pmg.pipeline.trials.laws import CHOICES, USUAL
+from pmg.pipeline.trials.motion.nature import draw_motion_case
+from pmg.pipeline.trials.motion.strata import MotionStratum, motion_strata
 from pmg.pipeline.trials.nature import draw_case
-from pmg.pipeline.trials.strata import strata
+from pmg.pipeline.trials.strata import Stratum, strata
 from pmg.sim.errors import BenchError, near_miss
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
+    from pmg.pipeline.trials.motion.nature import MotionCase
     from pmg.pipeline.trials.nature import ConcealedCampaign
-    from pmg.pipeline.trials.strata import Stratum
+
+S = TypeVar("S", Stratum, MotionStratum)
 
 SHARES = {"clean": 0.25, "one": 0.40, "outside": 0.20, "two": 0.10, "confounded": 0.05}
 """Part of the campaigns of each kind; of a choice of kinds, in proportion."""
+TRACKS = ("steady", "motion")
+"""Kinds of trial: campaigns of steady points, or of runs in motion."""
 CAMPAIGNS = 200
 """Campaigns of a trial, unless set otherwise."""
 SEED = 20260401
@@ -31,14 +38,14 @@ PURPOSES = ("draw", "measure", "extend")
 
 
 @dataclass(frozen=True)
-class Lot:
+class AnyLot(ABC, Generic[S]):
     """One campaign of a trial.
 
     Parameters
     ----------
     number : int
         Place in the trial, from 0.
-    stratum : Stratum
+    stratum : Stratum or MotionStratum
         What kind it is.
     seed : int
         Master seed.
@@ -47,7 +54,7 @@ class Lot:
     """
 
     number: int
-    stratum: Stratum
+    stratum: S
     seed: int
     laws: str = USUAL
 
@@ -56,13 +63,31 @@ class Lot:
         own = np.random.SeedSequence(self.seed, spawn_key=(CASES, self.number))
         return np.random.default_rng(own.spawn(len(PURPOSES))[PURPOSES.index(purpose)])
 
+    @abstractmethod
+    def draw(self) -> ConcealedCampaign | MotionCase:
+        """The concealed campaign."""
+
+
+@dataclass(frozen=True)
+class Lot(AnyLot[Stratum]):
+    """A campaign of steady points."""
+
     def draw(self) -> ConcealedCampaign:
         """The concealed campaign."""
         return draw_case(self.stratum, self.rng("draw"), self.laws)
 
 
+@dataclass(frozen=True)
+class MotionLot(AnyLot[MotionStratum]):
+    """A campaign of runs in motion."""
+
+    def draw(self) -> MotionCase:
+        """The concealed campaign."""
+        return draw_motion_case(self.rng("draw"), self.stratum, laws=self.laws)
+
+
 def draw_lots(campaigns: int, seed: int, kinds: tuple[str, ...] = tuple(SHARES), laws: str = USUAL) -> tuple[Lot, ...]:
-    """The campaigns of a trial; the first ones of a longer trial are the same.
+    """The campaigns of a trial of steady points; the first ones of a longer trial are the same.
 
     Parameters
     ----------
@@ -81,26 +106,39 @@ def draw_lots(campaigns: int, seed: int, kinds: tuple[str, ...] = tuple(SHARES),
     or design) comes once before any comes again, in an order that is drawn, each time with another of its sizes; the
     shaft is drawn.
     """
+    drawn = _drawn(strata(), campaigns, seed, kinds)
+    return tuple(Lot(number, stratum, seed, laws) for number, stratum in enumerate(drawn))
+
+
+def draw_motion_lots(
+    campaigns: int, seed: int, kinds: tuple[str, ...] = tuple(SHARES), laws: str = USUAL
+) -> tuple[MotionLot, ...]:
+    """The campaigns of a trial of runs in motion, in the same way."""
+    drawn = _drawn(motion_strata(), campaigns, seed, kinds)
+    return tuple(MotionLot(number, stratum, seed, laws) for number, stratum in enumerate(drawn))
+
+
+def _drawn(every: Sequence[S], campaigns: int, seed: int, kinds: tuple[str, ...]) -> Iterator[S]:
+    """Kind of each campaign of a trial."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(ORDER,)))
-    sources = {kind: _endless(kind, stream) for kind, stream in zip(SHARES, rng.spawn(len(SHARES)), strict=True)}
+    sources = {
+        kind: _endless([stratum for stratum in every if stratum.kind == kind], stream)
+        for kind, stream in zip(SHARES, rng.spawn(len(SHARES)), strict=True)
+    }
     chosen = [kind for kind in SHARES if kind in kinds]
     whole = sum(SHARES[kind] for kind in chosen)
     had = dict.fromkeys(chosen, 0)
-    lots = []
     for number in range(campaigns):
         due = max(chosen, key=lambda kind: SHARES[kind] / whole * (number + 1) - had[kind])
         had[due] += 1
-        lots.append(Lot(number, next(sources[due]), seed, laws))
-    return tuple(lots)
+        yield next(sources[due])
 
 
-def _endless(kind: str, rng: np.random.Generator) -> Iterator[Stratum]:
+def _endless(of_kind: Sequence[S], rng: np.random.Generator) -> Iterator[S]:
     """Strata of a kind in rounds: every effect once a round, from round to round in another size."""
-    effects: dict[tuple[object, ...], list[Stratum]] = {}
-    for stratum in strata():
-        if stratum.kind == kind:
-            ids = tuple(identifier for identifier, _ in stratum.effects)
-            effects.setdefault((*ids, stratum.one_way) if ids else (stratum.name,), []).append(stratum)
+    effects: dict[tuple[object, ...], list[S]] = {}
+    for stratum in of_kind:
+        effects.setdefault(stratum.group, []).append(stratum)
     listed = list(effects.values())
     start = int(rng.integers(1000))
     while True:
@@ -121,6 +159,14 @@ def chosen_kinds(text: str | None) -> tuple[str, ...]:
         if word not in SHARES:
             raise BenchError("--strata", repr(word), f"kinds out of {', '.join(SHARES)}", near_miss(word, SHARES))
     return tuple(kind for kind in SHARES if kind in words)
+
+
+def chosen_track(text: str | None) -> str:
+    """One of `TRACKS`; the first where nothing is given."""
+    word = TRACKS[0] if text is None else text
+    if word not in TRACKS:
+        raise BenchError("--track", repr(word), " or ".join(TRACKS), near_miss(word, TRACKS))
+    return word
 
 
 def chosen_laws(text: str | None) -> str:

@@ -33,14 +33,18 @@ SIZES_DRAWN = (0.02, 20.0)
 """Sizes between which the curve is drawn [sigma]."""
 
 
+WHICH = {"steady": "", "motion": " of runs in motion"}
+"""What the campaigns of each track hold, in words."""
+
+
 def proof_page(trial: Trial, facts: Mapping[str, Any]) -> Report:
     """The page of a trial; `facts` holds seed, strata, laws, route and the digest of the program."""
     aimed = [figure for figure in trial.figures if figure.met is not None]
     met = sum(bool(figure.met) for figure in aimed)
     return Report(
         title="Proof of the diagnosis",
-        subtitle=f"{len(trial.scores)} synthetic campaigns with sealed truths, from a bench that shares no formula "
-        "with the models",
+        subtitle=f"{len(trial.scores)} synthetic campaigns{WHICH[facts['track']]} with sealed truths, "
+        "from a bench that shares no formula with the models",
         verdict=Headline(
             f"{met} of {len(aimed)} aims are met over {len(trial.scores)} campaigns.",
             "good" if met == len(aimed) else "attention",

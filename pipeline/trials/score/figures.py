@@ -147,6 +147,21 @@ def detection(scores: Sequence[Score]) -> tuple[tuple[tuple[float, float, float,
     return tuple(bins), fit_curve(size, seen)
 
 
+AIMS_IN_MOTION = {
+    "size_50": None,
+    "size_95": None,
+    "named_right_at_1": Aim(low=0.85),
+    "right_or_set": Aim(low=0.95),
+    "two_right": None,
+    "confident_library": Aim(high=0.02),
+    "confident_outside": Aim(high=0.05),
+    "held_out": Aim(high=1.10),
+    "parameter_error": None,
+    "parameter_cover": None,
+}
+"""Aims of a trial of runs in motion where they are others, or none."""
+
+
 def figures(scores: Sequence[Score], resolutions: Sequence[str], lifts: Sequence[str]) -> tuple[Figured, ...]:
     """Every figure, from the scores and from what further tests made of sets and of confounded designs."""
     made = [score for score in scores if score.outcome is not DiagnosisScore.NOT_MADE]

@@ -15,18 +15,22 @@ from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.compare import run_compare
 from pmg.pipeline.commands.compare_and_diagnose import SEED
 from pmg.pipeline.commands.ingest import ALONE, run_ingest
+from pmg.pipeline.commands.motion import compare_motion
 from pmg.pipeline.diagnosis.design.plans import join_points, possible_plans
 from pmg.pipeline.diagnosis.grid.decide import diagnose
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document
+from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
+from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
+from pmg.pipeline.trials.motion.nature import MotionCase, measure_motion_case, write_motion_case
 from pmg.pipeline.trials.nature import measure_case
 from pmg.pipeline.trials.record import write_case
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
     from pmg.pipeline.trials.nature import ConcealedCampaign
-    from pmg.pipeline.trials.score.case_list import Lot
+    from pmg.pipeline.trials.score.case_list import AnyLot
     from pmg.sim.grid import OperatingPoints
 
 ROUTES = ("grid", "recordings")
@@ -41,7 +45,7 @@ class CaseTask:
     `further`: the test that its diagnosis asks for is run too.
     """
 
-    lot: Lot
+    lot: AnyLot[Any]
     route: str
     code: str
     sha256: str
@@ -53,9 +57,16 @@ def run_case(task: CaseTask) -> dict[str, Any]:
     lot, began = task.lot, time.perf_counter()
     case = lot.draw()
     try:
-        document, points = _diagnosed(case, lot.rng("measure"), task.route)
-        seconds = time.perf_counter() - began
-        further = _extended(case, document, points, lot.rng("extend"), task.route) if task.further else None
+        further: dict[str, Any] | None = None
+        document: dict[str, Any] | None
+        if isinstance(case, MotionCase):
+            document = _in_motion(case, lot.rng("measure"), task.route)
+            seconds = time.perf_counter() - began
+        else:
+            document, points = _diagnosed(case, lot.rng("measure"), task.route)
+            seconds = time.perf_counter() - began
+            if task.further:
+                further = _extended(case, document, points, lot.rng("extend"), task.route)
     except Exception as defect:
         defect.add_note(
             f"campaign {lot.number} of the trial with seed {lot.seed}: run it alone with --case {lot.number}"
@@ -87,6 +98,20 @@ def _diagnosed(
     draws = np.random.default_rng(SEED)
     found = diagnose(analysis.grid, analysis.fits, analysis.floor, analysis.calibration, bench, draws)
     return diagnosis_document(found), analysis.grid.points
+
+
+def _in_motion(case: MotionCase, rng: np.random.Generator, route: str) -> dict[str, Any]:
+    """Diagnosis of a campaign of runs in motion, from its signals or by the stages of the command line."""
+    if route != "recordings":
+        runs = tuple(measure_motion_case(case, rng))
+        return motion_document(diagnose_motion(case.campaign, runs, load_bench(), np.random.default_rng(SEED)))
+    with tempfile.TemporaryDirectory(prefix="pmg-prove-") as name:
+        recordings, store, report = (Path(name) / part for part in ("recordings", "store", "report"))
+        recordings.mkdir()
+        write_motion_case(case, recordings, rng)
+        run_ingest(recordings, store, ALONE)
+        found: dict[str, Any] = compare_motion(store, case.campaign, report).data["diagnosis"]
+        return found
 
 
 def _by_recordings(case: ConcealedCampaign, rng: np.random.Generator) -> tuple[dict[str, Any] | None, OperatingPoints]:

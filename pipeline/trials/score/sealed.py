@@ -8,20 +8,35 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.files.json_values import read_json
+from pmg.pipeline.files.parallel import map_over
 from pmg.pipeline.trials.nature import seal_truth
+from pmg.pipeline.trials.score.case_list import TRACKS
 from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pmg.pipeline.trials.score.case_list import Lot
+    from pmg.pipeline.trials.score.case_list import AnyLot
 
 SCHEMA = "pmg.sealed/1"
 FILE = "sealed.json"
 
 
+def truth_text(lot: AnyLot[Any]) -> str:
+    """What a campaign conceals, as the text that is sealed."""
+    return seal_truth(lot.draw().truth)[0]
+
+
 def seal(
-    lots: tuple[Lot, ...], folder: Path, *, seed: int, kinds: tuple[str, ...], route: str, laws: str
+    lots: tuple[AnyLot[Any], ...],
+    folder: Path,
+    *,
+    seed: int,
+    kinds: tuple[str, ...],
+    route: str,
+    laws: str,
+    track: str = TRACKS[0],
+    workers: int = 1,
 ) -> dict[int, str]:
     """Publish the hash of every truth; a seal that is there already must be the same.
 
@@ -35,7 +50,10 @@ def seal(
     StoreError
         The folder holds the seal of another trial.
     """
-    hashes = {lot.number: seal_truth(lot.draw())[1] for lot in lots}
+    hashes = {
+        lot.number: hashlib.sha256(text.encode("utf-8")).hexdigest()
+        for lot, text in map_over(truth_text, lots, workers)
+    }
     document = {
         "schema": SCHEMA,
         "seed": seed,
@@ -43,6 +61,7 @@ def seal(
         "strata": list(kinds),
         "route": route,
         "laws": laws,
+        **({} if track == TRACKS[0] else {"track": track}),
         "sha256": [hashes[lot.number] for lot in lots],
     }
     path = folder / FILE
@@ -94,16 +113,19 @@ def open_truth(text: str, sealed: str, where: str) -> dict[str, Any]:
     return truth
 
 
-def open_truths(lots: tuple[Lot, ...], folder: Path) -> dict[int, dict[str, Any]]:
+def open_truths(lots: tuple[AnyLot[Any], ...], folder: Path, workers: int = 1) -> dict[int, dict[str, Any]]:
     """Every truth checked against the seal and laid next to it, in ``truths``; call it when all diagnoses are made.
 
     A truth that already lies there is the one that is checked.
     """
+    kept = folder / "truths"
+    missing = [lot for lot in lots if not (kept / f"{lot.number:04d}.json").exists()]
+    drawn = dict(map_over(truth_text, missing, workers))
     published = _read_seal(folder / FILE)["sha256"]
     found = {}
     for lot in lots:
-        path = folder / "truths" / f"{lot.number:04d}.json"
-        text = path.read_text(encoding="utf-8") if path.exists() else seal_truth(lot.draw())[0]
+        path = kept / f"{lot.number:04d}.json"
+        text = path.read_text(encoding="utf-8") if path.exists() else drawn[lot]
         found[lot.number] = open_truth(text, published[lot.number], str(path))
         if not path.exists():
             write_atomic(path, text.encode())

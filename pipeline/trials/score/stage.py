@@ -15,14 +15,23 @@ from pmg.pipeline.files.json_values import read_json
 from pmg.pipeline.files.parallel import map_over
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.write import write_report
-from pmg.pipeline.trials.nature import seal_truth
 from pmg.pipeline.trials.score.agreement import both_ways
-from pmg.pipeline.trials.score.case_list import CAMPAIGNS, SEED, chosen_kinds, chosen_laws, draw_lots
+from pmg.pipeline.trials.score.case_list import (
+    CAMPAIGNS,
+    SEED,
+    TRACKS,
+    chosen_kinds,
+    chosen_laws,
+    chosen_track,
+    draw_lots,
+    draw_motion_lots,
+)
 from pmg.pipeline.trials.score.chapter import proof_page
+from pmg.pipeline.trials.score.figures import AIMS_IN_MOTION
 from pmg.pipeline.trials.score.run_case import ROUTES, SCHEMA, CaseTask, run_case
 from pmg.pipeline.trials.score.score import DiagnosisScore as Verdict
 from pmg.pipeline.trials.score.score import judge
-from pmg.pipeline.trials.score.sealed import open_truth, open_truths, seal
+from pmg.pipeline.trials.score.sealed import open_truth, open_truths, seal, truth_text
 from pmg.pipeline.trials.score.summary import Trial, case_row, score_lines, scores_document, summarise
 from pmg.sim.errors import BenchError, near_miss
 
@@ -31,7 +40,7 @@ if TYPE_CHECKING:
     from importlib.resources.abc import Traversable
     from pathlib import Path
 
-    from pmg.pipeline.trials.score.case_list import Lot
+    from pmg.pipeline.trials.score.case_list import AnyLot
 
 NO_PART = ("chapters", "cli", "report", "score", "thesis_figures")
 """Rooms of the pipeline on which no diagnosis depends; a change of how a trial runs a campaign changes `SCHEMA`."""
@@ -53,6 +62,8 @@ class TrialOptions:
         Kinds of campaign, separated by commas.
     laws : str, optional
         Families that laws are drawn from: ``usual`` unless given, ``reserved`` or ``all``.
+    track : str, optional
+        ``steady`` unless given, or ``motion``: campaigns of runs in motion.
     route : str
         ``grid``, or ``recordings``: through files and every stage of the pipeline.
     recordings : int, optional
@@ -70,6 +81,7 @@ class TrialOptions:
     seed: int | None = None
     strata: str | None = None
     laws: str | None = None
+    track: str | None = None
     route: str = ROUTES[0]
     recordings: int | None = None
     quick: bool = False
@@ -93,28 +105,30 @@ def run_prove(out: Path, asked: TrialOptions, progress: Callable[[int, int, str]
     recordings = _asked_both(asked.recordings, asked.quick, route, case)
     campaigns = (QUICK[0] if asked.quick else CAMPAIGNS) if asked.campaigns is None else asked.campaigns
     seed = SEED if asked.seed is None else asked.seed
-    kinds, laws = chosen_kinds(asked.strata), chosen_laws(asked.laws)
+    kinds, laws, track = chosen_kinds(asked.strata), chosen_laws(asked.laws), chosen_track(asked.track)
     if route not in ROUTES:
         raise BenchError("--route", repr(route), " or ".join(ROUTES), near_miss(route, ROUTES))
     if campaigns < 1:
         raise BenchError("--campaigns", str(campaigns), "1 or more", "Give a number of campaigns.")
     if case is not None and not 0 <= case < campaigns:
         raise BenchError("--case", str(case), f"0 to {campaigns - 1}", "Name a campaign of this trial.")
-    lots = draw_lots(campaigns, seed, kinds, laws)
-    hashes = seal(lots, out, seed=seed, kinds=kinds, route=route, laws=laws)
+    workers = asked.workers or os.cpu_count() or 1
+    drawn = draw_lots if track == TRACKS[0] else draw_motion_lots
+    lots: tuple[AnyLot[Any], ...] = drawn(campaigns, seed, kinds, laws)
+    hashes = seal(lots, out, seed=seed, kinds=kinds, route=route, laws=laws, track=track, workers=workers)
     code = _code_digest()
     taken = lots if case is None else (lots[case],)
     tasks = [CaseTask(lot, route, code, hashes[lot.number]) for lot in taken]
     tasks += [CaseTask(lot, ROUTES[1], code, hashes[lot.number], False) for lot in both_ways(lots, recordings)]
     missing = [task for task in tasks if _read_case(out, task) is None]
-    for done, (task, result) in enumerate(map_over(run_case, missing, asked.workers or os.cpu_count() or 1), 1):
+    for done, (task, result) in enumerate(map_over(run_case, missing, workers), 1):
         write_atomic(_case_file(out, task), (json.dumps(result, indent=1, allow_nan=False) + "\n").encode())
         if progress is not None:
             progress(len(tasks) - len(missing) + done, len(tasks), f"case {task.lot.number}")
     results = {task: found for task in tasks if (found := _read_case(out, task)) is not None}
     if case is not None:
         return _one(tasks[0], results[tasks[0]], out)
-    facts = {"seed": seed, "strata": list(kinds), "laws": laws, "route": route, "code": code}
+    facts = {"seed": seed, "track": track, "strata": list(kinds), "laws": laws, "route": route, "code": code}
     return _all(lots, results, out, facts, (len(missing), len(tasks) - len(missing)))
 
 
@@ -174,7 +188,7 @@ def _sources(folder: Traversable, name: str) -> list[tuple[str, bytes]]:
 def _one(task: CaseTask, result: dict[str, Any], out: Path) -> Outcome:
     """Result of one campaign."""
     lot = task.lot
-    truth = open_truth(seal_truth(lot.draw())[0], task.sha256, f"campaign {lot.number}")
+    truth = open_truth(truth_text(lot), task.sha256, f"campaign {lot.number}")
     row = case_row(lot.number, judge(truth, result["diagnosis"]), truth, result)
     lines = [
         f"case {lot.number} ({row['stratum']}; {row['reached_sigma']:.2f} sigma after absorption): {row['outcome']}",
@@ -185,7 +199,7 @@ def _one(task: CaseTask, result: dict[str, Any], out: Path) -> Outcome:
 
 
 def _all(
-    lots: tuple[Lot, ...],
+    lots: tuple[AnyLot[Any], ...],
     results: dict[CaseTask, dict[str, Any]],
     out: Path,
     facts: dict[str, Any],
@@ -196,7 +210,7 @@ def _all(
     first, second = (
         {task.lot.number: found for task, found in results.items() if task.further is way} for way in (True, False)
     )
-    trial = summarise(truths, first, second)
+    trial = summarise(truths, first, second, {} if facts["track"] == TRACKS[0] else AIMS_IN_MOTION)
     document = scores_document(trial, facts)
     write_atomic(out / SCORES, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
     files = write_report(proof_page(trial, facts), out)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pmg.pipeline.trials.score.agreement import TrialAgreement
-    from pmg.pipeline.trials.score.figures import Figured
+    from pmg.pipeline.trials.score.figures import Aim, Figured
     from pmg.pipeline.trials.score.rates import DetectionCurve, Rate
 
 SCHEMA = "pmg.proof/1"
@@ -115,8 +116,12 @@ def summarise(
     truths: Mapping[int, Mapping[str, Any]],
     results: Mapping[int, Mapping[str, Any]],
     second: Mapping[int, Mapping[str, Any]] | None = None,
+    aims: Mapping[str, Aim | None] = MappingProxyType({}),
 ) -> Trial:
-    """Scores of all campaigns, by their numbers; `second` holds results of those that went by recordings too."""
+    """Scores of all campaigns, by their numbers.
+
+    Results of those that went by recordings too are in `second`; `aims` stand in place of the usual ones, by figure.
+    """
     scores = tuple(judge(truths[number], results[number]["diagnosis"]) for number in sorted(truths))
     rows = tuple(
         case_row(number, score, truths[number], results[number])
@@ -129,6 +134,7 @@ def summarise(
         for verdict in ("ambiguous", "confounded")
     }
     shown = (*figures(scores, tests["ambiguous"], tests["confounded"]), *set_figures(scores), *figures_by_laws(scores))
+    shown = tuple(replace(figure, aim=aims.get(figure.id, figure.aim)) for figure in shown)
     return Trial(scores, rows, shown, bins, curve, times, agree(truths, results, second or {}))
 
 
