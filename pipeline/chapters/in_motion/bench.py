@@ -64,7 +64,8 @@ def constants_section(diagnosis: MotionDiagnosis) -> Section:
     table = Table(
         "constants",
         "Constants of the bench",
-        f"{found} Distance in standard uncertainties u of the data sheet. Zeros and skews are expected at 0.",
+        f"{found} Distance in standard uncertainties u of the data sheet. Zeros, skews, waves of a turn, and what "
+        "a law is off its form are expected at 0.",
         (
             Column("constant", "Constant"),
             Column("unit", "Unit"),

@@ -38,9 +38,6 @@ class CandidateCatalogue(ABC, Generic[F, P]):
     tells_weak: ClassVar[bool] = True
     """Whether the causes of a mismatch that is too weak to name one are reported as a set."""
 
-    tells_unproven: ClassVar[bool] = False
-    """Whether what explains all, and is not proved on withheld rows, is reported as a set with what comes nearest."""
-
     @abstractmethod
     def rank(self, problem: P, without: Collection[str] = ()) -> list[F]:
         """All candidates but some fitted, best score first."""

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from itertools import islice
 from typing import TYPE_CHECKING, Any, Generic
 
-from pmg.pipeline.diagnosis.engine.explanation import Explanation, explain_with
+from pmg.pipeline.diagnosis.engine.explanation import explain_with
 from pmg.pipeline.diagnosis.engine.naming import MOST_RIVALS
 from pmg.pipeline.diagnosis.engine.problem import F, P
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.engine.catalogue import CandidateCatalogue
     from pmg.pipeline.diagnosis.engine.decoys import Decoys
+    from pmg.pipeline.diagnosis.engine.explanation import Explanation
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.engine.naming import Naming
     from pmg.pipeline.diagnosis.engine.verdict import Absorbed
@@ -79,8 +79,7 @@ def conclude(
     -----
     A set is named when it is good enough and predicts most of the mismatch of withheld rows. Rivals are the sets of
     close evidence, and those that parts of the rows name instead. Where the mismatch is too weak to tell an effect of
-    another kind by what it leaves, the candidates that explain it are reported as what may be, and none is named; so
-    are they, where the catalogue asks for it, when they explain all and withheld rows do not tell.
+    another kind by what it leaves, the candidates that explain it are reported as what may be, and none is named.
     """
     if naming.explained and not naming.weak:
         held = prove(naming.best)
@@ -88,8 +87,6 @@ def conclude(
             naming = _with_parts(problem, catalogue, naming, held)
             verdict = Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
             return Conclusion(verdict=verdict, naming=naming, held_out=held)
-        if catalogue.tells_unproven and held is not None and held.rmse_after <= NOT_WORSE * held.rmse_before:
-            return Conclusion(verdict=Verdict.AMBIGUOUS, naming=_with_next(problem, naming), held_out=held, weak=True)
     if naming.weak:
         best, *others = naming.weak
         held = prove(best)
@@ -121,14 +118,6 @@ def probabilities(conclusion: Conclusion[Any, Any]) -> list[float]:
         known * (elsewhere / sum(by_parts) if apart else (1.0 - elsewhere) * weight / sum(weights))
         for weight, apart in zip(weights, by_parts, strict=True)
     ]
-
-
-def _with_next(problem: P, naming: Naming[F, P]) -> Naming[F, P]:
-    """What the catalogue says with the single candidate that comes next among the rivals where there is none."""
-    if naming.rivals:
-        return naming
-    others = (fit for fit in naming.ranking if fit.identifier not in naming.best.ids and fit.admissible)
-    return replace(naming, rivals=tuple(Explanation((fit,), problem.take_out(fit)) for fit in islice(others, 1)))
 
 
 def _with_parts(problem: P, catalogue: CandidateCatalogue[F, P], naming: Naming[F, P], held: HeldOut) -> Naming[F, P]:

@@ -31,10 +31,11 @@ def bent_sentence(naming: Naming[Any, Any], along: Iterable[LawCovariate]) -> st
     """That the law of what leads is another than the library's, and how much either explains."""
     best, left = naming.best, naming.remainder.excess
     whole = best.gain + best.bent + left
-    change = " and ".join(dict.fromkeys(COVARIATES[name] for name in along)) or "its shape"
+    follows = " and ".join(dict.fromkeys(COVARIATES[name] for name in along))
+    change = f"A smooth change with {follows}" if follows else "A mixture of its shapes"
     return (
         f"The law differs from that of the library. The library's form explains {best.gain / whole:.1%} of the "
-        f"difference (in squares). A smooth change with {change} explains another {best.bent / whole:.1%}; "
+        f"difference (in squares). {change} explains another {best.bent / whole:.1%}; "
         f"{left / whole:.1%} remains."
     )
 

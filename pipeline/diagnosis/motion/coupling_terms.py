@@ -74,9 +74,9 @@ def coupling_terms(side: str) -> Iterator[MotionTerm]:
     yield term(
         "coupling_compliance",
         "A coupling that is softer at small torques",
-        "-(J d2/dt2 + K p) dc T/(1 + (T/T1)2)",
+        "-(J d2/dt2 + K p) dc T/(1 + |T/T1|)",
         amount("more", "rad/(N m)", 5e-3),
-        _yielding(side, lambda torque, stiffens, _: torque / (1.0 + (torque / stiffens) ** 2)),
+        _yielding(side, lambda torque, stiffens, _: torque / (1.0 + np.abs(torque / stiffens))),
         source=sources.BALANCE,
         shape=Quantity("stiffens", "N m", (0.4, 6.0)),
         mimicked_by=(f"compliance_{side}",),

@@ -69,7 +69,6 @@ class _MotionCatalogue(TermCatalogue):
     """The mechanisms that runs in motion may show."""
 
     tells_weak: ClassVar[bool] = True
-    tells_unproven: ClassVar[bool] = True
 
     def weak_below(self, leading: tuple[TermFit, ...]) -> float:
         """Gain below which an effect of another kind may pass: less where a constant is plainly off its data sheet."""

@@ -81,7 +81,9 @@ def motion_document(diagnosis: MotionDiagnosis) -> dict[str, Any]:
 def _component_of(place: MotionPlace) -> Component | None:
     """Component that a place points to; None where it cannot tell."""
     follows, side = place.family.follows, signal_of(place)
-    if follows == "pull_out":
+    if follows.startswith("eccentricity"):
+        return Component(f"{side}_encoder")
+    if follows in ("pull_out", "map", "poles of the gear"):
         return Component.MAGNETIC_GEAR
     if follows.startswith("compliance") or follows == "torque rate":
         return Component(f"{side}_coupling")

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.sim.signals import Array, Mask
 
-_OF_SHEET = {
+OF_SHEET = {
     **{f"{name}_{side}": (f"{name}_{side}",) for side in SIDES for name in ("inertia", "compliance", "skew", "zero")},
     "pull_out": ("pull_out",),
     **{f"drag_{side}": form_names(side) for side in SIDES},
@@ -185,7 +185,7 @@ def motion_evidence(
     scatter = _scatter(np.concatenate([*(part.left for part in parts), off]), [columns, *found])
     unit = np.where(block < len(parts), 1.0 / scatter, 1.0)
     y, columns, found = unit * y, unit[:, None] * columns, [unit[:, None] * each for each in found]
-    for name, names in _OF_SHEET.items():
+    for name, names in OF_SHEET.items():
         families = (*families, Family("both", "data sheet", name))
         found.append(_units_of_sheet(baseline.sheet, names, len(y)))
     tables = {}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.motion.constants import COGGING_ORDERS
+from pmg.pipeline.diagnosis.motion.view import waves_of
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.view import RotorView
@@ -33,22 +34,17 @@ def structures(view: RotorView, spans: dict[str, float]) -> dict[str, Array]:
         "time in the campaign": np.stack(
             [wave for k in (1, 2, 3) for wave in (np.cos(np.pi * k * view.campaign_time / spans["campaign"]),)], 1
         ),
-        "poles of the gear": _waves(view.shaft.angle, COGGING_ORDERS),
-        "angle of the shaft": _waves(view.shaft.angle, (1, 2, 3, 4)),
+        "poles of the gear": waves_of(view.shaft, COGGING_ORDERS),
+        "angle of the shaft": waves_of(view.shaft, (1, 2, 3, 4)),
         "travel since reversal": np.stack([view.direction * np.exp(-_travel(view) / w) for w in (0.3, 1.0, 3.0)], 1),
     }
     if view.coupled:
         slip = view.state.slip
         found["pole angle"] = _curve(view.state.pole_angle, 1.0)
-        found["angle of the other shaft"] = _waves(view.other.angle, (1, 2))
+        found["angle of the other shaft"] = waves_of(view.other, (1, 2))
         found["rate of the pole angle"] = np.tanh(slip)[:, None]
         found["load and speed"] = view.load[:, None] * _curve(view.speed, spans["speed"])
     return found
-
-
-def _waves(angle: Array, orders: tuple[int, ...]) -> Array:
-    """Waves of a turn (n, 2 k)."""
-    return np.stack([wave(order * angle) for order in orders for wave in (np.cos, np.sin)], 1)
 
 
 def _travel(view: RotorView) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.term import Quantity
 from pmg.pipeline.diagnosis.motion.constants import COGGING_ORDERS, MAP_WAVES, map_name
 from pmg.pipeline.diagnosis.motion.terms import amount, engaged, signed, stack, term
-from pmg.pipeline.diagnosis.motion.view import lagging, stopping
+from pmg.pipeline.diagnosis.motion.view import lagging, stopping, waves_of
 from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate
 from pmg.sim.shafts import SIDES
@@ -161,9 +161,7 @@ def cogging_terms() -> Iterator[MotionTerm]:
                 "Cogging of the magnetic gear",
                 f"C sin({order} theta_{side} + phase)",
                 signed("cosine", "sine", unit="N m", most=0.5),
-                lambda v, _, side=side, order=order: stack(  # type: ignore[misc]
-                    *((v.side == side) * wave(order * v.shaft.angle) for wave in (np.cos, np.sin))
-                ),
+                lambda v, _, side=side, order=order: (v.side == side) * waves_of(v.shaft, (order,)),  # type: ignore[misc]
                 follows=(LawCovariate.SPEED,),
                 component=Component.MAGNETIC_GEAR,
                 shaft="both",

@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import SIDES, other_side
+from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -26,11 +27,15 @@ REPEATS = 4
 BACKWARDS = -5.0
 """Speed below which a shaft ran backwards [rad/s]."""
 
+SLOW = 3.0 * REVOLUTION
+"""Speed up to which waves of a turn lie within the band, two and four times a turn as well [rad/s]."""
+
 OF_LAG = frozenset({"transducer_bandwidth", "channel_delay", "coupling_compliance", "coupling_backlash"})
 OF_REVERSAL = frozenset({"presliding_friction", "stribeck_mixed_lubrication"})
 OF_SPRING = frozenset({"pull_out_torque", "torque_map_harmonic", "gear_hysteresis"})
 OF_LOAD = frozenset({"torque_gain_error", "load_dependent_bearing_friction", "load_dependent_iron_loss"})
 OF_TIME = frozenset({"torque_zero_drift", "magnet_temperature", "lubricant_viscosity"})
+OF_TURN = frozenset({"shaft_unbalance", "coupling_misalignment", "encoder_eccentricity", "cogging"})
 """Mechanisms by what tells them from others."""
 
 
@@ -110,6 +115,11 @@ def _kinds(sides: tuple[str, ...]) -> Iterator[_Kind]:
             lambda run, side=side: _alone(run, side) and run.run.manoeuvre is Manoeuvre.DITHER,  # type: ignore[misc]
         )
         yield _Kind(
+            f"Slow ramp of the {side} in neutral, to a speed of three turns a second",
+            OF_TURN,
+            lambda run, side=side: _alone(run, side) and _slow(run, side),  # type: ignore[misc]
+        )
+        yield _Kind(
             f"Ramp of the {side} in neutral, backwards",
             frozenset({"direction_dependent_friction"}),
             lambda run, side=side: _alone(run, side) and _backwards(run, side),  # type: ignore[misc]
@@ -132,6 +142,11 @@ def _alone(run: SmoothRun, side: str) -> bool:
     """Whether that shaft alone turns in neutral."""
     neutral = run.run.configuration is Configuration.NEUTRAL
     return neutral and run.run.turns[side] and not run.run.turns[other_side(side)]
+
+
+def _slow(run: SmoothRun, side: str) -> bool:
+    """Whether a shaft stays slow enough for the waves of its turns to be seen."""
+    return run.run.manoeuvre is Manoeuvre.RAMP and float(np.abs(run.shafts[side].speed).max()) < 1.5 * SLOW
 
 
 def _backwards(run: SmoothRun, side: str) -> bool:

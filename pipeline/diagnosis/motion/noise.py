@@ -27,8 +27,11 @@ LEAST_WANDER = 5e-4
 OF_TIME = 3
 """Degree of the curve of time that the zero of a transducer may follow over a campaign."""
 
-KNOTS = 3.0
-"""Time from knot to knot at which the wander of a reading is looked at [s]."""
+PIECE = 3.0
+"""Time over which a reading is averaged to see its wander [s], and longest time from knot to knot of it."""
+
+FILLED = 0.5
+"""Part of a piece that rows must fill for its mean to count."""
 
 LEAST_RIPPLE = 3e-4
 """Least standard deviation that is taken for the ripple of a turn [N m]."""
@@ -129,9 +132,9 @@ def slow_spread(stretch: RotorRows, noise: SlowNoise = USUAL) -> Array:
     Notes
     -----
     A wander of size s and time t has the covariance :math:`s^2 e^{-|\Delta|/t}` between instants; straight lines
-    between knots half that time apart carry it.
+    between knots half that time apart, or `PIECE`, carry it. The mean of a run is off by as much besides.
     """
-    lines, apart = _lines(stretch, min(0.5 * noise.time, KNOTS))
+    lines, apart = _lines(stretch, min(0.5 * noise.time, PIECE))
     steps = np.arange(lines.shape[1])
     root = np.linalg.cholesky(np.exp(-np.abs(steps[:, None] - steps) * apart / noise.time))
     turns = _turns(stretch)
@@ -155,41 +158,70 @@ def _turns(stretch: RotorRows) -> Array:
 
 
 def slow_noise_of(baseline: MotionBaseline, noise: list[RowNoise]) -> SlowNoise:
-    """The wander and the ripple that the residuals of a baseline show.
+    r"""The wander and the ripple that the residuals of a baseline show.
 
-    Each stretch tells the reading's offset at its knots; over a campaign they follow a smooth curve of time, which is
-    no wander, and the waves of a turn are those of its side, in neutral and engaged. A few that stand out, as of a
-    cause in some runs, do not count.
+    Each stretch tells the mean of the reading over pieces of time; over a campaign they follow a smooth curve of time,
+    which is no wander, and the waves of a turn are those of its side, in neutral and engaged. A few that stand out, as
+    of a cause in some runs, do not count.
+
+    Notes
+    -----
+    Means over a piece T of a wander of size s and time t have with :math:`a = T/t` the variance
+    :math:`2 s^2 (a - 1 + e^{-a})/a^2`, and neighbours the correlation :math:`(1 - e^{-a})^2/(2 (a - 1 + e^{-a}))`.
     """
     told: dict[str, list[tuple[Array, Array]]] = {side: [] for side in SIDES}
     ripples: dict[tuple[str, bool], list[Array]] = {}
     for place, stretch in enumerate(baseline.stretches):
-        lines, apart = _lines(stretch, KNOTS)
+        pieces, when = _pieces(stretch)
         white = solve_banded(
             (len(noise[place].factor) - 1, 0),
             noise[place].factor,
-            np.hstack([lines, _turns(stretch), baseline.left(place)[:, None]]),
+            np.hstack([pieces, _turns(stretch), baseline.left(place)[:, None]]),
             check_finite=False,
         )
-        found, waves = np.split(np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=1e-6)[0], [lines.shape[1]])
-        when = np.asarray(stretch.run.run.started_at.timestamp() + apart * np.arange(len(found)))
-        told[stretch.side].append((when, found))
+        found, waves = np.split(np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=1e-6)[0], [len(when)])
+        told[stretch.side].append((when, np.asarray(found)))
         if len(waves):
             ripples.setdefault((stretch.side, stretch.coupled), []).append(waves)
-    apart_of = [off for of_side in told.values() for off in _about_trend(of_side)]
-    if not apart_of:
-        return USUAL
-    size = max(_spread(np.concatenate(apart_of)), LEAST_WANDER)
-    both, change = (
-        _spread(np.concatenate([off[1:] + sign * off[:-1] for off in apart_of])) ** 2 for sign in (1.0, -1.0)
-    )
-    alike = np.clip((both - change) / max(both + change, 1e-30), 1e-9, 1.0 - 1e-9)
+    off = [each for of_side in told.values() for each in _about_trend(of_side)]
     about = [each - np.median(each, axis=0) for each in map(np.array, ripples.values()) if len(each) > 1]
     ripple = USUAL.ripple
     if about:
         by_order = np.split(np.vstack(about), len(RIPPLE), axis=1)
         ripple = tuple(max(_spread(np.ravel(each)), LEAST_RIPPLE) for each in by_order)
-    return SlowNoise(size, float(np.clip(-KNOTS / np.log(alike), *CORRELATED)), ripple)
+    size, time = _wander([values for _, values in off], _neighbours(off))
+    return SlowNoise(size, time, ripple)
+
+
+def _pieces(stretch: RotorRows) -> tuple[Array, Array]:
+    """Pieces of time (n, k) that rows fill, each 1 in its own, and when their middles were [s since 1970]."""
+    time = stretch.run.row_time[stretch.rows]
+    of = np.floor(time / PIECE).astype(np.int64)
+    held = [k for k in np.unique(of) if np.sum(of == k) > FILLED * PIECE * stretch.run.row_rate]
+    began = stretch.run.run.started_at.timestamp()
+    return (of[:, None] == np.array(held, dtype=np.int64)).astype(np.float64), began + PIECE * (np.array(held) + 0.5)
+
+
+def _neighbours(off: list[tuple[Array, Array]]) -> Array:
+    """Means of pieces that follow one another (m, 2)."""
+    pairs = [
+        np.stack([values[:-1], values[1:]], 1)[np.diff(when) < 1.5 * PIECE] for when, values in off if len(when) > 1
+    ]
+    return np.vstack([np.zeros((0, 2)), *pairs])
+
+
+def _wander(means: list[Array], pairs: Array) -> tuple[float, float]:
+    """Size [N m] and time [s] of a wander from means over pieces, and from those that follow one another."""
+    if not means or not len(pairs):
+        return USUAL.wander, USUAL.time
+    both, change = (_spread(pairs @ np.array([1.0, sign])) ** 2 for sign in (1.0, -1.0))
+    time = np.geomspace(*CORRELATED, 60)
+    a = PIECE / time
+    held = a - 1.0 + np.exp(-a)
+    seen = (both - change) / max(both + change, 1e-30)
+    found = float(np.interp(seen, (1.0 - np.exp(-a)) ** 2 / (2.0 * held), time))
+    part = float(np.interp(found, time, np.sqrt(2.0 * held) / a))
+    return max(_spread(np.concatenate(means)) / part, LEAST_WANDER), found
 
 
 def _spread(values: Array) -> float:
@@ -197,12 +229,13 @@ def _spread(values: Array) -> float:
     return float(NORMAL_MAD * np.median(np.abs(values))) if len(values) else 0.0
 
 
-def _about_trend(told: list[tuple[Array, Array]]) -> list[Array]:
-    """Offsets of each stretch about a smooth curve of time over all of them; none where they are too few for it."""
+def _about_trend(told: list[tuple[Array, Array]]) -> list[tuple[Array, Array]]:
+    """Times, and values about a smooth curve of time over all of them; none where they are too few for it."""
     when, off = (np.concatenate(each) for each in zip(*told, strict=True)) if told else (np.zeros(0), np.zeros(0))
     if len(when) <= OF_TIME + 1:
         return []
     time = 2.0 * (when - when.min()) / max(float(np.ptp(when)), 1.0) - 1.0
     columns = np.polynomial.legendre.legvander(time, OF_TIME)
     left = np.asarray(off - columns @ np.linalg.lstsq(columns, off, rcond=None)[0])
-    return np.split(left, np.cumsum([len(t) for t, _ in told])[:-1])
+    ends = np.cumsum([len(each) for each, _ in told])[:-1]
+    return list(zip(np.split(when, ends), np.split(left, ends), strict=True))

@@ -213,7 +213,10 @@ def linear_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[s
 
 
 def torque_of_angle(state: RotorState, sheet: DataSheet, values: Array, side: str, moved: tuple[Array, Array]) -> Array:
-    """Torque on the rotor of a state if that of a side stood by an angle ahead [rad]: `moved`, with its curvature."""
+    """Torque on the rotor of a state [N m], (n,), if that of a side stood ahead by an angle [rad].
+
+    `moved` is that angle and its second derivative in time [rad, rad/s2].
+    """
     own, (angle, curvature) = state.stretch.side, moved
     inertia = float(values[sheet.at(f"inertia_{own}")]) if own == side else 0.0
     spring: Array | float = 0.0
@@ -223,7 +226,10 @@ def torque_of_angle(state: RotorState, sheet: DataSheet, values: Array, side: st
 
 
 def eccentric(state: RotorState, sheet: DataSheet, values: Array, side: str) -> tuple[Array, Array]:
-    """Torque on the rotor of a state where the encoder of a side shows an angle too large by a cosine, or a sine."""
+    """Torque on a rotor per radian by which the encoder of a side shows too large an angle [N m/rad], (n,) each.
+
+    The first is of a cosine of the turn, the second of a sine; the rate of the speed is small against its square.
+    """
     shaft = state.stretch.run.shafts[side]
     waves = np.cos(shaft.angle), np.sin(shaft.angle)
     first, second = (torque_of_angle(state, sheet, values, side, (-wave, shaft.speed**2 * wave)) for wave in waves)

@@ -113,6 +113,7 @@ def reversal_terms(side: str) -> Iterator[MotionTerm]:
         signed("friction", unit="N m", most=0.5),
         lambda v, _: stack(v.direction**2),
         source=sources.ARMSTRONG,
+        mimicked_by=(f"zero_{side}",),
         variant="dry",
         component=bearings,
         shaft=side,
@@ -137,7 +138,6 @@ def rubbing_terms(side: str) -> Iterator[MotionTerm]:
 
 def wave_terms(side: str) -> Iterator[MotionTerm]:
     """What comes back with every turn of a shaft."""
-    bearings = Component(f"{side}_bearings")
     yield term(
         "shaft_unbalance",
         "Unbalance of the shaft",
@@ -146,7 +146,7 @@ def wave_terms(side: str) -> Iterator[MotionTerm]:
         lambda v, _: stack(np.cos(v.shaft.angle), np.sin(v.shaft.angle)),
         source=sources.BALANCE,
         constants=ripple_names(side, 1),
-        component=bearings,
+        component=Component(f"{side}_coupling"),
         shaft=side,
     )
 
@@ -159,7 +159,7 @@ def wave_terms(side: str) -> Iterator[MotionTerm]:
         source=sources.BALANCE,
         mimicked_by=ripple_names(side, 1),
         variant="bent",
-        component=bearings,
+        component=Component(f"{side}_coupling"),
         shaft=side,
     )
 
@@ -181,7 +181,7 @@ def turning_terms(side: str) -> Iterator[MotionTerm]:
     yield term(
         "encoder_eccentricity",
         "Encoder that sits off centre",
-        "J w2 e sin(theta + theta0)",
+        "(J w2 - K p) e sin(theta + theta0)",
         signed("cosine", "sine", unit="rad", most=0.05),
         _eccentric(side),
         source=sources.BALANCE,

@@ -11,6 +11,7 @@ from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.law_words import bent_sentence
 from pmg.pipeline.diagnosis.grid.rivals import nearest_share
 from pmg.pipeline.diagnosis.grid.statement import NEAREST_FROM, PHRASES, SHAFT_WORDS
+from pmg.pipeline.diagnosis.motion.evidence import OF_SHEET
 from pmg.pipeline.diagnosis.motion.next_runs import next_runs
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.motion.smooth import BAND
@@ -24,6 +25,13 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, MotionPlace
     from pmg.sim.signals import Array
+
+OF_TURN = {
+    "ripple": "ripple of a turn of the {side} shaft",
+    "eccentricity": "eccentricity of the {side} encoder",
+    "map": "torque against pole angle",
+}
+"""Constants of several parts, by how their names begin, in words."""
 
 OFF_SHEET = "data sheet"
 """Configuration of a place that is a constant far from its data sheet."""
@@ -42,6 +50,7 @@ REMEDIES = {
     "channel_delay": "check the filters and the clock of the {shaft} torque and angle channels",
     "encoder_eccentricity": "check the seat of the {shaft} encoder",
     "shaft_unbalance": "balance the {shaft} shaft",
+    "coupling_misalignment": "align the {shaft} coupling",
     "presliding_friction": "inspect the {shaft} bearings and seals",
     "direction_dependent_friction": "inspect the {shaft} bearings and seals",
 }
@@ -76,7 +85,7 @@ def statement(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
         weak = "The difference is too weak to name one cause. Possible causes"
         none = "; or one that the catalogue does not have" if diagnosis.weak else ""
         sentences.append(f"{weak if diagnosis.weak else 'These recordings cannot tell between'}: {known}{none}.")
-    if naming is not None and naming.best.bent:
+    if naming is not None and naming.best.bent and diagnosis.verdict.names:
         sentences.append(bent_sentence(naming, [name for fit in naming.best.fits for name in term_of(fit).follows]))
     sentences += [_size(diagnosis, i, effect) for i, effect in enumerate(effects)]
     sentences += [_proof(diagnosis), _advice(diagnosis)]
@@ -113,7 +122,11 @@ def _in_torque(diagnosis: MotionDiagnosis) -> float:
 
 def follows(place: MotionPlace) -> str:
     """What the torque follows at a place, or which constant is far from its data sheet."""
-    return place.family.follows.replace("_", " ")
+    name, side = place.family.follows, signal_of(place)
+    for start, words in OF_TURN.items():
+        if name.startswith(start):
+            return words.format(side=side)
+    return name.replace("_", " ")
 
 
 def signal_of(place: MotionPlace) -> str:
@@ -121,18 +134,23 @@ def signal_of(place: MotionPlace) -> str:
     family = place.family
     if family.configuration != OFF_SHEET:
         return family.side
-    return "sun" if family.follows.endswith("_sun") else "ring"
+    return "sun" if "_sun" in family.follows else "ring"
 
 
 def size_of(diagnosis: MotionDiagnosis, place: MotionPlace) -> float:
     """Size of a place; of a constant, the torque of its distance from the data sheet over the rows it moves [N m]."""
     if place.family.configuration != OFF_SHEET:
         return place.size
-    before = diagnosis.before
-    at = before.sheet.at(place.family.follows)
-    column = np.concatenate([before.clean.columns(i)[:, at] for i in range(len(before.stretches))])
-    moved = column[column != 0.0] * (before.values[at] - before.sheet.expected[at])
+    before, at = diagnosis.before, _of_sheet(diagnosis, place)
+    off = (before.values - before.sheet.expected)[at]
+    columns = np.concatenate([before.clean.columns(i)[:, at] for i in range(len(before.stretches))])
+    moved = columns[columns.any(axis=1)] @ off
     return float(np.sqrt(moved @ moved / max(len(moved), 1)))
+
+
+def _of_sheet(diagnosis: MotionDiagnosis, place: MotionPlace) -> list[int]:
+    """Places of the constants that are far from their data sheet."""
+    return [diagnosis.before.sheet.at(name) for name in OF_SHEET[place.family.follows]]
 
 
 def _place(diagnosis: MotionDiagnosis) -> str:
@@ -147,9 +165,10 @@ def _place(diagnosis: MotionDiagnosis) -> str:
     if place.family.configuration != OFF_SHEET:
         where = f"the {place.family.side} torque in {place.family.configuration} runs follows the {follows(place)}"
         return f"{differ} Most of it: {where} ({size})."
-    sheet, at = diagnosis.before.sheet, diagnosis.before.sheet.at(place.family.follows)
-    distance = (diagnosis.before.values[at] - sheet.expected[at]) / sheet.spread[at]
-    far = f"fitted without a cause, it lies {distance:+.1f} standard uncertainties off"
+    sheet, at = diagnosis.before.sheet, _of_sheet(diagnosis, place)
+    apart = (diagnosis.before.values[at] - sheet.expected[at]) / sheet.spread[at]
+    distance = f"{apart[0]:+.1f}" if len(apart) == 1 else f"{np.linalg.norm(apart):.1f}"
+    far = f"fitted without a cause, it lies {distance} standard uncertainties off"
     return f"{differ} Most of it: the {follows(place)} is not that of the data sheet ({size}); {far}."
 
 
@@ -163,11 +182,15 @@ def _size(diagnosis: MotionDiagnosis, i: int, effect: tuple[Array, ...]) -> str:
         best = int(np.nanargmin(np.abs(errors / np.where(values, values, np.nan)))) if np.any(values) else 0
     quantity = fit.candidate.parameters[best]
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
-    name = f"{quantity.name.replace('_', ' ')} "
-    beyond = ""
-    if term_of(fit).constants:
-        name, beyond = "", f" {quantity.name} than in the data sheet"
-    fitted = measured(float(values[best]), float(errors[best]))
+    name, beyond = f"{quantity.name.replace('_', ' ')} ", ""
+    value, error = float(values[best]), float(errors[best])
+    if quantity.name == "more" and term_of(fit).constants:
+        name, beyond = "", " more than in the data sheet"
+    if [each.name for each in fit.candidate.parameters[:2]] == ["cosine", "sine"]:
+        name, unit = "amplitude ", f" {fit.candidate.parameters[0].unit}"
+        value = float(np.hypot(*values[:2]))
+        error = float(np.hypot(*(values[:2] * errors[:2]))) / max(value, 1e-30)
+    fitted = measured(value, error)
     return (
         f"{subject} the {side} torque by {rms / MILLI:.1f} mN m rms, up to {peak / MILLI:.0f} mN m; the noise is "
         f"{noise[side] / MILLI:.1f} mN m. Fitted: {name}{fitted}{unit}{beyond}."

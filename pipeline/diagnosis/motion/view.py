@@ -10,7 +10,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pmg.pipeline.diagnosis.motion.constants import DRAG_POWERS, SKEW, drag_names
+from pmg.pipeline.motion.smooth import FINE_BAND
 from pmg.sim.shafts import SIDES, other_side
+from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -192,13 +194,6 @@ class RotorView:
             return np.zeros_like(self.speed)
         return np.asarray(self.pairs * self.constant("pull_out") * np.sin(self.state.pole_angle))
 
-    @cached_property
-    def stiffness(self) -> Array:
-        """Torque of the gear on the rotor per angle of the poles [N m/rad]; zero in neutral."""
-        if not self.coupled:
-            return np.zeros_like(self.speed)
-        return np.asarray(self.pairs * self.constant("pull_out") * np.cos(self.state.pole_angle))
-
     def of_poles(self, over: float, law: Callable[[Array, float], Array]) -> Array:
         """What a law makes of the way that the pole angle went."""
         return self.history.of_way(self.state.stretch.run.run.name, over, law, self.state.pole_angle)
@@ -217,6 +212,13 @@ class RotorView:
     def warmth(self, settles: float) -> Array:
         """Of its bearings, 1 at most."""
         return self.history.warmth(self.side, settles)[self.state.stretch.run.run.name]
+
+
+def waves_of(shaft: SmoothShaft, orders: tuple[int, ...]) -> Array:
+    """Waves of a turn (n, 2 k); none where one is faster than the signals hold."""
+    held = [np.abs(order * shaft.speed) < REVOLUTION * FINE_BAND for order in orders]
+    pairs = zip(orders, held, strict=True)
+    return np.stack([wave(order * shaft.angle) * slow for order, slow in pairs for wave in (np.cos, np.sin)], 1)
 
 
 def views_of(baseline: MotionBaseline) -> list[RotorView]:

@@ -32,6 +32,7 @@ class WithheldRuns(Withholding[TermFit, TermProblem]):
 
     problem: TermProblem
     constants: Array
+    of_sheet: Mask
     sheet: DataSheet
     noun = "mechanism was"
     folds: ClassVar[int] = NEVER
@@ -54,10 +55,11 @@ class WithheldRuns(Withholding[TermFit, TermProblem]):
         return np.hstack([bent_columns(self.problem, fit) for fit in fits])
 
     def _columns(self, fit: TermFit) -> Array:
-        """Columns of a mechanism; of one that a data sheet is wrong about, the constant's own."""
+        """Columns of a mechanism; of one that a data sheet is wrong about, the constants' own, free of the sheet."""
         names = cast("MotionTerm", fit.candidate).constants
         if names:
-            return self.constants[:, [self.sheet.at(name) for name in names]]
+            columns = self.constants[:, [self.sheet.at(name) for name in names]]
+            return np.asarray(np.where(self.of_sheet[:, None], 0.0, columns))
         return self.problem.columns_of(fit.candidate, fit.shape)
 
     def touched(self, fits: tuple[TermFit, ...]) -> Mask:
@@ -100,6 +102,7 @@ def _withheld(found: MotionEvidence, fits: tuple[TermFit, ...], folds: list[int]
         y=y,
         columns=np.delete(found.columns, wrong, axis=1),
         constants=found.columns,
+        of_sheet=found.of_sheet,
         sheet=sheet,
         scale=np.ones(len(found.y)),
         block=found.block,
