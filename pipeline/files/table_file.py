@@ -29,6 +29,9 @@ Table = TypeVar("Table", bound=BaseModel)
 LONGEST = 4 << 20
 """Longest file that is read [bytes]."""
 
+SHOWN = 60
+"""Characters of a name that cannot be one that are repeated in a message."""
+
 KINDS = {
     "float_type": "a number",
     "finite_number": "a finite number",
@@ -72,8 +75,18 @@ class TableFile(Generic[Table]):
         return lines_of(self.text)
 
     def resolve(self, name: str) -> Path:
-        """A file or folder that the file names, relative to its own folder."""
-        return self.path.parent / name
+        """A file or folder that the file names, relative to its own folder; one that cannot be is refused."""
+        path = self.path.parent / name
+        try:
+            path.lstat()
+        except (FileNotFoundError, NotADirectoryError, PermissionError):
+            return path  # who needs it says so
+        except (OSError, ValueError) as fault:
+            reason = getattr(fault, "strerror", None) or str(fault)
+            shown = name if len(name) <= SHOWN else f"{name[:SHOWN]}..."
+            came = f"'{shown}' cannot be the name of a file: {reason}"
+            raise self.error(str(self.path), came, "the path of a file or folder", "Check the path.") from fault
+        return path
 
     def where(self, *key: str | int) -> str:
         """File, line and key for a message; the line is that of the innermost table that stands in the file."""

@@ -328,3 +328,11 @@ def test_sources_that_are_not_there_are_told(tmp_path: Path, bench: BenchParamet
     file = read_scenario(written(tmp_path, GOOD + '[map]\nfem = "none.csv"\n'))
     with pytest.raises(PmgError, match="no such file"):
         gather_inputs(file, bench)
+
+
+@pytest.mark.parametrize("name", ["y" * 5000, "y/" * 3000], ids=["a name", "a path"])
+def test_a_name_that_no_file_can_have_is_told(name: str, tmp_path: Path, bench: BenchParameters) -> None:
+    file = read_scenario(written(tmp_path, GOOD.replace("none = true", f'grids = "{name}"')))
+    with pytest.raises(PmgError, match=r"cannot be the name of a file: .*too long") as told:
+        gather_inputs(file, bench)
+    assert len(str(told.value)) < 600
