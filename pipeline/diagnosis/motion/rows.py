@@ -228,12 +228,18 @@ def torque_of_angle(state: RotorState, sheet: DataSheet, values: Array, side: st
 def eccentric(state: RotorState, sheet: DataSheet, values: Array, side: str) -> tuple[Array, Array]:
     """Torque on a rotor per radian by which the encoder of a side shows too large an angle [N m/rad], (n,) each.
 
-    The first is of a cosine of the turn, the second of a sine; the rate of the speed is small against its square.
+    The first is of a cosine of the turn, the second of a sine.
     """
     shaft = state.stretch.run.shafts[side]
-    waves = np.cos(shaft.angle), np.sin(shaft.angle)
-    first, second = (torque_of_angle(state, sheet, values, side, (-wave, shaft.speed**2 * wave)) for wave in waves)
-    return first, second
+    cosine, sine = np.cos(shaft.angle), np.sin(shaft.angle)
+    curvatures = (
+        shaft.speed**2 * cosine + shaft.acceleration * sine,
+        shaft.speed**2 * sine - shaft.acceleration * cosine,
+    )
+    return (
+        torque_of_angle(state, sheet, values, side, (-cosine, curvatures[0])),
+        torque_of_angle(state, sheet, values, side, (-sine, curvatures[1])),
+    )
 
 
 def encoder_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[str, Array]:

@@ -1,0 +1,76 @@
+"""Columns of the baseline in motion against differences of what it predicts, on a neutral and an engaged run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import timedelta
+
+import numpy as np
+import pytest
+from tests.trials.test_motion_nature import BEGUN, short_runs
+
+from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, start_baseline
+from pmg.pipeline.diagnosis.motion.constants import sheet_of
+from pmg.pipeline.diagnosis.motion.library import library
+from pmg.pipeline.diagnosis.motion.rows import stretches_of
+from pmg.pipeline.diagnosis.motion.view import views_of
+from pmg.pipeline.motion.smooth import smooth
+from pmg.pipeline.trials.motion.bench import draw_bench
+from pmg.pipeline.trials.motion.nature import MotionCase, measure_motion_case
+from pmg.pipeline.trials.motion.programme import MotionCampaign
+from pmg.pipeline.trials.motion.size import Scene
+from pmg.pipeline.trials.motion.strata import motion_strata
+from pmg.sim.bench import load_bench
+
+
+@pytest.fixture(scope="module")
+def baseline() -> MotionBaseline:
+    """Of the short campaign: engaged, loaded in a step; and both shafts through standstill in neutral."""
+    runs = tuple(replace(run, started_at=run.started_at + timedelta(minutes=k)) for k, run in enumerate(short_runs()))
+    scene = Scene(draw_bench(np.random.default_rng(1)), MotionCampaign("short", runs), (BEGUN,) * len(runs))
+    case = MotionCase("short", motion_strata()[0], scene, (), "")
+    measured = tuple(measure_motion_case(case, np.random.default_rng(2)))
+    sheet = sheet_of(load_bench(), 1, tuple(run.name for run in measured if run.coupled))
+    found = start_baseline(sheet, stretches_of(tuple(map(smooth, measured))))
+    for side in ("sun", "ring"):
+        found.values[sheet.at(f"drag_{side}_0.5")] = 0.1
+    return found
+
+
+def test_columns_are_what_the_prediction_changes_by(baseline: MotionBaseline) -> None:
+    sheet = baseline.sheet
+    moved = set()
+    for at, constant in enumerate(sheet.constants):
+        step = 1e-2 * constant.spread if np.isfinite(constant.spread) else 1e-4
+        ends = []
+        for sign in (1.0, -1.0):
+            values = baseline.values.copy()
+            values[at] += sign * step
+            ends.append(MotionBaseline(sheet, values, baseline.stretches))
+        for place in range(len(baseline.stretches)):
+            change = (ends[0].predicted(place) - ends[1].predicted(place)) / (2.0 * step)
+            column = baseline.columns(place)[:, at]
+            near = (
+                0.05 if constant.name.startswith("eccentricity") else 0.01
+            )  # which leaves out drag by the speed shown
+            assert np.abs(column - change).max() <= near * np.abs(change).max() + 1e-9, (constant.name, place)
+            moved |= {constant.name} if change.any() else set()
+    still = {constant.name for constant in sheet.constants} - moved
+    assert still <= {"drag_ring_off_at_150"}, "acts on nothing, and not because the ring stays slower"
+
+
+def test_an_encoder_acts_on_the_other_rotor_where_the_gear_couples_them(baseline: MotionBaseline) -> None:
+    for side, other in (("sun", "ring"), ("ring", "sun")):
+        at = baseline.sheet.at(f"eccentricity_{other}_cosine")
+        for place, stretch in enumerate(baseline.stretches):
+            if stretch.side == side:
+                assert baseline.columns(place)[:, at].any() == stretch.coupled
+
+
+def test_every_candidate_with_columns_moves_some_row_and_stays_finite(baseline: MotionBaseline) -> None:
+    views = views_of(baseline)
+    for term in library():
+        shape = float("nan") if term.shape is None else float(np.sqrt(np.prod(term.shape.bounds)))
+        columns = [term.columns(view, shape) for view in views if term.acts(view)]
+        assert all(np.isfinite(each).all() for each in columns)
+        assert term.constants or any(each.any() for each in columns), term.key
