@@ -14,6 +14,7 @@ from pmg.pipeline.trials.score.case_list import TRACKS
 from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     from pmg.pipeline.trials.score.case_list import AnyLot
@@ -27,8 +28,20 @@ def truth_text(lot: AnyLot[Any]) -> str:
     return seal_truth(lot.draw().truth)[0]
 
 
+def truth_texts(
+    lots: tuple[AnyLot[Any], ...], workers: int = 1, progress: Callable[[int, int, str], None] | None = None
+) -> dict[int, str]:
+    """What each campaign conceals, by its number; `progress` receives how many are drawn, of how many, and which."""
+    found: dict[int, str] = {}
+    for lot, text in map_over(truth_text, lots, workers):
+        found[lot.number] = text
+        if progress is not None:
+            progress(len(found), len(lots), f"campaign {lot.number} drawn")
+    return dict(sorted(found.items()))
+
+
 def seal(
-    lots: tuple[AnyLot[Any], ...],
+    texts: Mapping[int, str],
     folder: Path,
     *,
     seed: int,
@@ -36,7 +49,6 @@ def seal(
     route: str,
     laws: str,
     track: str = TRACKS[0],
-    workers: int = 1,
 ) -> dict[int, str]:
     """Publish the hash of every truth; a seal that is there already must be the same.
 
@@ -50,19 +62,16 @@ def seal(
     StoreError
         The folder holds the seal of another trial.
     """
-    hashes = {
-        lot.number: hashlib.sha256(text.encode("utf-8")).hexdigest()
-        for lot, text in map_over(truth_text, lots, workers)
-    }
+    hashes = {number: hashlib.sha256(text.encode("utf-8")).hexdigest() for number, text in texts.items()}
     document = {
         "schema": SCHEMA,
         "seed": seed,
-        "campaigns": len(lots),
+        "campaigns": len(texts),
         "strata": list(kinds),
         "route": route,
         "laws": laws,
         **({} if track == TRACKS[0] else {"track": track}),
-        "sha256": [hashes[lot.number] for lot in lots],
+        "sha256": list(hashes.values()),
     }
     path = folder / FILE
     if path.exists():
@@ -113,20 +122,17 @@ def open_truth(text: str, sealed: str, where: str) -> dict[str, Any]:
     return truth
 
 
-def open_truths(lots: tuple[AnyLot[Any], ...], folder: Path, workers: int = 1) -> dict[int, dict[str, Any]]:
+def open_truths(texts: Mapping[int, str], folder: Path) -> dict[int, dict[str, Any]]:
     """Every truth checked against the seal and laid next to it, in ``truths``; call it when all diagnoses are made.
 
     A truth that already lies there is the one that is checked.
     """
-    kept = folder / "truths"
-    missing = [lot for lot in lots if not (kept / f"{lot.number:04d}.json").exists()]
-    drawn = dict(map_over(truth_text, missing, workers))
     published = _read_seal(folder / FILE)["sha256"]
     found = {}
-    for lot in lots:
-        path = kept / f"{lot.number:04d}.json"
-        text = path.read_text(encoding="utf-8") if path.exists() else drawn[lot]
-        found[lot.number] = open_truth(text, published[lot.number], str(path))
+    for number, drawn in texts.items():
+        path = folder / "truths" / f"{number:04d}.json"
+        text = path.read_text(encoding="utf-8") if path.exists() else drawn
+        found[number] = open_truth(text, published[number], str(path))
         if not path.exists():
             write_atomic(path, text.encode())
     return found

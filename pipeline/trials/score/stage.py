@@ -31,12 +31,12 @@ from pmg.pipeline.trials.score.figures import AIMS_IN_MOTION
 from pmg.pipeline.trials.score.run_case import ROUTES, SCHEMA, CaseTask, run_case
 from pmg.pipeline.trials.score.score import DiagnosisScore as Verdict
 from pmg.pipeline.trials.score.score import judge
-from pmg.pipeline.trials.score.sealed import open_truth, open_truths, seal, truth_text
+from pmg.pipeline.trials.score.sealed import open_truth, open_truths, seal, truth_texts
 from pmg.pipeline.trials.score.summary import Trial, case_row, score_lines, scores_document, summarise
 from pmg.sim.errors import BenchError, near_miss
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from importlib.resources.abc import Traversable
     from pathlib import Path
 
@@ -115,7 +115,8 @@ def run_prove(out: Path, asked: TrialOptions, progress: Callable[[int, int, str]
     workers = asked.workers or os.cpu_count() or 1
     drawn = draw_lots if track == TRACKS[0] else draw_motion_lots
     lots: tuple[AnyLot[Any], ...] = drawn(campaigns, seed, kinds, laws)
-    hashes = seal(lots, out, seed=seed, kinds=kinds, route=route, laws=laws, track=track, workers=workers)
+    texts = truth_texts(lots, workers, progress)
+    hashes = seal(texts, out, seed=seed, kinds=kinds, route=route, laws=laws, track=track)
     code = _code_digest()
     taken = lots if case is None else (lots[case],)
     tasks = [CaseTask(lot, route, code, hashes[lot.number]) for lot in taken]
@@ -127,9 +128,9 @@ def run_prove(out: Path, asked: TrialOptions, progress: Callable[[int, int, str]
             progress(len(tasks) - len(missing) + done, len(tasks), f"case {task.lot.number}")
     results = {task: found for task in tasks if (found := _read_case(out, task)) is not None}
     if case is not None:
-        return _one(tasks[0], results[tasks[0]], out)
+        return _one(tasks[0], results[tasks[0]], out, texts[case])
     facts = {"seed": seed, "track": track, "strata": list(kinds), "laws": laws, "route": route, "code": code}
-    return _all(lots, results, out, facts, (len(missing), len(tasks) - len(missing)))
+    return _all(texts, results, out, facts, (len(missing), len(tasks) - len(missing)))
 
 
 def _asked_both(recordings: int | None, quick: bool, route: str, case: int | None) -> int:
@@ -185,10 +186,10 @@ def _sources(folder: Traversable, name: str) -> list[tuple[str, bytes]]:
     return found
 
 
-def _one(task: CaseTask, result: dict[str, Any], out: Path) -> Outcome:
+def _one(task: CaseTask, result: dict[str, Any], out: Path, text: str) -> Outcome:
     """Result of one campaign."""
     lot = task.lot
-    truth = open_truth(truth_text(lot), task.sha256, f"campaign {lot.number}")
+    truth = open_truth(text, task.sha256, f"campaign {lot.number}")
     row = case_row(lot.number, judge(truth, result["diagnosis"]), truth, result)
     lines = [
         f"case {lot.number} ({row['stratum']}; {row['reached_sigma']:.2f} sigma after absorption): {row['outcome']}",
@@ -199,14 +200,14 @@ def _one(task: CaseTask, result: dict[str, Any], out: Path) -> Outcome:
 
 
 def _all(
-    lots: tuple[AnyLot[Any], ...],
+    texts: Mapping[int, str],
     results: dict[CaseTask, dict[str, Any]],
     out: Path,
     facts: dict[str, Any],
     counted: tuple[int, int],
 ) -> Outcome:
     """Truths opened, scores, report; `counted` says how many results were made and how many were there."""
-    truths, (made, there) = open_truths(lots, out), counted
+    truths, (made, there) = open_truths(texts, out), counted
     first, second = (
         {task.lot.number: found for task, found in results.items() if task.further is way} for way in (True, False)
     )
