@@ -23,7 +23,7 @@ SCHEMA = "pmg.sealed/1"
 FILE = "sealed.json"
 
 
-def truth_text(lot: AnyLot[Any]) -> str:
+def _truth_text(lot: AnyLot[Any]) -> str:
     """What a campaign conceals, as the text that is sealed."""
     return seal_truth(lot.draw().truth)[0]
 
@@ -33,7 +33,7 @@ def truth_texts(
 ) -> dict[int, str]:
     """What each campaign conceals, by its number; `progress` receives how many are drawn, of how many, and which."""
     found: dict[int, str] = {}
-    for lot, text in map_over(truth_text, lots, workers):
+    for lot, text in map_over(_truth_text, lots, workers):
         found[lot.number] = text
         if progress is not None:
             progress(len(found), len(lots), f"campaign {lot.number} drawn")
