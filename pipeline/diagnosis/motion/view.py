@@ -10,9 +10,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pmg.pipeline.diagnosis.motion.constants import DRAG_POWERS, SKEW, drag_names
-from pmg.pipeline.motion.smooth import FINE_BAND
 from pmg.sim.shafts import SIDES, other_side
-from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -215,10 +213,8 @@ class RotorView:
 
 
 def waves_of(shaft: SmoothShaft, orders: tuple[int, ...]) -> Array:
-    """Waves of a turn (n, 2 k); none where one is faster than the signals hold."""
-    held = [np.abs(order * shaft.speed) < REVOLUTION * FINE_BAND for order in orders]
-    pairs = zip(orders, held, strict=True)
-    return np.stack([wave(order * shaft.angle) * slow for order, slow in pairs for wave in (np.cos, np.sin)], 1)
+    """Waves of a turn (n, 2 k)."""
+    return np.stack([wave(order * shaft.angle) for order in orders for wave in (np.cos, np.sin)], 1)
 
 
 def views_of(baseline: MotionBaseline) -> list[RotorView]:
