@@ -240,6 +240,47 @@ def test_waves_of_a_turn_are_named_with_their_size() -> None:
         assert found.held_out.split.startswith("kinds of run")
 
 
+def test_a_campaign_that_turned_one_way_says_what_it_cannot_show() -> None:
+    forward = tuple(run for k, run in enumerate(_campaign(24)) if k in (0, 1, 2, 5))
+    whole = diagnose_motion("both ways", _campaign(24), load_bench(), np.random.default_rng(0))
+    found = diagnose_motion("one way", forward, load_bench(), np.random.default_rng(0))
+    assert whole.verdict is Verdict.CONSISTENT
+    assert not whole.unseen
+    assert found.verdict is Verdict.CONFOUNDED
+    assert ("direction_dependent_friction", "sun") in {each.ids for each in found.unseen}
+    document = motion_document(found)
+    assert document["design"]["unseen"] == [{"id": each.ids[0], "shaft": each.ids[1]} for each in found.unseen]
+    assert "Ramp of the sun in neutral, backwards" in {run["description"] for run in document["next_tests"]}
+    assert "could not have shown" in document["statement"]
+
+
+def _slipping(angle: np.ndarray, span: float) -> np.ndarray:
+    """Friction, 1 at most, that rises straight over an angle after each reversal, and slips then."""
+    found, now = [], 0.0
+    for step in (np.diff(angle, prepend=angle[0]) / span).tolist():
+        now = min(max(now + step, -1.0), 1.0)
+        found.append(now)
+    return np.array(found)
+
+
+def test_friction_that_rises_after_a_reversal_is_named() -> None:
+    """In slow swings through standstill: what is left out at once is there a hundredth of a radian later."""
+    rng, t = np.random.default_rng(25), np.arange(20000) / RATE
+    swings = 4.0 * np.sin(2.0 * np.pi * t / 2.5)
+    slow = [_run(6 + k, Manoeuvre.DITHER, swings * (1.0 + 0.3 * k), rng) for k in range(2)]
+    campaign = []
+    for run in (*_campaign(25), *slow):
+        rotor = run.angle.sun
+        speed = np.gradient(lfilter(np.ones(9) / 9.0, [1.0], rotor)) * RATE
+        campaign.append(_with_torque(run, run.turns.sun * 0.02 * (_slipping(rotor, 0.02) - np.tanh(speed / 0.3))))
+    found = diagnose_motion("rising", tuple(campaign), load_bench(), np.random.default_rng(0))
+    assert found.naming is not None
+    assert "presliding_friction" in {
+        fit.identifier for e in (found.naming.best, *found.naming.rivals) for fit in e.fits
+    }
+    assert found.mismatch.locations[0].family.follows == "travel since reversal"
+
+
 @pytest.mark.parametrize("settles", [2e-3, 0.02])
 def test_a_damped_coupling_lags_as_its_law_says(settles: float) -> None:
     rate, turns = 250.0, 2.0 * np.pi * 4.0

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.chapters.explained.free_run import free_run_sections
 from pmg.pipeline.diagnosis.balance.document import headline, percent, separating_test, title_of
 from pmg.pipeline.diagnosis.balance.drive import EMPS
 from pmg.pipeline.diagnosis.balance.serial import ANDREWS_MONAHAN
@@ -25,7 +26,8 @@ TERMS_SHOWN = 8
 
 def terms_sections(diagnosis: TermsDiagnosis) -> tuple[Section, ...]:
     """The whole page."""
-    return (_verdict(diagnosis), _models(diagnosis), _parameters(diagnosis), _search(diagnosis), _limits(diagnosis))
+    found = (_verdict(diagnosis), _models(diagnosis), *free_run_sections(diagnosis))
+    return (*found, _parameters(diagnosis), _search(diagnosis), _limits(diagnosis))
 
 
 def _verdict(d: TermsDiagnosis) -> Section:

@@ -11,6 +11,7 @@ from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, Twins, find_
 from pmg.pipeline.diagnosis.balance.contest import BalanceData, Contest, ModelStep, contest, model_step, refine, settled
 from pmg.pipeline.diagnosis.balance.estimate import design_of
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem, tabulate, term_problem
+from pmg.pipeline.diagnosis.balance.free_run import free_run, of_fit, of_published
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, noise_of, record_evidence
 from pmg.pipeline.diagnosis.balance.proof import FurtherDecoys, surrogate_decoys, try_decoys, withheld_samples
 from pmg.pipeline.diagnosis.balance.structure import families_of
@@ -25,6 +26,7 @@ from pmg.pipeline.diagnosis.engine.withheld import withhold
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.case_file import Case
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
+    from pmg.pipeline.diagnosis.balance.free_run import FreeRun
     from pmg.pipeline.diagnosis.balance.mismatch import NoiseModel, Place
     from pmg.pipeline.diagnosis.balance.recorded import Recorded
     from pmg.pipeline.diagnosis.balance.term import Motion, Term
@@ -61,6 +63,8 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
         Sets of terms that came near the named one, each set against it with the refinements in.
     left_over : Mismatch
         What named terms and refinements leave.
+    free_runs : tuple of FreeRun
+        Each record simulated from its force alone: by the published parameters where there are any, and by the models.
     """
 
     case: Case
@@ -74,6 +78,7 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     further_decoys: FurtherDecoys
     contests: tuple[Contest, ...]
     left_over: Mismatch[Place]
+    free_runs: tuple[FreeRun, ...]
 
 
 def _free_terms(case: Case) -> tuple[Term[Motion], ...]:
@@ -194,7 +199,22 @@ def diagnose_terms(
         further_decoys=further,
         contests=contests,
         left_over=find_mismatch(record_evidence(s.noise, last, s.looked, s.evidence.null), s.looked),
+        free_runs=_free_runs(data, case, steps, refinements),
     )
+
+
+def _free_runs(
+    data: BalanceData, case: Case, steps: tuple[ModelStep, ...], refinements: tuple[ModelStep, ...]
+) -> tuple[FreeRun, ...]:
+    """Each record by each model that differs from the one before."""
+    models = {"published": of_published(case), "baseline": of_fit(steps[0].fitted, case)}
+    if len(steps) > 1:
+        models["named"] = of_fit(steps[-1].fitted, case)
+    if refinements:
+        models["refined"] = of_fit(refinements[-1].fitted, case)
+    records = [record for record in (data.recorded, data.withheld) if record is not None]
+    runs = [free_run(name, record, terms) for name, terms in models.items() for record in records]
+    return tuple(run for run in runs if run is not None)
 
 
 def _absorbed(steps: tuple[ModelStep, ...]) -> tuple[Absorbed, ...]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.fit.document import number
+from pmg.pipeline.wording.units import MILLI
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.contest import Contest, ModelStep
@@ -65,6 +66,7 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
         ],
         "absorbed": [row.document for row in diagnosis.absorbed],
         "left_over": {"p_value": diagnosis.left_over.p_value, "locations": _places(diagnosis.left_over)},
+        "free_runs": _free_runs(diagnosis),
         "decoys": {
             "tried": diagnosis.further_decoys.tried,
             "entered": diagnosis.further_decoys.entered,
@@ -73,6 +75,19 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
             "in_place_of_named": None if diagnosis.decoys is None else asdict(diagnosis.decoys),
         },
     }
+
+
+def _free_runs(diagnosis: TermsDiagnosis) -> list[dict[str, Any]]:
+    return [
+        {
+            "model": run.model,
+            "record": run.record,
+            "rms_error_m": number(run.error),
+            "largest_error_m": number(run.largest),
+            "stroke_m": run.stroke,
+        }
+        for run in diagnosis.free_runs
+    ]
 
 
 def _places(mismatch: Mismatch[Place]) -> list[dict[str, Any]]:
@@ -172,6 +187,12 @@ def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
             if step.carried[1] < 0.0:
                 blocks += "  does not carry over to the withheld record"
             lines.append(f"{name:<44}{percent(step.error_fit):>9}{percent(step.error_withheld):>10}  {blocks}".rstrip())
+    lines.append("")
+    if diagnosis.free_runs:
+        lines.append("position simulated from the force alone, without being told where it is:")
+    for run in diagnosis.free_runs:
+        errors = f"{run.error / MILLI:.2f} mm rms, {run.largest / MILLI:.1f} mm at most"
+        lines.append(f"  {run.model:<12}{run.record}: {errors}, of a stroke of {run.stroke / MILLI:.0f} mm")
     lines.append("")
     for contest in diagnosis.contests:
         ids = " + ".join(fit.identifier for fit in contest.rival.fits)

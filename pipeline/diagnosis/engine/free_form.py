@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T", float, "Array")
 
-FORM_ERROR = 0.03
+FORM_ERROR = 0.035
 """Part of a candidate's gain that may be left over and pass for the error of its form rather than another candidate.
 
 Other physical forms of the same mechanism leave less than two hundredths once it is taken in detail; mechanisms from

@@ -12,6 +12,8 @@ from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instrumen
 from pmg.pipeline.diagnosis.motion.view import views_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.noise import RowNoise
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
@@ -20,6 +22,9 @@ if TYPE_CHECKING:
 
 CLEANINGS = 2
 """Times the constants are fitted, each time with columns freed from the noise that the fit before showed."""
+
+HELD = 1e-3
+"""Factor on the standard uncertainty of what is held."""
 
 
 def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit, ...]) -> tuple[MotionBaseline, Array]:
@@ -42,6 +47,8 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
         return [np.hstack([_column(fit, view) for fit in fits]) for view in views_of(clean)]
 
     found, covariance = _apart(start, fits), np.zeros((0, 0))
+    if not start.instruments:
+        found = _with_inertia_of_sheet(found, white)
     for _ in range(CLEANINGS if fits or not start.instruments else 1):
         found, covariance = fit_baseline(found, white, extra if fits else None)
         if fits and all(_term(fit).of_transducer for fit in fits):
@@ -52,6 +59,21 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
         amounts = np.split(found.amounts, np.cumsum([len(fit.amplitudes) for fit in fits])[:-1])
         found = with_instruments(found, _as_shown(found, fits, amounts), _Heard(fits, amounts))
     return found, covariance
+
+
+def _with_inertia_of_sheet(start: MotionBaseline, white: Callable[[int, Array], Array]) -> MotionBaseline:
+    """A baseline with instruments, its inertias still those of the data sheet.
+
+    Where a campaign hardly accelerates, noise is most of what an acceleration shows, and an inertia fitted to it is too
+    small by as much.
+    """
+    sheet = start.sheet
+    held = tuple(
+        replace(constant, spread=HELD * constant.spread) if constant.name.startswith("inertia") else constant
+        for constant in sheet.constants
+    )
+    found, _ = fit_baseline(replace(start, sheet=replace(sheet, constants=held)), white)
+    return with_instruments(replace(found, sheet=sheet))
 
 
 def _apart(start: MotionBaseline, fits: tuple[TermFit, ...]) -> MotionBaseline:

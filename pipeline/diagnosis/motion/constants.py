@@ -31,6 +31,9 @@ FORM = (4e-3, 4e-3, 3e-3, 1e-3, 1e-3, 1e-3)
 """Standard deviation by which it may be off there [N m]: real loss curves are not of the fitted form, least of all
 where a film of lubricant breaks."""
 
+PASSAGES, PASSAGE_FORM = (0.1, 0.6, 1.2), 0.03
+"""Speeds [rad/s] over which friction may pass through standstill too, and how much of it may [N m]."""
+
 SLIP_PASSAGE, SLIP_FORM = 1.0, 1e-3
 """Rate of the pole angle [rad/s] about which its damping may be off its law, and by how much [N m]."""
 
@@ -139,6 +142,11 @@ def form_names(side: str) -> tuple[str, ...]:
     return tuple(f"drag_{side}_off_at_{speed:g}" for speed in FORM_SPEEDS)
 
 
+def passage_names(side: str) -> tuple[str, ...]:
+    """Names of the friction of a rotor that passes through standstill over each of `PASSAGES`."""
+    return tuple(f"drag_{side}_passing_over_{speed:g}" for speed in PASSAGES)
+
+
 def _powers(name: str, side: str, powers: tuple[float, ...]) -> tuple[str, ...]:
     return tuple(f"{name}_{side}_{power:g}" for power in powers)
 
@@ -189,6 +197,7 @@ def sheet_of(bench: BenchParameters, gear: int, engaged: tuple[str, ...]) -> Dat
                 yield SheetConstant(name, "N m", 0.0, ENGAGED_DRY if name == dry_name(side) else FREE)
             for name, off in zip(form_names(side), FORM, strict=True):
                 yield SheetConstant(name, "N m", 0.0, off)
+            yield from (SheetConstant(name, "N m", 0.0, PASSAGE_FORM) for name in passage_names(side))
         for side in SIDES:
             for order, ripple in RIPPLE.items():
                 yield from (SheetConstant(name, "N m", 0.0, ripple) for name in ripple_names(side, order))

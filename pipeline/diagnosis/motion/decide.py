@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
@@ -24,6 +24,7 @@ from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 from pmg.pipeline.diagnosis.motion.library import library
 from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_noise_of
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
+from pmg.pipeline.diagnosis.motion.unseen import unseen
 from pmg.pipeline.diagnosis.motion.withheld import by_kind, by_run
 from pmg.pipeline.motion.smooth import smooth
 from pmg.sim.errors import FitError
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.evidence import Family, MotionEvidence
     from pmg.pipeline.diagnosis.motion.noise import RowNoise
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.unseen import Unseen
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
@@ -98,6 +100,8 @@ class MotionDiagnosis(Conclusion[TermFit, TermProblem]):
         Constants of the baseline beside what was named, and their standard errors.
     sizes, size_errors : tuple of (p,) array
         Parameters of each named mechanism, amplitudes then shape, and their standard errors.
+    unseen : tuple of Unseen
+        Mechanisms that the runs excite too little to tell.
     """
 
     campaign: str
@@ -108,6 +112,7 @@ class MotionDiagnosis(Conclusion[TermFit, TermProblem]):
     errors: Array
     sizes: tuple[Array, ...]
     size_errors: tuple[Array, ...]
+    unseen: tuple[Unseen, ...]
 
 
 def diagnose_motion(
@@ -133,10 +138,13 @@ def diagnose_motion(
     noise = [row_noise(rough, place, slow_noise) for place in range(len(start.stretches))]
     before, covariance = fit_beside(rough, noise, ())
     found = motion_evidence(before, noise, library(), rng)
-    mismatch = _mismatch(found)
-    conclusion, together = Conclusion[TermFit, TermProblem](verdict=Verdict.CONSISTENT), None
+    mismatch, blind = _mismatch(found), unseen(found)
+    silent = Verdict.CONFOUNDED if blind else Verdict.CONSISTENT
+    conclusion, together = Conclusion[TermFit, TermProblem](verdict=silent), None
     if mismatch.found:
         found, conclusion = _explained(found, before, noise, rng)
+        if blind and conclusion.verdict is Verdict.NOT_IN_LIBRARY:  # what it cannot show may be a part of it
+            conclusion = replace(conclusion, verdict=Verdict.CONFOUNDED)
         named = conclusion.naming.best.fits if conclusion.verdict.names and conclusion.naming is not None else ()
         together = _together(found, named)
     alone = before.values, np.sqrt(np.diag(covariance)), (), ()
@@ -155,6 +163,7 @@ def diagnose_motion(
         errors=errors,
         sizes=sizes,
         size_errors=size_errors,
+        unseen=blind,
     )
 
 

@@ -72,7 +72,11 @@ def motion_document(diagnosis: MotionDiagnosis) -> dict[str, Any]:
             for run in next_runs(diagnosis)
         ],
         "decoys": None if diagnosis.decoys is None else asdict(diagnosis.decoys),
-        "design": None,
+        "design": {
+            "blind_to_slow_changes": [],
+            "unseen": [{"id": each.term.identifier, "shaft": each.term.shaft} for each in diagnosis.unseen],
+            "look_alike": [],
+        },
         "shape": None,
     }
     return {name: legible(value) for name, value in document.items()}

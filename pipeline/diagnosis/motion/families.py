@@ -8,6 +8,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.motion.constants import COGGING_ORDERS
 from pmg.pipeline.diagnosis.motion.view import waves_of
+from pmg.pipeline.motion.smooth import derivative
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.view import RotorView
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
 
 SLOWED = 51
 """Fine samples over which a covariate is smoothed."""
+
+PASSING_TORQUES = (0.03, 0.15)
+"""Torques [N m] over which a rotor may change sides in its coupling."""
 
 CURVE_KNOTS = 7
 """Knots of a curve over a covariate."""
@@ -36,15 +40,24 @@ def structures(view: RotorView, spans: dict[str, float]) -> dict[str, Array]:
         ),
         "poles of the gear": waves_of(view.shaft, COGGING_ORDERS),
         "angle of the shaft": waves_of(view.shaft, (1, 2, 3, 4)),
-        "travel since reversal": np.stack([view.direction * np.exp(-_travel(view) / w) for w in (0.3, 1.0, 3.0)], 1),
+        "travel since reversal": np.stack([view.direction * np.exp(-_travel(view) / w) for w in (0.01, 0.1, 1.0)], 1),
     }
-    if view.coupled:
+    if not view.coupled:
+        found["sign of the torque"] = _play(view)
+    else:
         slip = view.state.slip
         found["pole angle"] = _curve(view.state.pole_angle, 1.0)
         found["angle of the other shaft"] = waves_of(view.other, (1, 2))
         found["rate of the pole angle"] = np.tanh(slip)[:, None]
         found["load and speed"] = view.load[:, None] * _curve(view.speed, spans["speed"])
     return found
+
+
+def _play(view: RotorView) -> Array:
+    """Acceleration of a rotor that changes sides with the sign of its torque, sharply and gently (n, 2)."""
+    rate, torque = view.state.stretch.run.fine_rate, _slowed(view.shaft.torque)
+    sides = (torque / np.hypot(torque, passage) for passage in PASSING_TORQUES)
+    return np.stack([derivative(derivative(side, rate), rate) for side in sides], 1)
 
 
 def _travel(view: RotorView) -> Array:

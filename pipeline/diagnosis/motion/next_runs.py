@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import SIDES, other_side
@@ -69,8 +70,14 @@ class _Kind:
 
 
 def next_runs(diagnosis: MotionDiagnosis) -> tuple[NextRun, ...]:
-    """The run for each rival that would tell it from the first; for a shaft left open, the run that would tell it."""
+    """The run for each rival that would tell it from the first; for a shaft left open, the run that would tell it.
+
+    Where nothing differs, the run for each mechanism that the campaign cannot see.
+    """
     naming = diagnosis.naming
+    if diagnosis.verdict is Verdict.CONFOUNDED:
+        lacking = [_telling(diagnosis, {each.term.identifier}, (each.term.shaft,)) for each in diagnosis.unseen]
+        return tuple({run.description: run for run in lacking}.values())
     if naming is None or not diagnosis.verdict.names:
         return ()
     sides = tuple(side for side in SIDES if any(fit.place in (side, "both") for fit in naming.best.fits))

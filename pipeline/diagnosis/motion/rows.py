@@ -7,12 +7,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import binary_opening
 
 from pmg.pipeline.diagnosis.motion.constants import (
     DRAG_POWERS,
     ENGAGED_POWERS,
     FORM_SPEEDS,
     MAP_WAVES,
+    PASSAGES,
     RIPPLE,
     SLIP_PASSAGE,
     SPEED_UNIT,
@@ -20,6 +22,7 @@ from pmg.pipeline.diagnosis.motion.constants import (
     eccentricity_names,
     form_names,
     map_name,
+    passage_names,
     ripple_names,
     start_name,
 )
@@ -34,8 +37,9 @@ if TYPE_CHECKING:
 REST = 0.3
 """Width of the smooth passage of friction through standstill [rad/s]."""
 
-MOVING = 1.0
-"""Speed [rad/s] above which friction is that of a turning bearing; slower rows are left out."""
+STANDSTILL, STANDING = 0.05, 0.05
+"""Speed [rad/s] below which a shaft stands, and time [s] from which on its rows are left out: what holds it is then as
+large as it needs to be. A reversal passes through it sooner."""
 
 
 @dataclass(frozen=True)
@@ -94,12 +98,19 @@ def stretches_of(runs: tuple[SmoothRun, ...]) -> tuple[RotorRows, ...]:
             if run.run.manoeuvre is Manoeuvre.ZERO:
                 rows = known
             elif run.run.turns[side]:
-                rows = known & (np.abs(run.rows(shaft.speed)) > MOVING)
+                rows = known & ~_standing(run.rows(shaft.speed), run.row_rate)
             else:
                 continue
             if rows.sum() > 1:
                 found.append(RotorRows(run, side, rows))
     return tuple(found)
+
+
+def _standing(speed: Array, rate: float) -> Mask:
+    """Rows (r,) at which a shaft stands, and does so for more than an instant."""
+    still = np.abs(speed) < STANDSTILL
+    least = max(round(STANDING * rate), 1)
+    return np.asarray(binary_opening(still, np.ones(2 * (least // 2) + 1, dtype=np.bool_)))
 
 
 @dataclass(frozen=True)
@@ -198,6 +209,8 @@ def linear_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[s
         columns[name] = state.direction * state.share**power
     for name, near in zip(form_names(side), _near(state.speed), strict=True):
         columns[name] = state.direction * near
+    for name, width in zip(passage_names(side), PASSAGES, strict=True):
+        columns[name] = np.tanh(state.speed / width) - state.direction
     for order in RIPPLE:
         cosine, sine = ripple_names(side, order)
         columns[cosine], columns[sine] = np.cos(order * shaft.angle), np.sin(order * shaft.angle)

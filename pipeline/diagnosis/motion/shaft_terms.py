@@ -87,7 +87,7 @@ def reversal_terms(side: str) -> Iterator[MotionTerm]:
         amount("friction", "N m", 1.0),
         lambda v, over: stack(lagging(v.shaft.angle, over) - v.direction),
         source=sources.DAHL,
-        shape=Quantity("angle", "rad", (0.03, 6.0)),
+        shape=Quantity("angle", "rad", (3e-3, 3.0)),
         mixes=True,
         follows=(LawCovariate.SPEED,),
         component=bearings,

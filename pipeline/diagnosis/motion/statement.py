@@ -67,11 +67,12 @@ def phrase(diagnosis: MotionDiagnosis) -> str:
 def statement(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> str:
     """The verdict in a few sentences; `effects` are those of what is named."""
     mismatch, naming = diagnosis.mismatch, diagnosis.naming
-    if diagnosis.verdict is Verdict.CONSISTENT:
-        return (
+    if not mismatch.found:
+        none = (
             "No difference between recordings and model beyond the noise "
             f"(p = {mismatch.p_value:.3g}, corrected for multiple testing; limit {mismatch.false_alarm_rate:.0%})."
         )
+        return f"{none}{_unseen(diagnosis)}"
     sentences = [_place(diagnosis)]
     if naming is None or not diagnosis.verdict.names:
         share = 0.0 if naming is None else nearest_share(naming)
@@ -85,11 +86,26 @@ def statement(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
         weak = "The difference is too weak to name one cause. Possible causes"
         none = "; or one that the catalogue does not have" if diagnosis.weak else ""
         sentences.append(f"{weak if diagnosis.weak else 'These recordings cannot tell between'}: {known}{none}.")
+    if diagnosis.verdict is Verdict.CONFOUNDED:
+        return f"{' '.join(sentences)}{_unseen(diagnosis)}"
     if naming is not None and naming.best.bent and diagnosis.verdict.names:
         sentences.append(bent_sentence(naming, [name for fit in naming.best.fits for name in term_of(fit).follows]))
     sentences += [_size(diagnosis, i, effect) for i, effect in enumerate(effects)]
     sentences += [_proof(diagnosis), _advice(diagnosis)]
     return " ".join(sentence for sentence in sentences if sentence)
+
+
+def _unseen(diagnosis: MotionDiagnosis) -> str:
+    """What the runs could not have shown, and the run that would."""
+    if not diagnosis.unseen:
+        return ""
+    spots = []
+    for spot in diagnosis.unseen:
+        title, quantity = spot.term.title, spot.term.amplitudes[0]
+        unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+        where = f"{title[0].lower()}{title[1:]}{SHAFT_WORDS[spot.term.shaft]}"
+        spots.append(f"{where} ({quantity.name.replace('_', ' ')} below {spot.smallest:.2g}{unit})")
+    return f" These runs could not have shown: {'; '.join(spots)}. {_advice(diagnosis)}"
 
 
 def _causes(explanation: Explanation[TermFit, Any], shafts: dict[str, str] | None = None) -> str:

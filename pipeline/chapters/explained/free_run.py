@@ -1,0 +1,48 @@
+"""The position of a machine from its force alone: errors of each model, and how they grow."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.report.document import Chart, Column, Figure, Section, Series, Table, Text
+from pmg.pipeline.wording.units import MILLI
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
+
+
+def free_run_sections(d: TermsDiagnosis) -> tuple[Section, ...]:
+    """Each record simulated from its force alone; none where no model can be."""
+    if not d.free_runs:
+        return ()
+    charts = []
+    for record in (r for r in (d.recorded, d.withheld) if r is not None):
+        runs, every = [run for run in d.free_runs if run.record == record.name], d.recorded.keep_every
+        off = [
+            Series(
+                run.model, record.time, (run.position - record.motion.position)[::every] / MILLI, None, "line", colour
+            )
+            for colour, run in enumerate(runs)
+            if run.model != "baseline"
+        ]
+        charts.append(Chart("time [s]", "simulated less measured [mm]", tuple(off), title=record.name))
+    table = Table(
+        "terms-free-runs",
+        "Free run",
+        "Simulated less measured position. One step ahead every model is good; here errors add up.",
+        (
+            Column("model", "Parameters"),
+            Column("record", "Record"),
+            Column("rms", "Root mean square", "mm", digits=2),
+            Column("largest", "Largest", "mm", digits=1),
+            Column("stroke", "Stroke", "mm", digits=0),
+        ),
+        tuple((r.model, r.record, r.error / MILLI, r.largest / MILLI, r.stroke / MILLI) for r in d.free_runs),
+    )
+    text = (
+        "The position is simulated from the force, the first position and the first speed; no later sample corrects "
+        "it, so that an offset which the force lacks ends as a drift. Parameters were fitted to the force of the first "
+        "record, not to this error; no uncertainty is stated for it."
+    )
+    figure = Figure("terms-free-run", "Free run", "Without the baseline, which drifts away.", tuple(charts))
+    return (Section("terms-free-run-section", "Position from the force alone", (Text(text), table, figure)),)

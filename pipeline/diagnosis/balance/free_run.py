@@ -1,0 +1,179 @@
+"""Free run: the position that a model of the force balance gives from the force alone, never told where it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.term import Motion
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pmg.pipeline.diagnosis.balance.case_file import Case
+    from pmg.pipeline.diagnosis.balance.estimate import FittedTerms
+    from pmg.pipeline.diagnosis.balance.recorded import Recorded
+    from pmg.pipeline.diagnosis.balance.term import Term
+    from pmg.sim.signals import Array
+
+INERTIA = "inertia"
+"""Term that the equation of motion is solved for."""
+
+DELAY, GAIN = "delay", "actuator_gain"
+"""Terms that change what force acts when, instead of adding one."""
+
+HARDLY = 1e-9
+"""Speed [m/s] that stands for setting out from rest in one sense or the other."""
+
+
+@dataclass(frozen=True)
+class SetTerm:
+    """A term with its numbers.
+
+    Parameters
+    ----------
+    term : Term
+        The term.
+    amplitudes : (a,) array
+        Its amplitudes.
+    shape : float
+        Its shape; NaN without one.
+    """
+
+    term: Term[Motion]
+    amplitudes: Array
+    shape: float = float("nan")
+
+
+@dataclass(frozen=True)
+class FreeRun:
+    """A record simulated from its force alone.
+
+    Parameters
+    ----------
+    model : str
+        Whose parameters.
+    record : str
+        File name.
+    position : (n,) array
+        Simulated [m].
+    error : float
+        Root mean square of simulated less measured position [m].
+    largest : float
+        Largest difference [m].
+    stroke : float
+        Measured way from end to end [m].
+    """
+
+    model: str
+    record: str
+    position: Array
+    error: float
+    largest: float
+    stroke: float
+
+
+@dataclass(frozen=True)
+class _Instant(Motion):
+    """One instant between the ends of a record, with the way since the direction last changed [m]."""
+
+    way: float = 0.0
+
+    @property
+    def travel(self) -> Array:
+        return np.full(len(self.time), self.way)
+
+
+def of_fit(fitted: FittedTerms, case: Case) -> tuple[SetTerm, ...]:
+    """Terms of a fit with their numbers; those whose amplitude is known besides."""
+    shapes = [(term, float("nan")) for term in fitted.baseline] + [(fit.candidate, fit.shape) for fit in fitted.fits]
+    ends = np.cumsum([len(term.amplitudes) for term, _ in shapes])[:-1]
+    parts = np.split(fitted.values, ends)
+    known = [SetTerm(t, np.array([case.fixed[t.identifier]])) for t in case.library if t.identifier in case.fixed]
+    return (*known, *(SetTerm(term, part, shape) for (term, shape), part in zip(shapes, parts, strict=True)))
+
+
+def of_published(case: Case) -> tuple[SetTerm, ...]:
+    """Terms whose parameters were published, all of them; none where a parameter of one is missing."""
+    values = {(row.term, row.parameter): row.value for row in case.published}
+    named = [term for term in case.library if any(name == term.identifier for name, _ in values)]
+    if any((term.identifier, q.name) not in values for term in named for q in term.parameters):
+        return ()
+    return tuple(
+        SetTerm(
+            term,
+            np.array([values[term.identifier, q.name] for q in term.amplitudes]),
+            float("nan") if term.shape is None else values[term.identifier, term.shape.name],
+        )
+        for term in named
+    )
+
+
+def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRun | None:
+    r"""The position of a record from its force, its first position and speed.
+
+    None where no term holds a mass: there is nothing to solve. A delay and a gain act on the force.
+
+    Notes
+    -----
+    :math:`M\ddot q = F - \sum_k f_k(q, \dot q, \ddot q)`, with the acceleration of the step before in the terms
+    :math:`f_k`, solved step by step with the mean speed of each step. Where a step ends beyond standstill it ends at
+    it, and the machine stays there as long as the force is between what either sense of motion would need.
+    """
+    mass = sum(float(each.amplitudes[0]) for each in terms if each.term.identifier == INERTIA)
+    others = [each for each in terms if each.term.identifier != INERTIA and not each.term.of_model]
+    if mass <= 0.0:
+        return None
+    motion, h = recorded.motion, recorded.motion.sample_time
+    driving = _driving(motion, terms)
+    ends = np.array([motion.position.min(), motion.position.max()])
+    position, speed, acceleration, way = float(motion.position[0]), float(motion.speed[0]), 0.0, 1.0
+
+    def needed(i: int, speed: float) -> float:
+        """Force that every term but inertia takes."""
+        now = _Instant(
+            np.array([motion.time[0], motion.time[i], motion.time[-1]]),
+            np.array([ends[0], position, ends[1]]),
+            np.full(3, speed),
+            np.full(3, acceleration),
+            np.full(3, driving[i]),
+            np.zeros(3),
+            0.0,
+            way,
+        )
+        return sum(float(each.term.columns(now, each.shape)[1] @ each.amplitudes) for each in others)
+
+    found = np.empty(len(motion.time))
+    for i, force in enumerate(driving.tolist()):
+        found[i] = position
+        setting_out = speed
+        if speed == 0.0:
+            forward, backward = force - needed(i, HARDLY), force - needed(i, -HARDLY)
+            if forward <= 0.0 <= backward:
+                acceleration = 0.0
+                continue
+            setting_out = HARDLY if forward > 0.0 else -HARDLY
+        acceleration = (force - needed(i, setting_out)) / mass
+        after = speed + h * acceleration
+        if speed * after < 0.0:
+            after, way = 0.0, 0.0
+        step = 0.5 * h * (speed + after)
+        position, speed, way = position + step, after, way + abs(step)
+    off = found - motion.position
+    return FreeRun(
+        model,
+        recorded.name,
+        found,
+        float(np.sqrt(np.mean(off**2))),
+        float(np.abs(off).max()),
+        float(np.ptp(motion.position)),
+    )
+
+
+def _driving(motion: Motion, terms: Sequence[SetTerm]) -> Array:
+    """Force that acts on the machine when its position is what was recorded [N], (n,)."""
+    sizes = {each.term.identifier: float(each.amplitudes[0]) for each in terms if each.term.of_model}
+    late = np.interp(motion.time - sizes.get(DELAY, 0.0), motion.time, motion.force)
+    return np.asarray(late / (1.0 + sizes.get(GAIN, 0.0)))

@@ -1,0 +1,72 @@
+"""Free run of a force balance: closed forms, standstill, and a record whose parameters are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pmg.pipeline.diagnosis.balance.drive import DRIVE
+from pmg.pipeline.diagnosis.balance.free_run import SetTerm, free_run
+from pmg.pipeline.diagnosis.balance.recorded import Recorded
+from pmg.pipeline.diagnosis.balance.term import Motion
+
+RATE, MASS = 1000.0, 90.0
+TERMS = {term.identifier: term for term in DRIVE}
+
+
+def _record(force: np.ndarray, position: np.ndarray, speed: float = 0.0) -> Recorded:
+    """A record of a force and where the machine was, which starts at a speed."""
+    time, nothing = np.arange(len(force)) / RATE, np.zeros(len(force))
+    motion = Motion(time, position, np.r_[speed, nothing[1:]], nothing, force, nothing)
+    return Recorded("record", motion, 10, force, nothing)
+
+
+def _set(**amounts: float) -> list[SetTerm]:
+    return [SetTerm(TERMS[name], np.array([value])) for name, value in amounts.items()]
+
+
+@given(st.floats(5.0, 400.0), st.floats(-80.0, 80.0), st.floats(-0.3, 0.3))
+@settings(max_examples=20, deadline=None)
+def test_viscous_friction_ends_at_its_speed(viscous: float, force: float, start: float) -> None:
+    time = np.arange(2000) / RATE
+    settles, final = MASS / viscous, force / viscous
+    speed = final + (start - final) * np.exp(-time / settles)
+    position = final * time + (start - final) * settles * (1.0 - np.exp(-time / settles))
+    found = free_run("m", _record(np.full(2000, force), position, start), _set(inertia=MASS, viscous=viscous))
+    assert found is not None
+    assert found.largest < 2e-3 * (np.abs(speed).max() + 1e-9)
+
+
+def test_dry_friction_holds_what_it_can_hold_and_stops_what_coasts() -> None:
+    dry = _set(inertia=MASS, coulomb=20.0)
+    held = free_run("m", _record(np.full(500, 19.9), np.linspace(0.0, 1.0, 500)), dry)
+    moved = free_run("m", _record(np.full(500, 20.1), np.linspace(0.0, 1.0, 500)), dry)
+    assert held is not None
+    assert moved is not None
+    assert np.ptp(held.position) == 0.0
+    assert np.ptp(moved.position) == pytest.approx(0.5 * 0.1 / MASS * 0.499**2, rel=0.01)
+    coasting = free_run("m", _record(np.zeros(1000), np.linspace(0.0, 1.0, 1000), speed=0.1), dry)
+    assert coasting is not None
+    assert coasting.position[-1] == pytest.approx(0.5 * 0.1**2 * MASS / 20.0, rel=0.02)  # v0^2 M/(2 Fc)
+    assert coasting.position[-1] == coasting.position[-200]
+
+
+def test_a_delay_and_a_gain_act_on_the_force() -> None:
+    time = np.arange(3000) / RATE
+    force = 40.0 * np.sin(2.0 * np.pi * time)
+    plain = _set(inertia=MASS, viscous=100.0)
+    first = free_run("m", _record(force, force), plain)
+    assert first is not None
+    late = free_run("m", _record(force, force), plain + _set(delay=0.005))
+    weaker = free_run("m", _record(force, force), plain + _set(actuator_gain=0.25))
+    assert late is not None
+    assert weaker is not None
+    assert np.abs(late.position[6:] - first.position[1:-5]).max() < 1e-4 * np.ptp(first.position)
+    first_way, weaker_way = first.position - first.position[0], weaker.position - weaker.position[0]
+    np.testing.assert_allclose(1.25 * weaker_way, first_way, atol=1e-9)
+
+
+def test_without_a_mass_there_is_nothing_to_solve() -> None:
+    assert free_run("m", _record(np.ones(10), np.ones(10)), _set(viscous=3.0)) is None
