@@ -7,14 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.chapters.explained.balance import mean_over
-from pmg.pipeline.diagnosis.motion.constants import (
-    DRAG_POWERS,
-    FORM_SPEEDS,
-    MAP_WAVES,
-    SPEED_UNIT,
-    drag_names,
-    form_names,
-)
+from pmg.pipeline.diagnosis.motion.constants import MAP_WAVES
+from pmg.pipeline.diagnosis.motion.loss_curve import loss_curve, loss_names
 from pmg.pipeline.diagnosis.motion.rows import linear_columns
 from pmg.pipeline.diagnosis.motion.traces import constants_covariance, final_baseline, named_fits, term_of
 from pmg.pipeline.recording.run_records import Manoeuvre
@@ -97,8 +91,7 @@ def loss_curve_section(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ..
         ]
         if not ramps:
             continue
-        names = (*drag_names(side)[: len(DRAG_POWERS)], *form_names(side))
-        at = [baseline.sheet.at(name) for name in names]
+        names = loss_names(side)
         speed = np.concatenate([trace.stretch.of_rows(trace.state.speed) for trace in ramps])
         drag = np.concatenate([_without(trace, names, diagnosis) for trace in ramps])
         series = []
@@ -108,13 +101,7 @@ def loss_curve_section(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ..
                 x, y = mean_over(np.abs(speed[there]), sense * drag[there], SLICES)
                 series.append(Series(name, SPEEDS[side].display(x), y / MILLI, None, "markers", colour))
         x = np.linspace(float(np.abs(speed).min()), float(np.abs(speed).max()), 80)
-        near = [
-            np.interp(np.log(np.maximum(x, FORM_SPEEDS[0])), np.log(FORM_SPEEDS), unit)
-            for unit in np.eye(len(FORM_SPEEDS))
-        ]
-        columns = np.hstack([(x[:, None] / SPEED_UNIT) ** np.array(DRAG_POWERS), np.stack(near, 1)])
-        u = np.sqrt(np.einsum("ni,ij,nj->n", columns, covariance[np.ix_(at, at)], columns))
-        curve = columns @ diagnosis.constants[at]
+        curve, u = loss_curve(baseline.sheet, diagnosis.constants, covariance, side, x)
         series.insert(0, Series("fitted", SPEEDS[side].display(x), curve / MILLI, u / MILLI, "line", 0))
         panels.append(Chart("speed [rpm]", "drag [mN m]", tuple(series), title=f"Drag of the {side}"))
         words.append(f"{side} {curve[-1] / MILLI:.1f} ± {2.0 * u[-1] / MILLI:.1f} mN m at its highest speed")

@@ -131,12 +131,7 @@ def diagnose_motion(
     rng : numpy.random.Generator
         Draws synthetic campaigns, resamples.
     """
-    start = _start(runs, bench)
-    noise = [row_noise(start, place) for place in range(len(start.stretches))]
-    rough, _ = fit_beside(start, noise, ())
-    slow_noise = slow_noise_of(rough, noise)
-    noise = [row_noise(rough, place, slow_noise) for place in range(len(start.stretches))]
-    before, covariance = fit_beside(rough, noise, ())
+    before, covariance, noise = fit_constants(runs, bench)
     found = motion_evidence(before, noise, library(), rng)
     mismatch, blind = _mismatch(found), unseen(found)
     silent = Verdict.CONFOUNDED if blind else Verdict.CONSISTENT
@@ -165,6 +160,20 @@ def diagnose_motion(
         size_errors=size_errors,
         unseen=blind,
     )
+
+
+def fit_constants(runs: tuple[MovingRun, ...], bench: BenchParameters) -> tuple[MotionBaseline, Array, list[RowNoise]]:
+    """The baseline of some runs, the covariance (k, k) of its constants, and the noise of each stretch.
+
+    Wander and ripple are what the residuals of a first fit show.
+    """
+    start = _start(runs, bench)
+    noise = [row_noise(start, place) for place in range(len(start.stretches))]
+    rough, _ = fit_beside(start, noise, ())
+    slow_noise = slow_noise_of(rough, noise)
+    noise = [row_noise(rough, place, slow_noise) for place in range(len(start.stretches))]
+    before, covariance = fit_beside(rough, noise, ())
+    return before, covariance, noise
 
 
 def _explained(

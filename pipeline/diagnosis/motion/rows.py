@@ -207,7 +207,7 @@ def linear_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[s
     drag, engaged = drag_names(side)[: len(DRAG_POWERS)], drag_names(side)[len(DRAG_POWERS) :]
     for name, power in zip(drag, DRAG_POWERS, strict=True):
         columns[name] = state.direction * state.share**power
-    for name, near in zip(form_names(side), _near(state.speed), strict=True):
+    for name, near in zip(form_names(side), nearness(state.speed), strict=True):
         columns[name] = state.direction * near
     for name, width in zip(passage_names(side), PASSAGES, strict=True):
         columns[name] = np.tanh(state.speed / width) - state.direction
@@ -267,7 +267,7 @@ def encoder_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[
     }
 
 
-def _near(speed: Array) -> tuple[Array, ...]:
+def nearness(speed: Array) -> tuple[Array, ...]:
     """How near a speed is to each of `FORM_SPEEDS`: straight lines over its logarithm, 1 there and 0 at the next."""
     at = np.log(np.maximum(np.abs(speed), FORM_SPEEDS[0]))
     knots = np.log(FORM_SPEEDS)
