@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.motion.decide import fit_constants
+from pmg.pipeline.diagnosis.motion.fitted import fit_constants
 from pmg.pipeline.diagnosis.motion.loss_curve import loss_curve
 from pmg.pipeline.files.parallel import map_over
 from pmg.pipeline.trials.motion.bench import FASTEST
@@ -54,9 +54,9 @@ def distances(lot: MotionLot) -> dict[str, tuple[float, float]]:
         found[name.replace("_", " ")] = (float(values[at]) - true) / u, u / true
     for side in SIDES:
         speed = np.array(PARTS) * FASTEST[side]
-        drag, u = loss_curve(sheet, values, covariance, side, speed)
-        true = case.scene.bench.shafts[side].drag.drag(speed)
-        for part, off, wide in zip(PARTS, (drag - true) / u, u / true, strict=True):
+        drag, uncertainty = loss_curve(sheet, values, covariance, side, speed)
+        built = case.scene.bench.shafts[side].drag.drag(speed)
+        for part, off, wide in zip(PARTS, (drag - built) / uncertainty, uncertainty / built, strict=True):
             found[f"loss curve of the {side} at {part:.0%}"] = float(off), float(wide)
     return found
 

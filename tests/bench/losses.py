@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.motion.decide import fit_constants
+from pmg.pipeline.diagnosis.motion.fitted import fit_constants
 from pmg.pipeline.diagnosis.motion.loss_curve import loss_curve
 from pmg.pipeline.files.parallel import map_over
 from pmg.pipeline.recording.run_records import Manoeuvre

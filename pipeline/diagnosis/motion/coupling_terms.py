@@ -22,16 +22,19 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 
-def _moved(view: RotorView, side: str, angle: Array, curvature: Array) -> Array:
-    """Torque on a rotor if that of a side stands by an angle [rad] ahead of where it was thought to stand."""
-    baseline = view.history.baseline
-    return torque_of_angle(view.state, baseline.sheet, baseline.values, side, (angle, curvature))
+def _moved(view: RotorView, side: str, *moved: Array) -> Array:
+    """Torque on a rotor if that of a side stands by an angle ahead of where it was thought to stand.
+
+    `moved` is that angle and its first two derivatives in time [rad, rad/s, rad/s2].
+    """
+    baseline, (angle, rate, curvature) = view.history.baseline, moved
+    return torque_of_angle(view.state, baseline.sheet, baseline.values, side, (angle, rate, curvature))
 
 
 def _softer(side: str) -> Callable[[RotorView, float], Array]:
     def law(view: RotorView, _: float) -> Array:
         shaft = view.shaft_of(side)
-        return stack(_moved(view, side, -shaft.torque, -shaft.torque_curvature))
+        return stack(_moved(view, side, -shaft.torque, -shaft.torque_rate, -shaft.torque_curvature))
 
     return law
 
@@ -42,7 +45,8 @@ def _yielding(side: str, angle_of: Callable[[Array, float, float], Array]) -> Ca
     def law(view: RotorView, shape: float) -> Array:
         rate = view.state.stretch.run.fine_rate
         angle = -angle_of(view.shaft_of(side).torque, shape, rate)
-        return stack(_moved(view, side, angle, derivative(derivative(angle, rate), rate)))
+        slope = derivative(angle, rate)
+        return stack(_moved(view, side, angle, slope, derivative(slope, rate)))
 
     return law
 

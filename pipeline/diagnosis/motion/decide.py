@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
+from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, TermNaming
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, conclude
@@ -16,24 +16,20 @@ from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, Mismatch, s
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
-from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, start_baseline
 from pmg.pipeline.diagnosis.motion.beside import fit_beside
-from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
+from pmg.pipeline.diagnosis.motion.fitted import fit_constants
 from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 from pmg.pipeline.diagnosis.motion.library import library
-from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_noise_of
-from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.diagnosis.motion.unseen import unseen
 from pmg.pipeline.diagnosis.motion.withheld import by_kind, by_run
-from pmg.pipeline.motion.smooth import smooth
-from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pmg.pipeline.diagnosis.engine.explanation import Explanation
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
+    from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
     from pmg.pipeline.diagnosis.motion.evidence import Family, MotionEvidence
     from pmg.pipeline.diagnosis.motion.noise import RowNoise
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
@@ -46,6 +42,9 @@ if TYPE_CHECKING:
 WEAK, WEAK_OF_SHEET = 60.0, 25.0
 """Gains below which an effect of another kind may pass for the leading one: of any, and of a constant that is so many
 times its variance off its data sheet."""
+
+SMALL_REST = 0.01
+"""Part of the torque that a constant moves which it may leave over, and pass for the error of its form."""
 
 
 @dataclass(frozen=True)
@@ -162,20 +161,6 @@ def diagnose_motion(
     )
 
 
-def fit_constants(runs: tuple[MovingRun, ...], bench: BenchParameters) -> tuple[MotionBaseline, Array, list[RowNoise]]:
-    """The baseline of some runs, the covariance (k, k) of its constants, and the noise of each stretch.
-
-    Wander and ripple are what the residuals of a first fit show.
-    """
-    start = _start(runs, bench)
-    noise = [row_noise(start, place) for place in range(len(start.stretches))]
-    rough, _ = fit_beside(start, noise, ())
-    slow_noise = slow_noise_of(rough, noise)
-    noise = [row_noise(rough, place, slow_noise) for place in range(len(start.stretches))]
-    before, covariance = fit_beside(rough, noise, ())
-    return before, covariance, noise
-
-
 def _explained(
     found: MotionEvidence, before: MotionBaseline, noise: list[RowNoise], rng: np.random.Generator
 ) -> tuple[MotionEvidence, Conclusion[TermFit, TermProblem]]:
@@ -186,18 +171,24 @@ def _explained(
         found = motion_evidence(about, noise, library(), rng)
         naming = name_candidates(found.problem, _MotionCatalogue(), adequacy_test(found.evidence))
     naming = with_free_laws(naming, found.problem, _MotionCatalogue(), adequacy_test(found.evidence))
-    naming = with_look_alikes(naming, found.problem)
+    naming = _with_small_rest(with_look_alikes(naming, found.problem), found)
     return found, conclude(found.problem, _MotionCatalogue(), naming, _proof(found, rng))
 
 
-def _start(runs: tuple[MovingRun, ...], bench: BenchParameters) -> MotionBaseline:
-    gears = {run.gear for run in runs}
-    if len(gears) != 1:
-        came = ", ".join(f"gear {gear}" for gear in sorted(gears)) or "no run"
-        raise FitError("diagnosis in motion", came, "runs of one gear", "Diagnose each gear by itself.")
-    smoothed = tuple(smooth(run) for run in runs)
-    sheet = sheet_of(bench, gears.pop(), tuple(run.name for run in runs if run.coupled))
-    return start_baseline(sheet, stretches_of(smoothed))
+def _with_small_rest(naming: TermNaming, found: MotionEvidence) -> TermNaming:
+    """Constants off the data sheet explain what leaves less than `SMALL_REST` of the torque that they move.
+
+    The gain of such a cause is its distance from the data sheet, which is little of what its torque would be worth.
+    """
+    named = tuple(name for fit in naming.best.fits for name in cast("MotionTerm", fit.candidate).constants)
+    all_of_sheet = all(cast("MotionTerm", fit.candidate).constants for fit in naming.best.fits)
+    if naming.explained or not named or not all_of_sheet or not naming.best.needed:
+        return naming
+    at = [found.baseline.sheet.at(name) for name in named]
+    off = (found.baseline.values - found.baseline.sheet.expected)[at]
+    moved = found.columns[~found.of_sheet][:, at] @ off
+    small = naming.remainder.excess <= SMALL_REST**2 * float(moved @ moved)
+    return replace(naming, explained=True) if small else naming
 
 
 def _mismatch(found: MotionEvidence) -> Mismatch[MotionPlace]:

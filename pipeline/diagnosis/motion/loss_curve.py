@@ -8,22 +8,33 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.motion.constants import (
     DRAG_POWERS,
+    FORM_SPEEDS,
     PASSAGES,
     SPEED_UNIT,
     drag_names,
     form_names,
     passage_names,
 )
-from pmg.pipeline.diagnosis.motion.rows import REST, nearness
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
     from pmg.sim.signals import Array
 
 
-def loss_names(side: str) -> tuple[str, ...]:
-    """Constants that the drag of a rotor in neutral is made of."""
-    return (*drag_names(side)[: len(DRAG_POWERS)], *form_names(side), *passage_names(side))
+REST = 0.3
+"""Width of the smooth passage of friction through standstill [rad/s]."""
+
+
+def drag_columns(side: str, speed: Array) -> dict[str, Array]:
+    """Drag of a rotor in neutral per unit of each constant that it is made of, at speeds [rad/s], (n,)."""
+    direction, share = np.tanh(speed / REST), np.abs(speed) / SPEED_UNIT
+    columns = {
+        name: direction * share**power
+        for name, power in zip(drag_names(side)[: len(DRAG_POWERS)], DRAG_POWERS, strict=True)
+    }
+    columns |= {name: direction * near for name, near in zip(form_names(side), _near(speed), strict=True)}
+    widths = zip(passage_names(side), PASSAGES, strict=True)
+    return columns | {name: np.tanh(speed / width) - direction for name, width in widths}
 
 
 def loss_curve(sheet: DataSheet, values: Array, covariance: Array, side: str, speed: Array) -> tuple[Array, Array]:
@@ -45,10 +56,14 @@ def loss_curve(sheet: DataSheet, values: Array, covariance: Array, side: str, sp
     drag, uncertainty : (n,) array
         [N m].
     """
-    direction = np.tanh(speed / REST)
-    powers = direction[:, None] * (speed[:, None] / SPEED_UNIT) ** np.array(DRAG_POWERS)
-    passing = np.tanh(speed[:, None] / np.array(PASSAGES)) - direction[:, None]
-    columns = np.hstack([powers, direction[:, None] * np.stack(nearness(speed), 1), passing])
-    at = [sheet.at(name) for name in loss_names(side)]
+    found = drag_columns(side, speed)
+    columns, at = np.stack(list(found.values()), 1), [sheet.at(name) for name in found]
     variance = np.einsum("ni,ij,nj->n", columns, covariance[np.ix_(at, at)], columns)
     return np.asarray(columns @ values[at]), np.sqrt(variance)
+
+
+def _near(speed: Array) -> tuple[Array, ...]:
+    """How near a speed is to each of `FORM_SPEEDS`: straight lines over its logarithm, 1 there and 0 at the next."""
+    at = np.log(np.maximum(np.abs(speed), FORM_SPEEDS[0]))
+    knots = np.log(FORM_SPEEDS)
+    return tuple(np.interp(at, knots, unit) for unit in np.eye(len(knots)))

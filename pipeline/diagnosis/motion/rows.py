@@ -12,20 +12,17 @@ from scipy.ndimage import binary_opening
 from pmg.pipeline.diagnosis.motion.constants import (
     DRAG_POWERS,
     ENGAGED_POWERS,
-    FORM_SPEEDS,
     MAP_WAVES,
-    PASSAGES,
     RIPPLE,
     SLIP_PASSAGE,
     SPEED_UNIT,
     drag_names,
     eccentricity_names,
-    form_names,
     map_name,
-    passage_names,
     ripple_names,
     start_name,
 )
+from pmg.pipeline.diagnosis.motion.loss_curve import REST, drag_columns
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 
@@ -34,12 +31,13 @@ if TYPE_CHECKING:
     from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft
     from pmg.sim.signals import Array, Mask
 
-REST = 0.3
-"""Width of the smooth passage of friction through standstill [rad/s]."""
-
 STANDSTILL, STANDING = 0.05, 0.05
 """Speed [rad/s] below which a shaft stands, and time [s] from which on its rows are left out: what holds it is then as
 large as it needs to be. A reversal passes through it sooner."""
+
+
+SLOPE_STEP = 0.05
+"""Step of a speed [rad/s] over which the change of drag with it is taken."""
 
 
 @dataclass(frozen=True)
@@ -204,18 +202,12 @@ def linear_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[s
     columns[f"inertia_{side}"] = state.acceleration
     shaft, skew = state.stretch.shaft, 0.5 * float(values[sheet.at(f"skew_{side}")])
     columns[f"skew_{side}"] = -shaft.torque_rate - skew * shaft.torque_curvature
-    drag, engaged = drag_names(side)[: len(DRAG_POWERS)], drag_names(side)[len(DRAG_POWERS) :]
-    for name, power in zip(drag, DRAG_POWERS, strict=True):
-        columns[name] = state.direction * state.share**power
-    for name, near in zip(form_names(side), nearness(state.speed), strict=True):
-        columns[name] = state.direction * near
-    for name, width in zip(passage_names(side), PASSAGES, strict=True):
-        columns[name] = np.tanh(state.speed / width) - state.direction
+    columns |= drag_columns(side, state.speed)
     for order in RIPPLE:
         cosine, sine = ripple_names(side, order)
         columns[cosine], columns[sine] = np.cos(order * shaft.angle), np.sin(order * shaft.angle)
     if state.stretch.coupled:
-        for name, power in zip(engaged, ENGAGED_POWERS, strict=True):
+        for name, power in zip(drag_names(side)[len(DRAG_POWERS) :], ENGAGED_POWERS, strict=True):
             columns[name] = state.direction * state.share**power
         columns["pull_out"] = sheet.poles[side] * np.sin(state.pole_angle)
         columns["slip_damping"] = sheet.poles[side] * state.slip
@@ -225,17 +217,32 @@ def linear_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[s
     return columns
 
 
-def torque_of_angle(state: RotorState, sheet: DataSheet, values: Array, side: str, moved: tuple[Array, Array]) -> Array:
+def _drag_slope(state: RotorState, sheet: DataSheet, values: Array) -> Array:
+    """Change of the drag of a rotor per change of its speed [N m s/rad], (n,)."""
+
+    def drag(speed: Array) -> Array:
+        return np.asarray(
+            sum(float(values[sheet.at(name)]) * c for name, c in drag_columns(state.stretch.side, speed).items())
+        )
+
+    return (drag(state.speed + SLOPE_STEP) - drag(state.speed - SLOPE_STEP)) / (2.0 * SLOPE_STEP)
+
+
+def torque_of_angle(
+    state: RotorState, sheet: DataSheet, values: Array, side: str, moved: tuple[Array, Array, Array]
+) -> Array:
     """Torque on the rotor of a state [N m], (n,), if that of a side stood ahead by an angle [rad].
 
-    `moved` is that angle and its second derivative in time [rad, rad/s2].
+    `moved` is that angle and its first two derivatives in time [rad, rad/s, rad/s2].
     """
-    own, (angle, curvature) = state.stretch.side, moved
-    inertia = float(values[sheet.at(f"inertia_{own}")]) if own == side else 0.0
-    spring: Array | float = 0.0
+    own, (angle, rate, curvature) = state.stretch.side, moved
+    found = np.zeros_like(angle)
+    if own == side:
+        found = float(values[sheet.at(f"inertia_{own}")]) * curvature + _drag_slope(state, sheet, values) * rate
     if state.stretch.coupled:
-        spring = sheet.poles[own] * float(values[sheet.at("pull_out")]) * sheet.poles[side] * np.cos(state.pole_angle)
-    return np.asarray(inertia * curvature + spring * angle)
+        peak = sheet.poles[own] * float(values[sheet.at("pull_out")]) * sheet.poles[side]
+        found = found + peak * np.cos(state.pole_angle) * angle
+    return np.asarray(found)
 
 
 def eccentric(state: RotorState, sheet: DataSheet, values: Array, side: str) -> tuple[Array, Array]:
@@ -245,13 +252,19 @@ def eccentric(state: RotorState, sheet: DataSheet, values: Array, side: str) -> 
     """
     shaft = state.stretch.run.shafts[side]
     cosine, sine = np.cos(shaft.angle), np.sin(shaft.angle)
-    curvatures = (
+    of_cosine = (
+        -cosine,
+        shaft.speed * sine,
         shaft.speed**2 * cosine + shaft.acceleration * sine,
+    )
+    of_sine = (
+        -sine,
+        -shaft.speed * cosine,
         shaft.speed**2 * sine - shaft.acceleration * cosine,
     )
     return (
-        torque_of_angle(state, sheet, values, side, (-cosine, curvatures[0])),
-        torque_of_angle(state, sheet, values, side, (-sine, curvatures[1])),
+        torque_of_angle(state, sheet, values, side, of_cosine),
+        torque_of_angle(state, sheet, values, side, of_sine),
     )
 
 
@@ -265,10 +278,3 @@ def encoder_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[
         for side in sides
         for name, column in zip(eccentricity_names(side), eccentric(state, sheet, values, side), strict=True)
     }
-
-
-def nearness(speed: Array) -> tuple[Array, ...]:
-    """How near a speed is to each of `FORM_SPEEDS`: straight lines over its logarithm, 1 there and 0 at the next."""
-    at = np.log(np.maximum(np.abs(speed), FORM_SPEEDS[0]))
-    knots = np.log(FORM_SPEEDS)
-    return tuple(np.interp(at, knots, unit) for unit in np.eye(len(knots)))
