@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import fftconvolve, firwin, welch
+from scipy.signal import fftconvolve, firwin, upfirdn, welch
 
 from pmg.sim.shafts import PerShaft, per_shaft
 from pmg.sim.signals import REVOLUTION
@@ -66,6 +66,11 @@ class SmoothShaft:
     angle_density: float
     fault: Array | None = None
 
+    @cached_property
+    def turn(self) -> tuple[Array, Array]:
+        """Cosine and sine of its angle (n,)."""
+        return np.cos(self.angle), np.sin(self.angle)
+
     def acting(self, rate: float) -> tuple[Array, Array, Array]:
         """Torque that twists the coupling, and its derivatives: what is shown less the fault; `rate` of the samples."""
         if self.fault is None:
@@ -120,8 +125,11 @@ class SmoothRun:
 
     def rows(self, fine: Array) -> Array:
         """Rows (m,) or (m, k) of a quantity at the fine samples (n,) or (n, k), low-passed."""
-        weights = self.weights if fine.ndim == 1 else self.weights[:, None]
-        return np.asarray(fftconvolve(fine, weights, "valid", axes=0)[::PER_ROW])
+        weights = self.weights
+        early = -(len(weights) - 1) % PER_ROW
+        first = (len(weights) - 1 + early) // PER_ROW
+        whole = upfirdn(np.r_[np.zeros(early), weights], fine, down=PER_ROW, axis=0)
+        return np.asarray(whole[first : first - (len(weights) - 1 - len(fine)) // PER_ROW])
 
 
 def smooth(run: MovingRun) -> SmoothRun:

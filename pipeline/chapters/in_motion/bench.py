@@ -8,7 +8,7 @@ import numpy as np
 
 from pmg.pipeline.chapters.explained.balance import mean_over
 from pmg.pipeline.diagnosis.motion.constants import MAP_WAVES
-from pmg.pipeline.diagnosis.motion.loss_curve import drag_columns, loss_curve
+from pmg.pipeline.diagnosis.motion.loss_curve import loss_curve, loss_names
 from pmg.pipeline.diagnosis.motion.rows import linear_columns
 from pmg.pipeline.diagnosis.motion.traces import constants_covariance, final_baseline, named_fits, term_of
 from pmg.pipeline.recording.run_records import Manoeuvre
@@ -91,7 +91,7 @@ def loss_curve_section(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ..
         ]
         if not ramps:
             continue
-        names = tuple(drag_columns(side, np.zeros(1)))
+        names = loss_names(side)
         speed = np.concatenate([trace.stretch.of_rows(trace.state.speed) for trace in ramps])
         drag = np.concatenate([_without(trace, names, diagnosis) for trace in ramps])
         series = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -104,19 +105,23 @@ class DataSheet:
 
     def at(self, name: str) -> int:
         """Place of a constant."""
-        return self.names.index(name)
+        return self._places[name]
 
-    @property
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        return {name: place for place, name in enumerate(self.names)}
+
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names in order."""
         return tuple(constant.name for constant in self.constants)
 
-    @property
+    @cached_property
     def expected(self) -> Array:
         """Values of the data sheet (k,)."""
         return np.array([constant.expected for constant in self.constants])
 
-    @property
+    @cached_property
     def spread(self) -> Array:
         """Standard uncertainties (k,); infinite where free."""
         return np.array([constant.spread for constant in self.constants])

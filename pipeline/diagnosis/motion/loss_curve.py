@@ -25,6 +25,11 @@ REST = 0.3
 """Width of the smooth passage of friction through standstill [rad/s]."""
 
 
+def loss_names(side: str) -> tuple[str, ...]:
+    """Constants that the drag of a rotor in neutral is made of."""
+    return (*drag_names(side)[: len(DRAG_POWERS)], *form_names(side), *passage_names(side))
+
+
 def drag_columns(side: str, speed: Array) -> dict[str, Array]:
     """Drag of a rotor in neutral per unit of each constant that it is made of, at speeds [rad/s], (n,)."""
     direction, share = np.tanh(speed / REST), np.abs(speed) / SPEED_UNIT

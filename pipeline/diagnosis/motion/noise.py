@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cholesky_banded, solve_banded
+from scipy.linalg import cholesky_banded
+from scipy.linalg.lapack import dtbtrs
 
 from pmg.pipeline.diagnosis.motion.constants import RIPPLE
 from pmg.pipeline.motion.smooth import row_weights
@@ -84,8 +85,13 @@ class RowNoise:
 
     def white(self, columns: Array) -> Array:
         """Columns (n, j) in units of the noise, and freed from its correlation."""
-        white = solve_banded((len(self.factor) - 1, 0), self.factor, columns, check_finite=False)
+        white = _solved(self.factor, columns)
         return np.asarray(white - self.slow @ (self.shrunk[:, None] * (self.slow.T @ white)))
+
+
+def _solved(factor: Array, columns: Array) -> Array:
+    """Columns (n, j) by the inverse of a lower banded factor."""
+    return np.asarray(dtbtrs(factor, columns, uplo=b"L")[0])
 
 
 def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUAL) -> RowNoise:
@@ -121,7 +127,7 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
         apart = at[lag:] - at[: len(at) - lag]
         banded[lag, : len(at) - lag] = np.where(apart < length, correlation[np.minimum(apart, length - 1)], 0.0)
     factor = cholesky_banded(banded, lower=True, check_finite=False)
-    white = solve_banded((len(factor) - 1, 0), factor, slow_spread(stretch, slow_noise), check_finite=False)
+    white = _solved(factor, slow_spread(stretch, slow_noise))
     slow, size, _ = np.linalg.svd(white, full_matrices=False)
     return RowNoise(factor, slow, 1.0 - 1.0 / np.sqrt(1.0 + size**2))
 
@@ -173,12 +179,8 @@ def slow_noise_of(baseline: MotionBaseline, noise: list[RowNoise]) -> SlowNoise:
     ripples: dict[tuple[str, bool], list[Array]] = {}
     for place, stretch in enumerate(baseline.stretches):
         pieces, when = _pieces(stretch)
-        white = solve_banded(
-            (len(noise[place].factor) - 1, 0),
-            noise[place].factor,
-            np.hstack([pieces, _turns(stretch), baseline.left(place)[:, None]]),
-            check_finite=False,
-        )
+        rows = np.hstack([pieces, _turns(stretch), baseline.left(place)[:, None]])
+        white = _solved(noise[place].factor, rows)
         found, waves = np.split(np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=1e-6)[0], [len(when)])
         told[stretch.side].append((when, np.asarray(found)))
         if len(waves):

@@ -22,7 +22,7 @@ from pmg.pipeline.diagnosis.motion.constants import (
     ripple_names,
     start_name,
 )
-from pmg.pipeline.diagnosis.motion.loss_curve import REST, drag_columns
+from pmg.pipeline.diagnosis.motion.loss_curve import REST, drag_columns, loss_names
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 
@@ -123,6 +123,8 @@ class RotorState:
         Of the rotor: that of the motor less what the coupling twists [rad/s, rad/s2].
     pole_angle, slip : (n,) array
         Angle of the rotors' poles against each other, and its rate [rad, rad/s]; zero in neutral.
+    drags : dict of str to float
+        Constants of the drag of the rotor in neutral.
     """
 
     stretch: RotorRows
@@ -130,6 +132,16 @@ class RotorState:
     acceleration: Array
     pole_angle: Array
     slip: Array
+    drags: dict[str, float]
+
+    @cached_property
+    def drag_slope(self) -> Array:
+        """Change of the drag in neutral per change of speed [N m s/rad], (n,)."""
+        ends = []
+        for speed in (self.speed + SLOPE_STEP, self.speed - SLOPE_STEP):
+            columns = drag_columns(self.stretch.side, speed)
+            ends.append(np.asarray(sum(value * columns[name] for name, value in self.drags.items())))
+        return (ends[0] - ends[1]) / (2.0 * SLOPE_STEP)
 
     @cached_property
     def direction(self) -> Array:
@@ -163,7 +175,8 @@ def rotor_state(stretch: RotorRows, sheet: DataSheet, values: Array) -> RotorSta
         slip = _of_poles(sheet.poles, per_shaft(lambda s: turned[s][1] - compliance[s] * acting[s][1]))
     _, speed, acceleration = _true(own, stretch.side, sheet, values)
     _, torque_rate, curvature = acting[stretch.side]
-    return RotorState(stretch, speed - give * torque_rate, acceleration - give * curvature, pole_angle, slip)
+    drags = {name: float(values[sheet.at(name)]) for name in loss_names(stretch.side)}
+    return RotorState(stretch, speed - give * torque_rate, acceleration - give * curvature, pole_angle, slip, drags)
 
 
 def _true(shaft: SmoothShaft, side: str, sheet: DataSheet, values: Array) -> tuple[Array, Array, Array]:
@@ -171,8 +184,9 @@ def _true(shaft: SmoothShaft, side: str, sheet: DataSheet, values: Array) -> tup
     cosine, sine = (float(values[sheet.at(name)]) for name in eccentricity_names(side))
     if not cosine and not sine:
         return shaft.angle, shaft.speed, shaft.acceleration
-    wave = cosine * np.cos(shaft.angle) + sine * np.sin(shaft.angle)
-    slope = sine * np.cos(shaft.angle) - cosine * np.sin(shaft.angle)
+    of_cosine, of_sine = shaft.turn
+    wave = cosine * of_cosine + sine * of_sine
+    slope = sine * of_cosine - cosine * of_sine
     return (
         np.asarray(shaft.angle - wave),
         np.asarray(shaft.speed * (1.0 - slope)),
@@ -217,17 +231,6 @@ def linear_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[s
     return columns
 
 
-def _drag_slope(state: RotorState, sheet: DataSheet, values: Array) -> Array:
-    """Change of the drag of a rotor per change of its speed [N m s/rad], (n,)."""
-
-    def drag(speed: Array) -> Array:
-        return np.asarray(
-            sum(float(values[sheet.at(name)]) * c for name, c in drag_columns(state.stretch.side, speed).items())
-        )
-
-    return (drag(state.speed + SLOPE_STEP) - drag(state.speed - SLOPE_STEP)) / (2.0 * SLOPE_STEP)
-
-
 def torque_of_angle(
     state: RotorState, sheet: DataSheet, values: Array, side: str, moved: tuple[Array, Array, Array]
 ) -> Array:
@@ -238,7 +241,7 @@ def torque_of_angle(
     own, (angle, rate, curvature) = state.stretch.side, moved
     found = np.zeros_like(angle)
     if own == side:
-        found = float(values[sheet.at(f"inertia_{own}")]) * curvature + _drag_slope(state, sheet, values) * rate
+        found = float(values[sheet.at(f"inertia_{own}")]) * curvature + state.drag_slope * rate
     if state.stretch.coupled:
         peak = sheet.poles[own] * float(values[sheet.at("pull_out")]) * sheet.poles[side]
         found = found + peak * np.cos(state.pole_angle) * angle
@@ -251,7 +254,7 @@ def eccentric(state: RotorState, sheet: DataSheet, values: Array, side: str) -> 
     The first is of a cosine of the turn, the second of a sine.
     """
     shaft = state.stretch.run.shafts[side]
-    cosine, sine = np.cos(shaft.angle), np.sin(shaft.angle)
+    cosine, sine = shaft.turn
     of_cosine = (
         -cosine,
         shaft.speed * sine,
