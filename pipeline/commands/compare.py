@@ -22,10 +22,17 @@ from pmg.pipeline.commands.compare_and_diagnose import (
     summary_facts,
 )
 from pmg.pipeline.commands.ingest import ingest_chosen
-from pmg.pipeline.commands.motion import campaign_in_motion, compare_motion
+from pmg.pipeline.commands.motion import (
+    BesideMotion,
+    beside_motion,
+    campaign_in_motion,
+    compare_motion,
+    leave_joint,
+)
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate, now
 from pmg.pipeline.commands.stored_analysis import analysed
+from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document
 from pmg.pipeline.diagnosis.grid.statement import phrase
 from pmg.pipeline.files.atomic import write_atomic
@@ -88,10 +95,12 @@ def run_compare(
     whole = analysed(store, *read_analysis(store), unproven_analysis(store))
     judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, np.random.default_rng(SEED), given)
     hashed = () if model is None else ((f"SHA-256 of {model.name}", sha256_of(model)),)
-    page, remarks = campaign_page(
-        whole, judged, note, tolerances, (*hashed, seeded(SEED), ("Command", _command_words(note, model)))
-    )
     grid = whole.analysis.grid
+    beside = beside_motion(store, grid.campaign, report, None if judged is None else judged.diagnosis, note)
+    told = note if beside is None else f"{note} {beside.note}".strip()
+    page, remarks = campaign_page(
+        whole, judged, told, tolerances, (*hashed, seeded(SEED), ("Command", _command_words(note, model)))
+    )
     files, made = write_results(page, whole, judged, report, tolerances, given=model)
     data: dict[str, Any] = {"report": str(files[0]), "files": [str(path) for path in files], "diagnosis": None}
     lines = [f"report: {files[0]}"]
@@ -100,6 +109,10 @@ def run_compare(
         data |= {"statement": judged.statement} | made
         lines.insert(0, f"{phrase(judged.diagnosis)}: {judged.statement}")
         lines += [] if judged.carried is None else [remark(judged.carried)]
+    if beside is not None:
+        data["diagnosis"], data["motion"] = leave_joint(beside, report), beside.outcome.data
+        data["statement"] = beside.document["statement"]
+        lines = [f"{beside.document['phrase']}: {beside.note}", *lines, *beside.outcome.lines]
     ours = ((DIAGNOSIS, judged is not None), (MODEL, bool(data.get("model"))))
     written = (*files, *(report / name for name, there in ours if there))
     leave_crate(report, store, grid, "pmg compare", began, clock, () if model is None else (model,), written)
@@ -108,9 +121,18 @@ def run_compare(
         data,
         tuple(lines),
         remarks + analysis_findings(whole.analysis, failed, whole.sources.used),
-        partial=bool(failed) or not whole.analysis.complete,
-        mismatch=judged is not None and judged.diagnosis.mismatch.found,
+        partial=bool(failed) or not whole.analysis.complete or (beside is not None and beside.outcome.partial),
+        mismatch=_differs(judged, beside),
     )
+
+
+def _differs(judged: ComparedCampaign | None, beside: BesideMotion | None) -> bool:
+    """Whether readings differ from the simulator beyond the noise, in all that there is."""
+    if beside is not None and beside.joint is not None:
+        return beside.joint.p_value <= FALSE_ALARM_RATE
+    if beside is not None:
+        return beside.outcome.mismatch
+    return judged is not None and judged.diagnosis.mismatch.found
 
 
 def compare_chosen(chosen: Chosen, campaign: str | None = None) -> Outcome:

@@ -1,10 +1,11 @@
-"""A campaign of runs in motion alone: no steady grid to analyse, and what `pmg compare` makes of its runs."""
+"""What `pmg compare` makes of runs in motion: of a campaign that has no others, and beside its steady points."""
 
 from __future__ import annotations
 
 import json
 import shlex
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from pmg.pipeline.commands.compare_and_diagnose import DIAGNOSIS, SEED
 from pmg.pipeline.commands.crate import recordings_of
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
+from pmg.pipeline.diagnosis.grid.document import diagnosis_document
+from pmg.pipeline.diagnosis.joint import JointDiagnosis, join, joint_document
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.files.atomic import write_atomic
@@ -29,6 +32,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.commands.provenance import Clock
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
+    from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
+
+
+FOLDER = "motion"
+"""Folder of the report on the runs in motion, in that of the campaign."""
 
 
 def campaign_in_motion(store: Path, campaign: str | None) -> str | None:
@@ -61,6 +70,13 @@ def analyse_motion(store: Path, campaign: str) -> Outcome:
 
 
 def compare_motion(store: Path, campaign: str, report: Path, note: str = "", *, clock: Clock = now) -> Outcome:
+    """Diagnose the runs in motion of a campaign, and write report, diagnosis and stills, as `pmg compare` does."""
+    return _diagnosed_motion(store, campaign, report, note, clock=clock)[1]
+
+
+def _diagnosed_motion(
+    store: Path, campaign: str, report: Path, note: str = "", *, clock: Clock = now
+) -> tuple[MotionDiagnosis, Outcome]:
     """Diagnose the runs in motion of a campaign, and write report, diagnosis and stills.
 
     Parameters
@@ -114,4 +130,68 @@ def compare_motion(store: Path, campaign: str, report: Path, note: str = "", *, 
     head = f"campaign {campaign}: {counted(len(moving), 'run')} in motion, {minutes:.1f} min"
     lines = (head, *(f"  {line}" for line in motion_summary(judged)))
     lines = (f"{document['phrase']}: {document['statement']}", *lines, f"report: {files[0]}")
-    return Outcome(data, lines, partial=bool(aside), mismatch=diagnosis.mismatch.found)
+    return diagnosis, Outcome(data, lines, partial=bool(aside), mismatch=diagnosis.mismatch.found)
+
+
+@dataclass(frozen=True)
+class BesideMotion:
+    """What the runs in motion of a campaign say beside its steady points.
+
+    Parameters
+    ----------
+    joint : JointDiagnosis or None
+        Of both; None where the steady points could not be diagnosed.
+    document : dict
+        The diagnosis of the campaign.
+    outcome : Outcome
+        Of the runs in motion.
+    """
+
+    joint: JointDiagnosis | None
+    document: dict[str, Any]
+    outcome: Outcome
+
+    @property
+    def note(self) -> str:
+        """What the head of the report tells."""
+        first = str(self.document["statement"]).split(" Steady points alone, ", maxsplit=1)[0]
+        return f"{first} The runs in motion have a page of their own: {FOLDER}/report.html."
+
+
+def beside_motion(
+    store: Path, campaign: str, report: Path, diagnosis: Diagnosis | None, note: str
+) -> BesideMotion | None:
+    """The runs in motion of a campaign diagnosed, with a report of their own; None where it has none that is sound.
+
+    Parameters
+    ----------
+    store : Path
+        Holds the recordings.
+    campaign : str
+        Which campaign.
+    report : Path
+        Folder of the campaign's report.
+    diagnosis : Diagnosis or None
+        Of its steady points.
+    note : str
+        Told at the head of the report on the runs in motion.
+    """
+    if not (store / MARK).is_file():
+        return None
+    judged = judged_runs(choose_campaign(Store(store), campaign)[1])
+    if not any(run.manoeuvre.moves and run.record.sound for run in judged):
+        return None
+    moving, outcome = _diagnosed_motion(store, campaign, report / FOLDER, note)
+    document = outcome.data["diagnosis"]
+    if diagnosis is None:
+        return BesideMotion(None, document, outcome)
+    joint = join(diagnosis, moving, (diagnosis.mismatch.p_value, moving.mismatch.p_value))
+    return BesideMotion(joint, joint_document(joint, diagnosis_document(diagnosis), document), outcome)
+
+
+def leave_joint(beside: BesideMotion, report: Path) -> dict[str, Any]:
+    """Write the diagnosis of both kinds of evidence in the place of that of the steady points."""
+    text = json.dumps(beside.document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    write_atomic(report / DIAGNOSIS, text.encode())
+    found: dict[str, Any] = json.loads(text)
+    return found

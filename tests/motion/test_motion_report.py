@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -11,6 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
+from tests.motion.moving_bench import started
+from tests.recording.writer import Bench, write
 from tests.report import chromium
 
 from pmg.pipeline.commands.compare import run_all
@@ -88,6 +91,25 @@ def test_the_page_and_its_stills_are_whole(told: tuple[MotionCase, Outcome, Path
     assert document(report)["phrase"] in page
     rows = (report / "tables" / "constants.csv").read_text(encoding="utf-8")
     assert "inertia ring" in rows
+
+
+def test_steady_points_and_runs_in_motion_make_one_diagnosis(
+    told: tuple[MotionCase, Outcome, Path], tmp_path: Path
+) -> None:
+    """Three steady points tell nothing of the cause: the runs in motion do, and the page says where they are."""
+    case, outcome, report = told
+    folder = tmp_path / "in"
+    shutil.copytree(report.parent / "in", folder)
+    for number, speed in enumerate((300.0, 600.0, 900.0)):
+        run = {"campaign": case.campaign, "configuration": "neutral", "point": f"P{number}"} | started(number)
+        write(folder / f"steady-{number}.mcap", Bench(run=run, speed={"sun": speed, "ring": 0.0}))
+    mixed = run_all(choose(None, recordings=folder, store=tmp_path / "store", report=tmp_path / "report"), None)
+    found = document(tmp_path / "report")
+    assert found["mechanisms"] == outcome.data["compare"]["diagnosis"]["mechanisms"]
+    assert mixed.data["compare"]["diagnosis"] == found
+    assert mixed.mismatch
+    assert (tmp_path / "report" / "motion" / "report.html").exists()
+    assert "motion/report.html" in (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
 
 
 @chromium.needed

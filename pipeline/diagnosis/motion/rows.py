@@ -141,7 +141,7 @@ class RotorState:
         for speed in (self.speed + SLOPE_STEP, self.speed - SLOPE_STEP):
             columns = drag_columns(self.stretch.side, speed)
             ends.append(np.asarray(sum(value * columns[name] for name, value in self.drags.items())))
-        return (ends[0] - ends[1]) / (2.0 * SLOPE_STEP)
+        return np.asarray((ends[0] - ends[1]) / (2.0 * SLOPE_STEP))
 
     @cached_property
     def direction(self) -> Array:

@@ -1,0 +1,110 @@
+"""Steady points and runs in motion together: what one leaves open the other settles, and what both contradict."""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
+from tests.conftest import ROOT
+
+from pmg.pipeline.diagnosis.engine.conclusion import Conclusion
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.joint import APART, BY_BOTH, BY_MOTION, BY_STEADY, join, joint_document
+
+GAIN, LOAD, IRON = "torque_gain_error", "load_dependent_bearing_friction", "load_dependent_iron_loss"
+INERTIA, WINDAGE = "rotor_inertia", "windage"
+FOUND = (0.002, 0.002)
+QUIET: Conclusion[Any, Any] = Conclusion(verdict=Verdict.CONSISTENT)
+
+
+def concluded(*sets: dict[str, str], verdict: Verdict | None = None, weak: bool = False) -> Conclusion[Any, Any]:
+    """A conclusion that leaves some sets of causes, each the shaft by the id."""
+    each = [
+        SimpleNamespace(fits=[SimpleNamespace(identifier=name, place=place) for name, place in one.items()])
+        for one in sets
+    ]
+    naming: Any = SimpleNamespace(best=each[0], rivals=each[1:], shafts=sets[0]) if sets else None
+    found = Verdict.NAMED if len(sets) == 1 else Verdict.AMBIGUOUS
+    return Conclusion(verdict=verdict or found, naming=naming, weak=weak)
+
+
+def test_what_one_leaves_open_the_other_settles() -> None:
+    steady = concluded({LOAD: "sun"}, {IRON: "both"}, {GAIN: "either"})
+    for moving in (concluded({GAIN: "ring"}), concluded({GAIN: "ring"}, {IRON: "sun", LOAD: "sun"})):
+        found = join(steady, moving, FOUND)
+        assert (found.verdict, found.sets, found.by) == (Verdict.NAMED, ({GAIN: "ring"},), BY_BOTH)
+    still = join(steady, concluded({GAIN: "ring"}, {LOAD: "sun"}), FOUND)
+    assert still.verdict is Verdict.AMBIGUOUS
+    assert still.sets == ({LOAD: "sun"}, {GAIN: "ring"})
+
+
+def test_a_cause_that_only_one_kind_knows_stands_beside_the_shared_one() -> None:
+    found = join(concluded({GAIN: "sun", WINDAGE: "sun"}), concluded({GAIN: "sun", INERTIA: "ring"}), FOUND)
+    assert found.verdict is Verdict.NAMED
+    assert found.sets == ({GAIN: "sun", WINDAGE: "sun", INERTIA: "ring"},)
+
+
+def test_causes_that_exclude_each_other_are_both_told() -> None:
+    for moving in (concluded({GAIN: "ring"}), concluded({LOAD: "sun"})):
+        found = join(concluded({GAIN: "sun"}), moving, FOUND)
+        assert (found.verdict, found.by, len(found.sets)) == (Verdict.AMBIGUOUS, APART, 2)
+
+
+def test_one_kind_may_see_what_the_other_cannot() -> None:
+    for pair, by in (
+        ((concluded({GAIN: "sun"}), QUIET), BY_STEADY),
+        ((QUIET, concluded({INERTIA: "ring"})), BY_MOTION),
+    ):
+        found = join(*pair, FOUND)
+        assert (found.verdict, found.by, found.something_else) == (Verdict.NAMED, by, False)
+    unknown: Conclusion[Any, Any] = concluded(verdict=Verdict.NOT_IN_LIBRARY)
+    found = join(concluded({GAIN: "sun"}), unknown, FOUND)
+    assert (found.verdict, found.something_else) == (Verdict.AMBIGUOUS, True)
+    assert join(unknown, QUIET, FOUND).verdict is Verdict.NOT_IN_LIBRARY
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_two_looks_are_counted_as_two(one: float, other: float) -> None:
+    found = join(concluded({GAIN: "sun"}), QUIET, (one, other))
+    assert found.p_value == min(1.0, 2.0 * min(one, other))
+    assert (found.verdict is Verdict.CONSISTENT) == (found.p_value > 0.05)
+
+
+def test_a_blind_kind_stays_blind_where_nothing_is_found() -> None:
+    blind: Conclusion[Any, Any] = Conclusion(verdict=Verdict.CONFOUNDED)
+    assert join(blind, QUIET, (0.5, 0.5)).verdict is Verdict.CONFOUNDED
+    assert join(QUIET, QUIET, (0.5, 0.5)).verdict is Verdict.CONSISTENT
+
+
+def row(name: str, shaft: str, error: float | None) -> dict[str, Any]:
+    """A mechanism of a document."""
+    parameters = [{"name": "size", "value": 0.5, "standard_error": error, "unit": "1"}]
+    sizes = {"rms_effect_Nm": 0.01, "peak_effect_Nm": 0.02}
+    return {
+        "id": name,
+        "component": "sun_bearings",
+        "shaft": shaft,
+        "probability": 0.5,
+        "parameters": parameters,
+    } | sizes
+
+
+@pytest.mark.parametrize("moving_sets", [({GAIN: "sun"},), ({GAIN: "sun"}, {LOAD: "sun"}), ({IRON: "both"},)])
+def test_the_document_is_one_of_its_schema(moving_sets: tuple[dict[str, str], ...]) -> None:
+    example = json.loads((ROOT / "reports" / "example" / "diagnosis.json").read_bytes())
+    steady = example | {"mechanisms": [row(GAIN, "either", 0.1), row(LOAD, "sun", 0.1)]}
+    moving = example | {"mechanisms": [row(name, "sun", 0.01) for each in moving_sets for name in each]}
+    joint = join(concluded({GAIN: "either"}, {LOAD: "sun"}), concluded(*moving_sets), FOUND)
+    document = joint_document(joint, steady, moving)
+    schema = json.loads(files("pmg.pipeline.diagnosis").joinpath("diagnosis.schema.json").read_bytes())
+    Draft202012Validator(schema).validate(document)
+    if joint.by == BY_BOTH:
+        assert {each["parameters"][0]["standard_error"] for each in document["mechanisms"]} == {0.01}
+    assert document["statement"].startswith("Steady points and runs in motion ")
+    assert document["statement"].count(example["statement"]) == 2
