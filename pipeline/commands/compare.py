@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,17 +22,10 @@ from pmg.pipeline.commands.compare_and_diagnose import (
     summary_facts,
 )
 from pmg.pipeline.commands.ingest import ingest_chosen
-from pmg.pipeline.commands.motion import (
-    BesideMotion,
-    beside_motion,
-    campaign_in_motion,
-    compare_motion,
-    leave_joint,
-)
+from pmg.pipeline.commands.motion import BesideMotion, beside_motion, campaign_in_motion, compare_motion
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate, now
 from pmg.pipeline.commands.stored_analysis import analysed
-from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document
 from pmg.pipeline.diagnosis.grid.statement import phrase
 from pmg.pipeline.files.atomic import write_atomic
@@ -97,11 +90,12 @@ def run_compare(
     hashed = () if model is None else ((f"SHA-256 of {model.name}", sha256_of(model)),)
     grid = whole.analysis.grid
     beside = beside_motion(store, grid.campaign, report, None if judged is None else judged.diagnosis, note)
-    told = note if beside is None else f"{note} {beside.note}".strip()
     page, remarks = campaign_page(
-        whole, judged, told, tolerances, (*hashed, seeded(SEED), ("Command", _command_words(note, model)))
+        whole, judged, note, tolerances, (*hashed, seeded(SEED), ("Command", _command_words(note, model)))
     )
-    files, made = write_results(page, whole, judged, report, tolerances, given=model)
+    if beside is not None:
+        page = replace(page, verdict=beside.headline(page.verdict))
+    files, made = write_results(page, whole, judged, report, tolerances, given=model, beside=beside)
     data: dict[str, Any] = {"report": str(files[0]), "files": [str(path) for path in files], "diagnosis": None}
     lines = [f"report: {files[0]}"]
     if judged is not None:
@@ -110,10 +104,14 @@ def run_compare(
         lines.insert(0, f"{phrase(judged.diagnosis)}: {judged.statement}")
         lines += [] if judged.carried is None else [remark(judged.carried)]
     if beside is not None:
-        data["diagnosis"], data["motion"] = leave_joint(beside, report), beside.outcome.data
-        data["statement"] = beside.document["statement"]
-        lines = [f"{beside.document['phrase']}: {beside.note}", *lines, *beside.outcome.lines]
-    ours = ((DIAGNOSIS, judged is not None), (MODEL, bool(data.get("model"))))
+        document = json.loads(beside.text)
+        data |= {"diagnosis": document, "statement": document["statement"], "motion": beside.outcome.data}
+        lines = [
+            f"{document['phrase']}: {document['statement']}",
+            *lines[judged is not None :],
+            *beside.outcome.lines[1:],
+        ]
+    ours = ((DIAGNOSIS, judged is not None or beside is not None), (MODEL, bool(data.get("model"))))
     written = (*files, *(report / name for name, there in ours if there))
     leave_crate(report, store, grid, "pmg compare", began, clock, () if model is None else (model,), written)
     failed = whole.sources.failed
@@ -122,17 +120,8 @@ def run_compare(
         tuple(lines),
         remarks + analysis_findings(whole.analysis, failed, whole.sources.used),
         partial=bool(failed) or not whole.analysis.complete or (beside is not None and beside.outcome.partial),
-        mismatch=_differs(judged, beside),
+        mismatch=beside.differs if beside is not None else judged is not None and judged.diagnosis.mismatch.found,
     )
-
-
-def _differs(judged: ComparedCampaign | None, beside: BesideMotion | None) -> bool:
-    """Whether readings differ from the simulator beyond the noise, in all that there is."""
-    if beside is not None and beside.joint is not None:
-        return beside.joint.p_value <= FALSE_ALARM_RATE
-    if beside is not None:
-        return beside.outcome.mismatch
-    return judged is not None and judged.diagnosis.mismatch.found
 
 
 def compare_chosen(chosen: Chosen, campaign: str | None = None) -> Outcome:
@@ -189,8 +178,9 @@ def write_results(
     folder: Path,
     tolerances: Mapping[str, tuple[float, float]] | None,
     given: Path | None = None,
+    beside: BesideMotion | None = None,
 ) -> tuple[tuple[Path, ...], dict[str, Any]]:
-    """Write the report, and next to it the diagnosis and the model.
+    """Write the report, and next to it the diagnosis, that with the runs in motion where there are any, and the model.
 
     Returns
     -------
@@ -199,13 +189,16 @@ def write_results(
     dict
         Where the model is, and what a given one predicted.
     """
-    files = write_report(page, folder, summary_facts(whole.analysis.grid, judged, whole.bench, tolerances))
-    if judged is None:
+    facts = summary_facts(whole.analysis.grid, judged, whole.bench, tolerances)
+    files = write_report(page, folder, facts if beside is None else facts | beside.facts)
+    if beside is not None:
+        write_atomic(folder / DIAGNOSIS, beside.text.encode())
+    elif judged is None:
         (folder / DIAGNOSIS).unlink(missing_ok=True)
-        return files, {}
-    text = json.dumps(diagnosis_document(judged.diagnosis), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    write_atomic(folder / DIAGNOSIS, text.encode())
-    return files, leave_model(judged, folder / MODEL, given)
+    else:
+        text = json.dumps(diagnosis_document(judged.diagnosis), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+        write_atomic(folder / DIAGNOSIS, text.encode())
+    return files, {} if judged is None else leave_model(judged, folder / MODEL, given)
 
 
 def campaign_page(

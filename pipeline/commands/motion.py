@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import shlex
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -14,14 +14,17 @@ from pmg.pipeline.commands.compare_and_diagnose import DIAGNOSIS, SEED
 from pmg.pipeline.commands.crate import recordings_of
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
+from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document
 from pmg.pipeline.diagnosis.joint import JointDiagnosis, join, joint_document
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
+from pmg.pipeline.diagnosis.motion.library import library
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.grid.campaign import campaigns, choose_campaign
 from pmg.pipeline.motion.stored import judged_runs, moving_runs, only_in_motion
 from pmg.pipeline.preflight.motion import motion_summary
+from pmg.pipeline.report.document import Headline
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store.store import MARK, Store
 from pmg.pipeline.wording.plurals import counted
@@ -152,10 +155,35 @@ class BesideMotion:
     outcome: Outcome
 
     @property
-    def note(self) -> str:
-        """What the head of the report tells."""
-        first = str(self.document["statement"]).split(" Steady points alone, ", maxsplit=1)[0]
-        return f"{first} The runs in motion have a page of their own: {FOLDER}/report.html."
+    def differs(self) -> bool:
+        """Whether either kind of evidence differs from the model, the two looks counted."""
+        return self.outcome.mismatch if self.joint is None else self.joint.p_value <= FALSE_ALARM_RATE
+
+    @property
+    def text(self) -> str:
+        """The diagnosis as it stands in its file."""
+        return json.dumps(self.document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What the summary of the report tells of it instead of what the steady points say alone."""
+        named = self.document["mechanisms"]
+        titles = {term.identifier: term.title for term in library()}
+        rows = [{**row, "title": titles.get(row["id"], row["id"])} for row in named]
+        kept = ("id", "title", "shaft", "probability", "parameters")
+        return {"diagnosis": self.document["verdict"], "mechanisms": [{k: row[k] for k in kept} for row in rows]}
+
+    def headline(self, steady: Headline) -> Headline:
+        """The head of the campaign's report, told by both kinds of evidence; `steady` is that of the points alone."""
+        phrase, moving = self.document["phrase"], str(self.outcome.data["moving"])
+        first = str(self.document["statement"])
+        where = f"The runs in motion have a page of their own: {FOLDER}/report.html."
+        counted = [(label, value) for label, value in steady.counted if label != "Verdict"]
+        figures = (*counted, ("Runs in motion", moving), ("Verdict", phrase))
+        if self.joint is None:
+            return replace(steady, text=f"{steady.text} Runs in motion: {first} {where}", counted=figures)
+        state: Literal["good", "attention"] = "attention" if self.differs or steady.warnings else "good"
+        return Headline(f"{first} {where}", state, figures, steady.warnings)
 
 
 def beside_motion(
@@ -187,11 +215,3 @@ def beside_motion(
         return BesideMotion(None, document, outcome)
     joint = join(diagnosis, moving, (diagnosis.mismatch.p_value, moving.mismatch.p_value))
     return BesideMotion(joint, joint_document(joint, diagnosis_document(diagnosis), document), outcome)
-
-
-def leave_joint(beside: BesideMotion, report: Path) -> dict[str, Any]:
-    """Write the diagnosis of both kinds of evidence in the place of that of the steady points."""
-    text = json.dumps(beside.document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    write_atomic(report / DIAGNOSIS, text.encode())
-    found: dict[str, Any] = json.loads(text)
-    return found
