@@ -89,7 +89,7 @@ def run_compare(
     judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, np.random.default_rng(SEED), given)
     hashed = () if model is None else ((f"SHA-256 of {model.name}", sha256_of(model)),)
     grid = whole.analysis.grid
-    beside = beside_motion(store, grid.campaign, report, None if judged is None else judged.diagnosis, note)
+    beside, about_motion = beside_motion(store, report, grid, judged, note, clock)
     page, remarks = campaign_page(
         whole, judged, note, tolerances, (*hashed, seeded(SEED), ("Command", _command_words(note, model)))
     )
@@ -118,7 +118,7 @@ def run_compare(
     return Outcome(
         data,
         tuple(lines),
-        remarks + analysis_findings(whole.analysis, failed, whole.sources.used),
+        remarks + analysis_findings(whole.analysis, failed, whole.sources.used) + about_motion,
         partial=bool(failed) or not whole.analysis.complete or (beside is not None and beside.outcome.partial),
         mismatch=beside.differs if beside is not None else judged is not None and judged.diagnosis.mismatch.found,
     )

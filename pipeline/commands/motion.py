@@ -15,6 +15,7 @@ from pmg.pipeline.commands.crate import recordings_of
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
+from pmg.pipeline.diagnosis.grid.candidates import candidates
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document
 from pmg.pipeline.diagnosis.joint import JointDiagnosis, join, joint_document
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
@@ -24,19 +25,22 @@ from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.grid.campaign import campaigns, choose_campaign
 from pmg.pipeline.motion.stored import judged_runs, moving_runs, only_in_motion
 from pmg.pipeline.preflight.motion import motion_summary
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Headline
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store.store import MARK, Store
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.bench import load_bench
+from pmg.sim.errors import PmgError
 from pmg.sim.signals import MINUTE
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.commands.provenance import Clock
-    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
+    from pmg.pipeline.model.compared_campaign import ComparedCampaign
+    from pmg.sim.grid import Grid
 
 
 FOLDER = "motion"
@@ -167,11 +171,30 @@ class BesideMotion:
     @property
     def facts(self) -> dict[str, Any]:
         """What the summary of the report tells of it instead of what the steady points say alone."""
-        named = self.document["mechanisms"]
+        leading = set() if self.joint is None or not self.joint.sets else set(self.joint.sets[0])
         titles = {term.identifier: term.title for term in library()}
-        rows = [{**row, "title": titles.get(row["id"], row["id"])} for row in named]
-        kept = ("id", "title", "shaft", "probability", "parameters")
-        return {"diagnosis": self.document["verdict"], "mechanisms": [{k: row[k] for k in kept} for row in rows]}
+        titles |= {candidate.identifier: candidate.kind.title for candidate in candidates()}
+        rows = [
+            {
+                "id": row["id"],
+                "title": titles[row["id"]],
+                "shaft": row["shaft"],
+                "probability": row["probability"],
+                "parameters": [
+                    {
+                        "name": p["name"],
+                        "meaning": p["name"].replace("_", " "),
+                        "value": p["value"],
+                        "u": p["standard_error"],
+                        "unit": p["unit"],
+                    }
+                    for p in row["parameters"]
+                ],
+            }
+            for row in self.document["mechanisms"]
+            if row["id"] in leading or self.joint is None
+        ]
+        return {"diagnosis": self.document["verdict"], "mechanisms": rows}
 
     def headline(self, steady: Headline) -> Headline:
         """The head of the campaign's report, told by both kinds of evidence; `steady` is that of the points alone."""
@@ -187,31 +210,46 @@ class BesideMotion:
 
 
 def beside_motion(
-    store: Path, campaign: str, report: Path, diagnosis: Diagnosis | None, note: str
-) -> BesideMotion | None:
-    """The runs in motion of a campaign diagnosed, with a report of their own; None where it has none that is sound.
+    store: Path, report: Path, grid: Grid, judged: ComparedCampaign | None, note: str, clock: Clock
+) -> tuple[BesideMotion | None, tuple[Remark, ...]]:
+    """The runs in motion of an analysed campaign diagnosed, with a report of their own; None where there is none.
 
     Parameters
     ----------
     store : Path
         Holds the recordings.
-    campaign : str
-        Which campaign.
     report : Path
         Folder of the campaign's report.
-    diagnosis : Diagnosis or None
-        Of its steady points.
+    grid : Grid
+        The analysed campaign.
+    judged : ComparedCampaign or None
+        What its steady points say.
     note : str
         Told at the head of the report on the runs in motion.
+    clock : callable
+        Time of day, for the provenance.
+
+    Returns
+    -------
+    BesideMotion or None, tuple of Remark
+        And why there is none though runs were made.
     """
-    if not (store / MARK).is_file():
-        return None
-    judged = judged_runs(choose_campaign(Store(store), campaign)[1])
-    if not any(run.manoeuvre.moves and run.record.sound for run in judged):
-        return None
-    moving, outcome = _diagnosed_motion(store, campaign, report / FOLDER, note)
+    campaign = grid.campaign
+    if grid.origin == "published" or not (store / MARK).is_file():
+        return None, ()
+    listed = judged_runs(m for m in Store(store).manifests() if m.ingested and m.campaign == campaign)
+    if not any(run.manoeuvre.moves and run.record.sound for run in listed):
+        return None, ()
+    if judged is not None and judged.carried is not None:
+        said = "runs in motion are not held against a given model; compare without --model to diagnose them"
+        return None, (Remark("info", "runs in motion", said),)
+    try:
+        moving, outcome = _diagnosed_motion(store, campaign, report / FOLDER, note, clock=clock)
+    except PmgError as error:
+        return None, (Remark("warning", "runs in motion", f"not diagnosed: {error}"),)
     document = outcome.data["diagnosis"]
-    if diagnosis is None:
-        return BesideMotion(None, document, outcome)
-    joint = join(diagnosis, moving, (diagnosis.mismatch.p_value, moving.mismatch.p_value))
-    return BesideMotion(joint, joint_document(joint, diagnosis_document(diagnosis), document), outcome)
+    if judged is None:
+        return BesideMotion(None, document, outcome), ()
+    steady = judged.diagnosis
+    joint = join(steady, moving, (steady.mismatch.p_value, moving.mismatch.p_value))
+    return BesideMotion(joint, joint_document(joint, diagnosis_document(steady), document), outcome), ()

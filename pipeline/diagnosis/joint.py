@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from pmg.pipeline.diagnosis.engine.conclusion import KNOWN
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.candidates import candidates
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 Causes: TypeAlias = "dict[str, str]"
 """A set of mechanisms: the shaft of each by its id."""
 
-ANYWHERE = ("either", "both")
-"""Shafts that another kind of evidence may make definite."""
+ANYWHERE = "either"
+"""A shaft that another kind of evidence may make definite."""
 
 OR_ELSE = "one that the catalogue does not have"
 
@@ -68,7 +69,8 @@ def join(steady: Conclusion[Any, Any], moving: Conclusion[Any, Any], p_values: t
     -----
     The readings are independent, so a set is allowed by both where both allow it: on mechanisms that both libraries
     have the sets must be the same, on shafts that do not exclude each other; a mechanism of one library alone cannot be
-    asked of the other. The p-value is Bonferroni's.
+    asked of the other. A kind that does not differ is not held against what the other names: whether it would have seen
+    it is not asked. The p-value is Bonferroni's.
     """
     p_value = min(1.0, 2.0 * min(p_values))
     verdicts = {steady.verdict, moving.verdict}
@@ -80,8 +82,8 @@ def join(steady: Conclusion[Any, Any], moving: Conclusion[Any, Any], p_values: t
         none = Verdict.NOT_IN_LIBRARY if Verdict.NOT_IN_LIBRARY in verdicts else Verdict.CONFOUNDED
         return JointDiagnosis(none, p_value)
     if not ours or not theirs:
-        one = steady if ours else moving
-        other = Verdict.NOT_IN_LIBRARY in verdicts
+        one, silent = (steady, p_values[1]) if ours else (moving, p_values[0])
+        other = silent <= FALSE_ALARM_RATE  # it differs, and nothing explains it
         verdict = Verdict.AMBIGUOUS if other else one.verdict
         by = BY_STEADY if ours else BY_MOTION
         return JointDiagnosis(verdict, p_value, ours or theirs, by, other or one.weak)
@@ -90,7 +92,9 @@ def join(steady: Conclusion[Any, Any], moving: Conclusion[Any, Any], p_values: t
     if not both:
         return JointDiagnosis(Verdict.AMBIGUOUS, p_value, (ours[0], theirs[0]), APART)
     distinct = tuple({frozenset(each.items()): each for each in both}.values())
-    return JointDiagnosis(Verdict.NAMED if len(distinct) == 1 else Verdict.AMBIGUOUS, p_value, distinct, BY_BOTH)
+    weak = steady.weak and moving.weak
+    verdict = Verdict.NAMED if len(distinct) == 1 and not weak else Verdict.AMBIGUOUS
+    return JointDiagnosis(verdict, p_value, distinct, BY_BOTH, weak)
 
 
 def _sets_of(conclusion: Conclusion[Any, Any]) -> tuple[Causes, ...]:
@@ -108,7 +112,7 @@ def _joined(one: Causes, other: Causes, shared: frozenset[str]) -> Causes | None
         return None
     found = one | other
     for name in one.keys() & other.keys():
-        shafts = {one[name], other[name]} - set(ANYWHERE)
+        shafts = {one[name], other[name]} - {ANYWHERE}
         if len(shafts) > 1:
             return None
         found[name] = shafts.pop() if shafts else one[name]
@@ -158,28 +162,47 @@ def _joint_statement(joint: JointDiagnosis, documents: tuple[Mapping[str, Any], 
 def joint_document(joint: JointDiagnosis, steady: Mapping[str, Any], moving: Mapping[str, Any]) -> dict[str, Any]:
     """One document ``pmg.diagnosis/1`` from those of both kinds; its shape is that of the steady one.
 
-    A mechanism that both have stands with the numbers of the kind that knows its first parameter better.
+    A mechanism that both have stands with the numbers of the kind that knows its first parameter better, of those that
+    say the joint shaft.
     """
-    mechanisms = []
-    for name in dict.fromkeys(name for causes in joint.sets for name in causes):
-        rows = [row for document in (moving, steady) for row in document["mechanisms"] if row["id"] == name]
-        shaft = next(causes[name] for causes in joint.sets if name in causes)
-        held = sum(name in causes for causes in joint.sets) / len(joint.sets)
-        mechanisms.append(min(rows, key=_relative_error) | {"shaft": shaft, "probability": held})
-    rivals = [
-        {"ids": list(causes), "shafts": list(causes.values()), "why": joint.by, "separating_test": ""}
-        for causes in joint.sets[1:]
-    ]
-    if joint.something_else or (joint.verdict is Verdict.AMBIGUOUS and not rivals):
-        rivals.append(dict(NONE_KNOWN))
-    undecided = joint.verdict in (Verdict.AMBIGUOUS, Verdict.CONFOUNDED)
-    return {
+    design = {**(steady["design"] or {"blind_to_slow_changes": [], "look_alike": []})}
+    design["unseen"] = [*design.get("unseen", []), *(moving["design"] or {}).get("unseen", [])]
+    told = {
         **steady,
         "verdict": str(joint.verdict),
         "phrase": PHRASES[joint.verdict],
         "statement": _joint_statement(joint, (steady, moving)),
         "weak": joint.something_else,
         "p_value": joint.p_value,
+        "near_ties": [],
+        "form": None,
+        "decoys": None,
+        "shape": None,
+        "mechanisms": [],
+        "rivals": [],
+        "design": design,
+    }
+    if joint.p_value > FALSE_ALARM_RATE:
+        return told | {"locations": [], "absorbed": [], "held_out": None, "next_tests": []}
+    undecided = joint.verdict in (Verdict.AMBIGUOUS, Verdict.CONFOUNDED)
+    known = KNOWN if joint.something_else else 1.0
+    names = dict.fromkeys((name, shaft) for causes in joint.sets for name, shaft in causes.items())
+    mechanisms = []
+    for name, shaft in names:
+        share = sum(causes.get(name) == shaft for causes in joint.sets) / len(joint.sets)
+        mechanisms.append(_row(name, shaft, (moving, steady)) | {"probability": known * share})
+    rivals = [
+        {
+            "ids": list(causes),
+            "shafts": list(causes.values()),
+            "why": joint.by,
+            "separating_test": _test(causes, steady),
+        }
+        for causes in joint.sets[1:]
+    ]
+    if joint.something_else:
+        rivals.append(NONE_KNOWN | {"why": "a cause that the catalogue does not have is not excluded"})
+    return told | {
         "locations": [*steady["locations"], *moving["locations"]],
         "mechanisms": mechanisms,
         "rivals": rivals if joint.verdict is Verdict.AMBIGUOUS else [],
@@ -187,6 +210,20 @@ def joint_document(joint: JointDiagnosis, steady: Mapping[str, Any], moving: Map
         "held_out": steady["held_out"] or moving["held_out"],
         "next_tests": [*steady["next_tests"], *moving["next_tests"]] if undecided else [],
     }
+
+
+def _row(name: str, shaft: str, documents: tuple[Mapping[str, Any], ...]) -> dict[str, Any]:
+    """The mechanism as the kind has it that says that shaft, and knows its first parameter best."""
+    rows = [row for document in documents for row in document["mechanisms"] if row["id"] == name]
+    same = [row for row in rows if row["shaft"] == shaft]
+    found: dict[str, Any] = min(same or rows, key=_relative_error)
+    return found | {"shaft": shaft}
+
+
+def _test(causes: Causes, steady: Mapping[str, Any]) -> str:
+    """The test by which the steady points would tell a set."""
+    tests = (row["separating_test"] for row in steady["rivals"] if set(causes) <= set(row["ids"]))
+    return next(tests, "")
 
 
 def _relative_error(row: Mapping[str, Any]) -> float:

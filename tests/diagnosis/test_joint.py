@@ -18,7 +18,7 @@ from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.joint import APART, BY_BOTH, BY_MOTION, BY_STEADY, join, joint_document
 
 GAIN, LOAD, IRON = "torque_gain_error", "load_dependent_bearing_friction", "load_dependent_iron_loss"
-INERTIA, WINDAGE = "rotor_inertia", "windage"
+INERTIA, WINDAGE, VISCOSITY = "rotor_inertia", "windage", "lubricant_viscosity"
 FOUND = (0.002, 0.002)
 QUIET: Conclusion[Any, Any] = Conclusion(verdict=Verdict.CONSISTENT)
 
@@ -61,7 +61,7 @@ def test_one_kind_may_see_what_the_other_cannot() -> None:
         ((concluded({GAIN: "sun"}), QUIET), BY_STEADY),
         ((QUIET, concluded({INERTIA: "ring"})), BY_MOTION),
     ):
-        found = join(*pair, FOUND)
+        found = join(*pair, (0.002, 0.6) if by == BY_STEADY else (0.6, 0.002))
         assert (found.verdict, found.by, found.something_else) == (Verdict.NAMED, by, False)
     unknown: Conclusion[Any, Any] = concluded(verdict=Verdict.NOT_IN_LIBRARY)
     found = join(concluded({GAIN: "sun"}), unknown, FOUND)
@@ -82,6 +82,25 @@ def test_a_blind_kind_stays_blind_where_nothing_is_found() -> None:
     assert join(QUIET, QUIET, (0.5, 0.5)).verdict is Verdict.CONSISTENT
 
 
+def test_two_weak_kinds_name_nothing_for_sure() -> None:
+    weak = concluded({GAIN: "sun"}, {LOAD: "sun"}, weak=True)
+    found = join(weak, concluded({GAIN: "sun"}, verdict=Verdict.AMBIGUOUS, weak=True), FOUND)
+    assert (found.verdict, found.sets, found.something_else) == (Verdict.AMBIGUOUS, ({GAIN: "sun"},), True)
+
+
+def test_a_kind_that_differs_without_a_cause_is_counted() -> None:
+    for silent in (Verdict.CONFOUNDED, Verdict.NOT_IN_LIBRARY):
+        found = join(concluded({GAIN: "sun"}), concluded(verdict=silent), FOUND)
+        assert (found.verdict, found.something_else) == (Verdict.AMBIGUOUS, True)
+    blind_and_quiet = join(concluded({GAIN: "sun"}), concluded(verdict=Verdict.CONFOUNDED), (0.002, 0.4))
+    assert (blind_and_quiet.verdict, blind_and_quiet.something_else) == (Verdict.NAMED, False)
+
+
+def test_both_bearings_are_not_one_of_them() -> None:
+    found = join(concluded({VISCOSITY: "both"}), concluded({VISCOSITY: "sun"}), FOUND)
+    assert (found.verdict, found.by) == (Verdict.AMBIGUOUS, APART)
+
+
 def row(name: str, shaft: str, error: float | None) -> dict[str, Any]:
     """A mechanism of a document."""
     parameters = [{"name": "size", "value": 0.5, "standard_error": error, "unit": "1"}]
@@ -95,16 +114,37 @@ def row(name: str, shaft: str, error: float | None) -> dict[str, Any]:
     } | sizes
 
 
-@pytest.mark.parametrize("moving_sets", [({GAIN: "sun"},), ({GAIN: "sun"}, {LOAD: "sun"}), ({IRON: "both"},)])
-def test_the_document_is_one_of_its_schema(moving_sets: tuple[dict[str, str], ...]) -> None:
+VALID = Draft202012Validator(json.loads(files("pmg.pipeline.diagnosis").joinpath("diagnosis.schema.json").read_bytes()))
+
+
+def documents(*moving_sets: dict[str, str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Documents of both kinds, whose steady one leaves a gain on either shaft, or load friction of the sun."""
     example = json.loads((ROOT / "reports" / "example" / "diagnosis.json").read_bytes())
     steady = example | {"mechanisms": [row(GAIN, "either", 0.1), row(LOAD, "sun", 0.1)]}
-    moving = example | {"mechanisms": [row(name, "sun", 0.01) for each in moving_sets for name in each]}
+    rows = [row(name, shaft, 0.2) for each in moving_sets for name, shaft in each.items()]
+    return steady, example | {"mechanisms": rows}
+
+
+def test_a_consistent_document_holds_no_place_and_no_cause() -> None:
+    joint = join(concluded({GAIN: "either"}, {LOAD: "sun"}), QUIET, (0.04, 0.6))
+    document = joint_document(joint, *documents())
+    VALID.validate(document)
+    assert document["verdict"] == "consistent"
+    assert [document[name] for name in ("mechanisms", "locations", "absorbed", "held_out")] == [[], [], [], None]
+
+
+def test_numbers_are_those_of_the_kind_that_says_the_shaft() -> None:
+    joint = join(concluded({GAIN: "either"}, {LOAD: "sun"}), concluded({GAIN: "ring"}), FOUND)
+    (mechanism,) = joint_document(joint, *documents({GAIN: "ring"}))["mechanisms"]
+    assert (mechanism["shaft"], mechanism["parameters"][0]["standard_error"]) == ("ring", 0.2)
+
+
+@pytest.mark.parametrize("moving_sets", [({GAIN: "sun"},), ({GAIN: "sun"}, {LOAD: "sun"}), ({IRON: "both"},)])
+def test_the_document_is_one_of_its_schema(moving_sets: tuple[dict[str, str], ...]) -> None:
+    steady, moving = documents(*moving_sets)
     joint = join(concluded({GAIN: "either"}, {LOAD: "sun"}), concluded(*moving_sets), FOUND)
     document = joint_document(joint, steady, moving)
-    schema = json.loads(files("pmg.pipeline.diagnosis").joinpath("diagnosis.schema.json").read_bytes())
-    Draft202012Validator(schema).validate(document)
-    if joint.by == BY_BOTH:
-        assert {each["parameters"][0]["standard_error"] for each in document["mechanisms"]} == {0.01}
+    VALID.validate(document)
     assert document["statement"].startswith("Steady points and runs in motion ")
-    assert document["statement"].count(example["statement"]) == 2
+    assert document["statement"].count(steady["statement"]) == 2
+    assert sum(each["probability"] for each in document["mechanisms"]) <= 1.0 + 1e-9 or joint.by == APART

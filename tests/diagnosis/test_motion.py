@@ -306,8 +306,8 @@ def test_a_law_may_bend_along_what_it_follows_only() -> None:
 def test_no_run_and_runs_of_two_gears_are_refused() -> None:
     with pytest.raises(FitError, match="no run"):
         diagnose_motion("none", (), load_bench(), np.random.default_rng(0))
-    one, *others = _campaign(1)
-    mixed = (MovingRun(**{**vars(one), "gear": 2}), *others)
+    zero, one, *others = _campaign(1)
+    mixed = (zero, MovingRun(**{**vars(one), "gear": 2}), *others)
     with pytest.raises(FitError, match="gear 1, gear 2"):
         diagnose_motion("mixed", mixed, load_bench(), np.random.default_rng(0))
 

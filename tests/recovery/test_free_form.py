@@ -11,10 +11,10 @@ from tests.trials.strata_by_name import find_stratum
 
 from pmg.pipeline.diagnosis.design.next_test import form_test
 from pmg.pipeline.diagnosis.engine.adequacy import AdequacyTest, Remainder, adequacy_test
-from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
+from pmg.pipeline.diagnosis.engine.catalogue import FORM_ERROR, MARGIN
 from pmg.pipeline.diagnosis.engine.explanation import Explanation, explain_with
 from pmg.pipeline.diagnosis.engine.forms import with_free_laws, with_look_alikes
-from pmg.pipeline.diagnosis.engine.free_form import BENT, FORM_ERROR, FreeForm, explains, free_form
+from pmg.pipeline.diagnosis.engine.free_form import BENT, FreeForm, explains, free_form
 from pmg.pipeline.diagnosis.engine.naming import _further, name_candidates
 from pmg.pipeline.diagnosis.grid.candidates import (
     Candidate,

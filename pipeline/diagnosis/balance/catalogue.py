@@ -32,6 +32,7 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
     refine: bool = True
     pairs_at_once: ClassVar[bool] = True
     tells_weak: ClassVar[bool] = False
+    form_error: ClassVar[float] = 0.035
 
     def fit(self, problem: TermProblem, candidate: Term[Any]) -> TermFit:
         """Best amplitudes and shape of one term with the baseline free to move."""

@@ -28,6 +28,12 @@ FAINT, WEAK = 80.0, 160.0
 """Gains below which what any candidate leaves looks like noise, and below which an effect of another kind may pass for
 the leading one: of trials with gains between them, three in ten had such a cause."""
 
+FORM_ERROR = 0.03
+"""Part of a candidate's gain that may be left over and pass for the error of its form rather than another candidate.
+
+Other physical forms of the same mechanism leave less than two hundredths once it is taken in detail; mechanisms from
+outside the catalogue leave four or more of their nearest look-alike."""
+
 
 class CandidateCatalogue(ABC, Generic[F, P]):
     """Candidates that may explain what a baseline leaves."""
@@ -37,6 +43,9 @@ class CandidateCatalogue(ABC, Generic[F, P]):
 
     tells_weak: ClassVar[bool] = True
     """Whether the causes of a mismatch that is too weak to name one are reported as a set."""
+
+    form_error: ClassVar[float] = FORM_ERROR
+    """Part of a candidate's gain that may be left over and pass for the error of its form."""
 
     @abstractmethod
     def rank(self, problem: P, without: Collection[str] = ()) -> list[F]:

@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.diagnosis.engine.adequacy import ORDINARY
-from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
+from pmg.pipeline.diagnosis.engine.catalogue import FORM_ERROR, MARGIN
 from pmg.pipeline.diagnosis.engine.explanation import Explanation
-from pmg.pipeline.diagnosis.engine.free_form import BENT, FORM_ERROR, free_form
+from pmg.pipeline.diagnosis.engine.free_form import BENT, free_form
 from pmg.pipeline.diagnosis.engine.naming import FIRST_OF_PAIRS
 from pmg.pipeline.diagnosis.engine.problem import F, P
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.adequacy import ORDINARY
-from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
+from pmg.pipeline.diagnosis.engine.catalogue import FORM_ERROR, MARGIN
 from pmg.pipeline.diagnosis.engine.problem import F, P
 
 if TYPE_CHECKING:
@@ -18,12 +18,6 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 T = TypeVar("T", float, "Array")
-
-FORM_ERROR = 0.035
-"""Part of a candidate's gain that may be left over and pass for the error of its form rather than another candidate.
-
-Other physical forms of the same mechanism leave less than two hundredths once it is taken in detail; mechanisms from
-outside the catalogue leave four or more of their nearest look-alike."""
 
 UNSEEN, CHANCE = 0.1, 0.5
 """Part of a candidate's gain, and of what noise exceeds one time in a hundred, that may be left over together where no
@@ -39,19 +33,19 @@ BEND = 0.5
 """Standard deviation of what a change of a law is expected to multiply it with."""
 
 
-def explains(best: Explanation[F, P], remainder: Remainder) -> bool:
+def explains(best: Explanation[F, P], remainder: Remainder, form_error: float = FORM_ERROR) -> bool:
     """Whether what a set leaves is an error of form, or noise."""
     if not best.fits or not best.needed or any(fit.bends_to_anything for fit in best.fits):
         return False
     within = remainder.within_noise and remainder.excess <= SMALL_PART * best.gain
-    return bool(within or remainder.excess <= form_room(best.gain, remainder))
+    return bool(within or remainder.excess <= form_room(best.gain, remainder, form_error))
 
 
-def form_room(gain: T, remainder: Remainder) -> T:
+def form_room(gain: T, remainder: Remainder, form_error: float = FORM_ERROR) -> T:
     """What may be left over of some gain and pass for an error of form: more where nothing is seen in it."""
     if remainder.p_value >= ORDINARY:
         return UNSEEN * gain + CHANCE * remainder.usual
-    return FORM_ERROR * gain
+    return form_error * gain
 
 
 @dataclass(frozen=True)
@@ -66,17 +60,20 @@ class FreeForm(Generic[F, P]):
         What it leaves.
     evidence : float
         What the free law takes up, less the cost of its columns [noise variances].
+    form_error : float
+        Part of its gain that may be left over.
     """
 
     explanation: Explanation[F, P]
     remainder: Remainder
     evidence: float
+    form_error: float = FORM_ERROR
 
     @property
     def explains(self) -> bool:
         """Whether it brings something, is still that law, and leaves noise or next to nothing."""
         same = self.explanation.bent <= BENT * self.explanation.gain
-        return self.evidence > 0.0 and same and explains(self.explanation, self.remainder)
+        return self.evidence > 0.0 and same and explains(self.explanation, self.remainder, self.form_error)
 
     def rivals(self, score: float) -> bool:
         """Whether it explains as well as a further candidate of that score."""
@@ -114,4 +111,4 @@ def free_form(
     problem = replace(start, **changed)
     bent = float(start.left @ start.left - problem.left @ problem.left)
     evidence = float(along @ change - np.linalg.slogdet(precision * BEND**2).logabsdet)
-    return FreeForm(replace(best, problem=problem, bent=bent), remainder_of(problem), evidence)
+    return FreeForm(replace(best, problem=problem, bent=bent), remainder_of(problem), evidence, catalogue.form_error)

@@ -147,7 +147,7 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
     rounds = [SearchRound(tuple(ranking), tuple(fit.identifier for fit in best.fits), before)]
     remainder = remainder_of(best.problem) if best.fits else before
     pool, further = list(singles), tuple[F, ...]()
-    if best.fits and not (remainder.adequate and explains(best, remainder)):
+    if best.fits and not (remainder.adequate and explains(best, remainder, catalogue.form_error)):
         singles = leaders_in_detail(problem, catalogue, singles)
         pool += singles
         best, remainder = _better(best, singles[0], remainder, remainder_of)
@@ -180,7 +180,7 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
         weak = _weak(
             catalogue.weak_below, singles, lambda leader: remainder if leader is best else remainder_of(leader.problem)
         )
-    explained = explains(best, remainder)
+    explained = explains(best, remainder, catalogue.form_error)
     return Naming(best, rivals, shafts, remainder, explained, weak, tuple(rounds), further=further, missed=missed)
 
 

@@ -35,7 +35,7 @@ def fit_constants(runs: tuple[MovingRun, ...], bench: BenchParameters) -> tuple[
 
 
 def _start(runs: tuple[MovingRun, ...], bench: BenchParameters) -> MotionBaseline:
-    gears = {run.gear for run in runs}
+    gears = {run.gear for run in runs if run.manoeuvre.moves}
     if len(gears) != 1:
         came = ", ".join(f"gear {gear}" for gear in sorted(gears)) or "no run"
         raise FitError("diagnosis in motion", came, "runs of one gear", "Diagnose each gear by itself.")

@@ -99,12 +99,7 @@ def _unseen(diagnosis: MotionDiagnosis) -> str:
     """What the runs could not have shown, and the run that would."""
     if not diagnosis.unseen:
         return ""
-    spots = []
-    for spot in diagnosis.unseen:
-        title, quantity = spot.term.title, spot.term.amplitudes[0]
-        unit = "" if quantity.unit == "1" else f" {quantity.unit}"
-        where = f"{title[0].lower()}{title[1:]}{SHAFT_WORDS[spot.term.shaft]}"
-        spots.append(f"{where} ({quantity.name.replace('_', ' ')} below {spot.smallest:.2g}{unit})")
+    spots = [f"{spot.words}{SHAFT_WORDS[spot.term.shaft]}" for spot in diagnosis.unseen]
     return f" These runs could not have shown: {'; '.join(spots)}. {_advice(diagnosis)}"
 
 
@@ -189,13 +184,14 @@ def _place(diagnosis: MotionDiagnosis) -> str:
 
 
 def _size(diagnosis: MotionDiagnosis, i: int, effect: tuple[Array, ...]) -> str:
-    """Effect of a named mechanism against the noise, and its parameter that is known best."""
+    """Effect of a named mechanism against the noise, and its size: of several, the one known best, or all together."""
     fit, values, errors = named_fits(diagnosis)[i], diagnosis.sizes[i], diagnosis.size_errors[i]
     noise = row_noise_of(diagnosis)
     rms, peak, side = effect_size(diagnosis, effect)
     subject = "It changes" if len(named_fits(diagnosis)) == 1 else f"{fit.candidate.title} changes"
+    sizes, off = values[: len(fit.amplitudes)], errors[: len(fit.amplitudes)]
     with np.errstate(divide="ignore", invalid="ignore"):
-        best = int(np.nanargmin(np.abs(errors / np.where(values, values, np.nan)))) if np.any(values) else 0
+        best = int(np.nanargmin(np.abs(off / np.where(sizes, sizes, np.nan)))) if np.any(sizes) else 0
     quantity = fit.candidate.parameters[best]
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
     name, beyond = f"{quantity.name.replace('_', ' ')} ", ""
@@ -206,6 +202,8 @@ def _size(diagnosis: MotionDiagnosis, i: int, effect: tuple[Array, ...]) -> str:
         name, unit = "amplitude ", f" {fit.candidate.parameters[0].unit}"
         value = float(np.hypot(*values[:2]))
         error = float(np.hypot(*(values[:2] * errors[:2]))) / max(value, 1e-30)
+    elif len(sizes) > 1 and all(each.bounds[0] >= 0.0 for each in fit.candidate.amplitudes):
+        name, value, error = "in all ", float(sizes.sum()), float(np.linalg.norm(off))
     fitted = measured(value, error)
     return (
         f"{subject} the {side} torque by {rms / MILLI:.1f} mN m rms, up to {peak / MILLI:.0f} mN m; the noise is "

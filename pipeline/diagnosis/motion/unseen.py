@@ -17,12 +17,12 @@ TOLD = 4.0
 """Standard deviations from which on an effect stands out of the noise and of what the constants take up."""
 
 WORTH_KNOWING = {
-    "channel_delay": 0.03,
-    "coupling_backlash": 2e-3,
-    "direction_dependent_friction": 0.1,
+    "channel_delay": (1e-3, "s", "a delay below {:.1f} ms", 1e-3),
+    "coupling_backlash": (2e-3, "rad", "play below {:.1f} mrad", 1e-3),
+    "direction_dependent_friction": (0.1, "1", "less than {:.0f} % more drag in one sense", 1e-2),
 }
-"""Size in the unit of its amplitude, by mechanism, that a campaign must be able to tell: 30 ms of delay, 2 mrad of
-play, a tenth more drag in one sense. A campaign that turns both ways and swings sees a tenth of it."""
+"""Size that a campaign must be able to tell, by mechanism, with its SI unit, and how the smallest one that it can tell
+is told: in words, in units of so much. A campaign that turns both ways and swings sees a fifth of it or less."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Unseen:
     term : MotionTerm
         The mechanism on its shaft.
     smallest : float
-        Size of it that would just be told, in the unit of its amplitude.
+        Size of it that would just be told, in the unit of `WORTH_KNOWING`.
     """
 
     term: MotionTerm
@@ -45,21 +45,34 @@ class Unseen:
         """Mechanism and shaft."""
         return self.term.identifier, self.term.shaft
 
+    @property
+    def words(self) -> str:
+        """What cannot be told, without the shaft."""
+        _, _, words, unit = WORTH_KNOWING[self.term.identifier]
+        return words.format(self.smallest / unit)
+
 
 def unseen(found: MotionEvidence) -> tuple[Unseen, ...]:
-    """The mechanisms of `WORTH_KNOWING` that evidence could not tell at that size, whatever the recordings show."""
+    """The mechanisms of `WORTH_KNOWING` that evidence could not tell at that size, whatever the recordings show.
+
+    Of shafts that turn; one that never does has no rows, and nothing is said of it.
+    """
     spots = []
     for tabled in found.problem.tables.values():
         term = cast("MotionTerm", tabled.term)
         if term.identifier in WORTH_KNOWING and not term.variant:
-            smallest = TOLD / max(_length(tabled, found.problem.baseline), 1e-30)
-            if smallest > WORTH_KNOWING[term.identifier]:
+            smallest = _smallest(tabled, found.problem.baseline)
+            if smallest > WORTH_KNOWING[term.identifier][0]:
                 spots.append(Unseen(term, smallest))
     return tuple(spots)
 
 
-def _length(tabled: Tabled, baseline: Array) -> float:
-    """Standard deviations by which one unit of a term stands out beside the baseline, at its plainest shape."""
-    columns = tabled.columns.reshape(len(tabled.columns), -1)
-    left = columns - baseline @ (baseline.T @ columns)
-    return float(np.linalg.norm(left, axis=0).max())
+def _smallest(tabled: Tabled, baseline: Array) -> float:
+    """Size of a term that stands out beside the baseline, at its plainest shape.
+
+    The size of a delay is its shape: what it changes is proportional to it while it is short.
+    """
+    columns = tabled.columns - np.einsum("mk,kga->mga", baseline, np.einsum("mk,mga->kga", baseline, tabled.columns))
+    least = TOLD / np.maximum(np.linalg.norm(columns, axis=0), 1e-30)
+    times = tabled.shapes[:, None] if tabled.term.shape is not None and tabled.term.shape.unit == "s" else 1.0
+    return float((least * times).min())
