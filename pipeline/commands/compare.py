@@ -18,17 +18,17 @@ from pmg.pipeline.commands.compare_and_diagnose import (
     DIAGNOSIS,
     SEED,
     compare_and_diagnose,
+    leave_diagnosis,
     leave_model,
     summary_facts,
 )
 from pmg.pipeline.commands.ingest import ingest_chosen
-from pmg.pipeline.commands.motion import BesideMotion, beside_motion, campaign_in_motion, compare_motion
+from pmg.pipeline.commands.motion import MixedDiagnosis, campaign_in_motion, compare_motion, diagnose_mixed
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate, now
 from pmg.pipeline.commands.stored_analysis import analysed
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document
 from pmg.pipeline.diagnosis.grid.statement import phrase
-from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.fit.budget import budget_of
 from pmg.pipeline.grid.conditions import conditions
@@ -89,29 +89,30 @@ def run_compare(
     judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, np.random.default_rng(SEED), given)
     hashed = () if model is None else ((f"SHA-256 of {model.name}", sha256_of(model)),)
     grid = whole.analysis.grid
-    beside, about_motion = beside_motion(store, report, grid, judged, note, clock)
+    mixed, about_motion = diagnose_mixed(store, report, grid, judged, note, clock)
     page, remarks = campaign_page(
         whole, judged, note, tolerances, (*hashed, seeded(SEED), ("Command", _command_words(note, model)))
     )
-    if beside is not None:
-        page = replace(page, verdict=beside.headline(page.verdict))
-    files, made = write_results(page, whole, judged, report, tolerances, given=model, beside=beside)
+    if mixed is not None:
+        page = replace(page, verdict=mixed.headline(page.verdict))
+    files, made = write_results(page, whole, judged, report, tolerances, given=model, mixed=mixed)
     data: dict[str, Any] = {"report": str(files[0]), "files": [str(path) for path in files], "diagnosis": None}
     lines = [f"report: {files[0]}"]
     if judged is not None:
-        data["diagnosis"] = json.loads((report / DIAGNOSIS).read_bytes())
         data |= {"statement": judged.statement} | made
         lines.insert(0, f"{phrase(judged.diagnosis)}: {judged.statement}")
         lines += [] if judged.carried is None else [remark(judged.carried)]
-    if beside is not None:
-        document = json.loads(beside.text)
-        data |= {"diagnosis": document, "statement": document["statement"], "motion": beside.outcome.data}
+    if mixed is not None:
+        data |= {"statement": mixed.document["statement"], "motion": mixed.outcome.data}
         lines = [
-            f"{document['phrase']}: {document['statement']}",
+            f"{mixed.document['phrase']}: {mixed.document['statement']}",
             *lines[judged is not None :],
-            *beside.outcome.lines[1:],
+            *mixed.outcome.lines[1:],
         ]
-    ours = ((DIAGNOSIS, judged is not None or beside is not None), (MODEL, bool(data.get("model"))))
+    diagnosed = judged is not None or mixed is not None
+    if diagnosed:
+        data["diagnosis"] = json.loads((report / DIAGNOSIS).read_bytes())
+    ours = ((DIAGNOSIS, diagnosed), (MODEL, bool(data.get("model"))))
     written = (*files, *(report / name for name, there in ours if there))
     leave_crate(report, store, grid, "pmg compare", began, clock, () if model is None else (model,), written)
     failed = whole.sources.failed
@@ -119,8 +120,8 @@ def run_compare(
         data,
         tuple(lines),
         remarks + analysis_findings(whole.analysis, failed, whole.sources.used) + about_motion,
-        partial=bool(failed) or not whole.analysis.complete or (beside is not None and beside.outcome.partial),
-        mismatch=beside.differs if beside is not None else judged is not None and judged.diagnosis.mismatch.found,
+        partial=bool(failed) or not whole.analysis.complete or (mixed is not None and mixed.outcome.partial),
+        mismatch=mixed.differs if mixed is not None else judged is not None and judged.diagnosis.mismatch.found,
     )
 
 
@@ -178,7 +179,7 @@ def write_results(
     folder: Path,
     tolerances: Mapping[str, tuple[float, float]] | None,
     given: Path | None = None,
-    beside: BesideMotion | None = None,
+    mixed: MixedDiagnosis | None = None,
 ) -> tuple[tuple[Path, ...], dict[str, Any]]:
     """Write the report, and next to it the diagnosis, that with the runs in motion where there are any, and the model.
 
@@ -190,14 +191,13 @@ def write_results(
         Where the model is, and what a given one predicted.
     """
     facts = summary_facts(whole.analysis.grid, judged, whole.bench, tolerances)
-    files = write_report(page, folder, facts if beside is None else facts | beside.facts)
-    if beside is not None:
-        write_atomic(folder / DIAGNOSIS, beside.text.encode())
-    elif judged is None:
-        (folder / DIAGNOSIS).unlink(missing_ok=True)
+    files = write_report(page, folder, facts if mixed is None else facts | mixed.facts)
+    if mixed is not None:
+        leave_diagnosis(mixed.document, folder)
+    elif judged is not None:
+        leave_diagnosis(diagnosis_document(judged.diagnosis), folder)
     else:
-        text = json.dumps(diagnosis_document(judged.diagnosis), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-        write_atomic(folder / DIAGNOSIS, text.encode())
+        (folder / DIAGNOSIS).unlink(missing_ok=True)
     return files, {} if judged is None else leave_model(judged, folder / MODEL, given)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -157,6 +158,14 @@ def summary_facts(
         "mechanisms": mechanism_facts(judged.diagnosis),
         "tolerance": agreements(judged.residuals, bench, given).counts,
     }
+
+
+def leave_diagnosis(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Write a diagnosis into its file next to a report, and return it as the file has it."""
+    text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    write_atomic(folder / DIAGNOSIS, text.encode())
+    found: dict[str, Any] = json.loads(text)
+    return found
 
 
 def leave_model(judged: ComparedCampaign, path: Path, given: Path | None) -> dict[str, Any]:

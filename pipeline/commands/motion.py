@@ -1,8 +1,7 @@
-"""What `pmg compare` makes of runs in motion: of a campaign that has no others, and beside its steady points."""
+"""Runs in motion in `pmg compare`: of a campaign that holds nothing else, and of one that holds steady points too."""
 
 from __future__ import annotations
 
-import json
 import shlex
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
@@ -10,18 +9,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pmg.pipeline.chapters.in_motion.page import motion_report
-from pmg.pipeline.commands.compare_and_diagnose import DIAGNOSIS, SEED
+from pmg.pipeline.commands.compare_and_diagnose import DIAGNOSIS, SEED, leave_diagnosis
 from pmg.pipeline.commands.crate import recordings_of
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
-from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
-from pmg.pipeline.diagnosis.grid.candidates import candidates
-from pmg.pipeline.diagnosis.grid.document import diagnosis_document
-from pmg.pipeline.diagnosis.joint import JointDiagnosis, join, joint_document
+from pmg.pipeline.diagnosis.grid.document import diagnosis_document, mechanism_fact
+from pmg.pipeline.diagnosis.joint import JointDiagnosis, join, joint_document, titles
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
-from pmg.pipeline.diagnosis.motion.library import library
-from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.grid.campaign import campaigns, choose_campaign
 from pmg.pipeline.motion.stored import judged_runs, moving_runs, only_in_motion
 from pmg.pipeline.preflight.motion import motion_summary
@@ -121,8 +116,7 @@ def _diagnosed_motion(
     )
     points = {"accepted": len(moving), "rejected": len(aside)}
     files = write_report(page, report, {"points": points, "diagnosis": document["verdict"]})
-    text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    write_atomic(report / DIAGNOSIS, text.encode())
+    left = leave_diagnosis(document, report)
     written = (*files, report / DIAGNOSIS)
     leave_crate_of_files(report, "pmg compare", recordings, written, began, clock)
     data = {
@@ -131,7 +125,7 @@ def _diagnosed_motion(
         "minutes": minutes,
         "report": str(files[0]),
         "files": [str(path) for path in written],
-        "diagnosis": json.loads(text),
+        "diagnosis": left,
         "statement": document["statement"],
     }
     head = f"campaign {campaign}: {counted(len(moving), 'run')} in motion, {minutes:.1f} min"
@@ -141,8 +135,8 @@ def _diagnosed_motion(
 
 
 @dataclass(frozen=True)
-class BesideMotion:
-    """What the runs in motion of a campaign say beside its steady points.
+class MixedDiagnosis:
+    """The diagnosis of a campaign that holds steady points and runs in motion.
 
     Parameters
     ----------
@@ -161,36 +155,15 @@ class BesideMotion:
     @property
     def differs(self) -> bool:
         """Whether either kind of evidence differs from the model, the two looks counted."""
-        return self.outcome.mismatch if self.joint is None else self.joint.p_value <= FALSE_ALARM_RATE
-
-    @property
-    def text(self) -> str:
-        """The diagnosis as it stands in its file."""
-        return json.dumps(self.document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+        return self.outcome.mismatch if self.joint is None else self.joint.found
 
     @property
     def facts(self) -> dict[str, Any]:
         """What the summary of the report tells of it instead of what the steady points say alone."""
         leading = set() if self.joint is None or not self.joint.sets else set(self.joint.sets[0])
-        titles = {term.identifier: term.title for term in library()}
-        titles |= {candidate.identifier: candidate.kind.title for candidate in candidates()}
+        known = titles()
         rows = [
-            {
-                "id": row["id"],
-                "title": titles[row["id"]],
-                "shaft": row["shaft"],
-                "probability": row["probability"],
-                "parameters": [
-                    {
-                        "name": p["name"],
-                        "meaning": p["name"].replace("_", " "),
-                        "value": p["value"],
-                        "u": p["standard_error"],
-                        "unit": p["unit"],
-                    }
-                    for p in row["parameters"]
-                ],
-            }
+            mechanism_fact(row, known[row["id"]], {})
             for row in self.document["mechanisms"]
             if row["id"] in leading or self.joint is None
         ]
@@ -199,19 +172,19 @@ class BesideMotion:
     def headline(self, steady: Headline) -> Headline:
         """The head of the campaign's report, told by both kinds of evidence; `steady` is that of the points alone."""
         phrase, moving = self.document["phrase"], str(self.outcome.data["moving"])
-        first = str(self.document["statement"])
+        statement = str(self.document["statement"])
         where = f"The runs in motion have a page of their own: {FOLDER}/report.html."
         counted = [(label, value) for label, value in steady.counted if label != "Verdict"]
         figures = (*counted, ("Runs in motion", moving), ("Verdict", phrase))
         if self.joint is None:
-            return replace(steady, text=f"{steady.text} Runs in motion: {first} {where}", counted=figures)
+            return replace(steady, text=f"{steady.text} Runs in motion: {statement} {where}", counted=figures)
         state: Literal["good", "attention"] = "attention" if self.differs or steady.warnings else "good"
-        return Headline(f"{first} {where}", state, figures, steady.warnings)
+        return Headline(f"{statement} {where}", state, figures, steady.warnings)
 
 
-def beside_motion(
+def diagnose_mixed(
     store: Path, report: Path, grid: Grid, judged: ComparedCampaign | None, note: str, clock: Clock
-) -> tuple[BesideMotion | None, tuple[Remark, ...]]:
+) -> tuple[MixedDiagnosis | None, tuple[Remark, ...]]:
     """The runs in motion of an analysed campaign diagnosed, with a report of their own; None where there is none.
 
     Parameters
@@ -231,7 +204,7 @@ def beside_motion(
 
     Returns
     -------
-    BesideMotion or None, tuple of Remark
+    MixedDiagnosis or None, tuple of Remark
         And why there is none though runs were made.
     """
     campaign = grid.campaign
@@ -249,7 +222,7 @@ def beside_motion(
         return None, (Remark("warning", "runs in motion", f"not diagnosed: {error}"),)
     document = outcome.data["diagnosis"]
     if judged is None:
-        return BesideMotion(None, document, outcome), ()
+        return MixedDiagnosis(None, document, outcome), ()
     steady = judged.diagnosis
     joint = join(steady, moving, (steady.mismatch.p_value, moving.mismatch.p_value))
-    return BesideMotion(joint, joint_document(joint, diagnosis_document(steady), document), outcome), ()
+    return MixedDiagnosis(joint, joint_document(joint, diagnosis_document(steady), document), outcome), ()

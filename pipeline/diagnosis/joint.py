@@ -54,6 +54,11 @@ class JointDiagnosis:
     by: str = ""
     something_else: bool = False
 
+    @property
+    def found(self) -> bool:
+        """Whether either kind differs from the model beyond the noise."""
+        return self.p_value <= FALSE_ALARM_RATE
+
 
 def join(steady: Conclusion[Any, Any], moving: Conclusion[Any, Any], p_values: tuple[float, float]) -> JointDiagnosis:
     """One diagnosis from that of the steady points and that of the runs in motion.
@@ -127,14 +132,19 @@ def _ids_in_motion() -> frozenset[str]:
     return frozenset(term.identifier for term in library())
 
 
+def titles() -> dict[str, str]:
+    """Titles of the mechanisms of both libraries by their ids."""
+    moving = {term.identifier: term.title for term in library()}
+    return moving | {candidate.identifier: candidate.kind.title for candidate in candidates()}
+
+
 def _joint_statement(joint: JointDiagnosis, documents: tuple[Mapping[str, Any], Mapping[str, Any]]) -> str:
     """The joint verdict in a sentence, and what each kind of evidence says alone."""
-    titles = {term.identifier: term.title for term in library()}
-    titles |= {candidate.identifier: candidate.kind.title for candidate in candidates()}
+    known = titles()
 
     def words(causes: Causes) -> str:
         return " together with ".join(
-            f"{titles[name][0].lower()}{titles[name][1:]}{SHAFT_WORDS[shaft]}" for name, shaft in causes.items()
+            f"{known[name][0].lower()}{known[name][1:]}{SHAFT_WORDS[shaft]}" for name, shaft in causes.items()
         )
 
     causes = "; or ".join([*map(words, joint.sets), *[OR_ELSE] * joint.something_else])
@@ -182,7 +192,7 @@ def joint_document(joint: JointDiagnosis, steady: Mapping[str, Any], moving: Map
         "rivals": [],
         "design": design,
     }
-    if joint.p_value > FALSE_ALARM_RATE:
+    if not joint.found:
         return told | {"locations": [], "absorbed": [], "held_out": None, "next_tests": []}
     undecided = joint.verdict in (Verdict.AMBIGUOUS, Verdict.CONFOUNDED)
     known = KNOWN if joint.something_else else 1.0

@@ -16,6 +16,8 @@ from pmg.pipeline.diagnosis.grid.statement import near_decision, phrase, stateme
 from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pmg.pipeline.diagnosis.engine.naming import Naming
     from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
@@ -176,24 +178,25 @@ def mechanism_facts(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         return []
     kinds = [fit.candidate.kind for fit in diagnosis.naming.best.fits]
     return [
-        {
-            "id": row["id"],
-            "title": kind.title,
-            "shaft": row["shaft"],
-            "probability": row["probability"],
-            "parameters": [
-                {
-                    "name": p["name"],
-                    "meaning": next(known.meaning for known in kind.parameters() if known.name == p["name"]),
-                    "value": p["value"],
-                    "u": p["standard_error"],
-                    "unit": p["unit"],
-                }
-                for p in row["parameters"]
-            ],
-        }
+        mechanism_fact(row, kind.title, {p.name: p.meaning for p in kind.parameters()})
         for row, kind in zip(_mechanisms(diagnosis), kinds, strict=False)  # those of rivals follow
     ]
+
+
+def mechanism_fact(row: Mapping[str, Any], title: str, meanings: Mapping[str, str]) -> dict[str, Any]:
+    """A mechanism of a document as a summary tells it: with its title, and what each parameter means, or its name."""
+    parameters = [
+        {
+            "name": p["name"],
+            "meaning": meanings.get(p["name"], p["name"].replace("_", " ")),
+            "value": p["value"],
+            "u": p["standard_error"],
+            "unit": p["unit"],
+        }
+        for p in row["parameters"]
+    ]
+    kept = {name: row[name] for name in ("shaft", "probability")}
+    return {"id": row["id"], "title": title, **kept, "parameters": parameters}
 
 
 def _mechanism(fit: CandidateFit, shaft: str, probability: float) -> dict[str, Any]:

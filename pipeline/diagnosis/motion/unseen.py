@@ -17,11 +17,11 @@ TOLD = 4.0
 """Standard deviations from which on an effect stands out of the noise and of what the constants take up."""
 
 WORTH_KNOWING = {
-    "channel_delay": (1e-3, "s", "a delay below {:.1f} ms", 1e-3),
-    "coupling_backlash": (2e-3, "rad", "play below {:.1f} mrad", 1e-3),
-    "direction_dependent_friction": (0.1, "1", "less than {:.0f} % more drag in one sense", 1e-2),
+    "channel_delay": (1e-3, "a delay below {:.1f} ms", 1e-3),
+    "coupling_backlash": (2e-3, "play below {:.1f} mrad", 1e-3),
+    "direction_dependent_friction": (0.1, "less than {:.0f} % more drag in one sense", 1e-2),
 }
-"""Size that a campaign must be able to tell, by mechanism, with its SI unit, and how the smallest one that it can tell
+"""Size that a campaign must be able to tell, by mechanism, in SI units, and how the smallest one that it can tell
 is told: in words, in units of so much. A campaign that turns both ways and swings sees a fifth of it or less."""
 
 
@@ -48,7 +48,7 @@ class Unseen:
     @property
     def words(self) -> str:
         """What cannot be told, without the shaft."""
-        _, _, words, unit = WORTH_KNOWING[self.term.identifier]
+        _, words, unit = WORTH_KNOWING[self.term.identifier]
         return words.format(self.smallest / unit)
 
 
