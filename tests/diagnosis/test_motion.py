@@ -19,11 +19,11 @@ from pmg.pipeline.diagnosis.balance.fitting import fit_term
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.free_form import DEGREE
 from pmg.pipeline.diagnosis.motion.baseline import start_baseline
-from pmg.pipeline.diagnosis.motion.beside import fit_beside
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.coupling_terms import _damped
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
+from pmg.pipeline.diagnosis.motion.fitted import fit_beside
 from pmg.pipeline.diagnosis.motion.free_form import MIXED, bent_columns
 from pmg.pipeline.diagnosis.motion.library import library
 from pmg.pipeline.diagnosis.motion.noise import SlowNoise, row_noise, slow_noise_of

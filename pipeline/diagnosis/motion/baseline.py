@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.engine.held_out import solve
 from pmg.pipeline.diagnosis.motion.constants import start_name
-from pmg.pipeline.diagnosis.motion.rows import encoder_columns, linear_columns, rotor_state
+from pmg.pipeline.diagnosis.motion.rows import linear_columns, rotor_state
+from pmg.pipeline.diagnosis.motion.stance import encoder_columns, stance_columns
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -65,14 +65,9 @@ class MotionBaseline:
 
     def predicted(self, place: int) -> Array:
         """Torque that the transducer of a stretch should show [N m], (n,)."""
-        return self._predicted(self.states[place])
-
-    def _at_fine(self, state: RotorState) -> Array:
-        columns = linear_columns(state, self.sheet, self.values)
-        return np.asarray(sum(self.values[self.sheet.at(name)] * column for name, column in columns.items()))
-
-    def _predicted(self, state: RotorState) -> Array:
-        return state.stretch.of_rows(self._at_fine(state))
+        columns = linear_columns(self.states[place], self.sheet, self.values)
+        fine = np.asarray(sum(self.values[self.sheet.at(name)] * column for name, column in columns.items()))
+        return self.stretches[place].of_rows(fine)
 
     def missing(self, place: int) -> Array:
         """Measured torque of a stretch less that of the constants [N m], (n,)."""
@@ -86,27 +81,11 @@ class MotionBaseline:
     def columns(self, place: int) -> Array:
         """Change of a stretch's torque per change of each constant (n, k)."""
         state = self.states[place]
-        linear, found = linear_columns(state, self.sheet, self.values), np.zeros((len(state.stretch), len(self.sheet)))
-        linear |= encoder_columns(state, self.sheet, self.values)
-        found[:, [self.sheet.at(name) for name in linear]] = state.stretch.of_rows(np.stack(list(linear.values()), 1))
-        for name in self._bent(state.stretch):
-            at = self.sheet.at(name)
-            step = 1e-3 * self.sheet.constants[at].spread if np.isfinite(self.sheet.spread[at]) else 1e-4
-            ends = []
-            for moved in (step, -step):
-                values = self.values.copy()
-                values[at] += moved
-                ends.append(self._predicted(rotor_state(state.stretch, self.sheet, values)))
-            found[:, at] = (ends[0] - ends[1]) / (2.0 * step)
+        slopes = linear_columns(state, self.sheet, self.values)
+        slopes |= encoder_columns(state, self.sheet, self.values) | stance_columns(state, self.sheet, self.values)
+        found = np.zeros((len(state.stretch), len(self.sheet)))
+        found[:, [self.sheet.at(name) for name in slopes]] = state.stretch.of_rows(np.stack(list(slopes.values()), 1))
         return found
-
-    def _bent(self, stretch: RotorRows) -> tuple[str, ...]:
-        """Constants to which the torque of a stretch is not proportional."""
-        if stretch.at_rest:
-            return ()
-        if not stretch.coupled:
-            return (f"compliance_{stretch.side}",)
-        return ("compliance_sun", "compliance_ring", start_name(stretch.run.run.name))
 
 
 def start_baseline(sheet: DataSheet, stretches: tuple[RotorRows, ...]) -> MotionBaseline:
@@ -138,24 +117,29 @@ def fit_baseline(
         Further columns (n, j) at the fine samples of each stretch of a baseline, whose amplitudes are free.
     """
     found, covariance = start, np.zeros((0, 0))
-    known = np.isfinite(start.sheet.spread)
     for _ in range(ITERATIONS):
-        blocks = []
         others = [] if extra is None else extra(found.clean)
+        squares = _squares_of_sheet(found, others[0].shape[1] if others else 0)
         for place in range(len(found.stretches)):
             own = [found.stretches[place].of_rows(columns) for columns in others[place : place + 1]]
-            parts = [found.clean.columns(place), *own, found.missing(place)[:, None]]
-            blocks.append(white(place, np.hstack(parts)))
-        prior = np.zeros((int(known.sum()), blocks[0].shape[1]))
-        spread = found.sheet.spread[known]
-        prior[np.arange(len(prior)), np.flatnonzero(known)] = 1.0 / spread
-        prior[:, -1] = (found.sheet.expected - found.values)[known] / spread
-        rows = np.vstack([*blocks, prior])
-        moved = solve(rows[:, :-1], rows[:, -1])
-        k = len(found.sheet)
-        covariance = np.linalg.pinv(rows[:, :-1].T @ rows[:, :-1], rcond=1e-13, hermitian=True)
+            rows = white(place, np.hstack([found.clean.columns(place), *own, found.missing(place)[:, None]]))
+            squares += rows.T @ rows
+        k, length = len(found.sheet), np.sqrt(np.diag(squares)[:-1])
+        length[length == 0.0] = 1.0
+        scale = np.outer(length, length)
+        covariance = np.linalg.pinv(squares[:-1, :-1] / scale, rcond=1e-13, hermitian=True) / scale
+        moved = covariance @ squares[:-1, -1]
         beside = tuple(columns @ moved[k:] for columns in others)
         found = replace(found, values=found.values + moved[:k], beside=beside, amounts=moved[k:])
         if np.all(np.abs(moved[:k]) <= SETTLED * np.sqrt(np.diag(covariance)[:k]) + 1e-12):
             break
     return found, covariance
+
+
+def _squares_of_sheet(found: MotionBaseline, more: int) -> Array:
+    """Sums of squares and products of the rows of the data sheet, beside `more` columns, and of what they leave."""
+    known = np.flatnonzero(np.isfinite(found.sheet.spread))
+    rows = np.zeros((len(known), len(found.sheet) + more + 1))
+    rows[np.arange(len(known)), known] = 1.0 / found.sheet.spread[known]
+    rows[:, -1] = (found.sheet.expected - found.values)[known] / found.sheet.spread[known]
+    return rows.T @ rows

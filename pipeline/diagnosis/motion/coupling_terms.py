@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pmg.pipeline.diagnosis.balance.term import Quantity
-from pmg.pipeline.diagnosis.motion.rows import torque_of_angle
+from pmg.pipeline.diagnosis.motion.stance import torque_of_angle
 from pmg.pipeline.diagnosis.motion.terms import amount, stack, term
 from pmg.pipeline.motion.smooth import derivative
 from pmg.sim import sources

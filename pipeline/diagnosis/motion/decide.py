@@ -16,9 +16,8 @@ from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, Mismatch, s
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
-from pmg.pipeline.diagnosis.motion.beside import fit_beside
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
-from pmg.pipeline.diagnosis.motion.fitted import fit_constants
+from pmg.pipeline.diagnosis.motion.fitted import fit_beside, fit_constants
 from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 from pmg.pipeline.diagnosis.motion.library import library
 from pmg.pipeline.diagnosis.motion.unseen import unseen

@@ -1,23 +1,37 @@
-"""The constants of a bench fitted to its runs in motion, in the noise that the runs themselves show."""
+"""The constants of a bench fitted to its runs, in the noise that these show, alone and beside mechanisms."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, cast
 
-from pmg.pipeline.diagnosis.motion.baseline import start_baseline
-from pmg.pipeline.diagnosis.motion.beside import fit_beside
+import numpy as np
+
+from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, fit_baseline, start_baseline
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_noise_of
+from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instruments
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
+from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.motion.smooth import smooth
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
+    from collections.abc import Callable
+
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.noise import RowNoise
+    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
-    from pmg.sim.signals import Array
+    from pmg.sim.signals import Array, Spectrum
+
+CLEANINGS = 2
+"""Times the constants are fitted, each time with columns freed from the noise that the fit before showed."""
+
+HELD = 1e-3
+"""Factor on the standard uncertainty of what is held."""
 
 
 def fit_constants(runs: tuple[MovingRun, ...], bench: BenchParameters) -> tuple[MotionBaseline, Array, list[RowNoise]]:
@@ -42,3 +56,107 @@ def _start(runs: tuple[MovingRun, ...], bench: BenchParameters) -> MotionBaselin
     smoothed = tuple(smooth(run) for run in runs)
     sheet = sheet_of(bench, gears.pop(), tuple(run.name for run in runs if run.coupled))
     return start_baseline(sheet, stretches_of(smoothed))
+
+
+def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit, ...]) -> tuple[MotionBaseline, Array]:
+    """The constants fitted beside some mechanisms, their shapes kept, and the covariance (k, k).
+
+    Parameters
+    ----------
+    start : MotionBaseline
+        Where the search starts.
+    noise : list of RowNoise
+        Of each stretch.
+    fits : tuple of TermFit
+        The mechanisms; their amplitudes are fitted anew.
+    """
+
+    def white(place: int, columns: Array) -> Array:
+        return noise[place].white(columns)
+
+    def extra(clean: MotionBaseline) -> list[Array]:
+        return [np.hstack([_column(fit, view) for fit in fits]) for view in views_of(clean)]
+
+    found, covariance = _apart(start, fits), np.zeros((0, 0))
+    if not start.instruments:
+        found = _with_inertia_of_sheet(found, white)
+    for _ in range(CLEANINGS if fits or not start.instruments else 1):
+        found, covariance = fit_baseline(found, white, extra if fits else None)
+        if fits and all(_term(fit).of_transducer for fit in fits):
+            found = with_faults(found)
+        if not any(_term(fit).hears for fit in fits):
+            found = with_instruments(found)
+            continue
+        amounts = np.split(found.amounts, np.cumsum([len(fit.amplitudes) for fit in fits])[:-1])
+        found = with_instruments(found, _as_shown(found, fits, amounts), _Heard(fits, amounts))
+    return found, covariance
+
+
+def _with_inertia_of_sheet(start: MotionBaseline, white: Callable[[int, Array], Array]) -> MotionBaseline:
+    """A baseline with instruments, its inertias still those of the data sheet.
+
+    Where a campaign hardly accelerates, noise is most of what an acceleration shows, and an inertia fitted to it is too
+    small by as much.
+    """
+    sheet = start.sheet
+    held = tuple(
+        replace(constant, spread=HELD * constant.spread) if constant.name.startswith("inertia") else constant
+        for constant in sheet.constants
+    )
+    found, _ = fit_baseline(replace(start, sheet=replace(sheet, constants=held)), white)
+    return with_instruments(replace(found, sheet=sheet))
+
+
+def _apart(start: MotionBaseline, fits: tuple[TermFit, ...]) -> MotionBaseline:
+    """A baseline whose skew did not take up the faults of a transducer, so that both can be told apart."""
+    values = start.values.copy()
+    for fit in fits:
+        if _term(fit).hears:
+            at = start.sheet.at(f"skew_{_term(fit).place}")
+            values[at] = start.sheet.expected[at]
+    return replace(start, values=values)
+
+
+class _Heard:
+    """What faults of transducers hold of the noise of the readings that they are made of.
+
+    Parameters
+    ----------
+    fits : tuple of TermFit
+        Mechanisms, faults of transducers among them.
+    amounts : list of (a,) array
+        Their amplitudes.
+    """
+
+    def __init__(self, fits: tuple[TermFit, ...], amounts: list[Array]) -> None:
+        self.parts = [(_term(fit), float(a[0]), fit.shape) for fit, a in zip(fits, amounts, strict=True)]
+
+    def __call__(self, side: str, rate: Spectrum) -> tuple[Spectrum | float, Spectrum | float]:
+        own: Spectrum | float = 0.0
+        other: Spectrum | float = 0.0
+        for term, amount, shape in self.parts:
+            if term.hears is not None and term.place == side:
+                mine, theirs = term.hears(rate, shape)
+                own, other = own + amount * mine, other + amount * theirs
+        return own, other
+
+
+def _as_shown(found: MotionBaseline, fits: tuple[TermFit, ...], amounts: list[Array]) -> tuple[Array, ...]:
+    """Torque of the mechanisms at the fine samples of each stretch: faults of transducers from signals with noise."""
+    noisy = views_of(MotionBaseline(found.sheet, found.values, found.stretches))
+
+    def shown(of_noisy: RotorView, of_clean: RotorView) -> Array:
+        parts = zip(fits, amounts, strict=True)
+        return np.asarray(sum(_column(f, of_noisy if _term(f).hears else of_clean) @ amount for f, amount in parts))
+
+    return tuple(map(shown, noisy, views_of(found.clean)))
+
+
+def _column(fit: TermFit, view: RotorView) -> Array:
+    """Columns (n, a) of a fitted mechanism at the fine samples of a stretch."""
+    column = _term(fit).columns(view, fit.shape)
+    return column if _term(fit).acts(view) else 0.0 * column
+
+
+def _term(fit: TermFit) -> MotionTerm:
+    return cast("MotionTerm", fit.candidate)

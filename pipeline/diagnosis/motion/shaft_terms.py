@@ -8,7 +8,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.term import Quantity
 from pmg.pipeline.diagnosis.motion.constants import SPEED_UNIT, dry_name, eccentricity_names, form_names, ripple_names
-from pmg.pipeline.diagnosis.motion.rows import eccentric
+from pmg.pipeline.diagnosis.motion.stance import eccentric
 from pmg.pipeline.diagnosis.motion.terms import amount, engaged, signed, stack, term
 from pmg.pipeline.diagnosis.motion.view import lagging
 from pmg.sim import sources
