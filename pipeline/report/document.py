@@ -13,6 +13,7 @@ from pmg.pipeline.report.names import checked_id
 from pmg.pipeline.report.table import Cell, Column, Measured, Table
 
 if TYPE_CHECKING:
+    from pmg.pipeline.report.action_sheet import ActionSheet
     from pmg.sim.signals import Signal
     from pmg.sim.sources import Source
 
@@ -178,11 +179,13 @@ class Report:
         Which inputs, versions, seeds and times made it.
     signals : Signals, optional
         What the page opens behind the points of its figures.
+    sheet : ActionSheet, optional
+        What to do; the page then shows it instead of the words of the verdict.
 
     Raises
     ------
     ValueError
-        When two sections, tables or figures share an id.
+        When two sections, tables or figures share an id, or an answer has its grounds nowhere.
     """
 
     title: str
@@ -191,6 +194,7 @@ class Report:
     sections: tuple[Section, ...]
     provenance: Facts
     signals: Signals | None = None
+    sheet: ActionSheet | None = None
 
     def __post_init__(self) -> None:
         named: tuple[Section | Table | Figure, ...] = (*self.sections, *self.tables, *self.figures)
@@ -198,6 +202,9 @@ class Report:
         twice = sorted(name for name, count in Counter((*ids, *RESERVED)).items() if count > 1)
         if twice:
             raise ValueError(f"Report {self.title!r}: ids used twice or reserved: {', '.join(twice)}")
+        grounds = set() if self.sheet is None else {answer.grounds for answer in self.sheet.answers}
+        if lost := sorted(grounds - {"", *ids}):
+            raise ValueError(f"Report {self.title!r}: grounds that are nowhere: {', '.join(lost)}")
 
     @property
     def tables(self) -> tuple[Table, ...]:
@@ -207,7 +214,8 @@ class Report:
     @property
     def figures(self) -> tuple[Figure, ...]:
         """Every figure, in order."""
-        return tuple(item for section in self.sections for item in section.items if isinstance(item, Figure))
+        first = () if self.sheet is None or self.sheet.figure is None else (self.sheet.figure,)
+        return first + tuple(item for section in self.sections for item in section.items if isinstance(item, Figure))
 
     @property
     def bibliography(self) -> tuple[Source, ...]:

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 PRINT = Sheet(width=8.4, letters=9.5, palette=LIGHT)
 PAGE = Sheet(width=8.4, letters=9.5, palette=THEMED)
+NARROW = 4.4
+"""Width of a figure that stands beside text [in]."""
 RESOLUTION = 200
 """Dots per inch of the PNG files."""
 MARGIN = 0.25
@@ -165,6 +167,7 @@ def _vectors(figure: Figure) -> str:
 
 
 def _canvas(figure: Figure, sheet: Sheet) -> _Canvas:
+    sheet = replace(sheet, width=NARROW) if figure.narrow else sheet
     columns = min(figure.columns, len(figure.panels))
     column = sheet.shared(columns)
     rows = [figure.panels[start : start + columns] for start in range(0, len(figure.panels), columns)]

@@ -213,6 +213,8 @@ class Figure:
         At least one.
     columns : int
         Panels side by side where the page is wide enough.
+    narrow : bool
+        Whether it stands beside text, in half the width of a page.
     """
 
     id: str
@@ -220,6 +222,7 @@ class Figure:
     caption: str
     panels: tuple[Panel, ...]
     columns: int = 1
+    narrow: bool = False
 
     def __post_init__(self) -> None:
         checked_id("Figure", self.id)

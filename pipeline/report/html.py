@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from pmg.pipeline.report.action_sheet import MARKS
 from pmg.pipeline.report.draw import draw_svg
 from pmg.pipeline.report.live import live_figure
 from pmg.pipeline.report.theme import DARK, FONTS, LIGHT, variables
@@ -65,6 +66,7 @@ def html(report: Report, drawings: Mapping[str, str] | None = None) -> str:
             for section in report.sections
         },
         states=_STATES,
+        marks=MARKS,
         light=variables(LIGHT),
         dark=variables(DARK),
         fonts=FONTS,

@@ -85,10 +85,13 @@ def test_the_page_and_its_stills_are_whole(told: tuple[MotionCase, Outcome, Path
     _, outcome, report = told
     assert {str(path) for path in report.rglob("*.png")} <= set(outcome.data["compare"]["files"])
     stills = {path.stem for path in report.rglob("*.png")}
-    assert {"run-01", "run-02", "run-03", "loss-curves", "response"} == stills
+    assert {"run-01", "run-02", "run-03", "loss-curves", "response", "missing-torque"} == stills
     page = (report / "report.html").read_text(encoding="utf-8")
     assert len(page) < LARGEST_PAGE
     assert document(report)["phrase"] in page
+    first = page[page.index('id="verdict"') : page.index('id="diagnosis"')]
+    for words in ("Cause named.", "rotor", "power", "By chance, fewer than 1 in ", ">Cause</strong>"):
+        assert words in first, words
     rows = (report / "tables" / "constants.csv").read_text(encoding="utf-8")
     assert "inertia ring" in rows
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.chapters.in_motion.action_sheet import action_sheet
 from pmg.pipeline.chapters.in_motion.bench import constants_section, loss_curve_section, pole_angle_section
 from pmg.pipeline.chapters.in_motion.response import response_section
 from pmg.pipeline.chapters.in_motion.runs import runs_section
@@ -46,7 +47,8 @@ def motion_report(
     provenance : tuple of (label, value)
         Inputs, seed, command.
     """
-    traces = traces_of(diagnosis, effects_of(diagnosis))
+    effects = effects_of(diagnosis)
+    traces = traces_of(diagnosis, effects)
     sections = (
         _diagnosis(diagnosis, document),
         runs_section(diagnosis, traces),
@@ -61,11 +63,12 @@ def motion_report(
         verdict=Headline(
             document["statement"],
             "attention" if diagnosis.mismatch.found or warnings else "good",
-            (*counted, ("Verdict", document["phrase"])),
+            counted,
             warnings,
         ),
         sections=tuple(section for section in sections if section is not None),
         provenance=Facts((*provenance, ("Versions", versions(PACKAGES)))),
+        sheet=action_sheet(diagnosis, document, effects, traces),
     )
 
 

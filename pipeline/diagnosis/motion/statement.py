@@ -56,7 +56,12 @@ REMEDIES = {
 }
 """What to do about a mechanism; the others belong into the model."""
 
-INTO_MODEL = "take the effect into the model with its fitted parameters"
+IN_MILLI, TENTH = {" N m": " mN m", " s": " ms", " rad": " mrad"}, 0.1
+"""Units of which small sizes are told in thousandths, and how small."""
+
+INTO_MODEL = (
+    "put the law and its fitted parameters, which stand below and in `diagnosis.json`, into your model of the drive"
+)
 
 
 def phrase(diagnosis: MotionDiagnosis) -> str:
@@ -76,13 +81,13 @@ def statement(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
     sentences = [_place(diagnosis)]
     if naming is None or not diagnosis.verdict.names:
         share = 0.0 if naming is None else nearest_share(naming)
-        nearest = f" (the closest, {_causes(naming.best)}, explains {share:.0%} of it)" if naming is not None else ""
+        nearest = f" (the closest, {causes(naming.best)}, explains {share:.0%} of it)" if naming is not None else ""
         nearest = nearest if share >= NEAREST_FROM else ""
         sentences.append(f"No mechanism of the catalogue explains it{nearest}. We can show where, not why.")
     elif diagnosis.verdict is Verdict.NAMED:
-        sentences.append(f"Cause: {_causes(naming.best, naming.shafts)}.")
+        sentences.append(f"Cause: {causes(naming.best, naming.shafts)}.")
     else:
-        known = "; or ".join(_causes(each) for each in (naming.best, *naming.rivals))
+        known = "; or ".join(causes(each) for each in (naming.best, *naming.rivals))
         weak = "The difference is too weak to name one cause. Possible causes"
         none = "; or one that the catalogue does not have" if diagnosis.weak else ""
         sentences.append(f"{weak if diagnosis.weak else 'These recordings cannot tell between'}: {known}{none}.")
@@ -91,7 +96,7 @@ def statement(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
     if naming is not None and naming.best.bent and diagnosis.verdict.names:
         sentences.append(bent_sentence(naming, [name for fit in naming.best.fits for name in term_of(fit).follows]))
     sentences += [_size(diagnosis, i, effect) for i, effect in enumerate(effects)]
-    sentences += [_proof(diagnosis), _advice(diagnosis)]
+    sentences += [proof_sentence(diagnosis), advice(diagnosis)]
     return " ".join(sentence for sentence in sentences if sentence)
 
 
@@ -100,10 +105,10 @@ def _unseen(diagnosis: MotionDiagnosis) -> str:
     if not diagnosis.unseen:
         return ""
     spots = [f"{spot.words}{SHAFT_WORDS[spot.term.shaft]}" for spot in diagnosis.unseen]
-    return f" These runs could not have shown: {'; '.join(spots)}. {_advice(diagnosis)}"
+    return f" These runs could not have shown: {'; '.join(spots)}. {advice(diagnosis)}"
 
 
-def _causes(explanation: Explanation[TermFit, Any], shafts: dict[str, str] | None = None) -> str:
+def causes(explanation: Explanation[TermFit, Any], shafts: dict[str, str] | None = None) -> str:
     """A set of mechanisms by their titles and shafts."""
     words = []
     for fit in explanation.fits:
@@ -165,30 +170,42 @@ def _of_sheet(diagnosis: MotionDiagnosis, place: MotionPlace) -> list[int]:
 
 
 def _place(diagnosis: MotionDiagnosis) -> str:
-    """Where the difference is largest."""
     differ = f"Model and recordings differ (p ≤ {diagnosis.mismatch.p_value:.2g})."
-    if not diagnosis.mismatch.locations:
-        return differ
+    return f"{differ} Most of it: {where}" if (where := largest_place(diagnosis)) else differ
+
+
+def largest_place(diagnosis: MotionDiagnosis) -> str:
+    """Where the difference is largest, as a sentence that begins with an article; empty where no place is clear."""
     places = diagnosis.mismatch.locations
+    if not places:
+        return ""
     of_rotors = [place for place in places if place.family.configuration != OFF_SHEET]
     place = max(of_rotors or places, key=lambda place: size_of(diagnosis, place))
     size = f"{size_of(diagnosis, place) / MILLI:.1f} mN m rms"
     if place.family.configuration != OFF_SHEET:
-        where = f"the {place.family.side} torque in {place.family.configuration} runs follows the {follows(place)}"
-        return f"{differ} Most of it: {where} ({size})."
+        where = f"the {place.family.side} torque in {place.family.configuration} runs"
+        return f"{where} follows the {follows(place)} ({size})."
     sheet, at = diagnosis.before.sheet, _of_sheet(diagnosis, place)
     apart = (diagnosis.before.values[at] - sheet.expected[at]) / sheet.spread[at]
     distance = f"{apart[0]:+.1f}" if len(apart) == 1 else f"{np.linalg.norm(apart):.1f}"
     far = f"fitted without a cause, it lies {distance} standard uncertainties off"
-    return f"{differ} Most of it: the {follows(place)} is not that of the data sheet ({size}); {far}."
+    return f"the {follows(place)} is not that of the data sheet ({size}); {far}."
 
 
 def _size(diagnosis: MotionDiagnosis, i: int, effect: tuple[Array, ...]) -> str:
-    """Effect of a named mechanism against the noise, and its size: of several, the one known best, or all together."""
-    fit, values, errors = named_fits(diagnosis)[i], diagnosis.sizes[i], diagnosis.size_errors[i]
+    """Effect of a named mechanism against the noise, and its size."""
     noise = row_noise_of(diagnosis)
     rms, peak, side = effect_size(diagnosis, effect)
-    subject = "It changes" if len(named_fits(diagnosis)) == 1 else f"{fit.candidate.title} changes"
+    subject = "It changes" if len(named_fits(diagnosis)) == 1 else f"{named_fits(diagnosis)[i].candidate.title} changes"
+    return (
+        f"{subject} the {side} torque by {rms / MILLI:.1f} mN m rms, up to {peak / MILLI:.0f} mN m; the noise is "
+        f"{noise[side] / MILLI:.1f} mN m. {fitted_sentence(diagnosis, i)}"
+    )
+
+
+def fitted_sentence(diagnosis: MotionDiagnosis, i: int) -> str:
+    """The size of a named mechanism: of several, the one known best, or all together."""
+    fit, values, errors = named_fits(diagnosis)[i], diagnosis.sizes[i], diagnosis.size_errors[i]
     sizes, off = values[: len(fit.amplitudes)], errors[: len(fit.amplitudes)]
     with np.errstate(divide="ignore", invalid="ignore"):
         best = int(np.nanargmin(np.abs(off / np.where(sizes, sizes, np.nan)))) if np.any(sizes) else 0
@@ -204,11 +221,9 @@ def _size(diagnosis: MotionDiagnosis, i: int, effect: tuple[Array, ...]) -> str:
         error = float(np.hypot(*(values[:2] * errors[:2]))) / max(value, 1e-30)
     elif len(sizes) > 1 and all(each.bounds[0] >= 0.0 for each in fit.candidate.amplitudes):
         name, value, error = "in all ", float(sizes.sum()), float(np.linalg.norm(off))
-    fitted = measured(value, error)
-    return (
-        f"{subject} the {side} torque by {rms / MILLI:.1f} mN m rms, up to {peak / MILLI:.0f} mN m; the noise is "
-        f"{noise[side] / MILLI:.1f} mN m. Fitted: {name}{fitted}{unit}{beyond}."
-    )
+    if unit in IN_MILLI and abs(value) < TENTH:
+        value, error, unit = value / MILLI, error / MILLI, IN_MILLI[unit]
+    return f"Fitted: {name}{measured(value, error)}{unit}{beyond}."
 
 
 def effect_size(diagnosis: MotionDiagnosis, effect: tuple[Array, ...]) -> tuple[float, float, str]:
@@ -245,7 +260,8 @@ def held_out_in_torque(diagnosis: MotionDiagnosis) -> HeldOut | None:
     )
 
 
-def _proof(diagnosis: MotionDiagnosis) -> str:
+def proof_sentence(diagnosis: MotionDiagnosis) -> str:
+    """What the cause is worth on runs that took no part in the fit; empty where it was not proved."""
     held = held_out_in_torque(diagnosis)
     if held is None:
         return ""
@@ -258,7 +274,7 @@ def _proof(diagnosis: MotionDiagnosis) -> str:
     )
 
 
-def _advice(diagnosis: MotionDiagnosis) -> str:
+def advice(diagnosis: MotionDiagnosis) -> str:
     """What to do: of a cause, its remedy; of several, the run that would tell; of none, where to look."""
     tests = next_runs(diagnosis)
     if diagnosis.verdict is Verdict.NAMED and diagnosis.naming is not None:

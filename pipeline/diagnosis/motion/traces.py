@@ -38,6 +38,8 @@ class TorqueTrace:
         what was named; and together with that.
     spread : (n,) array
         Standard deviation of the measured torque, smoothed over `SMOOTHED`.
+    row_spread : (n,) array
+        The same of each row by itself.
     """
 
     stretch: RotorRows
@@ -46,6 +48,7 @@ class TorqueTrace:
     of_constants: Array
     after: Array
     spread: Array
+    row_spread: Array
 
     @property
     def time(self) -> Array:
@@ -135,21 +138,25 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
                 before.predicted(place),
                 of_constants,
                 of_constants + added,
-                _spread(stretch, noise[place].factor, slow_noise) * diagnosis.evidence.scatter,
+                *(
+                    _spread(stretch, noise[place].factor, slow_noise, width) * diagnosis.evidence.scatter
+                    for width in (_width(stretch), 1)
+                ),
             )
         )
     return tuple(found)
 
 
-def _spread(stretch: RotorRows, factor: Array, slow_noise: SlowNoise) -> Array:
-    """Standard deviation of the smoothed torque of a stretch (n,); `factor` is that of its noise."""
+def _spread(stretch: RotorRows, factor: Array, slow_noise: SlowNoise, width: int) -> Array:
+    """Standard deviation of the torque of a stretch as the mean over `width` rows (n,); `factor` is of its noise."""
     weights = np.zeros(factor.shape[1])
-    width = min(_width(stretch), len(weights))
+    width = min(width, len(weights))
     weights[(len(weights) - width) // 2 :][:width] = 1.0 / width
     white = np.zeros(len(weights))  # what the weights make of the factor's columns
     for lag, diagonal in enumerate(factor):
         white[: len(weights) - lag] += diagonal[: len(weights) - lag] * weights[lag:]
-    slow = _smoothed(stretch, slow_spread(stretch, slow_noise))
+    slow = slow_spread(stretch, slow_noise)
+    slow = slow if width == 1 else _smoothed(stretch, slow)
     return np.asarray(np.sqrt(white @ white + np.sum(slow**2, axis=1)))
 
 

@@ -1,0 +1,193 @@
+"""What to do about a campaign in motion: the first screen of its report."""
+
+from __future__ import annotations
+
+from operator import itemgetter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.chapters.bench_parts import bench_parts
+from pmg.pipeline.chapters.simulated.motion import TIME
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
+from pmg.pipeline.diagnosis.motion.next_runs import next_runs
+from pmg.pipeline.diagnosis.motion.statement import (
+    advice,
+    causes,
+    effect_size,
+    fitted_sentence,
+    largest_place,
+    phrase,
+    proof_sentence,
+    row_noise_of,
+)
+from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
+from pmg.pipeline.report.action_sheet import ActionSheet, SheetAnswer
+from pmg.pipeline.report.document import Chart, Figure, Series
+from pmg.pipeline.wording.units import MILLI
+from pmg.sim.shafts import SIDES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from typing import Any
+
+    from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
+    from pmg.pipeline.diagnosis.motion.traces import TorqueTrace
+    from pmg.sim.signals import Array
+
+GROUNDS, MODEL = "diagnosis", "constants"
+"""Sections that hold the grounds."""
+
+SHOWN = 2.0
+"""Time of a run that the picture shows [s]."""
+
+
+def action_sheet(
+    diagnosis: MotionDiagnosis,
+    document: dict[str, Any],
+    effects: tuple[tuple[Array, ...], ...],
+    traces: tuple[TorqueTrace, ...],
+) -> ActionSheet:
+    """The sheet of a campaign in motion.
+
+    Parameters
+    ----------
+    diagnosis : MotionDiagnosis
+        What was found.
+    document : dict
+        The same as ``diagnosis.json``.
+    effects : tuple of tuple of array
+        Torque of what is named, at the rows of each stretch [N m].
+    traces : tuple of TorqueTrace
+        Measured and predicted torque of each stretch.
+    """
+    return ActionSheet(tuple(_answers(diagnosis, effects, traces)), bench_parts(document), _picture(diagnosis, traces))
+
+
+def _answers(
+    diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], traces: tuple[TorqueTrace, ...]
+) -> Iterator[SheetAnswer]:
+    naming, named = diagnosis.naming, named_fits(diagnosis)
+    title = phrase(diagnosis)
+    yield SheetAnswer("Verdict", (f"{title[0].upper()}{title[1:]}.",), GROUNDS)
+    yield SheetAnswer(
+        "What differs", tuple(_difference(diagnosis, effects)), "locations" * bool(diagnosis.mismatch.locations)
+    )
+    if naming is not None and diagnosis.verdict is Verdict.NAMED:
+        cause = causes(naming.best, naming.shafts)
+        fitted = (fitted_sentence(diagnosis, i) for i in range(len(named)))
+        yield SheetAnswer("Cause", (f"{cause[0].upper()}{cause[1:]}.", *fitted), "mechanisms")
+    elif naming is not None and diagnosis.verdict is Verdict.AMBIGUOUS:
+        sets = [causes(each) for each in (naming.best, *naming.rivals)]
+        listed = tuple(f"{i}. {each[0].upper()}{each[1:]}." for i, each in enumerate(sets, 1))
+        unknown = ("Or one that the catalogue does not have.",) if diagnosis.weak else ()
+        yield SheetAnswer("Possible causes", (*listed, *unknown), "rivals")
+    elif diagnosis.mismatch.found and diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
+        yield SheetAnswer("Cause", ("No mechanism of the catalogue explains it. We can show where, not why.",))
+    yield SheetAnswer("How sure", _sureness(diagnosis), GROUNDS)
+    if diagnosis.unseen:
+        spots = (f"{spot.words}{SHAFT_WORDS[spot.term.shaft]}" for spot in diagnosis.unseen)
+        yield SheetAnswer("Not visible", (f"These runs could not have shown: {'; '.join(spots)}.",))
+    if diagnosis.mismatch.found or diagnosis.unseen:
+        words = advice(diagnosis).removeprefix("Do: ")
+        yield SheetAnswer("Do", (f"{words[0].upper()}{words[1:]}",), "next-tests" if next_runs(diagnosis) else "")
+    else:
+        yield SheetAnswer("Do", ("Nothing on the bench. The fitted constants are ready for use in a model.",), MODEL)
+    if named:
+        yield SheetAnswer(
+            "If ignored", _cost(effects, traces, reading=all(term_of(fit).of_transducer for fit in named))
+        )
+
+
+def _difference(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> Iterator[str]:
+    """What is not as the model has it: by how much a cause changes a torque, or where most of the difference is."""
+    noise, where = row_noise_of(diagnosis), largest_place(diagnosis)
+    if not diagnosis.mismatch.found:
+        names = len({stretch.run.run.name for stretch in diagnosis.before.stretches})
+        yield f"Nothing beyond the noise: the model predicts the torque of all {names} runs."
+    elif not effects:
+        yield f"{where[0].upper()}{where[1:]}" if where else "Model and recordings differ, at no clear place."
+    for fit, effect in zip(named_fits(diagnosis), effects, strict=True):
+        rms, peak, side = effect_size(diagnosis, effect)
+        subject = "The recordings are off" if len(effects) == 1 else f"{fit.candidate.title} puts the recordings off"
+        runs = _runs(diagnosis, effect)
+        size = f"by {rms / MILLI:.1f} mN m rms, up to {peak / MILLI:.0f} mN m, in the {side} torque of {runs}"
+        yield f"{subject} {size}; noise is {noise[side] / MILLI:.1f} mN m."
+
+
+def _runs(diagnosis: MotionDiagnosis, effect: tuple[Array, ...]) -> str:
+    """Runs on which an effect acts, in words."""
+    stretches = zip(diagnosis.before.stretches, effect, strict=True)
+    coupled = {stretch.coupled for stretch, acts in stretches if acts.any() and not stretch.at_rest}
+    return "all runs" if len(coupled) != 1 else "engaged runs" if coupled == {True} else "neutral runs"
+
+
+def _sureness(diagnosis: MotionDiagnosis) -> tuple[str, ...]:
+    mismatch = diagnosis.mismatch
+    if not mismatch.found:
+        alarms = f"{mismatch.false_alarm_rate:.0%} of sound campaigns would raise an alarm."
+        return (f"{mismatch.tested} kinds of dependence were tested.", alarms)
+    chance = f"By chance, fewer than 1 in {int(1.0 / mismatch.p_value)} sound campaigns differ as much."
+    return tuple(sentence for sentence in (proof_sentence(diagnosis), chance) if sentence)
+
+
+def _cost(effects: tuple[tuple[Array, ...], ...], traces: tuple[TorqueTrace, ...], *, reading: bool) -> tuple[str, ...]:
+    """Power by which a model without the cause, or the reading with it, is wrong, and its part of that carried."""
+    wrong: dict[str, list[Array]] = {}
+    carried: list[Array] = []
+    for place, trace in enumerate(traces):
+        speed = trace.stretch.of_rows(trace.state.speed)
+        effect = np.asarray(sum(of_fit[place] for of_fit in effects))
+        if effect.any():
+            wrong.setdefault(trace.stretch.side, []).append(effect * speed)
+            if trace.stretch.coupled:
+                carried.append(trace.stretch.torque * speed)
+    joined = {side: np.concatenate(wrong[side]) for side in SIDES if side in wrong}
+    rms, peak, side = max((float(np.sqrt(np.mean(p**2))), float(np.abs(p).max()), s) for s, p in joined.items())
+    what = "Power from these readings" if reading else "The power that a model without it predicts"
+    words = f"{what} is wrong by {rms:.2g} W rms, up to {peak:.2g} W, on the {side} shaft"
+    if not carried:
+        return (f"{words}.",)
+    share = rms / float(np.sqrt(np.mean(np.concatenate(carried) ** 2)))
+    return (f"{words}; that is {share:.1%} of the power in loaded runs.",)
+
+
+def _picture(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ...]) -> Figure | None:
+    """Missing torque where the cause explains most of it, or where the difference is largest."""
+    turning = [trace for trace in traces if not trace.stretch.at_rest]
+    if not turning:
+        return None
+    named = bool(named_fits(diagnosis))
+    found: tuple[float, TorqueTrace, float] = (-np.inf, turning[0], 0.0)
+    for trace in turning:
+        before, after = ((trace.stretch.torque - p) / trace.row_spread for p in (trace.before, trace.after))
+        clear = np.cumsum(np.r_[0.0, before**2 - after**2 if named else after**2])
+        width = min(round(SHOWN * trace.stretch.run.row_rate), len(clear) - 1)
+        first = int(np.argmax(clear[width:] - clear[: len(clear) - width]))
+        found = max(
+            found, (float(clear[first + width] - clear[first]), trace, float(trace.time[first])), key=itemgetter(0)
+        )
+    _, trace, began = found
+    what = "before and after the cause was put in" if named else "with the fitted constants"
+    of = trace.stretch.run.run
+    side = trace.stretch.side
+    return Figure(
+        "missing-torque",
+        "Missing torque",
+        f"Measured less predicted {side} torque, {what}, in run {of.point} ({of.manoeuvre}).",
+        (_excerpt(trace, began, named=named),),
+        narrow=True,
+    )
+
+
+def _excerpt(trace: TorqueTrace, began: float, *, named: bool) -> Chart:
+    """Missing torque of a stretch over `SHOWN` from a time on, every row, above the band of its noise."""
+    shown = (trace.time >= began) & (trace.time <= began + SHOWN)
+    time = trace.time[shown]
+    series = [Series("noise, 95 %", time, 0.0 * time, trace.row_spread[shown] / MILLI, "band", 7)]
+    for words, predicted, colour in (("before", trace.before, 1), ("after" if named else "missing", trace.after, 0)):
+        if named or colour == 0:
+            missing = (trace.stretch.torque - predicted)[shown] / MILLI
+            series.append(Series(words, time, missing, None, "line", colour))
+    return Chart(TIME, "torque [mN m]", tuple(series), title=f"Missing, {trace.stretch.side}")

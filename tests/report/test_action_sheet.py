@@ -1,0 +1,106 @@
+"""The sheet on top of a page: answers lead to their grounds, marks are words, the picture is one of the report."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from pmg.pipeline.chapters.bench_parts import CHAIN, bench_parts
+from pmg.pipeline.report.action_sheet import MARKS, ActionSheet, MachinePart, SheetAnswer
+from pmg.pipeline.report.document import Figure
+from pmg.pipeline.report.html import html
+from pmg.sim.mechanisms.base import Component
+
+from . import example
+from .test_page import HOSTILE, Outline
+
+PICTURE = Figure("picture", "Before and after", "The cause takes most of it.", (example.chart(),), narrow=True)
+
+
+def sheet() -> ActionSheet:
+    """A sheet with a mark and a picture."""
+    answers = (
+        SheetAnswer("Cause", ("A drag that grows with speed.", "Fitted: 3 mN m."), "findings"),
+        SheetAnswer("Do", ("Run `pmg compare`.",)),
+    )
+    return ActionSheet(answers, (MachinePart("bearings", "sun"), MachinePart("gear", mark="cause")), PICTURE)
+
+
+def test_it_stands_in_place_of_the_words_of_the_verdict() -> None:
+    made = replace(example.report(), sheet=sheet())
+    page = html(made)
+    assert "A drag that grows with speed is missing." not in page
+    assert "A drag that grows with speed. Fitted: 3 mN m." in page
+    assert "<code>pmg compare</code>" in page
+    assert 'href="#findings" aria-label="Grounds: Cause"' in page
+    assert page.count('class="grounds"') == 1
+    assert page.index('id="picture"') < page.index('id="findings"')
+    assert made.figures[0] is PICTURE
+    assert "A drag that grows with speed is missing." in html(example.report())
+
+
+def test_a_mark_is_a_word_too() -> None:
+    page = html(replace(example.report(), sheet=sheet()))
+    assert f'class="mark">{MARKS["cause"]}<' in page
+    assert page.count('class="mark"') == 1
+
+
+def test_hostile_text_stays_text() -> None:
+    hostile = ActionSheet((SheetAnswer(HOSTILE, (HOSTILE,)),), (MachinePart(HOSTILE, HOSTILE, "seen"),))
+    outline = Outline(html(replace(example.report(), sheet=hostile)))
+    assert "img" not in outline.tags
+    assert outline.text.count(HOSTILE) == 4
+
+
+def test_an_answer_without_its_grounds_is_refused() -> None:
+    lost = replace(sheet(), answers=(SheetAnswer("Cause", ("A drag.",), "nowhere"),))
+    with pytest.raises(ValueError, match="nowhere"):
+        replace(example.report(), sheet=lost)
+
+
+def test_a_narrow_figure_is_narrower_with_letters_as_large() -> None:
+    wide, narrow = (
+        html(replace(example.report(), sheet=replace(sheet(), figure=f)))
+        for f in (replace(PICTURE, narrow=False), PICTURE)
+    )
+
+    def size(page: str) -> tuple[float, float]:
+        drawn = page[page.index('id="picture"') :]
+        _, _, width, height = drawn[drawn.index('viewBox="') + 9 :].split('"')[0].split()
+        return float(width), float(height)
+
+    assert size(narrow)[0] < 0.6 * size(wide)[0]
+
+
+def diagnosis(verdict: str, *mechanisms: tuple[str, str], place: str | None = None) -> dict[str, object]:
+    """What of a diagnosis.json the drawing of the bench needs."""
+    rows = [{"component": component, "shaft": shaft} for component, shaft in mechanisms]
+    return {"verdict": verdict, "mechanisms": rows, "locations": [{"component": place}]}
+
+
+def marked(document: dict[str, object]) -> dict[str, set[str]]:
+    """Components by their mark."""
+    found: dict[str, set[str]] = {}
+    for (component, _, _), part in zip(CHAIN, bench_parts(document), strict=True):
+        found.setdefault(part.mark, set()).add(str(component))
+    return found
+
+
+def test_every_component_stands_once_in_the_chain() -> None:
+    assert sorted(component for component, _, _ in CHAIN) == sorted(Component)
+
+
+def test_the_bench_marks_what_is_named_and_what_it_may_be() -> None:
+    assert marked(diagnosis("named", ("magnetic_gear", "both")))["cause"] == {"magnetic_gear"}
+    both = marked(diagnosis("named", ("sun_bearings", "both")))
+    assert both["cause"] == {"sun_bearings", "ring_bearings"}
+    either = marked(diagnosis("named", ("sun_torque_transducer", "either")))
+    assert either["possible"] == {"sun_torque_transducer", "ring_torque_transducer"}
+    several = marked(diagnosis("ambiguous", ("sun_coupling", "sun"), ("ring_encoder", "ring")))
+    assert several["possible"] == {"sun_coupling", "ring_encoder"}
+
+
+def test_without_a_cause_the_bench_marks_the_place_if_it_is_known() -> None:
+    assert marked(diagnosis("not_in_library", place="sun_bearings"))["seen"] == {"sun_bearings"}
+    assert set(marked(diagnosis("not_in_library", place=None))) == {""}
