@@ -8,8 +8,11 @@ from pmg.pipeline.report.action_sheet import MachinePart
 from pmg.sim.mechanisms.base import Component
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
     from typing import Any
+
+GROUNDS = "diagnosis"
+"""Section of a report that holds the grounds of its verdict."""
 
 CHAIN = (
     (Component.SUN_MOTOR, "sun", "motor"),
@@ -30,23 +33,38 @@ CHAIN = (
 ON_THE_OTHER = {"sun": "ring", "ring": "sun"}
 
 
-def bench_parts(document: Mapping[str, Any]) -> tuple[MachinePart, ...]:
-    """The parts of the bench, those that a diagnosis names marked; `document` is its ``diagnosis.json``.
+def bench_parts(
+    causes: Iterable[tuple[Component, str]], *, sure: bool, place: Component | None
+) -> tuple[MachinePart, ...]:
+    """The parts of the bench, those that a diagnosis names marked.
 
-    A cause on a shaft that cannot be told marks both; where no cause is named, the place of the difference is marked.
+    Parameters
+    ----------
+    causes : iterable of (Component, str)
+        Where each cause sits, and its shaft: ``sun``, ``ring``, ``both``, or ``either`` where that cannot be told.
+    sure : bool
+        Whether they are named, not merely possible.
+    place : Component or None
+        Place of the difference, marked where there is no cause.
     """
-    named = {Component(row["component"]) for row in document["mechanisms"]}
-    either = {_opposite(Component(row["component"])) for row in document["mechanisms"] if row["shaft"] == "either"}
-    both = {_opposite(Component(row["component"])) for row in document["mechanisms"] if row["shaft"] == "both"}
-    places = {Component(row["component"]) for row in document["locations"][:1] if row["component"]}
-    sure: Literal["cause", "possible"] = "cause" if document["verdict"] == "named" and not either else "possible"
+    known = list(causes)
+    named = {component for component, _ in known}
+    named |= {_opposite(component) for component, shaft in known if shaft in ("both", "either")}
+    sure = sure and all(shaft != "either" for _, shaft in known)
 
     def mark(component: Component) -> Literal["cause", "possible", "seen", ""]:
-        if component in named | either | both:
-            return sure
-        return "seen" if not named and component in places else ""
+        if component in named:
+            return "cause" if sure else "possible"
+        return "seen" if not named and component is place else ""
 
     return tuple(MachinePart(name, group, mark(component)) for component, group, name in CHAIN)
+
+
+def parts_of(document: Mapping[str, Any]) -> tuple[MachinePart, ...]:
+    """The parts of the bench as a ``diagnosis.json`` marks them."""
+    causes = ((Component(row["component"]), row["shaft"]) for row in document["mechanisms"])
+    seen = next((row["component"] for row in document["locations"]), None)
+    return bench_parts(causes, sure=document["verdict"] == "named", place=None if seen is None else Component(seen))
 
 
 def _opposite(component: Component) -> Component:

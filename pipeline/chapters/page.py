@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pmg.pipeline.analysis.power_flow import power_flows
 from pmg.pipeline.analysis.tolerance import agreements
+from pmg.pipeline.chapters.explained.action_sheet import action_sheet
 from pmg.pipeline.chapters.explained.detectability import audit_section
 from pmg.pipeline.chapters.explained.extended_model import ends_table, prediction_table
 from pmg.pipeline.chapters.explained.verdict import diagnosis_section
@@ -19,7 +20,7 @@ from pmg.pipeline.chapters.measured.neutral import neutral_section
 from pmg.pipeline.chapters.measured.quality import data_section
 from pmg.pipeline.chapters.measured.sensor_fault import sensor_fault_items, sensor_fault_warning
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
-from pmg.pipeline.diagnosis.grid.statement import phrase, statement
+from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.crosschecks.contradiction import CrossCheckRemark
 from pmg.pipeline.grid.readings import predict
@@ -115,7 +116,7 @@ def build_report(
     residuals, diagnosis, carried, ends = (
         (None, None, None, ()) if judged is None else (judged.residuals, judged.diagnosis, judged.carried, judged.ends)
     )
-    signals = recorded.signals
+    sheet, signals, before = None, recorded.signals, "" if carried is None else lead(carried)
     sections: list[Section] = [
         conditions_section(recorded.conditions or conditions(()), note),
         grids_section(analysis.grid, opens=signals is not None),
@@ -136,6 +137,7 @@ def build_report(
     if diagnosis is not None and left.calibration is not None:
         readings = diagnosis.mismatch.readings
         residual = readings.torque - predict(readings, bench, left.calibration.model)
+        sheet = action_sheet(diagnosis, residual, before)
         sections.append(diagnosis_section(diagnosis, residual))
         if diagnosis.audit is not None:
             sections.append(audit_section(diagnosis.audit))
@@ -151,14 +153,14 @@ def build_report(
 
         sections.extend(published_sections(analysis.grid, bench))
     sections.append(data_section(analysis, note, recorded.findings, recorded.budget, recorded.origins))
-    grid = analysis.grid
     return Report(
-        title=f"Campaign {grid.campaign}",
+        title=f"Campaign {analysis.grid.campaign}",
         subtitle=note or "Planetary magnetic gearbox: recordings, losses, simulation and what explains the difference",
-        verdict=_verdict(analysis, diagnosis, "" if carried is None else lead(carried), agreed, faults, recorded),
+        verdict=_verdict(analysis, diagnosis, before, agreed, faults, recorded),
         sections=tuple(sections),
         provenance=Facts((*provenance, ("Versions", versions(PACKAGES)))),
         signals=None if signals is None else Signals(signals.index_json, signals.base64),
+        sheet=sheet,
     )
 
 
@@ -207,6 +209,5 @@ def _verdict(
         reason = str(analysis.missing[0]) if analysis.missing else ""
         text = f"No comparison was possible. {reason}".strip()
         return Headline(text, "attention", tuple(figures), tuple(warnings))
-    figures.append(("Verdict", phrase(diagnosis)))
     state: Literal["good", "attention"] = "attention" if diagnosis.verdict != "consistent" or warnings else "good"
     return Headline(before + statement(diagnosis), state, tuple(figures), tuple(warnings))

@@ -23,7 +23,13 @@ from pmg.pipeline.commands.compare_and_diagnose import (
     summary_facts,
 )
 from pmg.pipeline.commands.ingest import ingest_chosen
-from pmg.pipeline.commands.motion import MixedDiagnosis, campaign_in_motion, compare_motion, diagnose_mixed
+from pmg.pipeline.commands.motion import (
+    MixedDiagnosis,
+    campaign_in_motion,
+    compare_motion,
+    diagnose_mixed,
+    remove_motion_report,
+)
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate, now
 from pmg.pipeline.commands.stored_analysis import analysed
@@ -93,8 +99,10 @@ def run_compare(
     page, remarks = campaign_page(
         whole, judged, note, tolerances, (*hashed, seeded(SEED), ("Command", _command_words(note, model)))
     )
-    if mixed is not None:
-        page = replace(page, verdict=mixed.headline(page.verdict))
+    if mixed is None:
+        remove_motion_report(report)
+    else:
+        page = replace(page, verdict=mixed.headline(page.verdict), sheet=mixed.sheet(page.sheet))
     files, made = write_results(page, whole, judged, report, tolerances, given=model, mixed=mixed)
     data: dict[str, Any] = {"report": str(files[0]), "files": [str(path) for path in files], "diagnosis": None}
     lines = [f"report: {files[0]}"]

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from pmg.pipeline.chapters.bench_parts import parts_of
 from pmg.pipeline.chapters.in_motion.page import motion_report
 from pmg.pipeline.commands.compare_and_diagnose import DIAGNOSIS, SEED, leave_diagnosis
+from pmg.pipeline.commands.crate import FILE as CRATE
 from pmg.pipeline.commands.crate import recordings_of
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
@@ -21,8 +23,9 @@ from pmg.pipeline.grid.campaign import campaigns, choose_campaign
 from pmg.pipeline.motion.stored import judged_runs, moving_runs, only_in_motion
 from pmg.pipeline.preflight.motion import motion_summary
 from pmg.pipeline.recording.remark import Remark
+from pmg.pipeline.report.action_sheet import SheetAnswer
 from pmg.pipeline.report.document import Headline
-from pmg.pipeline.report.write import write_report
+from pmg.pipeline.report.write import remove_report, write_report
 from pmg.pipeline.store.store import MARK, Store
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.bench import load_bench
@@ -35,11 +38,14 @@ if TYPE_CHECKING:
     from pmg.pipeline.commands.provenance import Clock
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
     from pmg.pipeline.model.compared_campaign import ComparedCampaign
+    from pmg.pipeline.report.action_sheet import ActionSheet
     from pmg.sim.grid import Grid
 
 
 FOLDER = "motion"
 """Folder of the report on the runs in motion, in that of the campaign."""
+
+WHERE = f"The runs in motion have a page of their own: {FOLDER}/report.html."
 
 
 def campaign_in_motion(store: Path, campaign: str | None) -> str | None:
@@ -134,6 +140,11 @@ def _diagnosed_motion(
     return diagnosis, Outcome(data, lines, partial=bool(aside), mismatch=diagnosis.mismatch.found)
 
 
+def remove_motion_report(report: Path) -> None:
+    """Remove an earlier report on runs in motion from the folder of a campaign's report, where there is none anew."""
+    remove_report(report / FOLDER, (DIAGNOSIS, CRATE))
+
+
 @dataclass(frozen=True)
 class MixedDiagnosis:
     """The diagnosis of a campaign that holds steady points and runs in motion.
@@ -171,15 +182,24 @@ class MixedDiagnosis:
 
     def headline(self, steady: Headline) -> Headline:
         """The head of the campaign's report, told by both kinds of evidence; `steady` is that of the points alone."""
-        phrase, moving = self.document["phrase"], str(self.outcome.data["moving"])
         statement = str(self.document["statement"])
-        where = f"The runs in motion have a page of their own: {FOLDER}/report.html."
-        counted = [(label, value) for label, value in steady.counted if label != "Verdict"]
-        figures = (*counted, ("Runs in motion", moving), ("Verdict", phrase))
+        figures = (*steady.counted, ("Runs in motion", str(self.outcome.data["moving"])))
         if self.joint is None:
-            return replace(steady, text=f"{steady.text} Runs in motion: {statement} {where}", counted=figures)
+            return replace(steady, text=f"{steady.text} Runs in motion: {statement} {WHERE}", counted=figures)
         state: Literal["good", "attention"] = "attention" if self.differs or steady.warnings else "good"
-        return Headline(f"{statement} {where}", state, figures, steady.warnings)
+        return Headline(f"{statement} {WHERE}", state, figures, steady.warnings)
+
+    def sheet(self, steady: ActionSheet | None) -> ActionSheet | None:
+        """What to do, told by both kinds of evidence; `steady` is that of the points alone."""
+        title = self.document["phrase"]
+        if steady is None or self.joint is None:
+            return None
+        answers = (
+            SheetAnswer("Verdict", (f"{title[0].upper()}{title[1:]}.",)),
+            SheetAnswer("Both kinds of evidence", (str(self.document["statement"]),)),
+            SheetAnswer("Runs in motion", (WHERE,)),
+        )
+        return replace(steady, answers=answers, parts=parts_of(self.document))
 
 
 def diagnose_mixed(

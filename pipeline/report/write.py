@@ -81,6 +81,23 @@ def write_report(
     return (*(folder / name for name in files), folder / LISTING)
 
 
+def remove_report(folder: Path, others: tuple[str, ...] = ()) -> None:
+    """Remove an earlier report that nothing makes anew, with others that stand beside it; what is not ours stays.
+
+    Raises
+    ------
+    StoreError
+        When its listing cannot be read.
+    """
+    if not (folder / LISTING).exists():
+        return
+    for name in sorted({*_listed(folder / LISTING), PAGE, *others, LISTING}):
+        (folder / name).unlink(missing_ok=True)
+    for each in (folder / "figures", folder / "tables", folder):
+        if each.is_dir() and not any(each.iterdir()):
+            each.rmdir()
+
+
 def _encoded(text: str) -> bytes:
     """UTF-8; what it cannot hold (bytes of a file name that were no text) is spelled out."""
     return text.encode("utf-8", "backslashreplace")

@@ -15,9 +15,11 @@ import pytest
 from tests.report.example import report
 from tests.trials.strata_by_name import find_stratum
 
+from pmg.pipeline.chapters.explained.action_sheet import action_sheet
 from pmg.pipeline.chapters.explained.verdict import diagnosis_section
 from pmg.pipeline.chapters.measured.neutral import neutral_section
 from pmg.pipeline.commands.compare_and_diagnose import compare_and_diagnose, summary_facts
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.decide import JUDGE_DRAWS
 from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
 from pmg.pipeline.diagnosis.grid.statement import statement
@@ -29,6 +31,7 @@ from pmg.pipeline.report.summary import summary
 from pmg.pipeline.trials.nature import draw_case, measure_case
 from pmg.sim.bench import load_bench
 from pmg.sim.mechanisms.warmed import WarmingBearings
+from pmg.sim.signals import Array
 
 SCHEMA = Path(__file__).resolve().parents[2] / "pipeline" / "report" / "summary.schema.json"
 
@@ -200,3 +203,53 @@ def test_probabilities_of_the_neutral_chapter_are_numbers(analysed: Analysis) ->
                 assert all(cell is None or isinstance(cell, float) for cell in cells)
                 known += sum(cell is not None for cell in cells)
     assert known
+
+
+def answers_of(diagnosis: Diagnosis, residual: Array) -> dict[str, str]:
+    """Answers of the sheet by their questions."""
+    return {each.question: " ".join(each.sentences) for each in action_sheet(diagnosis, residual).answers}
+
+
+def test_the_sheet_answers_where_why_how_sure_what_to_do_and_at_what_cost(judged: ComparedCampaign) -> None:
+    diagnosis = judged.diagnosis
+    assert diagnosis.naming is not None
+    assert diagnosis.refit is not None
+    readings = diagnosis.mismatch.readings
+    off = diagnosis.naming.best.fits[0].effect
+    sheet = action_sheet(diagnosis, readings.torque - diagnosis.refit.prediction + off)
+    assert [part.group for part in sheet.parts if part.mark == "cause"] == ["ring"]
+    said = {each.question: " ".join(each.sentences) for each in sheet.answers}
+    assert [*said] == ["Verdict", "What differs", "Cause", "How sure", "Do", "If ignored"]
+    assert said["Verdict"] == "Cause named."
+    assert said["What differs"].startswith("The ring drag is off: ")
+    assert "`pmg compare --model model.toml`" in said["Do"]
+    loss = np.bincount(readings.row, off * readings.speed_own)
+    most = float(np.abs(loss).max())
+    assert f"up to {most:.2g} W" in said["If ignored"]
+    (chart,) = sheet.figure.panels if sheet.figure is not None else ()
+    assert isinstance(chart, Chart)
+    band, before, after = chart.series
+    assert np.std(after.y) < np.std(before.y)
+    assert band.u is not None
+
+
+def test_a_sheet_without_a_cause_says_so_and_never_what_it_costs(judged: ComparedCampaign) -> None:
+    quiet = replace(
+        judged.diagnosis,
+        verdict=Verdict.CONSISTENT,
+        naming=None,
+        refit=None,
+        held_out=None,
+        mismatch=replace(judged.diagnosis.mismatch, p_value=0.5, locations=()),
+    )
+    residual = np.zeros(len(quiet.mismatch.readings.torque))
+    said = answers_of(quiet, residual)
+    assert said["What differs"].startswith("Nothing beyond repeatability")
+    assert said["Do"].startswith("Nothing on the bench")
+    assert "If ignored" not in said
+    assert {part.mark for part in action_sheet(quiet, residual).parts} == {""}
+    unknown = replace(judged.diagnosis, verdict=Verdict.NOT_IN_LIBRARY, refit=None)
+    assert "We can show where, not why." in answers_of(unknown, residual)["Cause"]
+    blind = replace(quiet, verdict=Verdict.CONFOUNDED, blind=("sun",))
+    assert "in the order of the sun speed" in answers_of(blind, residual)["What differs"]
+    assert "random order" in answers_of(blind, residual)["Do"]

@@ -17,6 +17,7 @@ from tests.recording.writer import Bench, write
 from tests.report import chromium
 
 from pmg.pipeline.commands.compare import run_all
+from pmg.pipeline.commands.motion import remove_motion_report
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.settings.chosen import choose
 from pmg.pipeline.trials.motion.nature import MotionCase, draw_motion_case, write_motion_case
@@ -113,6 +114,18 @@ def test_steady_points_and_runs_in_motion_make_one_diagnosis(
     assert mixed.mismatch
     assert (tmp_path / "report" / "motion" / "report.html").exists()
     assert "motion/report.html" in (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+
+
+def test_an_old_report_on_runs_in_motion_goes_and_what_is_not_ours_stays(
+    told: tuple[MotionCase, Outcome, Path], tmp_path: Path
+) -> None:
+    old = tmp_path / "report" / "motion"
+    shutil.copytree(told[2], old)
+    (old / "notes.txt").write_text("mine", encoding="utf-8")
+    remove_motion_report(tmp_path / "report")
+    assert [path.name for path in old.rglob("*")] == ["notes.txt"]
+    remove_motion_report(tmp_path / "report")
+    assert (old / "notes.txt").exists()
 
 
 @chromium.needed

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from pmg.pipeline.chapters.bench_parts import CHAIN, bench_parts
+from pmg.pipeline.chapters.bench_parts import CHAIN, parts_of
 from pmg.pipeline.report.action_sheet import MARKS, ActionSheet, MachinePart, SheetAnswer
 from pmg.pipeline.report.document import Figure
 from pmg.pipeline.report.html import html
@@ -82,7 +82,7 @@ def diagnosis(verdict: str, *mechanisms: tuple[str, str], place: str | None = No
 def marked(document: dict[str, object]) -> dict[str, set[str]]:
     """Components by their mark."""
     found: dict[str, set[str]] = {}
-    for (component, _, _), part in zip(CHAIN, bench_parts(document), strict=True):
+    for (component, _, _), part in zip(CHAIN, parts_of(document), strict=True):
         found.setdefault(part.mark, set()).add(str(component))
     return found
 

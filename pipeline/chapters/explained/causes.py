@@ -10,10 +10,8 @@ import numpy as np
 from pmg.pipeline.chapters.explained.grounds import on_bound
 from pmg.pipeline.diagnosis.engine.conclusion import probabilities
 from pmg.pipeline.diagnosis.grid.decide import JUDGE_DRAWS
-from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Measured, Series, Table
+from pmg.pipeline.report.document import Column, Facts, Measured, Table
 from pmg.pipeline.wording.probability import search_p_text
-from pmg.sim.shafts import SIDES
-from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_SUN, Array
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
@@ -24,11 +22,11 @@ RANKED = 8
 """Mechanisms of the catalogue shown in the ranking."""
 
 
-def cause_items(diagnosis: Diagnosis, residual: Array) -> list[Facts | Table | Figure]:
-    """The cause, what else would show it, the residual before and after; none where nothing is reported."""
+def cause_items(diagnosis: Diagnosis) -> list[Facts | Table]:
+    """The cause, and what else would show it; none where nothing is reported."""
     if diagnosis.refit is None:
         return []
-    return [_mechanisms(diagnosis), _revealed_by(diagnosis), _before_and_after(diagnosis, residual)]
+    return [_mechanisms(diagnosis), _revealed_by(diagnosis)]
 
 
 def ranking_items(diagnosis: Diagnosis) -> list[Table]:
@@ -102,47 +100,6 @@ def _mechanisms(diagnosis: Diagnosis) -> Table:
             Column("remark", "Remark"),
         ),
         tuple(rows),
-    )
-
-
-def _before_and_after(diagnosis: Diagnosis, residual: Array) -> Figure:
-    naming, found, readings = diagnosis.naming, diagnosis.refit, diagnosis.mismatch.readings
-    assert naming is not None
-    assert found is not None
-    effect = np.sum([fit.effect for fit in naming.best.fits], axis=0)
-    of_shaft = readings.of_shaft
-    shaft = max(SIDES, key=lambda side: float(np.sum(effect[of_shaft[side]] ** 2)))
-    rows = np.flatnonzero(of_shaft[shaft] & (effect != 0.0))
-    at = readings.grid.points[readings.row[rows]]
-    remembers = any(fit.candidate.kind.memory for fit in naming.best.fits)
-    if remembers and at.ordered:
-        x, label = (at.started_at - readings.grid.points.started_at.min()) / MINUTE, "time since the first point [min]"
-    elif 2.0 * float(np.sum(effect[rows][at.engaged] ** 2)) > float(np.sum(effect[rows] ** 2)):
-        x, label = at.torque_ring, "ring torque [N m]"
-    else:
-        x, label = SPEED_SUN.display(np.abs(at.speed_sun)), SPEED_SUN.label
-    after = readings.torque - found.prediction
-    before_rms, after_rms = (float(np.sqrt(np.mean(part[rows] ** 2))) for part in (residual, after))
-    u = readings.u[rows]
-    reach = 1.05 * max(float(np.max(np.abs(part[rows]) + 2.0 * u)) for part in (residual, after)) / RESIDUAL.scale
-    panels = tuple(
-        Chart(
-            label,
-            RESIDUAL.label,
-            (Series("U = 2u", x, RESIDUAL.display(part[rows]), u / RESIDUAL.scale, "markers", colour),),
-            references=(("", 0.0),),
-            title=title,
-            y_limits=(-reach, reach),
-        )
-        for title, part, colour in (("baseline alone", residual, 0), ("with the cause", after, 1))
-    )
-    return Figure(
-        "before-and-after",
-        "Before and after",
-        f"Residual of the {shaft} torque where the mechanism acts: {before_rms * 1e3:.2f} mN m rms with the baseline "
-        f"alone, {after_rms * 1e3:.2f} mN m with the mechanism.",
-        panels,
-        columns=2,
     )
 
 

@@ -72,7 +72,7 @@ def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.
     if mismatch.locations:
         items += [_locations(diagnosis), _figure(diagnosis, residual)]
     items += shape_items(diagnosis)
-    items += cause_items(diagnosis, residual)
+    items += cause_items(diagnosis)
     items += withheld_items(diagnosis)
     items += next_test_items(diagnosis)
     items += decoy_items(diagnosis)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.bench_parts import bench_parts
+from pmg.pipeline.chapters.bench_parts import GROUNDS, parts_of
 from pmg.pipeline.chapters.simulated.motion import TIME
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.traces import TorqueTrace
     from pmg.sim.signals import Array
 
-GROUNDS, MODEL = "diagnosis", "constants"
-"""Sections that hold the grounds."""
+CONSTANTS = "constants"
+"""Section that holds the fitted constants."""
 
 SHOWN = 2.0
 """Time of a run that the picture shows [s]."""
@@ -62,7 +62,7 @@ def action_sheet(
     traces : tuple of TorqueTrace
         Measured and predicted torque of each stretch.
     """
-    return ActionSheet(tuple(_answers(diagnosis, effects, traces)), bench_parts(document), _picture(diagnosis, traces))
+    return ActionSheet(tuple(_answers(diagnosis, effects, traces)), parts_of(document), _picture(diagnosis, traces))
 
 
 def _answers(
@@ -93,7 +93,7 @@ def _answers(
         words = advice(diagnosis).removeprefix("Do: ")
         yield SheetAnswer("Do", (f"{words[0].upper()}{words[1:]}",), "next-tests" if next_runs(diagnosis) else "")
     else:
-        yield SheetAnswer("Do", ("Nothing on the bench. The fitted constants are ready for use in a model.",), MODEL)
+        yield SheetAnswer("Do", ("Nothing on the bench. The fitted constants are ready for a model.",), CONSTANTS)
     if named:
         yield SheetAnswer(
             "If ignored", _cost(effects, traces, reading=all(term_of(fit).of_transducer for fit in named))

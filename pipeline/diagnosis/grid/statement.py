@@ -72,18 +72,18 @@ def _without_outliers(diagnosis: Diagnosis) -> str:
         )
     sentences = [_place(diagnosis)]
     if diagnosis.naming is None or diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
-        none = f"No mechanism of the catalogue explains it{_nearest(diagnosis)}. We can show where, not why."
-        sentences.append(_faint(diagnosis) or none)
-        sentences.append(_shape_sentence(diagnosis))
+        none = f"No mechanism of the catalogue explains it{nearest(diagnosis)}. We can show where, not why."
+        sentences.append(faint(diagnosis) or none)
+        sentences.append(shape_sentence(diagnosis))
     elif diagnosis.verdict is Verdict.NAMED:
-        sentences.append(f"Cause: {_causes(diagnosis, diagnosis.naming.best)}.")
+        sentences.append(f"Cause: {causes(diagnosis, diagnosis.naming.best)}.")
         sentences += [_size(diagnosis, fit) for fit in diagnosis.naming.best.fits]
-        sentences += [_fitted(diagnosis, i) for i in range(len(diagnosis.naming.best.fits))]
+        sentences += [fitted(diagnosis, i) for i in range(len(diagnosis.naming.best.fits))]
         sentences.append(form_sentences(diagnosis))
-        sentences.append(_advice(diagnosis.naming))
+        sentences.append(advice(diagnosis.naming))
     else:
-        sets = [_causes(diagnosis, diagnosis.naming.best)]
-        sets += [_causes(diagnosis, rival.explanation) for rival in diagnosis.rivals]
+        sets = [causes(diagnosis, diagnosis.naming.best)]
+        sets += [causes(diagnosis, rival.explanation) for rival in diagnosis.rivals]
         known = "; or ".join(sets)
         if diagnosis.weak:
             none = "or one that the catalogue does not have"
@@ -98,7 +98,7 @@ def _without_outliers(diagnosis: Diagnosis) -> str:
                 f"Do: {test.plan.description} ({test.plan.seconds / MINUTE:.0f} min; it tells with a probability of "
                 f"{test.power:.0%})."
             )
-    sentences += [_near(diagnosis), _held_out(diagnosis), _by_chance(diagnosis)]
+    sentences += [near(diagnosis), held_out(diagnosis), by_chance(diagnosis)]
     return " ".join(sentence for sentence in sentences if sentence)
 
 
@@ -108,23 +108,23 @@ def near_decision(diagnosis: Diagnosis) -> GridNaming | None:
     return diagnosis.naming if decided else None
 
 
-def _near(diagnosis: Diagnosis) -> str:
+def near(diagnosis: Diagnosis) -> str:
     """A word on what was decided by little, naming the other."""
     if (naming := near_decision(diagnosis)) is None:
         return ""
     words = ""
     if naming.level:
-        other = _causes(diagnosis, naming.level[0])
+        other = causes(diagnosis, naming.level[0])
         words = f"{other[0].upper()}{other[1:]} fits as well, to all digits that count: the order of the catalogue "
         words += "decides which comes first."
     if naming.missed:
         missed, short = naming.missed[0]
-        words += f"{' ' if words else ''}It was near: {_causes(diagnosis, missed)} misses the limit for a rival by "
+        words += f"{' ' if words else ''}It was near: {causes(diagnosis, missed)} misses the limit for a rival by "
         words += f"odds of {math.exp(0.5 * short):.1f} to 1."
     return words
 
 
-def _causes(diagnosis: Diagnosis, explanation: GridExplanation) -> str:
+def causes(diagnosis: Diagnosis, explanation: GridExplanation) -> str:
     """A set of mechanisms by their titles and shafts."""
     naming = diagnosis.naming
     shafts = naming.shafts if naming is not None and explanation is naming.best else {}
@@ -136,30 +136,38 @@ def _causes(diagnosis: Diagnosis, explanation: GridExplanation) -> str:
 
 
 def _size(diagnosis: Diagnosis, fit: CandidateFit) -> str:
-    """What a mechanism leaves in the residual, against the repeatability, and its full effect."""
+    """What a mechanism leaves in the residual, and its full effect."""
+    naming = diagnosis.naming
+    assert naming is not None
+    subject = "It changes" if len(naming.best.fits) == 1 else f"{fit.candidate.kind.title} changes"
+    side, size = drag_change(diagnosis, fit)
+    full = f"Against {fit.candidate.kind.without}, its full effect is {fit.size * 1e3:.1f} mN m rms"
+    return f"{subject} the {side} drag by {size} {full}; the fitted losses absorb the rest."
+
+
+def drag_change(diagnosis: Diagnosis, fit: CandidateFit) -> tuple[str, str]:
+    """Shaft on which a mechanism leaves most in the residual, and how much against the repeatability, in words."""
     naming = diagnosis.naming
     assert naming is not None
     problem, readings = naming.best.problem, diagnosis.mismatch.readings
     left, touched = problem.unabsorbed(fit), fit.effect != 0.0
     side = max(SIDES, key=lambda side: float(np.sum(left[touched & readings.of_shaft[side]] ** 2)))
     drag = (readings.direction * left)[touched & readings.of_shaft[side]] * 1e3
-    subject = "It changes" if len(naming.best.fits) == 1 else f"{fit.candidate.kind.title} changes"
-    return (
-        f"{subject} the {side} drag by {drag.min():+.1f} to {drag.max():+.1f} mN m beyond the fitted losses "
-        f"({problem.visible(fit) * 1e3:.1f} mN m rms; repeatability is {diagnosis.floor[side].u * 1e3:.1f} mN m). "
-        f"Against {fit.candidate.kind.without}, its full effect is {fit.size * 1e3:.1f} mN m rms; "
-        "the fitted losses absorb the rest."
+    return side, (
+        f"{drag.min():+.1f} to {drag.max():+.1f} mN m beyond the fitted losses "
+        f"({problem.visible(fit) * 1e3:.1f} mN m rms; repeatability is {diagnosis.floor[side].u * 1e3:.1f} mN m)."
     )
 
 
-def _fitted(diagnosis: Diagnosis, i: int) -> str:
+def fitted(diagnosis: Diagnosis, i: int) -> str:
     """The parameter of a named mechanism that is known best, with its standard uncertainty."""
     naming, found = diagnosis.naming, diagnosis.refit
     if naming is None or found is None:
         return ""
     fit = naming.best.fits[i]
-    best = _surest(found.values[i], found.standard_errors[i], len(fit.candidate.sizes))
-    first, value, error = fit.candidate.parameters[best], found.values[i][best], found.standard_errors[i][best]
+    values, errors = found.values[i], found.standard_errors[i]
+    best = _surest(values, errors, len(fit.candidate.sizes))
+    first, value, error = fit.candidate.parameters[best], values[best], errors[best]
     number = measured(float(value), float(error)) if np.isfinite(error) else f"{value:.3g}"
     unit = "" if first.unit == "1" else f" {first.unit}"
     instead, other = "", naming.on_the_other_shaft(fit)
@@ -168,7 +176,7 @@ def _fitted(diagnosis: Diagnosis, i: int) -> str:
         instead = f", or {there.meaning} {numerals.number(float(other.values[best]), spec='.3g')}{unit}"
     powers = [
         f"; {p.meaning} {measured(float(value), float(error))}"
-        for p, value, error in zip(fit.candidate.parameters, found.values[i], found.standard_errors[i], strict=True)
+        for p, value, error in zip(fit.candidate.parameters, values, errors, strict=True)
         if p.name in fit.candidate.powers and np.isfinite(error)
     ]
     return f"Fitted: {first.meaning} {number}{unit}{instead}{''.join(powers)}."
@@ -177,7 +185,7 @@ def _fitted(diagnosis: Diagnosis, i: int) -> str:
 EXTENDED = "compare with the extended model (`pmg compare --model model.toml`)"
 
 
-def _advice(naming: GridNaming) -> str:
+def advice(naming: GridNaming) -> str:
     """Remedy for the named mechanisms."""
     faults = [fit for fit in naming.best.fits if issubclass(fit.candidate.kind, Instrument)]
     if any(naming.on_the_other_shaft(fit) for fit in faults):
@@ -212,7 +220,7 @@ def _lifting(diagnosis: Diagnosis) -> str:
     )
 
 
-def _shape_sentence(diagnosis: Diagnosis) -> str:
+def shape_sentence(diagnosis: Diagnosis) -> str:
     """The short form and its error on withheld readings, or that none holds up."""
     shape = diagnosis.shape
     if shape is None:
@@ -229,7 +237,7 @@ NEAREST_FROM = 0.2
 """Part of what is left that the nearest mechanism must take up to be mentioned."""
 
 
-def _nearest(diagnosis: Diagnosis) -> str:
+def nearest(diagnosis: Diagnosis) -> str:
     """The mechanism that comes nearest, where it takes up a good part of the mismatch."""
     naming = diagnosis.naming
     if naming is None or (share := nearest_share(naming)) < NEAREST_FROM:
@@ -240,7 +248,7 @@ def _nearest(diagnosis: Diagnosis) -> str:
     return f" (the closest, {titles[0].lower()}{titles[1:]}{rival} explains {share:.0%} of it)"
 
 
-def _faint(diagnosis: Diagnosis) -> str:
+def faint(diagnosis: Diagnosis) -> str:
     """What may make a difference that is too faint to exclude anything."""
     if not is_faint(diagnosis):
         return ""
@@ -252,17 +260,21 @@ def _faint(diagnosis: Diagnosis) -> str:
 
 
 def _place(diagnosis: Diagnosis) -> str:
+    differ = f"Simulation and recordings differ (p ≤ {diagnosis.mismatch.p_value:.2g})."
+    return f"{differ} Most of it: {largest(diagnosis)}"
+
+
+def largest(diagnosis: Diagnosis) -> str:
+    """Where most of the difference is, as a sentence that begins with an article."""
     place = diagnosis.mismatch.locations[0]
     follows = " and ".join(word.replace("_", " ") for word in place.depends_on) or "nothing that was recorded"
     special = {"all": "in every configuration", "zero": "at the zero checks"}
     where = special.get(place.configuration, f"in {place.configuration} points")
-    return (
-        f"Simulation and recordings differ (p ≤ {diagnosis.mismatch.p_value:.2g}). Most of it: the "
-        f"{place.signal.replace('torque_', '')} torque {where} depends on {follows} ({place.size * 1e3:.1f} mN m rms)."
-    )
+    shaft = place.signal.replace("torque_", "")
+    return f"the {shaft} torque {where} depends on {follows} ({place.size * 1e3:.1f} mN m rms)."
 
 
-def _by_chance(diagnosis: Diagnosis) -> str:
+def by_chance(diagnosis: Diagnosis) -> str:
     """A word on decoys, where one would have passed."""
     decoys = diagnosis.decoys
     if decoys is None or decoys.passed <= 0.05 * decoys.count:
@@ -273,7 +285,8 @@ def _by_chance(diagnosis: Diagnosis) -> str:
     )
 
 
-def _held_out(diagnosis: Diagnosis) -> str:
+def held_out(diagnosis: Diagnosis) -> str:
+    """What the cause is worth on readings that took no part in the fit."""
     held = diagnosis.held_out
     if held is None or diagnosis.shape is not None:  # the short form has its own error
         return ""
