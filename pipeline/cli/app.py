@@ -12,10 +12,11 @@ import typer
 from pmg.pipeline.cli import config as cli_config
 from pmg.pipeline.cli import exchange, runs, studies
 from pmg.pipeline.cli import report as cli_report
-from pmg.pipeline.cli.frame import Progress, command
+from pmg.pipeline.cli.frame import command
 from pmg.pipeline.cli.group import AnswersInJson
 from pmg.pipeline.cli.options import ANALYSIS, RUN, CampaignOptions, Given, options_of
 from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.files.progress import Progress
 from pmg.pipeline.files.threads import keep_to_one_thread
 
 
@@ -62,7 +63,7 @@ def whole(
 
 @app.command()
 @command("ingest", options_of(CampaignOptions, "recordings store workers scheduler shard limits map config"))
-def ingest(given: Given, progress: Progress = None) -> Outcome:
+def ingest(given: Given, progress: Progress | None = None) -> Outcome:
     """Decode recordings into a store: torque and angle of each run, steady windows, remarks on the data."""
     from pmg.pipeline.commands.ingest import ingest_chosen
     from pmg.pipeline.settings.chosen import choose
@@ -89,17 +90,17 @@ def analyse(given: Given) -> Outcome:
 
 @app.command()
 @command("compare", options_of(CampaignOptions, "store report note model config"))
-def compare(given: Given) -> Outcome:
+def compare(given: Given, progress: Progress | None = None) -> Outcome:
     """Compare simulation and bench: where they differ, the cause of it, and the report."""
     from pmg.pipeline.commands.compare import compare_chosen
     from pmg.pipeline.settings.chosen import choose
 
-    return compare_chosen(choose(**given))
+    return compare_chosen(choose(**given), progress=progress)
 
 
 @app.command()
 @command("run", options_of(CampaignOptions, f"recordings {RUN} config"))
-def run(given: Given, progress: Progress = None) -> Outcome:
+def run(given: Given, progress: Progress | None = None) -> Outcome:
     """Run ingest, analyse and compare in one go; or analyse and compare published grids (--grids)."""
     from pmg.pipeline.commands.compare import run_all
     from pmg.pipeline.settings.chosen import choose

@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
-from pmg.pipeline.cli.frame import Progress, command
+from pmg.pipeline.cli.frame import command
 from pmg.pipeline.cli.options import RUN, CampaignOptions, ConfigOption, Given, SupplyOption, options_of
 from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.files.progress import Progress
 
 config = typer.Typer(
     help="The settings of a campaign: what holds, where it comes from, whether a file is sound.",
@@ -59,7 +60,7 @@ def doctor(
     ] = None,
     chart: SupplyOption = None,
     config: ConfigOption = None,
-    progress: Progress = None,
+    progress: Progress | None = None,
 ) -> Outcome:
     """Check recordings before a run: the chapters they allow, what is missing, and this machine."""
     from pmg.pipeline.commands.doctor import run_doctor

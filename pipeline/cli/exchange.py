@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
-from pmg.pipeline.cli.frame import Progress, command
+from pmg.pipeline.cli.frame import command
 from pmg.pipeline.cli.options import LimitsOption
 from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.files.progress import Progress
 
 
 @command("import")
@@ -20,7 +21,7 @@ def bring(
     words: Annotated[
         list[str] | None, typer.Option("--set", help="Key of the run, such as point=P17, instead of the map's; repeat.")
     ] = None,
-    progress: Progress = None,
+    progress: Progress | None = None,
 ) -> Outcome:
     """Convert recordings in CSV, TDMS or MF4 to MCAP of layout pmg.v1, by a channel map."""
     from pmg.pipeline.commands.exchange import run_import

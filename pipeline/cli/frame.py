@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from pmg.pipeline.commands.outcome import Outcome
+    from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.recording.remark import Remark
 
 SCHEMA = "pmg.result/1"
@@ -54,9 +55,6 @@ class _FailOn(StrEnum):
 
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 FailOnOption = Annotated[_FailOn, typer.Option("--fail-on", help="Exit with 1 on a mismatch, or on any finding.")]
-
-Progress = Callable[[int, int, str], None] | None
-"""What a stage tells how far it is: how many are done, of how many, and which."""
 
 
 def command(
@@ -90,7 +88,7 @@ def command(
             def run_stage() -> Outcome:
                 if not progress:
                     return stage(**values)
-                with _progress_line(as_json, "ingest" if name == "run" else name) as line:
+                with _progress_line(as_json, name) as line:
                     return stage(**values, progress=line)
 
             _carry_out(name, run_stage, as_json, fail_on, settings if audited else None)
@@ -276,7 +274,7 @@ def _exit_code(outcome: Outcome, fail_on: _FailOn) -> _ExitCode:
 
 
 @contextmanager
-def _progress_line(quiet: bool, what: str) -> Iterator[Callable[[int, int, str], None]]:
+def _progress_line(quiet: bool, what: str) -> Iterator[Progress]:
     """A progress line on standard error: rewritten on a terminal, one line a tenth elsewhere."""
     terminal = sys.stderr.isatty()
     shown = -1

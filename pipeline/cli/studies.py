@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
-from pmg.pipeline.cli.frame import Progress, command
+from pmg.pipeline.cli.frame import command
 from pmg.pipeline.cli.options import CampaignOption, Given, ModelOption, WithOption, options_of
 from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.files.progress import Progress
 
 
 @command("simulate")
@@ -145,7 +146,7 @@ class _ProveOptions:
 def prove(
     out: Annotated[Path, typer.Option("--out", help="Folder of seal, results, scores.json, report.html; resumed.")],
     given: Given,
-    progress: Progress = None,
+    progress: Progress | None = None,
 ) -> Outcome:
     """Test the diagnosis on concealed campaigns with sealed truths: rates of right and wrong causes, with aims."""
     from pmg.pipeline.trials.score.stage import TrialOptions, run_prove

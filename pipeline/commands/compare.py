@@ -36,6 +36,7 @@ from pmg.pipeline.commands.stored_analysis import analysed
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document
 from pmg.pipeline.diagnosis.grid.statement import phrase
 from pmg.pipeline.files.digest import sha256_of
+from pmg.pipeline.files.progress import Steps, named
 from pmg.pipeline.fit.budget import budget_of
 from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.missing_points import unreached_findings
@@ -49,11 +50,12 @@ from pmg.pipeline.store.store import Store
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
     from pmg.pipeline.commands.provenance import Clock
     from pmg.pipeline.commands.stored_analysis import StoredAnalysis
+    from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.fit.budget import Budget
     from pmg.pipeline.model.compared_campaign import ComparedCampaign
     from pmg.pipeline.point_signals.encoded import Encoded
@@ -61,6 +63,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.report.document import Report, Section
     from pmg.pipeline.settings.chosen import Chosen
     from pmg.pipeline.store.manifest import Manifest
+
+COMPARED = "simulation and diagnosis", "report"
+"""Steps of a comparison, as its progress names them."""
 
 
 def run_compare(
@@ -71,6 +76,7 @@ def run_compare(
     *,
     tolerances: Mapping[str, tuple[float, float]] | None = None,
     clock: Clock = now,
+    progress: Progress | None = None,
 ) -> Outcome:
     """Simulate the analysed campaign, compare, diagnose, and write the report.
 
@@ -88,14 +94,18 @@ def run_compare(
         Tolerances of the comparison that were set, by quantity: absolute [SI] and relative.
     clock : callable
         Time of day, for the provenance.
+    progress : Progress, optional
+        Receives each step as it begins.
     """
-    began = clock()
+    began, steps = clock(), Steps(progress, *COMPARED)
+    steps.begin(COMPARED[0])
     given = None if model is None else read_model(model)
     whole = analysed(store, *read_analysis(store), unproven_analysis(store))
     judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, np.random.default_rng(SEED), given)
     hashed = () if model is None else ((f"SHA-256 of {model.name}", sha256_of(model)),)
     grid = whole.analysis.grid
-    mixed, about_motion = diagnose_mixed(store, report, grid, judged, note, clock)
+    mixed, about_motion = diagnose_mixed(store, report, grid, judged, note, clock, progress)
+    steps.begin(COMPARED[1])
     page, remarks = campaign_page(
         whole, judged, note, tolerances, (*hashed, seeded(SEED), ("Command", _command_words(note, model)))
     )
@@ -108,15 +118,11 @@ def run_compare(
     lines = [f"report: {files[0]}"]
     if judged is not None:
         data |= {"statement": judged.statement} | made
-        lines.insert(0, f"{phrase(judged.diagnosis)}: {judged.statement}")
-        lines += [] if judged.carried is None else [remark(judged.carried)]
+        given_words = () if judged.carried is None else (remark(judged.carried),)
+        lines = [f"{phrase(judged.diagnosis)}: {judged.statement}", *lines, *given_words]
     if mixed is not None:
         data |= {"statement": mixed.document["statement"], "motion": mixed.outcome.data}
-        lines = [
-            f"{mixed.document['phrase']}: {mixed.document['statement']}",
-            *lines[judged is not None :],
-            *mixed.outcome.lines[1:],
-        ]
+        lines = [mixed.first_line, *lines[judged is not None :], *mixed.outcome.lines[1:]]
     diagnosed = judged is not None or mixed is not None
     if diagnosed:
         data["diagnosis"] = json.loads((report / DIAGNOSIS).read_bytes())
@@ -133,7 +139,7 @@ def run_compare(
     )
 
 
-def compare_chosen(chosen: Chosen, campaign: str | None = None) -> Outcome:
+def compare_chosen(chosen: Chosen, campaign: str | None = None, progress: Progress | None = None) -> Outcome:
     """Simulate, compare and report the analysed campaign that file and options name, or the runs in motion of one.
 
     Parameters
@@ -143,21 +149,17 @@ def compare_chosen(chosen: Chosen, campaign: str | None = None) -> Outcome:
     campaign : str, optional
         The one that was just ingested; where none is named, the one whose analysis the store holds.
     """
-    store = chosen.needed("store")
-    named = campaign or chosen.text("campaign") or analysed_campaign(store)
-    moving = campaign_in_motion(store, named) if chosen.path("grids") is None else None
+    store, note = chosen.needed("store"), chosen.text("note") or ""
+    asked = campaign or chosen.text("campaign") or analysed_campaign(store)
+    moving = campaign_in_motion(store, asked) if chosen.path("grids") is None else None
+    report = chosen.needed("report")
     if moving is not None:
-        return compare_motion(store, moving, chosen.needed("report"), chosen.text("note") or "")
-    return run_compare(
-        chosen.needed("store"),
-        chosen.needed("report"),
-        chosen.text("note") or "",
-        chosen.path("model"),
-        tolerances=chosen.tolerance,
-    )
+        return compare_motion(store, moving, report, note, progress)
+    model, tolerances = chosen.path("model"), chosen.tolerance
+    return run_compare(store, report, note, model, tolerances=tolerances, progress=progress)
 
 
-def run_all(chosen: Chosen, progress: Callable[[int, int, str], None] | None) -> Outcome:
+def run_all(chosen: Chosen, progress: Progress | None) -> Outcome:
     """Ingest, analyse and compare; with published grids, analyse and compare."""
     recordings, grids, campaign = chosen.path("recordings"), chosen.path("grids"), chosen.text("campaign")
     store, _, options = chosen.needed("store"), chosen.needed("report"), chosen.options()
@@ -166,11 +168,11 @@ def run_all(chosen: Chosen, progress: Callable[[int, int, str], None] | None) ->
         raise RecordingError("pmg run", came, "one of them", "Name a folder of recordings, or one of published grids.")
     parts: dict[str, Outcome] = {}
     if recordings is not None:
-        parts["ingest"] = ingest_chosen(chosen, progress)
+        parts["ingest"] = ingest_chosen(chosen, named(progress, "ingest"))
         ingested = parts["ingest"].data["campaigns"]
         campaign = campaign or (ingested[0] if len(ingested) == 1 else None)
     parts["analyse"] = run_analyse(store, options, grids=grids, campaign=campaign)
-    parts["compare"] = compare_chosen(chosen, campaign)
+    parts["compare"] = compare_chosen(chosen, campaign, named(progress, "compare"))
     return Outcome(
         data={name: part.data for name, part in parts.items()},
         lines=tuple(line for part in parts.values() for line in part.lines),

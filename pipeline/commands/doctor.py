@@ -19,10 +19,10 @@ from pmg.pipeline.wording.plurals import counted
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
 
     from pmg.pipeline.diagnosis.design.audit import Audit
+    from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.preflight.found import Survey
     from pmg.sim.bench import BenchParameters
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 def run_doctor(
     place: Path,
     store: Path | None,
-    progress: Callable[[int, int, str], None] | None = None,
+    progress: Progress | None = None,
     chart: Path | None = None,
 ) -> Outcome:
     """Abilities of recordings, or of a store.

@@ -14,9 +14,10 @@ from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import BenchError, PmgError, RecordingError, near_miss
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Iterable
     from pathlib import Path
 
+    from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.importers.import_recording import Imported
 
 
@@ -25,7 +26,7 @@ def run_import(
     chart: Path,
     out: Path,
     words: Iterable[str],
-    progress: Callable[[int, int, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Outcome:
     """Bring a file, or each file of a folder, into layout pmg.v1.
 

@@ -23,9 +23,10 @@ from pmg.pipeline.wording.plurals import counted
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
+    from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.grid.crosschecks.contradiction import CrossCheckRemark
     from pmg.pipeline.grid.missing_points import Unreached
     from pmg.pipeline.settings.chosen import Chosen
@@ -69,7 +70,7 @@ def run_ingest(
     recordings: Path,
     store: Path,
     options: IngestOptions = IngestOptions(),
-    progress: Callable[[int, int, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Outcome:
     """Decode recordings into a store.
 
@@ -134,9 +135,7 @@ def run_ingest(
     )
 
 
-def ingest_chosen(
-    chosen: Chosen, progress: Callable[[int, int, str], None] | None, shard: str | None = None
-) -> Outcome:
+def ingest_chosen(chosen: Chosen, progress: Progress | None, shard: str | None = None) -> Outcome:
     """Decode the recordings that file and options name into the store that they name."""
     options = IngestOptions(
         chosen.workers,

@@ -27,9 +27,10 @@ from pmg.pipeline.windows.windows import find_windows
 from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+    from collections.abc import Container, Iterable, Iterator, Sequence
     from pathlib import Path
 
+    from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.recording.read import Recording
     from pmg.pipeline.recording.supplied import Supplied
     from pmg.pipeline.store.sources import Shard, StoredSource
@@ -37,8 +38,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.windows.window import Window
 
 WORTH_A_PROCESS, WORTH_OF_A_FILE = 24 * 2**20, 2**17
-"""Bytes of recordings from which a second process pays for its start, and those that take as long as what a file takes
-whatever its size."""
+"""Bytes of recordings from which a second process pays for its start, and that take as long as a file of any size."""
 
 DONE, THERE = "done", "there"
 """Outcomes for a file: ingested, or ingested meanwhile by another process; `FAILED`: not usable."""
@@ -98,7 +98,7 @@ def ingest(
     shard: Shard | None = None,
     limits: Steadiness = LIMITS,
     supplied: Supplied = NOTHING,
-    progress: Callable[[int, int, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> IngestReport:
     """Decode recordings into the store; what is there already, with the same bytes and limits, is not done again.
 

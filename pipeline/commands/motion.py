@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.commands.provenance import Clock
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
+    from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.model.compared_campaign import ComparedCampaign
     from pmg.pipeline.report.action_sheet import ActionSheet
     from pmg.sim.grid import Grid
@@ -77,13 +78,15 @@ def analyse_motion(store: Path, campaign: str) -> Outcome:
     return Outcome({"analysis": None, "folder": None, "moving": len(runs)}, (line,))
 
 
-def compare_motion(store: Path, campaign: str, report: Path, note: str = "", *, clock: Clock = now) -> Outcome:
+def compare_motion(
+    store: Path, campaign: str, report: Path, note: str = "", progress: Progress | None = None, *, clock: Clock = now
+) -> Outcome:
     """Diagnose the runs in motion of a campaign, and write report, diagnosis and stills, as `pmg compare` does."""
-    return _diagnosed_motion(store, campaign, report, note, clock=clock)[1]
+    return _diagnosed_motion(store, campaign, report, note, progress, clock=clock)[1]
 
 
 def _diagnosed_motion(
-    store: Path, campaign: str, report: Path, note: str = "", *, clock: Clock = now
+    store: Path, campaign: str, report: Path, note: str = "", progress: Progress | None = None, *, clock: Clock = now
 ) -> tuple[MotionDiagnosis, Outcome]:
     """Diagnose the runs in motion of a campaign, and write report, diagnosis and stills.
 
@@ -97,6 +100,8 @@ def _diagnosed_motion(
         Folder of the report and diagnosis.json.
     note : str
         Told at the head of the report.
+    progress : Progress, optional
+        Receives each step as it begins.
     clock : callable
         Time of day, for the provenance.
     """
@@ -105,7 +110,7 @@ def _diagnosed_motion(
     judged = [run for run in judged_runs(choose_campaign(Store(store), campaign)[1]) if run.manoeuvre.moves]
     moving, aside = [run for run in runs if run.manoeuvre.moves], [run for run in judged if not run.record.sound]
     minutes = sum(len(run.torque.sun) / run.rate for run in moving) / MINUTE
-    diagnosis = diagnose_motion(campaign, runs, load_bench(), np.random.default_rng(SEED))
+    diagnosis = diagnose_motion(campaign, runs, load_bench(), np.random.default_rng(SEED), progress)
     document = motion_document(diagnosis)
     recordings = recordings_of(store, campaign)
     page = motion_report(
@@ -169,6 +174,11 @@ class MixedDiagnosis:
         return self.outcome.mismatch if self.joint is None else self.joint.found
 
     @property
+    def first_line(self) -> str:
+        """Verdict and statement, for the terminal."""
+        return f"{self.document['phrase']}: {self.document['statement']}"
+
+    @property
     def facts(self) -> dict[str, Any]:
         """What the summary of the report tells of it instead of what the steady points say alone."""
         leading = set() if self.joint is None or not self.joint.sets else set(self.joint.sets[0])
@@ -203,7 +213,13 @@ class MixedDiagnosis:
 
 
 def diagnose_mixed(
-    store: Path, report: Path, grid: Grid, judged: ComparedCampaign | None, note: str, clock: Clock
+    store: Path,
+    report: Path,
+    grid: Grid,
+    judged: ComparedCampaign | None,
+    note: str,
+    clock: Clock,
+    progress: Progress | None = None,
 ) -> tuple[MixedDiagnosis | None, tuple[Remark, ...]]:
     """The runs in motion of an analysed campaign diagnosed, with a report of their own; None where there is none.
 
@@ -221,6 +237,8 @@ def diagnose_mixed(
         Told at the head of the report on the runs in motion.
     clock : callable
         Time of day, for the provenance.
+    progress : Progress, optional
+        Receives each step as it begins.
 
     Returns
     -------
@@ -237,7 +255,7 @@ def diagnose_mixed(
         said = "runs in motion are not held against a given model; compare without --model to diagnose them"
         return None, (Remark("info", "runs in motion", said),)
     try:
-        moving, outcome = _diagnosed_motion(store, campaign, report / FOLDER, note, clock=clock)
+        moving, outcome = _diagnosed_motion(store, campaign, report / FOLDER, note, progress, clock=clock)
     except PmgError as error:
         return None, (Remark("warning", "runs in motion", f"not diagnosed: {error}"),)
     document = outcome.data["diagnosis"]

@@ -29,9 +29,10 @@ from pmg.sim.grid import Configuration
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
+    from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.recording.container.contents import Topic
     from pmg.pipeline.recording.events import SequenceStep
     from pmg.pipeline.recording.run_records import RunInfo
@@ -48,9 +49,7 @@ NEEDED = {
 """Channels without which a recording gives no point, each with the topics of which one will do."""
 
 
-def survey(
-    place: Path, progress: Callable[[int, int, str], None] | None = None, supplied: Supplied = NOTHING
-) -> Survey:
+def survey(place: Path, progress: Progress | None = None, supplied: Supplied = NOTHING) -> Survey:
     """Content of a folder or a store.
 
     Parameters

@@ -28,6 +28,15 @@ HEAVIER = 1.2
 """Part of the ring rotor's inertia that is concealed."""
 LARGEST_PAGE = 6e6
 
+STEPS_TOLD: list[str] = []
+"""Steps that were announced."""
+
+
+def note_step(done: int, total: int, name: str) -> None:
+    """Keep the name of a step; none is past the last."""
+    assert 0 <= done <= total
+    STEPS_TOLD.append(name)
+
 
 def few_runs(case: MotionCase) -> MotionCase:
     """The same bench with a heavier ring rotor and a few of its runs."""
@@ -49,7 +58,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[MotionCase, Outcome,
     (home / "in").mkdir()
     write_motion_case(case, home / "in", rng)
     report = home / "report"
-    return case, run_all(choose(None, recordings=home / "in", store=home / "store", report=report), None), report
+    return case, run_all(choose(None, recordings=home / "in", store=home / "store", report=report), note_step), report
 
 
 def document(report: Path) -> dict[str, Any]:
@@ -80,6 +89,14 @@ def test_the_cause_is_named_in_the_document(told: tuple[MotionCase, Outcome, Pat
     assert not outcome.partial
     assert {str(finding.severity) for finding in outcome.findings} == {"info"}  # they say that it is simulated
     assert f"{found['phrase']}: {found['statement']}" in outcome.lines
+
+
+def test_the_steps_of_a_diagnosis_are_announced_in_order(told: tuple[MotionCase, Outcome, Path]) -> None:
+    assert told[1].mismatch
+    compared = [name for name in STEPS_TOLD if name.startswith("compare: ")]
+    assert compared[0] == "compare: constants of the bench"
+    assert compared[-1] == "compare: proof on runs not used"
+    assert STEPS_TOLD.index(compared[0]) == sum(name.startswith("ingest: ") for name in STEPS_TOLD)
 
 
 def test_the_page_and_its_stills_are_whole(told: tuple[MotionCase, Outcome, Path]) -> None:

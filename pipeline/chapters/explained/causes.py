@@ -1,4 +1,4 @@
-"""The cause: the mechanisms, what else would show them, the residual before and after, the ranking."""
+"""The cause: the mechanisms, what else would show them, the ranking."""
 
 from __future__ import annotations
 

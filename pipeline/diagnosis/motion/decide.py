@@ -22,6 +22,7 @@ from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 from pmg.pipeline.diagnosis.motion.library import library
 from pmg.pipeline.diagnosis.motion.unseen import unseen
 from pmg.pipeline.diagnosis.motion.withheld import by_kind, by_run
+from pmg.pipeline.files.progress import Steps
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.noise import RowNoise
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.unseen import Unseen
+    from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
@@ -41,6 +43,15 @@ if TYPE_CHECKING:
 WEAK, WEAK_OF_SHEET = 60.0, 25.0
 """Gains below which an effect of another kind may pass for the leading one: of any, and of a constant that is so many
 times its variance off its data sheet."""
+
+STEPS = (
+    "constants of the bench",
+    "search for a difference",
+    "causes",
+    "constants beside the first cause",
+    "proof on runs not used",
+)
+"""Steps of a diagnosis, as its progress names them."""
 
 SMALL_REST = 0.01
 """Part of the torque that a constant moves which it may leave over, and pass for the error of its form."""
@@ -114,7 +125,11 @@ class MotionDiagnosis(Conclusion[TermFit, TermProblem]):
 
 
 def diagnose_motion(
-    campaign: str, runs: tuple[MovingRun, ...], bench: BenchParameters, rng: np.random.Generator
+    campaign: str,
+    runs: tuple[MovingRun, ...],
+    bench: BenchParameters,
+    rng: np.random.Generator,
+    progress: Progress | None = None,
 ) -> MotionDiagnosis:
     """Test for a mismatch, search the library for what makes it, prove it on kinds of run that took no part.
 
@@ -128,14 +143,21 @@ def diagnose_motion(
         The bench, as its data sheet has it.
     rng : numpy.random.Generator
         Draws synthetic campaigns, resamples.
+    progress : Progress, optional
+        Receives each step as it begins.
     """
+    steps = Steps(progress, *STEPS)
+    steps.begin(STEPS[0])
     before, covariance, noise = fit_constants(runs, bench)
+    steps.begin(STEPS[1])
     found = motion_evidence(before, noise, library(), rng)
     mismatch, blind = _mismatch(found), unseen(found)
     silent = Verdict.CONFOUNDED if blind else Verdict.CONSISTENT
     conclusion, together = Conclusion[TermFit, TermProblem](verdict=silent), None
     if mismatch.found:
-        found, conclusion = _explained(found, before, noise, rng)
+        found, naming = _named(found, before, noise, rng, steps)
+        steps.begin(STEPS[4])
+        conclusion = conclude(found.problem, _MotionCatalogue(), naming, _proof(found, rng))
         if blind and conclusion.verdict is Verdict.NOT_IN_LIBRARY:  # what it cannot show may be a part of it
             conclusion = replace(conclusion, verdict=Verdict.CONFOUNDED)
         named = conclusion.naming.best.fits if conclusion.verdict.names and conclusion.naming is not None else ()
@@ -160,18 +182,19 @@ def diagnose_motion(
     )
 
 
-def _explained(
-    found: MotionEvidence, before: MotionBaseline, noise: list[RowNoise], rng: np.random.Generator
-) -> tuple[MotionEvidence, Conclusion[TermFit, TermProblem]]:
+def _named(
+    found: MotionEvidence, before: MotionBaseline, noise: list[RowNoise], rng: np.random.Generator, steps: Steps
+) -> tuple[MotionEvidence, TermNaming]:
     """What the library says of a mismatch, with the evidence about the constants beside what it names."""
+    steps.begin(STEPS[2])
     naming = name_candidates(found.problem, _MotionCatalogue(), adequacy_test(found.evidence))
     if naming.best.fits:
+        steps.begin(STEPS[3])
         about, _ = fit_beside(before, noise, naming.best.fits)
         found = motion_evidence(about, noise, library(), rng)
         naming = name_candidates(found.problem, _MotionCatalogue(), adequacy_test(found.evidence))
     naming = with_free_laws(naming, found.problem, _MotionCatalogue(), adequacy_test(found.evidence))
-    naming = _with_small_rest(with_look_alikes(naming, found.problem), found)
-    return found, conclude(found.problem, _MotionCatalogue(), naming, _proof(found, rng))
+    return found, _with_small_rest(with_look_alikes(naming, found.problem), found)
 
 
 def _with_small_rest(naming: TermNaming, found: MotionEvidence) -> TermNaming:

@@ -14,9 +14,10 @@ from pmg.pipeline.trials.score.case_list import TRACKS
 from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
+    from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.trials.score.case_list import AnyLot
 
 SCHEMA = "pmg.sealed/1"
@@ -28,9 +29,7 @@ def _truth_text(lot: AnyLot[Any]) -> str:
     return seal_truth(lot.draw().truth)[0]
 
 
-def truth_texts(
-    lots: tuple[AnyLot[Any], ...], workers: int = 1, progress: Callable[[int, int, str], None] | None = None
-) -> dict[int, str]:
+def truth_texts(lots: tuple[AnyLot[Any], ...], workers: int = 1, progress: Progress | None = None) -> dict[int, str]:
     """What each campaign conceals, by its number; `progress` receives how many are drawn, of how many, and which."""
     found: dict[int, str] = {}
     for lot, text in map_over(_truth_text, lots, workers):

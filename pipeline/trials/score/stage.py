@@ -36,10 +36,11 @@ from pmg.pipeline.trials.score.summary import Trial, case_row, score_lines, scor
 from pmg.sim.errors import BenchError, near_miss
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
     from importlib.resources.abc import Traversable
     from pathlib import Path
 
+    from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.trials.score.case_list import AnyLot
 
 NO_PART = ("chapters", "cli", "report", "score", "thesis_figures")
@@ -89,7 +90,7 @@ class TrialOptions:
     case: int | None = None
 
 
-def run_prove(out: Path, asked: TrialOptions, progress: Callable[[int, int, str], None] | None = None) -> Outcome:
+def run_prove(out: Path, asked: TrialOptions, progress: Progress | None = None) -> Outcome:
     """Seal concealed campaigns, diagnose them, open the truths, score, report.
 
     Parameters
