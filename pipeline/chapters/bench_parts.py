@@ -48,14 +48,15 @@ def bench_parts(
         Place of the difference, marked where there is no cause.
     """
     known = list(causes)
-    named = {component for component, _ in known}
-    named |= {_opposite(component) for component, shaft in known if shaft in ("both", "either")}
-    sure = sure and all(shaft != "either" for _, shaft in known)
+    certain = {component for component, shaft in known if sure and shaft != "either"}
+    certain |= {_opposite(component) for component, shaft in known if sure and shaft == "both"}
+    possible = {component for component, _ in known}
+    possible |= {_opposite(component) for component, shaft in known if shaft in ("both", "either")}
 
     def mark(component: Component) -> Literal["cause", "possible", "seen", ""]:
-        if component in named:
-            return "cause" if sure else "possible"
-        return "seen" if not named and component is place else ""
+        if component in possible:
+            return "cause" if component in certain else "possible"
+        return "seen" if not known and component is place else ""
 
     return tuple(MachinePart(name, group, mark(component)) for component, group, name in CHAIN)
 

@@ -277,11 +277,11 @@ def _exit_code(outcome: Outcome, fail_on: _FailOn) -> _ExitCode:
 def _progress_line(quiet: bool, what: str) -> Iterator[Progress]:
     """A progress line on standard error: rewritten on a terminal, one line a tenth elsewhere."""
     terminal = sys.stderr.isatty()
-    shown = -1
+    shown: tuple[int, ...] = ()
 
     def show(done: int, total: int, name: str) -> None:
         nonlocal shown
-        step = done if terminal else (10 * done) // max(total, 1)
+        step = (total, done if terminal else (10 * done) // max(total, 1))
         if step == shown or (quiet and not terminal):
             return
         shown = step
@@ -291,5 +291,5 @@ def _progress_line(quiet: bool, what: str) -> Iterator[Progress]:
     try:
         yield show
     finally:
-        if terminal and shown >= 0:
+        if terminal and shown:
             say("\r\x1b[K", end="")

@@ -110,7 +110,7 @@ def run_compare(
         whole, judged, note, tolerances, (*hashed, seeded(SEED), ("Command", _command_words(note, model)))
     )
     if mixed is None:
-        remove_motion_report(report)
+        remove_motion_report(report, grid.campaign)
     else:
         page = replace(page, verdict=mixed.headline(page.verdict), sheet=mixed.sheet(page.sheet))
     files, made = write_results(page, whole, judged, report, tolerances, given=model, mixed=mixed)

@@ -19,6 +19,7 @@ from pmg.pipeline.diagnosis.grid.document import diagnosis_document, mechanism_f
 from pmg.pipeline.diagnosis.joint import JointDiagnosis, join, joint_document, titles
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
+from pmg.pipeline.files.json_values import read_json
 from pmg.pipeline.grid.campaign import campaigns, choose_campaign
 from pmg.pipeline.motion.stored import judged_runs, moving_runs, only_in_motion
 from pmg.pipeline.preflight.motion import motion_summary
@@ -145,9 +146,14 @@ def _diagnosed_motion(
     return diagnosis, Outcome(data, lines, partial=bool(aside), mismatch=diagnosis.mismatch.found)
 
 
-def remove_motion_report(report: Path) -> None:
-    """Remove an earlier report on runs in motion from the folder of a campaign's report, where there is none anew."""
-    remove_report(report / FOLDER, (DIAGNOSIS, CRATE))
+def remove_motion_report(report: Path, campaign: str) -> None:
+    """Remove an earlier report on the runs in motion of a campaign from its folder, where there is none anew."""
+    try:
+        of = read_json(report / FOLDER / DIAGNOSIS).get("campaign")
+    except (OSError, ValueError, AttributeError):
+        return
+    if of == campaign:
+        remove_report(report / FOLDER, (DIAGNOSIS, CRATE))
 
 
 @dataclass(frozen=True)
@@ -204,12 +210,16 @@ class MixedDiagnosis:
         title = self.document["phrase"]
         if steady is None or self.joint is None:
             return None
-        answers = (
-            SheetAnswer("Verdict", (f"{title[0].upper()}{title[1:]}.",)),
-            SheetAnswer("Both kinds of evidence", (str(self.document["statement"]),)),
-            SheetAnswer("Runs in motion", (WHERE,)),
-        )
-        return replace(steady, answers=answers, parts=parts_of(self.document))
+        first = [SheetAnswer("Verdict", (f"{title[0].upper()}{title[1:]}.",))]
+        if self.joint.sets:
+            words, known = "Cause" if len(self.joint.sets) == 1 else "Possible causes", titles()
+            sets = (" together with ".join(known[each] for each in sorted(one)) for one in self.joint.sets)
+            first.append(SheetAnswer(words, tuple(f"{one}." for one in sets)))
+        first.append(SheetAnswer("Evidence", (str(self.document["statement"]),)))
+        tests = tuple(f"{test['description']} ({test['minutes']:.0f} min)." for test in self.document["next_tests"][:2])
+        next_tests = (SheetAnswer("Next test", tests),) if tests else ()
+        answers = (*first, *next_tests, SheetAnswer("Runs in motion", (WHERE,)))
+        return replace(steady, answers=answers, parts=parts_of(self.document), figure=None)
 
 
 def diagnose_mixed(

@@ -91,7 +91,7 @@ def remove_report(folder: Path, others: tuple[str, ...] = ()) -> None:
     """
     if not (folder / LISTING).exists():
         return
-    for name in sorted({*_listed(folder / LISTING), PAGE, *others, LISTING}):
+    for name in (*sorted({*_listed(folder / LISTING), PAGE, *others}), LISTING):
         (folder / name).unlink(missing_ok=True)
     for each in (folder / "figures", folder / "tables", folder):
         if each.is_dir() and not any(each.iterdir()):

@@ -21,7 +21,7 @@ from pmg.pipeline.chapters.measured.neutral import neutral_section
 from pmg.pipeline.commands.compare_and_diagnose import compare_and_diagnose, summary_facts
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.decide import JUDGE_DRAWS
-from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
+from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis, Rival
 from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.options import AnalysisOptions
@@ -253,3 +253,35 @@ def test_a_sheet_without_a_cause_says_so_and_never_what_it_costs(judged: Compare
     blind = replace(quiet, verdict=Verdict.CONFOUNDED, blind=("sun",))
     assert "in the order of the sun speed" in answers_of(blind, residual)["What differs"]
     assert "random order" in answers_of(blind, residual)["Do"]
+
+
+def test_an_ambiguous_sheet_marks_every_possible_part_and_speaks_of_no_sure_cause(judged: ComparedCampaign) -> None:
+    diagnosis = judged.diagnosis
+    assert diagnosis.naming is not None
+    other = next(fit for fit in diagnosis.naming.ranking if fit.candidate.shaft == "sun" and fit.admissible)
+    rival = Rival(replace(diagnosis.naming.best, fits=(other,)), None)
+    open_still = replace(diagnosis, verdict=Verdict.AMBIGUOUS, rivals=(rival,))
+    sheet = action_sheet(open_still, np.zeros(len(diagnosis.mismatch.readings.torque)))
+    marked = {part.group for part in sheet.parts if part.mark == "possible"}
+    assert {"sun", "ring"} <= marked
+    assert "cause" not in {part.mark for part in sheet.parts}
+    (possible,) = (each for each in sheet.answers if each.question == "Possible causes")
+    assert [sentence[:2] for sentence in possible.sentences] == ["1.", "2."]
+    assert sheet.figure is not None
+    (chart,) = sheet.figure.panels
+    assert isinstance(chart, Chart)
+    assert [series.name for series in chart.series][-1] == "with the first possible cause"
+
+
+def test_a_point_without_a_ring_torque_takes_no_efficiency_away(judged: ComparedCampaign) -> None:
+    """A neutral point may lack the ring's torque; what loaded points cost is told all the same."""
+    diagnosis = judged.diagnosis
+    assert diagnosis.refit is not None
+    readings = diagnosis.mismatch.readings
+    points = readings.grid.points
+    lacking = np.where(points.engaged, points.torque_ring, np.nan)
+    grid = replace(readings.grid, points=replace(points, torque_ring=lacking))
+    unsure = replace(diagnosis, mismatch=replace(diagnosis.mismatch, readings=replace(readings, grid=grid)))
+    residual = readings.torque - diagnosis.refit.prediction + 0.01 * readings.direction
+    said = answers_of(unsure, residual)["If ignored"]
+    assert ("points of efficiency" in said) is bool(points.engaged[readings.row].any())

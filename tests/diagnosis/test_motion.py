@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from pmg.pipeline.diagnosis.balance.fitting import fit_term
+from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermProblem, fit_term
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.free_form import DEGREE
 from pmg.pipeline.diagnosis.motion.baseline import start_baseline
@@ -329,3 +329,60 @@ def test_every_candidate_has_its_own_key_and_moves_rows_or_the_data_sheet() -> N
     terms = library()
     assert len({term.key for term in terms}) == len(terms)
     assert all(term.amplitudes and term.equation and term.source.citation for term in terms)
+
+
+def _engaged(seed: int) -> MovingRun:
+    """An engaged run in which the load swings; nothing of it needs to be true to a bench."""
+    rng = np.random.default_rng(seed)
+    run = _run(0, Manoeuvre.SWEEP, _ramp(90.0), rng)
+    t = np.arange(len(run.torque.sun)) / RATE
+    swing = 0.02 * np.sin(2.0 * np.pi * 2.3 * t)
+    torque = PerShaft(0.5 + 0.2 * np.sin(2.0 * np.pi * 3.0 * t), 1.2 + 0.5 * np.sin(2.0 * np.pi * 1.7 * t))
+    return replace(
+        run,
+        configuration=Configuration.ENGAGED,
+        torque=torque,
+        angle=PerShaft(run.angle.sun, -run.angle.sun / 2.6 + swing),
+        turns=PerShaft(True, True),
+    )
+
+
+def test_the_columns_are_the_slopes_of_what_is_predicted() -> None:
+    """Every column of a baseline against differences of its prediction, engaged and in neutral."""
+    runs = (_engaged(3), _campaign(4)[2])
+    sheet = sheet_of(load_bench(), 1, (runs[0].name,))
+    start = start_baseline(sheet, stretches_of(tuple(map(smooth, runs))))
+    values = start.values.copy()
+    other = {"slip_damping": 2e-3, "slip_damping_off_sun": 8e-4, "slip_damping_off_ring": -8e-4, "map_off_3": 2e-3}
+    for name, value in other.items() | {f"drag_{side}_1": 0.05 for side in ("sun", "ring")}.items():
+        values[sheet.at(name)] = value
+    baseline = replace(start, values=values)
+    for place in range(len(baseline.stretches)):
+        columns = baseline.columns(place)
+        for at, constant in enumerate(sheet.constants):
+            step = 1e-3 * constant.spread if np.isfinite(constant.spread) else 1e-4
+            ends = []
+            for sign in (1.0, -1.0):
+                moved = values.copy()
+                moved[at] += sign * step
+                ends.append(replace(start, values=moved).predicted(place))
+            slope = (ends[0] - ends[1]) / (2.0 * step)
+            assert np.linalg.norm(columns[:, at] - slope) <= 2e-3 * np.linalg.norm(slope) + 1e-12, constant.name
+
+
+def test_one_part_of_a_law_may_vanish_but_not_all() -> None:
+    """Drag of the pole angle by springs of one length is no less there for its other lengths being absent."""
+    term = next(each for each in library() if each.variant == "several stops")
+    rng = np.random.default_rng(1)
+    columns = rng.standard_normal((400, 3))
+    for sizes, there in (((0.02, 0.0, 0.01), True), ((0.0, 0.03, 0.0), True), ((0.0, 0.0, 0.0), False)):
+        y = columns @ np.array(sizes) - 1e-4 * columns.sum(axis=1)  # so that what is absent is held at its bound
+        problem = TermProblem(
+            np.zeros((400, 0)),
+            y,
+            lambda *_: columns,
+            {term.key: Tabled(term, np.array([0.01, 0.02, 0.04]), np.repeat(columns[:, None, :], 3, axis=1))},
+        )
+        fit = fit_term(problem, term, refine=False)
+        assert ([*fit.amplitudes] == pytest.approx(np.maximum(np.array(sizes) - 1e-4, 0.0), abs=2e-4)) is True
+        assert fit.admissible is there

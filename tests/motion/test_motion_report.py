@@ -108,8 +108,9 @@ def test_the_page_and_its_stills_are_whole(told: tuple[MotionCase, Outcome, Path
     assert len(page) < LARGEST_PAGE
     assert document(report)["phrase"] in page
     first = page[page.index('id="verdict"') : page.index('id="diagnosis"')]
-    for words in ("Cause named.", "rotor", "power", "By chance, fewer than 1 in ", ">Cause</strong>"):
+    for words in ("Cause named.", "rotor", "By chance, fewer than 1 in ", ">Cause</strong>"):
         assert words in first, words
+    assert "If ignored" not in first  # a mass takes no power
     rows = (report / "tables" / "constants.csv").read_text(encoding="utf-8")
     assert "inertia ring" in rows
 
@@ -139,9 +140,12 @@ def test_an_old_report_on_runs_in_motion_goes_and_what_is_not_ours_stays(
     old = tmp_path / "report" / "motion"
     shutil.copytree(told[2], old)
     (old / "notes.txt").write_text("mine", encoding="utf-8")
-    remove_motion_report(tmp_path / "report")
+    remove_motion_report(tmp_path / "report", "another campaign")
+    assert (old / "report.html").exists()
+    campaign = told[0].campaign
+    remove_motion_report(tmp_path / "report", campaign)
     assert [path.name for path in old.rglob("*")] == ["notes.txt"]
-    remove_motion_report(tmp_path / "report")
+    remove_motion_report(tmp_path / "report", campaign)
     assert (old / "notes.txt").exists()
 
 

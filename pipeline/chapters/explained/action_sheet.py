@@ -11,6 +11,7 @@ from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.diagnosis import component_of
 from pmg.pipeline.diagnosis.grid.statement import (
     advice,
+    beyond,
     by_chance,
     causes,
     drag_change,
@@ -18,6 +19,7 @@ from pmg.pipeline.diagnosis.grid.statement import (
     fitted,
     held_out,
     largest,
+    lifting,
     near,
     nearest,
     phrase,
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
+    from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.sim.signals import Array
 
@@ -50,13 +53,13 @@ def action_sheet(diagnosis: Diagnosis, residual: Array, before: str = "") -> Act
     residual : (m,) array
         Measured minus simulated at the readings of the test [N m].
     before : str
-        What a model that was given predicted; may be empty.
+        Which model was given, where one was, as a phrase that ends in a colon; may be empty.
     """
-    naming = diagnosis.naming if diagnosis.refit is not None else None
-    fits = () if naming is None else naming.best.fits
+    naming = diagnosis.naming
     named = tuple(
         (fit.candidate.kind.component_on(fit.candidate.shaft), naming.shafts.get(fit.identifier, fit.candidate.shaft))
-        for fit in fits
+        for each in _possible(diagnosis)
+        for fit in each.fits
         if naming is not None
     )
     places = diagnosis.mismatch.locations
@@ -66,26 +69,34 @@ def action_sheet(diagnosis: Diagnosis, residual: Array, before: str = "") -> Act
     return ActionSheet(tuple(_answers(diagnosis, residual, before)), parts, _picture(diagnosis, residual))
 
 
+def _possible(diagnosis: Diagnosis) -> tuple[GridExplanation, ...]:
+    """The sets of causes that a verdict leaves, the leading one first; none where it names none."""
+    if diagnosis.naming is None or not diagnosis.verdict.names:
+        return ()
+    return (diagnosis.naming.best, *(rival.explanation for rival in diagnosis.rivals))
+
+
 def _answers(diagnosis: Diagnosis, residual: Array, before: str) -> Iterator[SheetAnswer]:
     naming, verdict = diagnosis.naming, diagnosis.verdict
     title = phrase(diagnosis)
     yield SheetAnswer("Verdict", (f"{title[0].upper()}{title[1:]}.",), GROUNDS)
     if before:
-        yield SheetAnswer("Given model", (before.strip(),))
+        yield SheetAnswer("About", (f"What is left {before[0].lower()}{before[1:].rstrip(': ')}.",))
     yield SheetAnswer("What differs", tuple(_difference(diagnosis)), "locations" * bool(diagnosis.mismatch.locations))
     if naming is not None and verdict is Verdict.NAMED:
         cause = causes(diagnosis, naming.best)
         sizes = (fitted(diagnosis, i) for i in range(len(naming.best.fits)))
         yield SheetAnswer("Cause", (f"{cause[0].upper()}{cause[1:]}.", *sizes), "mechanisms")
     elif naming is not None and verdict is Verdict.AMBIGUOUS:
-        sets = [causes(diagnosis, each) for each in (naming.best, *(rival.explanation for rival in diagnosis.rivals))]
+        sets = [causes(diagnosis, each) for each in _possible(diagnosis)]
         listed = tuple(f"{i}. {each[0].upper()}{each[1:]}." for i, each in enumerate(sets, 1))
         unknown = ("Or one that the catalogue does not have.",) if diagnosis.weak else ()
         yield SheetAnswer("Possible causes", (*listed, *unknown), "rivals" * bool(diagnosis.rivals))
     elif verdict is Verdict.NOT_IN_LIBRARY:
         none = f"No mechanism of the catalogue explains it{nearest(diagnosis)}. We can show where, not why."
         yield SheetAnswer("Cause", (faint(diagnosis) or none, shape_sentence(diagnosis)))
-    yield SheetAnswer("How sure", tuple(_sureness(diagnosis)), GROUNDS)
+    if sure := tuple(_sureness(diagnosis)):
+        yield SheetAnswer("How sure", sure, GROUNDS)
     yield SheetAnswer("Do", tuple(_actions(diagnosis)), "next-tests" * bool(diagnosis.next_tests))
     if diagnosis.refit is not None:
         yield SheetAnswer("If ignored", tuple(_cost(diagnosis, residual)))
@@ -93,6 +104,7 @@ def _answers(diagnosis: Diagnosis, residual: Array, before: str) -> Iterator[She
 
 def _difference(diagnosis: Diagnosis) -> Iterator[str]:
     if diagnosis.verdict is Verdict.CONFOUNDED:
+        yield beyond(diagnosis.mismatch)
         shafts = " and ".join(diagnosis.blind)
         yield f"The points were run in the order of the {shafts} speed, and none was repeated."
         yield "A drift of any size would look like part of the loss curve."
@@ -103,7 +115,11 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
         fits = diagnosis.naming.best.fits
         for fit in fits:
             side, size = drag_change(diagnosis, fit)
-            why = "" if len(fits) == 1 else f" by {fit.candidate.kind.title[0].lower()}{fit.candidate.kind.title[1:]}"
+            why = (
+                ""
+                if len(fits) == 1
+                else f" because of {fit.candidate.kind.title[0].lower()}{fit.candidate.kind.title[1:]}"
+            )
             yield f"The {side} drag is off{why}: {size}"
     else:
         where = largest(diagnosis)
@@ -130,6 +146,8 @@ def _actions(diagnosis: Diagnosis) -> Iterator[str]:
     if diagnosis.verdict is Verdict.NAMED and naming is not None:
         words = advice(naming).removeprefix("Do: ")
         yield f"{words[0].upper()}{words[1:]}"
+    elif diagnosis.verdict is Verdict.CONFOUNDED:
+        yield lifting(diagnosis).removeprefix(" Do: ")
     elif tests:
         best = max(tests, key=lambda test: (test.power, -test.plan.seconds))
         first = best.plan.description
@@ -150,20 +168,26 @@ def _cost(diagnosis: Diagnosis, residual: Array) -> Iterator[str]:
     naming, found, readings = diagnosis.naming, diagnosis.refit, diagnosis.mismatch.readings
     assert naming is not None
     assert found is not None
-    fault = all(issubclass(fit.candidate.kind, Instrument) for fit in naming.best.fits)
-    effect = np.sum([fit.effect for fit in naming.best.fits], axis=0)
-    wrong = effect if fault else residual - (readings.torque - found.prediction)
-    loss = np.bincount(readings.row, wrong * readings.speed_own, len(readings.grid.points))
-    of = np.unique(readings.row[effect != 0.0])
-    what = "Losses from these readings are" if fault else "A model without it is"
-    rms, most = float(np.sqrt(np.mean(loss[of] ** 2))), float(np.abs(loss[of]).max())
-    yield f"{what} wrong by {rms:.2g} W rms, up to {most:.2g} W."
-    at = readings.grid.points
-    carried = np.abs(at.torque_ring * at.speed_ring)
-    loaded = of[at.engaged[of] & (carried[of] > LOADED * carried.max())]
-    if len(loaded):
-        points = 100.0 * np.abs(loss[loaded]) / carried[loaded]
-        yield f"At loaded points that is up to {points.max():.2g} points of efficiency."
+    at, moving = readings.grid.points, readings.configuration != "zero"
+    faults = [fit for fit in naming.best.fits if issubclass(fit.candidate.kind, Instrument)]
+    of_readings = np.sum([fit.effect for fit in faults], axis=0) if faults else np.zeros(len(residual))
+    parts = [("Losses from these readings are", of_readings)]
+    if len(faults) < len(naming.best.fits):
+        missing = residual - (readings.torque - found.prediction) - of_readings
+        parts.insert(0, ("A model without this is", missing))
+    for what, wrong in parts:
+        acting = moving & (np.sum([fit.effect for fit in naming.best.fits], axis=0) != 0.0) & (wrong != 0.0)
+        if not acting.any():
+            continue
+        loss = np.bincount(readings.row[acting], (wrong * readings.speed_own)[acting], len(at))
+        of = np.unique(readings.row[acting])
+        rms, most = float(np.sqrt(np.mean(loss[of] ** 2))), float(np.abs(loss[of]).max())
+        yield f"{what} wrong by {rms:.2g} W rms, up to {most:.2g} W."
+        carried = np.abs(at.torque_ring * at.speed_ring)[of]
+        loaded = at.engaged[of] & (carried > LOADED * np.max(carried, where=at.engaged[of], initial=0.0))
+        if loaded.any():
+            points = 100.0 * np.abs(loss[of][loaded]) / carried[loaded]
+            yield f"At loaded points that is up to {points.max():.2g} points of efficiency."
 
 
 LOADED = 0.2
@@ -187,9 +211,10 @@ def _picture(diagnosis: Diagnosis, residual: Array) -> Figure | None:
     u = float(np.median(readings.u[rows])) / RESIDUAL.scale
     ends = x[order][[0, -1]]
     series = [Series("repeatability, 95 %", ends, 0.0 * ends, np.array([u, u]), "band", 7)]
-    stages = [("plain model", residual, 1)]
+    stages = [("model", residual, 1)]
     if found is not None:
-        stages.append(("with the cause", readings.torque - found.prediction, 0))
+        sure = "with the cause" if diagnosis.verdict is Verdict.NAMED else "with the first possible cause"
+        stages.append((sure, readings.torque - found.prediction, 0))
     for name, part, colour in stages:
         series.append(Series(name, x[order], RESIDUAL.display(part[rows])[order], None, "markers", colour))
     sizes = ", ".join(f"{n} {np.sqrt(np.mean(p[rows] ** 2)) / RESIDUAL.scale:.2f} mN m rms" for n, p, _ in stages)

@@ -25,19 +25,30 @@ from pmg.pipeline.diagnosis.motion.statement import (
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.report.action_sheet import ActionSheet, SheetAnswer
 from pmg.pipeline.report.document import Chart, Figure, Series
+from pmg.pipeline.wording.plurals import counted
 from pmg.pipeline.wording.units import MILLI
-from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from typing import Any
 
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
+    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.traces import TorqueTrace
     from pmg.sim.signals import Array
 
 CONSTANTS = "constants"
 """Section that holds the fitted constants."""
+
+GEAR_LOSSES = (
+    "gear_hysteresis",
+    "load_dependent_iron_loss",
+    "eddy_skin_effect",
+    "engaged_dry_friction",
+    "residual_magnetic_coupling",
+)
+"""Mechanisms in the gear that take power."""
 
 SHOWN = 2.0
 """Time of a run that the picture shows [s]."""
@@ -94,18 +105,16 @@ def _answers(
         yield SheetAnswer("Do", (f"{words[0].upper()}{words[1:]}",), "next-tests" if next_runs(diagnosis) else "")
     else:
         yield SheetAnswer("Do", ("Nothing on the bench. The fitted constants are ready for a model.",), CONSTANTS)
-    if named:
-        yield SheetAnswer(
-            "If ignored", _cost(effects, traces, reading=all(term_of(fit).of_transducer for fit in named))
-        )
+    if costs := tuple(_costs(named, effects, traces)):
+        yield SheetAnswer("If ignored", costs)
 
 
 def _difference(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> Iterator[str]:
     """What is not as the model has it: by how much a cause changes a torque, or where most of the difference is."""
     noise, where = row_noise_of(diagnosis), largest_place(diagnosis)
     if not diagnosis.mismatch.found:
-        names = len({stretch.run.run.name for stretch in diagnosis.before.stretches})
-        yield f"Nothing beyond the noise: the model predicts the torque of all {names} runs."
+        runs = counted(len({stretch.run.run.name for stretch in diagnosis.before.stretches}), "run")
+        yield f"Nothing beyond the noise: the model predicts the torque of {runs}."
     elif not effects:
         yield f"{where[0].upper()}{where[1:]}" if where else "Model and recordings differ, at no clear place."
     for fit, effect in zip(named_fits(diagnosis), effects, strict=True):
@@ -132,25 +141,41 @@ def _sureness(diagnosis: MotionDiagnosis) -> tuple[str, ...]:
     return tuple(sentence for sentence in (proof_sentence(diagnosis), chance) if sentence)
 
 
-def _cost(effects: tuple[tuple[Array, ...], ...], traces: tuple[TorqueTrace, ...], *, reading: bool) -> tuple[str, ...]:
-    """Power by which a model without the cause, or the reading with it, is wrong, and its part of that carried."""
-    wrong: dict[str, list[Array]] = {}
-    carried: list[Array] = []
-    for place, trace in enumerate(traces):
-        speed = trace.stretch.of_rows(trace.state.speed)
-        effect = np.asarray(sum(of_fit[place] for of_fit in effects))
-        if effect.any():
-            wrong.setdefault(trace.stretch.side, []).append(effect * speed)
-            if trace.stretch.coupled:
-                carried.append(trace.stretch.torque * speed)
-    joined = {side: np.concatenate(wrong[side]) for side in SIDES if side in wrong}
-    rms, peak, side = max((float(np.sqrt(np.mean(p**2))), float(np.abs(p).max()), s) for s, p in joined.items())
-    what = "Power from these readings" if reading else "The power that a model without it predicts"
-    words = f"{what} is wrong by {rms:.2g} W rms, up to {peak:.2g} W, on the {side} shaft"
-    if not carried:
-        return (f"{words}.",)
-    share = rms / float(np.sqrt(np.mean(np.concatenate(carried) ** 2)))
-    return (f"{words}; that is {share:.1%} of the power in loaded runs.",)
+def _costs(
+    named: tuple[TermFit, ...], effects: tuple[tuple[Array, ...], ...], traces: tuple[TorqueTrace, ...]
+) -> Iterator[str]:
+    """Power by which a model without the losses that are named is wrong, and readings with a fault of theirs."""
+    kinds = {"The power that a model without it predicts": False, "Power from these readings": True}
+    for what, reading in kinds.items():
+        own = [
+            of_fit
+            for fit, of_fit in zip(named, effects, strict=True)
+            if term_of(fit).of_transducer is reading and (reading or _loses(term_of(fit)))
+        ]
+        wrong: dict[str, list[tuple[Array, Array]]] = {}
+        for place, trace in enumerate(traces):
+            effect = np.asarray(sum((of_fit[place] for of_fit in own), np.zeros(len(trace.stretch))))
+            if effect.any() and not trace.stretch.at_rest:
+                speed = trace.stretch.of_rows(trace.state.speed)
+                carried = trace.stretch.torque * speed * float(trace.stretch.coupled)
+                wrong.setdefault(trace.stretch.side, []).append((effect * speed, carried))
+        joined = {side: tuple(map(np.concatenate, zip(*parts, strict=True))) for side, parts in wrong.items()}
+        if not joined:
+            continue
+        side = max(joined, key=lambda side: float(np.mean(joined[side][0] ** 2)))
+        power, carried = joined[side]
+        rms, peak = float(np.sqrt(np.mean(power**2))), float(np.abs(power).max())
+        yield f"{what} is wrong by {rms:.2g} W rms, up to {peak:.2g} W, on the {side} shaft."
+        loaded = carried != 0.0
+        if loaded.any():
+            share = np.sqrt(np.mean(power[loaded] ** 2) / np.mean(carried[loaded] ** 2))
+            yield f"In loaded runs that is {share:.1%} of the power carried."
+
+
+def _loses(term: MotionTerm) -> bool:
+    """Whether a mechanism takes power from a shaft: a drag, not a mass, a spring or a wave of the turn."""
+    drags = not term.constants and ("bearing" in term.component)
+    return drags or term.identifier in GEAR_LOSSES
 
 
 def _picture(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ...]) -> Figure | None:
@@ -169,7 +194,8 @@ def _picture(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ...]) -> Fig
             found, (float(clear[first + width] - clear[first]), trace, float(trace.time[first])), key=itemgetter(0)
         )
     _, trace, began = found
-    what = "before and after the cause was put in" if named else "with the fitted constants"
+    cause = "the cause" if diagnosis.verdict is Verdict.NAMED else "the first possible cause"
+    what = f"before and after {cause} was put in" if named else "with the fitted constants"
     of = trace.stretch.run.run
     side = trace.stretch.side
     return Figure(

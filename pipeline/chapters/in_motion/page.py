@@ -99,7 +99,7 @@ def _diagnosis(diagnosis: MotionDiagnosis, document: dict[str, Any]) -> Section:
             ),
             ("Withheld", held["split"]),
         ]
-    items: list[Text | Facts | Table | Figure] = [Facts(tuple(facts))]
+    items: list[Text | Facts | Table | Figure] = [Text(document["statement"]), Facts(tuple(facts))]
     tables = (_mechanisms(document), _locations(document), _rivals(document), _next_tests(document))
     items += [table for table in tables if table.rows]
     return Section("diagnosis", "Diagnosis", tuple(items), (sources.WESTFALL_YOUNG,))

@@ -190,7 +190,9 @@ def fit_term(problem: TermProblem, term: Term[Any], *, refine: bool = True) -> T
         return TermFit(term, 0.0, shape_cost, np.zeros(len(seen)), (), np.zeros(len(term.amplitudes)), shape)
     _, amplitudes = bounded_sizes(seen, problem.left, bounds)
     margin = 1e-9 * np.ptp(bounds, axis=0)
-    at = (amplitudes - bounds[0] < margin) | (bounds[1] - amplitudes < margin)
+    low = amplitudes - bounds[0] < margin
+    low &= low.all() or not term.of_parts
+    at = low | (bounds[1] - amplitudes < margin)
     on_bound = [q.name for q, hit in zip(term.amplitudes, at, strict=True) if hit]
     if term.shape is not None and not 1.001 * term.shape.bounds[0] < shape < 0.999 * term.shape.bounds[1]:
         on_bound.append(term.shape.name)

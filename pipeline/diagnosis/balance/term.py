@@ -103,6 +103,8 @@ class Term(Generic[M]):
         Whether the columns distort what the rest of the model gives (gain, delay).
     even_grid : bool
         Whether the shape is searched evenly in its inverse (a period) instead of in its logarithm.
+    of_parts : bool
+        Whether its amplitudes are parts of one law, of which some may vanish.
     """
 
     identifier: str
@@ -115,6 +117,7 @@ class Term(Generic[M]):
     separating_test: str = ""
     of_model: bool = False
     even_grid: bool = False
+    of_parts: bool = False
 
     @property
     def place(self) -> str:

@@ -61,9 +61,9 @@ def _without_outliers(diagnosis: Diagnosis) -> str:
     mismatch = diagnosis.mismatch
     if diagnosis.verdict is Verdict.CONFOUNDED:
         return (
-            f"{_beyond(mismatch)} This campaign cannot tell. The points were run in the order of the "
+            f"{beyond(mismatch)} This campaign cannot tell. The points were run in the order of the "
             f"{' and '.join(diagnosis.blind)} speed, and none was repeated. A drift of any size would look like part "
-            f"of the loss curve.{_lifting(diagnosis)}"
+            f"of the loss curve.{lifting(diagnosis)}"
         )
     if diagnosis.verdict is Verdict.CONSISTENT:
         return (
@@ -204,20 +204,20 @@ def _surest(values: Array, errors: Array, sizes: int) -> int:
     return int(np.argmin(np.where(np.isfinite(relative), relative, np.inf)))
 
 
-def _beyond(mismatch: CampaignMismatch) -> str:
+def beyond(mismatch: CampaignMismatch) -> str:
+    """Whether the readings follow the order of the test."""
     if mismatch.found:
         return f"The readings follow the order of the test (p ≤ {mismatch.p_value:.2g}). Drift may be the reason."
     return f"No difference found beyond repeatability (p = {mismatch.p_value:.3g})."
 
 
-def _lifting(diagnosis: Diagnosis) -> str:
+def lifting(diagnosis: Diagnosis) -> str:
+    """The test that a blind design lacks."""
     test = diagnosis.lifting
     if test is None:
         return " Do: repeat points spread over the grid, in random order."
-    return (
-        f" Do: {test.plan.description} ({test.plan.seconds / MINUTE:.0f} min). It shows a drift of {HIDDEN:g} times "
-        f"the repeatability with a probability of {test.power:.0%}."
-    )
+    power = f"It shows a drift of {HIDDEN:g} times the repeatability with a probability of {test.power:.0%}."
+    return f" Do: {test.plan.description} ({test.plan.seconds / MINUTE:.0f} min). {power}"
 
 
 def shape_sentence(diagnosis: Diagnosis) -> str:

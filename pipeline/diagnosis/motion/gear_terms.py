@@ -48,6 +48,7 @@ def hysteresis_terms() -> Iterator[MotionTerm]:
         shape=Quantity("angle", "rad", (0.005, 0.1)),
         source=sources.DAHL,
         variant="several stops",
+        of_parts=True,
         mixes=True,
         follows=(LawCovariate.LOAD,),
         component=Component.MAGNETIC_GEAR,

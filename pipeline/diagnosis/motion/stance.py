@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.motion.constants import MAP_WAVES, eccentricity_names, map_name, start_name
+from pmg.pipeline.diagnosis.motion.constants import MAP_WAVES, SLIP_PASSAGE, eccentricity_names, map_name, start_name
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
@@ -32,12 +32,14 @@ def torque_of_angle(
     return np.asarray(found)
 
 
-def _of_pole_angle(state: RotorState, sheet: DataSheet, values: Array) -> tuple[Array, float]:
+def _of_pole_angle(state: RotorState, sheet: DataSheet, values: Array) -> tuple[Array, Array]:
     """Torque on a rotor per change of the pole angle [N m/rad], (n,), and per change of its rate [N m s/rad]."""
-    poles = sheet.poles[state.stretch.side]
+    side = state.stretch.side
+    poles = sheet.poles[side]
     peaks = {1: "pull_out"} | {wave: map_name(wave) for wave in MAP_WAVES}
     turns = (wave * values[sheet.at(name)] * np.cos(wave * state.pole_angle) for wave, name in peaks.items())
-    return np.asarray(poles * sum(turns)), poles * float(values[sheet.at("slip_damping")])
+    off = float(values[sheet.at(f"slip_damping_off_{side}")]) / SLIP_PASSAGE / np.cosh(state.slip / SLIP_PASSAGE) ** 2
+    return np.asarray(poles * sum(turns)), poles * float(values[sheet.at("slip_damping")]) + off
 
 
 def stance_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[str, Array]:

@@ -59,9 +59,7 @@ REMEDIES = {
 IN_MILLI, TENTH = {" N m": " mN m", " s": " ms", " rad": " mrad"}, 0.1
 """Units of which small sizes are told in thousandths, and how small."""
 
-INTO_MODEL = (
-    "put the law and its fitted parameters, which stand below and in `diagnosis.json`, into your model of the drive"
-)
+INTO_MODEL = "put the law with its fitted parameters (see `diagnosis.json`) into the model of the drive"
 
 
 def phrase(diagnosis: MotionDiagnosis) -> str:
