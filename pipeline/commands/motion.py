@@ -16,6 +16,7 @@ from pmg.pipeline.commands.crate import recordings_of
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document, mechanism_fact
+from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
 from pmg.pipeline.diagnosis.joint import JointDiagnosis, join, joint_document, titles
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
@@ -213,7 +214,10 @@ class MixedDiagnosis:
         first = [SheetAnswer("Verdict", (f"{title[0].upper()}{title[1:]}.",))]
         if self.joint.sets:
             words, known = "Cause" if len(self.joint.sets) == 1 else "Possible causes", titles()
-            sets = (" together with ".join(known[each] for each in sorted(one)) for one in self.joint.sets)
+            sets = (
+                " together with ".join(f"{known[each]}{SHAFT_WORDS[shaft]}" for each, shaft in sorted(one.items()))
+                for one in self.joint.sets
+            )
             first.append(SheetAnswer(words, tuple(f"{one}." for one in sets)))
         first.append(SheetAnswer("Evidence", (str(self.document["statement"]),)))
         tests = tuple(f"{test['description']} ({test['minutes']:.0f} min)." for test in self.document["next_tests"][:2])

@@ -1,0 +1,64 @@
+"""The head of a page whose campaign holds steady points and runs in motion: what both kinds of evidence say."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pmg.pipeline.commands.motion import MixedDiagnosis
+from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.joint import JointDiagnosis
+from pmg.pipeline.report.action_sheet import ActionSheet, MachinePart, SheetAnswer
+from pmg.pipeline.report.document import Headline
+
+STEADY = ActionSheet((SheetAnswer("Verdict", ("No difference found.",)),), (MachinePart("motor", "sun"),))
+
+
+def mixed(verdict: Verdict, *sets: dict[str, str], tests: tuple[dict[str, Any], ...] = ()) -> MixedDiagnosis:
+    """A joint diagnosis that leaves some sets of causes."""
+    rows = [
+        {"id": name, "component": f"{shaft}_torque_transducer", "shaft": shaft}
+        for one in sets
+        for name, shaft in one.items()
+    ]
+    document = {
+        "verdict": str(verdict),
+        "phrase": "cause named" if verdict is Verdict.NAMED else "several causes fit",
+        "statement": "Both kinds differ.",
+        "mechanisms": rows,
+        "locations": [],
+        "next_tests": list(tests),
+    }
+    return MixedDiagnosis(JointDiagnosis(verdict, 0.01, sets, "both"), document, Outcome({"moving": 3}, ()))
+
+
+def answers(found: MixedDiagnosis) -> dict[str, tuple[str, ...]]:
+    """Answers of the sheet by question."""
+    sheet = found.sheet(STEADY)
+    assert sheet is not None
+    return {each.question: each.sentences for each in sheet.answers}
+
+
+def test_the_sheet_names_what_both_name_and_marks_its_part() -> None:
+    found = mixed(Verdict.NAMED, {"torque_gain_error": "ring"})
+    said = answers(found)
+    assert said["Verdict"] == ("Cause named.",)
+    assert said["Cause"] == ("Gain error of a torque transducer on the ring shaft.",)
+    assert said["Evidence"] == ("Both kinds differ.",)
+    assert "Next test" not in said
+    sheet = found.sheet(STEADY)
+    assert sheet is not None
+    assert [(part.group, part.name) for part in sheet.parts if part.mark == "cause"] == [("ring", "torque transducer")]
+
+
+def test_the_sheet_of_an_open_question_lists_the_sets_and_the_test() -> None:
+    test = {"description": "Reverse the power flow", "minutes": 12.0}
+    said = answers(mixed(Verdict.AMBIGUOUS, {"torque_gain_error": "sun"}, {"torque_gain_error": "ring"}, tests=(test,)))
+    assert len(said["Possible causes"]) == 2
+    assert said["Next test"] == ("Reverse the power flow (12 min).",)
+
+
+def test_points_that_could_not_be_diagnosed_leave_the_words_alone() -> None:
+    found = MixedDiagnosis(None, {"statement": "The runs differ.", "phrase": "cause named"}, Outcome({"moving": 1}, ()))
+    assert found.sheet(STEADY) is None
+    assert found.headline(Headline("No comparison.")).text.startswith("No comparison. Runs in motion: The runs differ.")
