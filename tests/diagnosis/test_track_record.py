@@ -7,7 +7,7 @@ import re
 import pytest
 from tests.house import ROOT
 
-from pmg.pipeline.diagnosis.grid.track_record import RECORD, TrackRecord
+from pmg.pipeline.diagnosis.grid.track_record import IN_MOTION, RECORD, TrackRecord
 
 
 def test_the_record_is_that_of_the_trial_on_its_page() -> None:
@@ -15,6 +15,14 @@ def test_the_record_is_that_of_the_trial_on_its_page() -> None:
     told = re.search(r"what is told holds the truth \| \**(\d+) of (\d+) ", page)
     assert told is not None
     held, of = (sum(getattr(record, name) for record in RECORD.values()) for name in ("held", "of"))
+    assert (held, of) == (int(told[1]), int(told[2]))
+
+
+def test_the_record_in_motion_is_that_of_its_trial() -> None:
+    page = (ROOT / "pipeline" / "trials" / "README.md").read_text(encoding="utf-8")
+    told = re.search(r"holds the truth in (\d+) of (\d+) campaigns in motion", page)
+    assert told is not None
+    held, of = (sum(getattr(record, name) for record in IN_MOTION.values()) for name in ("held", "of"))
     assert (held, of) == (int(told[1]), int(told[2]))
 
 

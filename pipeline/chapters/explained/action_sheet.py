@@ -133,7 +133,7 @@ def _sureness(diagnosis: Diagnosis) -> Iterator[str]:
     if proof := held_out(diagnosis):
         yield proof
     if (record := track_record(diagnosis)) is not None:
-        yield f"Such answers held the truth in {record.held} of {record.of} concealed synthetic campaigns."
+        yield record.sentence
     if not mismatch.found:
         yield f"{counted(mismatch.tested, 'kind')} of dependence tested."
         yield f"{mismatch.false_alarm_rate:.0%} of campaigns without a difference raise an alarm."

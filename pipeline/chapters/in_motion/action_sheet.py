@@ -11,6 +11,7 @@ from pmg.pipeline.chapters.bench_parts import GROUNDS, parts_of
 from pmg.pipeline.chapters.simulated.motion import TIME
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
+from pmg.pipeline.diagnosis.grid.track_record import IN_MOTION, track_record
 from pmg.pipeline.diagnosis.motion.next_runs import next_runs
 from pmg.pipeline.diagnosis.motion.statement import (
     advice,
@@ -138,7 +139,9 @@ def _sureness(diagnosis: MotionDiagnosis) -> tuple[str, ...]:
         alarms = f"{mismatch.false_alarm_rate:.0%} of sound campaigns would raise an alarm."
         return (f"{mismatch.tested} kinds of dependence were tested.", alarms)
     chance = f"By chance, fewer than 1 in {int(1.0 / mismatch.p_value)} sound campaigns differ as much."
-    return tuple(sentence for sentence in (proof_sentence(diagnosis), chance) if sentence)
+    record = track_record(diagnosis, IN_MOTION)
+    held = "" if record is None else record.sentence
+    return tuple(sentence for sentence in (proof_sentence(diagnosis), held, chance) if sentence)
 
 
 def _costs(
