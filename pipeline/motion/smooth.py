@@ -184,6 +184,15 @@ def row_weights(run: SmoothRun) -> tuple[Array, Array]:
     return low, derivative(derivative(low, run.run.rate), run.run.rate)
 
 
+def fine_response(rate: float, frequency: Array) -> Array:
+    """What the filter before the fine samples lets through of waves of some frequencies [Hz]; `rate` of the record."""
+    weights = _low_pass(FINE_BAND, FINE_HALF, rate)
+    tabled = np.linspace(0.0, 2.0 * FINE_BAND, 65)
+    at = (np.arange(len(weights)) - len(weights) // 2) / rate
+    passed = np.cos(REVOLUTION * tabled[:, None] * at) @ weights
+    return np.interp(frequency, tabled, passed, right=0.0)
+
+
 def derivative(values: Array, rate: float) -> Array:
     """Derivative in time of equidistant values (n,), by differences of the sixth order; of the second at either end."""
     found = np.gradient(values) * rate

@@ -47,6 +47,10 @@ class CandidateCatalogue(ABC, Generic[F, P]):
     form_error: ClassVar[float] = FORM_ERROR
     """Part of a candidate's gain that may be left over and pass for the error of its form."""
 
+    untold: ClassVar[float] = 0.0
+    """Part of a set's score by which another's may be less without being told from it: what an error in the form of
+    the baseline brings the one and not the other."""
+
     @abstractmethod
     def rank(self, problem: P, without: Collection[str] = ()) -> list[F]:
         """All candidates but some fitted, best score first."""

@@ -82,7 +82,7 @@ def coupling_terms(side: str) -> Iterator[MotionTerm]:
         amount("more", "rad/(N m)", 5e-3),
         _yielding(side, lambda torque, stiffens, _: torque / (1.0 + np.abs(torque / stiffens))),
         source=sources.BALANCE,
-        shape=Quantity("stiffens", "N m", (0.4, 6.0)),
+        shape=Quantity("stiffens", "N m", (0.1, 6.0)),
         mimicked_by=(f"compliance_{side}",),
         mixes=True,
         variant="progressive",

@@ -44,6 +44,10 @@ WEAK, WEAK_OF_SHEET = 60.0, 25.0
 """Gains below which an effect of another kind may pass for the leading one: of any, and of a constant that is so many
 times its variance off its data sheet."""
 
+UNTOLD = 0.02
+"""Part of a cause's evidence by which another's may be less without being told from it: drag, damping and wander are
+known to a form, and look-alikes as a gain and a crosstalk differ by as little."""
+
 STEPS = (
     "constants of the bench",
     "search for a difference",
@@ -80,6 +84,7 @@ class _MotionCatalogue(TermCatalogue):
     """The mechanisms that runs in motion may show."""
 
     tells_weak: ClassVar[bool] = True
+    untold: ClassVar[float] = UNTOLD
 
     def weak_below(self, leading: tuple[TermFit, ...]) -> float:
         """Gain below which an effect of another kind may pass: less where a constant is plainly off its data sheet."""

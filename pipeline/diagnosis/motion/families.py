@@ -9,6 +9,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.motion.constants import COGGING_ORDERS
 from pmg.pipeline.diagnosis.motion.view import waves_of
 from pmg.pipeline.motion.smooth import derivative
+from pmg.sim.shafts import other_side
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.view import RotorView
@@ -38,8 +39,8 @@ def structures(view: RotorView, spans: dict[str, float]) -> dict[str, Array]:
         "time in the campaign": np.stack(
             [wave for k in (1, 2, 3) for wave in (np.cos(np.pi * k * view.campaign_time / spans["campaign"]),)], 1
         ),
-        "poles of the gear": waves_of(view.shaft, COGGING_ORDERS),
-        "angle of the shaft": waves_of(view.shaft, (1, 2, 3, 4)),
+        "poles of the gear": waves_of(view, view.side, COGGING_ORDERS),
+        "angle of the shaft": waves_of(view, view.side, (1, 2, 3, 4)),
         "travel since reversal": np.stack([view.direction * np.exp(-_travel(view) / w) for w in (0.01, 0.1, 1.0)], 1),
     }
     if not view.coupled:
@@ -47,7 +48,7 @@ def structures(view: RotorView, spans: dict[str, float]) -> dict[str, Array]:
     else:
         slip = view.state.slip
         found["pole angle"] = _curve(view.state.pole_angle, 1.0)
-        found["angle of the other shaft"] = waves_of(view.other, (1, 2))
+        found["angle of the other shaft"] = waves_of(view, other_side(view.side), (1, 2))
         found["rate of the pole angle"] = np.tanh(slip)[:, None]
         found["load and speed"] = view.load[:, None] * _curve(view.speed, spans["speed"])
     return found

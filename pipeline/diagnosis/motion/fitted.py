@@ -9,12 +9,13 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, fit_baseline, start_baseline
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
-from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_noise_of
+from pmg.pipeline.diagnosis.motion.noise import OF_TIME, row_noise, slow_noise_of
 from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instruments
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.motion.smooth import smooth
 from pmg.sim.errors import FitError
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,12 +38,14 @@ HELD = 1e-3
 def fit_constants(runs: tuple[MovingRun, ...], bench: BenchParameters) -> tuple[MotionBaseline, Array, list[RowNoise]]:
     """The baseline of some runs, the covariance (k, k) of its constants, and the noise of each stretch.
 
-    Wander and ripple are what the residuals of a first fit show.
+    Wander and ripple are what the residuals of a first fit show, beside zeros that follow a smooth curve of time: what
+    moves over the campaign is no wander, and is not to be taken for one because constants took up a part of it.
     """
     start = _start(runs, bench)
     noise = [row_noise(start, place) for place in range(len(start.stretches))]
     rough, _ = fit_beside(start, noise, ())
-    slow_noise = slow_noise_of(rough, noise)
+    beside_trend, _ = fit_baseline(rough, _whitener(noise), _zeros_in_time)
+    slow_noise = slow_noise_of(beside_trend, noise)
     noise = [row_noise(rough, place, slow_noise) for place in range(len(start.stretches))]
     before, covariance = fit_beside(rough, noise, ())
     return before, covariance, noise
@@ -71,12 +74,10 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
         The mechanisms; their amplitudes are fitted anew.
     """
 
-    def white(place: int, columns: Array) -> Array:
-        return noise[place].white(columns)
-
     def extra(clean: MotionBaseline) -> list[Array]:
         return [np.hstack([_column(fit, view) for fit in fits]) for view in views_of(clean)]
 
+    white = _whitener(noise)
     found, covariance = _apart(start, fits), np.zeros((0, 0))
     if not start.instruments:
         found = _with_inertia_of_sheet(found, white)
@@ -90,6 +91,24 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
         amounts = np.split(found.amounts, np.cumsum([len(fit.amplitudes) for fit in fits])[:-1])
         found = with_instruments(found, _as_shown(found, fits, amounts), _Heard(fits, amounts))
     return found, covariance
+
+
+def _whitener(noise: list[RowNoise]) -> Callable[[int, Array], Array]:
+    def white(place: int, columns: Array) -> Array:
+        return noise[place].white(columns)
+
+    return white
+
+
+def _zeros_in_time(clean: MotionBaseline) -> list[Array]:
+    """Columns (n, k) of zeros of the transducers that follow a smooth curve of the time in the campaign."""
+
+    def columns(view: RotorView) -> Array:
+        time = 2.0 * view.campaign_time / view.history.length - 1.0
+        curve = np.polynomial.legendre.legvander(time, OF_TIME)[:, 1:]
+        return np.hstack([curve * (view.side == side) for side in SIDES])
+
+    return [columns(view) for view in views_of(clean)]
 
 
 def _with_inertia_of_sheet(start: MotionBaseline, white: Callable[[int, Array], Array]) -> MotionBaseline:

@@ -18,9 +18,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.view import RotorView
+    from pmg.sim.signals import Array
 
 STOPS = (2.5, 1.0, 0.4)
 """Angles at which the springs of a hysteresis give way, over the middle one."""
+
+STEADY_ANGLE = 0.004
+"""Least pole angle at which one may give way [rad]: counts of the encoders let the pole angle tremble by a milliradian
+or two, and a spring that gives way at that follows their noise."""
 
 
 def hysteresis_terms() -> Iterator[MotionTerm]:
@@ -31,7 +37,7 @@ def hysteresis_terms() -> Iterator[MotionTerm]:
         "p h z(phi)",
         amount("drag", "N m", 0.1),
         engaged(lambda v, over: stack(v.pairs * v.of_poles(over, lagging))),
-        shape=Quantity("angle", "rad", (0.002, 0.2)),
+        shape=Quantity("angle", "rad", (STEADY_ANGLE, 0.2)),
         source=sources.DAHL,
         mixes=True,
         follows=(LawCovariate.LOAD,),
@@ -45,7 +51,7 @@ def hysteresis_terms() -> Iterator[MotionTerm]:
         "p sum h_i z_i(phi), z_i at most 1",
         (*amount("soft", "N m", 0.1), *amount("drag", "N m", 0.1), *amount("stiff", "N m", 0.1)),
         engaged(lambda v, over: v.pairs * stack(*(v.of_poles(k * over, stopping) for k in STOPS))),
-        shape=Quantity("angle", "rad", (0.005, 0.1)),
+        shape=Quantity("angle", "rad", (STEADY_ANGLE / STOPS[-1], 0.1)),
         source=sources.DAHL,
         variant="several stops",
         of_parts=True,
@@ -105,6 +111,7 @@ def loss_terms() -> Iterator[MotionTerm]:
         engaged(lambda v, _: stack(*(np.abs(v.load) * v.speed * (1.0 if v.side == side else 0.0) for side in SIDES))),
         source=sources.BERTOTTI,
         follows=(LawCovariate.LOAD, LawCovariate.SPEED),
+        of_parts=True,
         component=Component.MAGNETIC_GEAR,
         shaft="both",
     )
@@ -123,6 +130,7 @@ def loss_terms() -> Iterator[MotionTerm]:
         source=sources.STOLL,
         mixes=True,
         follows=(LawCovariate.SPEED,),
+        of_parts=True,
         component=Component.MAGNETIC_GEAR,
         shaft="both",
     )
@@ -154,17 +162,22 @@ def loss_terms() -> Iterator[MotionTerm]:
 
 
 def cogging_terms() -> Iterator[MotionTerm]:
-    """Cogging by period."""
+    """Cogging by period: of the engaged gear, or of a rotor in whichever configuration."""
     for side in SIDES:
         for order in COGGING_ORDERS:
-            yield term(
-                "cogging",
-                "Cogging of the magnetic gear",
-                f"C sin({order} theta_{side} + phase)",
-                signed("cosine", "sine", unit="N m", most=0.5),
-                lambda v, _, side=side, order=order: (v.side == side) * waves_of(v.shaft, (order,)),  # type: ignore[misc]
-                follows=(LawCovariate.SPEED,),
-                component=Component.MAGNETIC_GEAR,
-                shaft="both",
-                variant=f"{side} {order}",
-            )
+
+            def waves(view: RotorView, _: float, side: str = side, order: int = order) -> Array:
+                return (view.side == side) * waves_of(view, side, (order,))
+
+            for law, where in ((waves, ""), (engaged(waves), " engaged")):
+                yield term(
+                    "cogging",
+                    f"Cogging of the magnetic gear{' where it is engaged' if where else ''}",
+                    f"C sin({order} theta_{side} + phase)",
+                    signed("cosine", "sine", unit="N m", most=0.5),
+                    law,
+                    follows=(LawCovariate.SPEED,),
+                    component=Component.MAGNETIC_GEAR,
+                    shaft="both",
+                    variant=f"{side} {order}{where}",
+                )

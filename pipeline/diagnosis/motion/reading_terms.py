@@ -34,6 +34,13 @@ def _later(view: RotorView, delay: float) -> Array:
     return view.shaft.torque - np.interp(time + delay, time, view.shaft.torque)
 
 
+def _unheld(view: RotorView, delay: float) -> Array:
+    """A torque less what it was before it was held, or averaged, over twice that time."""
+    time, shaft = view.state.stretch.run.time, view.shaft
+    sharper = shaft.torque - delay**2 / 6.0 * shaft.torque_curvature
+    return shaft.torque - np.interp(time + delay, time, sharper)
+
+
 def scale_terms(side: str) -> Iterator[MotionTerm]:
     """What a transducer shows in proportion to a torque, its own or the other's."""
     transducer = Component(f"{side}_torque_transducer")
@@ -106,6 +113,21 @@ def time_terms(side: str) -> Iterator[MotionTerm]:
         shape=Quantity("delay", "s", (1e-3, 0.05)),
         component=transducer,
         shaft=side,
+    )
+
+    yield term(
+        "channel_delay",
+        "Torque that is renewed, or averaged, only now and then: held over twice the delay",
+        "T(t) - (T - d2/6 d2T/dt2)(t + d)",
+        (Quantity("part", "1", (0.5, 1.5)),),
+        lambda v, delay: stack(_unheld(v, delay)),
+        hears=lambda rate, delay: (1.0 - np.exp(rate * delay) * (1.0 - (rate * delay) ** 2 / 6.0), 0.0),
+        mimicked_by=(f"skew_{side}",),
+        source=sources.BALANCE,
+        shape=Quantity("delay", "s", (1e-3, 0.05)),
+        component=transducer,
+        shaft=side,
+        variant="held",
     )
 
 

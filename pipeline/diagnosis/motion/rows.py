@@ -31,10 +31,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft
     from pmg.sim.signals import Array, Mask
 
-STANDSTILL, STANDING = 0.05, 0.05
-"""Speed [rad/s] below which a shaft stands, and time [s] from which on its rows are left out: what holds it is then as
-large as it needs to be. A reversal passes through it sooner."""
-
+STANDSTILL, STANDING = 0.2, 0.15
+"""Speed [rad/s] below which a shaft stands or creeps, and time [s] from which on its rows are left out: what holds it
+is then as large as it needs to be. A reversal passes through it sooner."""
 
 SLOPE_STEP = 0.05
 """Step of a speed [rad/s] over which the change of drag with it is taken."""

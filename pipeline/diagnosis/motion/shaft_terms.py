@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.term import Quantity
-from pmg.pipeline.diagnosis.motion.constants import SPEED_UNIT, dry_name, eccentricity_names, form_names, ripple_names
+from pmg.pipeline.diagnosis.motion.constants import (
+    SPEED_UNIT,
+    dry_name,
+    eccentricity_names,
+    form_names,
+    passage_names,
+    ripple_names,
+)
 from pmg.pipeline.diagnosis.motion.stance import eccentric
 from pmg.pipeline.diagnosis.motion.terms import amount, engaged, signed, stack, term
 from pmg.pipeline.diagnosis.motion.view import lagging
@@ -20,6 +27,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.sim.signals import Array
+
+
+AT_ONCE = 0.06
+"""Speed over which friction that changes sides at once does so [rad/s]: twice the noise of a speed."""
 
 
 def _eccentric(side: str) -> Callable[[RotorView, float], Array]:
@@ -72,6 +83,22 @@ def bearing_terms(side: str) -> Iterator[MotionTerm]:
         mimicked_by=form_names(side),
         mixes=True,
         follows=(LawCovariate.SPEED,),
+        component=bearings,
+        shaft=side,
+    )
+
+    yield term(
+        "stribeck_mixed_lubrication",
+        "Mixed lubrication at low speed, up to standstill",
+        "M exp(-(w/ws)2) sign(w)",
+        amount("extra", "N m", 1.0),
+        lambda v, speed: stack(np.tanh(v.speed / AT_ONCE) * np.exp(-((v.speed / speed) ** 2))),
+        source=sources.ARMSTRONG,
+        shape=Quantity("speed", "rad/s", (0.7, 20.0)),
+        mimicked_by=(*form_names(side), *passage_names(side)),
+        mixes=True,
+        follows=(LawCovariate.SPEED,),
+        variant="to standstill",
         component=bearings,
         shaft=side,
     )
@@ -135,6 +162,21 @@ def rubbing_terms(side: str) -> Iterator[MotionTerm]:
         shaft=side,
     )
 
+    yield term(
+        "engaged_dry_friction",
+        "Dry friction in the engaged gear that passes through standstill over some speed",
+        "M tanh(w/w0)",
+        amount("friction", "N m", 1.0),
+        engaged(lambda v, passage: stack(np.tanh(v.speed / passage))),
+        source=sources.BALANCE,
+        shape=Quantity("passage", "rad/s", (AT_ONCE, 3.0)),
+        mimicked_by=(dry_name(side),),
+        follows=(LawCovariate.SPEED, LawCovariate.LOAD),
+        variant="passing",
+        component=Component.MAGNETIC_GEAR,
+        shaft=side,
+    )
+
 
 def wave_terms(side: str) -> Iterator[MotionTerm]:
     """What comes back with every turn of a shaft."""
@@ -166,11 +208,24 @@ def wave_terms(side: str) -> Iterator[MotionTerm]:
     yield term(
         "coupling_misalignment",
         "Misaligned coupling",
+        "C sin(2 theta + theta0)",
+        signed("cosine", "sine", unit="N m", most=1.0),
+        lambda v, _: stack(np.cos(2.0 * v.shaft.angle), np.sin(2.0 * v.shaft.angle)),
+        source=sources.BALANCE,
+        constants=ripple_names(side, 2),
+        component=Component(f"{side}_coupling"),
+        shaft=side,
+    )
+
+    yield term(
+        "coupling_misalignment",
+        "Misaligned coupling whose joints bend twice a turn",
         "C sin(2 theta + theta0) + D sin(4 theta + theta1)",
         signed("cosine", "sine", "fourth_cosine", "fourth_sine", unit="N m", most=1.0),
         lambda v, _: stack(*(wave(order * v.shaft.angle) for order in (2.0, 4.0) for wave in (np.cos, np.sin))),
         source=sources.BALANCE,
         mimicked_by=ripple_names(side, 2),
+        variant="bent",
         component=Component(f"{side}_coupling"),
         shaft=side,
     )

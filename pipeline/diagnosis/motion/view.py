@@ -10,7 +10,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pmg.pipeline.diagnosis.motion.constants import DRAG_POWERS, SKEW, drag_names
+from pmg.pipeline.motion.smooth import fine_response
 from pmg.sim.shafts import SIDES, other_side
+from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -212,9 +214,12 @@ class RotorView:
         return self.history.warmth(self.side, settles)[self.state.stretch.run.run.name]
 
 
-def waves_of(shaft: SmoothShaft, orders: tuple[int, ...]) -> Array:
-    """Waves of a turn (n, 2 k)."""
-    return np.stack([wave(order * shaft.angle) for order in orders for wave in (np.cos, np.sin)], 1)
+def waves_of(view: RotorView, side: str, orders: tuple[int, ...]) -> Array:
+    """Waves of a turn of a shaft (n, 2 k), as far as the fine samples hold them at its speed."""
+    shaft, rate = view.shaft_of(side), view.state.stretch.run.run.rate
+    turns = np.abs(shaft.speed) / REVOLUTION
+    held = [fine_response(rate, order * turns) for order in orders]
+    return np.stack([h * w(k * shaft.angle) for h, k in zip(held, orders, strict=True) for w in (np.cos, np.sin)], 1)
 
 
 def views_of(baseline: MotionBaseline) -> list[RotorView]:
