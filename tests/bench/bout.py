@@ -3,83 +3,92 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.withheld import FOLDS
-from pmg.pipeline.diagnosis.grid.candidates import grid_problem
-from pmg.pipeline.diagnosis.grid.withheld import deal
-from pmg.pipeline.fit.analysis import analyse
-from pmg.pipeline.fit.options import AnalysisOptions
-from pmg.pipeline.fit.whitening import whitener
-from pmg.pipeline.grid.readings import take_readings
-from pmg.pipeline.trials.nature import measure_case
-from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnosis.grid.candidates import GridProblem
-    from pmg.pipeline.trials.score.case_list import Lot
     from pmg.sim.signals import Array, Mask
 
+B = TypeVar("B", bound="AnyBout", contravariant=True)
+GENERIC, PHYSICAL, BESIDE = "functions of the covariates", "physical terms", "physical terms, baseline projected out"
+"""Kinds of library that a regression may choose from."""
 TOUCHED = 0.1
 """Part of the root mean square of an effect from which a reading counts as touched, as in `pmg prove`."""
 
 
 @dataclass(frozen=True)
-class Bout:
-    """A measured campaign about its calibrated baseline.
+class Library:
+    """Columns to choose from.
 
     Parameters
     ----------
-    stage : GridProblem
-        Readings, baseline, noise: what the diagnosis works on too.
-    fold : (m,) array of int
-        Fold of each reading: the blocks of the diagnosis's own withheld proof.
+    theta : (m, k) array
+        The columns in units of the noise, each of unit root mean square.
+    owners : tuple of (id, shaft) or None
+        The mechanism of each; None where it stands for none.
+    beside : bool
+        Whether the baseline stays free beside them; else it is frozen.
     """
 
-    stage: GridProblem
+    theta: Array
+    owners: tuple[tuple[str, str] | None, ...]
+    beside: bool = False
+
+    def columns(self, bout: AnyBout, train: Mask) -> Array:
+        """The columns; where the baseline is projected out, as the training rows determine that."""
+        return bout.beside(self.theta, train) if self.beside else self.theta
+
+
+def of_unit_size(theta: Array, owners: list[Any]) -> tuple[Array, tuple[Any, ...]]:
+    """Columns of unit root mean square with their owners, without those that are zero."""
+    size = np.sqrt(np.mean(theta**2, axis=0))
+    kept = size > 0.0
+    return theta[:, kept] / size[kept], tuple(owner for owner, keep in zip(owners, kept, strict=True) if keep)
+
+
+class AnyBout(ABC):
+    """A measured campaign about its baseline: m rows, the baseline's columns, the noise.
+
+    Parameters
+    ----------
+    fold : (m,) array of int
+        Fold of each row: the blocks of the diagnosis's own withheld proof; `FOLDS` for a row that is never withheld.
+    scale : (m,) array
+        Noise of each row.
+    residual : (m,) array
+        Residual of the frozen baseline, in units of the noise.
+    free : (m, k) array
+        Columns of the baseline, in units of the noise.
+    """
+
     fold: npt.NDArray[np.int64]
+    scale: Array
+    residual: Array
+    free: Array
 
-    @cached_property
-    def scale(self) -> Array:
-        """Noise of each reading [N m]."""
-        return np.asarray(self.stage.white.scale)
-
-    @cached_property
-    def residual(self) -> Array:
-        """Residual of the frozen baseline, in units of the noise."""
-        return np.asarray((self.stage.readings.torque - self.stage.predicted) / self.scale)
+    @abstractmethod
+    def library(self, kind: str) -> Library:
+        """Columns of a kind, for a regression that chooses from them."""
 
     def beside(self, values: Array, train: Mask) -> Array:
         """Values (m,) or (m, k) [noise] less what the baseline takes up of them on the training rows."""
-        columns = self.stage.columns / self.scale[:, None]
-        length = np.linalg.norm(columns[train], axis=0)
+        length = np.linalg.norm(self.free[train], axis=0)
         length[length == 0.0] = 1.0
-        solution = np.linalg.lstsq(columns[train] / length, values[train], rcond=1e-8)[0]
-        return np.asarray(values - (columns / length) @ solution)
+        solution = np.linalg.lstsq(self.free[train] / length, values[train], rcond=1e-8)[0]
+        return np.asarray(values - (self.free / length) @ solution)
 
     def residual_without(self, train: Mask) -> Array:
         """Residual of the baseline that the training rows alone determine, at every reading, in units of the noise."""
         return self.beside(self.residual, train)
-
-    @cached_property
-    def covariates(self) -> Array:
-        """Speed of sun and ring [rad/s], ring torque asked for [N m], time since the first point [s]: (m, 4)."""
-        row, at = self.stage.readings.row, self.stage.readings.grid.points
-        time = at.started_at - at.started_at.min()
-        return np.stack([at.speed_sun[row], at.speed_ring[row], at.load_set[row], time[row]], axis=1)
-
-    @property
-    def shafts(self) -> tuple[tuple[str, Mask], ...]:
-        """Readings of each transducer."""
-        return ("sun", self.stage.readings.sun), ("ring", ~self.stage.readings.sun)
 
     def held_out(self, effect: Array, predict: Callable[[Mask], Array]) -> float | None:
         """Error on withheld readings over the noise, where the effect acts; None without an effect.
@@ -161,23 +170,12 @@ class Answer:
         return Reply(True, said.said, said.held_out)
 
 
-class Contestant(Protocol):
+class Contestant(Protocol[B]):
     """One that answers."""
 
     @property
     def name(self) -> str:
         """As in the table, and in the files that keep its answers."""
 
-    def __call__(self, bout: Bout, *, withheld: bool) -> Answer:
+    def __call__(self, bout: B, *, withheld: bool) -> Answer:
         """What it says of a campaign; errors on withheld readings only when asked for."""
-
-
-def enter(lot: Lot) -> Bout | None:
-    """A campaign measured as `pmg prove` measures it; None where no baseline can be fitted."""
-    bench = load_bench()
-    analysis = analyse(measure_case(lot.draw(), lot.rng("measure")), AnalysisOptions(), bench)
-    if analysis.calibration is None or analysis.fits is None or analysis.floor is None:
-        return None
-    readings = take_readings(analysis.grid, bench)
-    stage = grid_problem(readings, bench, analysis.calibration.model, whitener(readings, bench, analysis.floor))
-    return Bout(stage, deal(readings, FOLDS)[1])

@@ -19,13 +19,14 @@ from pmg.pipeline.diagnosis.grid.catalogue import MECHANISMS
 from pmg.pipeline.diagnosis.grid.fitting import fit_candidate
 from pmg.pipeline.diagnosis.grid.withheld import withheld_readings
 from pmg.sim.errors import FitError
-from tests.bench.bout import Answer, Reply
+from tests.bench.bout import BESIDE, GENERIC, PHYSICAL, Answer, Reply
 from tests.bench.peers import installed
-from tests.bench.sparse import BESIDE, GENERIC, PHYSICAL, SparseRegression
+from tests.bench.sparse import SparseRegression
 
 if TYPE_CHECKING:
     from pmg.sim.signals import Array, Mask
-    from tests.bench.bout import Bout, Contestant
+    from tests.bench.bout import Contestant
+    from tests.bench.steady_bout import Bout
 
 USUAL_MARGIN = 10.0
 """Difference of BIC that counts as very strong evidence (Kass and Raftery 1995)."""
@@ -122,9 +123,9 @@ class BestOfCatalogue:
         return Answer(level, {"BIC": Reply(level > 0.0, said, held)}, ((level, reply),), seconds, {})
 
 
-def contestants() -> tuple[Contestant, ...]:
+def contestants() -> tuple[Contestant[Bout], ...]:
     """All whose packages are there."""
-    found: list[Contestant] = []
+    found: list[Contestant[Bout]] = []
     if installed("pysindy"):
         found += [
             SparseRegression(lib, optimizer) for lib in (GENERIC, PHYSICAL, BESIDE) for optimizer in ("STLSQ", "SR3")

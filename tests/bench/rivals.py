@@ -1,8 +1,10 @@
 """`./pmgw bench rivals`: PySINDy, a Gaussian process and the best BIC of the catalogue on the campaigns of `pmg prove`.
 
-Every contestant gets the measured grid about pmg's own baseline: readings, noise, speeds, loads, run times. Which
-campaigns, and how they are scored, is what `pmg prove` does; the thresholds of the calibrated settings come from
-further clean campaigns of another seed. A run that is interrupted is resumed by the same call.
+Every contestant gets the measured grid about pmg's own baseline: readings, noise, speeds, loads, run times; with
+`--track motion` the balances of the rotors about the fitted constants of the bench, and a ladder of best BIC, PySINDy's
+sparse regression of them, and a latent force by itself answer. Which campaigns, and how they are scored, is what
+`pmg prove` does; the thresholds of the calibrated settings come from further clean campaigns of another seed. A run
+that is interrupted is resumed by the same call.
 """
 
 from __future__ import annotations
@@ -12,31 +14,42 @@ import hashlib
 import json
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.trials.laws import CHOICES, USUAL
-from pmg.pipeline.trials.score.case_list import CAMPAIGNS, SEED, draw_lots
+from pmg.pipeline.trials.score.case_list import CAMPAIGNS, SEED, TRACKS, MotionLot, draw_lots, draw_motion_lots
 from pmg.pipeline.trials.score.stage import _code_digest
 from pmg.sim.errors import BenchError, PmgError
-from tests.bench.bout import Answer, Reply, enter
+from tests.bench.bout import Answer, Reply
 from tests.bench.contestants import contestants
+from tests.bench.motion_bout import enter_in_motion
+from tests.bench.motion_contestants import contestants_in_motion
 from tests.bench.peers import installed
 from tests.bench.rivalscore import proof_row, rows_of, table
+from tests.bench.steady_bout import enter
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable
 
-    from pmg.pipeline.trials.score.case_list import Lot
-    from tests.bench.bout import Contestant
+    from pmg.pipeline.trials.score.case_list import AnyLot
+    from tests.bench.bout import AnyBout, Contestant
 
 SCHEMA = "pmg.rivals/1"
 CALIBRATION = 40
 """Clean campaigns that calibrate, unless set otherwise."""
 PACKAGES = ("pysindy", "sklearn")
-SOURCES = ("bout.py", "contestants.py", "sparse.py")
+SOURCES = (
+    "bout.py",
+    "contestants.py",
+    "motion_bout.py",
+    "motion_contestants.py",
+    "sparse.py",
+    "steady_bout.py",
+)
 """Beside pmg itself, what an answer depends on."""
 
 
@@ -44,7 +57,7 @@ SOURCES = ("bout.py", "contestants.py", "sparse.py")
 class Entry:
     """A campaign on the list: to be judged, or to calibrate."""
 
-    lot: Lot
+    lot: AnyLot[Any]
     part: str
 
     @property
@@ -53,11 +66,42 @@ class Entry:
         return f"{self.part}-{self.lot.number:04d}.json"
 
 
-def chosen(campaigns: int, seed: int, clean: int | None, concealed: int | None, laws: str = USUAL) -> tuple[Lot, ...]:
+Rivals = Sequence["Contestant[Any]"]
+"""Who answers."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """A kind of trial.
+
+    Parameters
+    ----------
+    draw : callable
+        The campaigns of such a trial.
+    enter : callable
+        A campaign as its contestants see it; None where no baseline can be fitted.
+    """
+
+    draw: Callable[..., tuple[AnyLot[Any], ...]]
+    enter: Callable[[Any], AnyBout | None]
+
+
+OF_TRACK = {"steady": Track(draw_lots, enter), "motion": Track(draw_motion_lots, enter_in_motion)}
+"""What each of `TRACKS` is drawn and entered by."""
+
+
+def track_of(lot: AnyLot[Any]) -> Track:
+    """The kind of trial that a campaign is of."""
+    return OF_TRACK["motion" if isinstance(lot, MotionLot) else "steady"]
+
+
+def chosen(
+    campaigns: int, seed: int, clean: int | None, concealed: int | None, laws: str = USUAL, track: str = TRACKS[0]
+) -> tuple[AnyLot[Any], ...]:
     """The campaigns of that trial, or the first so many of either sort."""
     left = {True: campaigns if clean is None else clean, False: campaigns if concealed is None else concealed}
     found = []
-    for lot in draw_lots(campaigns, seed, laws=laws):
+    for lot in OF_TRACK[track].draw(campaigns, seed, laws=laws):
         sort = lot.stratum.kind == "clean"
         if left[sort] > 0:
             left[sort] -= 1
@@ -92,7 +136,7 @@ def _reply(document: dict[str, Any]) -> Reply:
     return Reply(document["alarm"], None if said is None else (said[0], said[1]), document["held_out"])
 
 
-def answers_of(entry: Entry, asked: Sequence[Contestant], out: Path, stamp: dict[str, Any]) -> dict[str, Any]:
+def answers_of(entry: Entry, asked: Rivals, out: Path, stamp: dict[str, Any]) -> dict[str, Any]:
     """Answers to one campaign by the contestants' names, from the file that keeps them or made now."""
     path, wanted = out / "cases" / entry.file, {"schema": SCHEMA, **stamp}
     if path.exists():
@@ -103,7 +147,7 @@ def answers_of(entry: Entry, asked: Sequence[Contestant], out: Path, stamp: dict
         known = isinstance(there, dict) and all(there.get(name) == value for name, value in wanted.items())
         if known and all(contestant.name in there["answers"] for contestant in asked):
             return {name: decode(answer) for name, answer in there["answers"].items()}
-    bout = enter(entry.lot)
+    bout = track_of(entry.lot).enter(entry.lot)
     withheld = entry.part == "trial" and entry.lot.stratum.kind != "clean"
     made = {c.name: None if bout is None else c(bout, withheld=withheld) for c in asked}
     document = {**wanted, "answers": {name: encode(answer) for name, answer in made.items()}}
@@ -112,9 +156,9 @@ def answers_of(entry: Entry, asked: Sequence[Contestant], out: Path, stamp: dict
 
 
 def run(
-    lots: tuple[Lot, ...],
-    calibration: tuple[Lot, ...],
-    asked: Sequence[Contestant],
+    lots: tuple[AnyLot[Any], ...],
+    calibration: tuple[AnyLot[Any], ...],
+    asked: Rivals,
     out: Path,
     ours: dict[str, Any] | None = None,
 ) -> str:
@@ -122,9 +166,9 @@ def run(
 
     Parameters
     ----------
-    lots : tuple of Lot
+    lots : tuple of AnyLot
         Campaigns that are judged.
-    calibration : tuple of Lot
+    calibration : tuple of AnyLot
         Clean campaigns that only calibrate.
     asked : sequence of Contestant
         Who answers.
@@ -161,7 +205,7 @@ def run(
     return text
 
 
-def read_proof(path: Path, lots: tuple[Lot, ...]) -> dict[str, Any]:
+def read_proof(path: Path, lots: tuple[AnyLot[Any], ...]) -> dict[str, Any]:
     """The scores of pmg on the same campaigns.
 
     Raises
@@ -190,6 +234,7 @@ def main() -> None:
     parser.add_argument("--campaigns", type=int, default=CAMPAIGNS, help="of the trial, as for pmg prove")
     parser.add_argument("--seed", type=int, default=SEED, help="of the trial, as for pmg prove")
     parser.add_argument("--laws", choices=CHOICES, default=USUAL, help="of the trial, as for pmg prove")
+    parser.add_argument("--track", choices=TRACKS, default=TRACKS[0], help="of the trial, as for pmg prove")
     parser.add_argument("--clean", type=int, help="only the first so many clean ones of them")
     parser.add_argument("--concealed", type=int, help="only the first so many others")
     parser.add_argument("--calibration", type=int, default=CALIBRATION, help="further clean campaigns that calibrate")
@@ -197,15 +242,16 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder of the answers and the table")
     asked = parser.parse_args()
     try:
-        lots = chosen(asked.campaigns, asked.seed, asked.clean, asked.concealed, asked.laws)
+        lots = chosen(asked.campaigns, asked.seed, asked.clean, asked.concealed, asked.laws, asked.track)
         if not lots or asked.calibration < 0:
             raise BenchError("--campaigns", str(asked.campaigns), "1 or more", "Give a number of campaigns.")
         ours = None if asked.ours is None else read_proof(asked.ours, lots)
         for package in PACKAGES:
             if not installed(package):
                 sys.stderr.write(f"{package} is not installed, and not asked; see tests/bench/peers.txt\n")
-        calibration = draw_lots(asked.calibration, asked.seed + 1, ("clean",))
-        sys.stdout.write(run(lots, calibration, contestants(), asked.out, ours))
+        calibration = OF_TRACK[asked.track].draw(asked.calibration, asked.seed + 1, ("clean",))
+        who: Rivals = contestants() if asked.track == TRACKS[0] else contestants_in_motion()
+        sys.stdout.write(run(lots, calibration, who, asked.out, ours))
     except PmgError as error:
         sys.stderr.write(f"{error}\n")
         raise SystemExit(1) from None

@@ -7,99 +7,28 @@ import time
 import warnings
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.withheld import FOLDS
-from pmg.pipeline.diagnosis.grid.candidates import candidates
-from pmg.pipeline.diagnosis.grid.fitting import _signature
 from tests.bench.bout import TOUCHED, Answer, Reply
 
 if TYPE_CHECKING:
-    from pmg.sim.signals import Array, Mask
-    from tests.bench.bout import Bout
+    from pmg.sim.signals import Array
+    from tests.bench.bout import AnyBout, Library
 
 LEVELS = np.geomspace(0.015, 4.0, 30)
 """Thresholds of the sparse regressions: root mean square of a term's contribution [noise]."""
-DEGREE, FREQUENCIES = 2, 2
-"""Of PySINDy's polynomial and Fourier libraries."""
 RELAX = 1.0
 """SR3's coupling of its sparse to its full coefficients (PySINDy's default)."""
 MOST_STEPS = 300
 """Iterations of SR3."""
-GENERIC, PHYSICAL, BESIDE = "polynomials and Fourier", "physical terms", "physical terms, baseline projected out"
-ABSORBED = 1e-2
-"""Part of a column that the baseline must leave where it is projected out."""
-
-
-@dataclass(frozen=True)
-class Library:
-    """Columns to choose from.
-
-    Parameters
-    ----------
-    theta : (m, k) array
-        The columns in units of the noise, each of unit root mean square.
-    owners : tuple of (id, shaft) or None
-        The mechanism of each; None where it stands for none.
-    beside : bool
-        Whether the baseline stays free beside them; else it is frozen.
-    """
-
-    theta: Array
-    owners: tuple[tuple[str, str] | None, ...]
-    beside: bool = False
-
-    def columns(self, bout: Bout, train: Mask) -> Array:
-        """The columns; where the baseline is projected out, as the training rows determine that."""
-        return bout.beside(self.theta, train) if self.beside else self.theta
-
-
-def generic_library(bout: Bout) -> Library:
-    """PySINDy's polynomials and Fourier terms of the four covariates, for each transducer."""
-    import pysindy  # type: ignore[import-not-found, unused-ignore]
-
-    low, high = bout.covariates.min(axis=0), bout.covariates.max(axis=0)
-    span = np.where(high > low, high - low, 1.0)
-    scaled = math.pi * (2.0 * (bout.covariates - low) / span - 1.0)
-    library = pysindy.PolynomialLibrary(degree=DEGREE) + pysindy.FourierLibrary(n_frequencies=FREQUENCIES)
-    whole = np.asarray(library.fit_transform(scaled))
-    theta = np.hstack([whole * rows[:, None] for _, rows in bout.shafts])
-    return Library(*_unit(theta, [None] * theta.shape[1]))
-
-
-def physical_library(bout: Bout, *, beside: bool = False) -> Library:
-    """What each mechanism of the catalogue does to each reading, at the typical value of its shape.
-
-    `beside` gives the regression what pmg's diagnosis works with: columns, and residual, less all that the baseline
-    can take up.
-    """
-    columns, owners = [], []
-    for candidate in candidates():
-        if candidate.shaft == "both" and candidate.kind.both_at_once:
-            continue
-        shape = np.array([parameter.typical for parameter in candidate.parameters[len(candidate.sizes) :]])
-        found = _signature(bout.stage, candidate, shape)
-        columns.append(found / bout.scale[:, None])
-        owners += [(candidate.identifier, candidate.shaft)] * found.shape[1]
-    theta, names = _unit(np.hstack(columns), owners)
-    if beside:
-        left = np.sqrt(np.mean(bout.beside(theta, np.ones(len(theta), dtype=bool)) ** 2, axis=0))
-        kept = left > ABSORBED
-        theta, names = theta[:, kept] / left[kept], tuple(name for name, keep in zip(names, kept, strict=True) if keep)
-    return Library(theta, names, beside)
-
-
-def _unit(theta: Array, owners: list[Any]) -> tuple[Array, tuple[Any, ...]]:
-    size = np.sqrt(np.mean(theta**2, axis=0))
-    kept = size > 0.0
-    return theta[:, kept] / size[kept], tuple(owner for owner, keep in zip(owners, kept, strict=True) if keep)
 
 
 def sparse_coefficients(optimizer: str, theta: Array, y: Array, level: float) -> Array:
     """Coefficients by PySINDy's STLSQ or SR3 with that threshold."""
-    import pysindy
+    import pysindy  # type: ignore[import-not-found, unused-ignore]
 
     root = math.sqrt(len(y))  # columns of unit length, as normalize_columns makes them
     if optimizer == "STLSQ":
@@ -127,12 +56,10 @@ class SparseRegression:
         """As in the table."""
         return f"PySINDy {self.optimizer}, {self.library}"
 
-    def __call__(self, bout: Bout, *, withheld: bool) -> Answer:
+    def __call__(self, bout: AnyBout, *, withheld: bool) -> Answer:
         """Terms at every threshold; the threshold by the least error of four folds, or by one standard error."""
         began = time.perf_counter()
-        library = (
-            generic_library(bout) if self.library == GENERIC else physical_library(bout, beside=self.library == BESIDE)
-        )
+        library = bout.library(self.library)
         every = np.ones(len(bout.fold), dtype=bool)
         theta, y = library.columns(bout, every), bout.residual_without(every) if library.beside else bout.residual
         all_of_it = np.stack([sparse_coefficients(self.optimizer, theta, y, float(level)) for level in LEVELS])
@@ -166,14 +93,14 @@ class SparseRegression:
             remarks={"columns": library.theta.shape[1], "threshold": float(LEVELS[best])},
         )
 
-    def _errors(self, bout: Bout, library: Library, without: tuple[int, ...]) -> Array:
+    def _errors(self, bout: AnyBout, library: Library, without: tuple[int, ...]) -> Array:
         """Residual less correction at every reading (levels, m), folds left out of baseline and regression."""
         train = ~np.isin(bout.fold, without)
         theta, y = library.columns(bout, train), bout.residual_without(train)
         found = [sparse_coefficients(self.optimizer, theta[train], y[train], float(level)) for level in LEVELS]
         return np.asarray(y - np.stack(found) @ theta.T)
 
-    def _nested(self, bout: Bout, library: Library, errors: dict[tuple[int, ...], Array]) -> tuple[Array, Array]:
+    def _nested(self, bout: AnyBout, library: Library, errors: dict[tuple[int, ...], Array]) -> tuple[Array, Array]:
         """Errors on withheld folds, the threshold of each chosen among the others, by either rule."""
         pairs = {pair: self._errors(bout, library, pair) for pair in combinations(range(FOLDS), 2)}
         found = np.zeros((2, len(bout.fold)))

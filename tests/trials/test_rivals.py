@@ -12,10 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.bench import contestants
-from tests.bench.bout import Answer, Bout, Reply, enter
+from tests.bench.bout import Answer, Reply
 from tests.bench.contestants import BestOfCatalogue
 from tests.bench.rivals import chosen, read_proof, run
 from tests.bench.rivalscore import CALIBRATED, Row, calibrated_threshold, cell, proof_row, rows_of, score, table
+from tests.bench.steady_bout import Bout, enter
 from tests.trials.strata_by_name import find_stratum
 
 from pmg.pipeline.trials.score.case_list import SEED, Lot, draw_lots

@@ -1,0 +1,157 @@
+"""Laws of runs in motion on signals written down here: waves that samples cannot hold, held torques, drifting zeros."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.diagnosis.test_motion import RATE, _campaign, _dither, _run, _with_torque
+
+from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
+from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermProblem
+from pmg.pipeline.diagnosis.engine.adequacy import Remainder
+from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, probabilities
+from pmg.pipeline.diagnosis.engine.naming import name_candidates
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.motion import fitted
+from pmg.pipeline.diagnosis.motion.noise import SlowNoise, slow_noise_of
+from pmg.pipeline.diagnosis.motion.reading_terms import _unheld
+from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
+from pmg.pipeline.diagnosis.motion.terms import signed, stack, term
+from pmg.pipeline.diagnosis.motion.view import RotorView, waves_of
+from pmg.pipeline.motion.run import MovingRun
+from pmg.pipeline.motion.smooth import FINE_RATE, fine_response, smooth
+from pmg.pipeline.recording.run_records import Manoeuvre
+from pmg.sim.bench import load_bench
+from pmg.sim.mechanisms.base import Component
+
+
+def _showing(run: MovingRun, torque: np.ndarray) -> MovingRun:
+    """The same run with another torque of the sun."""
+    return _with_torque(run, torque - run.torque.sun)
+
+
+@given(st.floats(1.0, 150.0), st.floats(0.0, 6.0))
+@settings(max_examples=25)
+def test_the_filter_before_the_fine_samples_lets_through_what_is_said(frequency: float, phase: float) -> None:
+    t = np.arange(4000) / RATE
+    run = _run(1, Manoeuvre.DITHER, _dither(60.0, 4.0), np.random.default_rng(1))
+    shown = _showing(run, torque=np.sin(2.0 * np.pi * frequency * t + phase))
+    seen = smooth(shown).shafts.sun.torque
+    wave = np.sin(2.0 * np.pi * frequency * smooth(shown).time + phase)
+    assert np.abs(seen - fine_response(RATE, np.array([frequency])) * wave).max() < 0.01
+
+
+def test_a_wave_that_is_too_fast_for_the_samples_is_none() -> None:
+    """At 30 turns a second ten periods a turn are 300 Hz, which samples at 250 Hz would show as 50 Hz."""
+    turned = 2.0 * np.pi * 30.0 * np.arange(500) / FINE_RATE
+    for speed, largest in ((2.0 * np.pi * 30.0, 0.0), (2.0 * np.pi * 3.0, 1.0)):
+        shaft = SimpleNamespace(speed=np.full(500, speed), angle=turned * speed / (2.0 * np.pi * 30.0))
+        run = SimpleNamespace(run=SimpleNamespace(rate=RATE))
+        view = SimpleNamespace(shaft_of=lambda _, s=shaft: s, state=SimpleNamespace(stretch=SimpleNamespace(run=run)))
+        waves = waves_of(cast("RotorView", view), "sun", (10,))
+        assert waves.shape == (500, 2)
+        assert np.abs(waves).max() == pytest.approx(largest, abs=0.02)
+
+
+@pytest.mark.parametrize("held", [0.006, 0.012])
+def test_a_torque_that_is_renewed_now_and_then_is_found_again(held: float) -> None:
+    """Shown is the value at the last renewal, in the mean half a period old; the column makes up for both."""
+    fine = np.arange(0.0, 4.0, 1e-4)
+
+    def true(t: np.ndarray) -> np.ndarray:
+        return 0.3 * np.sin(2.0 * np.pi * 3.0 * t) + 0.2 * np.sin(2.0 * np.pi * 11.0 * t + 1.0)
+
+    shown = true(held * np.floor(fine / held))
+    run = smooth(_with_rate(shown, 1e4))
+    shaft = run.shafts.sun
+    stretch = SimpleNamespace(run=SimpleNamespace(time=run.time))
+    view = cast("RotorView", SimpleNamespace(shaft=shaft, state=SimpleNamespace(stretch=stretch)))
+    delayed = shaft.torque - np.interp(run.time + 0.5 * held, run.time, shaft.torque)
+    off = shaft.torque - true(run.time)
+    whole, plain, sharp = (
+        np.std(run.rows(off - column)[5:-5]) for column in (0.0 * off, delayed, _unheld(view, 0.5 * held))
+    )
+    assert sharp < 0.05 * whole
+    assert sharp < 0.9 * plain
+
+
+def _with_rate(torque: np.ndarray, rate: float) -> MovingRun:
+    run = _run(1, Manoeuvre.DITHER, np.full(len(torque), 20.0), np.random.default_rng(1))
+    return replace(_showing(run, torque), rate=rate)
+
+
+def test_a_zero_that_drifts_over_a_campaign_is_no_wander() -> None:
+    """The wander of the readings is found as if the zero stood still, though constants take up a part of its way."""
+    wanders = []
+    for drift in (0.0, 0.02):
+        runs = tuple(
+            _with_torque(run, np.full(len(run.torque.sun), drift * k / 5.0)) for k, run in enumerate(_campaign(31))
+        )
+        found: list[SlowNoise] = []
+
+        def kept(*given: Any, into: list[SlowNoise] = found) -> SlowNoise:  # noqa: ANN401 - as the function has them
+            into.append(slow_noise_of(*given))
+            return into[-1]
+
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setattr(fitted, "slow_noise_of", kept)
+            fitted.fit_constants(runs, load_bench())
+        wanders.append(found[0].wander)
+    assert wanders[1] < 1.5 * wanders[0]
+
+
+def test_a_shaft_that_creeps_gives_no_rows_and_a_reversal_does() -> None:
+    seconds = np.arange(6000) / RATE
+    creeps = np.where(seconds < 2.0, 0.5 * STANDSTILL, 40.0 * np.sin(2.0 * np.pi * 0.5 * (seconds - 2.0)))
+    (stretch,) = stretches_of((smooth(_run(1, Manoeuvre.DITHER, creeps, np.random.default_rng(1))),))
+    time = stretch.run.row_time
+    assert not stretch.rows[time < 2.0 - STANDING].any()
+    assert stretch.rows[time > 2.0 + STANDING].all()
+
+
+def _named(part: float, untold: float) -> Any:  # noqa: ANN401 - a naming
+    """Two causes whose columns agree but for a part, in rows that hold the first, by an error of form of some size."""
+
+    class Catalogue(TermCatalogue):
+        pass
+
+    Catalogue.untold = untold
+    rows = np.eye(60)
+    terms = {
+        name: term(
+            name,
+            name,
+            "x",
+            signed("size", unit="1", most=100.0),
+            lambda *_: stack(np.zeros(1)),
+            component=Component("sun_coupling"),
+            shaft="sun",
+        )
+        for name in ("first", "second")
+    }
+    columns = {"first": rows[:, 0], "second": math.sqrt(1.0 - part) * rows[:, 0] + math.sqrt(part) * rows[:, 1]}
+    tables = {
+        terms[name].key: Tabled(terms[name], np.array([math.nan]), column[:, None, None])
+        for name, column in columns.items()
+    }
+    left = np.r_[30.0, 0.0, np.random.default_rng(3).standard_normal(58)]
+    problem = TermProblem(np.zeros((60, 0)), left, lambda t, _: columns[t.identifier][:, None], tables)
+    return name_candidates(problem, Catalogue(), lambda _: Remainder(0.5, 0.0, 10.0))
+
+
+def test_look_alikes_within_an_error_of_form_are_told_together() -> None:
+    """Of an evidence of 900, one part in sixty is more than the margin and less than two hundredths."""
+    strict, lenient = _named(1.0 / 60.0, 0.0), _named(1.0 / 60.0, 0.02)
+    assert strict.best.ids == lenient.best.ids == {"first"}
+    assert [rival.ids for rival in strict.rivals] == []
+    assert [rival.ids for rival in lenient.rivals] == [{"second"}]
+    assert [rival.ids for rival in _named(0.1, 0.02).rivals] == []
+    first, second = probabilities(Conclusion(verdict=Verdict.AMBIGUOUS, naming=lenient))
+    assert 0.02 < second < 0.5 < first
