@@ -48,6 +48,7 @@ OWNERS: dict[str, tuple[str, ...]] = {
         "pmg.pipeline.files",
         "pmg.pipeline.importers",
         "pmg.pipeline.model.read_model",
+        "pmg.pipeline.model.read_motion_model",
         "pmg.pipeline.settings",
         "pmg.pipeline.simulate",
         "pmg.pipeline.windows.limits_file",

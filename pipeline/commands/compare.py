@@ -152,10 +152,9 @@ def compare_chosen(chosen: Chosen, campaign: str | None = None, progress: Progre
     store, note = chosen.needed("store"), chosen.text("note") or ""
     asked = campaign or chosen.text("campaign") or analysed_campaign(store)
     moving = campaign_in_motion(store, asked) if chosen.path("grids") is None else None
-    report = chosen.needed("report")
+    report, model, tolerances = chosen.needed("report"), chosen.path("model"), chosen.tolerance
     if moving is not None:
-        return compare_motion(store, moving, report, note, progress)
-    model, tolerances = chosen.path("model"), chosen.tolerance
+        return compare_motion(store, moving, report, note, progress, model=model)
     return run_compare(store, report, note, model, tolerances=tolerances, progress=progress)
 
 

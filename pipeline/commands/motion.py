@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -22,6 +22,10 @@ from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.files.json_values import read_json
 from pmg.pipeline.grid.campaign import campaigns, choose_campaign
+from pmg.pipeline.model.apply_motion_model import apply_motion_model
+from pmg.pipeline.model.model_file import FILE
+from pmg.pipeline.model.motion_model import NO_MODEL, leave_motion_model, motion_model_of
+from pmg.pipeline.model.read_motion_model import read_motion_model
 from pmg.pipeline.motion.stored import judged_runs, moving_runs, only_in_motion
 from pmg.pipeline.preflight.motion import motion_summary
 from pmg.pipeline.recording.remark import Remark
@@ -54,12 +58,7 @@ WHERE = f"The runs in motion have a page of their own: {FOLDER}/report.html."
 def campaign_in_motion(store: Path, campaign: str | None) -> str | None:
     """Name of the campaign asked for, or of the only one, where it has no steady grid; None for any other.
 
-    Parameters
-    ----------
-    store : Path
-        Holds the recordings; whatever is wrong with it is for the stage that needs it to say.
-    campaign : str or None
-        Which campaign.
+    Whatever is wrong with the store is for the stage that needs it to say.
     """
     if not (store / MARK).is_file():
         return None
@@ -81,14 +80,26 @@ def analyse_motion(store: Path, campaign: str) -> Outcome:
 
 
 def compare_motion(
-    store: Path, campaign: str, report: Path, note: str = "", progress: Progress | None = None, *, clock: Clock = now
+    store: Path,
+    campaign: str,
+    report: Path,
+    note: str = "",
+    progress: Progress | None = None,
+    model: Path | None = None,
 ) -> Outcome:
-    """Diagnose the runs in motion of a campaign, and write report, diagnosis and stills, as `pmg compare` does."""
-    return _diagnosed_motion(store, campaign, report, note, progress, clock=clock)[1]
+    """Diagnose the runs in motion of a campaign; write report, diagnosis, model and stills, as `pmg compare` does."""
+    return _diagnosed_motion(store, campaign, report, note, progress, model=model)[1]
 
 
 def _diagnosed_motion(
-    store: Path, campaign: str, report: Path, note: str = "", progress: Progress | None = None, *, clock: Clock = now
+    store: Path,
+    campaign: str,
+    report: Path,
+    note: str = "",
+    progress: Progress | None = None,
+    *,
+    model: Path | None = None,
+    clock: Clock = now,
 ) -> tuple[MotionDiagnosis, Outcome]:
     """Diagnose the runs in motion of a campaign, and write report, diagnosis and stills.
 
@@ -104,33 +115,39 @@ def _diagnosed_motion(
         Told at the head of the report.
     progress : Progress, optional
         Receives each step as it begins.
+    model : Path, optional
+        A model of other runs, whose constants are known then and whose causes are taken out before.
     clock : callable
         Time of day, for the provenance.
     """
-    began = clock()
+    began, bench = clock(), load_bench()
+    given = NO_MODEL if model is None else read_motion_model(model, bench)
     runs = moving_runs(Store(store), campaign)
     judged = [run for run in judged_runs(choose_campaign(Store(store), campaign)[1]) if run.manoeuvre.moves]
     moving, aside = [run for run in runs if run.manoeuvre.moves], [run for run in judged if not run.record.sound]
     minutes = sum(len(run.torque.sun) / run.rate for run in moving) / MINUTE
-    diagnosis = diagnose_motion(campaign, runs, load_bench(), np.random.default_rng(SEED), progress)
+    runs, predicted = apply_motion_model(given, runs, bench)
+    of_model = () if predicted is None else (f"{given.description}: {predicted.sentence}.",)
+    diagnosis = diagnose_motion(campaign, runs, bench, np.random.default_rng(SEED), progress, given.constants)
     document = motion_document(diagnosis)
-    recordings = recordings_of(store, campaign)
+    recordings, named = recordings_of(store, campaign), "" if model is None else f" --model {shlex.quote(model.name)}"
     page = motion_report(
         diagnosis,
         document,
         (("Runs in motion", f"{len(moving)} of {len(judged)}"), ("Time in motion", f"{minutes:.1f} min")),
-        tuple(f"Set aside: {run.record.point}; pmg ingest says why." for run in aside),
+        (*(f"Set aside: {run.record.point}; pmg ingest says why." for run in aside), *of_model),
         note=note,
         provenance=(
             *((f"SHA-256 of {each.name}", each.sha256) for each in recordings),
             ("Seed of the synthetic campaigns", str(SEED)),
-            ("Command", f"pmg compare --store STORE --report REPORT --campaign {shlex.quote(campaign)}"),
+            ("Command", f"pmg compare --store STORE --report REPORT --campaign {shlex.quote(campaign)}{named}"),
         ),
     )
-    points = {"accepted": len(moving), "rejected": len(aside)}
-    files = write_report(page, report, {"points": points, "diagnosis": document["verdict"]})
+    facts = {"points": {"accepted": len(moving), "rejected": len(aside)}, "diagnosis": document["verdict"]}
+    files = write_report(page, report, facts)
     left = leave_diagnosis(document, report)
-    written = (*files, report / DIAGNOSIS)
+    found = leave_motion_model(motion_model_of(diagnosis, given), report, model)
+    written = (*files, report / DIAGNOSIS, *found)
     leave_crate_of_files(report, "pmg compare", recordings, written, began, clock)
     data = {
         "campaign": campaign,
@@ -140,10 +157,12 @@ def _diagnosed_motion(
         "files": [str(path) for path in written],
         "diagnosis": left,
         "statement": document["statement"],
+        "model": str(found[0]) if found else None,
+        "prediction": None if predicted is None else asdict(predicted),
     }
     head = f"campaign {campaign}: {counted(len(moving), 'run')} in motion, {minutes:.1f} min"
-    lines = (head, *(f"  {line}" for line in motion_summary(judged)))
-    lines = (f"{document['phrase']}: {document['statement']}", *lines, f"report: {files[0]}")
+    summary = (f"  {line}" for line in motion_summary(judged))
+    lines = (f"{document['phrase']}: {document['statement']}", head, *summary, *of_model, f"report: {files[0]}")
     return diagnosis, Outcome(data, lines, partial=bool(aside), mismatch=diagnosis.mismatch.found)
 
 
@@ -154,7 +173,7 @@ def remove_motion_report(report: Path, campaign: str) -> None:
     except (OSError, ValueError, AttributeError):
         return
     if of == campaign:
-        remove_report(report / FOLDER, (DIAGNOSIS, CRATE))
+        remove_report(report / FOLDER, (DIAGNOSIS, CRATE, FILE))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from tests.recording.writer import Bench, write
 from tests.report import chromium
 
 from pmg.pipeline.commands.compare import run_all
-from pmg.pipeline.commands.motion import remove_motion_report
+from pmg.pipeline.commands.motion import compare_motion, remove_motion_report
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.settings.chosen import choose
 from pmg.pipeline.trials.motion.nature import MotionCase, draw_motion_case, write_motion_case
@@ -67,6 +67,19 @@ def document(report: Path) -> dict[str, Any]:
     schema = json.loads(files("pmg.pipeline.diagnosis").joinpath("diagnosis.schema.json").read_bytes())
     Draft202012Validator(schema).validate(found)
     return found
+
+
+def test_the_model_is_kept_and_held_against_runs(told: tuple[MotionCase, Outcome, Path]) -> None:
+    case, outcome, report = told
+    model, again = report / "model.toml", report.parent / "again"
+    assert outcome.data["compare"]["model"] == str(model)
+    assert "<code>pmg compare --model model.toml</code>" in (report / "report.html").read_text(encoding="utf-8")
+    found = compare_motion(report.parent / "store", case.campaign, again, model=model)
+    assert not found.mismatch
+    assert found.data["prediction"]["predicted"] < 1.05 * found.data["prediction"]["fitted"]
+    (said,) = [line for line in found.lines if line.startswith(f"Model of {case.campaign}")]
+    assert said in (again / "report.html").read_text(encoding="utf-8")
+    assert (again / "model.toml").is_file()
 
 
 def test_the_cause_is_named_in_the_document(told: tuple[MotionCase, Outcome, Path]) -> None:

@@ -105,7 +105,9 @@ def _answers(
         words = advice(diagnosis).removeprefix("Do: ")
         yield SheetAnswer("Do", (f"{words[0].upper()}{words[1:]}",), "next-tests" if next_runs(diagnosis) else "")
     else:
-        yield SheetAnswer("Do", ("Nothing on the bench. The fitted constants are ready for a model.",), CONSTANTS)
+        yield SheetAnswer("Do", ("Nothing on the bench.",), CONSTANTS)
+    if diagnosis.verdict in (Verdict.NAMED, Verdict.CONSISTENT):
+        yield SheetAnswer("In the model", ("Predict other runs with it: `pmg compare --model model.toml`.",))
     if costs := tuple(_costs(named, effects, traces)):
         yield SheetAnswer("If ignored", costs)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ import numpy as np
 from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
@@ -106,6 +106,14 @@ class DataSheet:
     def at(self, name: str) -> int:
         """Place of a constant."""
         return self._places[name]
+
+    def told(self, known: Mapping[str, tuple[float, float]]) -> DataSheet:
+        """The sheet with other values and standard uncertainties of some constants, as another campaign found them."""
+        constants = tuple(
+            replace(each, expected=known[each.name][0], spread=known[each.name][1]) if each.name in known else each
+            for each in self.constants
+        )
+        return replace(self, constants=constants)
 
     @cached_property
     def _places(self) -> dict[str, int]:

@@ -25,7 +25,7 @@ from pmg.pipeline.diagnosis.motion.withheld import by_kind, by_run
 from pmg.pipeline.files.progress import Steps
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from pmg.pipeline.diagnosis.engine.explanation import Explanation
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
@@ -135,6 +135,7 @@ def diagnose_motion(
     bench: BenchParameters,
     rng: np.random.Generator,
     progress: Progress | None = None,
+    told: Mapping[str, tuple[float, float]] | None = None,
 ) -> MotionDiagnosis:
     """Test for a mismatch, search the library for what makes it, prove it on kinds of run that took no part.
 
@@ -150,10 +151,12 @@ def diagnose_motion(
         Draws synthetic campaigns, resamples.
     progress : Progress, optional
         Receives each step as it begins.
+    told : mapping of str to (float, float), optional
+        Constants that are known from other runs, each with its standard error.
     """
     steps = Steps(progress, *STEPS)
     steps.begin(STEPS[0])
-    before, covariance, noise = fit_constants(runs, bench)
+    before, covariance, noise = fit_constants(runs, bench, told)
     steps.begin(STEPS[1])
     found = motion_evidence(before, noise, library(), rng)
     mismatch, blind = _mismatch(found), unseen(found)

@@ -18,7 +18,7 @@ from pmg.sim.errors import FitError
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.noise import RowNoise
@@ -35,13 +35,15 @@ HELD = 1e-3
 """Factor on the standard uncertainty of what is held."""
 
 
-def fit_constants(runs: tuple[MovingRun, ...], bench: BenchParameters) -> tuple[MotionBaseline, Array, list[RowNoise]]:
+def fit_constants(
+    runs: tuple[MovingRun, ...], bench: BenchParameters, told: Mapping[str, tuple[float, float]] | None = None
+) -> tuple[MotionBaseline, Array, list[RowNoise]]:
     """The baseline of some runs, the covariance (k, k) of its constants, and the noise of each stretch.
 
     Wander and ripple are what the residuals of a first fit show, beside zeros that follow a smooth curve of time: what
     moves over the campaign is no wander, and is not to be taken for one because constants took up a part of it.
     """
-    start = _start(runs, bench)
+    start = _start(runs, bench, told or {})
     noise = [row_noise(start, place) for place in range(len(start.stretches))]
     rough, _ = fit_beside(start, noise, ())
     beside_trend, _ = fit_baseline(rough, _whitener(noise), _zeros_in_time)
@@ -51,13 +53,15 @@ def fit_constants(runs: tuple[MovingRun, ...], bench: BenchParameters) -> tuple[
     return before, covariance, noise
 
 
-def _start(runs: tuple[MovingRun, ...], bench: BenchParameters) -> MotionBaseline:
+def _start(
+    runs: tuple[MovingRun, ...], bench: BenchParameters, told: Mapping[str, tuple[float, float]]
+) -> MotionBaseline:
     gears = {run.gear for run in runs if run.manoeuvre.moves}
     if len(gears) != 1:
         came = ", ".join(f"gear {gear}" for gear in sorted(gears)) or "no run"
         raise FitError("diagnosis in motion", came, "runs of one gear", "Diagnose each gear by itself.")
     smoothed = tuple(smooth(run) for run in runs)
-    sheet = sheet_of(bench, gears.pop(), tuple(run.name for run in runs if run.coupled))
+    sheet = sheet_of(bench, gears.pop(), tuple(run.name for run in runs if run.coupled)).told(told)
     return start_baseline(sheet, stretches_of(smoothed))
 
 

@@ -1,0 +1,113 @@
+"""Models of runs in motion: kept and read bit for bit, faults told with their key, causes predicted on other runs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.diagnosis.test_motion import _campaign
+
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.motion.constants import sheet_of
+from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
+from pmg.pipeline.model.apply_motion_model import apply_motion_model
+from pmg.pipeline.model.motion_model import (
+    NO_MODEL,
+    OWN,
+    TERMS,
+    MotionCause,
+    MotionModel,
+    leave_motion_model,
+    motion_model_of,
+)
+from pmg.pipeline.model.read_motion_model import read_motion_model
+from pmg.sim.bench import load_bench
+from pmg.sim.errors import BenchError, FitError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+LAG = 0.02
+CARRIED = tuple(name for name in sheet_of(load_bench(), 1, ()).names if not name.startswith(OWN))
+
+
+@st.composite
+def models(draw: st.DrawFn) -> MotionModel:
+    """Any model: some constants, some causes inside their bounds."""
+    number = st.floats(-1e3, 1e3)
+    constants = {
+        name: (draw(number), draw(st.floats(1e-12, 1e3)))
+        for name in draw(st.lists(st.sampled_from(CARRIED), min_size=1, unique=True))
+    }
+    causes = []
+    for key in draw(st.lists(st.sampled_from(sorted(TERMS)), max_size=2)):
+        term = TERMS[key]
+        amplitudes = tuple(draw(st.floats(*q.bounds)) for q in term.amplitudes)
+        shape = () if term.shape is None else (draw(st.floats(*term.shape.bounds)),)
+        causes.append(MotionCause(term, amplitudes, *shape))
+    return MotionModel(draw(st.text('aé"\\ -', min_size=1)), draw(st.sampled_from((1, 2))), constants, tuple(causes))
+
+
+@given(models())
+@settings(max_examples=40)
+def test_a_model_reads_back_bit_for_bit(tmp_path_factory: pytest.TempPathFactory, model: MotionModel) -> None:
+    (path,) = leave_motion_model(model, tmp_path_factory.mktemp("model"), None)
+    first, again = path.read_bytes(), read_motion_model(path, load_bench())
+    assert leave_motion_model(again, path.parent, None) == (path,)
+    assert path.read_bytes() == first
+    assert again.constants == model.constants
+    assert [c.amplitudes for c in again.causes] == [c.amplitudes for c in model.causes]
+    assert leave_motion_model(model, path.parent, path) == ()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "where"),
+    [
+        ('"pmg.motion-model/1"', '"pmg.model/1"', "schema"),
+        ('"inertia_sun"', '"inertia_moon"', "inertia_moon"),
+        ("gear = 1", "gear = 3", "gear"),
+        ("transducer_bandwidth/sun/", "transducer_bandwidth/moon/", "key"),
+        ("amplitudes = [0.02]", "amplitudes = [0.02, 0.03]", "amplitudes"),
+        ("amplitudes = [0.02]", "amplitudes = [-1.0]", "amplitudes"),
+        ("amplitudes = [0.02]", "amplitudes = [0.02]\nshape = 1.0", "shape"),
+    ],
+)
+def test_a_fault_in_a_model_is_told_with_its_key(tmp_path: Path, old: str, new: str, where: str) -> None:
+    lag = MotionCause(TERMS["transducer_bandwidth/sun/"], (0.02,))
+    (path,) = leave_motion_model(MotionModel("a", 1, {"inertia_sun": (1e-3, 1e-6)}, (lag,)), tmp_path, None)
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    with pytest.raises(BenchError) as told:
+        read_motion_model(path, load_bench())
+    assert "model.toml" in str(told.value)
+    assert where in str(told.value)
+
+
+def test_a_model_predicts_runs_that_it_has_not_seen() -> None:
+    """A lag is taken out of other runs of the same bench, which are consistent then, and the model is handed on."""
+    bench = load_bench()
+    first = diagnose_motion("first", _campaign(41, LAG), bench, np.random.default_rng(0))
+    assert first.verdict is Verdict.NAMED
+    model = motion_model_of(first)
+    assert [cause.term.identifier for cause in model.causes] == ["transducer_bandwidth"]
+    assert model.causes[0].amplitudes[0] == pytest.approx(LAG, rel=0.03)
+    assert not any(name.startswith(OWN) for name in model.constants)
+    cleared, told = apply_motion_model(model, _campaign(42, LAG), bench)
+    assert told is not None
+    assert told.predicted < 0.6 * told.without
+    assert told.predicted < 1.05 * told.fitted
+    second = diagnose_motion("second", cleared, bench, np.random.default_rng(0), told=model.constants)
+    assert second.verdict is Verdict.CONSISTENT
+    assert motion_model_of(second, model).causes == model.causes
+    with pytest.raises(FitError, match="gear 2"):
+        apply_motion_model(replace(model, gear=2), _campaign(42), bench)
+
+
+def test_without_a_model_runs_stay_what_they_are() -> None:
+    runs = _campaign(43)
+    assert apply_motion_model(NO_MODEL, runs, load_bench()) == (runs, None)
