@@ -579,7 +579,7 @@ def test_a_set_that_was_kept_behind_or_out_by_little_is_named(behind: float, pla
         Explanation((Fit(SimpleNamespace(identifier=name), gain, 0.0, np.zeros(100), ()),), problem)
         for name, gain in gains.items()
     )
-    rivals, shafts, missed = rivals_near(best, [best, other], best.score - MARGIN)
+    rivals, shafts, missed = rivals_near(best, [best, other], MARGIN, 0.0)
     remainder = cast(Remainder, None)
     found = Naming(best, rivals, shafts, remainder, explained=True, weak=(), rounds=(), missed=missed)
     assert found.level == ((other,) if place == "level" else ())

@@ -116,8 +116,11 @@ def test_a_shaft_that_creeps_gives_no_rows_and_a_reversal_does() -> None:
     assert stretch.rows[time > 2.0 + STANDING].all()
 
 
-def _named(part: float, untold: float) -> Any:  # noqa: ANN401 - a naming
-    """Two causes whose columns agree but for a part, in rows that hold the first, by an error of form of some size."""
+def _named(part: float, untold: float, spare: int = 0) -> Any:  # noqa: ANN401 - a naming
+    """Two causes whose columns agree but for a part, in rows that hold the first, by an error of form of some size.
+
+    The second has spare parameters that explain nothing.
+    """
 
     class Catalogue(TermCatalogue):
         pass
@@ -129,20 +132,20 @@ def _named(part: float, untold: float) -> Any:  # noqa: ANN401 - a naming
             name,
             name,
             "x",
-            signed("size", unit="1", most=100.0),
+            signed("size", *more, unit="1", most=100.0),
             lambda *_: stack(np.zeros(1)),
             component=Component("sun_coupling"),
             shaft="sun",
         )
-        for name in ("first", "second")
+        for name, more in (("first", ()), ("second", tuple(map(str, range(spare)))))
     }
-    columns = {"first": rows[:, 0], "second": math.sqrt(1.0 - part) * rows[:, 0] + math.sqrt(part) * rows[:, 1]}
+    other = math.sqrt(1.0 - part) * rows[:, 0] + math.sqrt(part) * rows[:, 1]
+    columns = {"first": rows[:, :1], "second": np.column_stack([other, rows[:, 2 : 2 + spare]])}
     tables = {
-        terms[name].key: Tabled(terms[name], np.array([math.nan]), column[:, None, None])
-        for name, column in columns.items()
+        terms[name].key: Tabled(terms[name], np.array([math.nan]), column[:, None]) for name, column in columns.items()
     }
-    left = np.r_[30.0, 0.0, np.random.default_rng(3).standard_normal(58)]
-    problem = TermProblem(np.zeros((60, 0)), left, lambda t, _: columns[t.identifier][:, None], tables)
+    left = np.r_[30.0, np.zeros(1 + spare), np.random.default_rng(3).standard_normal(59 - 1 - spare)]
+    problem = TermProblem(np.zeros((60, 0)), left, lambda t, _: columns[t.identifier], tables)
     return name_candidates(problem, Catalogue(), lambda _: Remainder(0.5, 0.0, 10.0))
 
 
@@ -155,3 +158,10 @@ def test_look_alikes_within_an_error_of_form_are_told_together() -> None:
     assert [rival.ids for rival in _named(0.1, 0.02).rivals] == []
     first, second = probabilities(Conclusion(verdict=Verdict.AMBIGUOUS, naming=lenient))
     assert 0.02 < second < 0.5 < first
+
+
+def test_more_parameters_that_explain_no_more_are_no_look_alike() -> None:
+    plain, richer = _named(0.0, 0.02), _named(0.0, 0.02, spare=4)
+    assert [rival.ids for rival in plain.rivals] == [{"second"}]
+    assert richer.best.ids == {"first"}
+    assert [rival.ids for rival in richer.rivals] == []

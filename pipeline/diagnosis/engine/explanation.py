@@ -133,13 +133,21 @@ def swapped(problem: P, catalogue: CandidateCatalogue[F, P], explanation: Explan
 
 
 def rivals_near(
-    best: Explanation[F, P], pool: list[Explanation[F, P]], least: float
+    best: Explanation[F, P], pool: list[Explanation[F, P]], margin: float, of_form: float
 ) -> tuple[tuple[Explanation[F, P], ...], dict[str, str], tuple[tuple[Explanation[F, P], float], ...]]:
-    """Rivals above a least evidence, places of the best, and sets that miss it by less than `NEAR`, with how much."""
-    near = [e for e in sorted(pool, key=lambda e: -e.score) if e.score > least - NEAR]
-    rivals, shafts = _rivals(best, [e for e in near if e.score > least])
-    missed = [e for e in _rivals(best, near)[0] if e.score <= least and best.fits]
-    return rivals, shafts, tuple((each, least - each.score) for each in missed)
+    """Rivals within a margin, places of the best, and sets that miss it by less than `NEAR`, with how much.
+
+    What an error of form is worth counts for a set that explains less, not for one that explains as much by more
+    parameters.
+    """
+
+    def least(other: Explanation[F, P]) -> float:
+        return max(0.0, best.score - margin - min(of_form, max(0.0, best.gain - other.gain)))
+
+    near = [e for e in sorted(pool, key=lambda e: -e.score) if e.score > least(e) - NEAR]
+    rivals, shafts = _rivals(best, [e for e in near if e.score > least(e)])
+    missed = [e for e in _rivals(best, near)[0] if e.score <= least(e) and best.fits]
+    return rivals, shafts, tuple((each, least(each) - each.score) for each in missed)
 
 
 def _rivals(

@@ -178,7 +178,7 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
         if best is current:
             break
     of_form = catalogue.untold * max(best.score, 0.0)
-    rivals, shafts, missed = rivals_near(best, pool, max(0.0, best.score - margin_beside(remainder) - of_form))
+    rivals, shafts, missed = rivals_near(best, pool, margin_beside(remainder), of_form)
     weak: tuple[Explanation[F, P], ...] = ()
     if catalogue.tells_weak:
         weak = _weak(
