@@ -20,6 +20,7 @@ from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
 from pmg.pipeline.diagnosis.joint import JointDiagnosis, join, joint_document, titles
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
+from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.files.json_values import read_json
 from pmg.pipeline.grid.campaign import campaigns, choose_campaign
 from pmg.pipeline.model.apply_motion_model import apply_motion_model
@@ -56,10 +57,7 @@ WHERE = f"The runs in motion have a page of their own: {FOLDER}/report.html."
 
 
 def campaign_in_motion(store: Path, campaign: str | None) -> str | None:
-    """Name of the campaign asked for, or of the only one, where it has no steady grid; None for any other.
-
-    Whatever is wrong with the store is for the stage that needs it to say.
-    """
+    """Name of the campaign asked for, or of the only one, where it has no steady grid; None for any other."""
     if not (store / MARK).is_file():
         return None
     manifests = Store(store).manifests()
@@ -126,9 +124,9 @@ def _diagnosed_motion(
     judged = [run for run in judged_runs(choose_campaign(Store(store), campaign)[1]) if run.manoeuvre.moves]
     moving, aside = [run for run in runs if run.manoeuvre.moves], [run for run in judged if not run.record.sound]
     minutes = sum(len(run.torque.sun) / run.rate for run in moving) / MINUTE
-    runs, predicted = apply_motion_model(given, runs, bench)
-    of_model = () if predicted is None else (f"{given.description}: {predicted.sentence}.",)
-    diagnosis = diagnose_motion(campaign, runs, bench, np.random.default_rng(SEED), progress, given.constants)
+    cleared, predicted = apply_motion_model(given, runs, bench)
+    of_model = () if predicted is None else (f"{given.description}: {predicted.sentence}",)
+    diagnosis = diagnose_motion(campaign, cleared, bench, np.random.default_rng(SEED), progress, given.constants)
     document = motion_document(diagnosis)
     recordings, named = recordings_of(store, campaign), "" if model is None else f" --model {shlex.quote(model.name)}"
     page = motion_report(
@@ -139,6 +137,7 @@ def _diagnosed_motion(
         note=note,
         provenance=(
             *((f"SHA-256 of {each.name}", each.sha256) for each in recordings),
+            *(() if model is None else ((f"SHA-256 of {model.name}", sha256_of(model)),)),
             ("Seed of the synthetic campaigns", str(SEED)),
             ("Command", f"pmg compare --store STORE --report REPORT --campaign {shlex.quote(campaign)}{named}"),
         ),
@@ -146,7 +145,7 @@ def _diagnosed_motion(
     facts = {"points": {"accepted": len(moving), "rejected": len(aside)}, "diagnosis": document["verdict"]}
     files = write_report(page, report, facts)
     left = leave_diagnosis(document, report)
-    found = leave_motion_model(motion_model_of(diagnosis, given), report, model)
+    found = leave_motion_model(motion_model_of(diagnosis, runs, given), report, model)
     written = (*files, report / DIAGNOSIS, *found)
     leave_crate_of_files(report, "pmg compare", recordings, written, began, clock)
     data = {

@@ -134,7 +134,7 @@ def _ids_in_motion() -> frozenset[str]:
 
 def titles() -> dict[str, str]:
     """Titles of the mechanisms of both libraries by their ids."""
-    moving = {term.identifier: term.title for term in library()}
+    moving = {term.identifier: term.title for term in reversed(library())}  # the plainest form comes first
     return moving | {candidate.identifier: candidate.kind.title for candidate in candidates()}
 
 

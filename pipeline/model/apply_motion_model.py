@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.fitting import TermFit
-from pmg.pipeline.diagnosis.motion.fitted import fit_beside, fit_constants
+from pmg.pipeline.diagnosis.motion.fitted import HELD, fit_beside, fit_constants
 from pmg.pipeline.diagnosis.motion.view import views_of
+from pmg.pipeline.model.motion_model import NO_MODEL, digest_of
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
     from pmg.sim.shafts import PerShaft
     from pmg.sim.signals import Array
 
-KEPT_WITHIN = 1e-3
-"""Factor on the standard error of a constant of a model, which is held."""
-
 
 @dataclass(frozen=True)
 class MotionPrediction:
@@ -33,19 +31,23 @@ class MotionPrediction:
     ----------
     without, predicted, fitted : float
         With the constants of the model alone; with its causes; and with constants fitted to these runs beside them.
+    unseen : bool
+        Whether the model was made of other runs.
     """
 
     without: float
     predicted: float
     fitted: float
+    unseen: bool
 
     @property
     def sentence(self) -> str:
         """For people."""
         without, predicted, fitted = (f"{1e3 * each:.2f}" for each in (self.without, self.predicted, self.fitted))
+        verb = "predicts these runs with" if self.unseen else "made of these very runs, so this is no prediction:"
         return (
-            f"predicts these runs with {predicted} mN m; {without} with its constants alone, {fitted} with constants "
-            "fitted to these runs"
+            f"{verb} {predicted} mN m; {without} with its constants alone, {fitted} with constants fitted to these "
+            "runs. Its constants stand for the data sheet here."
         )
 
 
@@ -57,28 +59,30 @@ def apply_motion_model(
     Notes
     -----
     Where the poles stood at the start of a run, zeros and clocks are of the campaign and fitted to it; all else is the
-    model's. What a cause adds is worked out at the fine samples, whose band is wider than that of the rows.
+    model's. What a cause adds is worked out at the fine samples, whose band is wider than that of the rows. The twist
+    of a coupling is taken from what is left, so that a drag is off by some two hundredths of what it is.
 
     Raises
     ------
     FitError
         The runs are of another gear.
     """
-    if not model.constants:
+    if model is NO_MODEL:
         return runs, None
     gears = {run.gear for run in runs if run.manoeuvre.moves}
     if gears != {model.gear}:
-        came = ", ".join(f"gear {gear}" for gear in sorted(gears)) or "no run"
-        raise FitError("model of runs in motion", came, f"gear {model.gear}", "Take a model of these runs' gear.")
-    told = {name: (value, KEPT_WITHIN * error) for name, (value, error) in model.constants.items()}
-    alone, _, noise = fit_constants(runs, bench, told)
+        came = " and ".join(f"gear {gear}" for gear in sorted(gears)) or "no run that moves"
+        raise FitError("model of runs in motion", came, f"runs of gear {model.gear} alone", "Choose such runs.")
+    known = {name: (value, HELD * error) for name, (value, error) in model.constants.items()}
+    unseen = model.provenance.get("runs_sha256") != digest_of(runs)
+    alone, _, noise = fit_constants(runs, bench, known)
     fits = tuple(map(_as_fit, model.causes))
     about = fit_beside(alone, noise, fits)[0] if fits else alone
     apart = _without(about, model.causes)
     cleared = tuple(replace(run, torque=apart.get(run.name, run.torque)) for run in runs)
-    predicted, _, _ = fit_constants(cleared, bench, told)
+    predicted, _, _ = fit_constants(cleared, bench, known)
     fitted, _, _ = fit_constants(cleared, bench)
-    return cleared, MotionPrediction(*map(_missing, (alone, predicted, fitted)))
+    return cleared, MotionPrediction(_missing(alone), _missing(predicted), _missing(fitted), unseen)
 
 
 def _without(about: MotionBaseline, causes: tuple[MotionCause, ...]) -> dict[str, PerShaft[Array]]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
@@ -16,18 +17,28 @@ from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.model.model_file import FILE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.pipeline.motion.run import MovingRun
 
 SCHEMA = "pmg.motion-model/1"
 OWN = ("zero", "ripple", "eccentricity", "pole_angle", "skew")
 """Beginnings of the names of constants that every campaign has of its own: clocks, zeros, and phases of a counter."""
 
-TERMS = {term.key: term for term in library()}
-"""Every candidate in motion by its key."""
+OF_CAMPAIGN = frozenset({"torque_zero_drift", "cogging", "shaft_unbalance", "coupling_misalignment"})
+"""Causes that every campaign has in its own way: at its own time, or in the phase of a counter that began anew."""
+
+WELL_KNOWN = 0.9
+"""Standard error of a constant, over that of the data sheet, below which its runs have told something of it."""
+
+SEEN = 1e-6
+"""Length of a constant's column in the rows, over the longest, from which on the runs show it."""
+
+TERMS = {term.key: term for term in library() if not term.constants and term.identifier not in OF_CAMPAIGN}
+"""Every cause that other runs of the bench have too, by its key."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +74,15 @@ class MotionModel:
         Value and standard error of each constant that another campaign has too [SI].
     causes : tuple of MotionCause
         What was named; a constant that is off its data sheet is among the constants.
+    provenance : mapping of str to str
+        Verdict, what cannot be told from the causes, what is not carried, hash of the recordings.
     """
 
     campaign: str
     gear: int
     constants: Mapping[str, tuple[float, float]]
     causes: tuple[MotionCause, ...] = ()
+    provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def description(self) -> str:
@@ -81,18 +95,47 @@ NO_MODEL = MotionModel("", 0, {})
 """Where none is given."""
 
 
-def motion_model_of(diagnosis: MotionDiagnosis, given: MotionModel = NO_MODEL) -> MotionModel:
-    """The model that runs in motion give; with the causes of a `given` one, which were taken out of them before."""
-    rows = zip(diagnosis.before.sheet.names, diagnosis.constants, diagnosis.errors, strict=True)
-    constants = {name: (float(v), float(u)) for name, v, u in rows if not name.startswith(OWN) and u > 0.0}
-    found = []
+def digest_of(runs: Iterable[MovingRun]) -> str:
+    """SHA-256 over what was measured in some runs: names, torques and angles."""
+    digest = hashlib.sha256()
+    for run in runs:
+        digest.update(run.name.encode() + b"\0")
+        for values in (*(v for _, v in run.torque.items()), *(v for _, v in run.angle.items())):
+            digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
+    return digest.hexdigest()
+
+
+def motion_model_of(
+    diagnosis: MotionDiagnosis, runs: Iterable[MovingRun], given: MotionModel = NO_MODEL
+) -> MotionModel:
+    """The model that runs in motion give; with the causes of a `given` one, which were taken out of them before.
+
+    A constant that the runs do not show, or tell no better than its data sheet does, is left out.
+    """
+    sheet, found = diagnosis.before.sheet, diagnosis.evidence
+    length = np.linalg.norm(found.columns[~found.of_sheet], axis=0)
+    seen = (length > SEEN * length.max()) & (diagnosis.errors < WELL_KNOWN * sheet.spread) & (diagnosis.errors > 0.0)
+    rows = zip(sheet.names, diagnosis.constants, diagnosis.errors, seen, strict=True)
+    constants = {name: (float(v), float(u)) for name, v, u, there in rows if there and not name.startswith(OWN)}
+    causes, aside = [], []
     for fit, values in zip(named_fits(diagnosis), diagnosis.sizes, strict=False):
-        term, count = TERMS[fit.candidate.key], len(fit.amplitudes)
-        if not term.constants:
+        term, count = TERMS.get(fit.candidate.key), len(fit.amplitudes)
+        if term is not None:
+            low, high = np.array([q.bounds for q in term.amplitudes]).T
             shape = float(np.clip(values[count], *term.shape.bounds)) if term.shape is not None else math.nan
-            found.append(MotionCause(term, tuple(values[:count].tolist()), shape))
+            causes.append(MotionCause(term, tuple(np.clip(values[:count], low, high).tolist()), shape))
+        elif fit.candidate.identifier in OF_CAMPAIGN:
+            aside.append(fit.candidate.identifier)
     (gear,) = {stretch.run.run.gear for stretch in diagnosis.before.stretches if stretch.run.run.manoeuvre.moves}
-    return MotionModel(diagnosis.campaign, gear, constants, (*given.causes, *found))
+    naming = diagnosis.naming
+    rivals = () if naming is None or not diagnosis.verdict.names else naming.rivals
+    provenance = {
+        "verdict": str(diagnosis.verdict),
+        "cannot_be_told_from": "; ".join(" + ".join(sorted(rival.ids)) for rival in rivals),
+        "not_carried": ", ".join(aside),
+        "runs_sha256": digest_of(runs),
+    }
+    return MotionModel(diagnosis.campaign, gear, constants, (*given.causes, *causes), provenance)
 
 
 def _text(model: MotionModel) -> str:
@@ -106,7 +149,11 @@ def _lines(model: MotionModel) -> Iterator[str]:
     yield f"schema = {json.dumps(SCHEMA)}"
     yield f"campaign = {json.dumps(model.campaign, ensure_ascii=False)}"
     yield f"gear = {model.gear}"
-    yield f"pmg = {json.dumps(version('pmg-bench'))}"
+    yield ""
+    yield "[provenance]"
+    for name, said in {"pmg": version("pmg-bench"), **model.provenance}.items():
+        if said:
+            yield f"{name} = {json.dumps(said, ensure_ascii=False)}"
     yield ""
     yield "[constants]  # SI units"
     for name, (value, error) in model.constants.items():

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
-from pmg.pipeline.files.strict_tables import Strict, number_within, one_of, refuse, refusing
+from pmg.pipeline.files.strict_tables import Strict, number_within, one_of, refuse, refusing, word_of
 from pmg.pipeline.files.table_file import read_table_file
+from pmg.pipeline.model.model_file import SCHEMA as OF_STEADY_POINTS
 from pmg.pipeline.model.motion_model import SCHEMA, TERMS, MotionCause, MotionModel
 from pmg.sim.errors import near_miss
 
@@ -43,8 +44,9 @@ class _CauseTable(Strict):
             with refusing("amplitudes", place):
                 number_within(value, *known.bounds, known.unit)
         if (self.shape is None) is not (term.shape is None):
-            hint = "Take it out." if term.shape is None else f"Give {term.shape.name} [{term.shape.unit}]."
-            refuse("no shape" if self.shape is None else "a shape", "the other", hint, "shape")
+            if term.shape is None:
+                refuse("a shape", "none", "Take it out.", "shape")
+            refuse("no shape", f"{term.shape.name} [{term.shape.unit}]", "Give it.", "shape")
         if term.shape is not None:
             with refusing("shape"):
                 number_within(self.shape, *term.shape.bounds, term.shape.unit)
@@ -55,13 +57,19 @@ class _CauseTable(Strict):
         return MotionCause(TERMS[self.key], tuple(self.amplitudes), math.nan if self.shape is None else self.shape)
 
 
+def _of_motion(value: object) -> str:
+    if value == OF_STEADY_POINTS:
+        refuse(repr(value), f'"{SCHEMA}"', "It is a model of steady points: use it on a campaign that has some.")
+    return word_of(value, (SCHEMA,))
+
+
 class _MotionModelTable(Strict):
     """All tables of a model file in motion."""
 
-    schema_: Annotated[str, one_of(SCHEMA), Field(alias="schema")]
+    schema_: Annotated[str, BeforeValidator(_of_motion), Field(alias="schema")]
     campaign: str
     gear: Annotated[int, Field(ge=1, le=2)]
-    pmg: Annotated[str, BeforeValidator(str)] = ""
+    provenance: dict[str, Annotated[str, BeforeValidator(str)]] = Field(default_factory=dict)
     constants: dict[str, _ConstantTable]
     cause: list[_CauseTable] = Field(default_factory=list)
 
@@ -86,4 +94,6 @@ def read_motion_model(path: Path, bench: BenchParameters) -> MotionModel:
 
     given = read_table_file(path, "a model that 'pmg compare' wrote of runs in motion,", OfThisBench).table
     constants = {name: (table.value, table.standard_error) for name, table in given.constants.items()}
-    return MotionModel(given.campaign, given.gear, constants, tuple(cause.cause() for cause in given.cause))
+    return MotionModel(
+        given.campaign, given.gear, constants, tuple(cause.cause() for cause in given.cause), given.provenance
+    )

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array, Mask
 
 B = TypeVar("B", bound="AnyBout", contravariant=True)
-GENERIC, PHYSICAL, BESIDE = "functions of the covariates", "physical terms", "physical terms, baseline projected out"
+GENERIC, PHYSICAL, BESIDE = "polynomials and Fourier", "physical terms", "physical terms, baseline projected out"
 """Kinds of library that a regression may choose from."""
 TOUCHED = 0.1
 """Part of the root mean square of an effect from which a reading counts as touched, as in `pmg prove`."""

@@ -14,7 +14,8 @@ from pmg.pipeline.diagnosis.motion.fitted import fit_constants
 from pmg.pipeline.diagnosis.motion.library import library
 from pmg.pipeline.trials.motion.nature import measure_motion_case
 from pmg.sim.bench import load_bench
-from tests.bench.bout import BESIDE, GENERIC, AnyBout, Library, of_unit_size
+from pmg.sim.errors import FitError
+from tests.bench.bout import BESIDE, AnyBout, Library, of_unit_size
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -68,10 +69,7 @@ class MotionBout(AnyBout):
         return self.found.columns
 
     def library(self, kind: str) -> Library:
-        """Curves over speed, acceleration, torque, angles, times; or what each mechanism makes, at a middle shape."""
-        if kind == GENERIC:
-            theta = np.hstack(self.found.evidence.families)
-            return Library(*of_unit_size(theta, [None] * theta.shape[1]))
+        """What each mechanism makes, at a middle value of its shape."""
         columns, owners = [], []
         for table in self.found.problem.tables.values():
             columns.append(table.columns[:, len(table.shapes) // 2])
@@ -86,10 +84,13 @@ class MotionBout(AnyBout):
         )
 
 
-def enter_in_motion(lot: MotionLot) -> MotionBout:
-    """A campaign measured as `pmg prove --track motion` measures it."""
+def enter_in_motion(lot: MotionLot) -> MotionBout | None:
+    """A campaign measured as `pmg prove --track motion` measures it; None where no baseline can be fitted."""
     runs = tuple(measure_motion_case(lot.draw(), lot.rng("measure")))
-    baseline, _, noise = fit_constants(runs, load_bench())
+    try:
+        baseline, _, noise = fit_constants(runs, load_bench())
+    except FitError:
+        return None
     found = motion_evidence(baseline, noise, library(), np.random.default_rng(0))
     traces = tuple(noise[k].white(baseline.left(k)[:, None])[:, 0] for k in range(len(baseline.stretches)))
     return MotionBout(found, traces, baseline.stretches[0].run.row_rate)

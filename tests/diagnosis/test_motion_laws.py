@@ -116,7 +116,7 @@ def test_a_shaft_that_creeps_gives_no_rows_and_a_reversal_does() -> None:
     assert stretch.rows[time > 2.0 + STANDING].all()
 
 
-def _named(part: float, untold: float, spare: int = 0) -> Any:  # noqa: ANN401 - a naming
+def _named(part: float, form_margin: float, spare: int = 0) -> Any:  # noqa: ANN401 - a naming
     """Two causes whose columns agree but for a part, in rows that hold the first, by an error of form of some size.
 
     The second has spare parameters that explain nothing.
@@ -125,7 +125,7 @@ def _named(part: float, untold: float, spare: int = 0) -> Any:  # noqa: ANN401 -
     class Catalogue(TermCatalogue):
         pass
 
-    Catalogue.untold = untold
+    Catalogue.form_margin = form_margin
     rows = np.eye(60)
     terms = {
         name: term(

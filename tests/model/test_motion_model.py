@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.diagnosis.test_motion import _campaign
+from tests.diagnosis.test_motion import _campaign, _run, _with_torque
 
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
@@ -25,6 +25,7 @@ from pmg.pipeline.model.motion_model import (
     motion_model_of,
 )
 from pmg.pipeline.model.read_motion_model import read_motion_model
+from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import BenchError, FitError
 
@@ -74,6 +75,9 @@ def test_a_model_reads_back_bit_for_bit(tmp_path_factory: pytest.TempPathFactory
         ("amplitudes = [0.02]", "amplitudes = [0.02, 0.03]", "amplitudes"),
         ("amplitudes = [0.02]", "amplitudes = [-1.0]", "amplitudes"),
         ("amplitudes = [0.02]", "amplitudes = [0.02]\nshape = 1.0", "shape"),
+        ("transducer_bandwidth/sun/", "pull_out_torque/both/", "key"),
+        ("transducer_bandwidth/sun/", "torque_zero_drift/sun/", "key"),
+        ('"pmg.motion-model/1"', '"pmg.model/1"', "steady points"),
     ],
 )
 def test_a_fault_in_a_model_is_told_with_its_key(tmp_path: Path, old: str, new: str, where: str) -> None:
@@ -93,19 +97,53 @@ def test_a_model_predicts_runs_that_it_has_not_seen() -> None:
     bench = load_bench()
     first = diagnose_motion("first", _campaign(41, LAG), bench, np.random.default_rng(0))
     assert first.verdict is Verdict.NAMED
-    model = motion_model_of(first)
+    model = motion_model_of(first, _campaign(41, LAG))
     assert [cause.term.identifier for cause in model.causes] == ["transducer_bandwidth"]
     assert model.causes[0].amplitudes[0] == pytest.approx(LAG, rel=0.03)
     assert not any(name.startswith(OWN) for name in model.constants)
     cleared, told = apply_motion_model(model, _campaign(42, LAG), bench)
     assert told is not None
+    assert told.unseen
+    assert "predicts these runs with" in told.sentence
     assert told.predicted < 0.6 * told.without
     assert told.predicted < 1.05 * told.fitted
-    second = diagnose_motion("second", cleared, bench, np.random.default_rng(0), told=model.constants)
+    second = diagnose_motion("second", cleared, bench, np.random.default_rng(0), known=model.constants)
     assert second.verdict is Verdict.CONSISTENT
-    assert motion_model_of(second, model).causes == model.causes
+    assert motion_model_of(second, cleared, model).causes == model.causes
     with pytest.raises(FitError, match="gear 2"):
         apply_motion_model(replace(model, gear=2), _campaign(42), bench)
+
+
+def test_a_model_holds_what_its_runs_show_and_no_more() -> None:
+    """Runs of the sun alone say nothing of the ring's drag, of the gear, or of what is of this campaign only."""
+    runs = _campaign(21)
+    drifted = tuple(_with_torque(run, np.full(len(run.torque.sun), 0.03 * (k > 2))) for k, run in enumerate(runs))
+    found = diagnose_motion("drifted", drifted, load_bench(), np.random.default_rng(0))
+    assert found.naming is not None
+    model = motion_model_of(found, drifted)
+    assert {"inertia_sun", "drag_sun_0"} <= set(model.constants)
+    assert not [name for name in model.constants if "ring" in name or name in ("slip_damping", "pull_out")]
+    assert not model.causes
+    assert model.provenance["not_carried"] == "torque_zero_drift"
+    _, told = apply_motion_model(model, drifted, load_bench())
+    assert told is not None
+    assert not told.unseen
+    assert "no prediction" in told.sentence
+
+
+def test_a_part_that_the_last_fit_put_below_nothing_is_none(tmp_path: Path) -> None:
+    """Sizes are fitted once more without bounds, beside the constants; the model holds those inside them."""
+    first = diagnose_motion("first", _campaign(41, LAG), load_bench(), np.random.default_rng(0))
+    model = motion_model_of(replace(first, sizes=(np.array([-1e-7]),)), ())
+    (path,) = leave_motion_model(model, tmp_path, None)
+    assert read_motion_model(path, load_bench()).causes[0].amplitudes == (0.0,)
+
+
+def test_runs_that_only_creep_are_refused() -> None:
+    rng = np.random.default_rng(1)
+    creeps = tuple(_run(k, Manoeuvre.RAMP, np.full(6000, 0.15), rng) for k in range(3))
+    with pytest.raises(FitError, match="no shaft that turns"):
+        diagnose_motion("creeps", creeps, load_bench(), rng)
 
 
 def test_without_a_model_runs_stay_what_they_are() -> None:

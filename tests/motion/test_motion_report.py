@@ -77,6 +77,7 @@ def test_the_model_is_kept_and_held_against_runs(told: tuple[MotionCase, Outcome
     found = compare_motion(report.parent / "store", case.campaign, again, model=model)
     assert not found.mismatch
     assert found.data["prediction"]["predicted"] < 1.05 * found.data["prediction"]["fitted"]
+    assert found.data["prediction"]["unseen"] is False
     (said,) = [line for line in found.lines if line.startswith(f"Model of {case.campaign}")]
     assert said in (again / "report.html").read_text(encoding="utf-8")
     assert (again / "model.toml").is_file()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.bench.bout import BESIDE, GENERIC, PHYSICAL, Reply
+from tests.bench.bout import BESIDE, PHYSICAL, Reply
 from tests.bench.motion_bout import MotionBout, enter_in_motion
 from tests.bench.motion_contestants import LadderOfLibrary, LatentForce
 from tests.bench.rivals import OF_TRACK, chosen, track_of
@@ -19,7 +19,9 @@ LARGE = "load_dependent_bearing_friction sun 8"
 @pytest.fixture(scope="module")
 def bout() -> MotionBout:
     """A campaign with much friction that grows with the load of the sun."""
-    return enter_in_motion(MotionLot(0, next(s for s in motion_strata() if s.name == LARGE), SEED))
+    found = enter_in_motion(MotionLot(0, next(s for s in motion_strata() if s.name == LARGE), SEED))
+    assert found is not None
+    return found
 
 
 def test_the_ladder_and_the_latent_force_see_a_large_effect(bout: MotionBout) -> None:
@@ -47,11 +49,13 @@ def test_runs_are_withheld_whole_and_the_data_sheet_never(bout: MotionBout) -> N
 
 def test_columns_are_of_unit_size_and_the_baseline_takes_up_none_of_what_it_was_taken_out_of(bout: MotionBout) -> None:
     every = np.ones(len(bout.fold), dtype=np.bool_)
-    for kind in (GENERIC, PHYSICAL, BESIDE):
+    for kind in (PHYSICAL, BESIDE):
         library = bout.library(kind)
-        assert len(library.owners) == library.theta.shape[1]
-        size = np.sqrt(np.mean(library.columns(bout, every) ** 2, axis=0))
-        np.testing.assert_allclose(size, 1.0, rtol=1e-6)
+        columns = library.columns(bout, every)
+        assert len(library.owners) == columns.shape[1]
+        np.testing.assert_allclose(np.sqrt(np.mean(columns**2, axis=0)), 1.0, rtol=1e-6)
+        taken_up = np.sqrt(np.mean((columns - bout.beside(columns, every)) ** 2, axis=0)).max()
+        assert bool(taken_up < 1e-6) is (kind == BESIDE)
 
 
 def test_the_campaigns_are_those_of_the_trial_in_motion() -> None:

@@ -47,7 +47,7 @@ class CandidateCatalogue(ABC, Generic[F, P]):
     form_error: ClassVar[float] = FORM_ERROR
     """Part of a candidate's gain that may be left over and pass for the error of its form."""
 
-    untold: ClassVar[float] = 0.0
+    form_margin: ClassVar[float] = 0.0
     """Part of a set's score by which another's may be less without being told from it: what an error in the form of
     the baseline brings the one and not the other."""
 

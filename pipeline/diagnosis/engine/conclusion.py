@@ -111,7 +111,7 @@ def probabilities(conclusion: Conclusion[Any, Any]) -> list[float]:
     by_parts = [i > len(others) - naming.by_parts for i in range(len(others) + 1)]
     scores = [best.score, *(best.score if other.ids < best.ids else other.score for other in others)]
     most = max(score for score, apart in zip(scores, by_parts, strict=True) if not apart)
-    even = 0.5 * naming.evened
+    even = 0.5 * naming.evidence_scale
     weights = [0.0 if apart else math.exp(even * (s - most)) for s, apart in zip(scores, by_parts, strict=True)]
     elsewhere = 1.0 - conclusion.held_out.kept if conclusion.held_out is not None and any(by_parts) else 0.0
     known = KNOWN if conclusion.weak else 1.0

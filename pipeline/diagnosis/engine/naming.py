@@ -90,7 +90,7 @@ class Naming(Generic[F, P]):
         A further candidate that would take up what is left; an error of form of those before explains it as well.
     missed : tuple of (Explanation, float)
         Sets of other candidates that miss the margin by less than `NEAR`, and by how much, best first.
-    evened : float
+    evidence_scale : float
         Factor on a difference of scores that counts as evidence; less than 1 where a part of it is an error of form.
     """
 
@@ -104,7 +104,7 @@ class Naming(Generic[F, P]):
     by_parts: int = 0
     further: tuple[F, ...] = ()
     missed: tuple[tuple[Explanation[F, P], float], ...] = ()
-    evened: float = 1.0
+    evidence_scale: float = 1.0
 
     @property
     def level(self) -> tuple[Explanation[F, P], ...]:
@@ -177,7 +177,7 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
         best, remainder = _better(best, max([best, *others], key=lambda e: e.score), remainder, remainder_of)
         if best is current:
             break
-    of_form = catalogue.untold * max(best.score, 0.0)
+    of_form = catalogue.form_margin * max(best.score, 0.0)
     rivals, shafts, missed = rivals_near(best, pool, margin_beside(remainder), of_form)
     weak: tuple[Explanation[F, P], ...] = ()
     if catalogue.tells_weak:
@@ -195,7 +195,7 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
         tuple(rounds),
         further=further,
         missed=missed,
-        evened=MARGIN / (MARGIN + of_form),
+        evidence_scale=MARGIN / (MARGIN + of_form),
     )
 
 

@@ -107,8 +107,11 @@ def why_open(conclusion: Conclusion[Any, Any], place: int) -> str:
         return "by itself, with another form of its law, it explains about as much as both"
     if conclusion.weak:
         return "the difference is too weak to name its cause"
+    if closer > MARGIN and naming.evidence_scale < 1.0:
+        return "the first fits better, but by less than an error in the form of drag or damping is worth"
     if closer > MARGIN:
         return "the first fits better, but by less than what its own law leaves unexplained"
     if closer <= math.log(2.0):
         return "both fit equally well"
-    return f"the first is favoured by odds of about {math.exp(0.5 * closer):.0f} to 1, too little to exclude this one"
+    odds = math.exp(0.5 * naming.evidence_scale * closer)
+    return f"the first is favoured by odds of about {odds:.0f} to 1, too little to exclude this one"

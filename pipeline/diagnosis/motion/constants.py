@@ -107,7 +107,7 @@ class DataSheet:
         """Place of a constant."""
         return self._places[name]
 
-    def told(self, known: Mapping[str, tuple[float, float]]) -> DataSheet:
+    def with_known(self, known: Mapping[str, tuple[float, float]]) -> DataSheet:
         """The sheet with other values and standard uncertainties of some constants, as another campaign found them."""
         constants = tuple(
             replace(each, expected=known[each.name][0], spread=known[each.name][1]) if each.name in known else each

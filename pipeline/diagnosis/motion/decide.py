@@ -44,7 +44,7 @@ WEAK, WEAK_OF_SHEET = 60.0, 25.0
 """Gains below which an effect of another kind may pass for the leading one: of any, and of a constant that is so many
 times its variance off its data sheet."""
 
-UNTOLD = 0.02
+FORM_MARGIN = 0.02
 """Part of a cause's evidence by which another's may be less without being told from it: drag, damping and wander are
 known to a form, and look-alikes as a gain and a crosstalk differ by as little."""
 
@@ -84,7 +84,7 @@ class _MotionCatalogue(TermCatalogue):
     """The mechanisms that runs in motion may show."""
 
     tells_weak: ClassVar[bool] = True
-    untold: ClassVar[float] = UNTOLD
+    form_margin: ClassVar[float] = FORM_MARGIN
 
     def weak_below(self, leading: tuple[TermFit, ...]) -> float:
         """Gain below which an effect of another kind may pass: less where a constant is plainly off its data sheet."""
@@ -135,7 +135,7 @@ def diagnose_motion(
     bench: BenchParameters,
     rng: np.random.Generator,
     progress: Progress | None = None,
-    told: Mapping[str, tuple[float, float]] | None = None,
+    known: Mapping[str, tuple[float, float]] | None = None,
 ) -> MotionDiagnosis:
     """Test for a mismatch, search the library for what makes it, prove it on kinds of run that took no part.
 
@@ -151,12 +151,12 @@ def diagnose_motion(
         Draws synthetic campaigns, resamples.
     progress : Progress, optional
         Receives each step as it begins.
-    told : mapping of str to (float, float), optional
+    known : mapping of str to (float, float), optional
         Constants that are known from other runs, each with its standard error.
     """
     steps = Steps(progress, *STEPS)
     steps.begin(STEPS[0])
-    before, covariance, noise = fit_constants(runs, bench, told)
+    before, covariance, noise = fit_constants(runs, bench, known)
     steps.begin(STEPS[1])
     found = motion_evidence(before, noise, library(), rng)
     mismatch, blind = _mismatch(found), unseen(found)

@@ -11,7 +11,7 @@ from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, fit_baseline,
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
 from pmg.pipeline.diagnosis.motion.noise import OF_TIME, row_noise, slow_noise_of
 from pmg.pipeline.diagnosis.motion.regressors import with_faults, with_instruments
-from pmg.pipeline.diagnosis.motion.rows import stretches_of
+from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.motion.smooth import smooth
 from pmg.sim.errors import FitError
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
-    from pmg.pipeline.diagnosis.motion.noise import RowNoise
+    from pmg.pipeline.diagnosis.motion.noise import RowNoise, SlowNoise
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.pipeline.motion.run import MovingRun
@@ -36,33 +36,42 @@ HELD = 1e-3
 
 
 def fit_constants(
-    runs: tuple[MovingRun, ...], bench: BenchParameters, told: Mapping[str, tuple[float, float]] | None = None
+    runs: tuple[MovingRun, ...], bench: BenchParameters, known: Mapping[str, tuple[float, float]] | None = None
 ) -> tuple[MotionBaseline, Array, list[RowNoise]]:
     """The baseline of some runs, the covariance (k, k) of its constants, and the noise of each stretch.
 
     Wander and ripple are what the residuals of a first fit show, beside zeros that follow a smooth curve of time: what
     moves over the campaign is no wander, and is not to be taken for one because constants took up a part of it.
     """
-    start = _start(runs, bench, told or {})
+    start = _start(runs, bench, known or {})
     noise = [row_noise(start, place) for place in range(len(start.stretches))]
     rough, _ = fit_beside(start, noise, ())
-    beside_trend, _ = fit_baseline(rough, _whitener(noise), _zeros_in_time)
-    slow_noise = slow_noise_of(beside_trend, noise)
+    slow_noise = slow_noise_beside_drift(rough, noise)
     noise = [row_noise(rough, place, slow_noise) for place in range(len(start.stretches))]
     before, covariance = fit_beside(rough, noise, ())
     return before, covariance, noise
 
 
+def slow_noise_beside_drift(fitted: MotionBaseline, noise: list[RowNoise]) -> SlowNoise:
+    """The wander and the ripple of a fitted baseline once zeros may follow a smooth curve of time."""
+    beside_drift, _ = fit_baseline(fitted, _whitener(noise), _zeros_in_time)
+    return slow_noise_of(beside_drift, noise)
+
+
 def _start(
-    runs: tuple[MovingRun, ...], bench: BenchParameters, told: Mapping[str, tuple[float, float]]
+    runs: tuple[MovingRun, ...], bench: BenchParameters, known: Mapping[str, tuple[float, float]]
 ) -> MotionBaseline:
     gears = {run.gear for run in runs if run.manoeuvre.moves}
     if len(gears) != 1:
         came = ", ".join(f"gear {gear}" for gear in sorted(gears)) or "no run"
         raise FitError("diagnosis in motion", came, "runs of one gear", "Diagnose each gear by itself.")
     smoothed = tuple(smooth(run) for run in runs)
-    sheet = sheet_of(bench, gears.pop(), tuple(run.name for run in runs if run.coupled)).told(told)
-    return start_baseline(sheet, stretches_of(smoothed))
+    sheet = sheet_of(bench, gears.pop(), tuple(run.name for run in runs if run.coupled)).with_known(known)
+    stretches = stretches_of(smoothed)
+    if all(stretch.at_rest for stretch in stretches):
+        came, expected = "no shaft that turns", f"more than {STANDSTILL:g} rad/s for {STANDING:g} s somewhere"
+        raise FitError("diagnosis in motion", came, expected, "Diagnose runs that move.")
+    return start_baseline(sheet, stretches)
 
 
 def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit, ...]) -> tuple[MotionBaseline, Array]:

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 
+HELD_AT_MOST = 8e-3
+"""Longest delay of a torque that is held [s]: beyond, its steps reach into the band of the rows."""
+
 MOVES_IN = 10.0
 """Time in which a zero that moves at one time does so [s]."""
 
@@ -124,7 +127,7 @@ def time_terms(side: str) -> Iterator[MotionTerm]:
         hears=lambda rate, delay: (1.0 - np.exp(rate * delay) * (1.0 - (rate * delay) ** 2 / 6.0), 0.0),
         mimicked_by=(f"skew_{side}",),
         source=sources.BALANCE,
-        shape=Quantity("delay", "s", (1e-3, 0.05)),
+        shape=Quantity("delay", "s", (1e-3, HELD_AT_MOST)),
         component=transducer,
         shaft=side,
         variant="held",

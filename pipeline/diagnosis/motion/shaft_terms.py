@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 
-AT_ONCE = 0.06
+SHARP = 0.06
 """Speed over which friction that changes sides at once does so [rad/s]: twice the noise of a speed."""
 
 
@@ -92,7 +92,7 @@ def bearing_terms(side: str) -> Iterator[MotionTerm]:
         "Mixed lubrication at low speed, up to standstill",
         "M exp(-(w/ws)2) sign(w)",
         amount("extra", "N m", 1.0),
-        lambda v, speed: stack(np.tanh(v.speed / AT_ONCE) * np.exp(-((v.speed / speed) ** 2))),
+        lambda v, speed: stack(np.tanh(v.speed / SHARP) * np.exp(-((v.speed / speed) ** 2))),
         source=sources.ARMSTRONG,
         shape=Quantity("speed", "rad/s", (0.7, 20.0)),
         mimicked_by=(*form_names(side), *passage_names(side)),
@@ -169,7 +169,7 @@ def rubbing_terms(side: str) -> Iterator[MotionTerm]:
         amount("friction", "N m", 1.0),
         engaged(lambda v, passage: stack(np.tanh(v.speed / passage))),
         source=sources.BALANCE,
-        shape=Quantity("passage", "rad/s", (AT_ONCE, 3.0)),
+        shape=Quantity("passage", "rad/s", (SHARP, 3.0)),
         mimicked_by=(dry_name(side),),
         follows=(LawCovariate.SPEED, LawCovariate.LOAD),
         variant="passing",

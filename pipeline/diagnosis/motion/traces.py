@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_noise_of, slow_spread
+from pmg.pipeline.diagnosis.motion.fitted import slow_noise_beside_drift
+from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_spread
 from pmg.pipeline.diagnosis.motion.view import views_of
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
     values[wrong] = sheet.expected[wrong]
     before = replace(diagnosis.before, values=values)
     noise = [row_noise(diagnosis.evidence.baseline, place) for place in range(len(baseline.stretches))]
-    slow_noise = slow_noise_of(diagnosis.evidence.baseline, noise)
+    slow_noise = slow_noise_beside_drift(diagnosis.evidence.baseline, noise)
     found = []
     for place, stretch in enumerate(baseline.stretches):
         added = np.zeros(len(stretch))
