@@ -14,9 +14,9 @@ from typer.testing import CliRunner
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.design import run_design
 from pmg.pipeline.diagnosis.design.audit import audit_design
-from pmg.pipeline.diagnosis.design.next_test import power_to_separate
 from pmg.pipeline.diagnosis.design.plans import possible_plans
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
+from pmg.pipeline.diagnosis.engine.separation import power_to_separate
 from pmg.pipeline.simulate.inputs import loss_model
 from pmg.pipeline.simulate.planned import planned_floor, planned_grid
 from pmg.pipeline.simulate.scenario_file import read_scenario

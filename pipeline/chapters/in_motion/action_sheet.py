@@ -12,7 +12,6 @@ from pmg.pipeline.chapters.simulated.motion import TIME
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
 from pmg.pipeline.diagnosis.grid.track_record import IN_MOTION, track_record
-from pmg.pipeline.diagnosis.motion.next_runs import next_runs
 from pmg.pipeline.diagnosis.motion.statement import (
     advice,
     causes,
@@ -103,7 +102,7 @@ def _answers(
         yield SheetAnswer("Not visible", (f"These runs could not have shown: {'; '.join(spots)}.",))
     if diagnosis.mismatch.found or diagnosis.unseen:
         words = advice(diagnosis).removeprefix("Do: ")
-        yield SheetAnswer("Do", (f"{words[0].upper()}{words[1:]}",), "next-tests" if next_runs(diagnosis) else "")
+        yield SheetAnswer("Do", (f"{words[0].upper()}{words[1:]}",), "next-tests" if diagnosis.next_runs else "")
     else:
         yield SheetAnswer("Do", ("Nothing on the bench.",), CONSTANTS)
     if diagnosis.verdict in (Verdict.NAMED, Verdict.CONSISTENT):

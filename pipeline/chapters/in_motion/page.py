@@ -195,13 +195,24 @@ def _rivals(document: dict[str, Any]) -> Table:
 
 def _next_tests(document: dict[str, Any]) -> Table:
     rows: list[tuple[Cell, ...]] = [
-        (test["description"], test["minutes"], ", ".join(map(_words, test["separates"])))
+        (
+            test["description"],
+            test["minutes"],
+            None if test["power"] is None else 100.0 * test["power"],
+            ", ".join(map(_words, test["separates"])),
+        )
         for test in document["next_tests"]
     ]
     return Table(
         "next-tests",
         "Next runs",
-        "What this campaign lacks and would tell; its power was not computed.",
-        (Column("run", "Run"), Column("minutes", "Time", "min", digits=1), Column("separates", "Tells apart")),
+        "What this campaign lacks, with the references of the drives. Power is the probability that the runs tell: "
+        "that the true cause is named alone; of what the campaign cannot see, that it shows at a size worth knowing.",
+        (
+            Column("run", "Run"),
+            Column("minutes", "Time", "min", digits=1),
+            Column("power", "Power", "%", digits=0),
+            Column("separates", "Tells apart"),
+        ),
         tuple(rows),
     )

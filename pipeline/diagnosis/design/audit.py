@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.diagnosis.design.next_test import ENOUGH, distance, longer_problem, power_to_separate
+from pmg.pipeline.diagnosis.design.next_test import distance, longer_problem
 from pmg.pipeline.diagnosis.design.plans import Plan, possible_plans
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
+from pmg.pipeline.diagnosis.engine.separation import ENOUGH, power_to_separate
 from pmg.pipeline.diagnosis.grid.candidates import Candidate, CandidateFit, GridProblem, candidates, grid_problem
 from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
 from pmg.pipeline.fit.structure import families

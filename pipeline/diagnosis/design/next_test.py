@@ -10,7 +10,8 @@ import numpy as np
 from scipy import stats
 
 from pmg.pipeline.diagnosis.design.plans import Plan, join_points, possible_plans
-from pmg.pipeline.diagnosis.engine.catalogue import ENTRY, MARGIN
+from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
+from pmg.pipeline.diagnosis.engine.separation import ENOUGH, power_to_separate
 from pmg.pipeline.diagnosis.grid.candidates import GridProblem, candidates, grid_problem
 from pmg.pipeline.diagnosis.grid.free_form import bent_columns
 from pmg.pipeline.fit.whitening import whitener
@@ -29,9 +30,6 @@ if TYPE_CHECKING:
     from pmg.sim.grid import OperatingPoints
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.signals import Array
-
-ENOUGH = 0.95
-"""Power from which on the shorter of two tests is preferred."""
 
 
 @dataclass(frozen=True)
@@ -101,13 +99,6 @@ def _free_beside(problem: GridProblem, fits: tuple[CandidateFit, ...]) -> GridPr
         moved = replace(fit, effect=problem.effect(fit.candidate, fit.values), seen=np.zeros(len(problem.readings)))
         free = free.take_out(moved)
     return free
-
-
-def power_to_separate(noncentrality: float) -> float:
-    """Probability that the difference of evidence, normal with variance 4 times its mean, exceeds the margin."""
-    if noncentrality <= 0.0:
-        return 0.0
-    return float(stats.norm.cdf((noncentrality - MARGIN) / (2.0 * math.sqrt(noncentrality))))
 
 
 HIDDEN = 2.0

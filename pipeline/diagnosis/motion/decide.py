@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, TermNaming
+from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, conclude
@@ -16,11 +16,12 @@ from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, Mismatch, s
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
+from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue
+from pmg.pipeline.diagnosis.motion.design.next_runs import runs_to_see, runs_to_tell
+from pmg.pipeline.diagnosis.motion.design.unseen import unseen
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
-from pmg.pipeline.diagnosis.motion.fitted import fit_beside, fit_constants
-from pmg.pipeline.diagnosis.motion.free_form import bent_columns
+from pmg.pipeline.diagnosis.motion.fitted import fit_beside, fit_constants, slow_noise_beside_drift
 from pmg.pipeline.diagnosis.motion.library import library
-from pmg.pipeline.diagnosis.motion.unseen import unseen
 from pmg.pipeline.diagnosis.motion.withheld import by_kind, by_run
 from pmg.pipeline.files.progress import Steps
 
@@ -30,23 +31,16 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.explanation import Explanation
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
+    from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun
+    from pmg.pipeline.diagnosis.motion.design.unseen import Unseen
     from pmg.pipeline.diagnosis.motion.evidence import Family, MotionEvidence
     from pmg.pipeline.diagnosis.motion.noise import RowNoise
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
-    from pmg.pipeline.diagnosis.motion.unseen import Unseen
     from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
 
-
-WEAK, WEAK_OF_SHEET = 60.0, 25.0
-"""Gains below which an effect of another kind may pass for the leading one: of any, and of a constant that is so many
-times its variance off its data sheet."""
-
-FORM_MARGIN = 0.02
-"""Part of a cause's evidence by which another's may be less without being told from it: drag, damping and wander are
-known to a form, and look-alikes as a gain and a crosstalk differ by as little."""
 
 STEPS = (
     "constants of the bench",
@@ -80,22 +74,6 @@ class MotionPlace:
     size: float
 
 
-class _MotionCatalogue(TermCatalogue):
-    """The mechanisms that runs in motion may show."""
-
-    tells_weak: ClassVar[bool] = True
-    form_margin: ClassVar[float] = FORM_MARGIN
-
-    def weak_below(self, leading: tuple[TermFit, ...]) -> float:
-        """Gain below which an effect of another kind may pass: less where a constant is plainly off its data sheet."""
-        of_sheet = all(cast("MotionTerm", fit.candidate).constants for fit in leading)
-        return WEAK_OF_SHEET if of_sheet else WEAK
-
-    def free_form(self, problem: TermProblem, fit: TermFit) -> Array:
-        """Whitened columns (m, k) along which the law of a fit may bend smoothly by what it follows."""
-        return bent_columns(problem, fit)
-
-
 @dataclass(frozen=True, kw_only=True)
 class MotionDiagnosis(Conclusion[TermFit, TermProblem]):
     """Mismatch, mechanisms and verdict of a campaign of runs in motion.
@@ -116,6 +94,9 @@ class MotionDiagnosis(Conclusion[TermFit, TermProblem]):
         Parameters of each named mechanism, amplitudes then shape, and their standard errors.
     unseen : tuple of Unseen
         Mechanisms that the runs excite too little to tell.
+    next_runs : tuple of NextRun
+        Of an ambiguous campaign, what tells each rival from the leading cause, in order, and a shaft that is open; of
+        a confounded one, what shows each mechanism that it cannot see.
     """
 
     campaign: str
@@ -127,6 +108,7 @@ class MotionDiagnosis(Conclusion[TermFit, TermProblem]):
     sizes: tuple[Array, ...]
     size_errors: tuple[Array, ...]
     unseen: tuple[Unseen, ...]
+    next_runs: tuple[NextRun, ...] = ()
 
 
 def diagnose_motion(
@@ -165,13 +147,18 @@ def diagnose_motion(
     if mismatch.found:
         found, naming = _named(found, before, noise, rng, steps)
         steps.begin(STEPS[4])
-        conclusion = conclude(found.problem, _MotionCatalogue(), naming, _proof(found, rng))
+        conclusion = conclude(found.problem, MotionCatalogue(), naming, _proof(found, rng))
         if blind and conclusion.verdict is Verdict.NOT_IN_LIBRARY:  # what it cannot show may be a part of it
             conclusion = replace(conclusion, verdict=Verdict.CONFOUNDED)
         named = conclusion.naming.best.fits if conclusion.verdict.names and conclusion.naming is not None else ()
         together = _together(found, named)
     alone = before.values, np.sqrt(np.diag(covariance)), (), ()
     constants, errors, sizes, size_errors = together or alone
+    next_runs: tuple[NextRun, ...] = ()
+    if conclusion.verdict is Verdict.CONFOUNDED:
+        next_runs = runs_to_see(found, blind, slow_noise_beside_drift(before, noise))
+    elif conclusion.verdict.names and conclusion.naming is not None:
+        next_runs = runs_to_tell(found, conclusion.naming, slow_noise_beside_drift(before, noise))
     return MotionDiagnosis(
         verdict=conclusion.verdict,
         naming=conclusion.naming,
@@ -187,6 +174,7 @@ def diagnose_motion(
         sizes=sizes,
         size_errors=size_errors,
         unseen=blind,
+        next_runs=next_runs,
     )
 
 
@@ -195,13 +183,13 @@ def _named(
 ) -> tuple[MotionEvidence, TermNaming]:
     """What the library says of a mismatch, with the evidence about the constants beside what it names."""
     steps.begin(STEPS[2])
-    naming = name_candidates(found.problem, _MotionCatalogue(), adequacy_test(found.evidence))
+    naming = name_candidates(found.problem, MotionCatalogue(), adequacy_test(found.evidence))
     if naming.best.fits:
         steps.begin(STEPS[3])
         about, _ = fit_beside(before, noise, naming.best.fits)
         found = motion_evidence(about, noise, library(), rng)
-        naming = name_candidates(found.problem, _MotionCatalogue(), adequacy_test(found.evidence))
-    naming = with_free_laws(naming, found.problem, _MotionCatalogue(), adequacy_test(found.evidence))
+        naming = name_candidates(found.problem, MotionCatalogue(), adequacy_test(found.evidence))
+    naming = with_free_laws(naming, found.problem, MotionCatalogue(), adequacy_test(found.evidence))
     return found, _with_small_rest(with_look_alikes(naming, found.problem), found)
 
 
@@ -246,7 +234,7 @@ def _proof(
         held = None
         for rows in (by_kind(found, best.fits), by_run(found, best.fits)):
             if len(np.unique(rows.fold[rows.fold < rows.folds])) > 1:
-                held = withhold(rows, _MotionCatalogue(refine=False), best.fits, rng, bent=best.bent > 0.0)
+                held = withhold(rows, MotionCatalogue(refine=False), best.fits, rng, bent=best.bent > 0.0)
                 if held.predicts:
                     break
         return held

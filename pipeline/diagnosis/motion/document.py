@@ -12,7 +12,7 @@ from pmg.pipeline.diagnosis.engine.conclusion import probabilities
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.document import SCHEMA, form_of, legible, near_ties
 from pmg.pipeline.diagnosis.grid.rivals import CLOSE, NONE_KNOWN, nearest_share, rival_row, why_open
-from pmg.pipeline.diagnosis.motion.next_runs import next_runs, separating_run
+from pmg.pipeline.diagnosis.motion.design.next_runs import merged
 from pmg.pipeline.diagnosis.motion.statement import (
     effect_size,
     follows,
@@ -67,9 +67,9 @@ def motion_document(diagnosis: MotionDiagnosis) -> dict[str, Any]:
                 "points": [],
                 "minutes": run.minutes,
                 "separates": list(run.separates),
-                "power": None,
+                "power": run.power,
             }
-            for run in next_runs(diagnosis)
+            for run in merged(diagnosis.next_runs)
         ],
         "decoys": None if diagnosis.decoys is None else asdict(diagnosis.decoys),
         "design": {
@@ -168,7 +168,7 @@ def _rivals(diagnosis: MotionDiagnosis) -> list[dict[str, Any]]:
         rival_row(
             (*(() if rival.ids < naming.best.ids else naming.best.fits), *rival.fits),
             why_open(diagnosis, place),
-            separating_run(diagnosis, place),
+            diagnosis.next_runs[place].title,
         )
         for place, rival in enumerate(naming.rivals)
     ]

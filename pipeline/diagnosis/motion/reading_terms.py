@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from pmg.pipeline.diagnosis.balance.term import Quantity
 from pmg.pipeline.diagnosis.motion.terms import amount, signed, stack, term
+from pmg.pipeline.motion.smooth import derivative
 from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate
 
@@ -32,16 +34,23 @@ def _drifting(course: Array) -> Array:
 
 
 def _later(view: RotorView, delay: float) -> Array:
-    """A torque less itself that much later, by its values."""
+    """A torque less itself that much later, by its values and slopes."""
+    shaft = view.shaft
+    return shaft.torque - _at(view, delay, shaft.torque, shaft.torque_rate)
+
+
+def _at(view: RotorView, delay: float, values: Array, slopes: Array) -> Array:
+    """Fine samples (n,) of what is later by a delay [s], cubic between samples; the last ones stay."""
     time = view.state.stretch.run.time
-    return view.shaft.torque - np.interp(time + delay, time, view.shaft.torque)
+    return np.asarray(CubicHermiteSpline(time, values, slopes)(np.minimum(time + delay, time[-1])))
 
 
 def _unheld(view: RotorView, delay: float) -> Array:
     """A torque less what it was before it was held, or averaged, over twice that time."""
-    time, shaft = view.state.stretch.run.time, view.shaft
-    sharper = shaft.torque - delay**2 / 6.0 * shaft.torque_curvature
-    return shaft.torque - np.interp(time + delay, time, sharper)
+    shaft, part = view.shaft, delay**2 / 6.0
+    slope = derivative(shaft.torque_curvature, view.state.stretch.run.fine_rate)
+    sharper = shaft.torque - part * shaft.torque_curvature
+    return shaft.torque - _at(view, delay, sharper, shaft.torque_rate - part * slope)
 
 
 def scale_terms(side: str) -> Iterator[MotionTerm]:

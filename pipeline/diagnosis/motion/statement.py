@@ -12,7 +12,6 @@ from pmg.pipeline.diagnosis.grid.law_words import bent_sentence
 from pmg.pipeline.diagnosis.grid.rivals import nearest_share
 from pmg.pipeline.diagnosis.grid.statement import NEAREST_FROM, PHRASES, SHAFT_WORDS
 from pmg.pipeline.diagnosis.motion.evidence import OF_SHEET
-from pmg.pipeline.diagnosis.motion.next_runs import next_runs
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.motion.smooth import BAND
 from pmg.pipeline.wording.numerals import measured
@@ -58,6 +57,9 @@ REMEDIES = {
 
 IN_MILLI, TENTH = {" N m": " mN m", " s": " ms", " rad": " mrad"}, 0.1
 """Units of which small sizes are told in thousandths, and how small."""
+
+LEAST_POWER = 0.2
+"""Probability from which on a run is worth its time."""
 
 INTO_MODEL = "put the law with its fitted parameters (see `diagnosis.json`) into the model of the drive"
 
@@ -274,7 +276,6 @@ def proof_sentence(diagnosis: MotionDiagnosis) -> str:
 
 def advice(diagnosis: MotionDiagnosis) -> str:
     """What to do: of a cause, its remedy; of several, the run that would tell; of none, where to look."""
-    tests = next_runs(diagnosis)
     if diagnosis.verdict is Verdict.NAMED and diagnosis.naming is not None:
         remedies = []
         for fit in diagnosis.naming.best.fits:
@@ -282,9 +283,11 @@ def advice(diagnosis: MotionDiagnosis) -> str:
             text = REMEDIES.get(fit.identifier, INTO_MODEL)
             remedies.append(text.format(shaft={"either": "sun or ring", "both": "sun and ring"}.get(shaft, shaft)))
         return f"Do: {'; '.join(dict.fromkeys(remedies))}."
-    if tests:
-        first = tests[0].description
-        return f"Do: {first[0].lower()}{first[1:]} ({tests[0].minutes:.0f} min)."
+    if diagnosis.next_runs:
+        best = max(diagnosis.next_runs, key=lambda run: run.power)
+        if best.power >= LEAST_POWER:
+            return f"Do: {best.words}."
+        return f"Do: look for the cause on the bench; no run that was tried would tell, at best {best.words}."
     seen = [place for place in diagnosis.mismatch.locations if place.family.configuration != OFF_SHEET]
     where = f"the {seen[0].family.side} shaft in {seen[0].family.configuration} runs" if seen else "the data sheet"
     return f"Do: inspect {where}; the chapter on the runs shows when the torque is missing."

@@ -13,6 +13,7 @@ Nothing here is shared with the models that have to find the effects: neither co
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from datetime import timedelta
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -42,9 +43,11 @@ if TYPE_CHECKING:
     from pmg.pipeline.trials.motion.programme import MotionCampaign, PlannedRun
     from pmg.sim.signals import Array
 
-__all__ = ("MotionCase", "draw_motion_case", "measure_motion_case", "write_motion_case")
+__all__ = ("MotionCase", "draw_motion_case", "measure_motion_case", "with_further_runs", "write_motion_case")
 
 SCHEMA = "pmg.motion-truth/1"
+PAUSE = 15.0
+"""Time from the end of a run to a further one [s]."""
 TURNS_BEFORE = 4096.0
 """Turns that the encoders have counted when a run begins, so that no counter runs below zero."""
 
@@ -203,6 +206,21 @@ def measure_motion_case(case: MotionCase, rng: np.random.Generator) -> list[Movi
             )
         )
     return found
+
+
+def with_further_runs(case: MotionCase, runs: Sequence[PlannedRun], rng: np.random.Generator) -> MotionCase:
+    """The same bench with some more runs after the others, each a while after the one before it."""
+    planned = case.scene.campaign.runs
+    for run in runs:
+        begin = planned[-1].started_at + timedelta(seconds=planned[-1].samples / RATE + PAUSE)
+        planned = (*planned, replace(run, started_at=begin))
+    begun = rng.uniform(0.0, REVOLUTION, (len(runs), 2)) + TURNS_BEFORE * REVOLUTION
+    scene = replace(
+        case.scene,
+        campaign=replace(case.scene.campaign, runs=planned),
+        begun=(*case.scene.begun, *(PerShaft(*map(float, pair)) for pair in begun)),
+    )
+    return replace(case, scene=scene)
 
 
 def _phases(run: PlannedRun) -> tuple[Phase, ...]:

@@ -17,7 +17,7 @@ from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION, RPM
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from pmg.sim.signals import Array
 
@@ -115,6 +115,21 @@ def draw_campaign(rng: np.random.Generator, design: str = "full") -> MotionCampa
         placed.append(replace(run, started_at=start))
         start += timedelta(microseconds=round(1e6 * (run.samples / RATE + rng.uniform(5.0, 25.0))))
     return MotionCampaign(design, tuple(placed))
+
+
+def run_as_asked(
+    point: str, manoeuvre: Manoeuvre, asked: Mapping[str, tuple[str, Callable[[Array], Array]]], seconds: float
+) -> PlannedRun:
+    """A run by what drives are asked for: ``speed`` [rad/s] or ``torque`` [N m] over time [s]; the driving one first.
+
+    Without any, both shafts are held.
+    """
+    time = np.arange(round(seconds * RATE)) / RATE
+    modes = {"speed": at.SPEED, "torque": at.TORQUE}
+    courses = {side: (modes[quantity], course(time)) for side, (quantity, course) in asked.items()}
+    kinds = (Configuration.ZERO, Configuration.NEUTRAL, Configuration.ENGAGED)
+    run = _run(point, kinds[len(asked)], manoeuvre, courses or {"none": (at.HELD, _still(seconds))})
+    return replace(run, drive=next(iter(asked), "sun"))
 
 
 def _kept(run: PlannedRun, design: str) -> bool:

@@ -23,12 +23,19 @@ from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import AnalysisOptions
-from pmg.pipeline.trials.motion.nature import MotionCase, measure_motion_case, write_motion_case
+from pmg.pipeline.trials.motion.nature import (
+    MotionCase,
+    measure_motion_case,
+    with_further_runs,
+    write_motion_case,
+)
+from pmg.pipeline.trials.motion.programme import run_as_asked
 from pmg.pipeline.trials.nature import measure_case
 from pmg.pipeline.trials.record import write_case
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun
     from pmg.pipeline.trials.nature import ConcealedCampaign
     from pmg.pipeline.trials.score.case_list import AnyLot
     from pmg.sim.grid import OperatingPoints
@@ -60,8 +67,10 @@ def run_case(task: CaseTask) -> dict[str, Any]:
         further: dict[str, Any] | None = None
         document: dict[str, Any] | None
         if isinstance(case, MotionCase):
-            document = _in_motion(case, lot.rng("measure"), task.route)
+            document, tests = _in_motion(case, lot.rng("measure"), task.route)
             seconds = time.perf_counter() - began
+            if task.further and tests:
+                further = _with_further_runs(case, tests, lot.rng("extend"))
         else:
             document, points = _diagnosed(case, lot.rng("measure"), task.route)
             seconds = time.perf_counter() - began
@@ -100,18 +109,42 @@ def _diagnosed(
     return diagnosis_document(found), analysis.grid.points
 
 
-def _in_motion(case: MotionCase, rng: np.random.Generator, route: str) -> dict[str, Any]:
-    """Diagnosis of a campaign of runs in motion, from its signals or by the stages of the command line."""
+def _in_motion(case: MotionCase, rng: np.random.Generator, route: str) -> tuple[dict[str, Any], tuple[NextRun, ...]]:
+    """Diagnosis of a campaign of runs in motion, from its signals or by the stages of the command line.
+
+    With the runs that it asks for, where they are known.
+    """
     if route != "recordings":
         runs = tuple(measure_motion_case(case, rng))
-        return motion_document(diagnose_motion(case.campaign, runs, load_bench(), np.random.default_rng(SEED)))
+        found = diagnose_motion(case.campaign, runs, load_bench(), np.random.default_rng(SEED))
+        return motion_document(found), found.next_runs
     with tempfile.TemporaryDirectory(prefix="pmg-prove-") as name:
         recordings, store, report = (Path(name) / part for part in ("recordings", "store", "report"))
         recordings.mkdir()
         write_motion_case(case, recordings, rng)
         run_ingest(recordings, store, ALONE)
-        found: dict[str, Any] = compare_motion(store, case.campaign, report).data["diagnosis"]
-        return found
+        return compare_motion(store, case.campaign, report).data["diagnosis"], ()
+
+
+def _with_further_runs(case: MotionCase, tests: tuple[NextRun, ...], rng: np.random.Generator) -> dict[str, Any]:
+    """Diagnosis with the most powerful proposed runs made on the same bench, after the others."""
+    best = max(tests, key=lambda test: test.power)
+    planned = [
+        run_as_asked(
+            run.name,
+            run.manoeuvre,
+            {each.side: (each.quantity, each.course) for each in (run.speed, run.load) if each is not None},
+            run.seconds,
+        )
+        for run in best.runs
+    ]
+    longer = with_further_runs(case, planned, rng)
+    return {
+        "test": best.title,
+        "minutes": best.minutes,
+        "power": best.power,
+        "diagnosis": _in_motion(longer, rng, "grid")[0],
+    }
 
 
 def _by_recordings(case: ConcealedCampaign, rng: np.random.Generator) -> tuple[dict[str, Any] | None, OperatingPoints]:

@@ -62,17 +62,27 @@ def unseen(found: MotionEvidence) -> tuple[Unseen, ...]:
         term = cast("MotionTerm", tabled.term)
         if term.identifier in WORTH_KNOWING and not term.variant:
             smallest = _smallest(tabled, found.problem.baseline)
-            if smallest > WORTH_KNOWING[term.identifier][0]:
+            if smallest > worth_knowing(term):
                 spots.append(Unseen(term, smallest))
     return tuple(spots)
 
 
 def _smallest(tabled: Tabled, baseline: Array) -> float:
-    """Size of a term that stands out beside the baseline, at its plainest shape.
+    """Size of a term that stands out beside the baseline."""
+    columns = tabled.columns - np.einsum("mk,kga->mga", baseline, np.einsum("mk,mga->kga", baseline, tabled.columns))
+    return smallest_told(np.linalg.norm(columns, axis=0), tabled)
+
+
+def smallest_told(lengths: Array, tabled: Tabled) -> float:
+    """Size of a term that stands out, at its plainest shape, by the lengths (g, a) of what its columns leave.
 
     The size of a delay is its shape: what it changes is proportional to it while it is short.
     """
-    columns = tabled.columns - np.einsum("mk,kga->mga", baseline, np.einsum("mk,mga->kga", baseline, tabled.columns))
-    least = TOLD / np.maximum(np.linalg.norm(columns, axis=0), 1e-30)
+    least = TOLD / np.maximum(lengths, 1e-30)
     times = tabled.shapes[:, None] if tabled.term.shape is not None and tabled.term.shape.unit == "s" else 1.0
     return float((least * times).min())
+
+
+def worth_knowing(term: MotionTerm) -> float:
+    """Size of a mechanism that a campaign must be able to tell."""
+    return WORTH_KNOWING[term.identifier][0]

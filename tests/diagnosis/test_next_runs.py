@@ -1,0 +1,144 @@
+"""Runs that a campaign in motion lacks: their references, the signals they would have, and what they would tell."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.diagnosis.test_motion import _campaign
+
+from pmg.pipeline.diagnosis.engine.separation import power_to_separate, squares_beyond
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
+from pmg.pipeline.diagnosis.motion.design.foresight import Foresight
+from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun, merged
+from pmg.pipeline.diagnosis.motion.design.proposals import Proposal, proposals
+from pmg.pipeline.diagnosis.motion.design.proposed_run import ProposedRun, Reference, Swing, with_runs
+from pmg.pipeline.diagnosis.motion.design.unseen import smallest_told
+from pmg.pipeline.diagnosis.motion.document import motion_document
+from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence, motion_evidence
+from pmg.pipeline.diagnosis.motion.fitted import fit_constants
+from pmg.pipeline.diagnosis.motion.library import library
+from pmg.pipeline.diagnosis.motion.noise import SlowNoise
+from pmg.pipeline.recording.run_records import Manoeuvre
+from pmg.sim.bench import load_bench
+from pmg.sim.grid import Configuration
+from pmg.sim.signals import RPM
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+
+TIME = np.arange(0.0, 30.0, 1.0 / 250.0)
+SLOW_NOISE = SlowNoise(wander=1e-3, time=5.0, ripple=(1e-3, 1e-3))
+
+
+def test_a_reference_is_told_as_it_is_set_on_a_bench() -> None:
+    speed = Reference("sun", "speed", (0.0, 1.0, 14.0), (0.0, 0.0, 100.0 * RPM))
+    swing = Swing(0.25, 0.5, 25.0, 2.0, 14.0)
+    load = Reference("ring", "torque", (0.0, 14.0), (1.0, 1.0), (swing,))
+    run = ProposedRun("loaded", Manoeuvre.SWEEP, 14.0, speed, load)
+    assert run.configuration is Configuration.ENGAGED
+    assert run.words == (
+        "sun speed [rpm] 0, held 1 s, to 100 in 13 s; "
+        "ring torque [N m] 1.00, held 14 s, ± 0.25 at 0.5 to 25 Hz from 2 to 14 s"
+    )
+    assert ProposedRun("zero", Manoeuvre.ZERO, 6.0).configuration is Configuration.ZERO
+
+
+@given(st.floats(0.2, 2.0), st.floats(1.0, 20.0), st.floats(0.1, 5.0))
+@settings(max_examples=25)
+def test_a_swing_goes_from_its_first_frequency_to_its_last(first: float, octaves: float, size: float) -> None:
+    swing = Swing(size, first, first * octaves, 2.0, 28.0)
+    frequency, course = swing.frequency(TIME), swing.course(TIME)
+    assert frequency[0] == pytest.approx(first)
+    assert frequency[-1] == pytest.approx(first * octaves)
+    assert np.abs(course).max() <= size
+    assert not course[(TIME < 2.0) | (TIME > 28.0)].any()
+    turns = np.count_nonzero(np.diff(np.signbit(course[(TIME >= 2.0) & (TIME <= 28.0)])))
+    even = first * 26.0 * (octaves - 1.0) / math.log(octaves) if octaves > 1.0 else first * 26.0
+    assert turns == pytest.approx(2.0 * even, abs=2.0)
+
+
+@pytest.fixture(scope="module")
+def forward() -> MotionEvidence:
+    """A campaign that never turned backwards."""
+    return _evidence((0, 1, 2, 5))
+
+
+def _evidence(kept: tuple[int, ...]) -> MotionEvidence:
+    runs = tuple(run for k, run in enumerate(_campaign(24)) if k in kept)
+    before, _, noise = fit_constants(runs, load_bench())
+    return motion_evidence(before, noise, library(), np.random.default_rng(0))
+
+
+def test_a_run_that_was_not_made_has_the_torque_of_the_constants_and_the_speed_that_is_asked_for(
+    forward: MotionEvidence,
+) -> None:
+    for proposal in proposals(forward.baseline, ("sun", "ring")):
+        whole, first = with_runs(forward.baseline, proposal.runs)
+        assert len(whole.stretches) > first
+        for place in range(first, len(whole.stretches)):
+            stretch = whole.stretches[place]
+            rms = float(np.sqrt(np.mean(stretch.torque**2)))
+            assert float(np.sqrt(np.mean(whole.missing(place) ** 2))) <= 0.01 * rms + 1e-4, proposal.title
+            (run,) = (each for each in proposal.runs if each.name == stretch.run.run.point)
+            if run.speed is not None and stretch.side == run.speed.side:
+                asked = max(abs(value) for value in run.speed.values)
+                assert float(np.abs(stretch.shaft.speed).max()) == pytest.approx(asked, rel=0.3)
+
+
+def test_what_a_run_is_foreseen_to_tell_is_what_it_tells_when_it_is_made(forward: MotionEvidence) -> None:
+    """Smallest drag in one sense that is told: foreseen from a run like the one left out, and with that one."""
+    made = _evidence((0, 1, 2, 3, 5))
+    top = (0.0, 1.0, 5.2, 6.8, 11.0, 12.0), (0.0, 0.0, -150.0, -150.0, 0.0, 0.0)
+    ramp = ProposedRun("backwards", Manoeuvre.RAMP, 12.0, Reference("sun", "speed", *top))
+    ahead = Foresight(forward, Proposal("Backwards", (ramp,)), SLOW_NOISE)
+    key = "direction_dependent_friction/sun/"
+
+    def smallest(found: MotionEvidence, foresight: Foresight | None) -> float:
+        tabled = found.problem.tables[key]
+        new = np.zeros((0, *tabled.columns.shape[1:]))
+        if foresight is not None:
+            rows = [foresight.rows_of(cast("MotionTerm", tabled.term), float(shape)) for shape in tabled.shapes]
+            new = np.stack(rows, axis=1)
+        whole = np.concatenate([tabled.columns, new])
+        columns = found.columns if foresight is None else foresight.columns
+        left = squares_beyond(whole.reshape(len(whole), -1), columns)
+        return smallest_told(np.sqrt(left).reshape(whole.shape[1:]), tabled)
+
+    before, foreseen, after = smallest(forward, None), smallest(forward, ahead), smallest(made, None)
+    assert after < 0.1 * before
+    assert foreseen == pytest.approx(after, rel=0.5)
+
+
+def test_a_campaign_that_cannot_see_is_told_the_run_that_shows_with_its_power() -> None:
+    runs = tuple(run for k, run in enumerate(_campaign(24)) if k in (0, 1, 2, 5))
+    found = diagnose_motion("one way", runs, load_bench(), np.random.default_rng(0))
+    assert found.verdict is Verdict.CONFOUNDED
+    (test,) = motion_document(found)["next_tests"]
+    assert test["description"].startswith("Ramp of the sun in neutral, backwards: sun speed [rpm] 0, held 1 s, to -17")
+    assert test["separates"] == ["direction_dependent_friction"]
+    assert test["power"] > 0.95
+    assert test["minutes"] == pytest.approx(0.75)
+    assert "backwards (1 min, power 100%)" in motion_document(found)["statement"]
+
+
+def test_a_power_counts_how_often_evidence_that_scatters_exceeds_its_margin() -> None:
+    """The difference of two sums of squares in unit noise, the true mean apart by so much, against what is said."""
+    rng = np.random.default_rng(5)
+    apart = np.r_[np.full(40, 4.0 / math.sqrt(40.0)), np.zeros(20)]
+    noise = rng.standard_normal((20000, 60))
+    gap = np.sum((noise + apart) ** 2, axis=1) - np.sum(noise**2, axis=1)
+    said = power_to_separate(float(apart @ apart))
+    assert float(np.mean(gap > 10.0)) == pytest.approx(said, abs=0.01)
+    assert power_to_separate(16.0, 30.0) < said < power_to_separate(100.0)
+
+
+def test_a_run_that_tells_several_causes_apart_stands_once_with_its_least_power() -> None:
+    one, other = (NextRun("Ramp", "Ramp: up", 1.0, (name,), (), power) for name, power in (("a", 0.9), ("b", 0.5)))
+    (both,) = merged((one, other))
+    assert (both.separates, both.power) == (("a", "b"), 0.5)
