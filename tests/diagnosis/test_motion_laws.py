@@ -20,6 +20,8 @@ from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, probabilities
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion import fitted
+from pmg.pipeline.diagnosis.motion.constants import FORM, FORM_SPEEDS, sheet_of
+from pmg.pipeline.diagnosis.motion.loss_curve import loss_curve
 from pmg.pipeline.diagnosis.motion.noise import SlowNoise, slow_noise_of
 from pmg.pipeline.diagnosis.motion.reading_terms import _unheld
 from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
@@ -165,3 +167,12 @@ def test_more_parameters_that_explain_no_more_are_no_look_alike() -> None:
     assert [rival.ids for rival in plain.rivals] == [{"second"}]
     assert richer.best.ids == {"first"}
     assert [rival.ids for rival in richer.rivals] == []
+
+
+def test_a_loss_curve_is_less_sure_between_the_speeds_at_which_it_is_fitted() -> None:
+    sheet = sheet_of(load_bench(), 1, ())
+    known = np.zeros((len(sheet), len(sheet)))
+    at, between = np.array(FORM_SPEEDS), np.sqrt(np.array(FORM_SPEEDS[:-1]) * np.array(FORM_SPEEDS[1:]))
+    assert loss_curve(sheet, sheet.expected, known, "sun", at)[1] == pytest.approx(0.0, abs=1e-9)
+    halfway = loss_curve(sheet, sheet.expected, known, "sun", between)[1]
+    assert halfway == pytest.approx(0.1 * (np.array(FORM[:-1]) + np.array(FORM[1:])), rel=1e-6)

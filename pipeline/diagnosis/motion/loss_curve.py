@@ -8,6 +8,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.motion.constants import (
     DRAG_POWERS,
+    FORM,
     FORM_SPEEDS,
     PASSAGES,
     SPEED_UNIT,
@@ -23,6 +24,11 @@ if TYPE_CHECKING:
 
 REST = 0.3
 """Width of the smooth passage of friction through standstill [rad/s]."""
+
+
+BETWEEN = 0.2
+"""Part of what a curve may be off at `FORM_SPEEDS` by which it may be off halfway between two of them besides: of a
+process as smooth as its distance from one to the next."""
 
 
 def loss_names(side: str) -> tuple[str, ...]:
@@ -60,11 +66,22 @@ def loss_curve(sheet: DataSheet, values: Array, covariance: Array, side: str, sp
     -------
     drag, uncertainty : (n,) array
         [N m].
+
+    Notes
+    -----
+    What a real curve is off between the speeds at which it is fitted is no constant, and is added.
     """
     found = drag_columns(side, speed)
     columns, at = np.stack(list(found.values()), 1), [sheet.at(name) for name in found]
-    variance = np.einsum("ni,ij,nj->n", columns, covariance[np.ix_(at, at)], columns)
+    variance = np.einsum("ni,ij,nj->n", columns, covariance[np.ix_(at, at)], columns) + _between(speed) ** 2
     return np.asarray(columns @ values[at]), np.sqrt(variance)
+
+
+def _between(speed: Array) -> Array:
+    """Standard deviation of a curve between two of `FORM_SPEEDS` about the straight line over them [N m] (n,)."""
+    near = np.stack(_near(speed), 1)
+    halfway = 2.0 * (1.0 - np.sum(near**2, axis=1))
+    return np.asarray(BETWEEN * halfway * (near @ np.array(FORM)))
 
 
 def _near(speed: Array) -> tuple[Array, ...]:
