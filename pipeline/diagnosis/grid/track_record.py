@@ -60,10 +60,10 @@ RECORD = {
 
 
 IN_MOTION = {
-    "named": TrackRecord("a cause named", 59, 66),
+    "named": TrackRecord("a cause named", 63, 70),
     "ambiguous": TrackRecord("several causes given", 9, 11),
-    "weak": TrackRecord("a difference too weak to name its cause", 11, 13),
-    "not_in_library": TrackRecord("no known cause given, with those that come near", 21, 30),
+    "weak": TrackRecord("a difference too weak to name its cause", 9, 9),
+    "not_in_library": TrackRecord("no known cause given, with those that come near", 26, 33),
 }
 """The same of runs in motion, from the trial of 240 campaigns on the same page."""
 
