@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -142,3 +143,15 @@ def test_a_run_that_tells_several_causes_apart_stands_once_with_its_least_power(
     one, other = (NextRun("Ramp", "Ramp: up", 1.0, (name,), (), power) for name, power in (("a", 0.9), ("b", 0.5)))
     (both,) = merged((one, other))
     assert (both.separates, both.power) == (("a", "b"), 0.5)
+
+
+def test_runs_can_be_proposed_where_the_fit_knows_nothing_of_a_shaft(forward: MotionEvidence) -> None:
+    """An inertia that no run shows may be fitted to anything, and a pull-out torque too."""
+    sheet, values = forward.baseline.sheet, forward.baseline.values.copy()
+    values[[sheet.at("inertia_ring"), sheet.at("pull_out")]] = -1e-3
+    unknown = replace(forward.baseline, values=values)
+    for proposal in proposals(unknown, ("sun", "ring")):
+        whole, first = with_runs(unknown, proposal.runs)
+        sizes = [float(np.abs(stretch.torque).max()) for stretch in whole.stretches[first:]]
+        assert sizes, proposal.title
+        assert np.isfinite(sizes).all(), proposal.title

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.motion.design.proposed_run import CHANGE_S, ProposedRun, Reference, Swing
+from pmg.pipeline.diagnosis.motion.design.proposed_run import CHANGE_S, ProposedRun, Reference, Swing, peak_of
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.shafts import PerShaft, other_side, per_shaft
 from pmg.sim.signals import MINUTE, REVOLUTION, RPM
@@ -74,7 +74,7 @@ class _Reach:
 
 
 def _reach(fitted: MotionBaseline) -> _Reach:
-    poles, peak = fitted.sheet.poles, float(fitted.values[fitted.sheet.at("pull_out")])
+    poles, peak = fitted.sheet.poles, peak_of(fitted.sheet, fitted.values)
 
     def top(side: str) -> float:
         seen = [float(np.quantile(np.abs(s.shaft.speed), 0.99)) for s in fitted.stretches if s.side == side]

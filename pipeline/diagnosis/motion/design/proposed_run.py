@@ -31,6 +31,9 @@ FOLLOWS_IN = 0.1
 PULL = 0.95
 """Part of the pull-out torque beyond which a load is not followed."""
 
+LEAST_PEAK = 0.5
+"""Part of the pull-out torque of the data sheet below which a fitted one is not believed for a plan."""
+
 DAMPED = 0.1
 """Damping ratio with which the poles are taken to swing, where a load swings about their resonance."""
 
@@ -206,15 +209,21 @@ def _pole_angle(run: ProposedRun, sheet: DataSheet, values: Array, time: Array) 
     resonance of its inertia on the spring of the gear, :math:`\omega_0^2 = p^2 A\cos\varphi/J`, and smaller beyond.
     """
     assert run.load is not None
-    poles, peak = sheet.poles[run.load.side], float(values[sheet.at("pull_out")])
+    poles, peak = sheet.poles[run.load.side], peak_of(sheet, values)
     course = np.interp(time, run.load.times, run.load.values)
     stiff = poles**2 * peak * np.sqrt(1.0 - min(float(np.abs(course).max()) / (poles * peak), PULL) ** 2)
-    natural = np.sqrt(stiff / float(values[sheet.at(f"inertia_{run.load.side}")])) / REVOLUTION
+    natural = np.sqrt(stiff / sheet.expected[sheet.at(f"inertia_{run.load.side}")]) / REVOLUTION
     for swing in run.load.swings:
         ratio = swing.frequency(time) / natural
         course = course + swing.course(time) / np.hypot(1.0 - ratio**2, 2.0 * DAMPED * ratio)
     smoothed = gaussian_filter1d(course, _corner(time), mode="nearest") if not run.load.swings else course
     return np.asarray(np.arcsin(np.clip(smoothed / (poles * peak), -PULL, PULL)))
+
+
+def peak_of(sheet: DataSheet, values: Array) -> float:
+    """Torque of the gear per pole pair when its poles are about to slip [N m]; as fitted, where that can be."""
+    at = sheet.at("pull_out")
+    return float(max(values[at], LEAST_PEAK * sheet.expected[at]))
 
 
 def _corner(time: Array) -> float:
