@@ -80,9 +80,11 @@ def _residual_table(diagnosis: TermsDiagnosis) -> str:
     models = (diagnosis.steps[0], diagnosis.steps[-1], last)
     motion = recorded.thin(np.c_[recorded.motion.position, recorded.motion.speed, recorded.motion.acceleration])
     columns = np.c_[recorded.time, motion, truth, *(truth - step.fitted.predict(recorded) for step in models)]
-    head = "time [s],position [m],speed [m/s],acceleration [m/s2],force [N],residual_baseline [N],residual_named [N]"
+    axis = diagnosis.case.axis
+    head = f"time [s],position [{axis.length}],speed [{axis.speed}],acceleration [{axis.acceleration}],"
+    head += f"{axis.pushes} [{axis.push}],residual_baseline [{axis.push}],residual_named [{axis.push}]"
     rows = "\n".join(",".join(f"{value:.9g}" for value in row) for row in columns)
-    return f"{head},residual_refined [N]\n{rows}\n"
+    return f"{head},residual_refined [{axis.push}]\n{rows}\n"
 
 
 def _page(diagnosis: TermsDiagnosis, seed: int, digests: dict[str, str]) -> Report:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import model_validator
 
 from pmg.pipeline.files.strict_tables import Strict, one_of, refuse, within
+from pmg.pipeline.importers.source import BRACKETED
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -41,7 +42,6 @@ SPELLED = {"\t": "tab", " ": "space"}
 MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "n/a", "N/A", "-", "--", "---")
 """Words for a cell without a value."""
 
-BRACKETED = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]\s*")
 WORD_OF_FILE = re.compile(r"\s*(?P<key>[^:=;,\t]+?)\s*[:=]\s*(?P<value>.*?)[\s;,]*")
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")

@@ -70,11 +70,11 @@ class CsvSource:
             When a column is missing, or more cells than are tolerated are no numbers.
         """
         for want in wanted:
-            channel_of(self, want.name, f"{self.path.name}: column")
             if want.columns > 1:
                 came, do = f"columns = {want.columns}", "Name the column by its own name."
                 raise RecordingError(f"{self.path.name}: {want.name}", came, "one value in each cell", do)
-        at = {want: self.head.names.index(want.name) for want in wanted}
+        where = f"{self.path.name}: column"
+        at = {want: self.head.names.index(channel_of(self, want.name, where).name) for want in wanted}
         with self.path.open(encoding=self.head.encoding, errors="replace", newline=None) as stream:
             line, columns = self.head.data_line, len(self.head.names)
             for _ in islice(stream, line - 1):

@@ -24,6 +24,7 @@ from pmg.pipeline.recording.findings import Code, Findings
 from pmg.pipeline.recording.origin import RECORD as ORIGIN
 from pmg.pipeline.recording.run import LAYOUT, RECORD, read_run
 from pmg.pipeline.recording.run import RUN_KEYS as SETPOINT_KEYS
+from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import BenchError, RecordingError, near_miss
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import SIDES
@@ -138,8 +139,7 @@ def import_recording(
         if file is None:
             raise RecordingError(str(path), "no row with data", "samples", "Look into the file.")
         rows.finish()
-        for conversion in conversions.values():
-            conversion.finish()
+        _finish(path, count, file, conversions)
         if (path.stat().st_size, path.stat().st_mtime_ns) != (stat.st_size, stat.st_mtime_ns):
             do = "Wait until the recorder is done, and import it again."
             raise RecordingError(str(path), "it changed while it was read", "a file that is whole", do)
@@ -160,6 +160,15 @@ def import_recording(
         rate, written = file.rate_hz, dict(file.written)
     kind, reader, reading = source.format, source.reader, source.reading
     return Imported(path, out, kind, reader, sha256, reading, stat.st_size, count, rate, written, found)
+
+
+def _finish(path: Path, rows: int, file: BlockFile, conversions: Mapping[str, Conversion]) -> None:
+    """Tell what each channel lost; refuse a file that brought nothing."""
+    for conversion in conversions.values():
+        conversion.finish()
+    if not any(file.written.values()):
+        came = f"{counted(rows, 'row')} without one number in a mapped channel"
+        raise RecordingError(str(path), came, "samples", "Look into the file, and at what the map names.")
 
 
 def _open_source(path: Path, channel_map: ChannelMap, findings: Findings) -> ForeignSource:

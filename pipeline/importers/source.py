@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import sys
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 
     import numpy as np
     import numpy.typing as npt
+
+BRACKETED = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]\s*")
+"""A name with its unit, as headers have it."""
 
 ROWS = 64_000
 """Rows of a block: what is in memory at a time, and a multiple of the samples of a written block."""
@@ -108,7 +112,7 @@ class ForeignSource(Protocol):
 
 
 def channel_of(source: ForeignSource, name: str, where: str) -> SourceChannel:
-    """The channel of that name.
+    """The channel of that name, which may stand with its unit in brackets.
 
     Raises
     ------
@@ -116,6 +120,10 @@ def channel_of(source: ForeignSource, name: str, where: str) -> SourceChannel:
         When the file holds none; near misses are named.
     """
     found = [channel for channel in source.channels if channel.name == name]
+    with_unit = BRACKETED.fullmatch(name)
+    if not found and with_unit is not None:  # as the header has it, unit and all
+        asked = with_unit["name"].strip(), with_unit["unit"].strip()
+        found = [channel for channel in source.channels if (channel.name, channel.unit) == asked]
     if not found:
         names = [channel.name for channel in source.channels]
         do = near_miss(name, names) if names else "The file holds no channel: check the recorder."

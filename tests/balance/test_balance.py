@@ -92,7 +92,7 @@ def test_offset_and_friction_of_direction_are_one_set_of_rivals_with_a_test(tmp_
     assert open_one == named(found) ^ twins
     document = terms_document(found)
     (told,) = [row for row in document["cannot_be_told"] if set(row["ids"]) == twins]
-    assert "turn the slide around" in told["separating_test"]
+    assert "turn the machine around" in told["separating_test"]
     assert {step.added for step in (*found.steps, *found.refinements)} >= {"coulomb", "stribeck"}
     (offset,) = named(found) & twins
     for term, truth in (("coulomb", 15.0), ("stribeck", 8.0), (offset, -8.0), ("inertia", 80.0)):

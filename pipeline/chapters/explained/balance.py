@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.chapters.explained.balance_figures import friction_figure, residuals_figure
 from pmg.pipeline.chapters.explained.free_run import free_run_sections
 from pmg.pipeline.diagnosis.balance.document import headline, percent, separating_test, title_of
 from pmg.pipeline.diagnosis.balance.drive import EMPS
 from pmg.pipeline.diagnosis.balance.serial import ANDREWS_MONAHAN
-from pmg.pipeline.report.document import Cell, Chart, Column, Facts, Figure, Measured, Section, Series, Table, Text
+from pmg.pipeline.report.document import Cell, Column, Facts, Measured, Section, Table, Text
 from pmg.sim import sources
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.contest import ModelStep
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.estimate import Estimate
-    from pmg.sim.signals import Array
 
 TERMS_SHOWN = 8
 """Terms of a round that the table shows."""
@@ -37,7 +37,7 @@ def _verdict(d: TermsDiagnosis) -> Section:
     )
     facts: tuple[tuple[str, Cell], ...] = (
         ("Samples of the regression", float(len(d.recorded.force))),
-        ("Noise, standard deviation [N]", d.noise.noise.standard_deviation),
+        (f"Noise, standard deviation [{d.case.axis.push}]", d.noise.noise.standard_deviation),
         ("Memory of the noise [samples]", float(d.noise.noise.lags)),
         (f"p-value of the mismatch, from {d.mismatch.draws} synthetic records", d.mismatch.p_value),
         ("The mismatch follows", places),
@@ -46,60 +46,13 @@ def _verdict(d: TermsDiagnosis) -> Section:
     return Section(
         "verdict-terms",
         "Verdict",
-        (Text(headline(d), "finding"), Facts(facts), _residuals(d), _friction(d)),
+        (Text(headline(d), "finding"), Facts(facts), residuals_figure(d), friction_figure(d)),
         (EMPS, sources.WESTFALL_YOUNG),
     )
 
 
 def _last(d: TermsDiagnosis) -> ModelStep:
     return (d.refinements or d.steps)[-1]
-
-
-def _residuals(d: TermsDiagnosis) -> Figure:
-    truth, time = d.recorded.force + d.recorded.known, d.recorded.time
-    models = [("baseline", d.steps[0]), ("with the named terms", d.steps[-1])]
-    if d.refinements:
-        models.append(("refined", _last(d)))
-    panels = []
-    for i, (name, step) in enumerate(models):
-        left = truth - step.fitted.predict(d.recorded)
-        panels.append(
-            Chart("time [s]", "residual [N]", (Series("", time, left, None, "line", i),), title=f"Residual, {name}")
-        )
-    first, named = d.steps[0], d.steps[-1]
-    return Figure(
-        "terms-residuals",
-        "Residual before and after",
-        f"Relative force error {percent(first.error_fit)} before, {percent(named.error_fit)} after. Scales differ.",
-        tuple(panels),
-    )
-
-
-def _friction(d: TermsDiagnosis) -> Figure:
-    """Force less that of inertia, against speed; baseline and named terms in their mean over speed."""
-    recorded, named = d.recorded, d.steps[-1]
-    speed = recorded.thin(recorded.motion.speed[:, None])[:, 0]
-    acceleration = recorded.thin(recorded.motion.acceleration[:, None])[:, 0]
-    inertia = next((e.value for e in named.fitted.estimates if e.term == "inertia"), d.case.fixed.get("inertia", 0.0))
-    truth, pull = recorded.force + recorded.known, inertia * acceleration
-    series = [Series("measured", speed, truth - pull, None, "markers", 0)]
-    for colour, (name, step) in enumerate((("baseline", d.steps[0]), ("named terms", named)), start=1):
-        x, y = mean_over(speed, step.fitted.predict(recorded) - pull)
-        series.append(Series(name, x, y, None, "line", colour))
-    return Figure(
-        "terms-friction",
-        "Friction against speed",
-        f"Force less inertia times acceleration, with {inertia:.4g} kg: measured, and as the models give it.",
-        (Chart("speed [m/s]", "friction [N]", tuple(series)),),
-    )
-
-
-def mean_over(x: Array, y: Array, slices: int = 60) -> tuple[Array, Array]:
-    """Means of y in slices of x."""
-    edges = np.linspace(float(x.min()), float(x.max()), slices + 1)
-    which = np.clip(np.searchsorted(edges, x) - 1, 0, slices - 1)
-    filled = np.unique(which)
-    return np.array([x[which == k].mean() for k in filled]), np.array([y[which == k].mean() for k in filled])
 
 
 def _stand_row(d: TermsDiagnosis, kind: str, step: ModelStep) -> tuple[Cell, ...]:
@@ -118,7 +71,8 @@ def _stand_row(d: TermsDiagnosis, kind: str, step: ModelStep) -> tuple[Cell, ...
 
 
 def _models(d: TermsDiagnosis) -> Section:
-    kinds = (("named", d.steps), ("refinement", d.refinements))
+    kinds = (("named", d.steps), ("refinement", d.refinements), ("dropped", d.dropped))
+    push = d.case.axis.push
     rows = [_stand_row(d, kind, step) for kind, steps in kinds for step in steps]
     for which, error in d.case.published_errors.items():
         fit, withheld = (100.0 * error, None) if which == "fit" else (None, 100.0 * error)
@@ -128,17 +82,17 @@ def _models(d: TermsDiagnosis) -> Section:
         "One term after the other",
         "Each line adds a term to the one above. A named term passed every rule; a refinement lowers the error "
         "on withheld blocks and beats every decoy, but beside the named ones it may be no more than an error of "
-        "their form.",
+        "their form. One that makes the error on the withheld record larger is dropped.",
         (
             Column("model", "Added"),
             Column("state", "State"),
             Column("evidence", "Evidence", digits=0),
             Column("error_fit", "Relative error", "%", digits=2),
             Column("error_withheld", "Withheld record", "%", digits=2),
-            Column("before", "Withheld blocks, before", "N", digits=3),
-            Column("after", "after", "N", digits=3),
-            Column("low", "gain from", "N", digits=3),
-            Column("high", "gain to", "N", digits=3),
+            Column("before", "Withheld blocks, before", push, digits=3),
+            Column("after", "after", push, digits=3),
+            Column("low", "gain from", push, digits=3),
+            Column("high", "gain to", push, digits=3),
             Column("carried", "Carries over"),
         ),
         tuple(rows),
@@ -150,9 +104,10 @@ def _models(d: TermsDiagnosis) -> Section:
     ]
     proof, more = d.held_out, d.further_decoys
     if proof is not None:
+        low, high = proof.gain_interval
         texts.append(
-            f"Choice made anew for every part: {proof.split}. {proof.rmse_before:.3f} N before, "
-            f"{proof.rmse_after:.3f} N after, gain {proof.gain_interval[0]:.3f} to {proof.gain_interval[1]:.3f} N."
+            f"Choice made anew for every part: {proof.split}. {proof.rmse_before:.3f} {push} before, "
+            f"{proof.rmse_after:.3f} {push} after, gain {low:.3f} to {high:.3f} {push}."
         )
     best = (
         f"; none lowered the error on the withheld record by more than {percent(max(more.gains))}" if more.gains else ""
@@ -259,8 +214,8 @@ def _rivals(d: TermsDiagnosis) -> Table:
             Column("state", "State"),
             Column("lead", "Lead", digits=0),
             Column("margin", "Margin", digits=0),
-            Column("blocks_rival", "Blocks, rival", "N", digits=3),
-            Column("blocks_named", "Blocks, named", "N", digits=3),
+            Column("blocks_rival", "Blocks, rival", d.case.axis.push, digits=3),
+            Column("blocks_named", "Blocks, named", d.case.axis.push, digits=3),
             Column("error_fit", "Relative error of the rival", "%", digits=2),
             Column("error_withheld", "Withheld record", "%", digits=2),
         ),

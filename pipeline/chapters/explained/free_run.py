@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.report.document import Chart, Column, Figure, Section, Series, Table, Text
-from pmg.pipeline.wording.units import MILLI
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
@@ -16,16 +15,17 @@ def free_run_sections(d: TermsDiagnosis) -> tuple[Section, ...]:
     if not d.free_runs:
         return ()
     charts = []
+    (shown, small), pushes = d.case.axis.shown, d.case.axis.pushes
     for record in (r for r in (d.recorded, d.withheld) if r is not None):
         runs, every = [run for run in d.free_runs if run.record == record.name], d.recorded.keep_every
         off = [
             Series(
-                run.model, record.time, (run.position - record.motion.position)[::every] / MILLI, None, "line", colour
+                run.model, record.time, (run.position - record.motion.position)[::every] / small, None, "line", colour
             )
             for colour, run in enumerate(runs)
             if run.model != "baseline"
         ]
-        charts.append(Chart("time [s]", "simulated less measured [mm]", tuple(off), title=record.name))
+        charts.append(Chart("time [s]", f"simulated less measured [{shown}]", tuple(off), title=record.name))
     table = Table(
         "terms-free-runs",
         "Free run",
@@ -33,16 +33,16 @@ def free_run_sections(d: TermsDiagnosis) -> tuple[Section, ...]:
         (
             Column("model", "Parameters"),
             Column("record", "Record"),
-            Column("rms", "Root mean square", "mm", digits=2),
-            Column("largest", "Largest", "mm", digits=1),
-            Column("stroke", "Stroke", "mm", digits=0),
+            Column("rms", "Root mean square", shown, digits=2),
+            Column("largest", "Largest", shown, digits=1),
+            Column("stroke", "Stroke", shown, digits=0),
         ),
-        tuple((r.model, r.record, r.error / MILLI, r.largest / MILLI, r.stroke / MILLI) for r in d.free_runs),
+        tuple((r.model, r.record, r.error / small, r.largest / small, r.stroke / small) for r in d.free_runs),
     )
     text = (
-        "The position is simulated from the force, the first position and the first speed; no later sample corrects "
-        "it, so that an offset which the force lacks ends as a drift. Parameters were fitted to the force of the first "
-        "record, not to this error; no uncertainty is stated for it."
+        f"The position is simulated from the {pushes}, the first position and the first speed; no later sample "
+        f"corrects it, so that an offset which the {pushes} lacks ends as a drift. Parameters were fitted to the "
+        f"{pushes} of the first record, not to this error; no uncertainty is stated for it."
     )
     figure = Figure("terms-free-run", "Free run", "Without the baseline, which drifts away.", tuple(charts))
     return (Section("terms-free-run-section", "Position from the force alone", (Text(text), table, figure)),)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.explained.balance import mean_over
+from pmg.pipeline.chapters.explained.balance_figures import mean_over
 from pmg.pipeline.diagnosis.motion.constants import MAP_WAVES
 from pmg.pipeline.diagnosis.motion.loss_curve import loss_curve, loss_names
 from pmg.pipeline.diagnosis.motion.rows import linear_columns

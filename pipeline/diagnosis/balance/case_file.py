@@ -15,78 +15,77 @@ from pmg.sim.errors import near_miss
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from pmg.pipeline.diagnosis.balance.axis import Axis
     from pmg.pipeline.diagnosis.balance.term import Motion, Term
 
 SCHEMA = "pmg.terms/1"
 """Schema of the case file."""
 
-UNITS: dict[str, dict[str, float]] = {
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
-    "position": {"m": 1.0, "mm": 1e-3, "um": 1e-6},
-    "force": {"N": 1.0, "kN": 1e3, "V": 1.0, "A": 1.0},
-}
-"""Units of each channel, and what one is in SI; a command in V or A needs `newton_per_unit`."""
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+"""Units of a time channel, and what one is in SI."""
 
-
-class Channel(Strict):
-    """A channel of the recordings: column or variable, and its unit there."""
-
-    name: str
-    unit: str
-
-    @property
-    def scale(self) -> float:
-        """SI value of one unit, without `factor`."""
-        return next(units[self.unit] for units in UNITS.values() if self.unit in units)
-
-    @property
-    def factor(self) -> str | float:
-        """Newton per unit of the command: a number, or the name of a variable of the file."""
-        return 1.0
-
-
-class _TimeChannel(Channel):
-    """Times of the samples."""
-
-    unit: Annotated[str, one_of(*UNITS["time"])]
-
-
-class _PositionChannel(Channel):
-    """Position of the slide."""
-
-    unit: Annotated[str, one_of(*UNITS["position"])]
+COMMANDS = ("V", "A")
+"""Units of a command, of which a factor makes a force or a torque."""
 
 
 def _newton(value: object) -> object:
-    return value if isinstance(value, str) else number_within(value, -1e9, 1e9, "N")
+    return value if isinstance(value, str) else number_within(value, -1e9, 1e9, "N or N m")
 
 
-class _ForceChannel(Channel):
-    """Force, or the command that makes it."""
+class Channel(Strict):
+    """A channel of the recordings: column or variable, and its unit there; of a command, what one unit of it makes."""
 
-    unit: Annotated[str, one_of(*UNITS["force"])]
+    name: str
+    unit: str
     newton_per_unit: Annotated[str | float, BeforeValidator(_newton)] | None = None
-
-    @model_validator(mode="after")
-    def _makes_newton(self) -> _ForceChannel:
-        if self.newton_per_unit is None and self.unit in ("V", "A"):
-            refuse("missing", f"newton of one {self.unit}", "Add newton_per_unit.", "newton_per_unit")
-        if self.newton_per_unit == 0.0:
-            refuse("0", "a factor other than zero", "Correct the value.", "newton_per_unit")
-        return self
+    newton_metre_per_unit: Annotated[str | float, BeforeValidator(_newton)] | None = None
 
     @property
     def factor(self) -> str | float:
-        """Newton per unit of the command: a number, or the name of a variable of the file."""
-        return 1.0 if self.newton_per_unit is None else self.newton_per_unit
+        """Force or torque per unit of a command: a number, or the name of a variable of the file."""
+        given = self.newton_per_unit if self.newton_metre_per_unit is None else self.newton_metre_per_unit
+        return 1.0 if given is None else given
 
 
 class _ChannelsTable(Strict):
-    """Table ``[channels]``."""
+    """Table ``[channels]``: position or speed, or both; force or torque, none of a machine that coasts."""
 
-    time: _TimeChannel
-    position: _PositionChannel
-    force: _ForceChannel
+    time: Channel
+    position: Channel | None = None
+    velocity: Channel | None = None
+    force: Channel | None = None
+    torque: Channel | None = None
+
+    def of(self, axis: Axis) -> dict[str, tuple[Channel, float]]:
+        """Channels that are there, and what one unit of each is in SI; what drives the machine is ``force``."""
+        if self.position is None and self.velocity is None:
+            refuse("neither position nor velocity", "one of them", "Name a channel that moves.", "channels")
+        other = "torque" if axis.pushes == "force" else "force"
+        if getattr(self, other) is not None:
+            refuse(other, axis.pushes, "Choose the library of the axis, or rename the channel.", "channels", other)
+        found = {}
+        units = {"time": TIMES, "position": axis.positions, "velocity": axis.speeds, axis.pushes: axis.forces}
+        for kind, known in units.items():
+            channel: Channel | None = getattr(self, kind)
+            if channel is not None:
+                word_of(channel.unit, known, "channels", kind, "unit")
+                _check_factor(channel, axis, kind)
+                found["force" if kind == axis.pushes else kind] = channel, known[channel.unit]
+        return found
+
+
+def _check_factor(channel: Channel, axis: Axis, kind: str) -> None:
+    """Refuse a command without its factor, and a factor where none belongs."""
+    needs = channel.unit in COMMANDS
+    for key in ("newton_per_unit", "newton_metre_per_unit"):
+        given = getattr(channel, key)
+        if given is not None and (key != axis.factor or kind != axis.pushes):
+            refuse(f"{given}", f"{axis.factor} of a {axis.pushes} only", "Leave it out.", "channels", kind, key)
+        if given == 0.0:
+            refuse("0", "a factor other than zero", "Correct the value.", "channels", kind, key)
+    if needs and getattr(channel, axis.factor) is None:
+        expected = f"{axis.push} of one {channel.unit}"
+        refuse("missing", expected, f"Add {axis.factor}.", "channels", kind, axis.factor)
 
 
 class _RecordTable(Strict):
@@ -98,23 +97,31 @@ class _RecordTable(Strict):
 
 
 class PrepareTable(Strict):
-    """Table ``[prepare]``: a zero-phase Butterworth low-pass on position, samples left out at both ends, decimation.
+    """Table ``[prepare]``: a zero-phase Butterworth low-pass on position or speed, samples left out at both ends,
+    decimation.
 
-    Below the rest speed the machine counts as at rest.
+    Left out are as many samples as the filter takes to settle, unless `drop` says otherwise; below the rest speed the
+    machine counts as at rest, by default where noise hides that it moves.
     """
 
     rate_hz: Annotated[float, within(1.0, 1e6, "Hz")]
     low_pass_hz: float
     order: Annotated[int, within(1, 8)] = 4
-    drop: Annotated[int, within(1, 100_000)] = 49
+    drop: Annotated[int, within(1, 100_000)] | None = None
     keep_every: Annotated[int, within(1, 100)] = 1
-    rest_speed_m_s: Annotated[float, within(0.0, 10.0, "m/s")] = 0.0
+    rest_speed_m_s: Annotated[float, within(0.0, 10.0, "m/s")] | None = None
+    rest_speed_rad_s: Annotated[float, within(0.0, 1000.0, "rad/s")] | None = None
 
     @model_validator(mode="after")
     def _below_half_the_rate(self) -> PrepareTable:
         with refusing("low_pass_Hz"):
             number_within(self.low_pass_hz, 0.01, 0.49 * self.rate_hz, "Hz")
         return self
+
+    @property
+    def rest_speed(self) -> float | None:
+        """Speed below which the machine counts as at rest [SI]; None where the data say it."""
+        return self.rest_speed_m_s if self.rest_speed_rad_s is None else self.rest_speed_rad_s
 
 
 class _KnownTermsTable(Strict):
@@ -155,7 +162,11 @@ class _CaseTable(Strict):
 
     @model_validator(mode="after")
     def _fits_the_library(self) -> _CaseTable:
-        terms = {term.identifier: term for term in LIBRARIES[self.library]}
+        axis, library = LIBRARIES[self.library]
+        terms = {term.identifier: term for term in library}
+        if "force" not in self.channels.of(axis) and "inertia" not in self.baseline.fixed:
+            do = "Coasting shows friction as part of the inertia only: fix that, or name the channel."
+            refuse("missing", f"a {axis.pushes}, or baseline.fixed.inertia", do, "channels", axis.pushes)
         plain = [name for name, term in terms.items() if not term.of_model and term.shape is None]
         for i, name in enumerate(self.baseline.terms):
             word_of(name, plain, "baseline", "terms", i)
@@ -183,12 +194,14 @@ class Case:
     ----------
     title : str
         What it is about.
+    axis : Axis
+        Whether it slides or turns.
     library : tuple of Term
         Terms that may be named.
     fit, withheld : Path
         Recordings; the second is never used for a choice or a fit. None without one.
-    channels : dict of str to Channel
-        ``time``, ``position`` and ``force``.
+    channels : dict of str to (Channel, float)
+        ``time``; ``position``, ``velocity`` or both; ``force``, which may be missing; what one unit of each is in SI.
     prepare : PrepareTable
         How they are filtered and thinned.
     baseline : tuple of str
@@ -202,10 +215,11 @@ class Case:
     """
 
     title: str
+    axis: Axis
     library: tuple[Term[Motion], ...]
     fit: Path
     withheld: Path | None
-    channels: dict[str, Channel]
+    channels: dict[str, tuple[Channel, float]]
     prepare: PrepareTable
     baseline: tuple[str, ...]
     fixed: dict[str, float]
@@ -231,13 +245,15 @@ def read_case(path: Path, data: Path | None = None) -> Case:
     given = read_table_file(path, "a case", _CaseTable).table
     record, errors = given.record, given.published_errors
     folder = path.parent / record.folder if data is None else data
+    axis, library = LIBRARIES[given.library]
     percents = {"fit": errors.fit_percent, "withheld": errors.withheld_percent}
     return Case(
         title=given.title,
-        library=LIBRARIES[given.library],
+        axis=axis,
+        library=library,
         fit=folder / record.fit,
         withheld=folder / record.withheld if record.withheld else None,
-        channels=dict(given.channels),
+        channels=given.channels.of(axis),
         prepare=given.prepare,
         baseline=tuple(given.baseline.terms),
         fixed=given.baseline.fixed,

@@ -133,9 +133,13 @@ def refine(
     remainder_of: AdequacyTest,
     threshold: float,
     rng: np.random.Generator,
-) -> tuple[ModelStep, ...]:
-    """Further terms, one after the other: more than any decoy, a good part of the rest, better on withheld blocks."""
-    current, refined = best, list[ModelStep]()
+) -> tuple[tuple[ModelStep, ...], tuple[ModelStep, ...]]:
+    """Further terms, one after the other: more than any decoy, a good part of the rest, better on withheld blocks.
+
+    Then those that would have been, and make the error on the withheld record larger: they are dropped.
+    """
+    current, refined, dropped = best, list[ModelStep](), dict[str, ModelStep]()
+    carried = model_step(data, best.fits, rng).error_withheld
     while len(refined) < MOST_REFINED:
         rest = remainder_of(current.problem)
         if rest.adequate:
@@ -146,13 +150,16 @@ def refine(
         fits = [fit for fit in ranked if not fit.on_bound and here.score(fit) > least]
         for fit in fits[:TRIED]:
             step = model_step(data, (*current.fits, fit), rng)
-            if step.held is not None and step.held.gain_interval[0] > 0.0:
+            if step.error_withheld > carried:
+                dropped[step.added] = step
+            elif step.held is not None and step.held.gain_interval[0] > 0.0:
+                carried = step.error_withheld
                 current = current.plus(fit)
                 refined.append(step)
                 break
         else:
             break
-    return tuple(refined)
+    return tuple(refined), tuple(dropped.values())
 
 
 def settled(problem: TermProblem, fits: tuple[TermFit, ...]) -> TermProblem:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, Twins, find_twins
 from pmg.pipeline.diagnosis.balance.contest import BalanceData, Contest, ModelStep, contest, model_step, refine, settled
-from pmg.pipeline.diagnosis.balance.estimate import design_of
+from pmg.pipeline.diagnosis.balance.estimate import design_of, impossible_in
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem, tabulate, term_problem
 from pmg.pipeline.diagnosis.balance.free_run import free_run, of_fit, of_published
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, noise_of, record_evidence
@@ -26,6 +26,7 @@ from pmg.pipeline.diagnosis.engine.withheld import withhold
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.case_file import Case
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
+    from pmg.pipeline.diagnosis.balance.estimate import Estimate
     from pmg.pipeline.diagnosis.balance.free_run import FreeRun
     from pmg.pipeline.diagnosis.balance.mismatch import NoiseModel, Place
     from pmg.pipeline.diagnosis.balance.recorded import Recorded
@@ -55,6 +56,10 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     refinements : tuple of ModelStep
         Terms that lower the error on withheld blocks, but given those named may be no more than an error
         of their form.
+    dropped : tuple of ModelStep
+        Refinements that make the error on the withheld record larger.
+    impossible : tuple of Estimate
+        Parameters of the last model that no machine has, as a negative mass; where there are any, nothing is named.
     twins : tuple of Twins
         What the design of the recording cannot tell apart.
     further_decoys : FurtherDecoys
@@ -74,6 +79,8 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
     mismatch: Mismatch[Place]
     steps: tuple[ModelStep, ...]
     refinements: tuple[ModelStep, ...]
+    dropped: tuple[ModelStep, ...]
+    impossible: tuple[Estimate, ...]
     twins: tuple[Twins, ...]
     further_decoys: FurtherDecoys
     contests: tuple[Contest, ...]
@@ -86,10 +93,15 @@ def _free_terms(case: Case) -> tuple[Term[Motion], ...]:
     return tuple(t for name in case.baseline for t in case.library if t.identifier == name and name not in case.fixed)
 
 
-def _searched_terms(case: Case) -> tuple[Term[Motion], ...]:
-    """Terms that may be named; one whose amplitude is taken as known may be off by what its bounds allow."""
+def _searched_terms(case: Case, *, coasts: bool) -> tuple[Term[Motion], ...]:
+    """Terms that may be named; one whose amplitude is taken as known may be off by what its bounds allow.
+
+    Of a machine that coasts, none that goes with its acceleration, or with the force that is zero.
+    """
     terms = []
     for term in case.library:
+        if coasts and (term.of_inertia or term.of_model):
+            continue
         known = case.fixed.get(term.identifier)
         if known is not None:
             (quantity,) = term.amplitudes
@@ -116,7 +128,11 @@ class _Searched:
 
 def _search(case: Case, recorded: Recorded, rng: np.random.Generator) -> _Searched:
     """The mismatch test and the search of the library; twice, the second time with noise freed from what was named."""
-    looked, free, searched = families_of(recorded), _free_terms(case), _searched_terms(case)
+    looked, free, searched = (
+        families_of(recorded, case.axis),
+        _free_terms(case),
+        _searched_terms(case, coasts=recorded.coasts),
+    )
     tables = tabulate(recorded, searched, coarse=True)
     plain = design_of(recorded, free, ())
     allowed = [table.columns.reshape(len(plain), -1) for table in tables.values()]
@@ -170,6 +186,7 @@ def diagnose_terms(
     steps = tuple(model_step(data, named[:k], rng) for k in range(len(named) + 1))
     held: HeldOut | None = None
     refinements: tuple[ModelStep, ...] = ()
+    dropped: tuple[ModelStep, ...] = ()
     contests: tuple[Contest, ...] = ()
     verdict = Verdict.CONSISTENT if found is None else Verdict.NOT_IN_LIBRARY
     if found is not None and named:
@@ -178,9 +195,12 @@ def diagnose_terms(
         conclusion = conclude(s.problem, TermCatalogue(), found, lambda _: held)
         if conclusion.verdict.names and conclusion.naming is not None:
             found, remainder_of = conclusion.naming, adequacy_test(s.evidence)
-            refinements = refine(data, found.best, remainder_of, max(ENTRY, further.most_evidence), rng)
+            refinements, dropped = refine(data, found.best, remainder_of, max(ENTRY, further.most_evidence), rng)
             contests = contest(data, s.problem, found, refinements, remainder_of, rng)
             verdict = Verdict.AMBIGUOUS if any(c.open for c in contests) else Verdict.NAMED
+    impossible = impossible_in((refinements or steps)[-1].fitted)
+    if impossible and verdict is not Verdict.CONSISTENT:
+        verdict = Verdict.NOT_IN_LIBRARY
     last = settled(s.problem, (refinements or steps)[-1].fitted.fits)
     return TermsDiagnosis(
         verdict=verdict,
@@ -195,6 +215,8 @@ def diagnose_terms(
         mismatch=s.mismatch,
         steps=steps,
         refinements=refinements,
+        dropped=dropped,
+        impossible=impossible,
         twins=find_twins(s.problem),
         further_decoys=further,
         contests=contests,

@@ -8,22 +8,29 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.fit.document import number
-from pmg.pipeline.wording.units import MILLI
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from pmg.pipeline.diagnosis.balance.contest import Contest, ModelStep
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.estimate import Estimate
     from pmg.pipeline.diagnosis.balance.mismatch import Place
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
 
+FAR = 2.0
+"""Error on the withheld record over that of the fit from which on a model does not carry over."""
+
+MOST_PART = 10.0
+"""Relative error from which on a number says nothing."""
+
 SCHEMA = "pmg.terms-diagnosis/1"
 """Schema of the document."""
 
 
 def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
-    """Everything that was found, as JSON; forces in N, relative errors as part of 1."""
-    found = diagnosis.naming
+    """Everything that was found, as JSON; forces in N, torques in N m, relative errors as part of 1."""
+    found, unit = diagnosis.naming, diagnosis.case.axis.key
     return {
         "schema": SCHEMA,
         "case": diagnosis.case.title,
@@ -31,7 +38,7 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
         "p_value": diagnosis.mismatch.p_value,
         "false_alarm_rate": diagnosis.mismatch.false_alarm_rate,
         "noise": {
-            "standard_deviation_N": diagnosis.noise.noise.standard_deviation,
+            f"standard_deviation_{unit}": diagnosis.noise.noise.standard_deviation,
             "lags": diagnosis.noise.noise.lags,
             "samples": len(diagnosis.recorded.force),
         },
@@ -55,11 +62,13 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
             }
             for step in found.rounds
         ],
-        "models": [_model(step) for step in diagnosis.steps],
-        "refinements": [_model(step) for step in diagnosis.refinements],
-        "held_out": None if diagnosis.held_out is None else diagnosis.held_out.document("N"),
-        "contests": [_contest(contest) for contest in diagnosis.contests],
-        "rivals": [_contest(contest)["ids"] for contest in diagnosis.contests if contest.open],
+        "models": [_model(step, unit) for step in diagnosis.steps],
+        "refinements": [_model(step, unit) for step in diagnosis.refinements],
+        "dropped_refinements": [_model(step, unit) for step in diagnosis.dropped],
+        "impossible": [_estimate(e) for e in diagnosis.impossible],
+        "held_out": None if diagnosis.held_out is None else diagnosis.held_out.document(unit),
+        "contests": [_contest(contest, unit) for contest in diagnosis.contests],
+        "rivals": [_ids(contest) for contest in diagnosis.contests if contest.open],
         "cannot_be_told": [
             {"ids": list(t.ids), "correlation": t.correlation, "separating_test": separating_test(diagnosis, t.ids)}
             for t in diagnosis.twins
@@ -78,13 +87,14 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
 
 
 def _free_runs(diagnosis: TermsDiagnosis) -> list[dict[str, Any]]:
+    length = diagnosis.case.axis.length
     return [
         {
             "model": run.model,
             "record": run.record,
-            "rms_error_m": number(run.error),
-            "largest_error_m": number(run.largest),
-            "stroke_m": run.stroke,
+            f"rms_error_{length}": number(run.error),
+            f"largest_error_{length}": number(run.largest),
+            f"stroke_{length}": run.stroke,
         }
         for run in diagnosis.free_runs
     ]
@@ -107,25 +117,29 @@ def _estimate(e: Estimate) -> dict[str, Any]:
     }
 
 
-def _model(step: ModelStep) -> dict[str, Any]:
+def _model(step: ModelStep, unit: str) -> dict[str, Any]:
     return {
         "added": step.added,
         "evidence": step.evidence,
         "relative_error_fit": step.error_fit,
         "relative_error_withheld": number(step.error_withheld),
-        "withheld_gain_interval_N": [number(end) for end in step.carried],
-        "held_out": None if step.held is None else step.held.document("N"),
+        f"withheld_gain_interval_{unit}": [number(end) for end in step.carried],
+        "held_out": None if step.held is None else step.held.document(unit),
         "parameters": [_estimate(e) for e in step.fitted.estimates],
     }
 
 
-def _contest(contest: Contest) -> dict[str, Any]:
+def _ids(contest: Contest) -> list[str]:
+    return [fit.identifier for fit in contest.rival.fits]
+
+
+def _contest(contest: Contest, unit: str) -> dict[str, Any]:
     return {
-        "ids": [fit.identifier for fit in contest.rival.fits],
+        "ids": _ids(contest),
         "open": contest.open,
         "lead": contest.lead,
         "margin": contest.margin,
-        "held_out": contest.held.document("N"),
+        "held_out": contest.held.document(unit),
         "beside_the_named": [_estimate(e) for e in contest.given_named],
         "relative_error_fit": contest.error_fit,
         "relative_error_withheld": number(contest.error_withheld),
@@ -145,8 +159,10 @@ def separating_test(diagnosis: TermsDiagnosis, ids: tuple[str, ...]) -> str:
 
 
 def percent(part: float) -> str:
-    """A part of 1 in per cent."""
-    return "–" if math.isnan(part) else f"{100.0 * part:.2f} %"
+    """A part of 1 in per cent; of what is ten times as large as the whole, only that."""
+    if math.isnan(part):
+        return "–"
+    return f"{100.0 * part:.2f} %" if part < MOST_PART else f"more than {100.0 * MOST_PART:.0f} %"
 
 
 def headline(diagnosis: TermsDiagnosis) -> str:
@@ -155,31 +171,48 @@ def headline(diagnosis: TermsDiagnosis) -> str:
     first, last = diagnosis.steps[0], diagnosis.steps[-1]
     match diagnosis.verdict:
         case Verdict.CONSISTENT:
-            return f"Consistent: no mismatch beyond the noise (p = {diagnosis.mismatch.p_value:.2g})."
+            head = f"Consistent: no mismatch beyond the noise (p = {diagnosis.mismatch.p_value:.2g})."
+        case Verdict.NOT_IN_LIBRARY if diagnosis.impossible:
+            head = "Nothing is named."
         case Verdict.NOT_IN_LIBRARY:
             places = "; ".join(place.name for place in diagnosis.mismatch.locations[:3])
-            return f"Not in the library: a mismatch that follows {places}, and no set of terms explains it."
+            head = f"Not in the library: a mismatch that follows {places}, and no set of terms explains it."
         case Verdict.NAMED:
             head = f"Named: {', '.join(named)}."
         case _:
             rivals = [c for c in diagnosis.contests if c.open]
             sets = "; ".join(" and ".join(title_of(diagnosis, f.identifier) for f in c.rival.fits) for c in rivals)
             head = f"Ambiguous: {', '.join(named)}; or {sets}."
-    return (
-        f"{head} Relative force error {percent(first.error_fit)} before, {percent(last.error_fit)} after"
-        + (
-            ""
-            if diagnosis.withheld is None
-            else f"; on the withheld record {percent(first.error_withheld)} and {percent(last.error_withheld)}"
-        )
-        + "."
-    )
+    return " ".join([*_impossible(diagnosis), head, _errors(diagnosis, first, last)])
+
+
+def _impossible(diagnosis: TermsDiagnosis) -> Iterator[str]:
+    """What no machine has, and what to check."""
+    for e in diagnosis.impossible:
+        value = f"{e.value:.3g} ± {e.standard_error:.2g} {e.unit}"
+        yield f"No machine has {title_of(diagnosis, e.term)} of {value}: check sign, unit and filter of the channels."
+
+
+def _errors(diagnosis: TermsDiagnosis, first: ModelStep, last: ModelStep) -> str:
+    """Errors of the first model and the last, on the record of the fit and on the withheld one, if there is one."""
+    pushes, steps = diagnosis.case.axis.pushes, (first, last) if last is not first else (first,)
+    told = f"Relative {pushes} error {_in_turn([percent(step.error_fit) for step in steps])}"
+    if diagnosis.withheld is None:
+        return f"{told}."
+    told = f"{told}; on the withheld record {_in_turn([percent(step.error_withheld) for step in steps])}"
+    far = last.error_withheld > FAR * last.error_fit
+    return f"{told}: it does not carry over." if far else f"{told}."
+
+
+def _in_turn(words: list[str]) -> str:
+    return words[0] if len(words) == 1 else f"{words[0]} before, {words[1]} after"
 
 
 def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
     """The diagnosis in a few lines."""
+    shown, small = diagnosis.case.axis.shown
     lines = [headline(diagnosis), ""]
-    lines += [f"{'model':<44}{'fit':>9}{'withheld':>10}  withheld blocks [N]"]
+    lines += [f"{'model':<44}{'fit':>9}{'withheld':>10}  withheld blocks [{diagnosis.case.axis.push}]"]
     for kind, steps in (("+ ", diagnosis.steps), ("refined by ", diagnosis.refinements)):
         for step in steps:
             name = " + ".join(diagnosis.case.baseline) if not step.added else kind + step.added
@@ -187,12 +220,18 @@ def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
             if step.carried[1] < 0.0:
                 blocks += "  does not carry over to the withheld record"
             lines.append(f"{name:<44}{percent(step.error_fit):>9}{percent(step.error_withheld):>10}  {blocks}".rstrip())
+    for step in diagnosis.dropped:
+        name = title_of(diagnosis, step.added)
+        lines.append(f"dropped: {name}, with which the withheld record is off by {percent(step.error_withheld)}")
     lines.append("")
     if diagnosis.free_runs:
         lines.append("position simulated from the force alone, without being told where it is:")
     for run in diagnosis.free_runs:
-        errors = f"{run.error / MILLI:.2f} mm rms, {run.largest / MILLI:.1f} mm at most"
-        lines.append(f"  {run.model:<12}{run.record}: {errors}, of a stroke of {run.stroke / MILLI:.0f} mm")
+        if math.isnan(run.error):
+            lines.append(f"  {run.model:<12}{run.record}: runs away")
+            continue
+        errors = f"{run.error / small:.2f} {shown} rms, {run.largest / small:.1f} {shown} at most"
+        lines.append(f"  {run.model:<12}{run.record}: {errors}, of a stroke of {run.stroke / small:.0f} {shown}")
     lines.append("")
     for contest in diagnosis.contests:
         ids = " + ".join(fit.identifier for fit in contest.rival.fits)

@@ -1,4 +1,4 @@
-"""The library of a drive on a slide: every term that its force balance may hold."""
+"""The library of a drive that slides or turns: every term that its force or torque balance may hold."""
 
 from __future__ import annotations
 
@@ -6,11 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.balance.axis import LINEAR, ROTARY
 from pmg.pipeline.diagnosis.balance.term import Motion, Quantity, Term
 from pmg.sim.signals import REVOLUTION
 from pmg.sim.sources import ARMSTRONG, BALANCE, DAHL, Source
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pmg.pipeline.diagnosis.balance.axis import Axis
     from pmg.sim.signals import Array
 
 EMPS = Source(
@@ -20,8 +24,8 @@ EMPS = Source(
 )
 
 REST_TEST = (
-    "Record the force command with the drive switched off and with the carriage held at rest, creep through zero speed "
-    "in both directions, and turn the slide around: an offset of the drive stays, friction changes sign or vanishes"
+    "Record the command with the drive switched off and with the machine held at rest, creep through zero speed "
+    "in both directions, and turn the machine around: an offset of the drive stays, friction changes sign or vanishes"
 )
 POSITION_TEST = (
     "Pass the same places slowly in both directions: friction changes sign with direction, a force at a place does not"
@@ -52,157 +56,194 @@ def _amount(name: str, unit: str, most: float) -> tuple[Quantity]:
     return (Quantity(name, unit, (0.0, most)),)
 
 
-RIPPLE = _part("A", "N", 1e4) + _part("B", "N", 1e4)
-PERIOD = Quantity("p", "m", (2e-3, 1e-1), 3.0)
+def _ripple(axis: Axis) -> tuple[Quantity, Quantity]:
+    return (*_part("A", axis.push, 1e4), *_part("B", axis.push, 1e4))
 
-DRIVE: tuple[Term[Motion], ...] = (
-    Term("inertia", "Inertia", "M a", _amount("M", "kg", 1e5), lambda m, _: _stack(m.acceleration), EMPS),
-    Term("viscous", "Viscous friction", "b v", _amount("b", "N s/m", 1e6), lambda m, _: _stack(m.speed), EMPS),
-    Term(
+
+def _plain_terms(axis: Axis) -> Iterator[Term[Motion]]:
+    """Inertia, friction by speed and direction, and a constant."""
+    yield Term(
+        "inertia",
+        "Inertia",
+        "M a",
+        _amount("M", axis.mass, 1e5),
+        lambda m, _: _stack(m.acceleration),
+        EMPS,
+        of_inertia=True,
+    )
+    yield Term(
+        "viscous", "Viscous friction", "b v", _amount("b", axis.viscous, 1e6), lambda m, _: _stack(m.speed), EMPS
+    )
+    yield Term(
         "coulomb",
         "Coulomb friction",
         "Fc sign(v)",
-        _amount("Fc", "N", 1e5),
+        _amount("Fc", axis.push, 1e5),
         lambda m, _: _stack(m.direction),
         EMPS,
         separating_test=SPEED_TEST,
-    ),
-    Term(
+    )
+    yield Term(
         "constant_offset",
         "Constant offset of the drive",
         "F0",
-        _part("F0", "N", 1e4),
+        _part("F0", axis.push, 1e4),
         lambda m, _: _stack(np.ones_like(m.speed)),
         EMPS,
         separating_test=REST_TEST,
-    ),
-    Term(
+    )
+    yield Term(
         "direction_dependent_coulomb",
         "Coulomb friction that depends on direction",
         "(F+ - F-)/2 |sign(v)|",
-        _part("half_difference", "N", 1e4),
+        _part("half_difference", axis.push, 1e4),
         lambda m, _: _stack(np.abs(m.direction)),
         EMPS,
         separating_test=REST_TEST,
-    ),
-    Term(
+    )
+    yield Term(
         "direction_dependent_viscous",
         "Viscous friction that depends on direction",
         "(b+ - b-)/2 |v|",
-        _part("half_difference", "N s/m", 1e6),
+        _part("half_difference", axis.viscous, 1e6),
         lambda m, _: _stack(np.abs(m.speed)),
         EMPS,
         separating_test=SPEED_TEST,
-    ),
-    Term(
+    )
+
+
+def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
+    """Friction that is no straight line of speed, or changes with the way since a reversal, with load or time."""
+    yield Term(
         "stribeck",
         "Extra friction at low speed (Stribeck)",
         "Fs sign(v) exp(-|v|/vs)",
-        _amount("Fs", "N", 1e4),
+        _amount("Fs", axis.push, 1e4),
         lambda m, speed: _stack(m.direction * np.exp(-np.abs(m.speed) / speed)),
         ARMSTRONG,
-        shape=Quantity("vs", "m/s", (1e-3, 1e-1)),
+        shape=Quantity("vs", axis.speed, axis.stribeck),
         separating_test=SPEED_TEST,
-    ),
-    Term(
+    )
+    yield Term(
         "presliding",
-        "Friction that rises over a length after reversal (Dahl)",
+        "Friction that rises over a way after reversal (Dahl)",
         "-Fd sign(v) exp(-travel/x0)",
-        _amount("Fd", "N", 1e4),
-        lambda m, length: _stack(-np.sign(m.speed) * np.exp(-m.travel / length)),
+        _amount("Fd", axis.push, 1e4),
+        lambda m, length: _stack(-m.sense * np.exp(-m.travel / length)),
         DAHL,
-        shape=Quantity("x0", "m", (1e-6, 1e-2)),
+        shape=Quantity("x0", axis.length, axis.presliding),
         separating_test="Reverse slowly over strokes shorter and longer than the length of rise",
-    ),
-    Term(
-        "position_ripple",
-        "Force periodic in position (cogging, screw pitch)",
-        "A sin(2 pi q/p) + B cos(2 pi q/p)",
-        RIPPLE,
-        _periodic,
-        BALANCE,
-        shape=PERIOD,
-        separating_test=POSITION_TEST,
-        even_grid=True,
-    ),
-    Term(
-        "friction_ripple",
-        "Friction periodic in position",
-        "sign(v) (A sin(2 pi q/p) + B cos(2 pi q/p))",
-        RIPPLE,
-        lambda m, period: m.direction[:, None] * _periodic(m, period),
-        BALANCE,
-        shape=PERIOD,
-        separating_test=POSITION_TEST,
-        even_grid=True,
-    ),
-    Term(
-        "friction_along_slide",
-        "Friction that changes along the slide",
-        "c sign(v) (q - qm)",
-        _part("c", "N/m", 1e5),
-        lambda m, _: _stack(m.direction * (m.position - _middle(m.position))),
-        BALANCE,
-        separating_test=POSITION_TEST,
-    ),
-    Term(
-        "spring",
-        "Spring or cable, linear in position",
-        "k (q - qm)",
-        _part("k", "N/m", 1e5),
-        lambda m, _: _stack(m.position - _middle(m.position)),
-        BALANCE,
-        separating_test=POSITION_TEST,
-    ),
-    Term(
+    )
+    yield Term(
         "load_dependent_friction",
-        "Friction that grows with the force of acceleration",
+        f"Friction that grows with the {axis.pushes} of acceleration",
         "m sign(v) |a|",
-        _amount("m", "kg", 1e4),
+        _amount("m", axis.mass, 1e4),
         lambda m, _: _stack(m.direction * np.abs(m.acceleration)),
         ARMSTRONG,
-        separating_test="Repeat with a known mass added to the carriage",
-    ),
-    Term(
-        "quadratic_drag",
-        "Drag that grows as speed squared",
-        "d v |v|",
-        _amount("d", "N s2/m2", 1e6),
-        lambda m, _: _stack(m.speed * np.abs(m.speed)),
+        separating_test="Repeat with a known mass added",
+        of_inertia=True,
+    )
+    yield Term(
+        "drag_of_power",
+        "Drag that goes with a power of speed",
+        f"d sign(v) |v/v1|^n, v1 = 1 {axis.speed}",
+        _part("d", axis.push, 1e6),
+        lambda m, power: _stack(np.sign(m.speed) * np.abs(m.speed) ** power),
         BALANCE,
+        shape=Quantity("n", "1", (0.2, 4.0)),
         separating_test=SPEED_TEST,
-    ),
-    Term(
+    )
+    yield Term(
         "warming",
         "Viscous friction that falls during the record",
         "-w v t/T",
-        _amount("w", "N s/m", 1e6),
+        _amount("w", axis.viscous, 1e6),
         lambda m, _: _stack(-m.speed * (m.time - m.time[0]) / (m.time[-1] - m.time[0])),
         BALANCE,
         separating_test="Repeat the record after a rest and after a long run",
-    ),
-    Term(
+    )
+
+
+def _placed_terms(axis: Axis) -> Iterator[Term[Motion]]:
+    """What changes with position."""
+    period = Quantity("p", axis.length, axis.periods, 3.0)
+    yield Term(
+        "position_ripple",
+        f"{axis.pushes.capitalize()} periodic in position (cogging, screw pitch, unbalance)",
+        "A sin(2 pi q/p) + B cos(2 pi q/p)",
+        _ripple(axis),
+        _periodic,
+        BALANCE,
+        shape=period,
+        separating_test=POSITION_TEST,
+        even_grid=True,
+    )
+    yield Term(
+        "friction_ripple",
+        "Friction periodic in position",
+        "sign(v) (A sin(2 pi q/p) + B cos(2 pi q/p))",
+        _ripple(axis),
+        lambda m, length: m.direction[:, None] * _periodic(m, length),
+        BALANCE,
+        shape=period,
+        separating_test=POSITION_TEST,
+        even_grid=True,
+    )
+    yield Term(
+        "friction_along_slide",
+        f"Friction that changes along the {axis.along}",
+        "c sign(v) (q - qm)",
+        _part("c", axis.stiffness, 1e5),
+        lambda m, _: _stack(m.direction * (m.position - _middle(m.position))),
+        BALANCE,
+        separating_test=POSITION_TEST,
+    )
+    yield Term(
+        "spring",
+        "Spring or cable, linear in position",
+        "k (q - qm)",
+        _part("k", axis.stiffness, 1e5),
+        lambda m, _: _stack(m.position - _middle(m.position)),
+        BALANCE,
+        separating_test=POSITION_TEST,
+    )
+
+
+def _chain_terms(axis: Axis) -> Iterator[Term[Motion]]:
+    """Faults of the chain from the command to the readings."""
+    yield Term(
         "actuator_gain",
         "Gain error of the actuator",
         "g (baseline terms)",
         _part("g", "1", 0.3),
         lambda m, _: _stack(m.modelled),
         BALANCE,
-        separating_test="Push with a known force, or add a known mass",
+        separating_test=f"Push with a known {axis.pushes}, or add a known mass",
         of_model=True,
-    ),
-    Term(
+    )
+    yield Term(
         "delay",
-        "Delay of the position behind the force command",
+        f"Delay of the position behind the {axis.pushes} command",
         "T d/dt(baseline terms)",
         _part("T", "s", 0.02),
         lambda m, _: _stack(np.gradient(m.modelled, m.sample_time)),
         BALANCE,
         separating_test="Record both signals of one step through one input card",
         of_model=True,
-    ),
-)
+    )
+
+
+def _drive_terms(axis: Axis) -> tuple[Term[Motion], ...]:
+    """Every term of a drive, in the units of its axis."""
+    return (*_plain_terms(axis), *_curved_terms(axis), *_placed_terms(axis), *_chain_terms(axis))
+
+
+DRIVE, ROTARY_DRIVE = _drive_terms(LINEAR), _drive_terms(ROTARY)
 """Terms that a case file may take as baseline or leave to the search."""
 
-LIBRARIES: dict[str, tuple[Term[Motion], ...]] = {"drive": DRIVE}
-"""Libraries by the name that a case file gives."""
+LIBRARIES: dict[str, tuple[Axis, tuple[Term[Motion], ...]]] = {
+    "drive": (LINEAR, DRIVE),
+    "rotary_drive": (ROTARY, ROTARY_DRIVE),
+}
+"""Axis and terms of each library by the name that a case file gives."""

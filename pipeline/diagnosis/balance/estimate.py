@@ -79,9 +79,21 @@ class FittedTerms:
         return np.asarray(recorded.known + design_of(recorded, self.baseline, self.fits) @ self.values)
 
     def relative_error(self, recorded: Recorded) -> float:
-        """Root of the sum of squares of what is left, as part of that of the force."""
-        force = recorded.force + recorded.known
-        return float(np.linalg.norm(force - self.predict(recorded)) / np.linalg.norm(force))
+        """Root of the sum of squares of what is left, as part of `Recorded.size`."""
+        left = recorded.force + recorded.known - self.predict(recorded)
+        return float(np.linalg.norm(left) / recorded.size)
+
+
+def impossible_in(fitted: FittedTerms) -> tuple[Estimate, ...]:
+    """Parameters that lie outside the range of their term with certainty, as a mass below zero."""
+    terms = (*fitted.baseline, *(fit.candidate for fit in fitted.fits))
+    bounds = {(term.identifier, q.name): q.bounds for term in terms for q in term.parameters}
+
+    def outside(e: Estimate) -> bool:
+        (low, high), (least, most) = bounds[e.term, e.name], e.interval
+        return most < low or least > high
+
+    return tuple(e for e in fitted.estimates if outside(e))
 
 
 def design_of(recorded: Recorded, baseline: tuple[Term[Motion], ...], fits: tuple[TermFit, ...]) -> Array:

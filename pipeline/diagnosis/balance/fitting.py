@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from pmg.pipeline.diagnosis.balance.periods import periods
 from pmg.pipeline.diagnosis.balance.term import Term
 from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem, bounded_sizes, freed
 from pmg.pipeline.diagnosis.engine.scan import ABSORBED
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
 
 SHAPES = 24
 """Values of a shape, evenly spaced on a logarithm, from which its fit starts."""
-
-PER_CYCLE = 3.0
-"""Values of a period for each further cycle over the travel."""
 
 AT_ONCE = 32
 """Values of a shape whose columns are filtered at once."""
@@ -50,24 +48,23 @@ class Tabled:
     columns: Array
 
 
-def _shape_grid(term: Term[Any], travel: float, *, coarse: bool = False) -> Array:
+def _shape_grid(term: Term[Any], recorded: Recorded, *, coarse: bool = False) -> Array:
     """Values of the shape at which a term is looked at first; four of them where it is only to be allowed for."""
     if term.shape is None:
         return np.array([math.nan])
     low, high = term.shape.bounds
     if coarse:
         return np.geomspace(low, high, 6)[1:-1]
-    if not term.even_grid:
-        return np.geomspace(low, high, SHAPES)
-    return np.asarray(1.0 / np.linspace(1.0 / high, 1.0 / low, max(2, int(PER_CYCLE * travel * (1 / low - 1 / high)))))
+    return periods(recorded, (low, high)) if term.even_grid else np.geomspace(low, high, SHAPES)
 
 
 def tabulate(recorded: Recorded, terms: tuple[Term[Any], ...], *, coarse: bool = False) -> dict[str, Tabled]:
     """Thinned columns of every term over its shapes."""
-    travel = float(np.ptp(recorded.motion.position))
     tables = {}
     for term in terms:
-        shapes = _shape_grid(term, travel, coarse=coarse)
+        shapes = _shape_grid(term, recorded, coarse=coarse)
+        if not len(shapes):
+            continue  # no period that these samples could show
         parts = []
         for first in range(0, len(shapes), AT_ONCE):
             some = shapes[first : first + AT_ONCE]

@@ -24,6 +24,9 @@ INERTIA = "inertia"
 DELAY, GAIN = "delay", "actuator_gain"
 """Terms that change what force acts when, instead of adding one."""
 
+RUNS_AWAY = 1e6
+"""Speed [SI] from which on a simulation is given up: its errors are NaN."""
+
 HARDLY = 1e-9
 """Speed [m/s] that stands for setting out from rest in one sense or the other."""
 
@@ -145,8 +148,10 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRu
         )
         return sum(float(each.term.columns(now, each.shape)[1] @ each.amplitudes) for each in others)
 
-    found = np.empty(len(motion.time))
+    found = np.full(len(motion.time), np.nan)
     for i, force in enumerate(driving.tolist()):
+        if abs(speed) > RUNS_AWAY:
+            break
         found[i] = position
         setting_out = speed
         if speed == 0.0:

@@ -156,7 +156,7 @@ def try_decoys(
             other, there = withheld
             values = solve(np.c_[design, column], recorded.force)
             plain = solve(design, recorded.force)
-            whole = float(np.linalg.norm(other.force + other.known))
+            whole = other.size
             after = other.force - np.c_[there, _surrogate(other.columns(term), rng)] @ values
             before = other.force - there @ plain
             gains.append(float(np.linalg.norm(before) - np.linalg.norm(after)) / whole)

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars as pl
 from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
-from scipy.signal import butter, decimate, filtfilt
+from scipy.signal import decimate
 
+from pmg.pipeline.diagnosis.balance.smoothing import Smoother
 from pmg.pipeline.diagnosis.balance.term import Motion
 from pmg.sim.errors import RecordingError, near_miss
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from pmg.pipeline.diagnosis.balance.case_file import Case
@@ -23,6 +26,12 @@ if TYPE_CHECKING:
 
 RATE_TOLERANCE = 0.01
 """Part by which a time step may differ from that of the stated rate."""
+
+REST = 4.0
+"""Standard deviations of the noise of the speed below which a machine counts as at rest."""
+
+MATRIX_COLUMN = re.compile(r"(?P<variable>[^()]+)\(:, ?(?P<column>[0-9]+)\)")
+"""A column of a matrix, as MATLAB writes it."""
 
 FEWEST = 1000
 """Fewest samples of a regression; below, neither noise nor structure can be judged."""
@@ -51,6 +60,16 @@ class Recorded:
     keep_every: int
     force: Array
     known: Array
+
+    @property
+    def coasts(self) -> bool:
+        """Whether nothing drives the machine."""
+        return not self.motion.force.any()
+
+    @property
+    def size(self) -> float:
+        """Root of the sum of squares of the force; of that of the known terms where the machine coasts."""
+        return float(np.linalg.norm(self.known if self.coasts else self.force + self.known))
 
     def thin(self, columns: Array) -> Array:
         """Every column filtered and decimated like the force (parallel filtering)."""
@@ -84,39 +103,37 @@ def read_recording(path: Path, case: Case) -> Recorded:
     Notes
     -----
     Position passes a zero-phase Butterworth low-pass, speed and acceleration are central differences of it, and force
-    and every column of the regression are decimated by the same zero-phase filter.
+    and every column of the regression are decimated by the same zero-phase filter. A speed that was recorded passes
+    the same low-pass; where there is no position, it is the integral of it. The machine counts as at rest below
+    `REST` standard deviations of what noise makes of the speed.
 
     References
     ----------
     A. Janot, M. Gautier, M. Brunot, 'Data Set and Reference Models of EMPS', 2019.
     """
     values = _channels(path, case)
-    time, position, force = values["time"], values["position"], values["force"]
-    given = case.prepare
+    time, given = values["time"], case.prepare
     steps = np.diff(time) * given.rate_hz
     wrong = np.flatnonzero(np.abs(steps - 1.0) > RATE_TOLERANCE)
     if len(wrong):
         came = f"{len(wrong)} of {len(steps)} steps differ from 1/{given.rate_hz:g} s, "
         came += f"the first after {time[wrong[0]]:g} s"
         raise RecordingError(f"{path}: time", came, "even sampling at prepare.rate_Hz", "Correct rate or unit of time.")
-    fewest = max(FEWEST * given.keep_every, 8 * given.order) + 2 * given.drop
+    smoother = Smoother(given, float((time[-1] - time[0]) / max(len(time) - 1, 1)))
+    drop = smoother.settles if given.drop is None else given.drop
+    fewest = max(FEWEST * given.keep_every, 8 * given.order) + 2 * drop
     if len(time) < fewest:
         raise RecordingError(str(path), f"{len(time)} samples", f"{fewest} or more", "Record longer, or thin less.")
-    h = float((time[-1] - time[0]) / (len(time) - 1))
-    b, a = butter(given.order, given.low_pass_hz, fs=1.0 / h)
-    smooth = filtfilt(b, a, position)
-    speed, acceleration = np.zeros_like(smooth), np.zeros_like(smooth)
-    speed[1:-1] = (smooth[2:] - smooth[:-2]) / (2.0 * h)
-    acceleration[1:-1] = (speed[2:] - speed[:-2]) / (2.0 * h)
-    inner = slice(given.drop, -given.drop)
+    position, speed, noise = smoother.moved(values.get("position"), values.get("velocity"))
+    inner = slice(drop, -drop)
     motion = Motion(
         time[inner],
         position[inner],
         speed[inner],
-        acceleration[inner],
-        force[inner],
-        np.zeros(len(time) - 2 * given.drop),
-        given.rest_speed_m_s,
+        smoother.slope(speed)[inner],
+        values.get("force", np.zeros_like(time))[inner],
+        np.zeros(len(time) - 2 * drop),
+        REST * noise if given.rest_speed is None else given.rest_speed,
     )
     return _with_model(path.name, motion, case)
 
@@ -138,19 +155,20 @@ def _with_model(name: str, motion: Motion, case: Case) -> Recorded:
 
 
 def _channels(path: Path, case: Case) -> dict[str, Array]:
-    """Time, position and force of a file in SI, all of one length and finite."""
+    """Channels of a file in SI, all of one length and finite; without a force that is zero throughout."""
     table = _read(path)
     values = {}
-    for kind, channel in case.channels.items():
-        values[kind] = _column(path, table, channel.name) * channel.scale
+    for kind, (channel, unit) in case.channels.items():
         factor = channel.factor
         if isinstance(factor, str):
             given = _column(path, table, factor)
             if len(given) != 1:
                 came = f"{len(given)} values"
-                raise RecordingError(f"{path}: {factor}", came, "one number", "Give newton_per_unit as a number.")
+                raise RecordingError(f"{path}: {factor}", came, "one number", f"Give {case.axis.factor} as a number.")
             factor = float(given[0])
-        values[kind] = values[kind] * factor
+        values[kind] = _column(path, table, channel.name) * unit * factor
+    if "force" in values and not values["force"].any() and "inertia" in case.fixed:
+        del values["force"]  # it coasts
     lengths = {len(value) for value in values.values()}
     if len(lengths) > 1:
         came = ", ".join(f"{kind}: {len(value)}" for kind, value in values.items())
@@ -159,15 +177,17 @@ def _channels(path: Path, case: Case) -> dict[str, Array]:
         bad = np.flatnonzero(~np.isfinite(value))
         if len(bad):
             came = f"{len(bad)} values are no numbers, the first in row {bad[0] + 1}"
-            raise RecordingError(f"{path}: {case.channels[kind].name}", came, "numbers", "Mend or cut the recording.")
-        if float(np.ptp(value)) == 0.0:
             raise RecordingError(
-                f"{path}: {case.channels[kind].name}", "the same value throughout", "a signal", "Check the channel."
+                f"{path}: {case.channels[kind][0].name}", came, "numbers", "Mend or cut the recording."
             )
+        if float(np.ptp(value)) == 0.0:
+            do = "Check the channel; of a machine that coasts, fix its inertia."
+            raise RecordingError(f"{path}: {case.channels[kind][0].name}", "the same value throughout", "a signal", do)
     return values
 
 
-def _read(path: Path) -> dict[str, Array]:
+def _read(path: Path) -> Mapping[str, np.ndarray[Any, Any]]:
+    """Channels of a file as they stand there; words of a CSV file become numbers where they are asked for."""
     if not path.is_file():
         do = "Check record.folder, or name the folder of the recordings with --data."
         raise RecordingError(str(path), "no such file", "a recording (.mat or .csv)", do)
@@ -176,7 +196,7 @@ def _read(path: Path) -> dict[str, Array]:
         if kind == ".mat":
             return {name: np.asarray(v) for name, v in loadmat(path).items() if not name.startswith("__")}
         if kind == ".csv":
-            frame = pl.read_csv(path)
+            frame = pl.read_csv(path, infer_schema=False)
             return {name: frame[name].to_numpy() for name in frame.columns}
     except (ValueError, TypeError, NotImplementedError, MatReadError, pl.exceptions.PolarsError) as error:
         came = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
@@ -184,9 +204,35 @@ def _read(path: Path) -> dict[str, Array]:
     raise RecordingError(str(path), f"a file of kind {kind or 'none'}", ".mat or .csv", "Convert the recording.")
 
 
-def _column(path: Path, table: dict[str, Array], name: str) -> Array:
-    if name not in table:
+def _column(path: Path, table: Mapping[str, np.ndarray[Any, Any]], name: str) -> Array:
+    """A channel as numbers (n,); ``name(:,2)`` is the second column of a matrix."""
+    asked = MATRIX_COLUMN.fullmatch(name)
+    variable = name if name in table or asked is None else asked["variable"]
+    if variable not in table:
         raise RecordingError(f"{path}: {name}", "no such channel", "a channel of the file", near_miss(name, table))
-    if table[name].dtype.kind not in "fiub":
-        raise RecordingError(f"{path}: {name}", f"values of kind {table[name].dtype}", "numbers", "Correct the export.")
-    return np.asarray(table[name], dtype=np.float64).ravel()
+    found = table[variable]
+    if found.dtype.kind == "O":
+        found = _numbers(path, name, found)
+    if found.dtype.kind not in "fiub":
+        raise RecordingError(f"{path}: {name}", f"values of kind {found.dtype}", "numbers", "Correct the export.")
+    shape = " x ".join(map(str, found.shape))
+    if asked is not None and variable != name:
+        column = int(asked["column"])
+        if found.ndim != 2 or not 1 <= column <= found.shape[1]:
+            raise RecordingError(f"{path}: {name}", f"a variable of {shape}", f"{column} columns", "Name one of them.")
+        found = found[:, column - 1]
+    if sum(n > 1 for n in found.shape) > 1:
+        do = f'Name one of its columns: "{name}(:,1)".'
+        raise RecordingError(f"{path}: {name}", f"a matrix of {shape}", "one row or column", do)
+    return np.asarray(found, dtype=np.float64).ravel()
+
+
+def _numbers(path: Path, name: str, words: np.ndarray[Any, Any]) -> Array:
+    """Words of a column of a CSV file as numbers (n,); none is NaN."""
+    column = pl.Series(words, dtype=pl.String).str.strip_chars()
+    found = column.cast(pl.Float64, strict=False)
+    bad = (found.is_null() & column.is_not_null() & (column != "")).arg_true()
+    if len(bad):
+        came = f"'{column[int(bad[0])]}' in row {int(bad[0]) + 1}"
+        raise RecordingError(f"{path}: {name}", came, "a number", "Mend the row, or name another channel.")
+    return found.fill_null(np.nan).to_numpy()

@@ -9,6 +9,7 @@ import numpy as np
 from pmg.pipeline.fit.structure import ResidualStructure
 
 if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.axis import Axis
     from pmg.pipeline.diagnosis.balance.recorded import Recorded
     from pmg.sim.signals import Array
 
@@ -24,9 +25,6 @@ FINE_WAVES = 200
 SAMPLES_PER_WAVE = 16
 """Samples of the regression that each of them calls for: more would leave too little to tell the noise by."""
 
-RISE = (1e-5, 1e-4, 1e-3)
-"""Lengths after a reversal over which a force may rise [m]."""
-
 
 def _hats(covariate: Array) -> Array:
     """Piecewise linear curve over a covariate (n, knots)."""
@@ -41,13 +39,13 @@ def _waves(covariate: Array, first: int, last: int) -> Array:
     return np.cos(np.arange(first, last + 1) * angle[:, None])
 
 
-def families_of(recorded: Recorded) -> tuple[ResidualStructure, ...]:
+def families_of(recorded: Recorded, axis: Axis) -> tuple[ResidualStructure, ...]:
     """Families of structure of a recording; a curve, a wave or a rise each for what a machine's force may follow."""
     m = recorded.motion
     sign = m.direction[:, None]
     slow_place, slow_time = _waves(m.position, 1, WAVES), _waves(m.time, 1, WAVES)
     fine = min(FINE_WAVES, len(recorded.force) // SAMPLES_PER_WAVE)
-    rise = np.stack([np.sign(m.speed) * np.exp(-m.travel / length) for length in RISE], axis=1)
+    rise = np.stack([m.sense * np.exp(-m.travel / length) for length in axis.rises], axis=1)
     drawn = {
         "speed": sign * _hats(np.abs(m.speed)),
         "speed, different in the two directions": _hats(np.abs(m.speed)),
@@ -61,4 +59,6 @@ def families_of(recorded: Recorded) -> tuple[ResidualStructure, ...]:
         "time, as friction": np.c_[sign * slow_time[:, :4], m.speed[:, None] * slow_time[:, :4]],
         "rate of the force": np.gradient(m.modelled, m.sample_time)[:, None],
     }
+    if recorded.coasts:  # its acceleration is all that there is to explain
+        drawn = {name: drawn[name] for name in drawn if "acceleration" not in name and "force" not in name}
     return tuple(ResidualStructure("force", "all", (name,), recorded.thin(columns)) for name, columns in drawn.items())

@@ -21,13 +21,13 @@ class Motion:
     Parameters
     ----------
     time, position, speed, acceleration : (n,) array
-        [s], [m], [m/s], [m/s2].
+        [s]; [m], [m/s], [m/s2] of a machine that slides, [rad], [rad/s], [rad/s2] of one that turns.
     force : (n,) array
-        What the actuator is commanded to apply [N].
+        What the actuator is commanded to apply [N, N m]; zero of a machine that coasts.
     modelled : (n,) array
-        Force that the baseline gives [N]; zero until it has been fitted.
+        Force that the baseline gives [N, N m]; zero until it has been fitted.
     rest_speed : float
-        Speed below which the machine counts as at rest [m/s].
+        Speed below which the machine counts as at rest [m/s, rad/s].
     """
 
     time: Array
@@ -44,16 +44,23 @@ class Motion:
         return np.where(np.abs(self.speed) > self.rest_speed, np.sign(self.speed), 0.0)
 
     @property
+    def sense(self) -> Array:
+        """Sense in which it moves, or at rest moved last; zero before it first did."""
+        moved = self.direction
+        last = np.maximum.accumulate(np.where(moved != 0.0, np.arange(len(moved)), -1))
+        return np.asarray(np.where(last < 0, 0.0, moved[np.maximum(last, 0)]))
+
+    @property
     def sample_time(self) -> float:
         """Time from sample to sample [s]."""
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
     @property
     def travel(self) -> Array:
-        """Way since the direction last changed [m]; before the first change, as if that lay one metre back."""
+        """Way since the sense last changed [m, rad]; before the first change, as if that lay one unit back."""
         path = np.r_[0.0, np.cumsum(np.abs(np.diff(self.position)))]
-        sign = np.where(self.speed >= 0.0, 1, -1)
-        turned = np.r_[False, sign[1:] != sign[:-1]]
+        sense = self.sense
+        turned = np.r_[False, (sense[1:] != sense[:-1]) & (sense[:-1] != 0.0)]
         last = np.maximum.accumulate(np.where(turned, np.arange(len(path)), -1))
         return np.asarray(np.where(last < 0, path + 1.0, path - path[np.maximum(last, 0)]))
 
@@ -101,6 +108,8 @@ class Term(Generic[M]):
         Test that tells this term from those that look like it.
     of_model : bool
         Whether the columns distort what the rest of the model gives (gain, delay).
+    of_inertia : bool
+        Whether it goes with acceleration: of a machine that coasts, what it explains would be anything.
     even_grid : bool
         Whether the shape is searched evenly in its inverse (a period) instead of in its logarithm.
     of_parts : bool
@@ -116,6 +125,7 @@ class Term(Generic[M]):
     shape: Quantity | None = None
     separating_test: str = ""
     of_model: bool = False
+    of_inertia: bool = False
     even_grid: bool = False
     of_parts: bool = False
 

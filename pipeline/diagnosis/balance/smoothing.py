@@ -1,0 +1,84 @@
+"""The low-pass of a recording: position, speed and acceleration from it, how long it takes to settle."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.signal import butter, filtfilt
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.case_file import PrepareTable
+    from pmg.sim.signals import Array
+
+SETTLED, SETTLED_PERIODS = 1e-3, 12.0
+"""Part of a response that is left once a filter has settled, and periods of its cut-off in which it surely has."""
+
+DECIMATION = 2
+"""Thinned samples at either end that the decimation spoils."""
+
+
+class Smoother:
+    """The low-pass of a recording, its derivatives, and what they make of noise.
+
+    Parameters
+    ----------
+    given : PrepareTable
+        Order and cut-off.
+    step : float
+        Time from sample to sample [s].
+    """
+
+    def __init__(self, given: PrepareTable, step: float) -> None:
+        self.step, self.keep_every = step, given.keep_every
+        self.filter = butter(given.order, given.low_pass_hz, fs=1.0 / step)
+        self.beyond = 1.0 - 2.0 * given.low_pass_hz * step
+        """Part of white noise that the low-pass takes out."""
+
+    def smooth(self, values: Array) -> Array:
+        """Low-passed without phase (n,)."""
+        return np.asarray(filtfilt(*self.filter, values))
+
+    def slope(self, values: Array) -> Array:
+        """Central differences in time (n,); zero at either end."""
+        found = np.zeros_like(values)
+        found[1:-1] = (values[2:] - values[:-2]) / (2.0 * self.step)
+        return found
+
+    def moved(self, position: Array | None, velocity: Array | None) -> tuple[Array, Array, float]:
+        """Position and speed (n,), and the standard deviation that noise gives the speed."""
+        if velocity is not None:
+            speed = self.smooth(velocity)
+            noise = self._noise(velocity - speed) * float(np.linalg.norm(self._weights))
+            path = cumulative_trapezoid(speed, dx=self.step, initial=0) if position is None else self.smooth(position)
+            return np.asarray(path), speed, noise
+        assert position is not None  # a case has one of them
+        path = self.smooth(position)
+        noise = self._noise(position - path) * float(np.linalg.norm(self.slope(self._weights)))
+        return path, self.slope(path), noise
+
+    def _noise(self, taken: Array) -> float:
+        """Standard deviation of white noise by what the low-pass took of a signal."""
+        inner = taken[len(taken) // 20 : -(len(taken) // 20) or None]
+        return float(np.sqrt(np.mean(inner**2) / self.beyond))
+
+    @cached_property
+    def _weights(self) -> Array:
+        """Weights of the low-pass, centred."""
+        reach = max(round(SETTLED_PERIODS / self._cut_off / self.step), 8)
+        return self.smooth(np.eye(1, 2 * reach + 1, reach)[0])
+
+    @property
+    def _cut_off(self) -> float:
+        return 0.5 * (1.0 - self.beyond) / self.step
+
+    @property
+    def settles(self) -> int:
+        """Samples at either end that the low-pass, its second derivative and the decimation spoil."""
+        bent = np.abs(self.slope(self.slope(self._weights)))
+        middle = len(bent) // 2
+        beyond = np.cumsum(bent[middle:][::-1])[::-1] / np.sum(bent[middle:])
+        own = int(np.argmax(beyond < SETTLED))
+        return own + (DECIMATION * self.keep_every if self.keep_every > 1 else 0)

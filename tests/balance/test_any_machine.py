@@ -1,0 +1,336 @@
+"""Machines that turn, coast and rest, and recordings as others write them: what once went wrong with them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.io import savemat
+from scipy.signal import lfilter
+from tests.balance import slide, wheel
+from tests.importers import written
+
+from pmg.pipeline.diagnosis.balance import contest
+from pmg.pipeline.diagnosis.balance.axis import ROTARY
+from pmg.pipeline.diagnosis.balance.case_file import read_case
+from pmg.pipeline.diagnosis.balance.contest import ModelStep, refine
+from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
+from pmg.pipeline.diagnosis.balance.document import headline, percent, terms_document, terms_lines
+from pmg.pipeline.diagnosis.balance.drive import DRIVE, ROTARY_DRIVE
+from pmg.pipeline.diagnosis.balance.periods import MOST, MOST_VALUES, PER_PERIOD, periods
+from pmg.pipeline.diagnosis.balance.recorded import Recorded, read_recording
+from pmg.pipeline.diagnosis.balance.term import Motion
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.importers.channel_map import read_map
+from pmg.pipeline.importers.import_recording import import_recording
+from pmg.pipeline.importers.source import Wanted
+from pmg.sim.errors import BenchError, PmgError, RecordingError
+
+if TYPE_CHECKING:
+    from tests.balance.slide import Moving
+    from tests.balance.wheel import Turning
+
+    from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
+    from pmg.sim.signals import Array
+
+
+def diagnosed(path: Path) -> TermsDiagnosis:
+    case = read_case(path)
+    withheld = None if case.withheld is None else read_recording(case.withheld, case)
+    return diagnose_terms(case, read_recording(case.fit, case), withheld, np.random.default_rng(1))
+
+
+def named(diagnosis: TermsDiagnosis) -> set[str]:
+    return {step.added for step in diagnosis.steps[1:]}
+
+
+def dry(m: Turning) -> Array:
+    return wheel.plain(m) + 0.05 * np.sign(m.speed)
+
+
+# --- machines that turn ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "channels",
+    [
+        f"{wheel.VELOCITY}\n{wheel.TORQUE}",
+        f"{wheel.ANGLE}\n{wheel.TORQUE}",
+        f"{wheel.ANGLE}\n{wheel.VELOCITY}\n{wheel.TORQUE}",
+        wheel.VELOCITY + '\ntorque = { name = "T", unit = "A", newton_metre_per_unit = 0.001 }',
+    ],
+    ids=["speed alone", "angle alone", "both", "current"],
+)
+def test_a_machine_that_turns_is_named_in_its_own_units(tmp_path: Path, channels: str) -> None:
+    found = diagnosed(wheel.make_case(tmp_path, dry, channels=channels))
+    assert found.verdict is Verdict.NAMED
+    assert named(found) == {"coulomb"}
+    estimates = {e.term: e for e in found.steps[-1].fitted.estimates}
+    for term, truth, unit in (
+        ("coulomb", 0.05, "N m"),
+        ("inertia", wheel.INERTIA, "kg m2"),
+        ("viscous", wheel.VISCOUS, "N m s/rad"),
+    ):
+        assert estimates[term].unit == unit
+        assert abs(estimates[term].value - truth) < 4.0 * estimates[term].standard_error + 0.01 * truth, term
+    document = terms_document(found)
+    assert "standard_deviation_Nm" in document["noise"]
+    assert all("rms_error_rad" in run for run in document["free_runs"])
+    assert "mrad rms" in "\n".join(terms_lines(found))
+    assert "Relative torque error" in headline(found)
+
+
+def test_the_libraries_of_both_axes_hold_the_same_terms_in_other_units() -> None:
+    sliding, turning = DRIVE, ROTARY_DRIVE
+    assert [t.identifier for t in sliding] == [t.identifier for t in turning]
+    assert not any("kg" in q.unit.split() and "m2" not in q.unit for t in turning for q in t.parameters)
+    assert not any("rad" in q.unit for t in sliding for q in t.parameters)
+
+
+def test_a_machine_that_coasts_shows_friction_as_part_of_its_inertia(tmp_path: Path) -> None:
+    """No torque: the speed falls as exp(-t/tau) with dry friction besides; nothing is divided by a torque of zero."""
+    rng, t = np.random.default_rng(3), np.arange(round(30.0 * wheel.RATE)) / wheel.RATE
+    tau, dry_part = wheel.INERTIA / wheel.VISCOUS * 10.0, 0.01
+    end = dry_part / (wheel.VISCOUS / 10.0)
+    speed = (100.0 + end) * np.exp(-t / tau) - end
+    m = wheel.Turning(t, np.cumsum(speed) / wheel.RATE, speed, -(speed + end) / tau)
+    path = wheel.make_case(tmp_path, dry, channels=wheel.VELOCITY, more=f"[baseline.fixed]\ninertia = {wheel.INERTIA}")
+    for name in ("fit.csv", "withheld.csv"):
+        wheel.record(tmp_path / name, m, np.zeros_like(t), rng)
+    for channels in (wheel.VELOCITY, f"{wheel.VELOCITY}\n{wheel.TORQUE}"):
+        path.write_text(path.read_text().replace(wheel.VELOCITY, channels, 1))
+        found = diagnosed(path)
+        assert named(found) == {"coulomb"}
+        assert found.steps[-1].error_fit < 0.2
+        estimates = {e.term: e.value for e in found.steps[-1].fitted.estimates}
+        assert estimates["viscous"] == pytest.approx(wheel.VISCOUS / 10.0, rel=0.05)
+        assert estimates["coulomb"] == pytest.approx(dry_part, rel=0.05)
+    with pytest.raises(BenchError, match=r"fixed.*inertia"):
+        read_case(wheel.make_case(tmp_path, dry, channels=wheel.VELOCITY))
+
+
+@pytest.mark.parametrize(
+    ("channels", "words"),
+    [
+        (f"{wheel.VELOCITY}\n" + 'force = { name = "T", unit = "N" }', "torque"),
+        (wheel.TORQUE, "position"),
+        ('velocity = { name = "n", unit = "m/s" }\n' + wheel.TORQUE, "rpm"),
+        (wheel.VELOCITY + '\ntorque = { name = "T", unit = "A" }', "newton_metre_per_unit"),
+        (wheel.VELOCITY + '\ntorque = { name = "T", unit = "A", newton_per_unit = 1.0 }', "newton_metre_per_unit"),
+    ],
+)
+def test_channels_that_do_not_fit_the_axis_are_refused(tmp_path: Path, channels: str, words: str) -> None:
+    with pytest.raises(BenchError, match=words):
+        read_case(wheel.make_case(tmp_path, dry, channels=channels))
+
+
+# --- what memory bears -------------------------------------------------------------------------------------
+
+
+def spinning(speed: float, seconds: float, rate: float, order: float) -> Recorded:
+    """A wheel at a speed that hardly changes, with a torque of one order of its turn, and noise."""
+    t = np.arange(round(seconds * rate)) / rate
+    angle = speed * t + 0.02 * speed * np.sin(t)
+    torque = 0.02 * np.sin(order * angle) + 0.01 * np.random.default_rng(2).standard_normal(len(t))
+    motion = Motion(t, angle, np.gradient(angle, t), np.zeros_like(t), torque, np.zeros_like(t), 0.0)
+    return Recorded("made", motion, 1, torque, np.zeros_like(t))
+
+
+@given(st.floats(1.0, 3000.0), st.floats(5.0, 60.0))
+def test_periods_are_as_many_as_memory_bears_and_samples_show(speed: float, seconds: float) -> None:
+    recorded = spinning(speed, seconds, 1000.0, 3.0)
+    found = periods(recorded, ROTARY.periods)
+    assert len(found) <= MOST
+    assert len(found) * len(recorded.force) <= MOST_VALUES
+    assert np.all(np.diff(found) < 0.0)
+    assert np.all(found >= 0.9 * PER_PERIOD * speed / 1000.0 * 0.95)
+
+
+@pytest.mark.parametrize("order", [1.0, 7.0, 13.0])
+def test_an_order_of_a_turn_is_among_the_periods_of_a_long_travel(order: float) -> None:
+    recorded = spinning(100.0, 20.0, 1000.0, order)
+    found = periods(recorded, ROTARY.periods)
+    nearest = float(np.abs(2.0 * np.pi / found - order).min())
+    assert nearest < 0.2 / (recorded.motion.position[-1] / (2.0 * np.pi)), "within a fifth of a cycle over the travel"
+
+
+# --- what is found in the data, not declared ---------------------------------------------------------------
+
+
+def resting(folder: Path, seed: int = 3) -> Path:
+    """A slide that dwells at its ends, with dry friction; position read with noise of 2 um."""
+    rng = np.random.default_rng(seed)
+    path = slide.make_case(folder, slide.plain, seed, terms='["inertia", "viscous", "coulomb"]')
+    for name in ("fit.csv", "withheld.csv"):
+        t = np.arange(0.0, 24.0, 1.0 / slide.RATE)
+        part = np.clip((t % 4.0) / 3.0, 0.0, 1.0)
+        stroke = 10 * part**3 - 15 * part**4 + 6 * part**5
+        sense, size = np.where((t // 4.0) % 2 == 0, 1.0, -1.0), 0.08 + 0.05 * np.sin(t // 4.0)
+        speed = np.gradient(
+            np.cumsum(sense * size * np.gradient(stroke, t) * (part < 1.0) * (part > 0.0)) / slide.RATE, t
+        )
+        q = np.cumsum(speed) / slide.RATE
+        force = 80.0 * np.gradient(speed, t) + 150.0 * speed + 15.0 * np.sign(speed) * (np.abs(speed) > 1e-6)
+        noise = lfilter([0.6], [1.0, -0.8], rng.standard_normal(len(t)))
+        rows = zip(t, 1e3 * (q + 2e-6 * rng.standard_normal(len(t))), (force + noise) / 40.0, strict=True)
+        (folder / name).write_text("t,q,u\n" + "\n".join(f"{a:.6f},{b:.5f},{c:.9f}" for a, b, c in rows) + "\n")
+    return path
+
+
+def test_standstill_is_found_from_the_data(tmp_path: Path) -> None:
+    path = resting(tmp_path)
+    case = read_case(path)
+    motion = read_recording(case.fit, case).motion
+    assert 1e-5 < motion.rest_speed < 5e-3
+    assert float(np.mean(motion.direction == 0.0)) == pytest.approx(0.27, abs=0.08)
+    assert "presliding" not in named(diagnosed(path)), "noise at rest is no reversal"
+    path.write_text(path.read_text().replace("keep_every = 2", "keep_every = 2\nrest_speed_m_s = 0.25"))
+    assert not read_recording(case.fit, read_case(path)).motion.direction.any(), "what is declared holds"
+
+
+def test_as_many_samples_are_dropped_as_the_filter_takes_to_settle(tmp_path: Path) -> None:
+    path = slide.make_case(tmp_path, slide.plain, 3)
+    told = path.read_text()
+    lengths = []
+    for cut_off in (40, 10, 5):
+        path.write_text(told.replace("low_pass_Hz = 40", f"low_pass_Hz = {cut_off}").replace("drop = 20\n", ""))
+        case = read_case(path)
+        recorded = read_recording(case.fit, case)
+        lengths.append(len(recorded.motion.time))
+        mass = diagnosed(path).steps[0].fitted.estimates[0]
+        assert mass.value == pytest.approx(80.0, rel=0.02), "edges of the filter do not reach the fit"
+    assert lengths[0] > lengths[1] > lengths[2]
+
+
+def test_drag_that_grows_less_and_less_with_speed_is_named(tmp_path: Path) -> None:
+    def torque(m: Turning) -> Array:
+        return wheel.plain(m) + 0.05 * np.sign(m.speed) - 0.004 * np.sign(m.speed) * np.abs(m.speed) ** 1.5
+
+    terms = '["inertia", "viscous", "coulomb"]'
+    found = diagnosed(wheel.make_case(tmp_path, torque, terms=terms, seconds=40.0))
+    assert named(found) == {"drag_of_power"}
+    estimates = {(e.term, e.name): e.value for e in found.steps[-1].fitted.estimates}
+    assert estimates["drag_of_power", "d"] < 0.0
+    assert estimates["drag_of_power", "n"] == pytest.approx(1.5, abs=0.3)
+
+
+# --- what is told ------------------------------------------------------------------------------------------
+
+
+def test_a_mass_below_zero_stops_naming_and_is_told_first(tmp_path: Path) -> None:
+    def force(m: Moving) -> Array:
+        return -80.0 * m.a + 150.0 * m.v + 15.0 * np.sign(m.v)
+
+    found = diagnosed(slide.make_case(tmp_path, force, 3))
+    assert [e.term for e in found.impossible] == ["inertia"]
+    assert found.verdict is Verdict.NOT_IN_LIBRARY
+    assert headline(found).startswith("No machine has inertia of -80")
+    assert "check sign, unit and filter" in headline(found)
+    assert [e["term"] for e in terms_document(found)["impossible"]] == ["inertia"]
+
+
+def test_a_refinement_that_hurts_the_withheld_record_is_dropped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def force(m: Moving) -> Array:
+        ripple = 1.0 * np.sin(2.0 * np.pi * m.q / 0.01)
+        return slide.plain(m) + 15.0 * np.sign(m.v) + 8.0 * np.sign(m.v) * np.exp(-np.abs(m.v) / 0.02) + ripple
+
+    def worse(*given: object) -> ModelStep:
+        step = plain_step(*given)  # type: ignore[arg-type]
+        return replace(step, error_withheld=step.error_withheld + 0.1 * len(step.fitted.fits))
+
+    plain_step = contest.model_step
+    path = slide.make_case(tmp_path, force, 3)
+    kept = diagnosed(path)
+    assert kept.refinements
+    assert not kept.dropped
+    monkeypatch.setattr(contest, "model_step", worse)
+    found = diagnosed(path)
+    assert not found.refinements
+    assert {step.added for step in found.dropped} >= {kept.refinements[0].added}
+    assert "dropped: " in "\n".join(terms_lines(found))
+    assert terms_document(found)["dropped_refinements"]
+    assert refine is contest.refine
+
+
+def test_every_headline_tells_the_withheld_error_and_what_does_not_carry_over(tmp_path: Path) -> None:
+    clean, odd = tmp_path / "clean", tmp_path / "odd"
+    clean.mkdir()
+    odd.mkdir()
+    told = headline(diagnosed(slide.make_case(clean, slide.plain, 4, terms='["inertia", "viscous", "coulomb"]')))
+    assert "on the withheld record" in told
+    assert "carry over" not in told
+    path = slide.make_case(odd, slide.plain, 4)
+    other = np.random.default_rng(9)
+    slide.record(odd / "withheld.csv", lambda m: 40.0 * m.a + 300.0 * m.v, other, 1.0, slide.SECONDS)
+    assert headline(diagnosed(path)).endswith("it does not carry over.")
+
+
+@pytest.mark.parametrize(("part", "told"), [(0.0306, "3.06 %"), (57109277.0, "more than 1000 %"), (float("nan"), "–")])
+def test_a_relative_error_that_says_nothing_is_not_printed(part: float, told: str) -> None:
+    assert percent(part) == told
+
+
+# --- files as others write them ----------------------------------------------------------------------------
+
+
+def test_a_column_that_begins_with_whole_numbers_is_read_and_one_that_is_not_mapped_may_hold_anything(
+    tmp_path: Path,
+) -> None:
+    path = slide.make_case(tmp_path, slide.plain, 3)
+    case = read_case(path)
+    before = read_recording(case.fit, case)
+    head, *rows = case.fit.read_text().splitlines()
+    whole = [f"{n * 0.005:g},0,0,{n}" for n in range(1200)]
+    kept = [f"{6.0 + float(row.split(',')[0]):.6f},{row.split(',', 1)[1]},x" for row in rows]
+    case.fit.write_text("\n".join([f"{head},remark", *whole, *kept]) + "\n")
+    assert len(read_recording(case.fit, case).motion.time) == len(before.motion.time) + 1200
+    case.fit.write_text("\n".join([f"{head},remark", *whole, *kept[:-1], kept[-1].replace(",x", "y,x")]) + "\n")
+    with pytest.raises(RecordingError, match=r"in row 3600"):
+        read_recording(case.fit, case)
+
+
+def test_a_column_of_a_matrix_is_named_and_a_matrix_is_not_flattened(tmp_path: Path) -> None:
+    path = slide.make_case(tmp_path, slide.plain, 3)
+    case = read_case(path)
+    before = read_recording(case.fit, case)
+    values = np.loadtxt(case.fit, delimiter=",", skiprows=1)
+    savemat(tmp_path / "fit.mat", {"t": values[:, :1], "x": values[:, 1:]})
+    told = path.read_text().replace('fit = "fit.csv"', 'fit = "fit.mat"')
+    path.write_text(told.replace('name = "q"', 'name = "x(:,1)"').replace('name = "u"', 'name = "x(:,2)"'))
+    case = read_case(path)
+    assert np.array_equal(read_recording(case.fit, case).motion.force, before.motion.force)
+    for name, words in (("x", "matrix of 2400 x 2"), ("x(:,3)", "2400 x 2"), ("y(:,1)", "no such channel")):
+        path.write_text(told.replace('name = "q"', 'name = "x(:,1)"').replace('name = "u"', f'name = "{name}"'))
+        case = read_case(path)
+        with pytest.raises(RecordingError, match=words):
+            read_recording(case.fit, case)
+
+
+def test_a_channel_may_be_asked_for_as_the_header_has_it(tmp_path: Path) -> None:
+    source = tmp_path / "E1.csv"
+    text = written.csv_text(50)
+    source.write_text(text.replace("torque_sun", "torque_sun [Hz]", 1), encoding="utf-8", newline="")
+    asked = written.map_text(written.PLAIN.replace("'torque_sun'", "'torque_sun [Hz]'"))
+    done = import_recording(source, read_map(written.write_map(tmp_path, asked)), tmp_path / "a.mcap")
+    assert done.written["/daq/torque_sun/frequency"] == 50
+    wrong = written.map_text(written.PLAIN.replace("'torque_sun'", "'torque_sun [kHz]'"))
+    with pytest.raises(PmgError, match="torque_sun"):
+        import_recording(source, read_map(written.write_map(tmp_path, wrong)), tmp_path / "b.mcap")
+
+
+def test_an_import_that_brings_nothing_is_an_error(tmp_path: Path) -> None:
+    source = tmp_path / "E1.csv"
+    head, *rows = written.csv_text(50).splitlines()
+    empty = "\n".join([head, *(",".join("" for _ in row.split(",")) for row in rows)])
+    source.write_text(empty + "\n", encoding="utf-8", newline="")
+    with pytest.raises(RecordingError):
+        import_recording(source, read_map(written.write_map(tmp_path, written.map_text(written.PLAIN))), tmp_path / "a")
+    assert not (tmp_path / "a").exists()
+    assert Wanted("torque_sun").columns == 1
