@@ -20,8 +20,8 @@ from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, probabilities
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion import fitted
-from pmg.pipeline.diagnosis.motion.constants import FORM, FORM_SPEEDS, sheet_of
-from pmg.pipeline.diagnosis.motion.loss_curve import loss_curve
+from pmg.pipeline.diagnosis.motion.constants import FORM_SPEEDS, sheet_of
+from pmg.pipeline.diagnosis.motion.loss_curve import BETWEEN, loss_curve
 from pmg.pipeline.diagnosis.motion.noise import SlowNoise, slow_noise_of
 from pmg.pipeline.diagnosis.motion.reading_terms import _unheld
 from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
@@ -73,7 +73,7 @@ def test_a_torque_that_is_renewed_now_and_then_is_found_again(held: float) -> No
     shown = true(held * np.floor(fine / held))
     run = smooth(_with_rate(shown, 1e4))
     shaft = run.shafts.sun
-    stretch = SimpleNamespace(run=SimpleNamespace(time=run.time))
+    stretch = SimpleNamespace(run=run)
     view = cast("RotorView", SimpleNamespace(shaft=shaft, state=SimpleNamespace(stretch=stretch)))
     delayed = shaft.torque - np.interp(run.time + 0.5 * held, run.time, shaft.torque)
     off = shaft.torque - true(run.time)
@@ -175,4 +175,4 @@ def test_a_loss_curve_is_less_sure_between_the_speeds_at_which_it_is_fitted() ->
     at, between = np.array(FORM_SPEEDS), np.sqrt(np.array(FORM_SPEEDS[:-1]) * np.array(FORM_SPEEDS[1:]))
     assert loss_curve(sheet, sheet.expected, known, "sun", at)[1] == pytest.approx(0.0, abs=1e-9)
     halfway = loss_curve(sheet, sheet.expected, known, "sun", between)[1]
-    assert halfway == pytest.approx(0.1 * (np.array(FORM[:-1]) + np.array(FORM[1:])), rel=1e-6)
+    assert halfway == pytest.approx(np.array(BETWEEN), rel=1e-6)

@@ -35,6 +35,8 @@ class Axis:
         Small unit of the position in which errors are shown, and what one is in SI.
     periods, stribeck, presliding : tuple of float
         Ranges of a period of position, of the speed over which friction falls, of the way over which it rises [SI].
+    turn : float
+        Way after which the machine stands as before [rad]; zero of one that slides.
     rises : tuple of float
         Ways after a reversal over which a force is looked for that rises [SI].
     """
@@ -52,6 +54,7 @@ class Axis:
     periods: tuple[float, float]
     stribeck: tuple[float, float]
     presliding: tuple[float, float]
+    turn: float
     rises: tuple[float, float, float]
 
     @property
@@ -94,6 +97,7 @@ LINEAR = Axis(
     periods=(2e-3, 1e-1),
     stribeck=(1e-3, 1e-1),
     presliding=(1e-6, 1e-2),
+    turn=0.0,
     rises=(1e-5, 1e-4, 1e-3),
 )
 """A machine that slides."""
@@ -112,6 +116,7 @@ ROTARY = Axis(
     periods=(REVOLUTION / 360.0, 2.0 * REVOLUTION),
     stribeck=(2e-2, 2e1),
     presliding=(1e-5, 3e-1),
+    turn=REVOLUTION,
     rises=(1e-3, 1e-2, 1e-1),
 )
 """A machine that turns."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 PER_CYCLE = 3.0
 """Values of a period for each further cycle over the travel."""
 
-MOST, MOST_VALUES = 1500, 6_000_000
+MOST, MOST_VALUES = 1500, 2_000_000
 """Periods that are tabled at most, and samples of the regression times periods."""
 
 PER_PERIOD, SLOW = 4.0, 0.25
@@ -35,18 +36,24 @@ def periods(recorded: Recorded, bounds: tuple[float, float]) -> Array:
     spectrum of its means over bins of position.
     """
     motion = recorded.motion
-    travel, moving = float(np.ptp(motion.position)), np.abs(motion.speed[motion.direction != 0.0])
-    if travel <= 0.0 or not len(moving):
-        return np.zeros(0)
-    apart = float(np.quantile(moving, SLOW)) * motion.sample_time * recorded.keep_every
-    bins = PER_BIN * PER_CYCLE * travel / MOST_BINS
-    low, high = max(bounds[0], PER_PERIOD * apart, bins), bounds[1]
-    if low >= high:
+    travel = float(np.ptp(motion.position))
+    low = max(bounds[0], shortest(recorded), PER_BIN * PER_CYCLE * travel / MOST_BINS)
+    high = bounds[1]
+    if low >= high or travel <= 0.0:
         return np.zeros(0)
     count = max(2, int(PER_CYCLE * travel * (1.0 / low - 1.0 / high)))
     kept = min(MOST, max(MOST_VALUES // max(len(recorded.force), 1), 2))
     orders = np.linspace(1.0 / high, 1.0 / low, count)
     return np.asarray(1.0 / (orders if count <= kept else orders[_strongest(recorded, orders, low, kept)]))
+
+
+def shortest(recorded: Recorded) -> float:
+    """Shortest period that the samples of the regression show [m, rad]; infinite where nothing moves."""
+    motion = recorded.motion
+    moving = np.abs(motion.speed[motion.direction != 0.0])
+    if not len(moving):
+        return math.inf
+    return PER_PERIOD * float(np.quantile(moving, SLOW)) * motion.sample_time * recorded.keep_every
 
 
 def _strongest(recorded: Recorded, orders: Array, low: float, kept: int) -> npt.NDArray[np.int64]:

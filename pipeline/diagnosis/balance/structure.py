@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.balance.periods import shortest
 from pmg.pipeline.fit.structure import ResidualStructure
+from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.axis import Axis
@@ -24,6 +26,10 @@ FINE_WAVES = 200
 
 SAMPLES_PER_WAVE = 16
 """Samples of the regression that each of them calls for: more would leave too little to tell the noise by."""
+
+
+ORDERS = 24
+"""Periods in a turn up to which a force is looked for."""
 
 
 def _hats(covariate: Array) -> Array:
@@ -59,6 +65,12 @@ def families_of(recorded: Recorded, axis: Axis) -> tuple[ResidualStructure, ...]
         "time, as friction": np.c_[sign * slow_time[:, :4], m.speed[:, None] * slow_time[:, :4]],
         "rate of the force": np.gradient(m.modelled, m.sample_time)[:, None],
     }
+    least = max(shortest(recorded), 1e-12)
+    turns = [k for k in range(1, ORDERS + 1) if axis.turn / k >= least]
+    if turns:
+        angle = np.array(turns) * (REVOLUTION / axis.turn * m.position[:, None])
+        waves = np.hstack([np.cos(angle), np.sin(angle)])
+        drawn |= {"angle of a turn": waves, "angle of a turn, changing sign with direction": sign * waves}
     if recorded.coasts:  # its acceleration is all that there is to explain
         drawn = {name: drawn[name] for name in drawn if "acceleration" not in name and "force" not in name}
     return tuple(ResidualStructure("force", "all", (name,), recorded.thin(columns)) for name, columns in drawn.items())

@@ -8,7 +8,6 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.motion.constants import (
     DRAG_POWERS,
-    FORM,
     FORM_SPEEDS,
     PASSAGES,
     SPEED_UNIT,
@@ -26,9 +25,9 @@ REST = 0.3
 """Width of the smooth passage of friction through standstill [rad/s]."""
 
 
-BETWEEN = 0.2
-"""Part of what a curve may be off at `FORM_SPEEDS` by which it may be off halfway between two of them besides: of a
-process as smooth as its distance from one to the next."""
+BETWEEN = (4.5e-4, 1.2e-4, 8e-5, 3e-5, 3e-5)
+"""Standard deviation of a curve halfway between two of `FORM_SPEEDS` about the straight line over them [N m]: largest
+where a film of lubricant breaks."""
 
 
 def loss_names(side: str) -> tuple[str, ...]:
@@ -80,8 +79,7 @@ def loss_curve(sheet: DataSheet, values: Array, covariance: Array, side: str, sp
 def _between(speed: Array) -> Array:
     """Standard deviation of a curve between two of `FORM_SPEEDS` about the straight line over them [N m] (n,)."""
     near = np.stack(_near(speed), 1)
-    halfway = 2.0 * (1.0 - np.sum(near**2, axis=1))
-    return np.asarray(BETWEEN * halfway * (near @ np.array(FORM)))
+    return np.asarray(4.0 * (near[:, :-1] * near[:, 1:]) @ np.array(BETWEEN))
 
 
 def _near(speed: Array) -> tuple[Array, ...]:
