@@ -73,7 +73,7 @@ def plain(m: Turning) -> Array:
 def record(path: Path, m: Turning, torque: Array, rng: np.random.Generator, noise: float = 2e-3) -> None:
     """A recording as CSV: speed in rpm, angle in degrees as counted, torque in mN m with noise."""
     shown = 1e3 * (torque + noise * rng.standard_normal(len(m.t)) * (np.ptp(torque) > 0.0))
-    count = 360.0 / 20000.0
+    count = 360.0 / 80000.0
     angle = count * np.floor(np.degrees(m.angle) / count)
     rpm = m.speed * 30.0 / np.pi + 0.05 * rng.standard_normal(len(m.t))
     rows = "\n".join(f"{a:.4f},{b:.4f},{c:.4f},{d:.5f}" for a, b, c, d in zip(m.t, rpm, angle, shown, strict=True))

@@ -234,9 +234,54 @@ def _chain_terms(axis: Axis) -> Iterator[Term[Motion]]:
     )
 
 
+def _drive_faults(axis: Axis) -> Iterator[Term[Motion]]:
+    """What a drive does with its command, and a load on a spring."""
+    yield Term(
+        "dead_zone",
+        "Dead zone of the drive: the command must exceed it before anything acts",
+        "z sign(baseline terms)",
+        _amount("z", axis.push, 1e4),
+        lambda m, _: _stack(np.sign(m.modelled)),
+        BALANCE,
+        separating_test="Raise the command slowly from zero at a machine that is held, and measure what it exerts",
+        of_model=True,
+    )
+    yield Term(
+        "drive_limit",
+        "Drive that saturates: of the command beyond a limit nothing acts",
+        "p sign(F) max(|F| - L, 0)",
+        (Quantity("p", "1", (0.0, 1.2)),),
+        lambda m, limit: _stack(np.sign(m.force) * np.maximum(np.abs(m.force) - limit * np.abs(m.force).max(), 0.0)),
+        BALANCE,
+        shape=Quantity("L_of_largest", "1", (0.3, 0.97)),
+        separating_test="Repeat with half the acceleration: the command stays below the limit",
+        of_model=True,
+    )
+    yield Term(
+        "motor_constant_sag",
+        f"Drive whose {axis.pushes} falls behind its command as that grows",
+        "s (baseline terms) |baseline terms|",
+        _part("s", f"1/({axis.push})", 10.0),
+        lambda m, _: _stack(m.modelled * np.abs(m.modelled)),
+        BALANCE,
+        separating_test=f"Measure the {axis.pushes} over the command at a machine that is held",
+        of_model=True,
+    )
+    yield Term(
+        "two_mass_resonance",
+        "Load on a spring: a second mass that follows the first late",
+        "r d2a/dt2",
+        _part("r", f"{axis.mass} s2", 1e3),
+        lambda m, _: _stack(np.gradient(np.gradient(m.acceleration, m.sample_time), m.sample_time)),
+        BALANCE,
+        separating_test="Strike the load, and look for its frequency in speed and command",
+        of_inertia=True,
+    )
+
+
 def _drive_terms(axis: Axis) -> tuple[Term[Motion], ...]:
     """Every term of a drive, in the units of its axis."""
-    return (*_plain_terms(axis), *_curved_terms(axis), *_placed_terms(axis), *_chain_terms(axis))
+    return (*_plain_terms(axis), *_curved_terms(axis), *_placed_terms(axis), *_chain_terms(axis), *_drive_faults(axis))
 
 
 DRIVE, ROTARY_DRIVE = _drive_terms(LINEAR), _drive_terms(ROTARY)
