@@ -67,7 +67,7 @@ def run_terms(case_file: Path, out: Path, data: Path | None = None, seed: int | 
     return Outcome(
         data_out,
         (*terms_lines(diagnosis), "", f"report: {page[0]}"),
-        (),
+        (*recorded.findings, *(() if withheld is None else withheld.findings)),
         mismatch=diagnosis.verdict is not Verdict.CONSISTENT,
     )
 

@@ -13,11 +13,9 @@ from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.importers.block_file import BlockFile, block_file
 from pmg.pipeline.importers.channel_map import Lookup, Timing
 from pmg.pipeline.importers.convert import Conversion
-from pmg.pipeline.importers.csv_source import CsvSource
-from pmg.pipeline.importers.mf4_source import Mf4Source
+from pmg.pipeline.importers.open_source import open_source
 from pmg.pipeline.importers.rows import Rows
 from pmg.pipeline.importers.source import Wanted, channel_of
-from pmg.pipeline.importers.tdms_source import TdmsSource
 from pmg.pipeline.recording.calibration import ATTACHMENT, read_calibration
 from pmg.pipeline.recording.channels import edge_ticks, edges, encoder, frequency
 from pmg.pipeline.recording.findings import Code, Findings
@@ -41,9 +39,6 @@ if TYPE_CHECKING:
 
 MAP_ATTACHMENT = "import-map.toml"
 """Attachment with the map by which it was imported."""
-
-FORMATS = {".csv": "csv", ".txt": "csv", ".tsv": "csv", ".asc": "csv", ".tdms": "tdms", ".mf4": "mf4", ".mdf": "mf4"}
-"""Format of a file by the end of its name."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +86,7 @@ def import_recording(
     Parameters
     ----------
     path : Path
-        CSV, TDMS or MF4.
+        CSV, TDMS, MF4, MAT or Parquet.
     channel_map : ChannelMap
         Which channel is which topic.
     out : Path
@@ -107,7 +102,7 @@ def import_recording(
     findings = Findings(path.name)
     stat = path.stat()
     sha256 = sha256_of(path)
-    source = _open_source(path, channel_map, findings)
+    source = open_source(path, channel_map.table.csv, findings)
     run, entries = _run(channel_map, source, words or {})
     _tell_unasked(run, channel_map, findings)
     calibration, attachment = _calibration(channel_map)
@@ -169,25 +164,6 @@ def _finish(path: Path, rows: int, file: BlockFile, conversions: Mapping[str, Co
     if not any(file.written.values()):
         came = f"{counted(rows, 'row')} without one number in a mapped channel"
         raise RecordingError(str(path), came, "samples", "Look into the file, and at what the map names.")
-
-
-def _open_source(path: Path, channel_map: ChannelMap, findings: Findings) -> ForeignSource:
-    """The reader for a file, by the end of its name.
-
-    Raises
-    ------
-    RecordingError
-        When the end is of no known format.
-    """
-    kind = FORMATS.get(path.suffix.lower())
-    if kind == "tdms":
-        return TdmsSource(path, findings)
-    if kind == "mf4":
-        return Mf4Source(path)
-    if kind == "csv":
-        return CsvSource(path, channel_map.table.csv, findings)
-    came = f"the ending '{path.suffix}'"
-    raise RecordingError(str(path), came, "a file in CSV, TDMS or MF4", near_miss(path.suffix, FORMATS))
 
 
 def _run(channel_map: ChannelMap, source: ForeignSource, words: Mapping[str, str]) -> tuple[RunInfo, dict[str, str]]:

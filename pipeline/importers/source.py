@@ -94,7 +94,7 @@ class ForeignSource(Protocol):
 
     path: Path
     format: str
-    """``csv``, ``tdms`` or ``mf4``."""
+    """``csv``, ``tdms``, ``mf4``, ``mat`` or ``parquet``."""
     reader: str
     """Library that reads it, with its version."""
     place: str

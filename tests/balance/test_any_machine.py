@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import polars as pl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -28,7 +29,11 @@ from pmg.pipeline.diagnosis.balance.term import Motion
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.importers.channel_map import read_map
 from pmg.pipeline.importers.import_recording import import_recording
+from pmg.pipeline.importers.open_source import open_source, whole_channels
 from pmg.pipeline.importers.source import Wanted
+from pmg.pipeline.importers.table_source import TableSource
+from pmg.pipeline.recording.findings import Findings
+from pmg.pipeline.recording.read import read_recording as read_whole
 from pmg.sim.errors import BenchError, PmgError, RecordingError
 
 if TYPE_CHECKING:
@@ -332,7 +337,7 @@ def test_a_column_that_begins_with_whole_numbers_is_read_and_one_that_is_not_map
     case.fit.write_text("\n".join([f"{head},remark", *whole, *kept]) + "\n")
     assert len(read_recording(case.fit, case).motion.time) == len(before.motion.time) + 1200
     case.fit.write_text("\n".join([f"{head},remark", *whole, *kept[:-1], kept[-1].replace(",x", "y,x")]) + "\n")
-    with pytest.raises(RecordingError, match=r"in row 3600"):
+    with pytest.raises(RecordingError, match=r"line 3601"):
         read_recording(case.fit, case)
 
 
@@ -346,11 +351,63 @@ def test_a_column_of_a_matrix_is_named_and_a_matrix_is_not_flattened(tmp_path: P
     path.write_text(told.replace('name = "q"', 'name = "x(:,1)"').replace('name = "u"', 'name = "x(:,2)"'))
     case = read_case(path)
     assert np.array_equal(read_recording(case.fit, case).motion.force, before.motion.force)
-    for name, words in (("x", "matrix of 2400 x 2"), ("x(:,3)", "2400 x 2"), ("y(:,1)", "no such channel")):
+    for name, words in (("x", r"Known: t, x\(:,1\)"), ("x(:,3)", "a channel of"), ("y(:,1)", "a channel of")):
         path.write_text(told.replace('name = "q"', 'name = "x(:,1)"').replace('name = "u"', f'name = "{name}"'))
         case = read_case(path)
         with pytest.raises(RecordingError, match=words):
             read_recording(case.fit, case)
+
+
+def test_recordings_are_read_as_others_write_them(tmp_path: Path) -> None:
+    """Semicolons, decimal commas, units in the header; Parquet; a unit that contradicts the case."""
+    path = slide.make_case(tmp_path, slide.plain, 3)
+    case = read_case(path)
+    before = read_recording(case.fit, case).motion
+    head, *rows = case.fit.read_text().splitlines()
+    assert head == "t,q,u"
+    table = pl.read_csv(case.fit)
+    table.write_parquet(tmp_path / "fit.parquet")
+    german = "\n".join(["t [s];q [mm];u [V]", *(row.replace(",", ";").replace(".", ",") for row in rows)])
+    case.fit.write_text(german + "\n")
+    for name in ("fit.csv", "fit.parquet"):
+        again = read_recording(tmp_path / name, case).motion
+        assert np.array_equal(again.force, before.force)
+        assert np.array_equal(again.position, before.position)
+    case.fit.write_text(german.replace("q [mm]", "q [um]") + "\n")
+    with pytest.raises(RecordingError, match=r"the unit um; expected mm"):
+        read_recording(case.fit, case)
+    case.fit.write_text(german)  # without its last line break
+    assert "last line has no end" in str(read_recording(case.fit, case).findings[0])
+
+
+@pytest.mark.parametrize("kind", ["mat", "parquet"])
+def test_tables_of_whole_columns_are_imported_like_any_other(tmp_path: Path, kind: str) -> None:
+    text = tmp_path / "E1.csv"
+    text.write_text(written.csv_text(50), encoding="utf-8", newline="")
+    chart = read_map(written.write_map(tmp_path, written.map_text(written.PLAIN)))
+    expected = import_recording(text, chart, tmp_path / "a.mcap")
+    names = ("torque_sun", "torque_ring", "angle_sun", "angle_ring")
+    columns = whole_channels(open_source(text, chart.table.csv, Findings("E1.csv")), names)
+    source = tmp_path / f"E1.{kind}"
+    if kind == "mat":
+        savemat(source, {name: column[:, None] for name, column in columns.items()})
+    else:
+        pl.DataFrame(columns).write_parquet(source)
+    units = "".join(written.channel(t, name, unit=written.UNITS[name]) for name, t in written.TOPICS.items())
+    chart = read_map(written.write_map(tmp_path, written.map_text(units)))
+    done = import_recording(source, chart, tmp_path / "b.mcap")
+    assert done.format == kind
+    assert done.written == expected.written
+    one, other = (read_whole(each).samples for each in (expected.out, done.out))
+    assert one.equals(other)
+
+
+def test_a_mat_file_that_cannot_be_read_says_what_to_do(tmp_path: Path) -> None:
+    newer = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
+    for head, words in ((b"not a MAT file\n" * 40, "whole file"), (newer, "7.3")):
+        (tmp_path / "fit.mat").write_bytes(head)
+        with pytest.raises(RecordingError, match=words):
+            TableSource(tmp_path / "fit.mat", "mat")
 
 
 def test_a_channel_may_be_asked_for_as_the_header_has_it(tmp_path: Path) -> None:

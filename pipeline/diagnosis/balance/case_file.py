@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from pmg.pipeline.diagnosis.balance.drive import LIBRARIES
 from pmg.pipeline.files.strict_tables import EACH_ONCE, Strict, number_within, one_of, refuse, refusing, within, word_of
 from pmg.pipeline.files.table_file import read_table_file
+from pmg.pipeline.importers.csv_dialect import CsvForm
 from pmg.sim.errors import near_miss
 
 if TYPE_CHECKING:
@@ -155,6 +156,7 @@ class _CaseTable(Strict):
     library: Annotated[str, one_of(*LIBRARIES)]
     record: _RecordTable
     channels: _ChannelsTable
+    csv: CsvForm = CsvForm()
     prepare: PrepareTable
     baseline: _KnownTermsTable
     published: list[Published] = Field(default_factory=list)
@@ -202,6 +204,8 @@ class Case:
         Recordings; the second is never used for a choice or a fit. None without one.
     channels : dict of str to (Channel, float)
         ``time``; ``position``, ``velocity`` or both; ``force``, which may be missing; what one unit of each is in SI.
+    form : CsvForm
+        How they are written, if they are CSV.
     prepare : PrepareTable
         How they are filtered and thinned.
     baseline : tuple of str
@@ -220,6 +224,7 @@ class Case:
     fit: Path
     withheld: Path | None
     channels: dict[str, tuple[Channel, float]]
+    form: CsvForm
     prepare: PrepareTable
     baseline: tuple[str, ...]
     fixed: dict[str, float]
@@ -254,6 +259,7 @@ def read_case(path: Path, data: Path | None = None) -> Case:
         fit=folder / record.fit,
         withheld=folder / record.withheld if record.withheld else None,
         channels=given.channels.of(axis),
+        form=given.csv,
         prepare=given.prepare,
         baseline=tuple(given.baseline.terms),
         fixed=given.baseline.fixed,

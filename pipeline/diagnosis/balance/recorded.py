@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import polars as pl
-from scipy.io import loadmat
-from scipy.io.matlab import MatReadError
 from scipy.signal import decimate
 
+from pmg.pipeline.diagnosis.balance.axis import LINEAR, ROTARY
+from pmg.pipeline.diagnosis.balance.case_file import TIMES
 from pmg.pipeline.diagnosis.balance.smoothing import Smoother
 from pmg.pipeline.diagnosis.balance.term import Motion
-from pmg.sim.errors import RecordingError, near_miss
+from pmg.pipeline.importers.open_source import open_source, whole_channels
+from pmg.pipeline.importers.source import channel_of
+from pmg.pipeline.recording.findings import Findings
+from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
 
     from pmg.pipeline.diagnosis.balance.case_file import Case
     from pmg.pipeline.diagnosis.balance.term import Motion, Term
+    from pmg.pipeline.importers.source import ForeignSource
+    from pmg.pipeline.recording.findings import Finding
     from pmg.sim.signals import Array
 
 RATE_TOLERANCE = 0.01
@@ -30,8 +32,13 @@ RATE_TOLERANCE = 0.01
 REST = 4.0
 """Standard deviations of the noise of the speed below which a machine counts as at rest."""
 
-MATRIX_COLUMN = re.compile(r"(?P<variable>[^()]+)\(:, ?(?P<column>[0-9]+)\)")
-"""A column of a matrix, as MATLAB writes it."""
+KNOWN_UNITS = frozenset(
+    "".join(unit.split())
+    for axis in (LINEAR, ROTARY)
+    for units in (TIMES, axis.positions, axis.speeds, axis.forces)
+    for unit in units
+)
+"""Units that a file may declare for a channel of a case, without spaces."""
 
 FEWEST = 1000
 """Fewest samples of a regression; below, neither noise nor structure can be judged."""
@@ -53,6 +60,8 @@ class Recorded:
         Thinned force [N], known terms taken out.
     known : (n,) array
         Thinned force of the terms whose amplitude is known [N].
+    findings : tuple of Finding
+        What was lost in reading it.
     """
 
     name: str
@@ -60,6 +69,7 @@ class Recorded:
     keep_every: int
     force: Array
     known: Array
+    findings: tuple[Finding, ...] = ()
 
     @property
     def coasts(self) -> bool:
@@ -111,7 +121,8 @@ def read_recording(path: Path, case: Case) -> Recorded:
     ----------
     A. Janot, M. Gautier, M. Brunot, 'Data Set and Reference Models of EMPS', 2019.
     """
-    values = _channels(path, case)
+    findings = Findings(path.name)
+    values = _channels(path, case, findings)
     time, given = values["time"], case.prepare
     steps = np.diff(time) * given.rate_hz
     wrong = np.flatnonzero(np.abs(steps - 1.0) > RATE_TOLERANCE)
@@ -135,10 +146,10 @@ def read_recording(path: Path, case: Case) -> Recorded:
         np.zeros(len(time) - 2 * drop),
         REST * noise if given.rest_speed is None else given.rest_speed,
     )
-    return _with_model(path.name, motion, case)
+    return _with_model(path.name, motion, case, findings.listed())
 
 
-def _with_model(name: str, motion: Motion, case: Case) -> Recorded:
+def _with_model(name: str, motion: Motion, case: Case, findings: tuple[Finding, ...]) -> Recorded:
     """The recording with what the baseline gives, and with the known terms taken out of the force."""
     terms = {term.identifier: term for term in case.library}
     columns = {key: terms[key].columns(motion, float("nan"))[:, 0] for key in case.baseline}
@@ -149,24 +160,28 @@ def _with_model(name: str, motion: Motion, case: Case) -> Recorded:
     thinned = _thin(np.c_[motion.force, known, free], case.prepare.keep_every)
     rest = thinned[:, 0] - thinned[:, 1]
     solution = np.linalg.lstsq(thinned[:, 2:], rest, rcond=None)[0]
-    return Recorded(
-        name, replace(motion, modelled=known + free @ solution), case.prepare.keep_every, rest, thinned[:, 1]
-    )
+    whole = replace(motion, modelled=known + free @ solution)
+    return Recorded(name, whole, case.prepare.keep_every, rest, thinned[:, 1], findings)
 
 
-def _channels(path: Path, case: Case) -> dict[str, Array]:
+def _channels(path: Path, case: Case, findings: Findings) -> dict[str, Array]:
     """Channels of a file in SI, all of one length and finite; without a force that is zero throughout."""
-    table = _read(path)
+    if not path.is_file():
+        do = "Check record.folder, or name the folder of the recordings with --data."
+        raise RecordingError(str(path), "no such file", "a recording", do)
+    source = open_source(path, case.form, findings)
+    _check_units(source, case)
+    found = whole_channels(source, [channel.name for channel, _ in case.channels.values()])
     values = {}
     for kind, (channel, unit) in case.channels.items():
         factor = channel.factor
         if isinstance(factor, str):
-            given = _column(path, table, factor)
+            given = whole_channels(source, [factor])[factor]
             if len(given) != 1:
                 came = f"{len(given)} values"
                 raise RecordingError(f"{path}: {factor}", came, "one number", f"Give {case.axis.factor} as a number.")
             factor = float(given[0])
-        values[kind] = _column(path, table, channel.name) * unit * factor
+        values[kind] = found[channel.name] * unit * factor
     if "force" in values and not values["force"].any() and "inertia" in case.fixed:
         del values["force"]  # it coasts
     lengths = {len(value) for value in values.values()}
@@ -186,53 +201,11 @@ def _channels(path: Path, case: Case) -> dict[str, Array]:
     return values
 
 
-def _read(path: Path) -> Mapping[str, np.ndarray[Any, Any]]:
-    """Channels of a file as they stand there; words of a CSV file become numbers where they are asked for."""
-    if not path.is_file():
-        do = "Check record.folder, or name the folder of the recordings with --data."
-        raise RecordingError(str(path), "no such file", "a recording (.mat or .csv)", do)
-    kind = path.suffix.lower()
-    try:
-        if kind == ".mat":
-            return {name: np.asarray(v) for name, v in loadmat(path).items() if not name.startswith("__")}
-        if kind == ".csv":
-            frame = pl.read_csv(path, infer_schema=False)
-            return {name: frame[name].to_numpy() for name in frame.columns}
-    except (ValueError, TypeError, NotImplementedError, MatReadError, pl.exceptions.PolarsError) as error:
-        came = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
-        raise RecordingError(str(path), came, f"a readable {kind} file", "Export it anew (MATLAB: -v7).") from error
-    raise RecordingError(str(path), f"a file of kind {kind or 'none'}", ".mat or .csv", "Convert the recording.")
-
-
-def _column(path: Path, table: Mapping[str, np.ndarray[Any, Any]], name: str) -> Array:
-    """A channel as numbers (n,); ``name(:,2)`` is the second column of a matrix."""
-    asked = MATRIX_COLUMN.fullmatch(name)
-    variable = name if name in table or asked is None else asked["variable"]
-    if variable not in table:
-        raise RecordingError(f"{path}: {name}", "no such channel", "a channel of the file", near_miss(name, table))
-    found = table[variable]
-    if found.dtype.kind == "O":
-        found = _numbers(path, name, found)
-    if found.dtype.kind not in "fiub":
-        raise RecordingError(f"{path}: {name}", f"values of kind {found.dtype}", "numbers", "Correct the export.")
-    shape = " x ".join(map(str, found.shape))
-    if asked is not None and variable != name:
-        column = int(asked["column"])
-        if found.ndim != 2 or not 1 <= column <= found.shape[1]:
-            raise RecordingError(f"{path}: {name}", f"a variable of {shape}", f"{column} columns", "Name one of them.")
-        found = found[:, column - 1]
-    if sum(n > 1 for n in found.shape) > 1:
-        do = f'Name one of its columns: "{name}(:,1)".'
-        raise RecordingError(f"{path}: {name}", f"a matrix of {shape}", "one row or column", do)
-    return np.asarray(found, dtype=np.float64).ravel()
-
-
-def _numbers(path: Path, name: str, words: np.ndarray[Any, Any]) -> Array:
-    """Words of a column of a CSV file as numbers (n,); none is NaN."""
-    column = pl.Series(words, dtype=pl.String).str.strip_chars()
-    found = column.cast(pl.Float64, strict=False)
-    bad = (found.is_null() & column.is_not_null() & (column != "")).arg_true()
-    if len(bad):
-        came = f"'{column[int(bad[0])]}' in row {int(bad[0]) + 1}"
-        raise RecordingError(f"{path}: {name}", came, "a number", "Mend the row, or name another channel.")
-    return found.fill_null(np.nan).to_numpy()
+def _check_units(source: ForeignSource, case: Case) -> None:
+    """Refuse a channel whose file declares another unit than the case."""
+    for channel, _ in case.channels.values():
+        where = f"{source.path}: {channel.name}"
+        declared = "".join(channel_of(source, channel.name, where).unit.split())
+        if declared and declared != "".join(channel.unit.split()) and declared in KNOWN_UNITS:
+            do = "Correct the unit in the case, or the file."
+            raise RecordingError(where, f"the unit {declared}", channel.unit, do)

@@ -1,0 +1,113 @@
+"""Recordings that are tables of whole columns: MAT files of MATLAB up to version 7.2, and Parquet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+import polars as pl
+from scipy.io import loadmat
+from scipy.io.matlab import MatReadError
+
+from pmg.pipeline.importers.source import ROWS, Block, SourceChannel, Wanted, channel_of, unreadable
+from pmg.sim.errors import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from datetime import datetime
+    from pathlib import Path
+
+    import numpy.typing as npt
+
+    Column: TypeAlias = npt.NDArray[Any]
+
+NUMBERS = "fiub"
+"""Kinds of values that are numbers."""
+
+READERS = {"mat": ("SciPy", "scipy"), "parquet": ("Polars", "polars")}
+"""Title and package of what reads a format."""
+
+
+@dataclass
+class TableSource:
+    """A MAT or Parquet file; the second column of a matrix ``x`` is called ``x(:,2)``.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    format : str
+        ``mat`` or ``parquet``.
+    """
+
+    path: Path
+    format: str
+    place: str = field(default="sample", init=False)
+    reader: str = field(init=False)
+    channels: tuple[SourceChannel, ...] = field(init=False)
+    properties: Mapping[str, str] = field(default_factory=dict, init=False)
+    reading: Mapping[str, str] = field(default_factory=dict, init=False)
+    started_at: datetime | None = field(default=None, init=False)
+    _columns: Mapping[str, Column] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        title, package = READERS[self.format]
+        self.reader = f"{title} {version(package)}"
+        try:
+            self._columns = _of_mat(self.path) if self.format == "mat" else _of_parquet(self.path)
+        except NotImplementedError as fault:
+            do = "Save it with -v7, or as Parquet or CSV."
+            raise RecordingError(str(self.path), "a MAT file of version 7.3", "one up to version 7.2", do) from fault
+        except (ValueError, TypeError, OSError, MatReadError, pl.exceptions.PolarsError) as fault:
+            raise unreadable(self.path, title, fault) from fault
+        self.channels = tuple(SourceChannel(name, length=len(column)) for name, column in self._columns.items())
+
+    def blocks(self, wanted: Sequence[Wanted]) -> Iterator[Block]:
+        """The wanted columns, at most `ROWS` rows at a time.
+
+        Raises
+        ------
+        RecordingError
+            When a column is missing, holds no numbers, or is of another length than the others.
+        """
+        found = {want: self._column(want) for want in wanted}
+        lengths = {len(column) for column in found.values()}
+        if len(lengths) > 1:
+            came = ", ".join(f"{want.name}: {len(column)}" for want, column in found.items())
+            raise RecordingError(str(self.path), f"rows of {came}", "as many rows in each channel", "Export them anew.")
+        rows = lengths.pop() if lengths else 0
+        for first in range(0, rows, ROWS):
+            places = np.arange(first + 1, min(first + ROWS, rows) + 1)
+            yield Block(places, {want: column[first : first + ROWS] for want, column in found.items()})
+
+    def _column(self, want: Wanted) -> Column:
+        column = self._columns[channel_of(self, want.name, f"{self.path.name}: channel").name]
+        where = f"{self.path.name}: {want.name}"
+        if column.dtype.kind not in NUMBERS:
+            raise RecordingError(where, f"values of kind {column.dtype}", "numbers", "Correct the export.")
+        if want.columns > 1:
+            came, do = f"columns = {want.columns}", "Name the column by its own name."
+            raise RecordingError(where, came, "one value in each row", do)
+        return column
+
+
+def _of_mat(path: Path) -> dict[str, Column]:
+    """Variables of a MAT file: rows and columns as they are, a matrix by its columns."""
+    found: dict[str, Column] = {}
+    for name, values in loadmat(path).items():
+        if name.startswith("__") or not isinstance(values, np.ndarray):
+            continue
+        if values.ndim == 2 and min(values.shape) > 1:
+            found |= {f"{name}(:,{k + 1})": values[:, k] for k in range(values.shape[1])}
+        else:
+            found[name] = values.ravel()
+    return found
+
+
+def _of_parquet(path: Path) -> dict[str, Column]:
+    """Columns of a Parquet file; what is missing in one of numbers is NaN."""
+    frame = pl.read_parquet(path)
+    frame = frame.with_columns(column.cast(pl.Float64) for column in frame if column.dtype.is_numeric())
+    return {name: frame[name].to_numpy() for name in frame.columns}
