@@ -19,7 +19,7 @@ from pmg.pipeline.diagnosis.motion.design.foresight import Foresight
 from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun, merged
 from pmg.pipeline.diagnosis.motion.design.proposals import Proposal, proposals
 from pmg.pipeline.diagnosis.motion.design.proposed_run import ProposedRun, Reference, Swing, with_runs
-from pmg.pipeline.diagnosis.motion.design.unseen import smallest_told
+from pmg.pipeline.diagnosis.motion.design.unseen import smallest_told, unseen
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence, motion_evidence
 from pmg.pipeline.diagnosis.motion.fitted import fit_constants
@@ -155,3 +155,17 @@ def test_runs_can_be_proposed_where_the_fit_knows_nothing_of_a_shaft(forward: Mo
         sizes = [float(np.abs(stretch.torque).max()) for stretch in whole.stretches[first:]]
         assert sizes, proposal.title
         assert np.isfinite(sizes).all(), proposal.title
+
+
+def test_a_large_difference_does_not_make_a_campaign_blind(forward: MotionEvidence) -> None:
+    """What scatters the rows is there to be seen; what the runs could show is a matter of the runs."""
+    scattered = replace(
+        forward,
+        scatter=10.0 * forward.scatter,
+        problem=replace(
+            forward.problem,
+            tables={k: replace(t, columns=t.columns / 10.0) for k, t in forward.problem.tables.items()},
+        ),
+    )
+    assert [spot.ids for spot in unseen(scattered)] == [spot.ids for spot in unseen(forward)]
+    assert [spot.smallest for spot in unseen(scattered)] == pytest.approx([spot.smallest for spot in unseen(forward)])

@@ -114,5 +114,5 @@ class Foresight:
         whole = np.concatenate([tabled.columns, new])
         m, g, a = whole.shape
         left = np.sqrt(squares_beyond(whole.reshape(m, g * a), self.columns)).reshape(g, a)
-        smallest = smallest_told(left, tabled)
+        smallest = smallest_told(self.found.scatter * left, tabled)
         return float(stats.norm.cdf(TOLD * (worth_knowing(spot.term) / smallest - 1.0)))

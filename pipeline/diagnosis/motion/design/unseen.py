@@ -61,16 +61,20 @@ def unseen(found: MotionEvidence) -> tuple[Unseen, ...]:
     for tabled in found.problem.tables.values():
         term = cast("MotionTerm", tabled.term)
         if term.identifier in WORTH_KNOWING and not term.variant:
-            smallest = _smallest(tabled, found.problem.baseline)
+            smallest = _smallest(tabled, found)
             if smallest > worth_knowing(term):
                 spots.append(Unseen(term, smallest))
     return tuple(spots)
 
 
-def _smallest(tabled: Tabled, baseline: Array) -> float:
-    """Size of a term that stands out beside the baseline."""
+def _smallest(tabled: Tabled, found: MotionEvidence) -> float:
+    """Size of a term that stands out of what sensors and bench make of noise, beside the baseline.
+
+    A mismatch that is there already scatters the rows; it is no noise that could hide a mechanism.
+    """
+    baseline = found.problem.baseline
     columns = tabled.columns - np.einsum("mk,kga->mga", baseline, np.einsum("mk,mga->kga", baseline, tabled.columns))
-    return smallest_told(np.linalg.norm(columns, axis=0), tabled)
+    return smallest_told(found.scatter * np.linalg.norm(columns, axis=0), tabled)
 
 
 def smallest_told(lengths: Array, tabled: Tabled) -> float:
