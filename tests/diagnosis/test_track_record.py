@@ -19,7 +19,7 @@ def test_the_record_is_that_of_the_trial_on_its_page() -> None:
 
 
 def test_the_record_in_motion_is_that_of_its_trial() -> None:
-    page = (ROOT / "pipeline" / "trials" / "README.md").read_text(encoding="utf-8")
+    page = (ROOT / "pipeline" / "trials" / "motion" / "README.md").read_text(encoding="utf-8")
     told = re.search(r"holds the truth in (\d+) of (\d+) campaigns in motion", page)
     assert told is not None
     held, of = (sum(getattr(record, name) for record in IN_MOTION.values()) for name in ("held", "of"))

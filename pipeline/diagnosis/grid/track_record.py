@@ -65,7 +65,7 @@ IN_MOTION = {
     "weak": TrackRecord("a difference too weak to name its cause", 9, 9),
     "not_in_library": TrackRecord("no known cause given, with those that come near", 26, 33),
 }
-"""The same of runs in motion, from the trial of 240 campaigns on the same page."""
+"""The same of runs in motion, from the trial of 240 campaigns in ``pipeline/trials/motion/README.md``."""
 
 
 def track_record(diagnosis: Conclusion[Any, Any], records: Mapping[str, TrackRecord] = RECORD) -> TrackRecord | None:
