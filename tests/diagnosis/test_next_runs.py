@@ -125,7 +125,9 @@ def test_a_campaign_that_cannot_see_is_told_the_run_that_shows_with_its_power() 
     assert test["separates"] == ["direction_dependent_friction"]
     assert test["power"] > 0.95
     assert test["minutes"] == pytest.approx(0.75)
-    assert "backwards (1 min, power 100%)" in motion_document(found)["statement"]
+    told = motion_document(found)["statement"]
+    assert "backwards (1 min, power 100%)" in told
+    assert "drag that differs between the senses on the sun shaft" in told
 
 
 def test_a_power_counts_how_often_evidence_that_scatters_exceeds_its_margin() -> None:

@@ -62,7 +62,7 @@ def motion_report(
         subtitle=note or "Planetary magnetic gearbox: runs in motion, and what explains the difference to the model",
         verdict=Headline(
             document["statement"],
-            "attention" if diagnosis.mismatch.found or warnings else "good",
+            "attention" if diagnosis.mismatch.found or diagnosis.unseen or warnings else "good",
             counted,
             warnings,
         ),

@@ -25,6 +25,10 @@ WORTH_KNOWING = {
 is told: in words, in units of so much. A campaign that turns both ways and swings sees a fifth of it or less."""
 
 
+WHOLLY = {"direction_dependent_friction": (1.0, "drag that differs between the senses")}
+"""Smallest size that can be told from which on nothing of it can, and how that is told."""
+
+
 @dataclass(frozen=True)
 class Unseen:
     """A mechanism that a campaign cannot see.
@@ -49,6 +53,8 @@ class Unseen:
     def words(self) -> str:
         """What cannot be told, without the shaft."""
         _, words, unit = WORTH_KNOWING[self.term.identifier]
+        if self.term.identifier in WHOLLY and self.smallest > WHOLLY[self.term.identifier][0]:
+            return WHOLLY[self.term.identifier][1]
         return words.format(self.smallest / unit)
 
 
