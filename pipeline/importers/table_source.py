@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 import polars as pl
 from scipy.io import loadmat
-from scipy.io.matlab import MatReadError
 
 from pmg.pipeline.importers.source import ROWS, Block, SourceChannel, Wanted, channel_of, unreadable
 from pmg.sim.errors import RecordingError
@@ -32,7 +31,7 @@ READERS = {"mat": ("SciPy", "scipy"), "parquet": ("Polars", "polars")}
 
 @dataclass
 class TableSource:
-    """A MAT or Parquet file; the second column of a matrix ``x`` is called ``x(:,2)``.
+    """A MAT or Parquet file; the second column of a matrix ``x`` is called ``x(:,2)``, its row ``x(2,:)``.
 
     Parameters
     ----------
@@ -60,7 +59,7 @@ class TableSource:
         except NotImplementedError as fault:
             do = "Save it with -v7, or as Parquet or CSV."
             raise RecordingError(str(self.path), "a MAT file of version 7.3", "one up to version 7.2", do) from fault
-        except (ValueError, TypeError, OSError, MatReadError, pl.exceptions.PolarsError) as fault:
+        except Exception as fault:  # damaged files end the readers in errors of any kind
             raise unreadable(self.path, title, fault) from fault
         self.channels = tuple(SourceChannel(name, length=len(column)) for name, column in self._columns.items())
 
@@ -94,13 +93,15 @@ class TableSource:
 
 
 def _of_mat(path: Path) -> dict[str, Column]:
-    """Variables of a MAT file: rows and columns as they are, a matrix by its columns."""
+    """Variables of a MAT file: rows and columns as they are, a matrix by its longer side; none of three dimensions."""
     found: dict[str, Column] = {}
     for name, values in loadmat(path).items():
-        if name.startswith("__") or not isinstance(values, np.ndarray):
+        if name.startswith("__") or not isinstance(values, np.ndarray) or values.ndim > 2:
             continue
         if values.ndim == 2 and min(values.shape) > 1:
-            found |= {f"{name}(:,{k + 1})": values[:, k] for k in range(values.shape[1])}
+            wide = values.shape[1] > values.shape[0]
+            parts = values if wide else values.T
+            found |= {(f"{name}({k},:)" if wide else f"{name}(:,{k})"): part for k, part in enumerate(parts, 1)}
         else:
             found[name] = values.ravel()
     return found

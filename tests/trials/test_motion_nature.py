@@ -22,9 +22,10 @@ from pmg.pipeline.trials.motion.nature import (
     _draw_effect,
     draw_motion_case,
     measure_motion_case,
+    with_further_runs,
     write_motion_case,
 )
-from pmg.pipeline.trials.motion.programme import DESIGNS, RATE, MotionCampaign, PlannedRun, draw_campaign
+from pmg.pipeline.trials.motion.programme import DESIGNS, RATE, MotionCampaign, PlannedRun, draw_campaign, run_as_asked
 from pmg.pipeline.trials.motion.sensors import COUNT
 from pmg.pipeline.trials.motion.size import POINT, EffectSize, MotionYardstick, Scene, SizedEffect, scale_to
 from pmg.pipeline.trials.motion.strata import FORMS, motion_strata
@@ -223,3 +224,31 @@ def test_the_same_state_draws_the_same() -> None:
     for one, other in zip(first.scene.campaign.runs, second.scene.campaign.runs, strict=True):
         assert (one.point, one.started_at) == (other.point, other.started_at)
         np.testing.assert_array_equal(one.inputs, other.inputs)
+
+
+def test_runs_that_are_asked_for_are_made_on_the_same_bench_after_the_others() -> None:
+    def rising(time: np.ndarray) -> np.ndarray:
+        return 10.0 * time
+
+    def steady(time: np.ndarray) -> np.ndarray:
+        return 0.5 + 0.0 * time
+
+    asked = (
+        run_as_asked("zero", Manoeuvre.ZERO, {}, 6.0),
+        run_as_asked("alone", Manoeuvre.RAMP, {"ring": ("speed", rising)}, 5.0),
+        run_as_asked("loaded", Manoeuvre.RAMP, {"sun": ("speed", rising), "ring": ("torque", steady)}, 5.0),
+    )
+    assert [run.configuration for run in asked] == [Configuration.ZERO, Configuration.NEUTRAL, Configuration.ENGAGED]
+    assert [run.samples for run in asked] == [6000, 5000, 5000]
+    assert asked[2].drive == "sun"
+    assert asked[2].asked["sun"][0] != asked[2].asked["ring"][0]
+    case = draw_motion_case(np.random.default_rng(3), next(s for s in motion_strata() if s.kind == "clean"))
+    longer = with_further_runs(case, asked, np.random.default_rng(4))
+    before, runs = case.scene.campaign.runs, longer.scene.campaign.runs
+    assert runs[: len(before)] == before
+    assert [run.point for run in runs[len(before) :]] == ["zero", "alone", "loaded"]
+    starts = [run.started_at for run in runs[len(before) - 1 :]]
+    assert all(later > earlier for earlier, later in pairwise(starts))
+    assert longer.scene.bench == case.scene.bench
+    course = longer.scene.machine().follow(runs[-1], longer.scene.begun[-1])
+    assert course.run.point == "loaded"

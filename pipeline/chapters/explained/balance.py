@@ -39,6 +39,8 @@ def _verdict(d: TermsDiagnosis) -> Section:
         ("Samples of the regression", float(len(d.recorded.force))),
         (f"Noise, standard deviation [{d.case.axis.push}]", d.noise.noise.standard_deviation),
         ("Memory of the noise [samples]", float(d.noise.noise.lags)),
+        (f"At rest below [{d.case.axis.speed}]", d.recorded.motion.rest_speed),
+        ("Driven", "no: it coasts" if d.recorded.coasts else "yes"),
         (f"p-value of the mismatch, from {d.mismatch.draws} synthetic records", d.mismatch.p_value),
         ("The mismatch follows", places),
         ("What is left follows", left),
@@ -99,8 +101,9 @@ def _models(d: TermsDiagnosis) -> Section:
     )
     texts = [
         "Relative error: root of the sum of squares of what is left, as part of that of the force. Amplitudes and "
-        "shapes are those of the fitted record; the withheld record takes part in no choice and no fit. Blocks of "
-        "neighbours are withheld a quarter at a time; their interval is at 95 %, from resampled blocks."
+        "shapes are those of the fitted record; the withheld record takes part in no fit, and in no choice but to drop "
+        "refinements that hurt it. Blocks of neighbours are withheld a quarter at a time; their interval is at 95 %, "
+        "from resampled blocks."
     ]
     proof, more = d.held_out, d.further_decoys
     if proof is not None:

@@ -98,8 +98,7 @@ class _RecordTable(Strict):
 
 
 class PrepareTable(Strict):
-    """Table ``[prepare]``: a zero-phase Butterworth low-pass on position or speed, samples left out at both ends,
-    decimation.
+    """Table ``[prepare]``: a zero-phase Butterworth low-pass, samples left out at both ends, decimation.
 
     Left out are as many samples as the filter takes to settle, unless `drop` says otherwise; below the rest speed the
     machine counts as at rest, by default where noise hides that it moves.
@@ -166,7 +165,11 @@ class _CaseTable(Strict):
     def _fits_the_library(self) -> _CaseTable:
         axis, library = LIBRARIES[self.library]
         terms = {term.identifier: term for term in library}
-        if "force" not in self.channels.of(axis) and "inertia" not in self.baseline.fixed:
+        given = {"m": self.prepare.rest_speed_m_s, "rad": self.prepare.rest_speed_rad_s}
+        for length in (length for length, value in given.items() if value is not None and length != axis.length):
+            key = f"rest_speed_{length}_s"
+            refuse(f"{key}", f"rest_speed_{axis.length}_s", "Give it in the unit of the axis.", "prepare", key)
+        if "force" not in self.channels.of(axis) and self.baseline.fixed.get("inertia", 0.0) <= 0.0:
             do = "Coasting shows friction as part of the inertia only: fix that, or name the channel."
             refuse("missing", f"a {axis.pushes}, or baseline.fixed.inertia", do, "channels", axis.pushes)
         plain = [name for name, term in terms.items() if not term.of_model and term.shape is None]
@@ -201,7 +204,8 @@ class Case:
     library : tuple of Term
         Terms that may be named.
     fit, withheld : Path
-        Recordings; the second is never used for a choice or a fit. None without one.
+        Recordings; the second takes part in no fit, and in no choice but to drop refinements that hurt it. None without
+        one.
     channels : dict of str to (Channel, float)
         ``time``; ``position``, ``velocity`` or both; ``force``, which may be missing; what one unit of each is in SI.
     form : CsvForm

@@ -41,7 +41,7 @@ class ModelStep:
     ----------
     added : str
         Id of the term that it has beyond the one before; empty for the baseline.
-    fitted : Fitted
+    fitted : FittedTerms
         Baseline and terms so far, fitted together.
     error_fit, error_withheld : float
         Relative force error on the recording it was fitted to and on the withheld one (NaN without one).
@@ -50,7 +50,7 @@ class ModelStep:
     evidence : float
         Evidence that the added term brought.
     carried : tuple of float
-        95 % interval of the fall of the error on the withheld record by the added term [N]; NaN without one.
+        95 % interval of the fall of the error on the withheld record by the added term [N, N m]; NaN without one.
     """
 
     added: str
@@ -136,10 +136,10 @@ def refine(
 ) -> tuple[tuple[ModelStep, ...], tuple[ModelStep, ...]]:
     """Further terms, one after the other: more than any decoy, a good part of the rest, better on withheld blocks.
 
-    Then those that would have been, and make the error on the withheld record larger: they are dropped.
+    Then those that would have been, and make the error on the withheld record larger with certainty: they are dropped.
+    It is the only choice in which that record has a part.
     """
     current, refined, dropped = best, list[ModelStep](), dict[str, ModelStep]()
-    carried = model_step(data, best.fits, rng).error_withheld
     while len(refined) < MOST_REFINED:
         rest = remainder_of(current.problem)
         if rest.adequate:
@@ -150,10 +150,12 @@ def refine(
         fits = [fit for fit in ranked if not fit.on_bound and here.score(fit) > least]
         for fit in fits[:TRIED]:
             step = model_step(data, (*current.fits, fit), rng)
-            if step.error_withheld > carried:
+            if step.held is None or step.held.gain_interval[0] <= 0.0:
+                continue
+            if step.carried[1] < 0.0:
                 dropped[step.added] = step
-            elif step.held is not None and step.held.gain_interval[0] > 0.0:
-                carried = step.error_withheld
+            else:
+                dropped.pop(step.added, None)
                 current = current.plus(fit)
                 refined.append(step)
                 break

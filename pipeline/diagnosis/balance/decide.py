@@ -100,7 +100,7 @@ def _searched_terms(case: Case, *, coasts: bool) -> tuple[Term[Motion], ...]:
     """
     terms = []
     for term in case.library:
-        if coasts and (term.of_inertia or term.of_model):
+        if coasts and (term.needs_drive or term.of_model):
             continue
         known = case.fixed.get(term.identifier)
         if known is not None:
@@ -169,7 +169,8 @@ def diagnose_terms(
     case : Case
         Baseline and library.
     recorded, withheld : Recorded
-        The recording for choice and fit, and one that takes part in neither (None without one).
+        The recording for choice and fit, and one that takes part in neither but to drop refinements
+        which make its error larger (None without one).
     rng : numpy.random.Generator
         Draws synthetic records, resamples, decoys.
     """
@@ -199,7 +200,7 @@ def diagnose_terms(
             contests = contest(data, s.problem, found, refinements, remainder_of, rng)
             verdict = Verdict.AMBIGUOUS if any(c.open for c in contests) else Verdict.NAMED
     impossible = impossible_in((refinements or steps)[-1].fitted)
-    if impossible and verdict is not Verdict.CONSISTENT:
+    if impossible:
         verdict = Verdict.NOT_IN_LIBRARY
     last = settled(s.problem, (refinements or steps)[-1].fitted.fits)
     return TermsDiagnosis(

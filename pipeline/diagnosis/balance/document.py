@@ -30,7 +30,8 @@ SCHEMA = "pmg.terms-diagnosis/1"
 
 def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
     """Everything that was found, as JSON; forces in N, torques in N m, relative errors as part of 1."""
-    found, unit = diagnosis.naming, diagnosis.case.axis.key
+    found, axis = diagnosis.naming, diagnosis.case.axis
+    unit = axis.key
     return {
         "schema": SCHEMA,
         "case": diagnosis.case.title,
@@ -42,6 +43,9 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
             "lags": diagnosis.noise.noise.lags,
             "samples": len(diagnosis.recorded.force),
         },
+        f"rest_speed_{axis.speed.replace('/', '_')}": diagnosis.recorded.motion.rest_speed,
+        "coasts": diagnosis.recorded.coasts,
+        "findings": [finding.to_dict() for finding in diagnosis.recorded.findings],
         "locations": _places(diagnosis.mismatch),
         "rounds": []
         if found is None
@@ -121,7 +125,7 @@ def _model(step: ModelStep, unit: str) -> dict[str, Any]:
     return {
         "added": step.added,
         "evidence": step.evidence,
-        "relative_error_fit": step.error_fit,
+        "relative_error_fit": number(step.error_fit),
         "relative_error_withheld": number(step.error_withheld),
         f"withheld_gain_interval_{unit}": [number(end) for end in step.carried],
         "held_out": None if step.held is None else step.held.document(unit),
@@ -141,7 +145,7 @@ def _contest(contest: Contest, unit: str) -> dict[str, Any]:
         "margin": contest.margin,
         "held_out": contest.held.document(unit),
         "beside_the_named": [_estimate(e) for e in contest.given_named],
-        "relative_error_fit": contest.error_fit,
+        "relative_error_fit": number(contest.error_fit),
         "relative_error_withheld": number(contest.error_withheld),
     }
 
@@ -188,9 +192,13 @@ def headline(diagnosis: TermsDiagnosis) -> str:
 
 def _impossible(diagnosis: TermsDiagnosis) -> Iterator[str]:
     """What no machine has, and what to check."""
-    for e in diagnosis.impossible:
-        value = f"{e.value:.3g} ± {e.standard_error:.2g} {e.unit}"
-        yield f"No machine has {title_of(diagnosis, e.term)} of {value}: check sign, unit and filter of the channels."
+    values = (f"{title_of(diagnosis, e.term)} of {_with_error(e)}" for e in diagnosis.impossible)
+    if told := " and ".join(values):
+        yield f"No machine has {told}: check sign, unit and filter of the channels."
+
+
+def _with_error(e: Estimate) -> str:
+    return f"{e.value:.3g} ± {e.standard_error:.2g} {e.unit}"
 
 
 def _errors(diagnosis: TermsDiagnosis, first: ModelStep, last: ModelStep) -> str:

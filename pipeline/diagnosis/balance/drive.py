@@ -69,7 +69,7 @@ def _plain_terms(axis: Axis) -> Iterator[Term[Motion]]:
         _amount("M", axis.mass, 1e5),
         lambda m, _: _stack(m.acceleration),
         EMPS,
-        of_inertia=True,
+        needs_drive=True,
     )
     yield Term(
         "viscous", "Viscous friction", "b v", _amount("b", axis.viscous, 1e6), lambda m, _: _stack(m.speed), EMPS
@@ -91,6 +91,7 @@ def _plain_terms(axis: Axis) -> Iterator[Term[Motion]]:
         lambda m, _: _stack(np.ones_like(m.speed)),
         EMPS,
         separating_test=REST_TEST,
+        needs_drive=True,
     )
     yield Term(
         "direction_dependent_coulomb",
@@ -142,7 +143,7 @@ def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
         lambda m, _: _stack(m.direction * np.abs(m.acceleration)),
         ARMSTRONG,
         separating_test="Repeat with a known mass added",
-        of_inertia=True,
+        needs_drive=True,
     )
     yield Term(
         "drag_of_power",
@@ -235,7 +236,7 @@ def _chain_terms(axis: Axis) -> Iterator[Term[Motion]]:
 
 
 def _drive_faults(axis: Axis) -> Iterator[Term[Motion]]:
-    """What a drive does with its command, and a load on a spring."""
+    """What a drive does with its command."""
     yield Term(
         "dead_zone",
         "Dead zone of the drive: the command must exceed it before anything acts",
@@ -266,16 +267,6 @@ def _drive_faults(axis: Axis) -> Iterator[Term[Motion]]:
         BALANCE,
         separating_test=f"Measure the {axis.pushes} over the command at a machine that is held",
         of_model=True,
-    )
-    yield Term(
-        "two_mass_resonance",
-        "Load on a spring: a second mass that follows the first late",
-        "r d2a/dt2",
-        _part("r", f"{axis.mass} s2", 1e3),
-        lambda m, _: _stack(np.gradient(np.gradient(m.acceleration, m.sample_time), m.sample_time)),
-        BALANCE,
-        separating_test="Strike the load, and look for its frequency in speed and command",
-        of_inertia=True,
     )
 
 

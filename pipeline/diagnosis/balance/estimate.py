@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -75,13 +76,13 @@ class FittedTerms:
     estimates: tuple[Estimate, ...]
 
     def predict(self, recorded: Recorded) -> Array:
-        """Thinned force of a recording [N], known terms included."""
+        """Thinned force of a recording [N, N m], known terms included."""
         return np.asarray(recorded.known + design_of(recorded, self.baseline, self.fits) @ self.values)
 
     def relative_error(self, recorded: Recorded) -> float:
         """Root of the sum of squares of what is left, as part of `Recorded.size`."""
         left = recorded.force + recorded.known - self.predict(recorded)
-        return float(np.linalg.norm(left) / recorded.size)
+        return float(np.linalg.norm(left) / recorded.size) if recorded.size > 0.0 else math.nan
 
 
 def impossible_in(fitted: FittedTerms) -> tuple[Estimate, ...]:

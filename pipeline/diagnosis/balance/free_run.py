@@ -28,7 +28,7 @@ RUNS_AWAY = 1e6
 """Speed [SI] from which on a simulation is given up: its errors are NaN."""
 
 HARDLY = 1e-9
-"""Speed [m/s] that stands for setting out from rest in one sense or the other."""
+"""Speed [SI] that stands for setting out from rest in one sense or the other."""
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,13 @@ class FreeRun:
     record : str
         File name.
     position : (n,) array
-        Simulated [m].
+        Simulated [m, rad].
     error : float
-        Root mean square of simulated less measured position [m].
+        Root mean square of simulated less measured position [m, rad].
     largest : float
-        Largest difference [m].
+        Largest difference [m, rad].
     stroke : float
-        Measured way from end to end [m].
+        Measured way from end to end [m, rad].
     """
 
     model: str
@@ -117,7 +117,8 @@ def of_published(case: Case) -> tuple[SetTerm, ...]:
 def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRun | None:
     r"""The position of a record from its force, its first position and speed.
 
-    None where no term holds a mass: there is nothing to solve. A delay and a gain act on the force.
+    None where no term holds a mass, so that there is nothing to solve, and where one is a fault of the drive whose
+    force at an instant is not known. A delay and a gain act on the force.
 
     Notes
     -----
@@ -127,7 +128,7 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRu
     """
     mass = sum(float(each.amplitudes[0]) for each in terms if each.term.identifier == INERTIA)
     others = [each for each in terms if each.term.identifier != INERTIA and not each.term.of_model]
-    if mass <= 0.0:
+    if mass <= 0.0 or any(e.term.of_model and e.term.identifier not in (DELAY, GAIN) for e in terms):
         return None
     motion, h = recorded.motion, recorded.motion.sample_time
     driving = _driving(motion, terms)

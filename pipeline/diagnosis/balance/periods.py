@@ -65,7 +65,8 @@ def _strongest(recorded: Recorded, orders: Array, low: float, kept: int) -> npt.
     length = int(PER_CYCLE * (int(place.max()) + 1))
     power = np.zeros(len(orders))
     for values in (left, motion.direction * left):  # a force at a place, and a friction
-        spectrum = np.abs(np.fft.rfft(np.bincount(place, values - values.mean()), length)) ** 2
+        means = np.bincount(place, values - values.mean()) / np.maximum(np.bincount(place), 1)
+        spectrum = np.abs(np.fft.rfft(means, length)) ** 2
         power = np.maximum(power, np.interp(orders, np.fft.rfftfreq(length, width), spectrum))
     octave = np.floor(np.log2(orders / orders[0])).astype(np.int64)
     peak = np.r_[True, power[1:] >= power[:-1]] & np.r_[power[:-1] >= power[1:], True]

@@ -14,7 +14,8 @@ from pmg.pipeline.diagnosis.balance.smoothing import Smoother
 from pmg.pipeline.diagnosis.balance.term import Motion
 from pmg.pipeline.importers.open_source import open_source, whole_channels
 from pmg.pipeline.importers.source import channel_of
-from pmg.pipeline.recording.findings import Findings
+from pmg.pipeline.recording.findings import Code, Findings
+from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -26,11 +27,20 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.findings import Finding
     from pmg.sim.signals import Array
 
+COASTS = 0.1
+"""Force that is recorded, over that of a known inertia, below which a machine is taken to coast."""
+
 RATE_TOLERANCE = 0.01
 """Part by which a time step may differ from that of the stated rate."""
 
 REST = 4.0
 """Standard deviations of the noise of the speed below which a machine counts as at rest."""
+
+WRAPPED = 0.25
+"""Part of a turn by which a step of an angle may differ from a whole one to be where it begins anew."""
+
+SPELLINGS = {"·": "", "*": "", "°": "deg", "1/min": "rpm", "U/min": "rpm", "min-1": "rpm", "µ": "u"}
+"""Signs and words of units that are written in several ways."""
 
 KNOWN_UNITS = frozenset(
     "".join(unit.split())
@@ -57,9 +67,9 @@ class Recorded:
     keep_every : int
         Decimation.
     force : (n,) array
-        Thinned force [N], known terms taken out.
+        Thinned force [N, N m], known terms taken out; zero of a machine that coasts.
     known : (n,) array
-        Thinned force of the terms whose amplitude is known [N].
+        Thinned force of the terms whose amplitude is known [N, N m].
     findings : tuple of Finding
         What was lost in reading it.
     """
@@ -86,7 +96,7 @@ class Recorded:
         return _thin(columns, self.keep_every)
 
     def columns(self, term: Term[Motion], shape: float = float("nan")) -> Array:
-        """Thinned columns of a term (n, amplitudes) [N per unit]."""
+        """Thinned columns of a term (n, amplitudes), per unit."""
         return self.thin(term.columns(self.motion, shape))
 
     @property
@@ -137,16 +147,31 @@ def read_recording(path: Path, case: Case) -> Recorded:
         raise RecordingError(str(path), f"{len(time)} samples", f"{fewest} or more", "Record longer, or thin less.")
     position, speed, noise = smoother.moved(values.get("position"), values.get("velocity"))
     inner = slice(drop, -drop)
-    motion = Motion(
-        time[inner],
-        position[inner],
-        speed[inner],
-        smoother.slope(speed)[inner],
-        values.get("force", np.zeros_like(time))[inner],
-        np.zeros(len(time) - 2 * drop),
-        REST * noise if given.rest_speed is None else given.rest_speed,
-    )
+    rest_speed = REST * noise if given.rest_speed is None else given.rest_speed
+    if given.rest_speed is None and float(np.abs(speed[inner]).max()) <= rest_speed:
+        came = f"a speed of {np.abs(speed[inner]).max():.3g} {case.axis.speed} at most, which may be noise"
+        raise RecordingError(str(path), came, "a machine that moves", "Check the channels and their units.")
+    acceleration = smoother.slope(speed)[inner]
+    force = _acting(values.get("force", np.zeros_like(time))[inner], acceleration, case, findings)
+    motion = Motion(time[inner], position[inner], speed[inner], acceleration, force, 0.0 * force, rest_speed)
     return _with_model(path.name, motion, case, findings.listed())
+
+
+def _acting(force: Array, acceleration: Array, case: Case, findings: Findings) -> Array:
+    """Force that drives the machine (n,): zero where it is next to nothing beside that of a known inertia."""
+    inertia = case.fixed.get("inertia", 0.0)
+    needed = inertia * float(np.sqrt(np.mean(acceleration**2)))
+    size = float(np.sqrt(np.mean(force**2)))
+    if not 0.0 < size < COASTS * needed:
+        return force
+    findings.info(
+        Code.CHANNEL_VALUE,
+        case.axis.pushes,
+        f"{size:.3g} {case.axis.push} rms beside {needed:.3g} {case.axis.push} for the acceleration of the inertia: "
+        "the machine is taken to coast, without any",
+        "Nothing to do; if it was driven, correct baseline.fixed.inertia.",
+    )
+    return 0.0 * force
 
 
 def _with_model(name: str, motion: Motion, case: Case, findings: tuple[Finding, ...]) -> Recorded:
@@ -170,7 +195,7 @@ def _channels(path: Path, case: Case, findings: Findings) -> dict[str, Array]:
         do = "Check record.folder, or name the folder of the recordings with --data."
         raise RecordingError(str(path), "no such file", "a recording", do)
     source = open_source(path, case.form, findings)
-    _check_units(source, case)
+    _check_units(source, case, findings)
     found = whole_channels(source, [channel.name for channel, _ in case.channels.values()])
     values = {}
     for kind, (channel, unit) in case.channels.items():
@@ -182,8 +207,8 @@ def _channels(path: Path, case: Case, findings: Findings) -> dict[str, Array]:
                 raise RecordingError(f"{path}: {factor}", came, "one number", f"Give {case.axis.factor} as a number.")
             factor = float(given[0])
         values[kind] = found[channel.name] * unit * factor
-    if "force" in values and not values["force"].any() and "inertia" in case.fixed:
-        del values["force"]  # it coasts
+    if "position" in values and case.axis.turn:
+        values["position"] = _unwrapped(values["position"], case.axis.turn, findings)
     lengths = {len(value) for value in values.values()}
     if len(lengths) > 1:
         came = ", ".join(f"{kind}: {len(value)}" for kind, value in values.items())
@@ -195,17 +220,39 @@ def _channels(path: Path, case: Case, findings: Findings) -> dict[str, Array]:
             raise RecordingError(
                 f"{path}: {case.channels[kind][0].name}", came, "numbers", "Mend or cut the recording."
             )
-        if float(np.ptp(value)) == 0.0:
-            do = "Check the channel; of a machine that coasts, fix its inertia."
+        if float(np.ptp(value)) == 0.0 and not (kind == "force" and "inertia" in case.fixed):
+            do = "Check the channel; of a machine that coasts, set baseline.fixed.inertia."
             raise RecordingError(f"{path}: {case.channels[kind][0].name}", "the same value throughout", "a signal", do)
     return values
 
 
-def _check_units(source: ForeignSource, case: Case) -> None:
-    """Refuse a channel whose file declares another unit than the case."""
+def _unwrapped(angle: Array, turn: float, findings: Findings) -> Array:
+    """An angle that begins anew at each turn, counted on (n,) [rad]; any other as it is."""
+    steps = np.diff(angle)
+    jumps = np.abs(np.abs(steps) - turn) < WRAPPED * turn
+    if not jumps.any() or np.abs(steps[~jumps]).max(initial=0.0) > 0.5 * turn:
+        return angle
+    message = f"it begins anew {counted(int(jumps.sum()), 'time')}, and is counted on"
+    findings.info(Code.CHANNEL_VALUE, "position", message, "Nothing to do.")
+    return np.asarray(np.unwrap(angle, period=turn))
+
+
+def _check_units(source: ForeignSource, case: Case, findings: Findings) -> None:
+    """Refuse a channel whose file declares another unit than the case; tell one that is not understood."""
     for channel, _ in case.channels.values():
         where = f"{source.path}: {channel.name}"
-        declared = "".join(channel_of(source, channel.name, where).unit.split())
-        if declared and declared != "".join(channel.unit.split()) and declared in KNOWN_UNITS:
+        declared = _spelled(channel_of(source, channel.name, where).unit)
+        if not declared or declared == _spelled(channel.unit):
+            continue
+        if declared in KNOWN_UNITS:
             do = "Correct the unit in the case, or the file."
             raise RecordingError(where, f"the unit {declared}", channel.unit, do)
+        message = f"the file's unit '{declared}' is not understood; {channel.unit} is taken, as the case says"
+        findings.info(Code.CHANNEL_KEY, channel.name, message, "Check it.")
+
+
+def _spelled(unit: str) -> str:
+    """A unit in the spelling of `KNOWN_UNITS`."""
+    for sign, plain in SPELLINGS.items():
+        unit = unit.replace(sign, plain)
+    return "".join(unit.split())

@@ -108,8 +108,8 @@ class Term(Generic[M]):
         Test that tells this term from those that look like it.
     of_model : bool
         Whether the columns distort what the rest of the model gives (gain, delay).
-    of_inertia : bool
-        Whether it goes with acceleration: of a machine that coasts, what it explains would be anything.
+    needs_drive : bool
+        Whether a machine that coasts does not show it: nothing drives it, and its acceleration is all there is.
     even_grid : bool
         Whether the shape is searched evenly in its inverse (a period) instead of in its logarithm.
     of_parts : bool
@@ -125,7 +125,7 @@ class Term(Generic[M]):
     shape: Quantity | None = None
     separating_test: str = ""
     of_model: bool = False
-    of_inertia: bool = False
+    needs_drive: bool = False
     even_grid: bool = False
     of_parts: bool = False
 

@@ -12,7 +12,7 @@ from pmg.pipeline.diagnosis.engine.conclusion import probabilities
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.document import SCHEMA, form_of, legible, near_ties
 from pmg.pipeline.diagnosis.grid.rivals import CLOSE, NONE_KNOWN, nearest_share, rival_row, why_open
-from pmg.pipeline.diagnosis.motion.design.next_runs import merged
+from pmg.pipeline.diagnosis.motion.design.next_runs import LEAST_POWER, merged
 from pmg.pipeline.diagnosis.motion.statement import (
     effect_size,
     follows,
@@ -30,6 +30,7 @@ from pmg.sim.mechanisms.base import Component
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, MotionPlace
+    from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun
     from pmg.sim.signals import Array
 
 
@@ -153,6 +154,11 @@ def _mechanism(fit: TermFit, shaft: str, probability: float, values: Array, erro
     }
 
 
+def _telling(run: NextRun) -> str:
+    """What would tell a rival; nothing where that is hardly likely."""
+    return run.title if run.power >= LEAST_POWER else ""
+
+
 def _rivals(diagnosis: MotionDiagnosis) -> list[dict[str, Any]]:
     """Every cause that is not excluded, with why and what would tell."""
     naming = diagnosis.naming
@@ -168,7 +174,7 @@ def _rivals(diagnosis: MotionDiagnosis) -> list[dict[str, Any]]:
         rival_row(
             (*(() if rival.ids < naming.best.ids else naming.best.fits), *rival.fits),
             why_open(diagnosis, place),
-            diagnosis.next_runs[place].title,
+            _telling(diagnosis.next_runs[place]),
         )
         for place, rival in enumerate(naming.rivals)
     ]

@@ -11,6 +11,7 @@ from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.law_words import bent_sentence
 from pmg.pipeline.diagnosis.grid.rivals import nearest_share
 from pmg.pipeline.diagnosis.grid.statement import NEAREST_FROM, PHRASES, SHAFT_WORDS
+from pmg.pipeline.diagnosis.motion.design.next_runs import LEAST_POWER, merged
 from pmg.pipeline.diagnosis.motion.evidence import OF_SHEET
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.motion.smooth import BAND
@@ -57,9 +58,6 @@ REMEDIES = {
 
 IN_MILLI, TENTH = {" N m": " mN m", " s": " ms", " rad": " mrad"}, 0.1
 """Units of which small sizes are told in thousandths, and how small."""
-
-LEAST_POWER = 0.2
-"""Probability from which on a run is worth its time."""
 
 INTO_MODEL = "put the law with its fitted parameters (see `diagnosis.json`) into the model of the drive"
 
@@ -284,7 +282,7 @@ def advice(diagnosis: MotionDiagnosis) -> str:
             remedies.append(text.format(shaft={"either": "sun or ring", "both": "sun and ring"}.get(shaft, shaft)))
         return f"Do: {'; '.join(dict.fromkeys(remedies))}."
     if diagnosis.next_runs:
-        best = max(diagnosis.next_runs, key=lambda run: run.power)
+        best = max(merged(diagnosis.next_runs), key=lambda run: run.power)
         if best.power >= LEAST_POWER:
             return f"Do: {best.words}."
         return f"Do: look for the cause on the bench; no run that was tried would tell, at best {best.words}."

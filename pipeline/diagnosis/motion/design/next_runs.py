@@ -10,7 +10,6 @@ from pmg.pipeline.diagnosis.engine.separation import ENOUGH
 from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue
 from pmg.pipeline.diagnosis.motion.design.foresight import Foresight
 from pmg.pipeline.diagnosis.motion.design.proposals import proposals
-from pmg.pipeline.diagnosis.motion.library import library
 from pmg.sim.shafts import SIDES, other_side
 
 if TYPE_CHECKING:
@@ -24,6 +23,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
     from pmg.pipeline.diagnosis.motion.noise import SlowNoise
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+
+LEAST_POWER = 0.2
+"""Power from which on runs are worth their time."""
 
 REPEATS = 4
 """How often a run is made where once is not enough: it halves what noise hides."""
@@ -44,8 +46,8 @@ class NextRun:
     runs : tuple of ProposedRun
         One after the other.
     power : float
-        Probability that they do: that the true one of two causes is then named alone, whichever it is; of a mechanism
-        that the campaign cannot see, that it shows at the size that is worth knowing.
+        Probability that they do, at most: that the true one of two causes is then named alone, whichever it is; of a
+        mechanism that the campaign cannot see, that it shows at the size that is worth knowing.
     """
 
     title: str
@@ -74,13 +76,15 @@ def runs_to_tell(found: MotionEvidence, naming: TermNaming, slow_noise: SlowNois
     """The run for each rival that would tell it from the leading cause, in order; then for a shaft left open."""
     best = naming.best.fits
     others = [rival.fits for rival in naming.rivals]
-    others += [_elsewhere(found, best, name) for name, shaft in naming.shafts.items() if shaft == "either"]
+    twins = [_elsewhere(found, best, name) for name, shaft in naming.shafts.items() if shaft == "either"]
+    others += [fits for fits in twins if fits]
 
     def one(other: tuple[TermFit, ...]) -> NextRun:
         ids = {fit.identifier for fit in best} ^ {fit.identifier for fit in other}
-        ids = ids or {a.identifier for a, b in zip(best, other, strict=True) if a.candidate is not b.candidate}
-        places = {fit.place for fit in (*best, *other)}
-        sides = tuple(side for side in SIDES if places & {side, "both"})
+        places = {fit.identifier: fit.place for fit in other}
+        ids = ids or {fit.identifier for fit in best if fit.place != places[fit.identifier]}
+        shafts = {fit.place for fit in (*best, *other)}
+        sides = tuple(side for side in SIDES if shafts & {side, "both"})
         other = (*best, *other) if {f.candidate for f in other} < {f.candidate for f in best} else other
         return _best(found, slow_noise, sides or SIDES, tuple(sorted(ids)), lambda f: f.power_between(best, other))
 
@@ -88,15 +92,17 @@ def runs_to_tell(found: MotionEvidence, naming: TermNaming, slow_noise: SlowNois
 
 
 def _elsewhere(found: MotionEvidence, fits: tuple[TermFit, ...], name: str) -> tuple[TermFit, ...]:
-    """A set with one mechanism on the other shaft."""
-
-    def moved(term: MotionTerm) -> MotionTerm:
-        if term.identifier != name:
-            return term
-        twin = (term.identifier, other_side(term.shaft), term.variant)
-        return next(each for each in library() if (each.identifier, each.shaft, each.variant) == twin)
-
-    candidates = [moved(cast("MotionTerm", fit.candidate)) for fit in fits]
+    """A set with one mechanism on the other shaft, in its own form if that may act there; none where it cannot."""
+    candidates = []
+    for fit in fits:
+        term = cast("MotionTerm", fit.candidate)
+        if term.identifier == name:
+            tabled = [cast("MotionTerm", each.term) for each in found.problem.tables.values()]
+            twins = [each for each in tabled if (each.identifier, each.shaft) == (name, other_side(term.shaft))]
+            if not twins:
+                return ()
+            term = next((each for each in twins if each.variant == term.variant), twins[0])
+        candidates.append(term)
     return explain_with(found.problem, MotionCatalogue(), candidates).fits
 
 

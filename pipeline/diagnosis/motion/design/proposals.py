@@ -11,7 +11,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.motion.design.proposed_run import CHANGE_S, ProposedRun, Reference, Swing, peak_of
 from pmg.pipeline.recording.run_records import Manoeuvre
-from pmg.sim.shafts import PerShaft, other_side, per_shaft
+from pmg.sim.shafts import SIDES, PerShaft, other_side, per_shaft
 from pmg.sim.signals import MINUTE, REVOLUTION, RPM
 
 if TYPE_CHECKING:
@@ -78,30 +78,35 @@ def _reach(fitted: MotionBaseline) -> _Reach:
 
     def top(side: str) -> float:
         seen = [float(np.quantile(np.abs(s.shaft.speed), 0.99)) for s in fitted.stretches if s.side == side]
-        return ROUND * math.floor(max(seen, default=0.0) / ROUND)
+        fastest = max(seen, default=0.0)
+        return ROUND * math.floor(fastest / ROUND) or fastest
 
-    tops = per_shaft(top)
-    ratio = poles.ring / poles.sun
-    tops = PerShaft(tops.sun or ratio * tops.ring, tops.ring or tops.sun / ratio)
     loads = [float(np.quantile(np.abs(s.torque), 0.9)) for s in fitted.stretches if s.coupled and s.side == "ring"]
-    part = min(max(loads, default=np.inf) / (poles.ring * peak), LOADED)
-    return _Reach(tops, per_shaft(lambda side: round(part * poles[side] * peak, 2)), ratio)
+    part = min(max(loads, default=0.0) / (poles.ring * peak), LOADED)
+    load = per_shaft(lambda side: round(part * poles[side] * peak, 2))
+    return _Reach(per_shaft(top), load, poles.ring / poles.sun)
 
 
 def proposals(fitted: MotionBaseline, sides: tuple[str, ...]) -> Iterator[Proposal]:
     """Kinds of run that tell mechanisms on some shafts from others, the quick ones first.
 
-    Speeds and loads are those that the campaign reached, so that the bench is known to bear them.
+    Speeds and loads are those that the campaign reached, so that the bench is known to bear them: none of a shaft that
+    it did not turn, and none under load where it never was.
     """
     reach = _reach(fitted)
     zero = ProposedRun("zero", Manoeuvre.ZERO, 6.0)
-    for side in sides:
+    turned = [side for side in SIDES if reach.top[side] > 0.0]
+    for side in [side for side in turned if side in sides] or turned:
         up, down = (_ramp(side, sign * reach.top[side]) for sign in (1.0, -1.0))
         yield Proposal(f"Ramp of the {side} in neutral", (up,))
         yield Proposal(f"Ramp of the {side} in neutral, backwards", (down,))
-        yield Proposal(f"Slow ramp of the {side} in neutral", (_ramp(side, ROUND * math.ceil(SLOW / ROUND)),))
+        yield Proposal(
+            f"Slow ramp of the {side} in neutral", (_ramp(side, min(ROUND * math.ceil(SLOW / ROUND), reach.top[side])),)
+        )
         yield Proposal(f"Dither of the {side} in neutral", (_dither(side, reach.top[side]),))
         yield Proposal(f"Zero check, and a ramp of the {side} in neutral both ways", (zero, up, down))
+    if not all((reach.load.ring, reach.top.sun, reach.top.ring)):
+        return
     fast = min(reach.top.sun, reach.ratio * reach.top.ring)
     yield Proposal("Engaged ramp", (_loaded_ramp("sun", fast, reach.load.ring),))
     yield Proposal(
