@@ -248,17 +248,6 @@ def _drive_faults(axis: Axis) -> Iterator[Term[Motion]]:
         of_model=True,
     )
     yield Term(
-        "drive_limit",
-        "Drive that saturates: of the command beyond a limit nothing acts",
-        "p sign(F) max(|F| - L, 0)",
-        (Quantity("p", "1", (0.0, 1.2)),),
-        lambda m, limit: _stack(np.sign(m.force) * np.maximum(np.abs(m.force) - limit * np.abs(m.force).max(), 0.0)),
-        BALANCE,
-        shape=Quantity("L_of_largest", "1", (0.3, 0.97)),
-        separating_test="Repeat with half the acceleration: the command stays below the limit",
-        of_model=True,
-    )
-    yield Term(
         "motor_constant_sag",
         f"Drive whose {axis.pushes} falls behind its command as that grows",
         "s (baseline terms) |baseline terms|",
