@@ -91,7 +91,7 @@ def _page(diagnosis: TermsDiagnosis, seed: int, digests: dict[str, str]) -> Repo
     state = "good" if diagnosis.verdict in (Verdict.CONSISTENT, Verdict.NAMED) else "attention"
     return Report(
         title=diagnosis.case.title,
-        subtitle="Terms of its force balance: what the baseline lacks, and the proof",
+        subtitle=f"Terms of its {diagnosis.case.axis.pushes} balance: what the baseline lacks, and the proof",
         verdict=Headline(headline(diagnosis), "good" if state == "good" else "attention"),
         sections=terms_sections(diagnosis),
         provenance=Facts(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ from scipy.signal import lfilter
 from tests.balance import slide, wheel
 from tests.importers import written
 
+from pmg.pipeline.commands.terms import run_terms
 from pmg.pipeline.diagnosis.balance import contest
 from pmg.pipeline.diagnosis.balance.axis import ROTARY
 from pmg.pipeline.diagnosis.balance.case_file import read_case
@@ -89,6 +91,17 @@ def test_a_machine_that_turns_is_named_in_its_own_units(tmp_path: Path, channels
     assert all("rms_error_rad" in run for run in document["free_runs"])
     assert "mrad rms" in "\n".join(terms_lines(found))
     assert "Relative torque error" in headline(found)
+
+
+def test_the_page_of_a_machine_that_turns_speaks_of_torque(tmp_path: Path) -> None:
+    done = run_terms(wheel.make_case(tmp_path, dry), tmp_path / "out")
+    assert done.mismatch
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "Terms of its torque balance" in page
+    assert "Position from the torque alone" in page
+    assert not re.search(r"\[(N|m|m/s|mm|kg)\]", page)
+    head = (tmp_path / "out" / "residuals.csv").read_text(encoding="utf-8").splitlines()[0]
+    assert head.startswith("time [s],position [rad],speed [rad/s],acceleration [rad/s2],torque [N m],")
 
 
 def test_the_libraries_of_both_axes_hold_the_same_terms_in_other_units() -> None:

@@ -45,4 +45,4 @@ def free_run_sections(d: TermsDiagnosis) -> tuple[Section, ...]:
         f"{pushes} of the first record, not to this error; no uncertainty is stated for it."
     )
     figure = Figure("terms-free-run", "Free run", "Without the baseline, which drifts away.", tuple(charts))
-    return (Section("terms-free-run-section", "Position from the force alone", (Text(text), table, figure)),)
+    return (Section("terms-free-run-section", f"Position from the {pushes} alone", (Text(text), table, figure)),)

@@ -233,7 +233,7 @@ def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
         lines.append(f"dropped: {name}, with which the withheld record is off by {percent(step.error_withheld)}")
     lines.append("")
     if diagnosis.free_runs:
-        lines.append("position simulated from the force alone, without being told where it is:")
+        lines.append(f"position simulated from the {diagnosis.case.axis.pushes} alone, without being told where it is:")
     for run in diagnosis.free_runs:
         if math.isnan(run.error):
             lines.append(f"  {run.model:<12}{run.record}: runs away")
