@@ -486,10 +486,11 @@ def test_a_channel_may_be_asked_for_as_the_header_has_it(tmp_path: Path) -> None
 
 
 def test_an_import_that_brings_nothing_is_an_error(tmp_path: Path) -> None:
+    """Rows there are, and no number in them."""
     source = tmp_path / "E1.csv"
-    head, *rows = written.csv_text(50).splitlines()
-    empty = "\n".join([head, *(",".join("" for _ in row.split(",")) for row in rows)])
-    source.write_text(empty + "\n", encoding="utf-8", newline="")
-    with pytest.raises(RecordingError):
-        import_recording(source, read_map(written.write_map(tmp_path, written.map_text(written.PLAIN))), tmp_path / "a")
-    assert not (tmp_path / "a").exists()
+    *head, _ = written.csv_text(1).splitlines()
+    source.write_text("\n".join([*head, *(["nan;nan;nan;nan"] * 50)]) + "\n", encoding="utf-8", newline="")
+    chart = read_map(written.write_map(tmp_path, written.map_text(written.PLAIN)))
+    with pytest.raises(RecordingError, match="50 rows without one number"):
+        import_recording(source, chart, tmp_path / "a.mcap")
+    assert not (tmp_path / "a.mcap").exists()
