@@ -121,21 +121,20 @@ def test_a_machine_that_coasts_shows_friction_as_part_of_its_inertia(tmp_path: P
     path = wheel.make_case(tmp_path, dry, channels=wheel.VELOCITY, more=f"[baseline.fixed]\ninertia = {wheel.INERTIA}")
     for name in ("fit.csv", "withheld.csv"):
         wheel.record(tmp_path / name, m, np.zeros_like(t), rng)
-    text = path.read_text()
-    for channels, shown in ((wheel.VELOCITY, 0.0), (wheel.TORQUE, 0.0), (wheel.TORQUE, 2e-4), (wheel.TORQUE, 1e-4)):
-        if channels is wheel.TORQUE:
-            path.write_text(text.replace(wheel.VELOCITY, f"{wheel.VELOCITY}\n{wheel.TORQUE}", 1))
-            for name in ("fit.csv", "withheld.csv"):
-                torque = shown * (rng.standard_normal(len(t)) if shown > 1e-4 else np.ones(len(t)))
-                wheel.record(tmp_path / name, m, torque, rng, noise=0.0)
-        found = diagnosed(path)
-        assert found.recorded.coasts
-        assert bool(found.recorded.findings) == bool(shown)
-        assert named(found) == {"coulomb"}
-        assert found.steps[-1].error_fit < 0.2
-        estimates = {e.term: e.value for e in found.steps[-1].fitted.estimates}
-        assert estimates["viscous"] == pytest.approx(wheel.VISCOUS / 10.0, rel=0.05)
-        assert estimates["coulomb"] == pytest.approx(dry_part, rel=0.05)
+    found = diagnosed(path)
+    assert named(found) == {"coulomb"}
+    assert found.steps[-1].error_fit < 0.2
+    estimates = {e.term: e.value for e in found.steps[-1].fitted.estimates}
+    assert estimates["viscous"] == pytest.approx(wheel.VISCOUS / 10.0, rel=0.05)
+    assert estimates["coulomb"] == pytest.approx(dry_part, rel=0.05)
+    path.write_text(path.read_text().replace(wheel.VELOCITY, f"{wheel.VELOCITY}\n{wheel.TORQUE}", 1))
+    case = read_case(path)
+    for torque in (np.zeros_like(t), np.full_like(t, 1e-4), 2e-4 * rng.standard_normal(len(t))):
+        wheel.record(case.fit, m, torque, rng, noise=0.0)
+        recorded = read_recording(case.fit, case)
+        assert recorded.coasts
+        assert bool(recorded.findings) == bool(torque.any()), "what is taken for none is told"
+        assert not recorded.motion.force.any()
     with pytest.raises(BenchError, match=r"fixed.*inertia"):
         read_case(wheel.make_case(tmp_path, dry, channels=wheel.VELOCITY))
 

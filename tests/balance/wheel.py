@@ -31,7 +31,7 @@ time = {{ name = "t", unit = "s" }}
 [prepare]
 rate_Hz = 500
 low_pass_Hz = 40
-keep_every = 4
+keep_every = 8
 {prepare}
 [baseline]
 terms = {terms}
