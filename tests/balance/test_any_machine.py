@@ -154,8 +154,11 @@ def test_channels_that_do_not_fit_the_axis_are_refused(tmp_path: Path, channels:
         read_case(wheel.make_case(tmp_path, dry, channels=channels))
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("channels", [wheel.VELOCITY, wheel.ANGLE, f"{wheel.ANGLE}\n{wheel.VELOCITY}"])
+@pytest.mark.parametrize(
+    ("channels", "seed"),
+    [(wheel.VELOCITY, 1), (wheel.VELOCITY, 2), (wheel.ANGLE, 3), (f"{wheel.ANGLE}\n{wheel.VELOCITY}", 4)],
+    ids=["speed", "speed again", "angle", "both"],
+)
 def test_a_clean_machine_that_turns_has_nothing_named(tmp_path: Path, channels: str, seed: int) -> None:
     terms = '["inertia", "viscous", "coulomb"]'
     found = diagnosed(wheel.make_case(tmp_path, dry, seed=seed, channels=f"{channels}\n{wheel.TORQUE}", terms=terms))
