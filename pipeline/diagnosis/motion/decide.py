@@ -157,8 +157,8 @@ def diagnose_motion(
     next_runs: tuple[NextRun, ...] = ()
     if conclusion.verdict is Verdict.CONFOUNDED:
         next_runs = runs_to_see(found, blind, slow_noise_beside_drift(before, noise))
-    elif conclusion.verdict.names and conclusion.naming is not None:
-        next_runs = runs_to_tell(found, conclusion.naming, slow_noise_beside_drift(before, noise))
+    elif conclusion.verdict is Verdict.AMBIGUOUS or "either" in _shafts(conclusion):
+        next_runs = runs_to_tell(found, cast("TermNaming", conclusion.naming), slow_noise_beside_drift(before, noise))
     return MotionDiagnosis(
         verdict=conclusion.verdict,
         naming=conclusion.naming,
@@ -176,6 +176,12 @@ def diagnose_motion(
         unseen=blind,
         next_runs=next_runs,
     )
+
+
+def _shafts(conclusion: Conclusion[TermFit, TermProblem]) -> tuple[str, ...]:
+    """Shafts of what is named, as far as they are told; none without a cause."""
+    naming = conclusion.naming
+    return tuple(naming.shafts.values()) if conclusion.verdict.names and naming is not None else ()
 
 
 def _named(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from scipy import stats
 
-from pmg.pipeline.diagnosis.balance.fitting import shape_step
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.engine.separation import power_to_separate, squares_beyond
 from pmg.pipeline.diagnosis.motion.catalogue import FORM_MARGIN, MotionCatalogue
@@ -19,7 +18,8 @@ from pmg.pipeline.diagnosis.motion.noise import row_noise
 from pmg.pipeline.diagnosis.motion.view import views_of
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnosis.balance.fitting import TermFit
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
+    from pmg.pipeline.diagnosis.balance.term import Term
     from pmg.pipeline.diagnosis.motion.design.proposals import Proposal
     from pmg.pipeline.diagnosis.motion.design.unseen import Unseen
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
@@ -77,22 +77,19 @@ class Foresight:
             rows.append(self._unit * each.white(stretch.of_rows(fine)))
         return np.vstack(rows)
 
+    @cached_property
+    def _problem(self) -> TermProblem:
+        """The problem of the campaign whose columns go on over the new rows."""
+        known = self.found.problem
+
+        def columns_of(term: Term[Any], shape: float) -> Array:
+            return np.vstack([known.columns_of(term, shape), self.rows_of(cast("MotionTerm", term), shape)])
+
+        return replace(known, columns_of=columns_of)
+
     def _effect(self, fit: TermFit) -> Array:
         """Rows (m + n,) of a fitted mechanism."""
-        known = self.found.problem.columns_of(fit.candidate, fit.shape)
-        return np.asarray(
-            np.vstack([known, self.rows_of(cast("MotionTerm", fit.candidate), fit.shape)]) @ fit.amplitudes
-        )
-
-    def _slopes(self, fit: TermFit) -> Array:
-        """Rows (m + n, p) per change of each parameter of a fitted mechanism."""
-        term = cast("MotionTerm", fit.candidate)
-        new = self.rows_of(term, fit.shape)
-        if term.shape is not None:
-            low, high = shape_step(term, fit.shape)
-            slope = (self.rows_of(term, high) - self.rows_of(term, low)) / (high - low)
-            new = np.hstack([new, (slope @ fit.amplitudes)[:, None]])
-        return np.vstack([self.found.problem.slopes(fit), new])
+        return np.asarray(self._problem.columns_of(fit.candidate, fit.shape) @ fit.amplitudes)
 
     def power_between(self, one: tuple[TermFit, ...], other: tuple[TermFit, ...]) -> float:
         """Probability that the true one of two sets would then be named alone, whichever it is."""
@@ -100,7 +97,7 @@ class Foresight:
         effects = [np.sum([self._effect(fit) for fit in fits], axis=0) for fits in sets]
         powers = []
         for k in (0, 1):
-            beside = np.hstack([self.columns, *(self._slopes(fit) for fit in sets[1 - k])])
+            beside = np.hstack([self.columns, *(self._problem.slopes(fit) for fit in sets[1 - k])])
             apart = squares_beyond((effects[k] - effects[1 - k])[:, None], beside)[0]
             whole = squares_beyond(effects[k][:, None], self.columns)[0]
             powers.append(power_to_separate(float(apart), MARGIN + FORM_MARGIN * float(whole)))
