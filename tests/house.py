@@ -129,7 +129,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("sim.mechanisms", "sim.maps", "pipeline.files", "pipeline.wording", "pipeline.recording"),
     ("sim.steady", "pipeline.store", "pipeline.windows", "pipeline.report"),
     ("sim.dynamics", "pipeline.grid", "pipeline.orders", "pipeline.importers"),
-    ("pipeline.fit", "pipeline.motion"),
+    ("pipeline.fit", "pipeline.motion", "pipeline.machine"),
     (
         "pipeline.diagnosis",
         "pipeline.analysis",

@@ -47,6 +47,7 @@ OWNERS: dict[str, tuple[str, ...]] = {
         "pmg.pipeline.diagnosis.balance.case_file",
         "pmg.pipeline.files",
         "pmg.pipeline.importers",
+        "pmg.pipeline.machine",
         "pmg.pipeline.model.read_model",
         "pmg.pipeline.model.read_motion_model",
         "pmg.pipeline.settings",

@@ -11,6 +11,7 @@ import typer
 
 from pmg.pipeline.cli import config as cli_config
 from pmg.pipeline.cli import exchange, runs, studies
+from pmg.pipeline.cli import machine as cli_machine
 from pmg.pipeline.cli import report as cli_report
 from pmg.pipeline.cli.frame import command
 from pmg.pipeline.cli.group import AnswersInJson
@@ -39,7 +40,7 @@ app = _grouped(
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
     ),
-    {"runs": runs.app, "config": cli_config.config},
+    {"runs": runs.app, "config": cli_config.config, "machine": cli_machine.machine},
 )
 
 
@@ -99,12 +100,15 @@ def compare(given: Given, progress: Progress | None = None) -> Outcome:
 
 
 @app.command()
-@command("run", options_of(CampaignOptions, f"recordings {RUN} config"))
+@command("run", options_of(CampaignOptions, f"recordings {RUN} config machine"))
 def run(given: Given, progress: Progress | None = None) -> Outcome:
-    """Run ingest, analyse and compare in one go; or analyse and compare published grids (--grids)."""
+    """Run ingest, analyse and compare in one go; of published grids (--grids), or of another machine (--machine)."""
     from pmg.pipeline.commands.compare import run_all
     from pmg.pipeline.settings.chosen import choose
 
+    machine = given.pop("machine")
+    if machine is not None:
+        return cli_machine.run_of(machine, given)
     return run_all(choose(**given), progress)
 
 

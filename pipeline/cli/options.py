@@ -78,6 +78,10 @@ class CampaignOptions:
             "--scheduler", help="Let the workers of a dask cluster do it; its address, such as tcp://host:8786."
         ),
     ]
+    machine: Annotated[
+        str | None,
+        typer.Option("--machine", help="Machine file, or the name of one that ships: recordings of another machine."),
+    ] = None
     origin: Annotated[bool, typer.Option("--origin", help="Say where each setting comes from.")] = False
     shard: Annotated[
         str | None, typer.Option("--shard", help="Only part i of n, as i/n with i from 1; for jobs that share a store.")

@@ -1,4 +1,4 @@
-"""The stage behind ``pmg terms``."""
+"""The stages behind ``pmg terms``, and behind ``pmg run`` with a machine of one's own."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.chapters.explained.balance import terms_sections
+from pmg.pipeline.chapters.explained.machine import machine_sections
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.commands.compare_and_diagnose import SEED
 from pmg.pipeline.commands.outcome import Outcome
@@ -15,10 +16,17 @@ from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import headline, terms_document, terms_lines
-from pmg.pipeline.diagnosis.balance.recorded import read_recording
+from pmg.pipeline.diagnosis.balance.machine.found_and_stated import found_and_stated
+from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
+from pmg.pipeline.diagnosis.balance.machine.machine_document import machine_document
+from pmg.pipeline.diagnosis.balance.machine.power import steady_points
+from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.files.digest import sha256_of
+from pmg.pipeline.machine.machine_file import read_machine
+from pmg.pipeline.machine.shipped import machine_path
+from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Report
 from pmg.pipeline.report.document import Headline as Headline
 from pmg.pipeline.report.write import write_report
@@ -26,13 +34,22 @@ from pmg.pipeline.report.write import write_report
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
+    from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
+    from pmg.pipeline.machine.machine import Machine
+    from pmg.pipeline.report.document import Section
 
 DOCUMENT = "terms.json"
 """The diagnosis as JSON."""
 
 RESIDUALS = "residuals.csv"
 """Residuals of the models, sample by sample."""
+
+OF_A_CASE = Remark(
+    "info", "case", "a machine file says the same and more: 'pmg machine new', then 'pmg run RECORDINGS --machine FILE'"
+)
+"""Told with every case file."""
 
 
 def run_terms(case_file: Path, out: Path, data: Path | None = None, seed: int | None = None) -> Outcome:
@@ -49,31 +66,104 @@ def run_terms(case_file: Path, out: Path, data: Path | None = None, seed: int | 
     seed : int, optional
         Seed of synthetic records, resamples and decoys.
     """
+    return _run(read_case(case_file, data), case_file, out, seed, None)
+
+
+def run_machine(machine: str, recordings: Path, out: Path, seed: int | None = None) -> Outcome:
+    """Diagnose the recordings of a machine; write page, tables, residuals and JSON.
+
+    Parameters
+    ----------
+    machine : str
+        Machine file, or the name of one that ships.
+    recordings : Path
+        Folder of recordings of any format that is imported, or one of them.
+    out : Path
+        Folder of what is written.
+    seed : int, optional
+        Seed of synthetic records, resamples and decoys.
+    """
+    path = machine_path(machine)
+    described = read_machine(path)
+    return _run(case_of(described, recordings), path, out, seed, described)
+
+
+def check_machine(machine: str, recordings: Path | None) -> Outcome:
+    """Whether a machine file is sound, and whether recordings hold what it names.
+
+    Parameters
+    ----------
+    machine : str
+        Machine file, or the name of one that ships.
+    recordings : Path, optional
+        Folder of its recordings, or one of them.
+    """
+    described = read_machine(machine_path(machine))
+    lines = [f"{described.path}: sound, {described.title}"]
+    bare = [
+        f"{name}.{key}" for name, shaft in described.shafts.items() for key, n in shaft.numbers.items() if n.u is None
+    ]
+    if bare:
+        lines.append(f"without an uncertainty: {', '.join(bare)}")
+    data: dict[str, Any] = {"machine": described.title, "without_uncertainty": bare, "recordings": []}
+    findings: tuple[Remark, ...] = ()
+    if recordings is not None:
+        case = case_of(described, recordings)
+        fit, withheld = read_recordings(case)
+        for kind, found in (("fitted", fit), ("withheld", withheld)):
+            for one in () if found is None else found.each():
+                m, unit = one.motion, case.axis.speed
+                seconds = float(m.time[-1] - m.time[0])
+                lines.append(
+                    f"{one.name}: {kind}, {seconds:.1f} s, speed {m.speed.min():.3g} to {m.speed.max():.3g} {unit}, "
+                    f"{case.axis.pushes} balance {m.force.min():.3g} to {m.force.max():.3g} {case.axis.push}"
+                )
+                data["recordings"].append({"name": one.name, "use": kind, "seconds": seconds})
+        findings = (*_findings(fit), *_findings(withheld))
+    return Outcome(data, tuple(lines), findings)
+
+
+def _run(case: Case, file: Path, out: Path, seed: int | None, machine: Machine | None) -> Outcome:
     began = now()
     seed = SEED if seed is None else seed
-    case = read_case(case_file, data)
-    recorded = read_recording(case.fit, case)
-    withheld = None if case.withheld is None else read_recording(case.withheld, case)
+    recorded, withheld = read_recordings(case)
     diagnosis = diagnose_terms(case, recorded, withheld, np.random.default_rng(seed))
-    files = [case_file, case.fit, *([] if case.withheld is None else [case.withheld])]
+    files = [file, *case.fit, *case.withheld]
     digests = {path.name: sha256_of(path) for path in files}
     document = terms_document(diagnosis) | {"seed": seed, "sha256": digests}
+    sections: tuple[Section, ...] = ()
+    if machine is not None:
+        points = () if case.ratio is None else steady_points(recorded, machine, _inertia(diagnosis))
+        compared = found_and_stated(diagnosis, machine)
+        document |= machine_document(machine, points, compared)
+        sections = machine_sections(machine, points, compared)
     write_atomic(out / DOCUMENT, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
     write_atomic(out / RESIDUALS, _residual_table(diagnosis).encode())
-    page = write_report(_page(diagnosis, seed, digests), out)
+    page = write_report(_page(diagnosis, seed, digests, sections), out)
     written = [str(path) for path in (*page, out / DOCUMENT, out / RESIDUALS)]
-    leave_crate_of_files(out, "pmg terms", tuple(files), (*page, out / DOCUMENT, out / RESIDUALS), began)
+    command = "pmg terms" if machine is None else "pmg run"
+    leave_crate_of_files(out, command, tuple(files), (*page, out / DOCUMENT, out / RESIDUALS), began)
     data_out: dict[str, Any] = document | {"report": str(page[0]), "files": written}
     return Outcome(
         data_out,
         (*terms_lines(diagnosis), "", f"report: {page[0]}"),
-        (*recorded.findings, *(() if withheld is None else withheld.findings)),
+        (*_findings(recorded), *_findings(withheld), *((OF_A_CASE,) if machine is None else ())),
         mismatch=diagnosis.verdict is not Verdict.CONSISTENT,
     )
 
 
+def _findings(recorded: Recorded | None) -> tuple[Remark, ...]:
+    return () if recorded is None else recorded.findings
+
+
+def _inertia(diagnosis: TermsDiagnosis) -> float:
+    """Inertia as the first shaft sees it: fitted, or known."""
+    found = (e.value for e in diagnosis.steps[-1].fitted.estimates if e.term == "inertia")
+    return next(found, diagnosis.case.fixed.get("inertia", 0.0))
+
+
 def _residual_table(diagnosis: TermsDiagnosis) -> str:
-    """Thinned samples of the fitted recording, and what baseline, named terms and refinements leave, as CSV."""
+    """Thinned samples of the fitted recordings, and what baseline, named terms and refinements leave, as CSV."""
     recorded = diagnosis.recorded
     truth = recorded.force + recorded.known
     last = (diagnosis.refinements or diagnosis.steps)[-1]
@@ -87,13 +177,14 @@ def _residual_table(diagnosis: TermsDiagnosis) -> str:
     return f"{head},residual_refined [{axis.push}]\n{rows}\n"
 
 
-def _page(diagnosis: TermsDiagnosis, seed: int, digests: dict[str, str]) -> Report:
+def _page(diagnosis: TermsDiagnosis, seed: int, digests: dict[str, str], own: tuple[Section, ...]) -> Report:
     state = "good" if diagnosis.verdict in (Verdict.CONSISTENT, Verdict.NAMED) else "attention"
+    first, *others = terms_sections(diagnosis)
     return Report(
         title=diagnosis.case.title,
         subtitle=f"Terms of its {diagnosis.case.axis.pushes} balance: what the baseline lacks, and the proof",
         verdict=Headline(headline(diagnosis), "good" if state == "good" else "attention"),
-        sections=terms_sections(diagnosis),
+        sections=(first, *own, *others),
         provenance=Facts(
             (
                 *((f"SHA-256 of {name}", digest) for name, digest in digests.items()),

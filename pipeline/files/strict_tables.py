@@ -32,11 +32,11 @@ def refuse(came: str, expected: str, do: str, *key: str | int) -> NoReturn:
 
 @contextmanager
 def refusing(*key: str | int) -> Iterator[None]:
-    """Make an error or a refusal of a check that knows no place one of the value at `key`."""
+    """Make an error or a refusal of a check one of the value at `key`, from where the check stood."""
     try:
         yield
     except (PmgError, RefusalError) as problem:
-        refuse(problem.came, problem.expected, problem.do, *key)
+        refuse(problem.came, problem.expected, problem.do, *key, *getattr(problem, "key", ()))
 
 
 def refuse_unknown(given: Iterable[str], known: Collection[str], expected: str = "a known one") -> None:

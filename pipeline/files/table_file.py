@@ -7,7 +7,7 @@ import sys
 import tomllib
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_args, get_origin
 
 from pydantic import AliasChoices, BaseModel, ValidationError
 
@@ -250,13 +250,16 @@ def _keys(field: FieldInfo) -> list[str]:
 def _walk(model: type[BaseModel], place: Key, unit: str) -> Iterator[tuple[str | int, type[BaseModel] | None]]:
     """Each word of a place as the file spells it, and what the table there is checked by, where it is one."""
     here: type[BaseModel] | None = model
+    free = False  # whether the keys of the table are free, each with a table of its own
     for word in place:
-        fields = here.model_fields.values() if here is not None and isinstance(word, str) else ()
+        named = here is not None and isinstance(word, str) and not free
+        fields = here.model_fields.values() if here is not None and named else ()
         field = next((field for field in fields if word in _keys(field)), None)
         if field is None:  # an entry of a list, or of a table whose keys are free
+            free = False
             yield word, here
             continue
-        here = table_of(field.annotation)
+        here, free = table_of(field.annotation), get_origin(field.annotation) is dict
         yield next((key for key in _keys(field) if key.endswith(f"_{unit}")), word), here
 
 

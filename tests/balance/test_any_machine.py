@@ -15,24 +15,25 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 from scipy.signal import lfilter
 from tests.balance import slide, wheel
+from tests.balance.reading import read_one
 from tests.importers import written
 
 from pmg.pipeline.commands.terms import run_terms
 from pmg.pipeline.diagnosis.balance import contest
-from pmg.pipeline.diagnosis.balance.axis import ROTARY
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.contest import ModelStep
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import headline, percent, terms_document, terms_lines
-from pmg.pipeline.diagnosis.balance.drive import DRIVE, ROTARY_DRIVE
+from pmg.pipeline.diagnosis.balance.library.drive import DRIVE, ROTARY_DRIVE
+from pmg.pipeline.diagnosis.balance.library.term import Motion
 from pmg.pipeline.diagnosis.balance.periods import MOST, MOST_VALUES, PER_PERIOD, periods
-from pmg.pipeline.diagnosis.balance.recorded import Recorded, read_recording
-from pmg.pipeline.diagnosis.balance.term import Motion
+from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.importers.channel_map import read_map
 from pmg.pipeline.importers.import_recording import import_recording
 from pmg.pipeline.importers.open_source import open_source, whole_channels
 from pmg.pipeline.importers.table_source import TableSource
+from pmg.pipeline.machine.axis import ROTARY
 from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.read import read_recording as read_whole
 from pmg.sim.errors import BenchError, PmgError, RecordingError
@@ -49,8 +50,8 @@ if TYPE_CHECKING:
 
 def diagnosed(path: Path) -> TermsDiagnosis:
     case = read_case(path)
-    withheld = None if case.withheld is None else read_recording(case.withheld, case)
-    return diagnose_terms(case, read_recording(case.fit, case), withheld, np.random.default_rng(1))
+    withheld = None if not case.withheld else read_one(case.withheld[0], case)
+    return diagnose_terms(case, read_one(case.fit[0], case), withheld, np.random.default_rng(1))
 
 
 def named(diagnosis: TermsDiagnosis) -> set[str]:
@@ -130,8 +131,8 @@ def test_a_machine_that_coasts_shows_friction_as_part_of_its_inertia(tmp_path: P
     path.write_text(path.read_text().replace(wheel.VELOCITY, f"{wheel.VELOCITY}\n{wheel.TORQUE}", 1))
     case = read_case(path)
     for torque in (np.zeros_like(t), np.full_like(t, 1e-4), 2e-4 * rng.standard_normal(len(t))):
-        wheel.record(case.fit, m, torque, rng, noise=0.0)
-        recorded = read_recording(case.fit, case)
+        wheel.record(case.fit[0], m, torque, rng, noise=0.0)
+        recorded = read_one(case.fit[0], case)
         assert recorded.coasts
         assert bool(recorded.findings) == bool(torque.any()), "what is taken for none is told"
         assert not recorded.motion.force.any()
@@ -169,12 +170,12 @@ def test_a_clean_machine_that_turns_has_nothing_named(tmp_path: Path, channels: 
 def test_an_angle_that_begins_anew_at_each_turn_is_counted_on(tmp_path: Path) -> None:
     path = wheel.make_case(tmp_path, dry, channels=f"{wheel.ANGLE}\n{wheel.TORQUE}")
     case = read_case(path)
-    whole = read_recording(case.fit, case).motion
-    head, *rows = case.fit.read_text().splitlines()
+    whole = read_one(case.fit[0], case).motion
+    head, *rows = case.fit[0].read_text().splitlines()
     cells = [row.split(",") for row in rows]
     wrapped = [",".join([t, n, f"{float(phi) % 360.0:.4f}", T]) for t, n, phi, T in cells]
-    case.fit.write_text("\n".join([head, *wrapped]) + "\n")
-    again = read_recording(case.fit, case)
+    case.fit[0].write_text("\n".join([head, *wrapped]) + "\n")
+    again = read_one(case.fit[0], case)
     assert np.ptp(again.motion.position - whole.position) < 1e-4
     assert "begins anew" in str(again.findings[0])
 
@@ -183,11 +184,11 @@ def test_a_machine_that_does_not_move_is_refused(tmp_path: Path) -> None:
     path = wheel.make_case(tmp_path, dry)
     case = read_case(path)
     rng, t = np.random.default_rng(1), np.arange(round(20.0 * wheel.RATE)) / wheel.RATE
-    wheel.record(case.fit, wheel.Turning(t, 0.0 * t, 0.0 * t, 0.0 * t), 0.1 + 0.0 * t, rng)
-    rows = case.fit.read_text().splitlines()
-    case.fit.write_text("\n".join([rows[0], *(f"{row}{k % 7}" for k, row in enumerate(rows[1:]))]) + "\n")
+    wheel.record(case.fit[0], wheel.Turning(t, 0.0 * t, 0.0 * t, 0.0 * t), 0.1 + 0.0 * t, rng)
+    rows = case.fit[0].read_text().splitlines()
+    case.fit[0].write_text("\n".join([rows[0], *(f"{row}{k % 7}" for k, row in enumerate(rows[1:]))]) + "\n")
     with pytest.raises(RecordingError, match="a machine that moves"):
-        read_recording(case.fit, case)
+        read_one(case.fit[0], case)
 
 
 # --- what memory bears -------------------------------------------------------------------------------------
@@ -199,7 +200,7 @@ def spinning(speed: float, seconds: float, rate: float, order: float) -> Recorde
     angle = speed * t + 0.02 * speed * np.sin(t)
     torque = 0.02 * np.sin(order * angle) + 0.01 * np.random.default_rng(2).standard_normal(len(t))
     motion = Motion(t, angle, np.gradient(angle, t), np.zeros_like(t), torque, np.zeros_like(t), 0.0)
-    return Recorded("made", motion, 1, torque, np.zeros_like(t))
+    return Recorded(("made",), motion, 1, torque, np.zeros_like(t))
 
 
 @given(st.floats(1.0, 3000.0), st.floats(5.0, 60.0))
@@ -246,12 +247,12 @@ def resting(folder: Path, seed: int = 3) -> Path:
 def test_standstill_is_found_from_the_data(tmp_path: Path) -> None:
     path = resting(tmp_path)
     case = read_case(path)
-    motion = read_recording(case.fit, case).motion
+    motion = read_one(case.fit[0], case).motion
     assert 1e-5 < motion.rest_speed < 5e-3
     assert float(np.mean(motion.direction == 0.0)) == pytest.approx(0.27, abs=0.08)
     assert "presliding" not in named(diagnosed(path)), "noise at rest is no reversal"
     path.write_text(path.read_text().replace("keep_every = 2", "keep_every = 2\nrest_speed_m_s = 0.25"))
-    assert not read_recording(case.fit, read_case(path)).motion.direction.any(), "what is declared holds"
+    assert not read_one(case.fit[0], read_case(path)).motion.direction.any(), "what is declared holds"
 
 
 def test_as_many_samples_are_dropped_as_the_filter_takes_to_settle(tmp_path: Path) -> None:
@@ -261,7 +262,7 @@ def test_as_many_samples_are_dropped_as_the_filter_takes_to_settle(tmp_path: Pat
     for cut_off in (40, 10, 5):
         path.write_text(told.replace("low_pass_Hz = 40", f"low_pass_Hz = {cut_off}").replace("drop = 20\n", ""))
         case = read_case(path)
-        recorded = read_recording(case.fit, case)
+        recorded = read_one(case.fit[0], case)
         lengths.append(len(recorded.motion.time))
         mass = diagnosed(path).steps[0].fitted.estimates[0]
         assert mass.value == pytest.approx(80.0, rel=0.02), "edges of the filter do not reach the fit"
@@ -383,61 +384,61 @@ def test_a_column_that_begins_with_whole_numbers_is_read_and_one_that_is_not_map
 ) -> None:
     path = slide.make_case(tmp_path, slide.plain, 3)
     case = read_case(path)
-    before = read_recording(case.fit, case)
-    head, *rows = case.fit.read_text().splitlines()
+    before = read_one(case.fit[0], case)
+    head, *rows = case.fit[0].read_text().splitlines()
     whole = [f"{n * 0.005:g},0,0,{n}" for n in range(1200)]
     kept = [f"{6.0 + float(row.split(',')[0]):.6f},{row.split(',', 1)[1]},x" for row in rows]
-    case.fit.write_text("\n".join([f"{head},remark", *whole, *kept]) + "\n")
-    assert len(read_recording(case.fit, case).motion.time) == len(before.motion.time) + 1200
-    case.fit.write_text("\n".join([f"{head},remark", *whole, *kept[:-1], kept[-1].replace(",x", "y,x")]) + "\n")
+    case.fit[0].write_text("\n".join([f"{head},remark", *whole, *kept]) + "\n")
+    assert len(read_one(case.fit[0], case).motion.time) == len(before.motion.time) + 1200
+    case.fit[0].write_text("\n".join([f"{head},remark", *whole, *kept[:-1], kept[-1].replace(",x", "y,x")]) + "\n")
     with pytest.raises(RecordingError, match=r"line 3601"):
-        read_recording(case.fit, case)
+        read_one(case.fit[0], case)
 
 
 def test_a_column_of_a_matrix_is_named_and_a_matrix_is_not_flattened(tmp_path: Path) -> None:
     path = slide.make_case(tmp_path, slide.plain, 3)
     case = read_case(path)
-    before = read_recording(case.fit, case)
-    values = np.loadtxt(case.fit, delimiter=",", skiprows=1)
+    before = read_one(case.fit[0], case)
+    values = np.loadtxt(case.fit[0], delimiter=",", skiprows=1)
     savemat(tmp_path / "fit.mat", {"t": values[:, :1], "x": values[:, 1:]})
     told = path.read_text().replace('fit = "fit.csv"', 'fit = "fit.mat"')
     path.write_text(told.replace('name = "q"', 'name = "x(:,1)"').replace('name = "u"', 'name = "x(:,2)"'))
     case = read_case(path)
-    assert np.array_equal(read_recording(case.fit, case).motion.force, before.motion.force)
+    assert np.array_equal(read_one(case.fit[0], case).motion.force, before.motion.force)
     for name, words in (("x", r"Known: t, x\(:,1\)"), ("x(:,3)", "a channel of"), ("y(:,1)", "a channel of")):
         path.write_text(told.replace('name = "q"', 'name = "x(:,1)"').replace('name = "u"', f'name = "{name}"'))
         case = read_case(path)
         with pytest.raises(RecordingError, match=words):
-            read_recording(case.fit, case)
+            read_one(case.fit[0], case)
 
 
 def test_recordings_are_read_as_others_write_them(tmp_path: Path) -> None:
     """Semicolons, decimal commas, units in the header; Parquet; a unit that contradicts the case."""
     path = slide.make_case(tmp_path, slide.plain, 3)
     case = read_case(path)
-    before = read_recording(case.fit, case).motion
-    head, *rows = case.fit.read_text().splitlines()
+    before = read_one(case.fit[0], case).motion
+    head, *rows = case.fit[0].read_text().splitlines()
     assert head == "t,q,u"
-    table = pl.read_csv(case.fit)
+    table = pl.read_csv(case.fit[0])
     table.write_parquet(tmp_path / "fit.parquet")
     german = "\n".join(["t [s];q [mm];u [V]", *(row.replace(",", ";").replace(".", ",") for row in rows)])
-    case.fit.write_text(german + "\n")
+    case.fit[0].write_text(german + "\n")
     for name in ("fit.csv", "fit.parquet"):
-        again = read_recording(tmp_path / name, case).motion
+        again = read_one(tmp_path / name, case).motion
         assert np.array_equal(again.force, before.force)
         assert np.array_equal(again.position, before.position)
-    case.fit.write_text(german.replace("q [mm]", "q [um]") + "\n")
+    case.fit[0].write_text(german.replace("q [mm]", "q [um]") + "\n")
     with pytest.raises(RecordingError, match=r"the unit um; expected mm"):
-        read_recording(case.fit, case)
+        read_one(case.fit[0], case)
     for spelled, told in (("q [µm]", "the unit um; expected mm"), ("q [fathom]", "")):
-        case.fit.write_text(german.replace("q [mm]", spelled) + "\n")
+        case.fit[0].write_text(german.replace("q [mm]", spelled) + "\n")
         if told:
             with pytest.raises(RecordingError, match=told):
-                read_recording(case.fit, case)
+                read_one(case.fit[0], case)
         else:
-            assert "not understood" in str(read_recording(case.fit, case).findings[0])
-    case.fit.write_text(german)  # without its last line break
-    assert "last line has no end" in str(read_recording(case.fit, case).findings[0])
+            assert "not understood" in str(read_one(case.fit[0], case).findings[0])
+    case.fit[0].write_text(german)  # without its last line break
+    assert "last line has no end" in str(read_one(case.fit[0], case).findings[0])
 
 
 @pytest.mark.parametrize("kind", ["mat", "parquet"])

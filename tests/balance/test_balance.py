@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
+from tests.balance.reading import read_one
 from tests.balance.slide import make_case, plain
 from tests.conftest import ROOT
 
@@ -21,10 +22,9 @@ from pmg.pipeline.commands.terms import run_terms
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import terms_document
-from pmg.pipeline.diagnosis.balance.drive import DRIVE
 from pmg.pipeline.diagnosis.balance.estimate import T_95, fit_together
 from pmg.pipeline.diagnosis.balance.fitting import fit_term, tabulate, term_problem
-from pmg.pipeline.diagnosis.balance.recorded import read_recording
+from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
 from pmg.pipeline.diagnosis.balance.serial import covariance_of, fit_noise
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.engine.withheld import BLOCKS
@@ -49,8 +49,8 @@ def diagnosed(
     more: str = "",
 ) -> TermsDiagnosis:
     case = read_case(make_case(folder, force, seed, terms, more))
-    assert case.withheld is not None
-    recorded, withheld = read_recording(case.fit, case), read_recording(case.withheld, case)
+    assert case.withheld
+    recorded, withheld = read_one(case.fit[0], case), read_one(case.withheld[0], case)
     return diagnose_terms(case, recorded, withheld, np.random.default_rng(1))
 
 
@@ -192,7 +192,7 @@ def test_intervals_cover_under_correlated_noise_where_plain_ones_do_not() -> Non
 def test_every_term_finds_itself(tmp_path: Path) -> None:
     """A term's own columns as the force: nothing in the library explains it better."""
     case = read_case(make_case(tmp_path, plain, 1))
-    recorded = read_recording(case.fit, case)
+    recorded = read_one(case.fit[0], case)
     searched = tuple(t for t in DRIVE if t.identifier not in case.baseline and not t.of_model)
     tables = tabulate(recorded, searched)
     noise = fit_noise(np.random.default_rng(1).standard_normal(len(recorded.force)))
@@ -295,9 +295,9 @@ def _renamed(lines: list[str]) -> list[str]:
 @pytest.mark.parametrize("damage", [_cut, _gap, _blank, _word, _still, _renamed], ids=lambda f: f.__name__)
 def test_a_damaged_recording_is_refused(tmp_path: Path, damage: Callable[[list[str]], list[str]]) -> None:
     case = read_case(make_case(tmp_path, plain, 1))
-    case.fit.write_text("\n".join(damage(case.fit.read_text().splitlines())) + "\n")
+    case.fit[0].write_text("\n".join(damage(case.fit[0].read_text().splitlines())) + "\n")
     with pytest.raises(RecordingError) as caught:
-        read_recording(case.fit, case)
+        read_one(case.fit[0], case)
     assert all((caught.value.came, caught.value.expected, caught.value.do))
 
 
@@ -307,7 +307,7 @@ def test_a_file_that_is_no_recording_is_refused(tmp_path: Path, name: str) -> No
     if name != "absent.csv":
         (tmp_path / name).write_bytes(b"not a recording\n" * 40)
     with pytest.raises(PmgError):
-        read_recording(tmp_path / name, case)
+        read_one(tmp_path / name, case)
 
 
 # --- the real drive ------------------------------------------------------------------------------------
@@ -318,8 +318,8 @@ EMPS = Path(os.environ.get("PMG_EMPS", ROOT / "raw" / "emps"))
 @pytest.mark.skipif(not (EMPS / "DATA_EMPS.mat").is_file(), reason="EMPS is not shipped; PMG_EMPS names its folder")
 def test_the_published_model_of_emps_comes_out() -> None:
     case = read_case(ROOT / "raw" / "emps" / "emps.toml", EMPS)
-    assert case.withheld is not None
-    recorded, withheld = read_recording(case.fit, case), read_recording(case.withheld, case)
+    assert case.withheld
+    recorded, withheld = read_one(case.fit[0], case), read_one(case.withheld[0], case)
     terms = {term.identifier: term for term in DRIVE}
     free = tuple(terms[name] for name in ("inertia", "viscous", "coulomb", "constant_offset"))
     fitted = fit_together(recorded, fit_noise(recorded.force), free, ())

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pmg.pipeline.diagnosis.balance.drive import DRIVE
 from pmg.pipeline.diagnosis.balance.free_run import SetTerm, free_run
-from pmg.pipeline.diagnosis.balance.recorded import Recorded
-from pmg.pipeline.diagnosis.balance.term import Motion
+from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
+from pmg.pipeline.diagnosis.balance.library.term import Motion
+from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
 
 RATE, MASS = 1000.0, 90.0
 TERMS = {term.identifier: term for term in DRIVE}
@@ -20,7 +20,7 @@ def _record(force: np.ndarray, position: np.ndarray, speed: float = 0.0) -> Reco
     """A record of a force and where the machine was, which starts at a speed."""
     time, nothing = np.arange(len(force)) / RATE, np.zeros(len(force))
     motion = Motion(time, position, np.r_[speed, nothing[1:]], nothing, force, nothing)
-    return Recorded("record", motion, 10, force, nothing)
+    return Recorded(("record",), motion, 10, force, nothing)
 
 
 def _set(**amounts: float) -> list[SetTerm]:

@@ -16,7 +16,7 @@ from pmg.pipeline.store.store import Store
 from pmg.pipeline.trials.motion import places as at
 from pmg.pipeline.trials.motion.bench import POLE_PAIRS, draw_bench
 from pmg.pipeline.trials.motion.kernel import integrate
-from pmg.pipeline.trials.motion.machine import SUBSTEPS, Machine
+from pmg.pipeline.trials.motion.machine import SUBSTEPS, SyntheticMachine
 from pmg.pipeline.trials.motion.nature import (
     MotionCase,
     _draw_effect,
@@ -69,14 +69,14 @@ def test_half_the_step_gives_the_same_torque(scene: Scene) -> None:
         assert np.abs(fine - usual).max() < 0.2 * np.abs(usual - coarse).max()
 
 
-def lossless(machine: Machine) -> None:
+def lossless(machine: SyntheticMachine) -> None:
     for place in (at.DAMPING, at.MOTOR_DRY, at.MOTOR_VISCOUS, at.EDDY):
         machine.shafts[:, place] = 0.0
     machine.gear[at.SLIP_DAMPING] = 0.0
     machine.tables[:] = 0.0
 
 
-def energy(machine: Machine, found: Array) -> Array:
+def energy(machine: SyntheticMachine, found: Array) -> Array:
     """Energy of both shafts and of the gear's spring [J]."""
     total = np.zeros(len(found))
     for row in range(2):

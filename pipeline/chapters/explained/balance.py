@@ -10,7 +10,7 @@ import numpy as np
 from pmg.pipeline.chapters.explained.balance_figures import friction_figure, residuals_figure
 from pmg.pipeline.chapters.explained.free_run import free_run_sections
 from pmg.pipeline.diagnosis.balance.document import headline, percent, separating_test, title_of
-from pmg.pipeline.diagnosis.balance.drive import EMPS
+from pmg.pipeline.diagnosis.balance.library.drive import EMPS
 from pmg.pipeline.diagnosis.balance.serial import ANDREWS_MONAHAN
 from pmg.pipeline.report.document import Cell, Column, Facts, Measured, Section, Table, Text
 from pmg.sim import sources

@@ -16,7 +16,7 @@ def free_run_sections(d: TermsDiagnosis) -> tuple[Section, ...]:
         return ()
     charts = []
     (shown, small), pushes = d.case.axis.shown, d.case.axis.pushes
-    for record in (r for r in (d.recorded, d.withheld) if r is not None):
+    for record in (one for whole in (d.recorded, d.withheld) if whole is not None for one in whole.each()):
         runs, every = [run for run in d.free_runs if run.record == record.name], d.recorded.keep_every
         off = [
             Series(

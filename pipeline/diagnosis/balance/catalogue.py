@@ -16,7 +16,7 @@ from pmg.pipeline.diagnosis.engine.naming import FIRST_OF_PAIRS, Naming
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from pmg.pipeline.diagnosis.balance.term import Term
+    from pmg.pipeline.diagnosis.balance.library.term import Term
 
 TermSet: TypeAlias = Explanation[TermFit, TermProblem]
 TermNaming: TypeAlias = Naming[TermFit, TermProblem]

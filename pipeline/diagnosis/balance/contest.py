@@ -8,18 +8,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
+from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, find_twins
 from pmg.pipeline.diagnosis.balance.estimate import Estimate, FittedTerms, fit_together
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
 from pmg.pipeline.diagnosis.balance.proof import held_out, set_against
+from pmg.pipeline.diagnosis.engine.explanation import explain_with
 from pmg.pipeline.diagnosis.engine.naming import margin_beside
 from pmg.pipeline.diagnosis.engine.problem import freed
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming, TermSet
+    from pmg.pipeline.diagnosis.balance.library.term import Motion, Term
     from pmg.pipeline.diagnosis.balance.mismatch import NoiseModel
-    from pmg.pipeline.diagnosis.balance.recorded import Recorded
-    from pmg.pipeline.diagnosis.balance.term import Motion, Term
+    from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.pipeline.diagnosis.engine.adequacy import AdequacyTest
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
 
@@ -28,6 +29,9 @@ MOST_REFINED = 6
 
 SHARE_OF_REFINEMENT = 0.25
 """Part of what is left that a refinement must explain."""
+
+ALIKE = 0.9
+"""Part of the gain of a named set that a set with a twin must bring to be its rival."""
 
 TRIED = 3
 """Leading terms of a round that are tried as refinement."""
@@ -80,6 +84,8 @@ class Contest:
         What the rival's own terms come to given the named set.
     error_fit, error_withheld : float
         Relative force errors of the rival set without refinements.
+    alike : bool
+        Whether the design of the recording gives both the same columns: what speaks for one is an error of form.
     """
 
     rival: TermSet
@@ -89,11 +95,12 @@ class Contest:
     given_named: tuple[Estimate, ...]
     error_fit: float
     error_withheld: float
+    alike: bool
 
     @property
     def open(self) -> bool:
-        """Whether the recording cannot tell the two apart: by evidence, or on withheld blocks."""
-        return self.lead <= self.margin or self.held.gain_interval[0] <= 0.0
+        """Whether the recording cannot tell the two apart: by design, by evidence, or on withheld blocks."""
+        return self.alike or self.lead <= self.margin or self.held.gain_interval[0] <= 0.0
 
 
 @dataclass(frozen=True)
@@ -171,6 +178,22 @@ def settled(problem: TermProblem, fits: tuple[TermFit, ...]) -> TermProblem:
     return replace(problem, baseline=basis, left=left)
 
 
+def _twin_sets(problem: TermProblem, best: TermSet) -> list[TermSet]:
+    """Sets with a twin in the place of a named term, where it explains as much."""
+    pairs = [twins.ids for twins in find_twins(problem) if len(twins.ids) > 1]
+    terms = {table.term.identifier: table.term for table in problem.tables.values()}
+    found = []
+    for place, fit in enumerate(best.fits):
+        for pair in (pair for pair in pairs if fit.identifier in pair):
+            other = next(name for name in pair if name != fit.identifier)
+            candidates = [one.candidate for one in best.fits]
+            candidates[place] = terms[other]
+            rival = explain_with(problem, TermCatalogue(), candidates)
+            if other not in best.ids and rival.fits[place].admissible and rival.gain > ALIKE * best.gain:
+                found.append(rival)
+    return found
+
+
 def contest(
     data: BalanceData,
     problem: TermProblem,
@@ -179,13 +202,18 @@ def contest(
     remainder_of: AdequacyTest,
     rng: np.random.Generator,
 ) -> tuple[Contest, ...]:
-    """Every rival against the named set, both with the refinements in."""
+    """Every rival, and every set with a twin in the place of a named term, against the named set.
+
+    Both have the refinements in.
+    """
+    alike = _twin_sets(problem, found.best)
+    same = {rival.ids for rival in alike}
     extra = refinements[-1].fitted.fits[len(found.best.fits) :] if refinements else ()
 
     mine = settled(problem, (*found.best.fits, *extra))
     margin = margin_beside(remainder_of(mine))
     contests = []
-    for rival in found.rivals:
+    for rival in (*alike, *(rival for rival in found.rivals if rival.ids not in same)):
         added = tuple(fit for fit in extra if fit.identifier not in rival.ids)
         other = settled(problem, (*rival.fits, *added))
         cost = sum(f.cost for f in (*rival.fits, *added)) - sum(f.cost for f in (*found.best.fits, *extra))
@@ -204,6 +232,7 @@ def contest(
                 tuple(e for e in both.estimates if e.term in {fit.identifier for fit in new}),
                 alone.relative_error(data.recorded),
                 float("nan") if data.withheld is None else alone.relative_error(data.withheld),
+                rival.ids in same,
             )
         )
     return tuple(contests)

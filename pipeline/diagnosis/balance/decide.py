@@ -9,7 +9,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, Twins, find_twins
 from pmg.pipeline.diagnosis.balance.contest import BalanceData, Contest, ModelStep, contest, model_step, refine, settled
-from pmg.pipeline.diagnosis.balance.estimate import design_of, impossible_in
+from pmg.pipeline.diagnosis.balance.estimate import design_of, for_search, impossible_in
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem, tabulate, term_problem
 from pmg.pipeline.diagnosis.balance.free_run import free_run, of_fit, of_published
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, noise_of, record_evidence
@@ -24,13 +24,13 @@ from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnosis.balance.case_file import Case
+    from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
     from pmg.pipeline.diagnosis.balance.estimate import Estimate
     from pmg.pipeline.diagnosis.balance.free_run import FreeRun
+    from pmg.pipeline.diagnosis.balance.library.term import Motion, Term
     from pmg.pipeline.diagnosis.balance.mismatch import NoiseModel, Place
-    from pmg.pipeline.diagnosis.balance.recorded import Recorded
-    from pmg.pipeline.diagnosis.balance.term import Motion, Term
+    from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.pipeline.diagnosis.engine.evidence import Evidence
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
@@ -93,14 +93,23 @@ def _free_terms(case: Case) -> tuple[Term[Motion], ...]:
     return tuple(t for name in case.baseline for t in case.library if t.identifier == name and name not in case.fixed)
 
 
-def _searched_terms(case: Case, *, coasts: bool) -> tuple[Term[Motion], ...]:
+def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
     """Terms that may be named; one whose amplitude is taken as known may be off by what its bounds allow.
 
-    Of a machine that coasts, none that goes with its acceleration, or with the force that is zero.
+    Of a machine that coasts, none that goes with its acceleration, or with the force that is zero; none that needs a
+    channel which was not recorded; no zero where each recording has its own; of a machine that moves one way only,
+    none that goes with direction as a plainer term does.
     """
+    channels, coasts = recorded.motion.besides, recorded.coasts
+    ways = recorded.motion.direction
+    one_way = not (ways > 0.0).any() or not (ways < 0.0).any()
     terms = []
     for term in case.library:
         if coasts and (term.needs_drive or term.of_model):
+            continue
+        if one_way and term.both_ways:
+            continue
+        if not set(term.needs) <= set(channels) or (case.own_zeros and term.identifier == "constant_offset"):
             continue
         known = case.fixed.get(term.identifier)
         if known is not None:
@@ -131,16 +140,16 @@ def _search(case: Case, recorded: Recorded, rng: np.random.Generator) -> _Search
     looked, free, searched = (
         families_of(recorded, case.axis),
         _free_terms(case),
-        _searched_terms(case, coasts=recorded.coasts),
+        _searched_terms(case, recorded),
     )
     tables = tabulate(recorded, searched, coarse=True)
-    plain = design_of(recorded, free, ())
+    recorded, plain = for_search(recorded, free)
     allowed = [table.columns.reshape(len(plain), -1) for table in tables.values()]
     structured = np.hstack([plain, *(f.columns for f in looked), *allowed])
     found: TermNaming | None = None
     named: tuple[TermFit, ...] = ()
     for turn in range(2):
-        noise = noise_of(recorded.force, structured, rng)
+        noise = noise_of(recorded.force, structured, rng, recorded.starts[1:])
         null = noise.whitened_draws(len(recorded.force), DRAWS, rng)
         problem = term_problem(recorded, tables, noise.noise, plain)
         evidence = record_evidence(noise, problem, looked, null)
@@ -229,13 +238,15 @@ def diagnose_terms(
 def _free_runs(
     data: BalanceData, case: Case, steps: tuple[ModelStep, ...], refinements: tuple[ModelStep, ...]
 ) -> tuple[FreeRun, ...]:
-    """Each record by each model that differs from the one before."""
+    """Each record by each model that differs from the one before; none of a machine between two torques."""
+    if case.ratio is not None:
+        return ()
     models = {"published": of_published(case), "baseline": of_fit(steps[0].fitted, case)}
     if len(steps) > 1:
         models["named"] = of_fit(steps[-1].fitted, case)
     if refinements:
         models["refined"] = of_fit(refinements[-1].fitted, case)
-    records = [record for record in (data.recorded, data.withheld) if record is not None]
+    records = [one for whole in (data.recorded, data.withheld) if whole is not None for one in whole.each()]
     runs = [free_run(name, record, terms) for name, terms in models.items() for record in records]
     return tuple(run for run in runs if run is not None)
 

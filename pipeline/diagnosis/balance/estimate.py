@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,13 +16,17 @@ from pmg.pipeline.diagnosis.engine.withheld import BLOCKS
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
-    from pmg.pipeline.diagnosis.balance.recorded import Recorded
+    from pmg.pipeline.diagnosis.balance.library.term import Motion, Term
+    from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.pipeline.diagnosis.balance.serial import SerialNoise
-    from pmg.pipeline.diagnosis.balance.term import Motion, Term
     from pmg.sim.signals import Array
 
 T_95 = float(stats.t.ppf(0.975, BLOCKS - 1))
 """Half-width of a 95 % interval in standard errors, for as many independent stretches as there are blocks."""
+
+
+INERTIA = "inertia"
+"""Term that the equation of motion is solved for."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +105,25 @@ def design_of(recorded: Recorded, baseline: tuple[Term[Motion], ...], fits: tupl
     """Thinned columns of baseline and terms at their shapes (n, k)."""
     blocks = [recorded.columns(term) for term in baseline] + [recorded.columns(f.candidate, f.shape) for f in fits]
     return np.hstack(blocks)
+
+
+def for_search(recorded: Recorded, baseline: tuple[Term[Motion], ...]) -> tuple[Recorded, Array]:
+    """Recordings and columns of a free baseline (n, k) for the search: the inertia stays free for slow parts alone.
+
+    Notes
+    -----
+    Noise of an acceleration grows with frequency, and least squares on whitened rows weigh fast parts most: the inertia
+    that they find is too small, and what is missing of it follows the acceleration, though nothing was left out. The
+    fast part of the acceleration is taken out of the force with the inertia of plain least squares.
+    """
+    columns = design_of(recorded, baseline, ())
+    place = next((i for i, term in enumerate(baseline) if term.identifier == INERTIA), None)
+    if place is None:
+        return recorded, columns
+    slow = recorded.slow(columns[:, place])
+    inertia = solve(columns, recorded.force)[place]
+    freed = replace(recorded, force=recorded.force - inertia * (columns[:, place] - slow))
+    return freed, np.column_stack([columns[:, :place], slow, columns[:, place + 1 :]])
 
 
 def fit_together(

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from pmg.pipeline.diagnosis.balance.library.term import Term
 from pmg.pipeline.diagnosis.balance.periods import periods
-from pmg.pipeline.diagnosis.balance.term import Term
 from pmg.pipeline.diagnosis.engine.problem import Fit, WhitenedProblem, bounded_sizes, freed
 from pmg.pipeline.diagnosis.engine.scan import ABSORBED
 from pmg.pipeline.fit.span import orthonormal
@@ -18,7 +18,7 @@ from pmg.pipeline.fit.span import orthonormal
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pmg.pipeline.diagnosis.balance.recorded import Recorded
+    from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.pipeline.diagnosis.balance.serial import SerialNoise
     from pmg.sim.signals import Array, Mask
 

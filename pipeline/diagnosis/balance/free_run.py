@@ -7,19 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.term import Motion
+from pmg.pipeline.diagnosis.balance.estimate import INERTIA
+from pmg.pipeline.diagnosis.balance.library.term import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pmg.pipeline.diagnosis.balance.case_file import Case
+    from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.estimate import FittedTerms
-    from pmg.pipeline.diagnosis.balance.recorded import Recorded
-    from pmg.pipeline.diagnosis.balance.term import Term
+    from pmg.pipeline.diagnosis.balance.library.term import Term
+    from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.sim.signals import Array
-
-INERTIA = "inertia"
-"""Term that the equation of motion is solved for."""
 
 DELAY, GAIN = "delay", "actuator_gain"
 """Terms that change what force acts when, instead of adding one."""
@@ -144,8 +142,7 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRu
             np.full(3, acceleration),
             np.full(3, driving[i]),
             np.zeros(3),
-            0.0,
-            way,
+            way=way,
         )
         return sum(float(each.term.columns(now, each.shape)[1] @ each.amplitudes) for each in others)
 

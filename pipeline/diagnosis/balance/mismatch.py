@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import lfilter
 
-from pmg.pipeline.diagnosis.balance.serial import SerialNoise, fit_noise
+from pmg.pipeline.diagnosis.balance.serial import fit_noise
 from pmg.pipeline.diagnosis.engine.evidence import Evidence
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, Mismatch, search
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermProblem
+    from pmg.pipeline.diagnosis.balance.serial import SerialNoise
     from pmg.pipeline.fit.structure import ResidualStructure
     from pmg.sim.signals import Array
 
@@ -56,7 +56,7 @@ def _stable(coefficients: Array) -> bool:
     return bool(len(roots) == 0 or np.abs(roots).max() < STABLE)
 
 
-def noise_of(residual: Array, structured: Array, rng: np.random.Generator) -> NoiseModel:
+def noise_of(residual: Array, structured: Array, rng: np.random.Generator, starts: tuple[int, ...] = ()) -> NoiseModel:
     """Noise of a record: what is left when every structure is projected out, as an autoregression.
 
     Parameters
@@ -67,6 +67,8 @@ def noise_of(residual: Array, structured: Array, rng: np.random.Generator) -> No
         Baseline, families and terms.
     rng : numpy.random.Generator
         Draws the synthetic records.
+    starts : tuple of int
+        Samples with which further recordings begin.
 
     Notes
     -----
@@ -79,7 +81,7 @@ def noise_of(residual: Array, structured: Array, rng: np.random.Generator) -> No
     def rest(values: Array) -> Array:
         return np.asarray(values - basis @ (basis.T @ values))
 
-    first = fit_noise(rest(residual), spent=spent)
+    first = fit_noise(rest(residual), spent=spent, starts=starts)
     if first.lags == 0:
         return NoiseModel(first, np.zeros((1, 0)))
     synthetic = rest(first.draw(len(residual), VARIANTS, rng))
@@ -89,9 +91,10 @@ def noise_of(residual: Array, structured: Array, rng: np.random.Generator) -> No
         centre = first.coefficients
     spread = centre + again - again.mean(axis=0)
     kept = np.stack([a if _stable(a) else centre for a in spread])
-    news = lfilter(np.r_[1.0, -centre], [1.0], rest(residual))[len(centre) :]
+    centred = replace(first, coefficients=centre)
+    news = centred.new_in(rest(residual))
     sigma = float(np.sqrt(news @ news / max(len(news) - spent - len(centre), 1)))
-    return NoiseModel(SerialNoise(centre, sigma, (news - news.mean()) / np.std(news)), kept)
+    return NoiseModel(replace(centred, sigma=sigma, news=(news - news.mean()) / np.std(news)), kept)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnosis.balance.recorded import Recorded
+    from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.sim.signals import Array
 
 PER_CYCLE = 3.0

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from pmg.pipeline.diagnosis.balance.recorded import Recorded
+    from pmg.pipeline.diagnosis.balance.library.term import Motion, Term
+    from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.pipeline.diagnosis.balance.serial import SerialNoise
-    from pmg.pipeline.diagnosis.balance.term import Motion, Term
     from pmg.sim.signals import Array, Mask
 
 DECOYS = 40

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,11 +41,14 @@ class SerialNoise:
         Standard deviation of what is new in each sample [N].
     news : (n,) array
         What was new in the samples it was fitted to, in units of `sigma`; resampled by `draw`.
+    starts : tuple of int
+        Samples with which further recordings begin: the past tells nothing about the first ones of each.
     """
 
     coefficients: Array
     sigma: float
     news: Array
+    starts: tuple[int, ...] = ()
 
     @property
     def lags(self) -> int:
@@ -53,8 +56,22 @@ class SerialNoise:
         return len(self.coefficients)
 
     def whiten(self, columns: Array) -> Array:
-        """Columns freed from what the past tells (n - p, c), noise of unit variance; the first p rows are lost."""
-        return np.asarray(lfilter(np.r_[1.0, -self.coefficients], [1.0], columns, axis=0)[self.lags :] / self.sigma)
+        """Columns freed from what the past tells (n - p, c), noise of unit variance.
+
+        The first p rows are lost; those of each further recording are zero.
+        """
+        white = lfilter(np.r_[1.0, -self.coefficients], [1.0], columns, axis=0)[self.lags :] / self.sigma
+        for start in self.starts:
+            white[max(start - self.lags, 0) : start] = 0.0
+        return np.asarray(white)
+
+    def new_in(self, residual: Array) -> Array:
+        """What is new in the samples of a residual (m,), where the past of all lags is known."""
+        news = lfilter(np.r_[1.0, -self.coefficients], [1.0], residual)
+        known = np.ones(len(news), dtype=np.bool_)
+        for start in (0, *self.starts):
+            known[start : start + self.lags] = False
+        return np.asarray(news[known])
 
     def draw(self, length: int, draws: int, rng: np.random.Generator) -> Array:
         """Noise anew (length, draws): what was new is resampled, so that its tails are kept."""
@@ -69,7 +86,7 @@ class SerialNoise:
         return float(self.sigma * math.sqrt(float(response @ response)))
 
 
-def fit_noise(residual: Array, lags: int | None = None, spent: int = 0) -> SerialNoise:
+def fit_noise(residual: Array, lags: int | None = None, spent: int = 0, starts: tuple[int, ...] = ()) -> SerialNoise:
     """Autoregression of a residual by Yule and Walker; always stable.
 
     Parameters
@@ -80,12 +97,14 @@ def fit_noise(residual: Array, lags: int | None = None, spent: int = 0) -> Seria
         Order; by Schwarz's criterion up to `MOST_LAGS` when not given.
     spent : int
         Parameters that the regression has used up; they are missing from the variance.
+    starts : tuple of int
+        Samples with which further recordings begin.
     """
     n = len(residual)
     most = min(MOST_LAGS, max(2, n // SAMPLES_PER_LAG)) if lags is None else lags
     covariance = np.array([float(residual[: n - k] @ residual[k:]) / n for k in range(most + 1)])
     if covariance[0] <= 0.0:
-        return SerialNoise(np.zeros(0), 1e-12, np.zeros(n))
+        return SerialNoise(np.zeros(0), 1e-12, np.zeros(n), starts)
     covariance[0] *= 1.0 + 1e-9
     best: tuple[float, Array] | None = None
     for order in range(most + 1) if lags is None else (most,):
@@ -98,10 +117,11 @@ def fit_noise(residual: Array, lags: int | None = None, spent: int = 0) -> Seria
             best = score, a
     assert best is not None
     coefficients = best[1]
-    news = lfilter(np.r_[1.0, -coefficients], [1.0], residual)[len(coefficients) :]
+    found = SerialNoise(coefficients, 1.0, np.zeros(0), starts)
+    news = found.new_in(residual)
     sigma = math.sqrt(float(news @ news) / max(len(news) - spent - len(coefficients), 1))
     spread = float(np.std(news))
-    return SerialNoise(coefficients, sigma, (news - news.mean()) / spread if spread > 0.0 else news)
+    return replace(found, sigma=sigma, news=(news - news.mean()) / spread if spread > 0.0 else news)
 
 
 def covariance_of(design: Array, left: Array, lags: int) -> Array:

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.balance.library.two_torques import OUT, TEMPERATURE
 from pmg.pipeline.diagnosis.balance.periods import shortest
 from pmg.pipeline.fit.structure import ResidualStructure
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnosis.balance.axis import Axis
-    from pmg.pipeline.diagnosis.balance.recorded import Recorded
+    from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
+    from pmg.pipeline.machine.axis import Axis
     from pmg.sim.signals import Array
 
 KNOTS = 7
@@ -58,12 +59,10 @@ def families_of(recorded: Recorded, axis: Axis) -> tuple[ResidualStructure, ...]
         "position": slow_place,
         "position, changing sign with direction": sign * slow_place,
         "position, fine": _waves(m.position, WAVES + 1, fine),
-        "acceleration": _hats(m.acceleration),
-        "acceleration, changing sign with direction": sign * np.abs(m.acceleration)[:, None],
         "travel since reversal": rise,
         "time": slow_time,
         "time, as friction": np.c_[sign * slow_time[:, :4], m.speed[:, None] * slow_time[:, :4]],
-        "rate of the force": np.gradient(m.modelled, m.sample_time)[:, None],
+        "rate of the force": m.rate(m.modelled)[:, None],
     }
     least = max(shortest(recorded), 1e-12)
     turns = [k for k in range(1, ORDERS + 1) if axis.turn / k >= least]
@@ -71,6 +70,35 @@ def families_of(recorded: Recorded, axis: Axis) -> tuple[ResidualStructure, ...]
         angle = np.array(turns) * (REVOLUTION / axis.turn * m.position[:, None])
         waves = np.hstack([np.cos(angle), np.sin(angle)])
         drawn |= {"angle of a turn": waves, "angle of a turn, changing sign with direction": sign * waves}
-    if recorded.coasts:  # its acceleration is all that there is to explain
-        drawn = {name: drawn[name] for name in drawn if "acceleration" not in name and "force" not in name}
-    return tuple(ResidualStructure("force", "all", (name,), recorded.thin(columns)) for name, columns in drawn.items())
+    if OUT in m.besides:
+        load = m.besides[OUT]
+        drawn |= {
+            "transmitted torque": _hats(load),
+            "transmitted torque, changing sign with direction": sign * _hats(load),
+            "speed times transmitted torque": m.speed[:, None] * _hats(load),
+            "rate of the transmitted torque": m.rate(load)[:, None],
+        }
+    if TEMPERATURE in m.besides:
+        drawn["temperature, as friction"] = m.speed[:, None] * _hats(m.besides[TEMPERATURE])
+    if len(m.starts) > 1:
+        own = np.equal.outer(m.first, np.array(m.starts)).astype(np.float64)
+        drawn |= {"recording": own, "recording, changing sign with direction": sign * own}
+    if recorded.coasts:
+        drawn = {name: drawn[name] for name in drawn if "force" not in name}
+    thin = {name: recorded.thin(columns) for name, columns in drawn.items()}
+    if not recorded.coasts:  # its acceleration is all that there is to explain
+        thin |= _of_acceleration(recorded)
+    return tuple(ResidualStructure("force", "all", (name,), columns) for name, columns in thin.items())
+
+
+def _of_acceleration(recorded: Recorded) -> dict[str, Array]:
+    """Curves over the slow part of the acceleration, beyond what noise makes of an even speed (n, k).
+
+    Noise of the acceleration is in the residual too, as its inertia: left in the curve, it would follow itself.
+    """
+    m = recorded.motion
+    moved = recorded.thin(np.c_[m.acceleration, m.direction])
+    slow = recorded.slow(moved[:, 0])
+    clear = np.sign(slow) * np.maximum(np.abs(slow) - m.even_acceleration, 0.0)
+    turned = moved[:, 1:] * np.abs(clear)[:, None]
+    return {"acceleration": _hats(clear), "acceleration, changing sign with direction": turned}

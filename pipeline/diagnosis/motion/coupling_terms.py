@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.signal import lfilter
 
-from pmg.pipeline.diagnosis.balance.term import Quantity
+from pmg.pipeline.diagnosis.balance.library.term import Quantity
 from pmg.pipeline.diagnosis.motion.stance import torque_of_angle
 from pmg.pipeline.diagnosis.motion.terms import amount, stack, term
 from pmg.pipeline.motion.smooth import derivative

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.term import Quantity
+from pmg.pipeline.diagnosis.balance.library.term import Quantity
 from pmg.pipeline.diagnosis.motion.constants import COGGING_ORDERS, MAP_WAVES, map_name
 from pmg.pipeline.diagnosis.motion.terms import amount, engaged, signed, stack, term
 from pmg.pipeline.diagnosis.motion.view import lagging, stopping, waves_of

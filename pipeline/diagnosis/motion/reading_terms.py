@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from pmg.pipeline.diagnosis.balance.term import Quantity
+from pmg.pipeline.diagnosis.balance.library.term import Quantity
 from pmg.pipeline.diagnosis.motion.terms import amount, signed, stack, term
 from pmg.pipeline.motion.smooth import derivative
 from pmg.sim import sources

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.term import Quantity
+from pmg.pipeline.diagnosis.balance.library.term import Quantity
 from pmg.pipeline.diagnosis.motion.constants import (
     SPEED_UNIT,
     dry_name,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.term import Quantity, Term
+from pmg.pipeline.diagnosis.balance.library.term import Quantity, Term
 from pmg.pipeline.diagnosis.motion.view import RotorView
 from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate

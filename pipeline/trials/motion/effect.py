@@ -11,7 +11,7 @@ from pmg.pipeline.trials.laws import Families, Law
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pmg.pipeline.trials.motion.machine import Machine
+    from pmg.pipeline.trials.motion.machine import SyntheticMachine
     from pmg.sim.signals import Array
 
 
@@ -48,7 +48,7 @@ class MotionForm:
     unit: str
     first: float
     most: float
-    act: Callable[[Machine, MotionEffect], None]
+    act: Callable[[SyntheticMachine, MotionEffect], None]
     laws: Families
     ranges: Mapping[str, tuple[float, float]]
     signed: bool = False

@@ -18,7 +18,7 @@ from pmg.pipeline.trials.motion.programme import RATE
 from pmg.sim.grid import Configuration
 
 if TYPE_CHECKING:
-    from pmg.pipeline.trials.motion.machine import Machine
+    from pmg.pipeline.trials.motion.machine import SyntheticMachine
     from pmg.pipeline.trials.motion.programme import MotionCampaign, PlannedRun
     from pmg.sim.signals import Array
 
@@ -26,7 +26,7 @@ TEMPERATURE_STEP = 0.05
 """Time from one temperature to the next [s]."""
 
 
-def _presliding(machine: Machine, effect: MotionEffect) -> None:
+def _presliding(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """Dry friction of the size goes by bristles; where the bench has less of it, there is more drag too."""
     row = ROW[effect.shaft]
     machine.shafts[row, at.BRISTLE] = effect.size
@@ -35,31 +35,31 @@ def _presliding(machine: Machine, effect: MotionEffect) -> None:
     machine.tables[row] += max(effect.size - machine.bench.shafts[effect.shaft].drag.low, 0.0)
 
 
-def _by_direction(machine: Machine, effect: MotionEffect) -> None:
+def _by_direction(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """More drag in one direction, as a law of the speed over the highest one."""
     way = 0 if effect.number("sign") > 0.0 else 1
     machine.tables[ROW[effect.shaft], way] += effect.size * effect.shape(SPEEDS / FASTEST[effect.shaft])
 
 
-def _mixed_lubrication(machine: Machine, effect: MotionEffect) -> None:
+def _mixed_lubrication(machine: SyntheticMachine, effect: MotionEffect) -> None:
     machine.tables[ROW[effect.shaft]] += effect.size * effect.shape(SPEEDS / effect.number("speed"))
 
 
-def _load_friction(machine: Machine, effect: MotionEffect) -> None:
+def _load_friction(machine: SyntheticMachine, effect: MotionEffect) -> None:
     shaft = machine.shafts[ROW[effect.shaft]]
     dead, power = effect.number("dead"), effect.number("power")
     whole = (1.0 + dead * dead) ** (0.5 * power) - dead**power
     shaft[at.LOAD_FRICTION], shaft[at.LOAD_DEAD], shaft[at.LOAD_POWER] = effect.size / whole, dead, power
 
 
-def _iron_loss(machine: Machine, effect: MotionEffect) -> None:
+def _iron_loss(machine: SyntheticMachine, effect: MotionEffect) -> None:
     for row in range(2):
         shaft = machine.shafts[row]
         shaft[at.IRON] = effect.size * (1.0, 2.6)[row]
         shaft[at.IRON_LOAD_POWER], shaft[at.IRON_SPEED_POWER] = effect.number("load"), effect.number("speed")
 
 
-def _rubbing(machine: Machine, effect: MotionEffect) -> None:
+def _rubbing(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """Drag when engaged only, by a law of the speed asked for over the highest one that stays near 1."""
     row, fastest = ROW[effect.shaft], FASTEST[effect.shaft]
 
@@ -71,7 +71,7 @@ def _rubbing(machine: Machine, effect: MotionEffect) -> None:
     machine.inputs.append(change)
 
 
-def _warming(campaign: MotionCampaign, effect: MotionEffect, machine: Machine) -> tuple[Array, Array]:
+def _warming(campaign: MotionCampaign, effect: MotionEffect, machine: SyntheticMachine) -> tuple[Array, Array]:
     """Times since the start of the campaign [s], and the bearing's warmth over its highest."""
     count = int(campaign.length / TEMPERATURE_STEP) + 2
     times, heat = np.arange(count, dtype=np.float64) * TEMPERATURE_STEP, np.zeros(count)
@@ -98,7 +98,7 @@ def _speed_asked(run: PlannedRun, side: str) -> Array:
     return np.where(np.arange(run.samples) < (run.free_from or run.samples), speed, 0.0)
 
 
-def _viscosity(machine: Machine, effect: MotionEffect) -> None:
+def _viscosity(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """Drag beyond the dry part falls as the bearing warms by its own loss, by size where it is warmest."""
     times, warmth = _warming(machine.campaign, effect, machine)
     row, low = ROW[effect.shaft], machine.bench.shafts[effect.shaft].drag.low

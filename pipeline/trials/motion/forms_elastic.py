@@ -13,7 +13,7 @@ from pmg.pipeline.trials.motion.machine import ROW
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
-    from pmg.pipeline.trials.motion.machine import Machine
+    from pmg.pipeline.trials.motion.machine import SyntheticMachine
 
 ROTORS = {"sun": "sun_rotor", "ring": "ring_rotor"}
 COUPLINGS = {"sun": "sun_coupling", "ring": "ring_coupling"}
@@ -22,7 +22,7 @@ STEADY_TORQUE = 2.8
 """Torque of the ring's motor that the manoeuvres need at steady speed: no limit lies below [N m]."""
 
 
-def _more_inertia(machine: Machine, effect: MotionEffect) -> None:
+def _more_inertia(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """Size times the rotor's inertia: fixed to it, dragged along by a film, or on a stiff spring."""
     shaft = machine.shafts[ROW[effect.shaft]]
     more = effect.size * shaft[at.ROTOR_INERTIA]
@@ -37,7 +37,7 @@ def _more_inertia(machine: Machine, effect: MotionEffect) -> None:
         shaft[at.EXTRA_STIFFNESS], shaft[at.EXTRA_DAMPING] = more * rate**2, 2.0 * effect.number("damped") * more * rate
 
 
-def _softer(machine: Machine, effect: MotionEffect) -> None:
+def _softer(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """Compliance larger by size: at any twist, or at small ones."""
     shaft = machine.shafts[ROW[effect.shaft]]
     if effect.law == "straight":
@@ -47,31 +47,31 @@ def _softer(machine: Machine, effect: MotionEffect) -> None:
         shaft[at.SOFT_TWIST] = effect.number("twist")
 
 
-def _play(machine: Machine, effect: MotionEffect) -> None:
+def _play(machine: SyntheticMachine, effect: MotionEffect) -> None:
     shaft = machine.shafts[ROW[effect.shaft]]
     shaft[at.GAP] = 0.5 * effect.size
     if effect.law == "round":
         shaft[at.GAP_ROUND] = effect.number("round")
 
 
-def _hysteresis(machine: Machine, effect: MotionEffect) -> None:
+def _hysteresis(machine: SyntheticMachine, effect: MotionEffect) -> None:
     machine.gear[at.HYSTERESIS] = effect.size
     machine.gear[at.HYSTERESIS_LAW] = ("bristles", "slip", "sign").index(effect.law)
     machine.gear[at.HYSTERESIS_SPAN] = effect.number("span")
 
 
-def _harmonic(machine: Machine, effect: MotionEffect) -> None:
+def _harmonic(machine: SyntheticMachine, effect: MotionEffect) -> None:
     if effect.law == "flat":
         machine.gear[at.FLATNESS] = np.sqrt(3.0 * effect.size / machine.gear[at.PULL_OUT])
     else:
         machine.gear[at.THIRD] += effect.signed
 
 
-def _other_spring(machine: Machine, effect: MotionEffect) -> None:
+def _other_spring(machine: SyntheticMachine, effect: MotionEffect) -> None:
     machine.gear[at.PULL_OUT] *= 1.0 + effect.signed if effect.law == "constant" else np.exp(effect.signed)
 
 
-def _limit(machine: Machine, effect: MotionEffect) -> None:
+def _limit(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """A limit as near to what steady runs need as size says: 1 is there, 0 is far."""
     shaft = machine.shafts[ROW[effect.shaft]]
     if effect.size > 0.0:

@@ -22,12 +22,12 @@ from pmg.sim.shafts import per_shaft
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
-    from pmg.pipeline.trials.motion.machine import BenchCourse, Machine
+    from pmg.pipeline.trials.motion.machine import BenchCourse, SyntheticMachine
     from pmg.pipeline.trials.motion.programme import PlannedRun
     from pmg.sim.signals import Array
 
 
-def _loose_mass(machine: Machine, effect: MotionEffect) -> None:
+def _loose_mass(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """Size times the rotor's inertia on a soft spring: a resonance of its own."""
     shaft = machine.shafts[ROW[effect.shaft]]
     more, rate = effect.size * shaft[at.ROTOR_INERTIA], REVOLUTION * effect.number("frequency")
@@ -35,12 +35,12 @@ def _loose_mass(machine: Machine, effect: MotionEffect) -> None:
     shaft[at.EXTRA_DAMPING] = 2.0 * effect.number("damped") * more * rate
 
 
-def _cross_drag(machine: Machine, effect: MotionEffect) -> None:
+def _cross_drag(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """Drag of one shaft with the square of the other's speed."""
     machine.shafts[ROW[effect.shaft], at.CROSS_DRAG] = effect.size
 
 
-def _ageing(machine: Machine, effect: MotionEffect) -> None:
+def _ageing(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """Dry friction that changes through each run by a law of its time, and begins anew with the next."""
 
     def change(run: PlannedRun, given: Array) -> None:
@@ -50,7 +50,7 @@ def _ageing(machine: Machine, effect: MotionEffect) -> None:
     machine.inputs.append(change)
 
 
-def _engaged_hump(machine: Machine, effect: MotionEffect) -> None:
+def _engaged_hump(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """More drag about one speed while the gear is engaged and the shaft speeds up, by the speed asked for."""
     row = ROW[effect.shaft]
 
@@ -65,7 +65,7 @@ def _engaged_hump(machine: Machine, effect: MotionEffect) -> None:
     machine.inputs.append(change)
 
 
-def _creep(machine: Machine, effect: MotionEffect) -> None:
+def _creep(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """A transducer that goes on for seconds after its torque has changed."""
 
     def read(course: BenchCourse) -> BenchCourse:
@@ -78,7 +78,7 @@ def _creep(machine: Machine, effect: MotionEffect) -> None:
     machine.readings.append(read)
 
 
-def _hum(machine: Machine, effect: MotionEffect) -> None:
+def _hum(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """A torque of one frequency, whatever the speed."""
 
     def read(course: BenchCourse) -> BenchCourse:

@@ -22,7 +22,7 @@ from pmg.sim.signals import REVOLUTION
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pmg.pipeline.trials.motion.machine import BenchCourse, Machine
+    from pmg.pipeline.trials.motion.machine import BenchCourse, SyntheticMachine
     from pmg.sim.signals import Array
 
 ENCODERS = {"sun": "sun_encoder", "ring": "ring_encoder"}
@@ -30,7 +30,7 @@ NOMINAL = PerShaft(5.0, 10.0)
 """Nominal torques of the transducers [N m]."""
 
 
-def _read_torque(machine: Machine, shaft: str, change: Callable[[BenchCourse, Array], Array]) -> None:
+def _read_torque(machine: SyntheticMachine, shaft: str, change: Callable[[BenchCourse, Array], Array]) -> None:
     """From now on the torque of a shaft reads as the function makes it of the course and of what it read."""
 
     def read(course: BenchCourse) -> BenchCourse:
@@ -40,7 +40,7 @@ def _read_torque(machine: Machine, shaft: str, change: Callable[[BenchCourse, Ar
     machine.readings.append(read)
 
 
-def _zero(machine: Machine, effect: MotionEffect) -> None:
+def _zero(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """A zero that moves by a law of the campaign's time."""
     length = machine.campaign.length
 
@@ -50,14 +50,14 @@ def _zero(machine: Machine, effect: MotionEffect) -> None:
     _read_torque(machine, effect.shaft, change)
 
 
-def _gain(machine: Machine, effect: MotionEffect) -> None:
+def _gain(machine: SyntheticMachine, effect: MotionEffect) -> None:
     def change(course: BenchCourse, torque: Array) -> Array:
         return torque * (1.0 + effect.signed * effect.shape(torque / NOMINAL[effect.shaft]))
 
     _read_torque(machine, effect.shaft, change)
 
 
-def _crosstalk(machine: Machine, effect: MotionEffect) -> None:
+def _crosstalk(machine: SyntheticMachine, effect: MotionEffect) -> None:
     other = "ring" if effect.shaft == "sun" else "sun"
 
     def change(course: BenchCourse, torque: Array) -> Array:
@@ -76,7 +76,7 @@ def lagged(values: Array, time: float) -> Array:
     return np.asarray(lfilter([taken, before], [1.0, -kept], values - values[0]) + values[0])
 
 
-def _bandwidth(machine: Machine, effect: MotionEffect) -> None:
+def _bandwidth(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """Size is the delay that the lag makes of a slow signal [s]."""
     orders = {"first": 1, "second": 2}[effect.law]
 
@@ -88,7 +88,7 @@ def _bandwidth(machine: Machine, effect: MotionEffect) -> None:
     _read_torque(machine, effect.shaft, change)
 
 
-def _delay(machine: Machine, effect: MotionEffect) -> None:
+def _delay(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """The torque comes late by the size [s]: always, or on average as it is renewed only now and then."""
 
     def change(course: BenchCourse, torque: Array) -> Array:
@@ -100,7 +100,7 @@ def _delay(machine: Machine, effect: MotionEffect) -> None:
     _read_torque(machine, effect.shaft, change)
 
 
-def _eccentric(machine: Machine, effect: MotionEffect) -> None:
+def _eccentric(machine: SyntheticMachine, effect: MotionEffect) -> None:
     """The angle read swings about the true one once a turn."""
 
     def read(course: BenchCourse) -> BenchCourse:
@@ -113,13 +113,13 @@ def _eccentric(machine: Machine, effect: MotionEffect) -> None:
     machine.readings.append(read)
 
 
-def _unbalance(machine: Machine, effect: MotionEffect) -> None:
+def _unbalance(machine: SyntheticMachine, effect: MotionEffect) -> None:
     shaft = machine.shafts[ROW[effect.shaft]]
     shaft[at.UNBALANCE], shaft[at.UNBALANCE_PHASE] = effect.size, effect.number("phase")
     shaft[at.UNBALANCE_GROWTH] = effect.number("growth")
 
 
-def _cogging(machine: Machine, effect: MotionEffect) -> None:
+def _cogging(machine: SyntheticMachine, effect: MotionEffect) -> None:
     shaft = machine.shafts[ROW[effect.shaft]]
     shaft[at.COGGING], shaft[at.COGGING_PHASE] = effect.size, effect.number("phase")
     shaft[at.COGGING_ORDER] = np.round(effect.number("order"))

@@ -53,7 +53,7 @@ class BenchCourse:
 
 
 @dataclass
-class Machine:
+class SyntheticMachine:
     """A bench as the kernel knows it; effects change its numbers, its drag, the inputs of its runs, its readings.
 
     Parameters

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.trials.motion.balance import CourseBalance, Spectrum
-from pmg.pipeline.trials.motion.machine import Machine
+from pmg.pipeline.trials.motion.machine import SyntheticMachine
 from pmg.sim.shafts import PerShaft, per_shaft
 
 if TYPE_CHECKING:
@@ -42,9 +42,9 @@ class Scene:
     campaign: MotionCampaign
     begun: tuple[PerShaft[float], ...]
 
-    def machine(self, effects: Sequence[MotionEffect] = ()) -> Machine:
+    def machine(self, effects: Sequence[MotionEffect] = ()) -> SyntheticMachine:
         """The bench with effects."""
-        machine = Machine(self.bench, self.campaign)
+        machine = SyntheticMachine(self.bench, self.campaign)
         for effect in effects:
             if effect.size > 0.0:
                 effect.form.act(machine, effect)

@@ -19,7 +19,7 @@ from pmg.pipeline.diagnosis.motion.view import views_of
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
-    from pmg.pipeline.diagnosis.balance.term import Term
+    from pmg.pipeline.diagnosis.balance.library.term import Term
     from pmg.pipeline.diagnosis.motion.design.proposals import Proposal
     from pmg.pipeline.diagnosis.motion.design.unseen import Unseen
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
+
+    import numpy.typing as npt
 
     from pmg.sim.signals import Array
     from pmg.sim.sources import Source
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Motion:
-    """A recording from which terms take their columns, at its full sample rate; all arrays of length n.
+    """Recordings from which terms take their columns, at their full sample rate, one after the other; arrays (n,).
 
     Parameters
     ----------
@@ -28,6 +30,13 @@ class Motion:
         Force that the baseline gives [N, N m]; zero until it has been fitted.
     rest_speed : float
         Speed below which the machine counts as at rest [m/s, rad/s].
+    starts : tuple of int
+        Sample with which each recording begins.
+    besides : mapping of str to (n,) array
+        Further channels by their names: ``output_torque`` [N m] and ``output_angle`` [rad] of a second shaft, the first
+        as the input sees it; ``temperature`` [K].
+    even_acceleration : float
+        Acceleration that noise may make of an even speed [m/s2, rad/s2].
     """
 
     time: Array
@@ -37,6 +46,9 @@ class Motion:
     force: Array
     modelled: Array
     rest_speed: float = 0.0
+    starts: tuple[int, ...] = (0,)
+    besides: Mapping[str, Array] = field(default_factory=dict)
+    even_acceleration: float = 0.0
 
     @property
     def direction(self) -> Array:
@@ -48,21 +60,52 @@ class Motion:
         """Sense in which it moves, or at rest moved last; zero before it first did."""
         moved = self.direction
         last = np.maximum.accumulate(np.where(moved != 0.0, np.arange(len(moved)), -1))
-        return np.asarray(np.where(last < 0, 0.0, moved[np.maximum(last, 0)]))
+        return np.asarray(np.where(last < self.first, 0.0, moved[np.maximum(last, 0)]))
+
+    @property
+    def first(self) -> npt.NDArray[np.int64]:
+        """Sample with which the recording of each sample begins (n,)."""
+        return np.repeat(np.array(self.starts), np.diff([*self.starts, len(self.time)]))
+
+    @property
+    def elapsed(self) -> Array:
+        """Time since the recording began [s], (n,)."""
+        return np.asarray(self.time - self.time[self.first])
+
+    def part(self, rows: slice) -> Motion:
+        """Samples of one recording, as a recording of its own."""
+        return replace(
+            self,
+            time=self.time[rows],
+            position=self.position[rows],
+            speed=self.speed[rows],
+            acceleration=self.acceleration[rows],
+            force=self.force[rows],
+            modelled=self.modelled[rows],
+            starts=(0,),
+            besides={key: values[rows] for key, values in self.besides.items()},
+        )
+
+    def rate(self, values: Array) -> Array:
+        """Derivative in time (n,), within each recording."""
+        parts = np.split(values, self.starts[1:])
+        return np.concatenate([np.gradient(part, self.sample_time) for part in parts])
 
     @property
     def sample_time(self) -> float:
         """Time from sample to sample [s]."""
-        return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
+        last = (*self.starts, len(self.time))[1] - 1
+        return float((self.time[last] - self.time[0]) / last)
 
     @property
     def travel(self) -> Array:
         """Way since the sense last changed [m, rad]; before the first change, as if that lay one unit back."""
         path = np.r_[0.0, np.cumsum(np.abs(np.diff(self.position)))]
-        sense = self.sense
+        sense, first = self.sense, self.first
         turned = np.r_[False, (sense[1:] != sense[:-1]) & (sense[:-1] != 0.0)]
+        turned[list(self.starts)] = False
         last = np.maximum.accumulate(np.where(turned, np.arange(len(path)), -1))
-        return np.asarray(np.where(last < 0, path + 1.0, path - path[np.maximum(last, 0)]))
+        return np.asarray(np.where(last < first, path - path[first] + 1.0, path - path[np.maximum(last, 0)]))
 
 
 @dataclass(frozen=True)
@@ -114,6 +157,10 @@ class Term(Generic[M]):
         Whether the shape is searched evenly in its inverse (a period) instead of in its logarithm.
     of_parts : bool
         Whether its amplitudes are parts of one law, of which some may vanish.
+    both_ways : bool
+        Whether a machine that moves one way only shows it as a plainer term.
+    needs : tuple of str
+        Channels of `Motion.besides` without which it cannot be looked for.
     """
 
     identifier: str
@@ -128,6 +175,8 @@ class Term(Generic[M]):
     needs_drive: bool = False
     even_grid: bool = False
     of_parts: bool = False
+    both_ways: bool = False
+    needs: tuple[str, ...] = ()
 
     @property
     def place(self) -> str:

@@ -10,11 +10,14 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.signal import butter, filtfilt
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnosis.balance.case_file import PrepareTable
+    from pmg.pipeline.machine.channel import PrepareTable
     from pmg.sim.signals import Array
 
 SETTLED, SETTLED_PERIODS = 1e-3, 12.0
 """Part of a response that is left once a filter has settled, and periods of its cut-off in which it surely has."""
+
+FURTHER = 5.0
+"""How much lower the low-pass of a reading lies that stands on both sides of the balance."""
 
 DECIMATION = 2
 """Thinned samples at either end that the decimation spoils."""
@@ -41,28 +44,36 @@ class Smoother:
         """Low-passed without phase (n,)."""
         return np.asarray(filtfilt(*self.filter, values))
 
+    def smoothed_further(self, values: Array) -> Array:
+        """A reading that columns are made of (n,), low-passed `FURTHER` times as low.
+
+        The force that they explain holds its noise too: left in, it would explain itself.
+        """
+        order = len(self.filter[0]) - 1
+        return np.asarray(filtfilt(*butter(order, self._cut_off / FURTHER, fs=1.0 / self.step), values))
+
     def slope(self, values: Array) -> Array:
         """Central differences in time (n,); zero at either end."""
         found = np.zeros_like(values)
         found[1:-1] = (values[2:] - values[:-2]) / (2.0 * self.step)
         return found
 
-    def moved(self, position: Array | None, velocity: Array | None) -> tuple[Array, Array, float]:
-        """Position and speed (n,), and the standard deviation that noise gives the speed."""
+    def moved(self, position: Array | None, velocity: Array | None) -> tuple[Array, Array, tuple[float, float]]:
+        """Position and speed (n,), and the standard deviations that noise gives speed and acceleration."""
         if velocity is not None:
             speed = self.smooth(velocity)
-            noise = self._noise(velocity - speed) * float(np.linalg.norm(self._weights))
+            noise = self._noise(velocity - speed, self._weights)
             path = cumulative_trapezoid(speed, dx=self.step, initial=0) if position is None else self.smooth(position)
             return np.asarray(path), speed, noise
         assert position is not None  # a case has one of them
         path = self.smooth(position)
-        noise = self._noise(position - path) * float(np.linalg.norm(self.slope(self._weights)))
-        return path, self.slope(path), noise
+        return path, self.slope(path), self._noise(position - path, self.slope(self._weights))
 
-    def _noise(self, taken: Array) -> float:
-        """Standard deviation of white noise by what the low-pass took of a signal."""
+    def _noise(self, taken: Array, weights: Array) -> tuple[float, float]:
+        """What weights and their slope make of white noise, of which the low-pass took a part."""
         inner = taken[len(taken) // 20 : -(len(taken) // 20) or None]
-        return float(np.sqrt(np.mean(inner**2) / self.beyond))
+        white = float(np.sqrt(np.mean(inner**2) / self.beyond))
+        return white * float(np.linalg.norm(weights)), white * float(np.linalg.norm(self.slope(weights)))
 
     @cached_property
     def _weights(self) -> Array:

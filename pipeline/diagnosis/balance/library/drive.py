@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.axis import LINEAR, ROTARY
-from pmg.pipeline.diagnosis.balance.term import Motion, Quantity, Term
+from pmg.pipeline.diagnosis.balance.library.term import Motion, Quantity, Term
+from pmg.pipeline.machine.axis import LINEAR, ROTARY
 from pmg.sim.signals import REVOLUTION
 from pmg.sim.sources import ARMSTRONG, BALANCE, DAHL, Source
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pmg.pipeline.diagnosis.balance.axis import Axis
+    from pmg.pipeline.machine.axis import Axis
     from pmg.sim.signals import Array
 
 EMPS = Source(
@@ -101,6 +101,7 @@ def _plain_terms(axis: Axis) -> Iterator[Term[Motion]]:
         lambda m, _: _stack(np.abs(m.direction)),
         EMPS,
         separating_test=REST_TEST,
+        both_ways=True,
     )
     yield Term(
         "direction_dependent_viscous",
@@ -110,6 +111,7 @@ def _plain_terms(axis: Axis) -> Iterator[Term[Motion]]:
         lambda m, _: _stack(np.abs(m.speed)),
         EMPS,
         separating_test=SPEED_TEST,
+        both_ways=True,
     )
 
 
@@ -160,7 +162,7 @@ def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
         "Viscous friction that falls during the record",
         "-w v t/T",
         _amount("w", axis.viscous, 1e6),
-        lambda m, _: _stack(-m.speed * (m.time - m.time[0]) / (m.time[-1] - m.time[0])),
+        lambda m, _: _stack(-m.speed * m.elapsed / float(m.elapsed.max())),
         BALANCE,
         separating_test="Repeat the record after a rest and after a long run",
     )
@@ -190,6 +192,7 @@ def _placed_terms(axis: Axis) -> Iterator[Term[Motion]]:
         shape=period,
         separating_test=POSITION_TEST,
         even_grid=True,
+        both_ways=True,
     )
     yield Term(
         "friction_along_slide",
@@ -199,6 +202,7 @@ def _placed_terms(axis: Axis) -> Iterator[Term[Motion]]:
         lambda m, _: _stack(m.direction * (m.position - _middle(m.position))),
         BALANCE,
         separating_test=POSITION_TEST,
+        both_ways=True,
     )
     yield Term(
         "spring",
@@ -228,7 +232,7 @@ def _chain_terms(axis: Axis) -> Iterator[Term[Motion]]:
         f"Delay of the position behind the {axis.pushes} command",
         "T d/dt(baseline terms)",
         _part("T", "s", 0.02),
-        lambda m, _: _stack(np.gradient(m.modelled, m.sample_time)),
+        lambda m, _: _stack(m.rate(m.modelled)),
         BALANCE,
         separating_test="Record both signals of one step through one input card",
         of_model=True,

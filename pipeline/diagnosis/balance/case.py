@@ -1,0 +1,119 @@
+"""A case: recordings of a machine, how they are prepared, which terms of which library are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.files.strict_tables import number_within, refuse, refusing, word_of
+from pmg.sim.errors import near_miss
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from pmg.pipeline.diagnosis.balance.library.term import Motion, Term
+    from pmg.pipeline.importers.csv_dialect import CsvForm
+    from pmg.pipeline.machine.axis import Axis
+    from pmg.pipeline.machine.channel import Channel, PrepareTable
+    from pmg.pipeline.machine.tables import Published
+
+OUTPUT = "output_"
+"""What the channels of the second shaft begin with."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A checked case.
+
+    Parameters
+    ----------
+    title : str
+        What it is about.
+    axis : Axis
+        Whether it slides or turns.
+    library : tuple of Term
+        Terms that may be named.
+    fit, withheld : tuple of Path
+        Recordings; the others take part in no fit, and in no choice but to drop refinements that hurt them.
+    channels : mapping of str to (Channel, float)
+        ``time``; ``position``, ``velocity`` or both; ``force``, which may be missing; of a second shaft the same
+        with `OUTPUT` before them; ``temperature``. What one unit of each is in SI.
+    form : CsvForm
+        How they are written, if they are CSV.
+    prepare : PrepareTable
+        How they are filtered and thinned.
+    baseline : tuple of str
+        Terms that are taken for granted, their amplitudes free.
+    fixed : mapping of str to float
+        Amplitudes of baseline terms that are known [SI].
+    published : tuple of Published
+        Parameters to compare with.
+    published_errors : mapping of str to float
+        Relative force errors [1] on the recordings ``fit`` and ``withheld``.
+    ratio : float, optional
+        Speed of the first shaft over that of the second, of a machine with two torques.
+    withheld_part : float, optional
+        Part at the end of each recording that is withheld, where no whole ones are.
+    own_zeros : bool
+        Whether each recording has a zero of its own.
+    """
+
+    title: str
+    axis: Axis
+    library: tuple[Term[Motion], ...]
+    fit: tuple[Path, ...]
+    withheld: tuple[Path, ...]
+    channels: Mapping[str, tuple[Channel, float]]
+    form: CsvForm
+    prepare: PrepareTable
+    baseline: tuple[str, ...]
+    fixed: Mapping[str, float]
+    published: tuple[Published, ...] = ()
+    published_errors: Mapping[str, float] = field(default_factory=dict)
+    ratio: float | None = None
+    withheld_part: float | None = None
+    own_zeros: bool = False
+
+
+def check_model(
+    library: tuple[Term[Motion], ...],
+    baseline: Sequence[str],
+    fixed: Mapping[str, float],
+    table: tuple[str, ...],
+    word: str,
+) -> None:
+    """Refuse a baseline that a library cannot give; `table` leads to it, `word` is the key of its terms.
+
+    Raises
+    ------
+    RefusalError
+        A term is unknown or has a shape, an amplitude is out of its range, or none is free.
+    """
+    terms = {term.identifier: term for term in library}
+    plain = [name for name, term in terms.items() if not term.of_model and term.shape is None]
+    for i, name in enumerate(baseline):
+        word_of(name, plain, *table, word, i)
+    for name, value in fixed.items():
+        if name not in baseline:
+            refuse("not in the baseline", f"a term of {word}", near_miss(name, baseline), *table, "fixed", name)
+        with refusing(*table, "fixed", name):
+            number_within(value, *terms[name].amplitudes[0].bounds)
+    if len(fixed) == len(baseline):
+        refuse("every term is fixed", "at least one free term", "Leave one out.", *table, "fixed")
+
+
+def check_published(library: tuple[Term[Motion], ...], published: Sequence[Published]) -> None:
+    """Refuse a published parameter that no term of a library has.
+
+    Raises
+    ------
+    RefusalError
+        There is one.
+    """
+    terms = {term.identifier: term for term in library}
+    for i, row in enumerate(published):
+        term = terms[word_of(row.term, terms, "published", i, "term")]
+        quantities = {quantity.name: quantity for quantity in term.parameters}
+        word_of(row.parameter, quantities, "published", i, "parameter")
+        word_of(row.unit, [quantities[row.parameter].unit], "published", i, "unit")

@@ -1,0 +1,150 @@
+"""The case that a machine file makes of a folder of records: channels, library, known terms, what is withheld."""
+
+from __future__ import annotations
+
+from fnmatch import fnmatch
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.diagnosis.balance.case import OUTPUT, Case, check_model, check_published
+from pmg.pipeline.diagnosis.balance.library.drive import DRIVE, ROTARY_DRIVE
+from pmg.pipeline.diagnosis.balance.library.two_torques import TWO_TORQUES, WARM
+from pmg.pipeline.files.strict_tables import RefusalError
+from pmg.pipeline.importers.open_source import FORMATS
+from pmg.pipeline.machine.axis import LINEAR
+from pmg.pipeline.machine.channel import TEMPERATURES, TIMES, in_si
+from pmg.sim.errors import BenchError, RecordingError, near_miss
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from pmg.pipeline.diagnosis.balance.library.term import Motion, Term
+    from pmg.pipeline.machine.channel import Channel
+    from pmg.pipeline.machine.machine import Machine, MachineShaft
+    from pmg.pipeline.machine.tables import RecordsTable
+
+BASELINE = ("inertia", "viscous", "coulomb")
+"""Terms that are taken for granted where a machine file says nothing else."""
+
+
+def case_of(machine: Machine, records: Path) -> Case:
+    """The case of a machine and its records.
+
+    Parameters
+    ----------
+    machine : Machine
+        With a table of records.
+    records : Path
+        A folder of recordings of any format that is imported, or one of them.
+
+    Raises
+    ------
+    BenchError
+        When the machine file lacks what its records need, or names a term or a record that is not there.
+    RecordingError
+        When there are no recordings.
+    """
+    table = machine.records
+    if table is None:
+        do = "Add [records] with time, rate_Hz and low_pass_Hz, and a channel of each shaft."
+        raise BenchError(f"{machine.path}: records", "missing", "how its records are read", do)
+    ends = machine.ends
+    two = len(ends) > 1 and all("force" in end.channels for end in ends)
+    main = ends[0] if two else _measured(machine)
+    files = _files(records)
+    withheld = _withheld(machine, table, files)
+    library = _library(main, table, two=two)
+    fixed = dict(machine.model.fixed)
+    if "force" not in main.channels and "inertia" not in fixed:
+        fixed["inertia"] = _known_inertia(machine, main)
+    baseline = tuple(machine.model.baseline) or BASELINE
+    try:
+        check_model(library, baseline, fixed, ("model",), "baseline")
+        check_published(library, machine.published)
+    except RefusalError as fault:
+        raise machine.file.refusal(fault.came, fault.expected, fault.do, *fault.key) from fault
+    return Case(
+        title=machine.title,
+        axis=main.axis,
+        library=library,
+        fit=tuple(path for path in files if path not in withheld),
+        withheld=withheld,
+        channels=_channels(table, main, ends[1] if two else None),
+        form=table.csv,
+        prepare=table,
+        baseline=baseline,
+        fixed=fixed,
+        published=machine.published,
+        published_errors=machine.published_errors,
+        ratio=machine.gear.ratio if two and machine.gear is not None else None,
+        withheld_part=table.withheld_part,
+        own_zeros=table.zeros == "own",
+    )
+
+
+def _measured(machine: Machine) -> MachineShaft:
+    """The one shaft whose balance is looked at: the one with a torque, else the one that is seen to move."""
+    for kinds in ({"force"}, {"position", "velocity"}):
+        found = [end for end in machine.ends if kinds & set(end.channels)]
+        if found and {"position", "velocity"} & set(found[0].channels):
+            return found[0]
+    where = f"{machine.path}: shaft.{machine.ends[0].name}.channel"
+    do = "Name the channel of the shaft that is driven, in the words of its file."
+    raise BenchError(where, "neither position nor velocity", "a channel that moves", do)
+
+
+def _library(main: MachineShaft, table: RecordsTable, *, two: bool) -> tuple[Term[Motion], ...]:
+    if main.axis is LINEAR:
+        return DRIVE
+    plain = TWO_TORQUES if two else ROTARY_DRIVE
+    return plain if table.temperature is None else (*plain, WARM)
+
+
+def _channels(
+    table: RecordsTable, main: MachineShaft, output: MachineShaft | None
+) -> Mapping[str, tuple[Channel, float]]:
+    found = {"time": in_si(table.time, TIMES), **main.channels}
+    if output is not None:
+        found |= {OUTPUT + kind: channel for kind, channel in output.channels.items()}
+    if table.temperature is not None:
+        found["temperature"] = in_si(table.temperature, TEMPERATURES)
+    return found
+
+
+def _known_inertia(machine: Machine, shaft: MachineShaft) -> float:
+    """Inertia of everything that moves with a shaft of a machine that coasts [SI]."""
+    value = shaft.total_inertia
+    if value is None or value.value <= 0.0:
+        where = f"{machine.path}: shaft.{shaft.name}.inertia"
+        do = f"Without a {shaft.axis.pushes}, friction shows as part of the inertia only: state that, or the channel."
+        raise BenchError(where, "missing", f"the inertia, or a {shaft.axis.pushes}", do)
+    return value.value
+
+
+def _files(records: Path) -> tuple[Path, ...]:
+    """Recordings of a folder in the order of their names; one where a file is given."""
+    if records.is_file():
+        return (records,)
+    if not records.is_dir():
+        raise RecordingError(str(records), "no such folder", "recordings", "Check the path.")
+    found = tuple(sorted(path for path in records.rglob("*") if path.is_file() and path.suffix.lower() in FORMATS))
+    if not found:
+        expected = f"files that end in {', '.join(FORMATS)}"
+        raise RecordingError(str(records), "no recordings", expected, "Name the folder that holds them.")
+    return found
+
+
+def _withheld(machine: Machine, table: RecordsTable, files: tuple[Path, ...]) -> tuple[Path, ...]:
+    """Recordings whose names fit a pattern of what is withheld."""
+    found = []
+    for i, pattern in enumerate(table.withheld):
+        fits = [path for path in files if fnmatch(path.name, pattern)]
+        if not fits:
+            do = near_miss(pattern, [path.name for path in files])
+            raise machine.file.refusal(f"'{pattern}'", "the name of a recording", do, "records", "withheld", i)
+        found += fits
+    kept = tuple(path for path in files if path in found)
+    if len(kept) == len(files):
+        do = "Leave one of them to fit to."
+        raise machine.file.refusal("every recording is withheld", "at least one to fit", do, "records", "withheld")
+    return kept

@@ -1,0 +1,1 @@
+"""Recordings of a machine, read, filtered and put one after the other."""

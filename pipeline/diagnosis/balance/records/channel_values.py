@@ -1,0 +1,122 @@
+"""Channels of one file in SI: of one length, finite, angles counted on, units checked against what the file says."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.case import OUTPUT
+from pmg.pipeline.importers.open_source import open_source, whole_channels
+from pmg.pipeline.importers.source import channel_of
+from pmg.pipeline.machine.axis import LINEAR, ROTARY
+from pmg.pipeline.machine.channel import TEMPERATURES, TIMES
+from pmg.pipeline.recording.findings import Code, Findings
+from pmg.pipeline.wording.plurals import counted
+from pmg.sim.errors import RecordingError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pmg.pipeline.diagnosis.balance.case import Case
+    from pmg.pipeline.importers.source import ForeignSource
+    from pmg.sim.signals import Array
+
+WRAPPED = 0.25
+"""Part of a turn by which a step of an angle may differ from a whole one to be where it begins anew."""
+
+SPELLINGS = {"·": "", "*": "", "°": "deg", "1/min": "rpm", "U/min": "rpm", "min-1": "rpm", "µ": "u"}
+"""Signs and words of units that are written in several ways."""
+
+KNOWN_UNITS = frozenset(
+    "".join(unit.split())
+    for axis in (LINEAR, ROTARY)
+    for units in (TIMES, TEMPERATURES, axis.positions, axis.speeds, axis.forces)
+    for unit in units
+)
+"""Units that a file may declare for a channel of a case, without spaces."""
+
+
+def channels_in_si(path: Path, case: Case, findings: Findings) -> dict[str, Array]:
+    """Channels of a file in SI, all of one length and finite.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    case : Case
+        Names and units of its channels.
+    findings : Findings
+        Receives what is told about them.
+
+    Raises
+    ------
+    RecordingError
+        When the file or a channel is missing, holds what is no number, or is the same throughout.
+    """
+    if not path.is_file():
+        do = "Check the folder of the recordings."
+        raise RecordingError(str(path), "no such file", "a recording", do)
+    source = open_source(path, case.form, findings)
+    _check_units(source, case, findings)
+    found = whole_channels(source, [channel.name for channel, _ in case.channels.values()])
+    values = {}
+    for kind, (channel, unit) in case.channels.items():
+        factor = channel.factor
+        if isinstance(factor, str):
+            given = whole_channels(source, [factor])[factor]
+            if len(given) != 1:
+                came = f"{len(given)} values"
+                raise RecordingError(f"{path}: {factor}", came, "one number", f"Give {case.axis.factor} as a number.")
+            factor = float(given[0])
+        values[kind] = found[channel.name] * unit * factor
+    for kind in (kind for kind in ("position", f"{OUTPUT}position") if kind in values and case.axis.turn):
+        values[kind] = _unwrapped(values[kind], case.axis.turn, findings)
+    lengths = {len(value) for value in values.values()}
+    if len(lengths) > 1:
+        came = ", ".join(f"{kind}: {len(value)}" for kind, value in values.items())
+        raise RecordingError(str(path), f"channels of several lengths ({came})", "one length", "Export them together.")
+    for kind, value in values.items():
+        bad = np.flatnonzero(~np.isfinite(value))
+        if len(bad):
+            came = f"{len(bad)} values are no numbers, the first in row {bad[0] + 1}"
+            raise RecordingError(
+                f"{path}: {case.channels[kind][0].name}", came, "numbers", "Mend or cut the recording."
+            )
+        may_rest = kind == "temperature" or (kind == "force" and "inertia" in case.fixed)
+        if float(np.ptp(value)) == 0.0 and not may_rest:
+            do = "Check the channel; of a machine that coasts, set baseline.fixed.inertia."
+            raise RecordingError(f"{path}: {case.channels[kind][0].name}", "the same value throughout", "a signal", do)
+    return values
+
+
+def _unwrapped(angle: Array, turn: float, findings: Findings) -> Array:
+    """An angle that begins anew at each turn, counted on (n,) [rad]; any other as it is."""
+    steps = np.diff(angle)
+    jumps = np.abs(np.abs(steps) - turn) < WRAPPED * turn
+    if not jumps.any() or np.abs(steps[~jumps]).max(initial=0.0) > 0.5 * turn:
+        return angle
+    message = f"it begins anew {counted(int(jumps.sum()), 'time')}, and is counted on"
+    findings.info(Code.CHANNEL_VALUE, "position", message, "Nothing to do.")
+    return np.asarray(np.unwrap(angle, period=turn))
+
+
+def _check_units(source: ForeignSource, case: Case, findings: Findings) -> None:
+    """Refuse a channel whose file declares another unit than the case; tell one that is not understood."""
+    for channel, _ in case.channels.values():
+        where = f"{source.path}: {channel.name}"
+        declared = _spelled(channel_of(source, channel.name, where).unit)
+        if not declared or declared == _spelled(channel.unit):
+            continue
+        if declared in KNOWN_UNITS:
+            do = "Correct the unit in the case, or the file."
+            raise RecordingError(where, f"the unit {declared}", channel.unit, do)
+        message = f"the file's unit '{declared}' is not understood; {channel.unit} is taken, as the case says"
+        findings.info(Code.CHANNEL_KEY, channel.name, message, "Check it.")
+
+
+def _spelled(unit: str) -> str:
+    """A unit in the spelling of `KNOWN_UNITS`."""
+    for sign, plain in SPELLINGS.items():
+        unit = unit.replace(sign, plain)
+    return "".join(unit.split())

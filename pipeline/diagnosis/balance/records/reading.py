@@ -1,0 +1,153 @@
+"""Recordings of a machine read, differentiated and put one after the other for the regression."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.library.term import Motion
+from pmg.pipeline.diagnosis.balance.library.two_torques import OUT, OUT_ANGLE
+from pmg.pipeline.diagnosis.balance.records.channel_values import channels_in_si
+from pmg.pipeline.diagnosis.balance.records.recorded import joined, with_known
+from pmg.pipeline.diagnosis.balance.records.smoothing import Smoother
+from pmg.pipeline.diagnosis.balance.records.two_shafts import second_shaft
+from pmg.pipeline.recording.findings import Code, Findings
+from pmg.sim.errors import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from pmg.pipeline.diagnosis.balance.case import Case
+    from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
+    from pmg.pipeline.recording.findings import Finding
+    from pmg.sim.signals import Array
+
+COASTS = 0.1
+"""Force that is recorded, over that of a known inertia, below which a machine is taken to coast."""
+
+RATE_TOLERANCE = 0.01
+"""Part by which a time step may differ from that of the stated rate."""
+
+REST = 4.0
+"""Standard deviations of the noise of the speed below which a machine counts as at rest."""
+
+FEWEST = 1000
+"""Fewest samples of a regression; below, neither noise nor structure can be judged."""
+
+
+@dataclass(frozen=True)
+class _Read:
+    """One recording, differentiated."""
+
+    name: str
+    motion: Motion
+    findings: tuple[Finding, ...]
+
+    def part(self, rows: slice) -> _Read:
+        """Some of its samples."""
+        return replace(self, motion=self.motion.part(rows))
+
+
+def read_recordings(case: Case) -> tuple[Recorded, Recorded | None]:
+    """The recordings that a case fits, and those that it withholds (None without any).
+
+    Raises
+    ------
+    RecordingError
+        When a file or a channel is missing, not finite, of another rate, or too short.
+
+    Notes
+    -----
+    Position passes a zero-phase Butterworth low-pass, speed and acceleration are central differences of it, and force
+    and every column of the regression are decimated by the same zero-phase filter. A speed that was recorded passes
+    the same low-pass; where there is no position, it is the integral of it. The machine counts as at rest below
+    `REST` standard deviations of what noise makes of the speed.
+
+    References
+    ----------
+    A. Janot, M. Gautier, M. Brunot, 'Data Set and Reference Models of EMPS', 2019.
+    """
+    fit = [_read(path, case) for path in case.fit]
+    withheld = [_read(path, case) for path in case.withheld]
+    if case.withheld_part is not None:
+        cut = [round((1.0 - case.withheld_part) * len(one.motion.time)) for one in fit]
+        withheld = [replace(one.part(slice(at, None)), findings=()) for one, at in zip(fit, cut, strict=True)]
+        fit = [one.part(slice(None, at)) for one, at in zip(fit, cut, strict=True)]
+    fitted = _together(fit, case)
+    return fitted, _together(withheld, case, fitted) if withheld else None
+
+
+def _together(read: Sequence[_Read], case: Case, of: Recorded | None = None) -> Recorded:
+    """Recordings one after the other, enough of them."""
+    motion = joined([one.motion for one in read])
+    fewest = FEWEST * case.prepare.keep_every
+    if len(motion.time) < fewest:
+        came = f"{len(motion.time)} samples once the ends that filters spoil are left out"
+        names = ", ".join(one.name for one in read)
+        raise RecordingError(names, came, f"{fewest} or more", "Record longer, or thin less.")
+    return with_known([one.name for one in read], motion, case, [f for one in read for f in one.findings], of)
+
+
+def _read(path: Path, case: Case) -> _Read:
+    """One recording, differentiated and without the ends that filters spoil."""
+    findings = Findings(path.name)
+    values = channels_in_si(path, case, findings)
+    time, given = values["time"], case.prepare
+    steps = np.diff(time) * given.rate_hz
+    wrong = np.flatnonzero(np.abs(steps - 1.0) > RATE_TOLERANCE)
+    if len(wrong):
+        came = f"{len(wrong)} of {len(steps)} steps differ from 1/{given.rate_hz:g} s, "
+        came += f"the first after {time[wrong[0]]:g} s"
+        raise RecordingError(f"{path}: time", came, "even sampling at rate_Hz", "Correct rate or unit of time.")
+    smoother = Smoother(given, float((time[-1] - time[0]) / max(len(time) - 1, 1)))
+    drop = smoother.settles if given.drop is None else given.drop
+    fewest = 8 * given.order + 2 * drop + 2
+    if len(time) < fewest:
+        raise RecordingError(str(path), f"{len(time)} samples", f"{fewest} or more", "Record longer.")
+    besides = {key: values[key] for key in ("temperature",) if key in values}
+    if case.ratio is not None:
+        values, load = second_shaft(values, case, findings)
+        besides[OUT] = smoother.smoothed_further(load)
+    position, speed, noise = smoother.moved(values.get("position"), values.get("velocity"))
+    if case.ratio is not None:
+        besides[OUT_ANGLE] = position / case.ratio
+    inner = slice(drop, -drop)
+    rest_speed = REST * noise[0] if given.rest_speed is None else given.rest_speed
+    if given.rest_speed is None and float(np.abs(speed[inner]).max()) <= rest_speed:
+        came = f"a speed of {np.abs(speed[inner]).max():.3g} {case.axis.speed} at most, which may be noise"
+        raise RecordingError(str(path), came, "a machine that moves", "Check the channels and their units.")
+    acceleration = smoother.slope(speed)[inner]
+    force = _acting(values.get("force", np.zeros_like(time))[inner], acceleration, case, findings)
+    motion = Motion(
+        time[inner],
+        position[inner],
+        speed[inner],
+        acceleration,
+        force,
+        0.0 * force,
+        rest_speed,
+        (0,),
+        {key: each[inner] for key, each in besides.items()},
+        REST * noise[1],
+    )
+    return _Read(path.name, motion, findings.listed())
+
+
+def _acting(force: Array, acceleration: Array, case: Case, findings: Findings) -> Array:
+    """Force that drives the machine (n,): zero where it is next to nothing beside that of a known inertia."""
+    inertia = case.fixed.get("inertia", 0.0)
+    needed = inertia * float(np.sqrt(np.mean(acceleration**2)))
+    size = float(np.sqrt(np.mean(force**2)))
+    if case.ratio is not None or not 0.0 < size < COASTS * needed:
+        return force
+    findings.info(
+        Code.CHANNEL_VALUE,
+        case.axis.pushes,
+        f"{size:.3g} {case.axis.push} rms beside {needed:.3g} {case.axis.push} for the acceleration of the inertia: "
+        "the machine is taken to coast, without any",
+        "Nothing to do; if it was driven, correct the inertia that is fixed.",
+    )
+    return 0.0 * force

@@ -1,0 +1,184 @@
+"""Recordings ready for the regression: filtered and thinned, one after the other, known terms taken out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.signal import butter, decimate, filtfilt
+
+from pmg.pipeline.diagnosis.balance.library.term import Motion
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from pmg.pipeline.diagnosis.balance.case import Case
+    from pmg.pipeline.diagnosis.balance.library.term import Term
+    from pmg.pipeline.recording.findings import Finding
+    from pmg.sim.signals import Array
+
+SLOW_PART = 0.2
+"""Part of the band of the regression in which an acceleration counts as slow."""
+
+SHORT = 20
+"""Samples of a record up to which its acceleration is not parted."""
+
+VANISHES = 1e-9
+"""Part of a column that is left of it where it is the same throughout each recording, and only rounding remains."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Recordings ready for the regression, one after the other.
+
+    Parameters
+    ----------
+    names : tuple of str
+        File names.
+    motion : Motion
+        At the full sample rate.
+    keep_every : int
+        Decimation.
+    force : (n,) array
+        Thinned force [N, N m], known terms taken out; zero of a machine that coasts.
+    known : (n,) array
+        Thinned force of the terms whose amplitude is known [N, N m].
+    findings : tuple of Finding
+        What was lost in reading them.
+    own_zeros : bool
+        Whether each recording has a zero of its own: the mean of each is then taken out of force and columns.
+    baseline : (k,) array
+        Amplitudes of the free terms of the baseline that `Motion.modelled` is made with.
+    """
+
+    names: tuple[str, ...]
+    motion: Motion
+    keep_every: int
+    force: Array
+    known: Array
+    findings: tuple[Finding, ...] = ()
+    own_zeros: bool = False
+    baseline: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def name(self) -> str:
+        """What they are called together."""
+        return self.names[0] if len(self.names) == 1 else f"{len(self.names)} recordings"
+
+    @property
+    def coasts(self) -> bool:
+        """Whether nothing drives the machine."""
+        return not self.motion.force.any()
+
+    @property
+    def size(self) -> float:
+        """Root of the sum of squares of the force; of that of the known terms where the machine coasts."""
+        return float(np.linalg.norm(self.known if self.coasts else self.force + self.known))
+
+    @property
+    def starts(self) -> tuple[int, ...]:
+        """Thinned sample with which each recording begins."""
+        return _starts_of([-(-int(n) // self.keep_every) for n in self._lengths])
+
+    @property
+    def _lengths(self) -> Array:
+        return np.diff([*self.motion.starts, len(self.motion.time)])
+
+    def thin(self, columns: Array) -> Array:
+        """Every column filtered and decimated like the force (parallel filtering), within each recording."""
+        parts = np.split(columns, self.motion.starts[1:])
+        return np.concatenate([self._centred(_thinned(part, self.keep_every)) for part in parts])
+
+    def _centred(self, columns: Array) -> Array:
+        """Without their mean, where each recording has a zero of its own."""
+        if not self.own_zeros:
+            return columns
+        left = columns - columns.mean(axis=0)
+        gone = np.linalg.norm(left, axis=0) < VANISHES * np.linalg.norm(columns, axis=0)
+        return np.where(gone, 0.0, left)
+
+    def slow(self, values: Array) -> Array:
+        """The slow part of a thinned signal (n,), within each recording."""
+        parts = np.split(values, self.starts[1:])
+        return np.concatenate([filtfilt(*butter(2, SLOW_PART), part) if len(part) > SHORT else part for part in parts])
+
+    def columns(self, term: Term[Motion], shape: float = float("nan")) -> Array:
+        """Thinned columns of a term (n, amplitudes), per unit."""
+        return self.thin(term.columns(self.motion, shape))
+
+    @property
+    def time(self) -> Array:
+        """Time of the thinned samples [s]."""
+        return np.concatenate([part[:: self.keep_every] for part in np.split(self.motion.time, self.motion.starts[1:])])
+
+    def each(self) -> tuple[Recorded, ...]:
+        """The recordings one by one."""
+        m, ends = self.motion, (*self.motion.starts, len(self.motion.time))
+        thin = (*self.starts, len(self.force))
+        found = []
+        for k, name in enumerate(self.names):
+            few = slice(*thin[k : k + 2])
+            motion = m.part(slice(*ends[k : k + 2]))
+            found.append(replace(self, names=(name,), motion=motion, force=self.force[few], known=self.known[few]))
+        return tuple(found)
+
+
+def _starts_of(lengths: Sequence[int]) -> tuple[int, ...]:
+    """Place with which each of several parts begins."""
+    return tuple(int(start) for start in np.cumsum([0, *lengths])[:-1])
+
+
+def _thinned(columns: Array, keep_every: int) -> Array:
+    """Filtered without phase and decimated along the first axis."""
+    if keep_every == 1:
+        return columns
+    return np.asarray(decimate(columns, keep_every, axis=0, zero_phase=True))
+
+
+def joined(motions: Sequence[Motion]) -> Motion:
+    """Motions one after the other; time goes on from one to the next."""
+    first, h = motions[0], motions[0].sample_time
+    times, end = [], first.time[0]
+    for motion in motions:
+        times.append(motion.time - motion.time[0] + end)
+        end = times[-1][-1] + h
+
+    def whole(values: Callable[[Motion], Array]) -> Array:
+        return np.concatenate([values(motion) for motion in motions])
+
+    return Motion(
+        np.concatenate(times),
+        whole(lambda m: m.position),
+        whole(lambda m: m.speed),
+        whole(lambda m: m.acceleration),
+        whole(lambda m: m.force),
+        whole(lambda m: m.modelled),
+        max(motion.rest_speed for motion in motions),
+        _starts_of([len(motion.time) for motion in motions]),
+        {key: whole(lambda m, key=key: m.besides[key]) for key in first.besides},  # type: ignore[misc]  # bound now
+        max(motion.even_acceleration for motion in motions),
+    )
+
+
+def with_known(
+    names: Sequence[str], motion: Motion, case: Case, findings: Sequence[Finding], of: Recorded | None = None
+) -> Recorded:
+    """Recordings with what the baseline gives, and with the known terms taken out of the force.
+
+    The baseline is fitted to them, or is that of other recordings.
+    """
+    plain = Recorded(
+        tuple(names), motion, case.prepare.keep_every, motion.force, motion.force, tuple(findings), case.own_zeros
+    )
+    terms = {term.identifier: term for term in case.library}
+    columns = {key: terms[key].columns(motion, float("nan"))[:, 0] for key in case.baseline}
+    known = np.zeros_like(motion.force)
+    for key, value in case.fixed.items():
+        known = known + value * columns[key]
+    free = np.stack([columns[key] for key in case.baseline if key not in case.fixed], axis=1)
+    few = plain.thin(np.c_[motion.force, known, free])
+    rest = few[:, 0] - few[:, 1]
+    free_amplitudes = of.baseline if of is not None else np.asarray(np.linalg.lstsq(few[:, 2:], rest, rcond=None)[0])
+    modelled = replace(motion, modelled=known + free @ free_amplitudes)
+    return replace(plain, motion=modelled, force=rest, known=few[:, 1], baseline=free_amplitudes)

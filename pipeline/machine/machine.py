@@ -1,0 +1,161 @@
+"""A machine as its file describes it: shafts, the gear between them, how its records are read and judged."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.machine.quantity import Stated
+from pmg.sim.bench import speed_ratio
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from pmg.pipeline.files.table_file import TableFile
+    from pmg.pipeline.machine.axis import Axis
+    from pmg.pipeline.machine.channel import Channel
+    from pmg.pipeline.machine.tables import ModelTable, Published, RecordsTable
+
+SHAFT_NUMBERS = {
+    "inertia": "inertia",
+    "rotor_inertia": "inertia",
+    "coupling.stiffness": "stiffness",
+    "coupling.damping": "damping",
+    "friction.coulomb": "drive",
+    "friction.viscous": "damping",
+    "transducer.nominal": "drive",
+    "transducer.tolerance": "number",
+    "transducer.nonlinearity": "number",
+    "transducer.null_frequency": "frequency",
+    "transducer.span": "frequency",
+    "motor.constant": "drive per current",
+    "motor.back_emf_constant": "voltage per speed",
+    "motor.resistance": "resistance",
+    "motor.inductance": "inductance",
+    "motor.damping": "damping",
+    "motor.inertia": "inertia",
+    "motor.largest": "drive",
+    "encoder.counts_per_turn": "number",
+    "encoder.resolution": "way",
+}
+"""Numbers of a shaft by their keys, and what they are."""
+
+GEAR_NUMBERS = {
+    "ratio": "number",
+    "pole_pairs_input": "number",
+    "pole_pairs_output": "number",
+    "iron_poles": "number",
+    "pull_out_torque_input": "drive",
+    "pull_out_torque_output": "drive",
+    "pull_out_torque_carrier": "drive",
+    "carrier_inertia": "inertia",
+}
+"""Numbers of a gear by their keys, and what they are."""
+
+
+@dataclass(frozen=True)
+class MachineShaft:
+    """A shaft or a slide.
+
+    Parameters
+    ----------
+    name : str
+        What its engineer calls it.
+    axis : Axis
+        Whether it turns or slides.
+    numbers : mapping of str to Stated
+        What is known of it, by the keys of `SHAFT_NUMBERS`.
+    channels : mapping of str to (Channel, float)
+        ``position``, ``velocity``, ``force`` (also of a torque), as far as they are recorded; what one unit is in SI.
+    """
+
+    name: str
+    axis: Axis
+    numbers: Mapping[str, Stated]
+    channels: Mapping[str, tuple[Channel, float]]
+
+    @property
+    def total_inertia(self) -> Stated | None:
+        """Inertia of all that moves with it, where any is stated; its uncertainty where all have one."""
+        parts = [self.numbers[key] for key in ("inertia", "rotor_inertia", "motor.inertia") if key in self.numbers]
+        if not parts:
+            return None
+        spread = [part.u for part in parts if part.u is not None]
+        u = math.hypot(*spread) if len(spread) == len(parts) else None
+        return Stated(sum(part.value for part in parts), parts[0].unit, u, "; ".join({p.source for p in parts}))
+
+
+@dataclass(frozen=True)
+class MachineGear:
+    """What lies between two shafts.
+
+    Parameters
+    ----------
+    kind, input, output : str
+        One of `GEAR_KINDS`; names of the shafts.
+    numbers : mapping of str to Stated
+        What is known of it, by the keys of `GEAR_NUMBERS`.
+    """
+
+    kind: str
+    input: str
+    output: str
+    numbers: Mapping[str, Stated]
+
+    @property
+    def ratio(self) -> float:
+        """Speed of the input over that of the output; negative where they turn against each other."""
+        if self.kind == "rigid":
+            return self.numbers["ratio"].value
+        if self.kind == "none":
+            return 1.0
+        poles = (self.numbers[f"pole_pairs_{end}"].value for end in ("input", "output"))
+        return -float(speed_ratio(*poles))
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine as its file describes it.
+
+    Parameters
+    ----------
+    file : TableFile
+        The file, for messages about it.
+    title : str
+        What it is.
+    shafts : mapping of str to MachineShaft
+        One, or two with a gear between them.
+    gear : MachineGear or None
+        What lies between.
+    records : RecordsTable or None
+        How its records are read; None of a machine whose recordings are in layout pmg.v1.
+    model : ModelTable
+        Terms that are taken for granted.
+    published : tuple of Published
+        Parameters to compare with.
+    published_errors : mapping of str to float
+        Published relative errors, as parts of 1.
+    """
+
+    file: TableFile[Any]
+    title: str
+    shafts: Mapping[str, MachineShaft]
+    gear: MachineGear | None
+    records: RecordsTable | None
+    model: ModelTable
+    published: tuple[Published, ...] = ()
+    published_errors: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.file.path
+
+    @property
+    def ends(self) -> tuple[MachineShaft, ...]:
+        """The shaft; of two, the input first."""
+        if self.gear is None:
+            return tuple(self.shafts.values())
+        return self.shafts[self.gear.input], self.shafts[self.gear.output]

@@ -1,0 +1,131 @@
+"""Tables of a machine file, before they are checked against each other."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from pmg.pipeline.files.strict_tables import EACH_ONCE, Strict, one_of, within
+from pmg.pipeline.importers.csv_dialect import CsvForm
+from pmg.pipeline.machine.channel import Channel, PrepareTable
+from pmg.pipeline.machine.quantity import QuantityTable
+
+GEAR_KINDS = ("magnetic", "rigid", "none")
+"""What lies between two shafts: poles that may slip, teeth or a belt, or a shaft that goes through."""
+
+Number = QuantityTable | None
+
+
+class _TransducerTable(Strict):
+    """Torque or force transducer: tolerances are half-widths, of the reading and of the nominal value."""
+
+    nominal: Number = None
+    tolerance: Number = None
+    nonlinearity: Number = None
+    null_frequency: Number = None
+    span: Number = None
+
+
+class _MotorTable(Strict):
+    constant: Number = None
+    back_emf_constant: Number = None
+    resistance: Number = None
+    inductance: Number = None
+    damping: Number = None
+    inertia: Number = None
+    largest: Number = None
+
+
+class _EncoderTable(Strict):
+    counts_per_turn: Number = None
+    resolution: Number = None
+
+
+class _CouplingTable(Strict):
+    stiffness: Number = None
+    damping: Number = None
+
+
+class _FrictionTable(Strict):
+    coulomb: Number = None
+    viscous: Number = None
+
+
+class ShaftChannels(Strict):
+    """Channels of one shaft."""
+
+    position: Channel | None = None
+    velocity: Channel | None = None
+    force: Channel | None = None
+    torque: Channel | None = None
+
+
+class ShaftTable(Strict):
+    """A shaft or a slide."""
+
+    moves: Annotated[str, one_of("turns", "slides")] = "turns"
+    inertia: Number = None
+    rotor_inertia: Number = None
+    coupling: _CouplingTable = _CouplingTable()
+    friction: _FrictionTable = _FrictionTable()
+    transducer: _TransducerTable = _TransducerTable()
+    motor: _MotorTable = _MotorTable()
+    encoder: _EncoderTable = _EncoderTable()
+    channel: ShaftChannels = ShaftChannels()
+
+
+class GearTable(Strict):
+    """What lies between two shafts."""
+
+    kind: Annotated[str, one_of(*GEAR_KINDS)]
+    input: str
+    output: str
+    ratio: Number = None
+    pole_pairs_input: Number = None
+    pole_pairs_output: Number = None
+    iron_poles: Number = None
+    pull_out_torque_input: Number = None
+    pull_out_torque_output: Number = None
+    pull_out_torque_carrier: Number = None
+    carrier_inertia: Number = None
+
+
+class RecordsTable(PrepareTable):
+    """How records name their times, which are withheld, and how they are prepared."""
+
+    time: Channel
+    temperature: Channel | None = None
+    withheld: Annotated[list[str], EACH_ONCE] = Field(default_factory=list)
+    withheld_part: Annotated[float, within(0.05, 0.6)] | None = None
+    zeros: Annotated[str, one_of("common", "own")] = "common"
+    csv: CsvForm = CsvForm()
+
+
+class ModelTable(Strict):
+    """Terms that are taken for granted, amplitudes that are known [SI], numbers of the machine that are."""
+
+    baseline: Annotated[list[str], EACH_ONCE] = Field(default_factory=list)
+    fixed: dict[str, float] = Field(default_factory=dict)
+
+
+class Published(Strict):
+    """A published parameter that ours is compared with."""
+
+    term: str
+    parameter: str
+    value: Annotated[float, within(-1e12, 1e12)]
+    unit: str
+
+
+class PublishedErrors(Strict):
+    """Relative force errors [%]."""
+
+    fit_percent: Annotated[float, within(0.0, 1e4, "%")] | None = None
+    withheld_percent: Annotated[float, within(0.0, 1e4, "%")] | None = None
+
+    @property
+    def parts(self) -> dict[str, float]:
+        """Those that are given, as parts of 1, by what they are about."""
+        percents = {"fit": self.fit_percent, "withheld": self.withheld_percent}
+        return {name: value / 100.0 for name, value in percents.items() if value is not None}
