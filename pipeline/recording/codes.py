@@ -86,5 +86,6 @@ class Code(StrEnum):
     CLOCK_DRIFT = "clock.drift"
     CLOCK_JUMP = "clock.jump"
     CLOCK_UNSET = "clock.unset"
+    CLOCK_UNEVEN = "clock.uneven"
     LINES_DISAGREE = "lines.disagree"
     EMERGENCY_STOP = "lines.emergency_stop"
