@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -136,8 +137,7 @@ def even_stretches(
     ends = np.concatenate(([0], np.flatnonzero(breaks) + 1, [len(column.time)]))
     _tell_missing(column, count, breaks, rate, findings)
     stretches = tuple(
-        _stretch(column, count, slice(int(low), int(high)), rate, (taken, even), where)
-        for low, high in zip(ends[:-1], ends[1:], strict=True)
+        _stretch(column, count, slice(int(low), int(high)), rate, (taken, even), where) for low, high in pairwise(ends)
     )
     _tell_tail(stretches, findings)
     return Clock(rate, stretches)
@@ -195,8 +195,7 @@ def _scatter(column: TimeColumn, count: SampleCount, where: str, findings: Findi
         findings.info(Code.CLOCK_UNEVEN, "time", size + text, "Nothing to do.")
     else:
         text = f"the signals do not tell whether samples were taken at these times ({share}): they are taken as even"
-        do = "Look up whether the recorder stamps samples when they are taken, or when they arrive."
-        findings.warning(Code.CLOCK_UNEVEN, "time", size + text, do)
+        findings.warning(Code.CLOCK_UNEVEN, "time", size + text, "Look up when the recorder stamps its samples.")
     return reading.taken, False
 
 
