@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from pmg.pipeline.importers.jitter import reading_of, resampled
 from pmg.pipeline.importers.rows import DRIFT_TOLD, WHOLE_RATE
-from pmg.pipeline.importers.sample_count import LONGEST_FILLED, count_samples
+from pmg.pipeline.importers.sample_count import LONGEST_FILLED, count_samples, resolution_of
 from pmg.pipeline.importers.time_column import time_column
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.wording.plurals import counted
@@ -45,11 +45,8 @@ AROUND, LEAST_AROUND = 8, 2.0 / 3.0
 SHORT_TAIL = 0.05
 """Part of the samples of a file below which a last stretch may be the tail of the next test."""
 
-SEARCHED_FOR_TICKS = 200_000
-"""Rows from whose times the resolution of the clock is found."""
-
-MOST_TICKS = 50
-"""Most different steps in a time column that shows its resolution."""
+MOST_PAUSES = 0.1
+"""Pauses over rows beyond which times are none of a recording."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +128,9 @@ def even_stretches(
     if float(np.ptp(column.time)) == 0.0:
         raise RecordingError(where, "the same time throughout", "times that grow", "Check the time channel.")
     count = count_samples(column.time)
+    if count.breaks.sum() > max(3.0, MOST_PAUSES * len(column.time)):
+        came = f"{count.breaks.sum()} pauses in {len(column.time)} rows"
+        raise RecordingError(where, came, "rows that follow one another", "Check the time channel.")
     rate = _settled_rate(count, rate_hz, where, findings)
     taken, even = _scatter(column, count, where, findings)
     breaks = count.breaks | (_crowded(count) if not taken else np.zeros_like(count.breaks))
@@ -171,7 +171,7 @@ def _scatter(column: TimeColumn, count: SampleCount, where: str, findings: Findi
     if not len(steps) or float(np.abs(steps - count.steps[inner]).max()) <= EVEN_STEP:
         return False, True
     rms, most = float(np.sqrt(np.mean(count.jitter**2))), float(np.abs(count.jitter).max())
-    tick = _resolution(column.time) * count.rate_hz
+    tick = resolution_of(column.time) * count.rate_hz
     if 2.0 * most <= 1.5 * tick:
         findings.info(
             Code.CLOCK_UNEVEN,
@@ -197,18 +197,6 @@ def _scatter(column: TimeColumn, count: SampleCount, where: str, findings: Findi
         text = f"the signals do not tell whether samples were taken at these times ({share}): they are taken as even"
         findings.warning(Code.CLOCK_UNEVEN, "time", size + text, "Look up when the recorder stamps its samples.")
     return reading.taken, False
-
-
-def _resolution(time: Array) -> float:
-    """Distance of the values that times can take [s]; that of the numbers themselves where steps show none."""
-    part = time[:SEARCHED_FOR_TICKS]
-    spacing = float(np.spacing(np.abs(part).max()))
-    fine = 8.0 * spacing
-    steps = np.sort(np.diff(part))
-    first = np.flatnonzero(np.diff(steps, prepend=-np.inf) > fine)
-    if not 2 <= len(first) <= MOST_TICKS:
-        return spacing
-    return float(np.diff(steps[first]).min())
 
 
 def _crowded(count: SampleCount) -> Mask:

@@ -37,6 +37,9 @@ CERTAIN = 1.0 - 1e-6
 INCOHERENT = 6.0
 """Coherence, over that of unrelated signals, below which a frequency takes no part."""
 
+FOR_FEW = 4.0
+"""Widening of the variance, over the number of lines that tell the offset: weights come from the same lines."""
+
 ITERATIONS = 25
 """Most steps to the best offset."""
 
@@ -71,7 +74,7 @@ class Offset:
     correlation : float
         Reached by the two signals when aligned, with its sign [1].
     margin : float
-        By how much its size exceeds that of the second-best peak [1].
+        By how much its size exceeds that of the second-best peak [1]; negative if that one has a shorter overlap.
     others : tuple of float
         Other offsets that the data do not rule out, the likeliest first [s]; signals that repeat have some.
     """
@@ -141,8 +144,9 @@ def offset_between(
         do = "Choose a longer part, or a signal that changes faster."
         raise RecordingError(where, came, f"{LARGEST_DIFFERENCE:.1%} at most", do)
     correlation = float(np.corrcoef(_within(pair, spline, line, time), here)[0, 1])
-    others = tuple(line.offset + other - peaks.offset for other in peaks.others)
-    sizes = float(line.offset), float(errors[0]), float(line.drift), float(errors[1]), line.at
+    others = tuple(float(line.offset) + other - peaks.offset for other in peaks.others)
+    digits = float(np.spacing(max(np.abs(pair.first_time).max(), np.abs(time).max())))
+    sizes = float(line.offset), float(np.hypot(errors[0], digits)), float(line.drift), float(errors[1]), line.at
     return Offset(*sizes, correlation, peaks.margin, others)
 
 
@@ -216,10 +220,12 @@ def _step(there: Array, here: Array, time: Array, rate_hz: float) -> tuple[Array
     powers = np.stack([np.ones(len(time)), time - middle])
     score = powers @ (slope * irfft(rest, len(time)))
     shape = (powers * gain) @ powers.T
-    (left,), _ = _smoothed((np.abs(rest) ** 2,), len(fx))
-    left = np.where(band, left.real * lines / (lines - 1.0), 0.0) / float(fade @ fade)
+    (noise,), _ = _smoothed((np.abs(rest) ** 2,), len(fx))
+    left = np.where(band, noise.real * lines / (lines - 1.0), 0.0) / float(fade @ fade)
     bent = rfft(powers * slope * fade)
     spread = 2.0 * ((bent * left) @ bent.conj().T).real / len(time)
+    used = np.abs(bent[0]) ** 2 * left
+    spread *= 1.0 + FOR_FEW * float(used @ used) / max(float(used.sum()) ** 2, 1e-300)
     back = np.linalg.pinv(shape)
     return back @ score, back @ spread @ back.T, middle
 

@@ -14,6 +14,8 @@ from scipy.stats import norm
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
     from pmg.sim.signals import Array, Mask
 
 FEWEST_COMMON = 64
@@ -27,6 +29,9 @@ UNEVEN_STEP = 0.02
 
 CHANCE = 1e-3
 """Probability with which two recordings that have nothing in common may pass."""
+
+HARDLY_CHANCE = 0.02
+"""Part of the power that is left below which two signals are alike, however few independent samples they have."""
 
 LOBE = 0.7
 """Part of the highest correlation down to which its peak reaches."""
@@ -79,7 +84,7 @@ class Peaks:
     offset : float
         Of the highest correlation [s].
     margin : float
-        Size of that correlation less that of the next peak [1].
+        Size of that correlation less that of the next peak [1]; negative if that one has a shorter overlap.
     others : tuple of float
         Offsets of peaks that are not ruled out [s].
     """
@@ -160,8 +165,9 @@ def peaks_of(pair: CommonSignal, largest_s: float | None) -> Peaks:
 
     Notes
     -----
-    Chance is judged by Fisher's transform, with the degrees of freedom that the autocorrelations of the two leave
-    (Bartlett), over as many shifts as are independent.
+    Of peaks that are next to equal, the one with the longer overlap counts. Chance is judged by Fisher's transform,
+    with the degrees of freedom that the autocorrelations of the two leave (Bartlett), over as many shifts as are
+    independent; signals that are next to equal pass with few of them.
     """
     count = int((pair.first_time[-1] - pair.first_time[0]) * pair.rate_hz * (1.0 + 1e-12)) + 1
     grid = np.minimum(pair.first_time[0] + np.arange(count) / pair.rate_hz, pair.first_time[-1])
@@ -174,12 +180,13 @@ def peaks_of(pair: CommonSignal, largest_s: float | None) -> Peaks:
         came, do = f"no overlap of half the shorter at offsets up to {largest_s:g} s", "Allow a larger offset."
         raise RecordingError(pair.where, came, "recordings of one time", do)
     size = np.where(allowed, np.abs(height), 0.0)
-    best = int(np.argmax(size))
-    overlap = min(len(x), lag[best] + len(y)) - max(0, lag[best])
-    freedom = max(overlap / width, 1.0)
+    overlap = np.minimum(len(x), lag + len(y)) - np.maximum(0, lag)
+    left = 1.0 - np.minimum(size, 1.0) ** 2 + SAME_REST
+    best = int(np.argmax(np.where(allowed, -overlap * np.log(left), -np.inf)))
+    freedom = max(float(overlap[best]) / width, 1.0)
     shifts = max(float(allowed.sum()) / width, 1.0)
     score = float(np.arctanh(min(size[best], 1.0 - 1e-12))) * np.sqrt(max(freedom - 3.0, 0.5))
-    if not score > float(norm.isf(CHANCE / 2.0 / shifts)):
+    if not (score > float(norm.isf(CHANCE / 2.0 / shifts)) or left[best] - SAME_REST < HARDLY_CHANCE):
         came = f"a correlation of {height[best]:+.2f} at most, which {freedom:.0f} independent samples reach by chance"
         do = "Choose a longer part, or a signal that changes more and follows the same thing in both."
         raise RecordingError(pair.where, came, "a correlation beyond chance", do)
@@ -188,18 +195,17 @@ def peaks_of(pair: CommonSignal, largest_s: float | None) -> Peaks:
     rest[low : high + 1] = 0.0
     found = find_peaks(np.pad(rest, 1), prominence=0.1 * size[best])[0] - 1
     found = found[np.argsort(-rest[found], kind="stable")]
-    left = 1.0 - size**2 + SAME_REST
     possible = [k for k in found if 0.5 * freedom * np.log(left[k] / left[best]) < SURE_OF_PEAK]
     others = tuple(float(offset[k]) for k in possible[:MOST_OTHERS])
     margin = float(size[best] - (rest[found[0]] if len(found) else 0.0))
     return Peaks(float(offset[best]), margin, others)
 
 
-def _correlated(x: Array, y: Array) -> tuple[Array, Array, float]:
+def _correlated(x: Array, y: Array) -> tuple[npt.NDArray[np.int64], Array, float]:
     """Shifts [samples], the correlation at each [1], and the width of the autocorrelations [samples]."""
     length = next_fast_len(len(x) + len(y), real=True)
     fx, fy = rfft(x, length), rfft(y, length)
-    lag = np.arange(-(len(y) - 1), len(x))
+    lag = np.arange(-(len(y) - 1), len(x), dtype=np.int64)
     product = np.roll(irfft(fx * np.conj(fy), length), len(y) - 1)[: len(lag)]
     low, high = np.maximum(lag, 0), np.minimum(len(x), lag + len(y))
     enough = high - low >= min(len(x), len(y)) / 2.0
@@ -218,7 +224,7 @@ def _correlated(x: Array, y: Array) -> tuple[Array, Array, float]:
     height = np.where(flat, 0.0, (product - sum_x * sum_y / number) / scale)
     own_x, own_y = irfft(np.abs(fx) ** 2, length), irfft(np.abs(fy) ** 2, length)
     width = float(own_x @ own_y) / float(own_x[0] * own_y[0])
-    return lag, height, max(width, 1.0)
+    return lag, np.asarray(height, dtype=np.float64), max(width, 1.0)
 
 
 def _lobe(size: Array, best: int) -> tuple[int, int]:

@@ -27,8 +27,18 @@ PASSES = 6
 LEAST_SHIFT = 0.6
 """Samples by which times must stay behind after a step for samples to be missing."""
 
+COARSE_RATE = 0.375
+"""Standard error of a rate from coarse times, over their resolution and the length; the most is four times that."""
+
 SPAN_OF_RATE = 1000
 """Rows over which a rate is taken where single steps scatter."""
+
+
+SEARCHED_FOR_TICKS = 200_000
+"""Rows from whose times the resolution of the clock is found."""
+
+MOST_TICKS = 50
+"""Most different steps in a time column that shows its resolution."""
 
 
 @dataclass(frozen=True)
@@ -77,10 +87,31 @@ def count_samples(time: Array) -> SampleCount:
     packet = len(time) / max(int((np.diff(time) * rate > 0.05).sum()) + 1, 1)
     for _ in range(2):
         steps, breaks = _counted_steps(time * rate, packet)
-        before, (rate, error, jitter) = rate, _line(time, steps, breaks)
+        before, (rate, error, jitter) = rate, _line(time, steps, breaks, rate)
         if abs(rate / before - 1.0) < 1e-6:
             break
+    tick = resolution_of(time) * rate
+    if 2.0 * float(np.abs(jitter).max()) > 0.25 * tick:
+        error = max(error, COARSE_RATE * tick / len(time))
     return SampleCount(rate, error, steps, breaks, jitter, packet)
+
+
+def resolution_of(time: Array) -> float:
+    """Distance of the values that times can take [s]; that of the numbers themselves where steps show none.
+
+    Parameters
+    ----------
+    time : (n,) array
+        Two or more [s].
+    """
+    part = time[:SEARCHED_FOR_TICKS]
+    spacing = float(np.spacing(np.abs(part).max()))
+    fine = 8.0 * spacing
+    steps = np.sort(np.diff(part))
+    first = np.flatnonzero(np.diff(steps, prepend=-np.inf) > fine)
+    if not 2 <= len(first) <= MOST_TICKS:
+        return spacing
+    return float(np.diff(steps[first]).min())
 
 
 def _first_rate(time: Array) -> float:
@@ -149,7 +180,7 @@ def _losses(late: Array, steps: Array, packet: float) -> tuple[npt.NDArray[np.in
     return np.zeros(0, dtype=np.int64), np.zeros(0)
 
 
-def _line(time: Array, steps: npt.NDArray[np.int64], breaks: Mask) -> tuple[float, float, Array]:
+def _line(time: Array, steps: npt.NDArray[np.int64], breaks: Mask, rate: float) -> tuple[float, float, Array]:
     """Rate [Hz], its standard error as a part, and what is left of each row's time [samples], stretch by stretch."""
     index = np.concatenate(([0], np.cumsum(np.where(breaks, 0, steps)))).astype(np.float64)
     stretch = np.concatenate(([0], np.cumsum(breaks)))
@@ -160,7 +191,7 @@ def _line(time: Array, steps: npt.NDArray[np.int64], breaks: Mask) -> tuple[floa
     at -= (np.bincount(stretch, at) / rows)[stretch]
     size = float(index @ index)
     if size == 0.0 or not float(index @ at) > 0.0:
-        return 1.0 / float(np.median(np.diff(time))), float("inf"), np.zeros(len(time))
+        return rate, float("inf"), at * rate - index
     period = float(index @ at) / size
     jitter = at / period - index
     return 1.0 / period, float(np.sqrt(np.mean(jitter**2) / size)), jitter

@@ -25,6 +25,9 @@ KNOWN_WRAPS = (60.0, 3600.0, 86400.0, 2**16 * 1e-3, 2**16 * 1e-6, 2**32 * 1e-3, 
 LONGEST_BACK = 5.0
 """Steps by which a time may go back as jitter does, and samples that may be lost where it begins anew."""
 
+MOST_BACK = 0.4
+"""Part of all steps that may go back by jitter; in rows without order half of them do."""
+
 ASTRAY = 0.3
 """Part of a step by which one may differ from the others before it counts as scattered."""
 
@@ -134,7 +137,7 @@ def _counted_on(column: TimeColumn, where: str, findings: Findings) -> TimeColum
             "Nothing to do; a pause longer than that would not show.",
         )
     back = np.flatnonzero(steps < 0.0)
-    if len(back) and not _scattered(steps, step, back):
+    if len(back) > MOST_BACK * len(steps) or (len(back) and not _scattered(steps, step, back)):
         _refuse_back(column, int(back[0]), where)
     return column
 
