@@ -28,7 +28,7 @@ JUDGED = 1_000_000
 BLOCK = 50
 """Rows of a block; what disturbs the signals may hang together within one."""
 
-CLEARLY = 3.0
+SURE_OF_READING = 3.0
 """Standard errors by which the decision between the readings must stand."""
 
 FOURTH = (1.0, -4.0, 6.0, -4.0, 1.0)
@@ -39,6 +39,10 @@ MOST_NOISE = 0.25
 
 NEAREST = 0.25
 """Distance of two samples below which their mean is taken before a spline is laid through them [samples]."""
+
+
+AT_ONCE, BESIDE = 200_000, 64
+"""Places that are interpolated at once, and samples beside them that the spline runs on; it forgets within a few."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,7 @@ class Reading:
     @property
     def clear(self) -> bool:
         """Whether the signals decide; a share far from both readings is neither."""
-        return -0.5 < self.share < 1.5 and abs(self.share - 0.5) > CLEARLY * self.error
+        return -0.5 < self.share < 1.5 and abs(self.share - 0.5) > SURE_OF_READING * self.error
 
 
 def reading_of(jitter: Array, broken: Mask, signals: Iterable[npt.NDArray[Any]]) -> Reading:
@@ -138,10 +142,16 @@ def resampled(places: Array, values: npt.NDArray[Any], length: int) -> Array:
     """
     order = np.argsort(places, kind="stable")
     at, value = places[order], np.asarray(values, dtype=np.float64)[order]
-    first = np.flatnonzero(np.diff(at, prepend=-np.inf) >= NEAREST)
-    if len(first) < len(at):
-        count = np.diff(np.append(first, len(at)))
-        at, value = np.add.reduceat(at, first) / count, np.add.reduceat(value, first) / count
+    group = np.flatnonzero(np.diff(at, prepend=-np.inf) >= NEAREST)
+    if len(group) < len(at):
+        count = np.diff(np.append(group, len(at)))
+        at, value = np.add.reduceat(at, group) / count, np.add.reduceat(value, group) / count
     if len(at) < 2:
         return np.full(length, value[0])
-    return np.asarray(CubicSpline(at, value)(np.clip(np.arange(length), at[0], at[-1])))
+    whole = np.empty(length)
+    for low in range(0, length, AT_ONCE):
+        high = min(low + AT_ONCE, length)
+        first, last = np.searchsorted(at, (low, high))
+        part = slice(max(int(first) - BESIDE, 0), int(last) + BESIDE)
+        whole[low:high] = CubicSpline(at[part], value[part])(np.clip(np.arange(low, high), at[0], at[-1]))
+    return whole

@@ -139,16 +139,11 @@ def _counted_steps(places: Array, packet: float) -> tuple[npt.NDArray[np.int64],
         if not len(found):
             break
         excess[found] += size
-        late -= np.concatenate(([0.0], np.cumsum(excess_of(found, size, len(steps)))))
+        behind = np.zeros(len(steps))
+        behind[found] = size
+        late -= np.concatenate(([0.0], np.cumsum(behind)))
     whole = np.rint(excess + 1.0)
     return whole.astype(np.int64), whole > LONGEST_FILLED + (0.0 if packet < 2.0 else packet)
-
-
-def excess_of(found: npt.NDArray[np.int64], size: Array, length: int) -> Array:
-    """Sizes at their places, zero elsewhere (length,)."""
-    whole = np.zeros(length)
-    whole[found] = size
-    return whole
 
 
 def _losses(late: Array, steps: Array, packet: float) -> tuple[npt.NDArray[np.int64], Array]:
