@@ -11,7 +11,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 REQUIREMENTS = ROOT / "requirements.txt"
-SECTIONS = {"run": (), "dev": ("dev",), "all": ("dev", "tdms", "mf4", "dask")}
+SECTIONS = {"run": (), "dev": ("dev",), "all": ("dev", "tdms", "mf4", "hdf5", "dask")}
 """Sections of requirements.txt, each with the extras whose packages it adds to those of the sections before."""
 MARK = "# --- "
 HEAD = f"""\

@@ -36,6 +36,7 @@ OWNERS: dict[str, tuple[str, ...]] = {
     "deflate": ("pmg.pipeline.recording",),
     "nptdms": ("pmg.pipeline.importers",),
     "asammdf": ("pmg.pipeline.importers",),
+    "h5py": ("pmg.pipeline.importers",),
     "distributed": ("pmg.pipeline.files.parallel",),
     "dask": ("pmg.pipeline.files.parallel",),
     "matplotlib": ("pmg.pipeline.report",),

@@ -16,7 +16,7 @@ from pmg.pipeline.files.progress import Progress
 @command("import")
 def bring(
     source: Annotated[
-        Path, typer.Argument(help="CSV, TDMS, MF4, MAT or Parquet file, or a folder of them.", metavar="SOURCE")
+        Path, typer.Argument(help="CSV, TDMS, MF4, HDF5, MAT or Parquet file, or a folder of them.", metavar="SOURCE")
     ],
     chart: Annotated[Path, typer.Option("--map", help="Channel map in TOML; see pipeline/importers/README.md.")],
     out: Annotated[Path, typer.Option("--out", help="Folder of the recordings, called like their sources.")],
@@ -25,7 +25,7 @@ def bring(
     ] = None,
     progress: Progress | None = None,
 ) -> Outcome:
-    """Convert recordings in CSV, TDMS, MF4, MAT or Parquet to MCAP of layout pmg.v1, by a channel map."""
+    """Convert recordings in CSV, TDMS, MF4, HDF5, MAT or Parquet to MCAP of layout pmg.v1, by a channel map."""
     from pmg.pipeline.commands.exchange import run_import
 
     return run_import(source, chart, out, words or (), progress)

@@ -8,7 +8,7 @@ from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.importers.channel_map import RUN_KEYS, read_map
 from pmg.pipeline.importers.export import export_recording
 from pmg.pipeline.importers.import_recording import import_recording
-from pmg.pipeline.importers.open_source import FORMATS
+from pmg.pipeline.importers.open_source import FORMATS, KINDS_OF_FILE
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.windows.limits_file import chosen_limits
 from pmg.pipeline.wording.plurals import counted
@@ -34,7 +34,7 @@ def run_import(
     Parameters
     ----------
     place : Path
-        CSV, TDMS, MF4, MAT or Parquet, or a folder of them.
+        CSV, TDMS, MF4, HDF5, MAT or Parquet, or a folder of them.
     chart : Path
         Channel map.
     out : Path
@@ -155,9 +155,7 @@ def _sources(place: Path) -> list[Path]:
     found = sorted(path for path in place.iterdir() if path.suffix.lower() in ends and path.is_file())
     if not found:
         do = f"Known ends of names: {', '.join(sorted(ends))}."
-        raise RecordingError(
-            str(place), "no file of a known format", "recordings in CSV, TDMS, MF4, MAT or Parquet", do
-        )
+        raise RecordingError(str(place), "no file of a known format", f"recordings in {KINDS_OF_FILE}", do)
     stems = [path.stem for path in found]
     twice = [path.name for path in found if stems.count(path.stem) > 1]
     if twice:

@@ -86,7 +86,7 @@ def import_recording(
     Parameters
     ----------
     path : Path
-        CSV, TDMS, MF4, MAT or Parquet.
+        CSV, TDMS, MF4, HDF5, MAT or Parquet.
     channel_map : ChannelMap
         Which channel is which topic.
     out : Path

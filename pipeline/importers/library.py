@@ -50,10 +50,11 @@ class LibrarySource(ABC):
     started_at: datetime | None = field(default=None, init=False)
     _module: str = field(init=False, repr=False)
     _title: str = field(init=False, repr=False)
+    _licence: str = field(init=False, repr=False)
     _library: Any = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self._library = optional(self._module, self.format, self.path)
+        self._library = optional(self._module, self.format, self._licence, self.path)
         self.reader = f"{self._title} {self._library.__version__}"
         with self._opened() as opened:
             self._describe(opened)

@@ -37,6 +37,7 @@ class Mf4Source(LibrarySource):
     format: str = field(default="mf4", init=False)
     _module: str = field(default="asammdf", init=False, repr=False)
     _title: str = field(default="asammdf", init=False, repr=False)
+    _licence: str = field(default="LGPL-3.0-or-later", init=False, repr=False)
     _paths: dict[str, tuple[int, int]] = field(init=False, repr=False)
 
     def _open(self, stream: BinaryIO) -> Any:  # noqa: ANN401 - asammdf's own class

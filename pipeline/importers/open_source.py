@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.importers.csv_source import CsvSource
+from pmg.pipeline.importers.hdf5_source import Hdf5Source, is_hdf5
 from pmg.pipeline.importers.mf4_source import Mf4Source
 from pmg.pipeline.importers.source import Wanted
 from pmg.pipeline.importers.table_source import TableSource
@@ -26,10 +27,13 @@ FORMATS = {
     **dict.fromkeys((".csv", ".txt", ".tsv", ".asc"), "csv"),
     ".tdms": "tdms",
     **dict.fromkeys((".mf4", ".mdf"), "mf4"),
+    **dict.fromkeys((".h5", ".hdf5"), "hdf5"),
     ".mat": "mat",
     ".parquet": "parquet",
 }
-"""Format of a file by the end of its name."""
+"""Format of a file by the end of its name; a MAT file of version 7.3 is HDF5."""
+KINDS_OF_FILE = "CSV, TDMS, MF4, HDF5, MAT or Parquet"
+"""The formats, for messages."""
 
 
 def open_source(path: Path, form: CsvForm, findings: Findings) -> ForeignSource:
@@ -56,9 +60,11 @@ def open_source(path: Path, form: CsvForm, findings: Findings) -> ForeignSource:
         return Mf4Source(path)
     if kind == "csv":
         return CsvSource(path, form, findings)
+    if kind == "hdf5" or (kind == "mat" and is_hdf5(path)):
+        return Hdf5Source(path, findings)
     if kind is not None:
         return TableSource(path, kind)
-    came, expected = f"the ending '{path.suffix}'", "a file in CSV, TDMS, MF4, MAT or Parquet"
+    came, expected = f"the ending '{path.suffix}'", f"a file in {KINDS_OF_FILE}"
     raise RecordingError(str(path), came, expected, near_miss(path.suffix, FORMATS))
 
 

@@ -94,7 +94,7 @@ class ForeignSource(Protocol):
 
     path: Path
     format: str
-    """``csv``, ``tdms``, ``mf4``, ``mat`` or ``parquet``."""
+    """``csv``, ``tdms``, ``mf4``, ``hdf5``, ``mat`` or ``parquet``."""
     reader: str
     """Library that reads it, with its version."""
     place: str
@@ -131,7 +131,7 @@ def channel_of(source: ForeignSource, name: str, where: str) -> SourceChannel:
     return found[0]
 
 
-def optional(library: str, extra: str, path: Path) -> ModuleType:
+def optional(library: str, extra: str, licence: str, path: Path) -> ModuleType:
     """A library that is installed only where it is wanted, loaded when it is first needed.
 
     Raises
@@ -141,7 +141,7 @@ def optional(library: str, extra: str, path: Path) -> ModuleType:
     """
     if find_spec(library) is None:
         came = f"the library that reads this format, '{library}', is not installed"
-        do = f"Install it: pip install 'pmg-bench[{extra}]'. It is licensed under the LGPL-3."
+        do = f"Install it: pip install 'pmg-bench[{extra}]'. Its licence: {licence}."
         raise RecordingError(str(path), came, "a format that can be read", do)
     return import_module(library)
 

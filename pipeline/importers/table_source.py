@@ -56,9 +56,6 @@ class TableSource:
         self.reader = f"{title} {version(package)}"
         try:
             self._columns = _of_mat(self.path) if self.format == "mat" else _of_parquet(self.path)
-        except NotImplementedError as fault:
-            do = "Save it with -v7, or as Parquet or CSV."
-            raise RecordingError(str(self.path), "a MAT file of version 7.3", "one up to version 7.2", do) from fault
         except Exception as fault:  # damaged files end the readers in errors of any kind
             raise unreadable(self.path, title, fault) from fault
         self.channels = tuple(SourceChannel(name, length=len(column)) for name, column in self._columns.items())

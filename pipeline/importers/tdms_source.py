@@ -42,6 +42,7 @@ class TdmsSource(LibrarySource):
     format: str = field(default="tdms", init=False)
     _module: str = field(default="nptdms", init=False, repr=False)
     _title: str = field(default="npTDMS", init=False, repr=False)
+    _licence: str = field(default="LGPL-3.0-only", init=False, repr=False)
     _cut: bool = field(default=False, init=False, repr=False)
     _paths: dict[str, tuple[str, str]] = field(init=False, repr=False)
 

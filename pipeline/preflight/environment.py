@@ -20,6 +20,7 @@ OK, MIND, BAD = "ok", "mind", "bad"
 EXTRAS = {
     "tdms": ("nptdms", "import of TDMS"),
     "mf4": ("asammdf", "import of MF4"),
+    "hdf5": ("h5py", "import of HDF5 and of MAT 7.3"),
     "dask": ("distributed", "--scheduler"),
 }
 """Extras: what they install, and what it is for."""

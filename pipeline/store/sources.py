@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 SUFFIX = ".mcap"
-FOREIGN = frozenset({".csv", ".tsv", ".tdms", ".mf4", ".mdf"})
+FOREIGN = frozenset({".csv", ".tsv", ".tdms", ".mf4", ".mdf", ".h5", ".hdf5"})
 """Ends of the names of files that other recorders write."""
 BRING = "Bring it in with 'pmg import': a file says which channel is which (see 'pmg import --help')."
 SAMPLED = 1 << 16
