@@ -18,16 +18,26 @@ def bring(
     source: Annotated[
         Path, typer.Argument(help="CSV, TDMS, MF4, HDF5, MAT or Parquet file, or a folder of them.", metavar="SOURCE")
     ],
-    chart: Annotated[Path, typer.Option("--map", help="Channel map in TOML; see pipeline/importers/README.md.")],
-    out: Annotated[Path, typer.Option("--out", help="Folder of the recordings, called like their sources.")],
+    chart: Annotated[
+        Path | None, typer.Option("--map", help="Channel map in TOML; see pipeline/importers/README.md.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="Folder of the recordings, called like their sources; with --guess, the new map."),
+    ] = None,
     words: Annotated[
         list[str] | None, typer.Option("--set", help="Key of the run, such as point=P17, instead of the map's; repeat.")
     ] = None,
+    guess: Annotated[
+        bool, typer.Option("--guess", help="Propose a channel map for a file, to be completed; nothing is imported.")
+    ] = False,
     progress: Progress | None = None,
 ) -> Outcome:
     """Convert recordings in CSV, TDMS, MF4, HDF5, MAT or Parquet to MCAP of layout pmg.v1, by a channel map."""
-    from pmg.pipeline.commands.exchange import run_import
+    from pmg.pipeline.commands.exchange import run_guess, run_import
 
+    if guess:
+        return run_guess(source, chart, out, words or ())
     return run_import(source, chart, out, words or (), progress)
 
 

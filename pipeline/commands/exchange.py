@@ -6,9 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.importers.channel_map import RUN_KEYS, read_map
+from pmg.pipeline.importers.csv_dialect import CsvForm
 from pmg.pipeline.importers.export import export_recording
 from pmg.pipeline.importers.import_recording import import_recording
-from pmg.pipeline.importers.open_source import FORMATS, KINDS_OF_FILE
+from pmg.pipeline.importers.map_guess import guess_map
+from pmg.pipeline.importers.map_text import map_text
+from pmg.pipeline.importers.open_source import FORMATS, KINDS_OF_FILE, open_source
+from pmg.pipeline.importers.signal_look import look_at
+from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.windows.limits_file import chosen_limits
 from pmg.pipeline.wording.plurals import counted
@@ -24,8 +29,8 @@ if TYPE_CHECKING:
 
 def run_import(
     place: Path,
-    chart: Path,
-    out: Path,
+    chart: Path | None,
+    out: Path | None,
     words: Iterable[str],
     progress: Progress | None = None,
 ) -> Outcome:
@@ -35,10 +40,10 @@ def run_import(
     ----------
     place : Path
         CSV, TDMS, MF4, HDF5, MAT or Parquet, or a folder of them.
-    chart : Path
-        Channel map.
-    out : Path
-        Folder of the recordings, which are called like their sources.
+    chart : Path, optional
+        Channel map; the call is refused without it.
+    out : Path, optional
+        Folder of the recordings, which are called like their sources; the call is refused without it.
     words : iterable of str
         ``key=value`` for the run, instead of what the map says.
     progress : callable, optional
@@ -49,6 +54,11 @@ def run_import(
     PmgError
         When the map is at fault, or none of the files could be imported.
     """
+    if chart is None:
+        do = "Name one; 'pmg import FILE --guess' proposes one."
+        raise BenchError("--map", "missing", "a channel map", do)
+    if out is None:
+        raise BenchError("--out", "missing", "a folder for the recordings", "Name one.")
     channel_map, given = read_map(chart), _words(words)
     sources = _sources(place)
     done: list[Imported] = []
@@ -69,6 +79,57 @@ def run_import(
     head = f"imported {len(done)} of {counted(len(sources), 'file')}, {rows}, into {out}"
     data = {"out": str(out), "imported": [_imported_document(imported) for imported in done], "failed": len(failed)}
     return Outcome(data, (head, *_readings(done)), tuple(findings), partial=bool(failed))
+
+
+def run_guess(place: Path, chart: Path | None, out: Path | None, words: Iterable[str]) -> Outcome:
+    """Propose a channel map for a file.
+
+    Parameters
+    ----------
+    place : Path
+        The file.
+    chart : Path, optional
+        Channel map; the call is refused with one.
+    out : Path, optional
+        TOML file to write; one that is there is never overwritten.
+    words : iterable of str
+        ``key=value`` for the run; the call is refused with one.
+
+    Raises
+    ------
+    PmgError
+        When the file cannot be read, or `out` is there already.
+    """
+    for option, given in (("--map", chart is not None), ("--set", bool(tuple(words)))):
+        if given:
+            raise BenchError(option, "it stands beside --guess", "one of the two", "Leave one of them out.")
+    if place.is_dir():
+        raise RecordingError(str(place), "a folder", "one file, whose map serves others like it", "Name a file in it.")
+    (source,) = _sources(place)
+    findings = Findings(source.name)
+    opened = open_source(source, CsvForm(), findings)
+    guess = guess_map(opened, look_at(opened))
+    text = map_text(guess)
+    if out is not None:
+        try:
+            with out.open("x", encoding="utf-8", newline="\n") as stream:
+                stream.write(text)
+        except FileExistsError as there:
+            do = "Name another file, or remove that one."
+            raise BenchError(str(out), "it is there already", "a new file; none is overwritten", do) from there
+    chosen = sum(each.chosen is not None for each in guess.topics)
+    share = f"{chosen} of {counted(len(guess.topics), 'topic')} chosen, what is open is marked"
+    told = text.rstrip("\n") if out is None else f"wrote a proposed map to {out}: {share}"
+    data = {
+        "source": source.name,
+        "format": opened.format,
+        "reader": opened.reader,
+        "reading": dict(opened.reading),
+        "out": None if out is None else str(out),
+        **guess.document(),
+        "map": text,
+    }
+    return Outcome(data, (told,), findings.listed())
 
 
 def _place(fault: PmgError, source: Path) -> str:

@@ -1,0 +1,109 @@
+"""Kinds of signals and shafts by the words of names and by units: what a header alone tells."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.importers.source import BRACKETED
+from pmg.pipeline.wording.units import ANGLE, COUNT, ELECTRIC, FREQUENCY, SPEED, TIME, TORQUE, declared
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+WORD = re.compile(r"[A-ZÄÖÜ]?[a-zäöüß]+|[A-ZÄÖÜ]+(?![a-zäöüß])|\d+|[φθω]")
+"""A word of a name, by case and digits."""
+COLUMN = re.compile(r"\((\d+,:|:,\d+)\)$|[@#]\d+$")
+"""Number of a column, of a group or of a name that comes again: no word of the name."""
+TEMPERATURE = ("degC", "°C", "C", "K", "degF", "°F")
+"""Units of temperatures."""
+
+KIND_WORDS = {
+    "torque": "torque torques drehmoment trq tq moment",
+    "speed": "speed drehzahl rpm omega velocity geschwindigkeit ω",
+    "angle": "angle winkel phi theta position pos encoder count counts counter drehwinkel φ θ",
+    "temperature": "temp temperature temperatur",
+    "current": "current strom amps",
+    "time": "time zeit timestamp clock elapsed uhrzeit seconds",
+    "ticks": "tick ticks timer",
+}
+"""Words that say what a signal is."""
+LETTERS = {"M": ("torque",), "T": ("torque", "temperature"), "n": ("speed",), "t": ("time",), "I": ("current",)}
+"""Single letters that may say so; what has a unit is judged by that alone."""
+SIDE_WORDS: tuple[Mapping[str, str], ...] = (
+    {"sun": "sun sonne sonnenrad", "ring": "ring hohlrad"},
+    {
+        "sun": "input drive in antrieb eingang",
+        "ring": "output load out abtrieb ausgang",
+    },
+    {"sun": "1", "ring": "2"},
+)
+"""Words that say which shaft, the more certain ones first."""
+SET_WORDS = ["set", "setpoint", "soll", "sollwert", "cmd", "command", "ref", "reference", "demand", "target"]
+"""Words of what was asked for and not measured."""
+
+
+def _words_of(name: str) -> list[str]:
+    """Words of a name in small letters; single letters stay as they are."""
+    return [word if len(word) == 1 else word.lower() for word in WORD.findall(COLUMN.sub("", name))]
+
+
+def _parts(name: str) -> tuple[str, str, str]:
+    """Groups above, last part, and unit in brackets of a name."""
+    found = BRACKETED.fullmatch(COLUMN.sub("", name))
+    plain, unit = (found["name"], found["unit"]) if found and found["name"] else (name, "")
+    above, _, last = plain.rpartition("/")
+    return above, last, unit
+
+
+def side_of(name: str) -> str:
+    """Shaft that a name speaks of: its last part decides, then the groups above; empty where none or both are named."""
+    above, last, _ = _parts(name)
+    for part in (last, above):
+        words = set(_words_of(part))
+        for rank in SIDE_WORDS:
+            sides = [side for side, known in rank.items() if words & set(known.split())]
+            if sides:
+                return sides[0] if len(sides) == 1 else ""
+    return ""
+
+
+def is_set_point(name: str) -> bool:
+    """Whether a name speaks of what was asked for."""
+    return bool(set(_words_of(_parts(name)[1])) & set(SET_WORDS))
+
+
+def kinds_by_name(name: str) -> tuple[tuple[str, ...], bool]:
+    """Kinds that a name may speak of, and whether words say so; a single letter is a weak sign."""
+    words = _words_of(_parts(name)[1])
+    found = tuple(kind for kind, known in KIND_WORDS.items() if set(words) & set(known.split()))
+    if found:
+        return found, True
+    letters = [word for word in words[:1] if word in LETTERS]
+    return (LETTERS[letters[0]], False) if letters else ((), False)
+
+
+def unit_by_name(name: str) -> str:
+    """Unit in brackets behind a name, or at its end, as in ``M_Nm``, where it has more than one letter; else empty."""
+    _, plain, bracketed = _parts(name)
+    known = {*TORQUE, *SPEED, *ANGLE, *ELECTRIC, *FREQUENCY, *TIME, *TEMPERATURE}
+    if declared(bracketed) in known:
+        return declared(bracketed)
+    last = re.split(r"[\s_\-.]", plain)[-1]
+    return declared(last) if last != plain and len(last) > 1 and declared(last) in known else ""
+
+
+def kind_by_unit(unit: str, named: tuple[str, ...]) -> str:
+    """Kind that a unit stands for, with the kinds by name where the unit alone does not tell; else empty."""
+    plain = declared(unit)
+    if plain in TEMPERATURE:
+        return "temperature"
+    for kind, known in (("torque", TORQUE), ("speed", SPEED), ("angle", ANGLE), ("time", TIME)):
+        if plain in known:
+            return kind
+    if plain in ELECTRIC or plain in FREQUENCY:
+        current = plain.endswith("A") and "torque" not in named
+        return "current" if current else "torque" if named == ("torque",) else ""
+    if plain in COUNT:
+        return "ticks" if "ticks" in named else "angle" if "angle" in named else ""
+    return ""
