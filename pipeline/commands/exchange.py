@@ -8,11 +8,11 @@ from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.importers.channel_map import RUN_KEYS, read_map
 from pmg.pipeline.importers.csv_dialect import CsvForm
 from pmg.pipeline.importers.export import export_recording
+from pmg.pipeline.importers.guess.map_guess import guess_map
+from pmg.pipeline.importers.guess.map_text import map_text
+from pmg.pipeline.importers.guess.signal_look import look_at
 from pmg.pipeline.importers.import_recording import import_recording
-from pmg.pipeline.importers.map_guess import guess_map
-from pmg.pipeline.importers.map_text import map_text
 from pmg.pipeline.importers.open_source import FORMATS, KINDS_OF_FILE, open_source
-from pmg.pipeline.importers.signal_look import look_at
 from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.windows.limits_file import chosen_limits

@@ -128,7 +128,7 @@ def _run(case: Case, file: Path, out: Path, seed: int | None, machine: Machine |
     seed = SEED if seed is None else seed
     recorded, withheld = read_recordings(case)
     diagnosis = diagnose_terms(case, recorded, withheld, np.random.default_rng(seed))
-    files = [file, *case.fit, *case.withheld]
+    files = [file, *case.files]
     digests = {path.name: sha256_of(path) for path in files}
     document = terms_document(diagnosis) | {"seed": seed, "sha256": digests}
     sections: tuple[Section, ...] = ()

@@ -60,6 +60,11 @@ class _MachineTable(Strict):
             if self.records.temperature is not None:
                 with refusing("records", "temperature"):
                     in_si(self.records.temperature, TEMPERATURES)
+            if self.records.second is not None:
+                if self.gear is None:
+                    refuse("files of a second shaft", "one shaft", "Leave them out.", "records", "second")
+                with refusing("records", "second", "time"):
+                    in_si(self.records.second.time, TIMES)
             if self.records.withheld and self.records.withheld_part is not None:
                 do = "Withhold whole records or a part of each."
                 refuse("both withheld and withheld_part", "one of them", do, "records", "withheld_part")

@@ -91,6 +91,13 @@ class GearTable(Strict):
     carrier_inertia: Number = None
 
 
+class SecondTable(Strict):
+    """Files of the output shaft, on a clock of their own: what in the name of the input's is replaced, and by what."""
+
+    replace: Annotated[list[str], Field(min_length=2, max_length=2)]
+    time: Channel
+
+
 class RecordsTable(PrepareTable):
     """How records name their times, which are withheld, and how they are prepared."""
 
@@ -99,6 +106,7 @@ class RecordsTable(PrepareTable):
     withheld: Annotated[list[str], EACH_ONCE] = Field(default_factory=list)
     withheld_part: Annotated[float, within(0.05, 0.6)] | None = None
     zeros: Annotated[str, one_of("common", "own")] = "common"
+    second: SecondTable | None = None
     csv: CsvForm = CsvForm()
 
 

@@ -272,10 +272,6 @@ def _cut(lines: list[str]) -> list[str]:
     return lines[:300]
 
 
-def _gap(lines: list[str]) -> list[str]:
-    return lines[:500] + lines[520:]
-
-
 def _blank(lines: list[str]) -> list[str]:
     return [*lines[:400], lines[400].rsplit(",", 1)[0] + ",", *lines[401:]]
 
@@ -292,7 +288,7 @@ def _renamed(lines: list[str]) -> list[str]:
     return ["t,qq,u", *lines[1:]]
 
 
-@pytest.mark.parametrize("damage", [_cut, _gap, _blank, _word, _still, _renamed], ids=lambda f: f.__name__)
+@pytest.mark.parametrize("damage", [_cut, _blank, _word, _still, _renamed], ids=lambda f: f.__name__)
 def test_a_damaged_recording_is_refused(tmp_path: Path, damage: Callable[[list[str]], list[str]]) -> None:
     case = read_case(make_case(tmp_path, plain, 1))
     case.fit[0].write_text("\n".join(damage(case.fit[0].read_text().splitlines())) + "\n")

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pmg.pipeline.importers.clock import Clock, even_stretches
+from pmg.pipeline.importers.clocks.clock import Clock, even_stretches
 from pmg.pipeline.recording.findings import Code, Findings, Severity
 from pmg.sim.errors import RecordingError
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, sosfilt
 
-from pmg.pipeline.importers.clock_offset import Offset, offset_between
+from pmg.pipeline.importers.clocks.clock_offset import Offset, offset_between
 from pmg.sim.errors import RecordingError
 
 Array = npt.NDArray[np.float64]

@@ -16,11 +16,11 @@ import numpy.typing as npt
 import pytest
 
 from pmg.pipeline.importers.channel_map import read_map
+from pmg.pipeline.importers.guess.map_guess import guess_map
+from pmg.pipeline.importers.guess.map_text import OPEN, map_text
+from pmg.pipeline.importers.guess.signal_kinds import kinds_by_name, side_of, unit_by_name
+from pmg.pipeline.importers.guess.signal_look import SeenSignal, look_at
 from pmg.pipeline.importers.import_recording import import_recording
-from pmg.pipeline.importers.map_guess import guess_map
-from pmg.pipeline.importers.map_text import OPEN, map_text
-from pmg.pipeline.importers.signal_kinds import kinds_by_name, side_of, unit_by_name
-from pmg.pipeline.importers.signal_look import SeenSignal, look_at
 from pmg.pipeline.importers.source import Block, SourceChannel, Wanted
 from pmg.sim.errors import BenchError
 

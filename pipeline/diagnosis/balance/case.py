@@ -23,6 +23,26 @@ OUTPUT = "output_"
 
 
 @dataclass(frozen=True)
+class SecondFile:
+    """Files of a second shaft, on a clock of their own.
+
+    Parameters
+    ----------
+    replace : tuple of str
+        What in the name of the first file is to be replaced, and by what.
+    time : (Channel, float)
+        Their times, and what one unit is in SI.
+    """
+
+    replace: tuple[str, str]
+    time: tuple[Channel, float]
+
+    def of(self, path: Path) -> Path:
+        """The file beside the first one."""
+        return path.with_name(path.name.replace(*self.replace))
+
+
+@dataclass(frozen=True)
 class Case:
     """A checked case.
 
@@ -57,6 +77,8 @@ class Case:
         Part at the end of each recording that is withheld, where no whole ones are.
     own_zeros : bool
         Whether each recording has a zero of its own.
+    second : SecondFile, optional
+        Where the channels of the second shaft lie, if not in the same file.
     """
 
     title: str
@@ -74,6 +96,13 @@ class Case:
     ratio: float | None = None
     withheld_part: float | None = None
     own_zeros: bool = False
+    second: SecondFile | None = None
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file of it."""
+        first = (*self.fit, *self.withheld)
+        return first if self.second is None else (*first, *(self.second.of(path) for path in first))
 
 
 def check_model(

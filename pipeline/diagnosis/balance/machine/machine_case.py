@@ -5,7 +5,7 @@ from __future__ import annotations
 from fnmatch import fnmatch
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.diagnosis.balance.case import OUTPUT, Case, check_model, check_published
+from pmg.pipeline.diagnosis.balance.case import OUTPUT, Case, SecondFile, check_model, check_published
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE, ROTARY_DRIVE
 from pmg.pipeline.diagnosis.balance.library.two_torques import TWO_TORQUES, WARM
 from pmg.pipeline.files.strict_tables import RefusalError
@@ -51,7 +51,8 @@ def case_of(machine: Machine, records: Path) -> Case:
     ends = machine.ends
     two = len(ends) > 1 and all("force" in end.channels for end in ends)
     main = ends[0] if two else _measured(machine)
-    files = _files(records)
+    second = _second(table)
+    files = _files(records, second)
     withheld = _withheld(machine, table, files)
     library = _library(main, table, two=two)
     fixed = dict(machine.model.fixed)
@@ -79,6 +80,7 @@ def case_of(machine: Machine, records: Path) -> Case:
         ratio=machine.gear.ratio if two and machine.gear is not None else None,
         withheld_part=table.withheld_part,
         own_zeros=table.zeros == "own",
+        second=second if two else None,
     )
 
 
@@ -121,13 +123,22 @@ def _known_inertia(machine: Machine, shaft: MachineShaft) -> float:
     return value.value
 
 
-def _files(records: Path) -> tuple[Path, ...]:
+def _second(table: RecordsTable) -> SecondFile | None:
+    if table.second is None:
+        return None
+    old, new = table.second.replace
+    return SecondFile((old, new), in_si(table.second.time, TIMES))
+
+
+def _files(records: Path, second: SecondFile | None) -> tuple[Path, ...]:
     """Recordings of a folder in the order of their names; one where a file is given."""
     if records.is_file():
         return (records,)
     if not records.is_dir():
         raise RecordingError(str(records), "no such folder", "recordings", "Check the path.")
     found = tuple(sorted(path for path in records.rglob("*") if path.is_file() and path.suffix.lower() in FORMATS))
+    if second is not None:  # those that are not the second of another
+        found = tuple(path for path in found if second.replace[0] in path.name)
     if not found:
         expected = f"files that end in {', '.join(FORMATS)}"
         raise RecordingError(str(records), "no recordings", expected, "Name the folder that holds them.")

@@ -16,10 +16,12 @@ from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.importers.source import ForeignSource
+    from pmg.pipeline.machine.channel import Channel
     from pmg.sim.signals import Array
 
 WRAPPED = 0.25
@@ -37,15 +39,19 @@ KNOWN_UNITS = frozenset(
 """Units that a file may declare for a channel of a case, without spaces."""
 
 
-def channels_in_si(path: Path, case: Case, findings: Findings) -> dict[str, Array]:
-    """Channels of a file in SI, all of one length and finite.
+def channels_in_si(
+    path: Path, case: Case, channels: Mapping[str, tuple[Channel, float]], findings: Findings
+) -> dict[str, Array]:
+    """Channels of a file in SI, all of one length and finite; times as they are.
 
     Parameters
     ----------
     path : Path
         The file.
     case : Case
-        Names and units of its channels.
+        How it is written, and what its machine is.
+    channels : mapping of str to (Channel, float)
+        Names in the file, and what one unit of each is in SI.
     findings : Findings
         Receives what is told about them.
 
@@ -58,36 +64,42 @@ def channels_in_si(path: Path, case: Case, findings: Findings) -> dict[str, Arra
         do = "Check the folder of the recordings."
         raise RecordingError(str(path), "no such file", "a recording", do)
     source = open_source(path, case.form, findings)
-    _check_units(source, case, findings)
-    found = whole_channels(source, [channel.name for channel, _ in case.channels.values()])
+    _check_units(source, channels, findings)
+    found = whole_channels(source, [channel.name for channel, _ in channels.values()])
     values = {}
-    for kind, (channel, unit) in case.channels.items():
-        factor = channel.factor
-        if isinstance(factor, str):
-            given = whole_channels(source, [factor])[factor]
-            if len(given) != 1:
-                came = f"{len(given)} values"
-                raise RecordingError(f"{path}: {factor}", came, "one number", f"Give {case.axis.factor} as a number.")
-            factor = float(given[0])
-        values[kind] = found[channel.name] * unit * factor
-    for kind in (kind for kind in ("position", f"{OUTPUT}position") if kind in values and case.axis.turn):
-        values[kind] = _unwrapped(values[kind], case.axis.turn, findings)
+    for kind, (channel, unit) in channels.items():
+        values[kind] = found[channel.name] * unit * _factor(source, channel, case)
     lengths = {len(value) for value in values.values()}
     if len(lengths) > 1:
         came = ", ".join(f"{kind}: {len(value)}" for kind, value in values.items())
         raise RecordingError(str(path), f"channels of several lengths ({came})", "one length", "Export them together.")
     for kind, value in values.items():
+        if kind == "time":
+            continue
         bad = np.flatnonzero(~np.isfinite(value))
+        where = f"{path}: {channels[kind][0].name}"
         if len(bad):
             came = f"{len(bad)} values are no numbers, the first in row {bad[0] + 1}"
-            raise RecordingError(
-                f"{path}: {case.channels[kind][0].name}", came, "numbers", "Mend or cut the recording."
-            )
+            raise RecordingError(where, came, "numbers", "Mend or cut the recording.")
         may_rest = kind == "temperature" or (kind == "force" and "inertia" in case.fixed)
         if float(np.ptp(value)) == 0.0 and not may_rest:
-            do = "Check the channel; of a machine that coasts, set baseline.fixed.inertia."
-            raise RecordingError(f"{path}: {case.channels[kind][0].name}", "the same value throughout", "a signal", do)
+            do = "Check the channel; of a machine that coasts, state its inertia."
+            raise RecordingError(where, "the same value throughout", "a signal", do)
+    for kind in (kind for kind in ("position", f"{OUTPUT}position") if kind in values and case.axis.turn):
+        values[kind] = _unwrapped(values[kind], case.axis.turn, findings)
     return values
+
+
+def _factor(source: ForeignSource, channel: Channel, case: Case) -> float:
+    """Force or torque of one unit of a command: as stated, or as a variable of the file holds it."""
+    factor = channel.factor
+    if isinstance(factor, float | int):
+        return float(factor)
+    given = whole_channels(source, [factor])[factor]
+    if len(given) != 1:
+        came, do = f"{len(given)} values", f"Give {case.axis.factor} as a number."
+        raise RecordingError(f"{source.path}: {factor}", came, "one number", do)
+    return float(given[0])
 
 
 def _unwrapped(angle: Array, turn: float, findings: Findings) -> Array:
@@ -101,9 +113,9 @@ def _unwrapped(angle: Array, turn: float, findings: Findings) -> Array:
     return np.asarray(np.unwrap(angle, period=turn))
 
 
-def _check_units(source: ForeignSource, case: Case, findings: Findings) -> None:
+def _check_units(source: ForeignSource, channels: Mapping[str, tuple[Channel, float]], findings: Findings) -> None:
     """Refuse a channel whose file declares another unit than the case; tell one that is not understood."""
-    for channel, _ in case.channels.values():
+    for channel, _ in channels.values():
         where = f"{source.path}: {channel.name}"
         declared = _spelled(channel_of(source, channel.name, where).unit)
         if not declared or declared == _spelled(channel.unit):

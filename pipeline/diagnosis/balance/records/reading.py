@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.library.term import Motion
-from pmg.pipeline.diagnosis.balance.library.two_torques import OUT, OUT_ANGLE
-from pmg.pipeline.diagnosis.balance.records.channel_values import channels_in_si
+from pmg.pipeline.diagnosis.balance.library.two_torques import OUT, OUT_ANGLE, TEMPERATURE
+from pmg.pipeline.diagnosis.balance.records.clock_of import clock_of
 from pmg.pipeline.diagnosis.balance.records.recorded import joined, with_known
 from pmg.pipeline.diagnosis.balance.records.smoothing import Smoother
 from pmg.pipeline.diagnosis.balance.records.two_shafts import second_shaft
@@ -22,14 +22,12 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
+    from pmg.pipeline.importers.clocks.clock import EvenStretch
     from pmg.pipeline.recording.findings import Finding
     from pmg.sim.signals import Array
 
 COASTS = 0.1
 """Force that is recorded, over that of a known inertia, below which a machine is taken to coast."""
-
-RATE_TOLERANCE = 0.01
-"""Part by which a time step may differ from that of the stated rate."""
 
 REST = 4.0
 """Standard deviations of the noise of the speed below which a machine counts as at rest."""
@@ -70,8 +68,8 @@ def read_recordings(case: Case) -> tuple[Recorded, Recorded | None]:
     ----------
     A. Janot, M. Gautier, M. Brunot, 'Data Set and Reference Models of EMPS', 2019.
     """
-    fit = [_read(path, case) for path in case.fit]
-    withheld = [_read(path, case) for path in case.withheld]
+    fit = [one for path in case.fit for one in _read(path, case)]
+    withheld = [one for path in case.withheld for one in _read(path, case)]
     if case.withheld_part is not None:
         cut = [round((1.0 - case.withheld_part) * len(one.motion.time)) for one in fit]
         withheld = [replace(one.part(slice(at, None)), findings=()) for one, at in zip(fit, cut, strict=True)]
@@ -91,23 +89,41 @@ def _together(read: Sequence[_Read], case: Case, of: Recorded | None = None) -> 
     return with_known([one.name for one in read], motion, case, [f for one in read for f in one.findings], of)
 
 
-def _read(path: Path, case: Case) -> _Read:
-    """One recording, differentiated and without the ends that filters spoil."""
+def _read(path: Path, case: Case) -> list[_Read]:
+    """The stretches of one recording on an even clock, differentiated, without the ends that filters spoil."""
     findings = Findings(path.name)
-    values = channels_in_si(path, case, findings)
-    time, given = values["time"], case.prepare
-    steps = np.diff(time) * given.rate_hz
-    wrong = np.flatnonzero(np.abs(steps - 1.0) > RATE_TOLERANCE)
-    if len(wrong):
-        came = f"{len(wrong)} of {len(steps)} steps differ from 1/{given.rate_hz:g} s, "
-        came += f"the first after {time[wrong[0]]:g} s"
-        raise RecordingError(f"{path}: time", came, "even sampling at rate_Hz", "Correct rate or unit of time.")
-    smoother = Smoother(given, float((time[-1] - time[0]) / max(len(time) - 1, 1)))
-    drop = smoother.settles if given.drop is None else given.drop
-    fewest = 8 * given.order + 2 * drop + 2
-    if len(time) < fewest:
-        raise RecordingError(str(path), f"{len(time)} samples", f"{fewest} or more", "Record longer.")
-    besides = {key: values[key] for key in ("temperature",) if key in values}
+    clock = clock_of(path, case, findings)
+    fewest = _fewest(case, clock.rate_hz)
+    whole = [stretch for stretch in clock.stretches if len(stretch.time) >= fewest]
+    if not whole:
+        most = max(len(stretch.time) for stretch in clock.stretches)
+        raise RecordingError(str(path), f"{most} samples in a row", f"{fewest} or more", "Record longer.")
+    for short in (stretch for stretch in clock.stretches if len(stretch.time) < fewest):
+        message = f"the {len(short.time)} samples from {short.start:g} s are left out: filters need {fewest}"
+        findings.info(Code.SAMPLES_GAP, "time", message, "Nothing to do, or record without pauses.")
+    names = [path.name if len(whole) == 1 else f"{path.name} ({k})" for k in range(1, len(whole) + 1)]
+    motions = [_moved(path, stretch, clock.rate_hz, case, findings) for stretch in whole]
+    told = findings.listed()
+    pairs = zip(names, motions, strict=True)
+    return [_Read(name, motion, told if k == 0 else ()) for k, (name, motion) in enumerate(pairs)]
+
+
+def _fewest(case: Case, rate_hz: float) -> int:
+    """Samples in a row that filters need."""
+    return 8 * case.prepare.order + 2 * _dropped(Smoother(case.prepare, 1.0 / rate_hz), case) + 2
+
+
+def _dropped(smoother: Smoother, case: Case) -> int:
+    """Samples at either end that filters spoil."""
+    return smoother.settles if case.prepare.drop is None else case.prepare.drop
+
+
+def _moved(path: Path, stretch: EvenStretch, rate_hz: float, case: Case, findings: Findings) -> Motion:
+    """Position, speed, acceleration and force of one stretch."""
+    values, time, given = dict(stretch.channels), stretch.time, case.prepare
+    smoother = Smoother(given, 1.0 / rate_hz)
+    drop = _dropped(smoother, case)
+    besides = {key: values[key] for key in (TEMPERATURE,) if key in values}
     if case.ratio is not None:
         values, load = second_shaft(values, case, findings)
         besides[OUT] = smoother.smoothed_further(load)
@@ -121,7 +137,7 @@ def _read(path: Path, case: Case) -> _Read:
         raise RecordingError(str(path), came, "a machine that moves", "Check the channels and their units.")
     acceleration = smoother.slope(speed)[inner]
     force = _acting(values.get("force", np.zeros_like(time))[inner], acceleration, case, findings)
-    motion = Motion(
+    return Motion(
         time[inner],
         position[inner],
         speed[inner],
@@ -133,7 +149,6 @@ def _read(path: Path, case: Case) -> _Read:
         {key: each[inner] for key, each in besides.items()},
         REST * noise[1],
     )
-    return _Read(path.name, motion, findings.listed())
 
 
 def _acting(force: Array, acceleration: Array, case: Case, findings: Findings) -> Array:

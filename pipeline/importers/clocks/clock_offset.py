@@ -12,14 +12,14 @@ from scipy.signal import correlate
 from scipy.signal.windows import tukey
 from scipy.stats import theilslopes
 
-from pmg.pipeline.importers.common_signal import common_signal, peaks_of
+from pmg.pipeline.importers.clocks.common_signal import common_signal, peaks_of
 from pmg.sim.errors import RecordingError
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pmg.pipeline.importers.common_signal import CommonSignal
+    from pmg.pipeline.importers.clocks.common_signal import CommonSignal
     from pmg.sim.signals import Array, Mask, Spectrum
 
 HIGHEST_PART = 0.25

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.importers.signal_kinds import unit_by_name
+from pmg.pipeline.importers.guess.signal_kinds import unit_by_name
 from pmg.pipeline.recording.channels import LARGEST_RATE, SMALLEST_RATE
 from pmg.pipeline.wording.units import TIME, declared
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pmg.pipeline.importers.signal_look import SeenSignal
+    from pmg.pipeline.importers.guess.signal_look import SeenSignal
     from pmg.pipeline.importers.source import ForeignSource
 
 WHOLE_HERTZ = 1e-6

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.importers.signal_kinds import (
+from pmg.pipeline.importers.guess.signal_kinds import (
     is_set_point,
     kind_by_unit,
     kinds_by_name,
     side_of,
     unit_by_name,
 )
-from pmg.pipeline.importers.signal_look import SMALLEST_COUNTER
-from pmg.pipeline.importers.time_guess import TimeGuess, guess_time
+from pmg.pipeline.importers.guess.signal_look import SMALLEST_COUNTER
+from pmg.pipeline.importers.guess.time_guess import TimeGuess, guess_time
 from pmg.pipeline.recording.channels import encoder, frequency
 from pmg.pipeline.wording.units import ANGLE, ELECTRIC, declared
 from pmg.sim.shafts import SIDES
@@ -22,7 +22,7 @@ from pmg.sim.signals import REVOLUTION
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pmg.pipeline.importers.signal_look import SeenSignal
+    from pmg.pipeline.importers.guess.signal_look import SeenSignal
     from pmg.pipeline.importers.source import ForeignSource
 
 TURNS = {"deg": 360.0, "rad": REVOLUTION, "rev": 1.0}

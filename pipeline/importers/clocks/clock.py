@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from pmg.pipeline.importers.jitter import reading_of, resampled
+from pmg.pipeline.importers.clocks.jitter import reading_of, resampled
+from pmg.pipeline.importers.clocks.sample_count import LONGEST_FILLED, count_samples, resolution_of
+from pmg.pipeline.importers.clocks.time_column import time_column
 from pmg.pipeline.importers.rows import DRIFT_TOLD, WHOLE_RATE
-from pmg.pipeline.importers.sample_count import LONGEST_FILLED, count_samples, resolution_of
-from pmg.pipeline.importers.time_column import time_column
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import RecordingError
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from pmg.pipeline.importers.sample_count import SampleCount
-    from pmg.pipeline.importers.time_column import TimeColumn
+    from pmg.pipeline.importers.clocks.sample_count import SampleCount
+    from pmg.pipeline.importers.clocks.time_column import TimeColumn
     from pmg.pipeline.recording.findings import Findings
     from pmg.sim.signals import Array, Mask
 

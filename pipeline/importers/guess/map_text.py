@@ -13,8 +13,8 @@ from pmg.pipeline.wording.units import TIME
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pmg.pipeline.importers.map_guess import MapGuess, SignalGuess, TopicGuess
-    from pmg.pipeline.importers.time_guess import TimeOption
+    from pmg.pipeline.importers.guess.map_guess import MapGuess, SignalGuess, TopicGuess
+    from pmg.pipeline.importers.guess.time_guess import TimeOption
 
 OPEN = "#? "
 """Begin of a line that the user completes."""

@@ -1,0 +1,1 @@
+"""A channel map proposed from what a foreign file shows."""
