@@ -14,6 +14,7 @@ from pmg.pipeline.commands.compare_and_diagnose import SEED
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.diagnosis.balance.case_file import read_case
+from pmg.pipeline.diagnosis.balance.causes import cause_lines, named_causes
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import headline, terms_document, terms_lines
 from pmg.pipeline.diagnosis.balance.machine.found_and_stated import found_and_stated
@@ -130,7 +131,9 @@ def _run(case: Case, file: Path, out: Path, seed: int | None, machine: Machine |
     diagnosis = diagnose_terms(case, recorded, withheld, np.random.default_rng(seed))
     files = [file, *case.files]
     digests = {path.name: sha256_of(path) for path in files}
-    document = terms_document(diagnosis) | {"seed": seed, "sha256": digests}
+    causes = named_causes(diagnosis)
+    document = terms_document(diagnosis) | {"causes": [cause.document for cause in causes]}
+    document |= {"seed": seed, "sha256": digests}
     sections: tuple[Section, ...] = ()
     if machine is not None:
         points = () if case.ratio is None else steady_points(recorded, machine, _inertia(diagnosis))
@@ -146,7 +149,7 @@ def _run(case: Case, file: Path, out: Path, seed: int | None, machine: Machine |
     data_out: dict[str, Any] = document | {"report": str(page[0]), "files": written}
     return Outcome(
         data_out,
-        (*terms_lines(diagnosis), "", f"report: {page[0]}"),
+        (*terms_lines(diagnosis), "", *cause_lines(causes, case.axis.push), f"report: {page[0]}"),
         (*_findings(recorded), *_findings(withheld), *((OF_A_CASE,) if machine is None else ())),
         mismatch=diagnosis.verdict is not Verdict.CONSISTENT,
     )

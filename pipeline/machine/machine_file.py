@@ -55,8 +55,9 @@ class _MachineTable(Strict):
         _ = _shafts_of(self), _gear_of(self)  # units and channels are checked on the way
         if self.records is not None:
             self.records.check_axis(_axis_of(next(iter(self.shaft.values()))), "records")
-            with refusing("records", "time"):
-                in_si(self.records.time, TIMES)
+            if self.records.time is not None:
+                with refusing("records", "time"):
+                    in_si(self.records.time, TIMES)
             if self.records.temperature is not None:
                 with refusing("records", "temperature"):
                     in_si(self.records.temperature, TEMPERATURES)

@@ -99,9 +99,9 @@ class SecondTable(Strict):
 
 
 class RecordsTable(PrepareTable):
-    """How records name their times, which are withheld, and how they are prepared."""
+    """How records name their times, which are withheld, and how they are prepared; without times, by their rate."""
 
-    time: Channel
+    time: Channel | None = None
     temperature: Channel | None = None
     withheld: Annotated[list[str], EACH_ONCE] = Field(default_factory=list)
     withheld_part: Annotated[float, within(0.05, 0.6)] | None = None

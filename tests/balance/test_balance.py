@@ -25,9 +25,12 @@ from pmg.pipeline.diagnosis.balance.document import terms_document
 from pmg.pipeline.diagnosis.balance.estimate import T_95, fit_together
 from pmg.pipeline.diagnosis.balance.fitting import fit_term, tabulate, term_problem
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
+from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.serial import covariance_of, fit_noise
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.engine.withheld import BLOCKS
+from pmg.pipeline.machine.machine_file import read_machine
+from pmg.pipeline.machine.shipped import shipped
 from pmg.sim.errors import BenchError, PmgError, RecordingError
 
 if TYPE_CHECKING:
@@ -313,7 +316,7 @@ EMPS = Path(os.environ.get("PMG_EMPS", ROOT / "raw" / "emps"))
 
 @pytest.mark.skipif(not (EMPS / "DATA_EMPS.mat").is_file(), reason="EMPS is not shipped; PMG_EMPS names its folder")
 def test_the_published_model_of_emps_comes_out() -> None:
-    case = read_case(ROOT / "raw" / "emps" / "emps.toml", EMPS)
+    case = case_of(read_machine(shipped()["emps"]), EMPS)
     assert case.withheld
     recorded, withheld = read_one(case.fit[0], case), read_one(case.withheld[0], case)
     terms = {term.identifier: term for term in DRIVE}

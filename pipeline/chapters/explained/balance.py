@@ -9,6 +9,7 @@ import numpy as np
 
 from pmg.pipeline.chapters.explained.balance_figures import friction_figure, residuals_figure
 from pmg.pipeline.chapters.explained.free_run import free_run_sections
+from pmg.pipeline.diagnosis.balance.causes import named_causes
 from pmg.pipeline.diagnosis.balance.document import headline, percent, separating_test, title_of
 from pmg.pipeline.diagnosis.balance.library.drive import EMPS
 from pmg.pipeline.diagnosis.balance.serial import ANDREWS_MONAHAN
@@ -48,9 +49,42 @@ def _verdict(d: TermsDiagnosis) -> Section:
     return Section(
         "verdict-terms",
         "Verdict",
-        (Text(headline(d), "finding"), Facts(facts), residuals_figure(d), friction_figure(d)),
+        (Text(headline(d), "finding"), *_causes(d), Facts(facts), residuals_figure(d), friction_figure(d)),
         (EMPS, sources.WESTFALL_YOUNG),
     )
+
+
+def _causes(d: TermsDiagnosis) -> tuple[Table, ...]:
+    """What was named, how large, and what would confirm it; none where nothing is named."""
+    causes = named_causes(d)
+    if not causes:
+        return ()
+    several = max(cause.group for cause in causes) > 0
+    rows: list[tuple[Cell, ...]] = [
+        (
+            *((cause.group + 1,) if several else ()),
+            cause.title,
+            f"{cause.size}; {cause.remark}" if cause.remark else cause.size,
+            cause.effect,
+            cause.test,
+        )
+        for cause in causes
+    ]
+    told = "Only one of these sets is there; the records cannot say which. " if several else ""
+    table = Table(
+        "terms-causes",
+        "What was left out, and what would confirm it",
+        f"{told}Sizes with standard errors; the effect is the root mean square of what the term does in the balance.",
+        (
+            *((Column("set", "Set"),) if several else ()),
+            Column("cause", "Cause"),
+            Column("size", "Size"),
+            Column("effect", "Effect", d.case.axis.push, digits=3),
+            Column("test", "On the bench"),
+        ),
+        tuple(rows),
+    )
+    return (table,)
 
 
 def _last(d: TermsDiagnosis) -> ModelStep:

@@ -105,7 +105,9 @@ def _library(main: MachineShaft, table: RecordsTable, *, two: bool) -> tuple[Ter
 def _channels(
     table: RecordsTable, main: MachineShaft, output: MachineShaft | None
 ) -> Mapping[str, tuple[Channel, float]]:
-    found = {"time": in_si(table.time, TIMES), **main.channels}
+    found = dict(main.channels)
+    if table.time is not None:
+        found["time"] = in_si(table.time, TIMES)
     if output is not None:
         found |= {OUTPUT + kind: channel for kind, channel in output.channels.items()}
     if table.temperature is not None:

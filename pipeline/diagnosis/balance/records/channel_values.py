@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.machine.channel import Channel
     from pmg.sim.signals import Array
 
+SAME_RATE = 1e-6
+"""Part by which a rate that a file declares may differ from the one that is stated."""
+
 WRAPPED = 0.25
 """Part of a turn by which a step of an angle may differ from a whole one to be where it begins anew."""
 
@@ -85,9 +88,23 @@ def channels_in_si(
         if float(np.ptp(value)) == 0.0 and not may_rest:
             do = "Check the channel; of a machine that coasts, state its inertia."
             raise RecordingError(where, "the same value throughout", "a signal", do)
+    if "time" not in values:
+        values["time"] = _by_rate(source, channels, lengths.pop(), case.prepare.rate_hz)
     for kind in (kind for kind in ("position", f"{OUTPUT}position") if kind in values and case.axis.turn):
         values[kind] = _unwrapped(values[kind], case.axis.turn, findings)
     return values
+
+
+def _by_rate(
+    source: ForeignSource, channels: Mapping[str, tuple[Channel, float]], length: int, rate_hz: float
+) -> Array:
+    """Times of samples that have none (n,) [s], by the rate; one that the file declares must be the same."""
+    for channel, _ in channels.values():
+        declared = channel_of(source, channel.name, f"{source.path}: {channel.name}").rate_hz
+        if declared is not None and abs(declared / rate_hz - 1.0) > SAME_RATE:
+            where, do = f"{source.path}: {channel.name}", "Correct rate_Hz, or name the channel of the times."
+            raise RecordingError(where, f"{declared:g} Hz declared", f"rate_Hz = {rate_hz:g}", do)
+    return np.arange(length) / rate_hz
 
 
 def _factor(source: ForeignSource, channel: Channel, case: Case) -> float:

@@ -1,0 +1,134 @@
+"""Causes as an engineer acts on them: how large, what they do to the balance, what would confirm them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.document import separating_test, title_of
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit
+
+GAINS = {"output_torque_gain": lambda g: 1.0 / (1.0 - g), "input_torque_gain": lambda g: 1.0 + g}
+"""Reading over torque for the gain of either transducer."""
+
+CONVERSIONS = {
+    0.737562: "as if lbf ft were read as N m",
+    1.355818: "as if N m were read as lbf ft",
+    8.850746: "as if lbf in were read for N m",
+    0.112985: "as if N m were read for lbf in",
+    0.101972: "as if kgf m were read as N m",
+    9.80665: "as if N m were read as kgf m",
+    0.5: "as with half the span, or one half bridge",
+    2.0: "as with twice the span",
+    10.0: "as with ten times the range",
+    0.1: "as with a tenth of the range",
+    1000.0: "as if mN m were read as N m",
+    0.001: "as if kN m were read as N m",
+    -1.0: "as if its sign were turned",
+}
+"""Readings over torque that a wrong conversion makes."""
+
+NEAR_FACTOR, CONVERTED = 0.03, 0.05
+"""Part within which a factor is that of a conversion, and distance from 1 from which on one is thought of."""
+
+
+@dataclass(frozen=True)
+class NamedCause:
+    """A term that is named, or that cannot be told from one that is.
+
+    Parameters
+    ----------
+    identifier, title : str
+        The term, and in words.
+    group : int
+        Which of the sets that are told it belongs to; 0 is the leading one.
+    size : str
+        Its parameters with their standard errors and units.
+    remark : str
+        What a size means, as a factor of a transducer; empty where there is nothing to add.
+    effect : float
+        Root mean square of what it does in the balance [N, N m].
+    test : str
+        What on the bench would confirm it.
+    """
+
+    identifier: str
+    title: str
+    group: int
+    size: str
+    remark: str
+    effect: float
+    test: str
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """As JSON."""
+        return {
+            "id": self.identifier,
+            "set": self.group,
+            "size": self.size,
+            "remark": self.remark,
+            "effect_rms": self.effect,
+            "test": self.test,
+        }
+
+
+def named_causes(diagnosis: TermsDiagnosis) -> tuple[NamedCause, ...]:
+    """Terms of the leading set, then those of the sets that cannot be told from it; none unless the verdict names."""
+    if not diagnosis.verdict.names:
+        return ()
+    named = tuple(step.fitted.fits[-1] for step in diagnosis.steps[1:])
+    others = [contest.rival.fits for contest in diagnosis.contests if contest.open]
+    return tuple(_cause(diagnosis, fit, group) for group, fits in enumerate((named, *others)) for fit in fits)
+
+
+def _cause(diagnosis: TermsDiagnosis, fit: TermFit, group: int) -> NamedCause:
+    values = [float(a) for a in fit.amplitudes]
+    if fit.candidate.shape is not None:
+        values.append(fit.shape)
+    errors: list[float | None] = [None] * len(values)
+    if group == 0:
+        own = [e for e in diagnosis.steps[-1].fitted.estimates if e.term == fit.identifier]
+        values, errors = [e.value for e in own], [e.standard_error for e in own]
+    parts = []
+    for quantity, value, error in zip(fit.candidate.parameters, values, errors, strict=True):
+        spread = "" if error is None else f" ± {error:.2g}"
+        unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+        parts.append(f"{quantity.name} = {value:.4g}{spread}{unit}")
+    amplitudes = np.array(values[: len(fit.amplitudes)])
+    effect = diagnosis.recorded.columns(fit.candidate, fit.shape) @ amplitudes
+    return NamedCause(
+        fit.identifier,
+        title_of(diagnosis, fit.identifier),
+        group,
+        ", ".join(parts),
+        _factor(fit.identifier, values[0]),
+        float(np.sqrt(np.mean(effect**2))),
+        separating_test(diagnosis, (fit.identifier,)),
+    )
+
+
+def _factor(identifier: str, gain: float) -> str:
+    """A gain of a transducer as what it reads over what there is, and the conversion that makes it."""
+    if identifier not in GAINS:
+        return ""
+    factor = GAINS[identifier](gain)
+    told = f"it reads {factor:.4g} times the torque"
+    near = [words for known, words in CONVERSIONS.items() if abs(factor / known - 1.0) < NEAR_FACTOR]
+    return f"{told}, {near[0]}" if near and abs(factor - 1.0) > CONVERTED else told
+
+
+def cause_lines(causes: tuple[NamedCause, ...], unit: str) -> tuple[str, ...]:
+    """Causes in lines: size and effect, then what to do on the bench."""
+    lines = []
+    for cause in causes:
+        size = f"{cause.size}; {cause.remark}" if cause.remark else cause.size
+        either = "or: " if cause.group else ""
+        lines.append(f"{either}{cause.title}: {size}; {cause.effect:.3g} {unit} rms")
+        lines.append(f"  on the bench: {cause.test}")
+    return (*lines, "") if lines else ()
