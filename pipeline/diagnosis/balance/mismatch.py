@@ -47,8 +47,8 @@ class NoiseModel:
     def whitened_draws(self, length: int, draws: int, rng: np.random.Generator) -> Array:
         """Whitened synthetic noise (length - p, draws); each share of the draws from another variant."""
         per = -(-draws // len(self.variants))
-        parts = [replace(self.noise, coefficients=a).draw(length, per, rng) for a in self.variants]
-        return self.noise.whiten(np.hstack(parts)[:, :draws])
+        drawn = (replace(self.noise, coefficients=a).draw(length, per, rng) for a in self.variants)
+        return np.hstack([self.noise.whiten(part) for part in drawn])[:, :draws]
 
 
 def _stable(coefficients: Array) -> bool:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 PER_CYCLE = 3.0
 """Values of a period for each further cycle over the travel."""
 
-MOST, MOST_VALUES = 1500, 2_000_000
+MOST, MOST_VALUES = 1500, 1_200_000
 """Periods that are tabled at most, and samples of the regression times periods."""
 
 PER_PERIOD, SLOW = 4.0, 0.25

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.engine.scan import look_elsewhere, make_scan
+from pmg.pipeline.diagnosis.engine.scan import in_parts, look_elsewhere, make_scan
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -78,7 +78,7 @@ def adequacy_test(evidence: Evidence) -> AdequacyTest:
         scan = make_scan(evidence, problem.baseline)
         left, null = problem.left[:, None], evidence.null
         p_value = look_elsewhere(float(scan(left)[:, 0].min()), scan(null).min(axis=0))
-        usual = float(np.quantile(_excess(scan, null), USUAL))
+        usual = float(np.quantile(in_parts(lambda part: _excess(scan, part), null), USUAL))
         return Remainder(p_value, max(0.0, float(_excess(scan, left)[0])), usual)
 
     return remainder

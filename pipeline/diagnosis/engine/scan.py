@@ -11,6 +11,8 @@ from scipy import stats
 from pmg.pipeline.fit.span import orthonormal
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import numpy.typing as npt
 
     from pmg.pipeline.diagnosis.engine.evidence import Evidence
@@ -21,6 +23,18 @@ MINIMUM_ROOM = 0.2
 
 ABSORBED = 1e-2
 """A column of which less than this part survives the baseline cannot be seen, and is not looked for."""
+
+
+MOST_AT_ONCE = 2_000_000
+"""Values that are worked on at a time."""
+
+
+def in_parts(function: Callable[[Array], Array], white: Array) -> Array:
+    """What a function gives of columns (m, draws), as many at a time as memory bears; the last axis is the draws."""
+    parts = -(-white.size // MOST_AT_ONCE)
+    if parts <= 1:
+        return function(white)
+    return np.concatenate([function(part) for part in np.array_split(white, parts, axis=1)], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -47,6 +61,10 @@ class Scan:
 
         Tests are the families, two on the repeats of each group that has any, and one on single rows where asked for.
         """
+        return in_parts(self._tests, white)
+
+    def _tests(self, white: Array) -> Array:
+        """The same of as many columns as memory bears."""
         left = white - self.everything @ (self.everything.T @ white)
         leverage = np.einsum("ij,ij->i", self.everything, self.everything)
         variance, dof, scale = [], [], np.empty_like(white)
