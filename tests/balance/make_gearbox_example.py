@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from nptdms import ChannelObject, RootObject, TdmsWriter  # type: ignore[import-untyped]  # has no types
+from nptdms import ChannelObject, RootObject, TdmsWriter
 from tests.balance.gearbox import COULOMB, INERTIA, RATE, RATIO, VISCOUS, driven
 
 EVERY = 2
