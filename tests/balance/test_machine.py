@@ -144,6 +144,36 @@ def test_a_ratio_that_the_speeds_contradict_and_a_sign_are_told(tmp_path: Path) 
     assert any("both shafts put power in" in str(f.message) for f in turned.findings)
 
 
+@pytest.mark.parametrize(
+    ("units", "words"),
+    [
+        (("rpm", "deg"), ""),
+        (("rad/s", "deg"), "as if rpm were read as rad/s"),
+        (("rpm", "rad"), "as if rad were read as deg"),
+        (("rpm", "mrad"), "times the slope"),
+    ],
+)
+def test_a_speed_that_is_not_the_slope_of_the_position_is_told(
+    tmp_path: Path, units: tuple[str, str], words: str
+) -> None:
+    rng = np.random.default_rng(2)
+    records = tmp_path / "records"
+    records.mkdir()
+    m = wheel.turning(rng, 20.0)
+    wheel.record(records / "a.csv", m, np.clip(wheel.plain(m), -0.6, 0.6), rng, noise=0.0)
+    channels = f'velocity = {{ name = "n", unit = "{units[0]}" }}\nposition = {{ name = "phi", unit = "{units[1]}" }}'
+    changes = (
+        ('velocity = { name = "n", unit = "rpm" }', channels),
+        ('torque = { name = "T", unit = "N m" }', 'torque = { name = "T", unit = "mN m" }'),
+        ('withheld = ["withheld*"]', ""),
+    )
+    done = check_machine(str(changed(tmp_path, *changes, of=shipped()["rotary-drive"])), records)
+    told = [str(f.message) for f in done.findings]
+    assert any(words in each for each in told if "slope" in each) == bool(words)
+    assert any("stands at its largest value, 0.6" in each for each in told)
+    assert any("stands at its smallest value, -0.6" in each for each in told)
+
+
 # --- several records ---------------------------------------------------------------------------------------
 
 

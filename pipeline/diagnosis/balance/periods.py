@@ -73,5 +73,6 @@ def _strongest(recorded: Recorded, orders: Array, low: float, kept: int) -> npt.
     each = max(kept // (3 * (int(octave.max()) + 1)), 1)
     peaks = (np.flatnonzero(peak & (octave == k)) for k in range(int(octave.max()) + 1))
     tops = np.concatenate([found[np.argsort(-power[found])[:each]] for found in peaks])
+    tops = tops[np.argsort(-power[tops])[: max(kept // 3, 1)]]  # octaves may be more than memory bears
     near = (tops[:, None] + np.array([-1, 0, 1])).ravel()
     return np.unique(near[(near >= 0) & (near < len(orders))])

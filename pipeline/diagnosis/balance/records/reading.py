@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.library.term import Motion
 from pmg.pipeline.diagnosis.balance.library.two_torques import OUT, OUT_ANGLE, TEMPERATURE
 from pmg.pipeline.diagnosis.balance.records.clock_of import clock_of
+from pmg.pipeline.diagnosis.balance.records.consistency import check_limits, check_motion
 from pmg.pipeline.diagnosis.balance.records.recorded import joined, with_known
 from pmg.pipeline.diagnosis.balance.records.smoothing import Smoother
 from pmg.pipeline.diagnosis.balance.records.two_shafts import second_shaft
@@ -123,6 +124,8 @@ def _moved(path: Path, stretch: EvenStretch, rate_hz: float, case: Case, finding
     values, time, given = dict(stretch.channels), stretch.time, case.prepare
     smoother = Smoother(given, 1.0 / rate_hz)
     drop = _dropped(smoother, case)
+    check_motion(values, smoother, findings)
+    check_limits(values, findings)
     besides = {key: values[key] for key in (TEMPERATURE,) if key in values}
     if case.ratio is not None:
         values, load = second_shaft(values, case, findings)

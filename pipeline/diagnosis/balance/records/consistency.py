@@ -1,0 +1,97 @@
+"""Channels of a recording against each other: position and speed, and what stands at its limit."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.case import OUTPUT
+from pmg.pipeline.recording.findings import Code
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pmg.pipeline.diagnosis.balance.records.smoothing import Smoother
+    from pmg.pipeline.recording.findings import Findings
+    from pmg.sim.signals import Array
+
+SPEED_TOLD = 2e-3
+"""Part by which a recorded speed may differ from the slope of the recorded position before it is told."""
+
+LIMIT_TOLD, LIMIT_RUN = 0.002, 5
+"""Part of the samples that stand at the largest or smallest value, and how many of them in a row, that are told."""
+
+WRONG_UNITS = {
+    30.0 / math.pi: "as if rpm were read as rad/s",
+    math.pi / 30.0: "as if rad/s were read as rpm",
+    180.0 / math.pi: "as if deg were read as rad",
+    math.pi / 180.0: "as if rad were read as deg",
+    2.0 * math.pi: "as if rad were read as turns",
+    0.5 / math.pi: "as if turns were read as rad",
+    4.0: "as with edges counted four times",
+    0.25: "as with a quarter of the edges",
+    -1.0: "as with a sign turned",
+}
+"""Speeds over slopes of positions that a wrong unit makes."""
+
+
+def check_motion(values: Mapping[str, Array], smoother: Smoother, findings: Findings) -> None:
+    """Tell a recorded speed that is not the slope of the recorded position (of either shaft).
+
+    Parameters
+    ----------
+    values : mapping of str to (n,) array
+        Channels in SI.
+    smoother : Smoother
+        The low-pass of both.
+    findings : Findings
+        Receives what differs, with its factor.
+    """
+    for end in ("", OUTPUT):
+        if f"{end}position" not in values or f"{end}velocity" not in values:
+            continue
+        slope = smoother.slope(smoother.smooth(values[f"{end}position"]))[smoother.settles : -smoother.settles]
+        speed = smoother.smooth(values[f"{end}velocity"])[smoother.settles : -smoother.settles]
+        size = float(slope @ slope)
+        factor = float(slope @ speed) / size if size > 0.0 else 1.0
+        if abs(factor - 1.0) < SPEED_TOLD:
+            continue
+        near = [words for known, words in WRONG_UNITS.items() if abs(factor / known - 1.0) < 10.0 * SPEED_TOLD]
+        message = f"the recorded speed is {factor:.5g} times the slope of the recorded position"
+        do = "Correct the unit, the sign or the counts per turn of one of them; both were used as they are."
+        findings.warning(Code.CHANNEL_VALUE, f"{end}velocity", ", ".join([message, *near]), do)
+
+
+def check_limits(values: Mapping[str, Array], findings: Findings) -> None:
+    """Tell a force or torque that stands at its largest or smallest value: a drive at its limit, or a clipped reading.
+
+    Parameters
+    ----------
+    values : mapping of str to (n,) array
+        Channels in SI.
+    findings : Findings
+        Receives it with its value and share.
+    """
+    for kind in ("force", f"{OUTPUT}force"):
+        force = values.get(kind)
+        if force is None or float(np.ptp(force)) == 0.0:
+            continue
+        for name, at in (("largest", force == force.max()), ("smallest", force == force.min())):
+            share = float(np.mean(at))
+            if share < LIMIT_TOLD or _longest(at) < LIMIT_RUN:
+                continue
+            value = float(force.max() if name == "largest" else force.min())
+            findings.warning(
+                Code.CHANNEL_VALUE,
+                kind,
+                f"it stands at its {name} value, {value:.4g} N or N m, in {100.0 * share:.1f} % of the samples",
+                "A drive at its limit, or a reading that is clipped: what acts there is not what is recorded.",
+            )
+
+
+def _longest(flags: Array) -> int:
+    """Most samples in a row for which something holds."""
+    edges = np.flatnonzero(np.diff(np.r_[False, flags, False].astype(np.int8)))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
