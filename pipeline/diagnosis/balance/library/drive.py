@@ -229,13 +229,27 @@ def _chain_terms(axis: Axis) -> Iterator[Term[Motion]]:
     )
     yield Term(
         "delay",
-        f"Delay of the position behind the {axis.pushes} command",
+        f"Delay or lag of the position behind the {axis.pushes} command",
         "T d/dt(baseline terms)",
         _part("T", "s", 0.02),
         lambda m, _: _stack(m.rate(m.modelled)),
         BALANCE,
         separating_test="Record both signals of one step through one input card",
         of_model=True,
+    )
+
+
+def _drift(axis: Axis) -> Term[Motion]:
+    """A zero that does not stay."""
+    return Term(
+        "zero_drift",
+        f"Zero of the {axis.pushes} that drifts steadily during each record",
+        "z (t/T - 1/2)",
+        _part("z", axis.push, 1e4),
+        lambda m, _: _stack(m.elapsed / float(m.elapsed.max()) - 0.5),
+        BALANCE,
+        separating_test=f"Read the {axis.pushes} at standstill with the coupling open, before and after each record",
+        needs_drive=True,
     )
 
 
@@ -265,7 +279,8 @@ def _drive_faults(axis: Axis) -> Iterator[Term[Motion]]:
 
 def _drive_terms(axis: Axis) -> tuple[Term[Motion], ...]:
     """Every term of a drive, in the units of its axis."""
-    return (*_plain_terms(axis), *_curved_terms(axis), *_placed_terms(axis), *_chain_terms(axis), *_drive_faults(axis))
+    plain = (*_plain_terms(axis), *_curved_terms(axis), *_placed_terms(axis))
+    return (*plain, _drift(axis), *_chain_terms(axis), *_drive_faults(axis))
 
 
 DRIVE, ROTARY_DRIVE = _drive_terms(LINEAR), _drive_terms(ROTARY)
