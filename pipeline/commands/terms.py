@@ -181,12 +181,11 @@ def _residual_table(diagnosis: TermsDiagnosis) -> str:
 
 
 def _page(diagnosis: TermsDiagnosis, seed: int, digests: dict[str, str], own: tuple[Section, ...]) -> Report:
-    state = "good" if diagnosis.verdict in (Verdict.CONSISTENT, Verdict.NAMED) else "attention"
     first, *others = terms_sections(diagnosis)
     return Report(
         title=diagnosis.case.title,
         subtitle=f"Terms of its {diagnosis.case.axis.pushes} balance: what the baseline lacks, and the proof",
-        verdict=Headline(headline(diagnosis), "good" if state == "good" else "attention"),
+        verdict=Headline(headline(diagnosis), "good" if diagnosis.verdict is Verdict.CONSISTENT else "attention"),
         sections=(first, *own, *others),
         provenance=Facts(
             (

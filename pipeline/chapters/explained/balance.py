@@ -10,7 +10,7 @@ import numpy as np
 from pmg.pipeline.chapters.explained.balance_figures import friction_figure, residuals_figure
 from pmg.pipeline.chapters.explained.free_run import free_run_sections
 from pmg.pipeline.diagnosis.balance.causes import named_causes
-from pmg.pipeline.diagnosis.balance.document import headline, percent, separating_test, title_of
+from pmg.pipeline.diagnosis.balance.document import percent, separating_test, title_of
 from pmg.pipeline.diagnosis.balance.library.drive import EMPS
 from pmg.pipeline.diagnosis.balance.serial import ANDREWS_MONAHAN
 from pmg.pipeline.report.document import Cell, Column, Facts, Measured, Section, Table, Text
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.contest import ModelStep
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.estimate import Estimate
+
+PLACES_SHOWN = 4
+"""Places that a mismatch follows of which the page tells; the others are in the JSON."""
 
 TERMS_SHOWN = 8
 """Terms of a round that the table shows."""
@@ -33,7 +36,7 @@ def terms_sections(diagnosis: TermsDiagnosis) -> tuple[Section, ...]:
 
 def _verdict(d: TermsDiagnosis) -> Section:
     places, left = (
-        "; ".join(f"{p.name} ({p.rms:.2g} times the noise)" for p in test.locations) or "none"
+        _listed([f"{p.name} ({p.rms:.2g} times the noise)" for p in test.locations])
         for test in (d.mismatch, d.left_over)
     )
     facts: tuple[tuple[str, Cell], ...] = (
@@ -49,9 +52,15 @@ def _verdict(d: TermsDiagnosis) -> Section:
     return Section(
         "verdict-terms",
         "Verdict",
-        (Text(headline(d), "finding"), *_causes(d), Facts(facts), residuals_figure(d), friction_figure(d)),
+        (*_causes(d), residuals_figure(d), friction_figure(d), Facts(facts)),
         (EMPS, sources.WESTFALL_YOUNG),
     )
+
+
+def _listed(places: list[str]) -> str:
+    """Places, those that say most; how many more there are."""
+    more = f"; and {len(places) - PLACES_SHOWN} more" if len(places) > PLACES_SHOWN else ""
+    return "; ".join(places[:PLACES_SHOWN]) + more if places else "none"
 
 
 def _causes(d: TermsDiagnosis) -> tuple[Table, ...]:
