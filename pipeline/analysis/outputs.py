@@ -26,7 +26,6 @@ from pmg.pipeline.grid.tables import frame_grid, grid_frame
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.store.store import Store, refuse_recordings
 from pmg.pipeline.wording.safe_text import spreadsheet_text
-from pmg.sim.bench import load_bench
 from pmg.sim.errors import StoreError
 from pmg.sim.signals import SPEED_SUN
 from pmg.sim.steady.gearbox import Gearbox
@@ -41,6 +40,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.fit.common_errors import CommonErrorSources
     from pmg.pipeline.fit.losses import PowerBalance
     from pmg.pipeline.fit.noise import ShaftNoise
+    from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
 
 SCHEMA = "pmg.analysis/1"
@@ -186,10 +186,10 @@ def analysis_document(analysis: Analysis, budget: Budget | None = None) -> dict[
     return document | {"without_uncertainty": unstated_in(document)}
 
 
-def write_analysis(analysis: Analysis, store: Path, budget: Budget | None = None) -> Path:
+def write_analysis(analysis: Analysis, store: Path, bench: BenchParameters, budget: Budget | None = None) -> Path:
     """Write grids, losses and fits into the store; returns the folder.
 
-    ``budget`` holds what each mean torque is uncertain by, where it is given.
+    ``bench`` is the machine of the power flow; ``budget`` holds what each mean torque is uncertain by, where given.
     ``losses``, ``means_by_load`` and ``power_flow`` hold what is derived, each with both parts of its uncertainty.
     ``grid`` holds every point, ``neutral_grid``, ``engaged_grid`` and ``zero_checks`` those of one configuration.
     The summary is written last: where it is there, the rest is.
@@ -200,7 +200,7 @@ def write_analysis(analysis: Analysis, store: Path, budget: Budget | None = None
     stamp = _write_frame(frame, folder / "grid")
     for configuration, name in (("neutral", "neutral_grid"), ("engaged", "engaged_grid"), ("zero", "zero_checks")):
         _write_frame(frame[frame.configuration == configuration], folder / name)
-    tables = {"grid": frame} | _loss_tables(analysis, folder)
+    tables = {"grid": frame} | _loss_tables(analysis, folder, bench)
     if budget is not None:
         tables["budget"] = budget_frame(budget)
         _write_frame(tables["budget"], folder / "budget")
@@ -239,13 +239,12 @@ def unproven_analysis(store: Path) -> tuple[Remark, ...]:
     return (Remark("warning", str(summary), message + "Run 'pmg analyse' again."),)
 
 
-def _loss_tables(analysis: Analysis, folder: Path) -> dict[str, pd.DataFrame]:
+def _loss_tables(analysis: Analysis, folder: Path, bench: BenchParameters) -> dict[str, pd.DataFrame]:
     """Losses, their means and the power flow, written; where there are none, those of an earlier run go."""
     tables: dict[str, pd.DataFrame] = {}
     if analysis.balance is not None:
         tables |= {"losses": balance_frame(analysis.balance), "means_by_load": _means_frame(analysis.balance)}
     if analysis.calibration is not None and analysis.causes is not None:
-        bench = load_bench()
         gearbox = Gearbox.calibrated(bench, analysis.calibration.model)
         simulated = steady(gearbox, analysis.grid.points, analysis.grid.campaign)
         flows = power_flows(gearbox, analysis.grid, simulated, bench, analysis.calibration, analysis.causes)

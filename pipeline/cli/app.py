@@ -63,7 +63,7 @@ def whole(
 
 
 @app.command()
-@command("ingest", options_of(CampaignOptions, "recordings store workers scheduler shard limits map config"))
+@command("ingest", options_of(CampaignOptions, "recordings store workers scheduler shard limits map machine config"))
 def ingest(given: Given, progress: Progress | None = None) -> Outcome:
     """Decode recordings into a store: torque and angle of each run, steady windows, remarks on the data."""
     from pmg.pipeline.commands.ingest import ingest_chosen
@@ -74,7 +74,7 @@ def ingest(given: Given, progress: Progress | None = None) -> Outcome:
 
 
 @app.command()
-@command("analyse", options_of(CampaignOptions, f"store {ANALYSIS} model config"))
+@command("analyse", options_of(CampaignOptions, f"store {ANALYSIS} model machine config"))
 def analyse(given: Given) -> Outcome:
     """Fit the losses of a campaign: mean torques of its points, loss curves, calibration, power balance."""
     from pmg.pipeline.commands.analyse import run_analyse
@@ -86,11 +86,12 @@ def analyse(given: Given) -> Outcome:
     options = chosen.options()
     if model is not None:  # the option alone: what a campaign file names is for the comparison
         options = with_model(options, model, given["k_corr"])
-    return run_analyse(chosen.needed("store"), options, grids=chosen.path("grids"), campaign=chosen.text("campaign"))
+    store, grids = chosen.needed("store"), chosen.path("grids")
+    return run_analyse(store, options, grids=grids, campaign=chosen.text("campaign"), machine=chosen.text("machine"))
 
 
 @app.command()
-@command("compare", options_of(CampaignOptions, "store report note model config"))
+@command("compare", options_of(CampaignOptions, "store report note model machine config"))
 def compare(given: Given, progress: Progress | None = None) -> Outcome:
     """Compare simulation and bench: where they differ, the cause of it, and the report."""
     from pmg.pipeline.commands.compare import compare_chosen
@@ -100,16 +101,14 @@ def compare(given: Given, progress: Progress | None = None) -> Outcome:
 
 
 @app.command()
-@command("run", options_of(CampaignOptions, f"recordings {RUN} config machine"))
+@command("run", options_of(CampaignOptions, f"recordings {RUN} config"))
 def run(given: Given, progress: Progress | None = None) -> Outcome:
     """Run ingest, analyse and compare in one go; of published grids (--grids), or of another machine (--machine)."""
     from pmg.pipeline.commands.compare import run_all
     from pmg.pipeline.settings.chosen import choose
 
-    machine = given.pop("machine")
-    if machine is not None:
-        return cli_machine.run_of(machine, given)
-    return run_all(choose(**given), progress)
+    outcome = cli_machine.run_of(given)
+    return run_all(choose(**given), progress) if outcome is None else outcome
 
 
 simulate = app.command()(studies.simulate)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pmg.pipeline.cli.frame import command
-from pmg.pipeline.cli.options import RUN, CampaignOptions, ConfigOption, Given, SupplyOption, options_of
+from pmg.pipeline.cli.options import RUN, CampaignOptions, ConfigOption, Given, MachineOption, SupplyOption, options_of
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.files.progress import Progress
 
@@ -59,6 +59,7 @@ def doctor(
         Path | None, typer.Option("--store", help="Where the store would be: is it writable, is there room?")
     ] = None,
     chart: SupplyOption = None,
+    machine: MachineOption = None,
     config: ConfigOption = None,
     progress: Progress | None = None,
 ) -> Outcome:
@@ -66,6 +67,6 @@ def doctor(
     from pmg.pipeline.commands.doctor import run_doctor
     from pmg.pipeline.settings.chosen import choose
 
-    chosen = choose(config, recordings=place, store=store, map=chart)
+    chosen = choose(config, recordings=place, store=store, map=chart, machine=machine)
     looked_at = chosen.needed("recordings", "PLACE")
-    return run_doctor(looked_at, chosen.path("store"), progress, chosen.path("map"))
+    return run_doctor(looked_at, chosen.path("store"), progress, chosen.path("map"), chosen.text("machine"))

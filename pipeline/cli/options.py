@@ -31,8 +31,14 @@ WithOption = Annotated[
 ]
 
 
+MachineOption = Annotated[
+    str | None,
+    typer.Option("--machine", help="Machine file, or one that ships, of another magnetic gear; else the thesis bench."),
+]
+
+
 ANALYSIS = "grids campaign terms_sun terms_ring k_corr include_rest robust"
-RUN = f"store report {ANALYSIS} note model workers scheduler limits map"
+RUN = f"store report {ANALYSIS} note model workers scheduler limits map machine"
 """Options of the analysis, and of a campaign's whole way."""
 
 Given = dict[str, Any]
@@ -78,10 +84,7 @@ class CampaignOptions:
             "--scheduler", help="Let the workers of a dask cluster do it; its address, such as tcp://host:8786."
         ),
     ]
-    machine: Annotated[
-        str | None,
-        typer.Option("--machine", help="Machine file, or the name of one that ships: recordings of another machine."),
-    ] = None
+    machine: MachineOption
     origin: Annotated[bool, typer.Option("--origin", help="Say where each setting comes from.")] = False
     shard: Annotated[
         str | None, typer.Option("--shard", help="Only part i of n, as i/n with i from 1; for jobs that share a store.")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pmg.pipeline.cli.frame import command
-from pmg.pipeline.cli.options import CampaignOption, Given, ModelOption, WithOption, options_of
+from pmg.pipeline.cli.options import CampaignOption, Given, MachineOption, ModelOption, WithOption, options_of
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.files.progress import Progress
 
@@ -22,11 +22,12 @@ def simulate(
     ] = None,
     model: ModelOption = None,
     switched: WithOption = None,
+    machine: MachineOption = None,
 ) -> Outcome:
     """Simulate a scenario: steady points, a run in time, a frequency response; tables, recordings and a report."""
     from pmg.pipeline.commands.simulate import run_simulate
 
-    return run_simulate(scenario, out, campaign, model=model, switched=switched or ())
+    return run_simulate(scenario, out, campaign, model=model, switched=switched or (), machine=machine)
 
 
 @command("validate")
@@ -91,11 +92,12 @@ def design(
     store: Annotated[Path | None, typer.Option("--store", help="Store with an analysed campaign, instead.")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Folder of a report; none if not given.")] = None,
     model: ModelOption = None,
+    machine: MachineOption = None,
 ) -> Outcome:
     """Detectability of effects in a campaign, before or after it is run, and the tests that would improve it."""
     from pmg.pipeline.commands.design import run_design
 
-    return run_design(plan, store, report, model)
+    return run_design(plan, store, report, model, machine)
 
 
 @command("terms")

@@ -20,8 +20,8 @@ from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
 from pmg.pipeline.grid.window_facts import rated, window_facts
 from pmg.pipeline.recording.remark import Remark
+from pmg.pipeline.settings.bench_in_force import bench_in_force, machine_remarks, settle_bench
 from pmg.pipeline.store.store import Store
-from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -35,7 +35,13 @@ if TYPE_CHECKING:
 
 
 def run_analyse(
-    store: Path, options: AnalysisOptions, *, grids: Path | None, campaign: str | None, clock: Clock = now
+    store: Path,
+    options: AnalysisOptions,
+    *,
+    grids: Path | None,
+    campaign: str | None,
+    machine: str | None = None,
+    clock: Clock = now,
 ) -> Outcome:
     """Condense the recordings of a store (or read published grids) and analyse them into the store.
 
@@ -49,21 +55,24 @@ def run_analyse(
         Folder with published grids to analyse instead of recordings.
     campaign : str, optional
         Which campaign, where the store holds several.
+    machine : str, optional
+        Machine file, or the name of one that ships; that of the store by default, or the thesis bench.
     clock : callable
         Time of day, for the provenance.
     """
     began = clock()
+    bench = bench_in_force(store, machine) if grids is None else settle_bench(store, machine)
     moving = campaign_in_motion(store, campaign) if grids is None else None
     if moving is not None:
         return analyse_motion(store, moving)
-    gathered = gather(store, grids, campaign, options.checks)
+    gathered = gather(store, grids, campaign, bench, options.checks)
     grid, bench, failed = gathered.grid, gathered.bench, gathered.failed
     if grids is not None:
         Store(store).prepare()
     analysis = analyse(grid, options, bench)
     budget = budget_of(analysis.grid, analysis.floor, bench, gathered.facts)
     before = analysed_campaign(store)
-    folder = write_analysis(analysis, store, budget)
+    folder = write_analysis(analysis, store, bench, budget)
     leave_crate(folder, store, grid, "pmg analyse", began, clock, results=analysis_files(folder))
     return Outcome(
         data={"analysis": analysis_document(analysis, budget), "folder": str(folder)},
@@ -71,6 +80,7 @@ def run_analyse(
         findings=_replaced(folder, before, grid.campaign)
         + analysis_findings(analysis, failed, gathered.used)
         + gathered.remarks
+        + machine_remarks(store)
         + tuple(budget_remarks(budget)),
         partial=bool(failed) or not analysis.complete,
     )
@@ -103,7 +113,11 @@ class GatheredCampaign:
 
 
 def gather(
-    store: Path, grids: Path | None, campaign: str | None, actions: Mapping[str, str] | None = None
+    store: Path,
+    grids: Path | None,
+    campaign: str | None,
+    bench: BenchParameters,
+    actions: Mapping[str, str] | None = None,
 ) -> GatheredCampaign:
     """The windows of a store, or published grids, as one grid.
 
@@ -115,10 +129,11 @@ def gather(
         Folder with published grids to take instead.
     campaign : str, optional
         Which campaign, where the store holds several.
+    bench : BenchParameters
+        The machine.
     actions : mapping, optional
         What is done where recordings contradict something, by name of the cross-check; the default else.
     """
-    bench = load_bench()
     if grids is not None:
         return GatheredCampaign(read_published(grids, bench), bench)
     name, checked = checked_campaign(Store(store), campaign, bench, actions)

@@ -46,6 +46,7 @@ from pmg.pipeline.model.read_model import read_model
 from pmg.pipeline.model.sensor_fault_correction import correct_sensor_fault
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.write import write_report
+from pmg.pipeline.settings.bench_in_force import bench_in_force
 from pmg.pipeline.store.store import Store
 from pmg.sim.errors import RecordingError
 
@@ -123,8 +124,7 @@ def run_compare(
     if mixed is not None:
         data |= {"statement": mixed.document["statement"], "motion": mixed.outcome.data}
         lines = [mixed.first_line, *lines[judged is not None :], *mixed.outcome.lines[1:]]
-    diagnosed = judged is not None or mixed is not None
-    if diagnosed:
+    if diagnosed := judged is not None or mixed is not None:
         data["diagnosis"] = json.loads((report / DIAGNOSIS).read_bytes())
     ours = ((DIAGNOSIS, diagnosed), (MODEL, bool(data.get("model"))))
     written = (*files, *(report / name for name, there in ours if there))
@@ -150,6 +150,7 @@ def compare_chosen(chosen: Chosen, campaign: str | None = None, progress: Progre
         The one that was just ingested; where none is named, the one whose analysis the store holds.
     """
     store, note = chosen.needed("store"), chosen.text("note") or ""
+    bench_in_force(store, chosen.text("machine"))  # another machine than that of the store is refused
     asked = campaign or chosen.text("campaign") or analysed_campaign(store)
     moving = campaign_in_motion(store, asked) if chosen.path("grids") is None else None
     report, model, tolerances = chosen.needed("report"), chosen.path("model"), chosen.tolerance
@@ -170,7 +171,7 @@ def run_all(chosen: Chosen, progress: Progress | None) -> Outcome:
         parts["ingest"] = ingest_chosen(chosen, named(progress, "ingest"))
         ingested = parts["ingest"].data["campaigns"]
         campaign = campaign or (ingested[0] if len(ingested) == 1 else None)
-    parts["analyse"] = run_analyse(store, options, grids=grids, campaign=campaign)
+    parts["analyse"] = run_analyse(store, options, grids=grids, campaign=campaign, machine=chosen.text("machine"))
     parts["compare"] = compare_chosen(chosen, campaign, named(progress, "compare"))
     return Outcome(
         data={name: part.data for name, part in parts.items()},

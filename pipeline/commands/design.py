@@ -17,10 +17,10 @@ from pmg.pipeline.model.read_model import read_model
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
+from pmg.pipeline.settings.bench_in_force import bench_in_force
 from pmg.pipeline.simulate.inputs import loss_model, unproven_losses
 from pmg.pipeline.simulate.planned import planned_floor, planned_grid
 from pmg.pipeline.simulate.scenario_file import read_scenario
-from pmg.sim.bench import load_bench
 from pmg.sim.errors import BenchError
 from pmg.sim.signals import MINUTE
 
@@ -32,7 +32,11 @@ if TYPE_CHECKING:
 
 
 def run_design(
-    plan: Path | None, store: Path | None, report: Path | None = None, model_file: Path | None = None
+    plan: Path | None,
+    store: Path | None,
+    report: Path | None = None,
+    model_file: Path | None = None,
+    machine: str | None = None,
 ) -> Outcome:
     """Audit the points of an analysed campaign, or of a plan.
 
@@ -47,13 +51,15 @@ def run_design(
     model_file : Path, optional
         A model whose baseline the effects are taken about, instead of the plan's losses or the store's calibration.
         Its mechanisms are not counted as known: the audit asks whether these points would show them.
+    machine : str, optional
+        Machine file, or the name of one that ships; that of the store by default, or the thesis bench.
     """
     if (plan is None) == (store is None):
         came = "neither" if plan is None else "both"
         raise BenchError("PLAN and --store", came, "one of them", "Name a plan, or a store with an analysed campaign.")
     began = now()
     taken: tuple[Path | SourceFile, ...] = () if plan is None else (plan,)
-    bench = load_bench()
+    bench = bench_in_force(store, machine)
     remarks: tuple[Remark, ...] = ()
     whole = None if model_file is None else read_model(model_file)
     if plan is not None:

@@ -15,8 +15,8 @@ from pmg.pipeline.preflight.rehearsal import audit, rehearse
 from pmg.pipeline.preflight.survey import survey
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.recording.supplied import NOTHING
+from pmg.pipeline.settings.bench_in_force import bench_in_force
 from pmg.pipeline.wording.plurals import counted
-from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -32,6 +32,7 @@ def run_doctor(
     store: Path | None,
     progress: Progress | None = None,
     chart: Path | None = None,
+    machine: str | None = None,
 ) -> Outcome:
     """Abilities of recordings, or of a store.
 
@@ -45,13 +46,16 @@ def run_doctor(
         Told (done, total, name) after each recording.
     chart : Path, optional
         File that states what recordings lack: run, calibration, channels under other names.
+    machine : str, optional
+        Machine file, or the name of one that ships; that of the store by default, or the thesis bench.
 
     Raises
     ------
     PmgError
         There is neither a recording nor a store.
     """
-    found, bench = survey(place, progress, NOTHING if chart is None else read_supply(chart)), load_bench()
+    bench = bench_in_force(place if place.is_dir() else None, machine)
+    found = survey(place, bench, progress, NOTHING if chart is None else read_supply(chart))
     size = sum(file.size for file in found.files)
     checks = environment(place if found.stored else store, 0 if found.stored else size)
     campaigns = [_campaign(found.of(name), name, bench) for name in found.campaigns]

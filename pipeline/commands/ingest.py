@@ -16,11 +16,11 @@ from pmg.pipeline.importers.supply import read_supply
 from pmg.pipeline.recording.codes import Severity
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.recording.supplied import NOTHING
-from pmg.pipeline.store.sources import Shard
+from pmg.pipeline.settings.bench_in_force import machine_remarks, settle_bench
+from pmg.pipeline.store.sources import Shard, find_recordings
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.windows.limits_file import chosen_limits
 from pmg.pipeline.wording.plurals import counted
-from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.settings.chosen import Chosen
     from pmg.pipeline.store.manifest import Manifest
     from pmg.pipeline.windows.limits import Steadiness
+    from pmg.sim.bench import BenchParameters
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,8 @@ class IngestOptions:
         File that states what recordings lack: run, calibration, channels under other names.
     checks : mapping, optional
         Actions of cross-checks other than the default ones, by name.
+    machine : str, optional
+        Machine file, or the name of one that ships; that of the store by default, or the thesis bench.
     """
 
     workers: int | None = None
@@ -60,6 +63,7 @@ class IngestOptions:
     limits: Path | Steadiness | None = None
     chart: Path | None = None
     checks: Mapping[str, str] | None = None
+    machine: str | None = None
 
 
 ALONE = IngestOptions(workers=1)
@@ -85,9 +89,13 @@ def run_ingest(
     progress : callable, optional
         Told (done, total, name) after each file.
     """
+    home = Store(store)
+    if options.machine is not None:
+        find_recordings(recordings)  # before a store is made
+    bench = settle_bench(store, options.machine)
     report = ingest(
         recordings,
-        Store(store),
+        home,
         workers=options.workers,
         scheduler=options.scheduler,
         shard=None if options.shard is None else Shard.of(options.shard),
@@ -105,7 +113,7 @@ def run_ingest(
         lines.append(f"{counted(report.moving, 'run')} in motion, {report.set_aside} set aside")
     if copies:
         lines.append(f"{counted(len(copies), 'window')} in two files: counted once")
-    contradictions = _contradictions(manifests, report.sha256, options.checks)
+    contradictions = _contradictions(manifests, report.sha256, bench, options.checks)
     lost = any(remark.severity == Severity.ERROR for remark in contradictions)
     if contradictions:
         lines.append(f"{counted(len(contradictions), 'contradiction')} with what else is known: see the findings")
@@ -124,7 +132,7 @@ def run_ingest(
         "contradictions": len(contradictions),
         "campaigns": list(report.campaigns),
     }
-    findings = tuple[Remark, ...](report.findings)
+    findings = machine_remarks(store) + report.findings
     judged = _told_windows(manifests, report.sha256)
     missing = any(not point.instead for point in missing_points)
     return Outcome(
@@ -144,6 +152,7 @@ def ingest_chosen(chosen: Chosen, progress: Progress | None, shard: str | None =
         chosen.limits,
         chosen.path("map"),
         chosen.options().checks,
+        chosen.text("machine"),
     )
     return run_ingest(chosen.needed("recordings"), chosen.needed("store"), options, progress)
 
@@ -184,14 +193,17 @@ def _copied_windows(manifests: list[Manifest], sources: frozenset[str]) -> tuple
 
 
 def _contradictions(
-    manifests: list[Manifest], sources: frozenset[str], actions: Mapping[str, str] | None
+    manifests: list[Manifest],
+    sources: frozenset[str],
+    bench: BenchParameters,
+    actions: Mapping[str, str] | None,
 ) -> tuple[CrossCheckRemark, ...]:
     """Findings of the cross-checks of the campaigns that these sources are of."""
     asked = {manifest.campaign for manifest in manifests if manifest.sha256 in sources}
     found: list[CrossCheckRemark] = []
     for campaign in _of_campaigns(manifests):
         if campaign[0].campaign in asked:
-            found += cross_check(without_copies(campaign), load_bench(), actions).findings
+            found += cross_check(without_copies(campaign), bench, actions).findings
     return tuple(found)
 
 

@@ -17,6 +17,7 @@ from pmg.pipeline.recording.read import read_recording
 from pmg.pipeline.recording.run import RECORD
 from pmg.pipeline.recording.run_records import RunRecord
 from pmg.pipeline.recording.supplied import NOTHING
+from pmg.pipeline.settings.bench_in_force import bench_of_store
 from pmg.pipeline.store.manifest import FAILED, INGESTED, Manifest, StoredWindow
 from pmg.pipeline.store.sources import take_inventory
 from pmg.pipeline.store.store import Store
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.store.sources import Shard, StoredSource
     from pmg.pipeline.windows.limits import Steadiness
     from pmg.pipeline.windows.window import Window
+    from pmg.sim.bench import BenchParameters
 
 WORTH_A_PROCESS, WORTH_OF_A_FILE = 24 * 2**20, 2**17
 """Bytes of recordings from which a second process pays for its start, and that take as long as a file of any size."""
@@ -46,10 +48,11 @@ DONE, THERE = "done", "there"
 
 @dataclass(frozen=True)
 class _Job:
-    """One file, the folder of the store, by their full paths, as a worker may stand elsewhere; limits and supply."""
+    """One file, the folder of the store, by full paths, as a worker may stand elsewhere; machine, limits, supply."""
 
     source: StoredSource
     store: Path
+    bench: BenchParameters
     limits: Steadiness = LIMITS
     supplied: Supplied = NOTHING
 
@@ -138,8 +141,8 @@ def ingest(
         workers = (os.cpu_count() or 1) if large else 1
     done = len(inventory.sources) - len(todo)
     counts = Counter[str]()
-    folder = store.path.absolute()
-    jobs = [_Job(replace(source, path=source.path.absolute()), folder, limits, supplied) for source in todo]
+    whole = store.path.absolute(), bench_of_store(store.path), limits, supplied
+    jobs = [_Job(replace(source, path=source.path.absolute()), *whole) for source in todo]
     for job, did in map_over(_ingest_one, jobs, workers, scheduler):
         done += 1
         counts[did] += 1
@@ -180,13 +183,13 @@ def _ingest_one(job: _Job) -> str:
         return THERE
     run = RunRecord()
     try:
-        recording = read_recording(source.path, source.name, job.supplied, coils=True)
+        recording = read_recording(source.path, source.name, job.supplied, coils=True, bench=job.bench)
         if recording.sha256 != source.sha256:
             raise UnusableRecordingError((_changed(source),))
         run = _run_record(recording)
         windows = find_windows(recording, job.limits)
         manifest = _manifest(source, recording, windows, job)
-        orders = order_files(source.identifier, recording, windows)
+        orders = order_files(source.identifier, recording, windows, job.bench)
     except UnusableRecordingError as error:
         return _failed(source, store, error.findings, RunRecord(**error.run))
     except (OSError, StoreError):  # of the store: the next recording would meet it too
@@ -206,8 +209,7 @@ def _run_record(recording: Recording) -> RunRecord:
 
 
 def _failed(source: StoredSource, store: Store, findings: tuple[Finding, ...], run: RunRecord) -> str:
-    names = source.identifier, source.name, source.place, source.sha256
-    store.write(Manifest(*names, FAILED, run, findings), None)
+    store.write(Manifest(source.identifier, source.name, source.place, source.sha256, FAILED, run, findings), None)
     return FAILED
 
 
@@ -246,15 +248,12 @@ def _shared_start(manifests: Iterable[Manifest], asked: Container[str]) -> Itera
 
 def _unseen(folder: Path) -> StoreError:
     came, expected = "workers and this process do not see the same store there", "one folder that all of them share"
-    return StoreError(
-        str(folder), came, expected, "Put store and recordings where every worker finds them by this path."
-    )
+    return StoreError(str(folder), came, expected, "Put store and recordings where all find them by this path.")
 
 
 def _unexpected(source: StoredSource, error: Exception, log: str) -> Finding:
-    message = (
-        f"reading it failed unforeseen ({type(error).__name__}: {error!s:.120}); expected a recording, or its findings"
-    )
+    came = f"{type(error).__name__}: {error!s:.120}"
+    message = f"reading it failed unforeseen ({came}); expected a recording, or its findings"
     advice = f"This is a defect of pmg: please report it with {log} in the store. The other recordings are not touched."
     return Finding(Severity.ERROR, "whole file", message, source.name, Code.UNEXPECTED, advice)
 
@@ -268,7 +267,7 @@ def _changed(source: StoredSource) -> Finding:
 def _manifest(source: StoredSource, recording: Recording, windows: Sequence[Window], job: _Job) -> Manifest:
     """The manifest of a usable recording."""
     supplied, origin = recording.supplied, recording.origin
-    moving, findings = judge_motion(recording)
+    moving, findings = judge_motion(recording, job.bench)
     return Manifest(
         source.identifier,
         source.name,

@@ -33,9 +33,9 @@ from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.action_sheet import SheetAnswer
 from pmg.pipeline.report.document import Headline
 from pmg.pipeline.report.write import remove_report, write_report
+from pmg.pipeline.settings.bench_in_force import bench_of_store
 from pmg.pipeline.store.store import MARK, Store
 from pmg.pipeline.wording.plurals import counted
-from pmg.sim.bench import load_bench
 from pmg.sim.errors import PmgError
 from pmg.sim.signals import MINUTE
 
@@ -118,7 +118,7 @@ def _diagnosed_motion(
     clock : callable
         Time of day, for the provenance.
     """
-    began, bench = clock(), load_bench()
+    began, bench = clock(), bench_of_store(store)
     given = NO_MODEL if model is None else read_motion_model(model, bench)
     runs = moving_runs(Store(store), campaign)
     judged = [run for run in judged_runs(choose_campaign(Store(store), campaign)[1]) if run.manoeuvre.moves]

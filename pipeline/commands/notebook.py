@@ -32,6 +32,7 @@ from pmg.pipeline.fit.options import chosen_options
 from pmg.pipeline.grid.tables import frame_grid, grid_frame
 from pmg.pipeline.model.read_model import read_model
 from pmg.pipeline.recording import read
+from pmg.pipeline.settings.bench_in_force import bench_of_store
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
@@ -176,7 +177,7 @@ def analyse(
     store = recordings.store if isinstance(recordings, IngestedCampaigns) else Path(recordings or ".")
     of = None if recordings is None else store
     with audited_from_python("analyse", of, grids=grids, campaign=campaign, **options.document()):
-        gathered = gather(store, None if grids is None else Path(grids), campaign)
+        gathered = gather(store, None if grids is None else Path(grids), campaign, bench_of_store(store))
         first = analyse_grid(gathered.grid, options, gathered.bench)
         # As it comes back from a store: speeds in rpm and back, noise floor in u. The same bytes as by the commands.
         grid = frame_grid(grid_frame(first.grid), first.grid.origin, first.grid.campaign)

@@ -27,10 +27,10 @@ from pmg.pipeline.orders.survey import NOTHING_FOLLOWED, follow_lines
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
+from pmg.pipeline.settings.bench_in_force import bench_of_store
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.wording.plurals import counted
 from pmg.pipeline.wording.spreadsheet import spreadsheet_csv
-from pmg.sim.bench import load_bench
 from pmg.sim.errors import FitError, StoreError, near_miss
 
 if TYPE_CHECKING:
@@ -87,11 +87,11 @@ def run_orders(
         No such store, campaign or point.
     """
     began = now()
-    home, bench = Store(store), load_bench()
+    home, bench = Store(store), bench_of_store(store)
     name, checked = checked_campaign(home, campaign, bench)
     found, left_out = kept_lines(home, checked.manifests)
     recomputed = sum(orders is None for _, orders in found)
-    sources = [(m, orders_of_manifest(home, m) if orders is None else orders) for m, orders in found]
+    sources = [(m, orders_of_manifest(home, m, bench) if orders is None else orders) for m, orders in found]
     table = pl.concat([_with_points(m, orders) for m, orders in sources])
     if point is not None:
         known = sorted(set(table["point"]))

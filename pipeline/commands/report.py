@@ -23,8 +23,8 @@ from pmg.pipeline.commands.provenance import leave_crate_of_two, now
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.write import write_report
+from pmg.pipeline.settings.bench_in_force import bench_of_store
 from pmg.pipeline.wording.plurals import counted
-from pmg.sim.bench import load_bench
 from pmg.sim.errors import StoreError
 from pmg.sim.signals import RPM
 
@@ -88,8 +88,8 @@ def run_report(
     StoreError
         A store lacks what is needed, or there are not two.
     """
-    began, bench = clock(), load_bench()
-    a, b = (read_side(*side, bench) for side in zip("AB", _two(stores), campaigns, strict=True))
+    began = clock()
+    a, b = (read_side(*side, bench_of_store(side[1])) for side in zip("AB", _two(stores), campaigns, strict=True))
     versus = subtract(a, b, reach or Reach(), transducers)
     judged = judge(versus, np.random.default_rng(PERMUTATION_SEED))
     constants = constant_differences(versus)

@@ -23,6 +23,7 @@ from pmg.pipeline.grid.tables import PUBLISHED, read_published
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
+from pmg.pipeline.settings.bench_in_force import bench_of_store
 from pmg.pipeline.wording.probability import nominal_p_text, search_p_text
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import FitError, GridError, near_miss
@@ -114,12 +115,12 @@ def run_residuals(
 
 def _analysed(store: Path | None, grids: Path | None) -> tuple[Analysis, BenchParameters, tuple[Remark, ...]]:
     """The analysis of a store or of published grids, its bench, and remarks on that."""
-    bench = load_bench()
     if store is not None and grids is None:
         grid, options = read_analysis(store)
-        bench, remarks = recorded_bench(store, grid, bench)
+        bench, remarks = recorded_bench(store, grid, bench_of_store(store))
         return analyse(grid, options, bench), bench, unproven_analysis(store) + remarks
     if grids is not None and store is None:
+        bench = load_bench()
         return analyse(read_published(grids, bench), THESIS_OPTIONS, bench), bench, ()
     came, do = "neither" if store is None else "both", "Name a store with an analysis, or published grids."
     raise GridError("--store and --grids", came, "one of them", do)

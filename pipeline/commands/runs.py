@@ -19,12 +19,12 @@ from pmg.pipeline.catalogue.listing import aligned, comma_separated, for_json, s
 from pmg.pipeline.catalogue.query import column_named, texts_asked_for
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.recording.remark import Remark
+from pmg.pipeline.settings.bench_in_force import bench_of_store
 from pmg.pipeline.store.store import RUNS, Store
 from pmg.pipeline.windows.limits import limit_text
 from pmg.pipeline.wording.plurals import counted
 from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 from pmg.pipeline.wording.safe_text import printable
-from pmg.sim.bench import load_bench
 from pmg.sim.errors import closest, near_miss
 from pmg.sim.shafts import SIDES
 
@@ -209,7 +209,7 @@ def run_diff(store: Path, a: str, b: str, store_b: Path | None = None) -> Outcom
     one, two = find_run(Store(store), catalogue, a), find_run(Store(store_b or store), other, b)
     metadata = differing(one.document, two.document)
     calibrations = tuple(None if each.manifest is None else each.manifest.calibration for each in (one, two))
-    bench = load_bench()
+    bench = bench_of_store(store)
     lines = [f"a: {printable(one.name)}", f"b: {printable(two.name)}"]
     lines += _side_by_side("what is said of the recordings", metadata)
     windows, beyond, remarks = [], False, list(catalogue.remarks)

@@ -10,13 +10,13 @@ from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.report.write import PAGE
+from pmg.pipeline.settings.bench_in_force import bench_in_force
 from pmg.pipeline.simulate.files import simulation_files, write_simulation
 from pmg.pipeline.simulate.inputs import gather_inputs, unproven_losses
 from pmg.pipeline.simulate.scenario_file import read_scenario
 from pmg.pipeline.simulate.scenario_mechanisms import switch_on_by_words
 from pmg.pipeline.simulate.simulation import findings_of, simulate
 from pmg.pipeline.simulate.tables import summary_document
-from pmg.sim.bench import load_bench
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION, SPEED_SUN
 
@@ -35,6 +35,7 @@ def run_simulate(
     *,
     model: Path | None = None,
     switched: Sequence[str] = (),
+    machine: str | None = None,
     clock: Clock = now,
 ) -> Outcome:
     """Simulate a scenario and write what comes out.
@@ -51,11 +52,13 @@ def run_simulate(
         A model file to take losses and mechanisms from, instead of the scenario's source of losses.
     switched : sequence of str
         Mechanisms to switch on, as ``id:key=value,key=value``.
+    machine : str, optional
+        Machine file, or the name of one that ships; the thesis bench by default.
     clock : callable
         Time of day, for the provenance.
     """
     began = clock()
-    bench = load_bench()
+    bench = bench_in_force(None, machine)
     file = read_scenario(path)
     if campaign:
         output = file.table.output.model_copy(update={"campaign": campaign})

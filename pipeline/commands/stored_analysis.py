@@ -12,8 +12,8 @@ from pmg.pipeline.grid.crosschecks.checked import checked_campaign
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
 from pmg.pipeline.grid.window_facts import marked_as_simulated, rated, window_facts
 from pmg.pipeline.recording.remark import Remark
+from pmg.pipeline.settings.bench_in_force import bench_of_store, machine_remarks
 from pmg.pipeline.store.store import Store
-from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -89,9 +89,9 @@ def analysed(store: Path, grid: Grid, options: AnalysisOptions, remarks: tuple[R
     remarks : tuple of Remark
         On the analysis that the grid is from; they stand before those on its recordings.
     """
-    bench = load_bench()
+    bench = bench_of_store(store)
     sources = _read_sources(store, grid, bench, options.checks)
-    sources = replace(sources, remarks=remarks + sources.remarks)
+    sources = replace(sources, remarks=remarks + sources.remarks + machine_remarks(store))
     bench = rated(bench, sources.facts)
     return StoredAnalysis(store, options, bench, analyse(grid, options, bench), sources)
 

@@ -26,11 +26,13 @@ from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.machine.machine_file import read_machine
+from pmg.pipeline.machine.magnetic import remarks_on_bench, usual
 from pmg.pipeline.machine.shipped import machine_path
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Report
 from pmg.pipeline.report.document import Headline as Headline
 from pmg.pipeline.report.write import write_report
+from pmg.sim.errors import BenchError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -107,7 +109,10 @@ def check_machine(machine: str, recordings: Path | None) -> Outcome:
     if bare:
         lines.append(f"without an uncertainty: {', '.join(bare)}")
     data: dict[str, Any] = {"machine": described.title, "without_uncertainty": bare, "recordings": []}
-    findings: tuple[Remark, ...] = ()
+    findings = remarks_on_bench(described) if usual(described) else ()
+    if recordings is not None and usual(described):
+        survey = "pmg doctor RECORDINGS --machine FILE"
+        raise BenchError(str(recordings), "recordings in layout pmg.v1", "none", f"Look at them by '{survey}'.")
     if recordings is not None:
         case = case_of(described, recordings)
         fit, withheld = read_recordings(case)
@@ -120,7 +125,7 @@ def check_machine(machine: str, recordings: Path | None) -> Outcome:
                     f"{case.axis.pushes} balance {m.force.min():.3g} to {m.force.max():.3g} {case.axis.push}"
                 )
                 data["recordings"].append({"name": one.name, "use": kind, "seconds": seconds})
-        findings = (*_findings(fit), *_findings(withheld))
+        findings = (*findings, *_findings(fit), *_findings(withheld))
     return Outcome(data, tuple(lines), findings)
 
 

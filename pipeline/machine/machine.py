@@ -51,6 +51,23 @@ GEAR_NUMBERS = {
     "pull_out_torque_output": "drive",
     "pull_out_torque_carrier": "drive",
     "carrier_inertia": "inertia",
+    "bearings.share_sun_1": "number",
+    "bearings.share_sun_2": "number",
+    "bearings.share_sun_relative": "number",
+    "bearings.share_ring_relative": "number",
+    "bearings.share_ring_4": "number",
+    "bearings.share_ring_5": "number",
+    "bearings.share_ring_6": "number",
+    "bearings.share_ring_7": "number",
+    "control.set_gain": "voltage per torque",
+    "control.feedback_gain": "voltage per torque",
+    "control.proportional": "number",
+    "control.integral": "rate",
+    "control.derivative": "time",
+    "control.amplifier": "number",
+    "coils.turns": "number",
+    "coils.area_radial": "area",
+    "coils.area_tangential": "area",
 }
 """Numbers of a gear by their keys, and what they are."""
 
@@ -97,12 +114,15 @@ class MachineGear:
         One of `GEAR_KINDS`; names of the shafts.
     numbers : mapping of str to Stated
         What is known of it, by the keys of `GEAR_NUMBERS`.
+    stage : int
+        Of a magnetic gear: the number that recordings give as its gear.
     """
 
     kind: str
     input: str
     output: str
     numbers: Mapping[str, Stated]
+    stage: int = 1
 
     @property
     def ratio(self) -> float:

@@ -133,7 +133,9 @@ def _gear_of(table: _MachineTable) -> MachineGear | None:
     for name in ("ratio", "pole_pairs_input", "pole_pairs_output"):
         if name in numbers and numbers[name].value == 0.0:
             refuse("0", "a number other than zero", "Correct the value.", "gear", name, "value")
-    return MachineGear(gear.kind, gear.input, gear.output, numbers)
+    if gear.stage is not None and gear.kind != "magnetic":
+        refuse(f"stage of a {gear.kind} gear", "none", "Leave it out.", "gear", "stage")
+    return MachineGear(gear.kind, gear.input, gear.output, numbers, gear.stage or 1)
 
 
 def read_machine(path: Path) -> Machine:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.machine.machine_file import read_machine
+from pmg.pipeline.machine.magnetic import remarks_on_bench, usual
 from pmg.pipeline.machine.shipped import machine_path, shipped
 from pmg.sim.errors import BenchError, near_miss
 
@@ -54,7 +55,8 @@ def shown_machine(which: str) -> tuple[dict[str, Any], tuple[str, ...]]:
         Its file is not there, or not sound.
     """
     machine = read_machine(machine_path(which))
-    return _document(machine), (machine.title, *_lines(machine))
+    remarks = tuple(remark.message for remark in remarks_on_bench(machine)) if usual(machine) else ()
+    return _document(machine) | {"remarks": list(remarks)}, (machine.title, *_lines(machine), *remarks)
 
 
 def _document(machine: Machine) -> dict[str, Any]:

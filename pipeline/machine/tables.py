@@ -75,12 +75,45 @@ class ShaftTable(Strict):
     channel: ShaftChannels = ShaftChannels()
 
 
+class _BearingsTable(Strict):
+    """Shares of the neutral losses by bearing; bearing 3 sits between the shafts."""
+
+    share_sun_1: Number = None
+    share_sun_2: Number = None
+    share_sun_relative: Number = None
+    share_ring_relative: Number = None
+    share_ring_4: Number = None
+    share_ring_5: Number = None
+    share_ring_6: Number = None
+    share_ring_7: Number = None
+
+
+class _ControlTable(Strict):
+    """Torque loop of either motor."""
+
+    set_gain: Number = None
+    feedback_gain: Number = None
+    proportional: Number = None
+    integral: Number = None
+    derivative: Number = None
+    amplifier: Number = None
+
+
+class _CoilsTable(Strict):
+    """Search coils on the iron poles."""
+
+    turns: Number = None
+    area_radial: Number = None
+    area_tangential: Number = None
+
+
 class GearTable(Strict):
     """What lies between two shafts."""
 
     kind: Annotated[str, one_of(*GEAR_KINDS)]
     input: str
     output: str
+    stage: Annotated[int, within(1, 2)] | None = None
     ratio: Number = None
     pole_pairs_input: Number = None
     pole_pairs_output: Number = None
@@ -89,6 +122,9 @@ class GearTable(Strict):
     pull_out_torque_output: Number = None
     pull_out_torque_carrier: Number = None
     carrier_inertia: Number = None
+    bearings: _BearingsTable = _BearingsTable()
+    control: _ControlTable = _ControlTable()
+    coils: _CoilsTable = _CoilsTable()
 
 
 class SecondTable(Strict):

@@ -14,7 +14,6 @@ from pmg.pipeline.recording.findings import Code, Findings
 from pmg.pipeline.recording.tracks import COLUMNS
 from pmg.pipeline.store.moving_record import Extremes, MaskedStretch, MovingRecord
 from pmg.pipeline.windows.gaps import missing_channels
-from pmg.sim.bench import load_bench
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import SIDES, per_shaft
 from pmg.sim.signals import REVOLUTION
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.motion.phases import MovingSpan
     from pmg.pipeline.recording.findings import Finding
     from pmg.pipeline.recording.read import Recording
+    from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array, Mask
 
 FEW_COUNTS = 10.0
@@ -39,21 +39,21 @@ LEAST_S, LEAST_PART = 1.0, 0.5
 """Least time [s], and part of a run, in which all signals must be known."""
 
 
-def judge_motion(recording: Recording) -> tuple[tuple[MovingRecord, ...], tuple[Finding, ...]]:
+def judge_motion(recording: Recording, bench: BenchParameters) -> tuple[tuple[MovingRecord, ...], tuple[Finding, ...]]:
     """The runs in motion of a recording, and what speaks against them; none of a steady recording."""
     if not recording.run.manoeuvre.moves:
         return (), ()
     findings = Findings(recording.file)
-    records = tuple(_Judge(recording, span, findings).record() for span in spans(recording, findings))
+    records = tuple(_Judge(recording, bench, span, findings).record() for span in spans(recording, findings))
     return records, findings.listed()
 
 
 class _Judge:
     """One run in motion while it is judged."""
 
-    def __init__(self, recording: Recording, span: MovingSpan, findings: Findings) -> None:
+    def __init__(self, recording: Recording, bench: BenchParameters, span: MovingSpan, findings: Findings) -> None:
         """Take the samples of the run."""
-        self.recording, self.span, self.findings = recording, span, findings
+        self.recording, self.bench, self.span, self.findings = recording, bench, span, findings
         begin = span.first_sample - recording.first_sample
         part = recording.samples.slice(begin, span.stop_sample - span.first_sample)
         self.signals: dict[str, Array] = {name: part[name].to_numpy().copy() for name in COLUMNS}
@@ -169,7 +169,7 @@ class _Judge:
         run, first = self.recording.run, self.span.first_sample
         if self.reasons or run.configuration is not Configuration.ENGAGED:
             return
-        poles = load_bench().gear(run.gear).pole_slip(self.signals["angle_sun"], self.signals["angle_ring"])
+        poles = self.bench.gear(run.gear).pole_slip(self.signals["angle_sun"], self.signals["angle_ring"])
         known = np.flatnonzero(np.isfinite(poles))
         off = np.abs(poles[known] - poles[known[0]]) if len(known) else np.zeros(0)
         if not (off > PERIOD).any():

@@ -16,7 +16,6 @@ from pmg.pipeline.orders.row import OrderRow
 from pmg.pipeline.recording.findings import Finding
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.store.store import ORDERS
-from pmg.sim.bench import load_bench
 from pmg.sim.errors import StoreError
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.store.manifest import Manifest
     from pmg.pipeline.store.store import Store
     from pmg.pipeline.windows.window import Window
+    from pmg.sim.bench import BenchParameters
 
 SCHEMA = "pmg.orders/1"
 KEYS = {"point": pl.String, "configuration": pl.String, "gear": pl.Int64, "first_sample": pl.Int64}
@@ -59,7 +59,7 @@ class SourceOrders:
         return tuple(Finding.from_dict(plain) for plain in self.document["findings"])
 
 
-def _orders_of_source(recording: Recording, windows: Iterable[Window]) -> SourceOrders:
+def _orders_of_source(recording: Recording, windows: Iterable[Window], bench: BenchParameters) -> SourceOrders:
     """The lines of every accepted window of a recording.
 
     Parameters
@@ -68,8 +68,9 @@ def _orders_of_source(recording: Recording, windows: Iterable[Window]) -> Source
         As it was read, with its coils and index pulses.
     windows : iterable of Window
         Its windows, judged.
+    bench : BenchParameters
+        Its machine.
     """
-    bench = load_bench()
     steps = {side: REVOLUTION / recording.calibration.counts_per_rev[side] for side in SIDES}
     index = {side: index_of(recording, side) for side in SIDES}
     points = [
@@ -88,9 +89,9 @@ def _orders_of_source(recording: Recording, windows: Iterable[Window]) -> Source
     return _source(points, index, [finding.to_dict() for finding in recording.auxiliary.findings])
 
 
-def orders_of_manifest(store: Store, manifest: Manifest) -> SourceOrders:
+def orders_of_manifest(store: Store, manifest: Manifest, bench: BenchParameters) -> SourceOrders:
     """The lines of a source of which only decoded samples are there: no coils, no index pulses."""
-    samples, bench = store.samples(manifest), load_bench()
+    samples = store.samples(manifest)
     steps = {side: REVOLUTION / manifest.calibration.counts_per_rev[side] for side in SIDES}
     index: dict[str, Index | None] = dict.fromkeys(SIDES)
     points = [
@@ -108,9 +109,11 @@ def orders_of_manifest(store: Store, manifest: Manifest) -> SourceOrders:
     return _source(points, index, [])
 
 
-def order_files(identifier: str, recording: Recording, windows: Sequence[Window]) -> dict[str, bytes]:
+def order_files(
+    identifier: str, recording: Recording, windows: Sequence[Window], bench: BenchParameters
+) -> dict[str, bytes]:
     """Files of the lines of a recording by their place in the store: the table first, the document last."""
-    found, buffer = _orders_of_source(recording, windows), io.BytesIO()
+    found, buffer = _orders_of_source(recording, windows, bench), io.BytesIO()
     found.table.write_parquet(buffer, compression="zstd", statistics=False)
     text = json.dumps({"schema": SCHEMA} | found.document, indent=1, allow_nan=False, ensure_ascii=False)
     return {

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.run_records import RunInfo
     from pmg.pipeline.recording.supplied import Supplied
     from pmg.pipeline.store.manifest import Manifest, StoredWindow
+    from pmg.sim.bench import BenchParameters
 
 STEPS = "/test/step"
 TEMPERATURES = "/daq/temperature/"
@@ -49,7 +50,9 @@ NEEDED = {
 """Channels without which a recording gives no point, each with the topics of which one will do."""
 
 
-def survey(place: Path, progress: Progress | None = None, supplied: Supplied = NOTHING) -> Survey:
+def survey(
+    place: Path, bench: BenchParameters, progress: Progress | None = None, supplied: Supplied = NOTHING
+) -> Survey:
     """Content of a folder or a store.
 
     Parameters
@@ -57,6 +60,8 @@ def survey(place: Path, progress: Progress | None = None, supplied: Supplied = N
     place : Path
         A folder of recordings, one recording, or a store. Recordings are read once from end to end, their checksums
         compared; samples are decoded of runs in motion alone. Of a store the manifests alone are read.
+    bench : BenchParameters
+        Its machine.
     progress : callable, optional
         Told (done, total, name) after each recording.
     supplied : Supplied
@@ -74,7 +79,7 @@ def survey(place: Path, progress: Progress | None = None, supplied: Supplied = N
     known: dict[str, str] = {}
     for done, path in enumerate(paths, start=1):
         name = path.relative_to(base).as_posix()
-        file = _look(path, name, supplied)
+        file = _look(path, name, bench, supplied)
         original = known.setdefault(file.sha256, name) if file.sha256 else name
         files.append(file if original == name else replace(file, copy=original))
         if progress is not None:
@@ -82,7 +87,7 @@ def survey(place: Path, progress: Progress | None = None, supplied: Supplied = N
     return Survey(place, False, tuple(files))
 
 
-def _look(path: Path, name: str, supplied: Supplied = NOTHING) -> File:
+def _look(path: Path, name: str, bench: BenchParameters, supplied: Supplied = NOTHING) -> File:
     """One recording, without its samples."""
     findings = Findings(name)
     supply = Supply(supplied, findings)
@@ -97,7 +102,7 @@ def _look(path: Path, name: str, supplied: Supplied = NOTHING) -> File:
     calibration = read_calibration(supply.calibration(container.attachments), findings)
     refused = [f"{f.where}: {f.message}. {f.do}" for f in findings.gathered[before:] if f.severity == Severity.ERROR]
     if run is not None and run.manoeuvre.moves:
-        return _look_moving(path, name, supplied, channels)
+        return _look_moving(path, name, bench, supplied, channels)
     steps = read_steps(container.topics, findings)
     errors = [f"{f.where}: {f.message}" for f in findings.listed() if f.severity == Severity.ERROR]
     absent = [what for what, kinds in NEEDED.items() if not any(t in channels for kind in kinds for t in kind)]
@@ -110,14 +115,14 @@ def _look(path: Path, name: str, supplied: Supplied = NOTHING) -> File:
     return File(name, size, points, "", damage, channels, not points, run.campaign, sha256)
 
 
-def _look_moving(path: Path, name: str, supplied: Supplied, channels: tuple[str, ...]) -> File:
+def _look_moving(path: Path, name: str, bench: BenchParameters, supplied: Supplied, channels: tuple[str, ...]) -> File:
     """A recording of runs in motion, decoded: only its samples tell which shafts turn."""
     size = path.stat().st_size
     try:
-        recording = read_recording(path, name, supplied)
+        recording = read_recording(path, name, supplied, bench=bench)
     except UnusableRecordingError as error:
         return File(name, size, unusable=error.findings[-1].message, channels=channels)
-    records, findings = judge_motion(recording)
+    records, findings = judge_motion(recording, bench)
     run = recording.run
     moving = tuple(JudgedRun(run.configuration, run.drive, run.manoeuvre, record) for record in records)
     errors = [f for f in (*recording.findings, *findings) if f.severity == Severity.ERROR]

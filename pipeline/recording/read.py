@@ -33,6 +33,7 @@ from pmg.pipeline.recording.origin import read_origin
 from pmg.pipeline.recording.run import known_of_run, read_run
 from pmg.pipeline.recording.supplied import NOTHING, Supply
 from pmg.pipeline.recording.tracks import COLUMNS, decode_tracks, one_rate, tell_lacking, together
+from pmg.sim.bench import load_bench
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.origin import Origin
     from pmg.pipeline.recording.run_records import RunInfo
     from pmg.pipeline.recording.supplied import Supplied, SuppliedRecord
+    from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
 
 
@@ -132,7 +134,12 @@ class Recording:
 
 
 def read_recording(
-    path: Path, name: str | None = None, supplied: Supplied = NOTHING, *, coils: bool = False
+    path: Path,
+    name: str | None = None,
+    supplied: Supplied = NOTHING,
+    *,
+    coils: bool = False,
+    bench: BenchParameters | None = None,
 ) -> Recording:
     """The recording in a file.
 
@@ -146,6 +153,8 @@ def read_recording(
         What is stated next to the file, used where the file does not say it.
     coils : bool
         Whether the voltages of the coils and the index pulses are read too.
+    bench : BenchParameters, optional
+        The machine whose ratios the speeds are held against; that of the thesis by default.
 
     Raises
     ------
@@ -153,7 +162,7 @@ def read_recording(
         When no torque with its speed can be had from it. The error carries every finding, not only the first, and what
         is known of the run.
     """
-    findings = Findings(name or path.name)
+    findings, machine = Findings(name or path.name), bench or load_bench()
     supply = Supply(supplied, findings)
     container = open_container(path, lambda t: supplied.wanted(t) or (coils and t.startswith(COILS)), findings)
     report_unread((t for t in container.topics.values() if not supplied.maps(t.name)), findings)
@@ -184,8 +193,7 @@ def read_recording(
     events = tuple(sorted(changes, key=lambda event: event.sample))
     steps = read_steps(topics, findings, run.manoeuvre)
     check_lines(lines, events, findings)
-    if not run.manoeuvre.moves:
-        check_wiring(_held(samples, first, decoded[0].rate_hz, run, steps), run, calibration, findings)
+    check_wiring(_held(samples, first, decoded[0].rate_hz, run, steps), run, calibration, machine, findings)
     spoilt = check_torques(tracks["torque_sun"], tracks["torque_ring"], calibration, findings)
     return Recording(
         file=findings.file,
@@ -252,7 +260,9 @@ def _padded(track: Decoded, first: int, stop: int) -> Array:
 def _held(
     samples: pl.DataFrame, first: int, rate_hz: float, run: RunInfo, steps: Sequence[SequenceStep]
 ) -> Iterator[HeldStretch]:
-    """Where set-points were held: from MEASURE to what follows it; without steps, the whole run."""
+    """Where set-points were held: from MEASURE to what follows it; without steps, the whole run; none in motion."""
+    if run.manoeuvre.moves:
+        return
     columns = {name: samples[name].to_numpy() for name in COLUMNS}
     stop = first + samples.height
     ends = [

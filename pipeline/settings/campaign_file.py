@@ -62,6 +62,7 @@ class RecordingsTable(Strict):
     path: Place | None = _key("folder of recordings, or one file", "RECORDINGS", '"recordings"')
     grids: Place | None = _key("folder of published grids, instead of recordings", "--grids", '"raw/published"')
     campaign: str | None = _key("which campaign, if the store holds several", "--campaign", '"reference"')
+    machine: Place | None = _key("machine file of another magnetic gear, or one that ships", "--machine", '"my.toml"')
 
 
 class StoreTable(Strict):
@@ -180,6 +181,10 @@ PATHS = (
 """Keys that name files or folders, relative to the file they stand in."""
 
 
+MACHINE_KEY = "recordings.machine"
+"""Key that names a file next to this one, or a machine that ships."""
+
+
 @dataclass(frozen=True)
 class CampaignFile:
     """A checked campaign file.
@@ -229,4 +234,6 @@ def read_campaign(path: Path) -> CampaignFile:
         for name, value in part
         if value is not None and name != "tolerance"
     }
+    if MACHINE_KEY in values and (path.parent / values[MACHINE_KEY]).is_file():
+        values[MACHINE_KEY] = str(path.parent / values[MACHINE_KEY])
     return CampaignFile(file, {name: path.parent / value if name in PATHS else value for name, value in values.items()})

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.files.notes import note_settings
 from pmg.pipeline.fit.options import chosen_options
-from pmg.pipeline.settings.campaign_file import read_campaign
+from pmg.pipeline.settings.campaign_file import MACHINE_KEY, read_campaign
 from pmg.sim.errors import BenchError
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ KEYS = {
     "recordings": "recordings.path",
     "grids": "recordings.grids",
     "campaign": "recordings.campaign",
+    "machine": MACHINE_KEY,
     "store": "store.path",
     "report": "report.path",
     "workers": "ingest.workers",

@@ -28,6 +28,7 @@ from pmg.pipeline.fit.options import THESIS_OPTIONS
 from pmg.pipeline.recording.calibration import Calibration, Transducer
 from pmg.pipeline.store.manifest import Manifest
 from pmg.pipeline.store.store import Store
+from pmg.sim.bench import load_bench
 
 RUNNER = CliRunner()
 
@@ -114,7 +115,7 @@ def test_grids_without_a_common_point_are_told_with_the_nearest(published: Path,
     at = replace(away.points, speed_sun=away.points.speed_sun + 31.0)
     analysis = replace(side("B", 1).analysis, grid=replace(away, points=at))
     Store(tmp_path / "s").prepare()
-    write_analysis(analysis, tmp_path / "s")
+    write_analysis(analysis, tmp_path / "s", load_bench())
     stored = json.loads((tmp_path / "s" / "analysis" / "analysis.json").read_text())
     stored["origin"] = "published"
     del stored["proof"]

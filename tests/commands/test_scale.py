@@ -26,6 +26,7 @@ from pmg.pipeline.store.manifest import FAILED, Manifest
 from pmg.pipeline.store.sources import StoredSource, take_inventory
 from pmg.pipeline.store.store import REMOVED, Store
 from pmg.pipeline.store.supersede import supersede
+from pmg.sim.bench import load_bench
 from pmg.sim.errors import StoreError
 
 # --- kills ---------------------------------------------------------------------------------------------
@@ -165,7 +166,7 @@ def test_the_same_bytes_ingested_under_two_names_at_once_count_once(tmp_path: Pa
     store.prepare()
     sources = [take_inventory(folder).sources[0] for folder in (one, other)]
     for source in sources:
-        _ingest_one(_Job(source, store.path))
+        _ingest_one(_Job(source, store.path, load_bench()))
     assert len(store.manifests()) == 2
     for source in reversed(sources):
         supersede(store, (source,))
@@ -177,7 +178,7 @@ def test_a_file_that_changes_after_it_was_listed_is_not_kept_under_its_old_hash(
     write(tmp_path / "a.mcap", Bench())
     store = Store(tmp_path / "s")
     store.prepare()
-    assert _ingest_one(_Job(StoredSource(tmp_path / "a.mcap", "a.mcap", "0" * 64), store.path)) == FAILED
+    assert _ingest_one(_Job(StoredSource(tmp_path / "a.mcap", "a.mcap", "0" * 64), store.path, load_bench())) == FAILED
     (manifest,) = store.manifests()
     (finding,) = manifest.document()["findings"]
     assert (finding["code"], finding["severity"]) == (Code.UNREADABLE, Severity.ERROR)
@@ -186,7 +187,7 @@ def test_a_file_that_changes_after_it_was_listed_is_not_kept_under_its_old_hash(
 
 def test_a_worker_that_does_not_see_the_store_makes_none_of_its_own(tmp_path: Path) -> None:
     write(tmp_path / "a.mcap", Bench())
-    job = _Job(take_inventory(tmp_path).sources[0], tmp_path / "elsewhere")
+    job = _Job(take_inventory(tmp_path).sources[0], tmp_path / "elsewhere", load_bench())
     with pytest.raises(StoreError, match="one folder that all of them share"):
         _ingest_one(job)
     assert not job.store.exists()

@@ -270,7 +270,7 @@ def analysis() -> Analysis:
 
 
 def test_both_parts_are_columns_of_what_is_written(tmp_path: Path) -> None:
-    folder = write_analysis(analysis(), tmp_path)
+    folder = write_analysis(analysis(), tmp_path, BENCH)
     assert folder == tmp_path / FOLDER
     flow, same = pd.read_csv(folder / "power_flow.csv"), pl.read_parquet(folder / "power_flow.parquet")
     assert list(flow.columns) == same.columns
@@ -300,7 +300,7 @@ def test_a_held_k_corr_is_called_held(tmp_path: Path) -> None:
     held = analyse(grid, AnalysisOptions(powers_sun=POWERS, powers_ring=POWERS, correction="0.8"), BENCH)
     assert held.balance is not None
     assert CORRECTION not in held.balance.spread.groups
-    losses = pd.read_csv(write_analysis(held, tmp_path) / "losses.csv")
+    losses = pd.read_csv(write_analysis(held, tmp_path, BENCH) / "losses.csv")
     assert set(losses.K_corr) == {"held"}
     assert losses.u_K_corr_loss_magnetic_W.isna().all()
 

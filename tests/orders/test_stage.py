@@ -28,7 +28,7 @@ from pmg.pipeline.store.store import ORDERS, Store
 from pmg.pipeline.windows.limits import Steadiness
 from pmg.pipeline.windows.window import Window
 from pmg.pipeline.windows.windows import find_windows
-from pmg.sim.bench import BenchParameters
+from pmg.sim.bench import BenchParameters, load_bench
 from pmg.sim.errors import StoreError
 from pmg.sim.signals import RPM
 
@@ -151,7 +151,7 @@ def test_a_store_without_kept_lines_gives_them_from_its_samples(tmp_path: Path, 
     for path in (store / ORDERS).iterdir():
         path.unlink()
     assert before is not None
-    again = orders_of_manifest(Store(store), manifest).table
+    again = orders_of_manifest(Store(store), manifest, load_bench()).table
     same = before.table.filter(~pl.col("signal").str.starts_with("flux"))
     assert np.allclose(again["amplitude"].drop_nulls(), same["amplitude"].drop_nulls(), rtol=1e-6, atol=1e-12)
     assert not again["from_index"].any()

@@ -20,7 +20,7 @@ from pmg.pipeline.preflight.found import Asked, File, Survey
 from pmg.pipeline.preflight.rehearsal import _made_up, _operating_points, audit, rehearse
 from pmg.pipeline.preflight.survey import _look, survey
 from pmg.pipeline.recording.run_records import Setpoints
-from pmg.sim.bench import BenchParameters
+from pmg.sim.bench import BenchParameters, load_bench
 from pmg.sim.signals import RPM
 
 RUNNER = CliRunner()
@@ -36,7 +36,7 @@ def call(*arguments: object, expect: int) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def example() -> Survey:
-    return survey(EXAMPLE)
+    return survey(EXAMPLE, load_bench())
 
 
 def states(found: Survey, bench: BenchParameters) -> dict[str, str]:
@@ -106,12 +106,12 @@ def test_a_sequence_gives_its_measured_steps(tmp_path: Path) -> None:
     steps = [(0, "A", "START", asked), (100, "A", "MEASURE", asked), (600, "A", "END", asked)]
     steps += [(700, "B", "MEASURE", asked | {"ring_torque_Nm": 4.0}), (900, "B", "END", asked)]
     run = {"configuration": "engaged", "point": None}
-    found = _look(write(tmp_path / "a.mcap", Bench(steps=steps, run=run, with_index=True)), "a.mcap")
+    found = _look(write(tmp_path / "a.mcap", Bench(steps=steps, run=run, with_index=True)), "a.mcap", load_bench())
     assert [p.point for p in found.points] == ["A", "B"]
     assert found.points[1].setpoints.torque_ring == pytest.approx(4.0)
     assert found.points[1].started_at - found.points[0].started_at == pytest.approx(600 / 500.0)
     assert Survey(tmp_path, False, (found,)).recorded("/index") == 1
-    untold = _look(write(tmp_path / "b.mcap", Bench()), "b.mcap")
+    untold = _look(write(tmp_path / "b.mcap", Bench()), "b.mcap", load_bench())
     assert untold.untold
     assert not untold.unusable
 
@@ -154,7 +154,7 @@ def test_a_store_tells_the_same_points_as_its_recordings(tmp_path: Path) -> None
         run = {"sun_speed_set_rpm": f"{600 + n}", "ring_speed_set_rpm": "-230", "point": f"P{n}"}
         write(folder / f"{n}.mcap", Bench(speed={"sun": 600.0 + n, "ring": -230.0}, run=run, with_index=True))
     call("ingest", folder, "--store", tmp_path / "store", expect=0)
-    before, after = survey(folder), survey(tmp_path / "store")
+    before, after = (survey(place, load_bench()) for place in (folder, tmp_path / "store"))
     assert after.stored
     assert [(p.point, p.setpoints, p.configuration) for p in before.points] == [
         (p.point, p.setpoints, p.configuration) for p in after.points
@@ -178,7 +178,7 @@ def test_a_copied_recording_counts_once_as_it_is_ingested_once(tmp_path: Path) -
     assert told == ["b.mcap"]
     store = tmp_path / "store"
     call("ingest", folder, "--store", store, expect=3)
-    before, after = (Design.of(survey(place).points) for place in (folder, store))
+    before, after = (Design.of(survey(place, load_bench()).points) for place in (folder, store))
     assert (before.neutral, before.repeats) == (after.neutral, after.repeats) == (1, 0)
 
 

@@ -28,6 +28,7 @@ from pmg.pipeline.recording.frequency import Decoded
 from pmg.pipeline.recording.layouts.wire import ClockMark, IndexPulse, LineEvent
 from pmg.pipeline.recording.run_records import RunInfo, Setpoints
 from pmg.pipeline.recording.tracks import one_rate, together
+from pmg.sim.bench import load_bench
 from pmg.sim.grid import Configuration
 from pmg.sim.signals import RPM, Array
 
@@ -203,7 +204,7 @@ def of_wiring(
     findings = Findings("a.mcap")
     rpm = {"sun": speed[0] * RPM, "ring": speed[1] * RPM}
     held = HeldStretch((0, 100), asked, rpm, {"sun": torque[0], "ring": torque[1]})
-    check_wiring([held, held], run, CALIBRATION, findings)
+    check_wiring([held, held], run, CALIBRATION, load_bench(), findings)
     return [(each.code, each.where) for each in findings.listed()]
 
 

@@ -297,7 +297,7 @@ def test_robust_beside_a_model_is_refused(tmp_path: Path) -> None:
 def test_losses_may_come_from_a_stored_analysis(tmp_path: Path, bench: BenchParameters, published_folder: Path) -> None:
     analysis = analyse(read_published(published_folder, bench), THESIS_OPTIONS, bench)
     assert analysis.calibration is not None
-    write_analysis(analysis, tmp_path / "store")
+    write_analysis(analysis, tmp_path / "store", bench)
     file = read_scenario(written(tmp_path, GOOD.replace("none = true", 'analysis = "store"')))
     model = gather_inputs(file, bench).losses
     assert model is not None

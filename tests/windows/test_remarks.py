@@ -99,7 +99,7 @@ def test_design_and_residuals_take_the_nominal_torque_that_was_recorded(
     ingested(tmp_path, a=Bench(calibration=stated, torque={"sun": 0.8, "ring": 1.5}))
     bench = load_bench()
     grid = replace(read_published(published_folder, bench), origin="measured", campaign="made")
-    write_analysis(analyse(grid, THESIS_OPTIONS, bench), tmp_path / "s")
+    write_analysis(analyse(grid, THESIS_OPTIONS, bench), tmp_path / "s", bench)
     used: list[float] = []
 
     def told(grid: Grid, options: AnalysisOptions, bench: BenchParameters) -> Analysis:

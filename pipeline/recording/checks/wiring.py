@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.recording.findings import Code
-from pmg.sim.bench import load_bench
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import RPM
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.calibration import Calibration
     from pmg.pipeline.recording.findings import Findings
     from pmg.pipeline.recording.run_records import RunInfo, Setpoints
+    from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
 
 SLOWEST = 10.0 * RPM
@@ -75,7 +75,9 @@ def stretch_of(
     return HeldStretch(samples, setpoints, speed, torque)
 
 
-def check_wiring(held: Iterable[HeldStretch], run: RunInfo, calibration: Calibration, findings: Findings) -> None:
+def check_wiring(
+    held: Iterable[HeldStretch], run: RunInfo, calibration: Calibration, bench: BenchParameters, findings: Findings
+) -> None:
     """Tell which channels are reversed or swapped; each once, with the first stretch that shows it.
 
     Parameters
@@ -86,6 +88,8 @@ def check_wiring(held: Iterable[HeldStretch], run: RunInfo, calibration: Calibra
         Configuration, gear, driving side.
     calibration : Calibration
         Nominal torques.
+    bench : BenchParameters
+        Ratios of its stages.
     findings : Findings
         Receives what is found.
 
@@ -96,7 +100,7 @@ def check_wiring(held: Iterable[HeldStretch], run: RunInfo, calibration: Calibra
     driving side takes it in and the other gives it out. Swapped torques show only engaged, by the torque set-point.
     """
     reported: set[tuple[Code, str]] = set()
-    ratio = load_bench().gear(run.gear).ratio if run.configuration is Configuration.ENGAGED else None
+    ratio = bench.gear(run.gear).ratio if run.configuration is Configuration.ENGAGED else None
     for stretch in held:
         for code, where, message in (*_encoders(stretch, ratio), *_torques(stretch, run, calibration)):
             if (code, where) not in reported:
