@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cache
 from importlib import resources
 from typing import TYPE_CHECKING, Any, Self
@@ -181,7 +181,11 @@ class CoilParameters:
 
 @dataclass(frozen=True)
 class BenchParameters:
-    """The whole bench."""
+    """The whole bench.
+
+    `stages` are those that it has, the first one first; another gear than the thesis's has one of the two numbers, and
+    the numbers of the other stage mean nothing.
+    """
 
     gear1: GearParameters
     gear2: GearParameters
@@ -194,6 +198,7 @@ class BenchParameters:
     transducer_sun: TransducerParameters
     transducer_ring: TransducerParameters
     coils: CoilParameters
+    stages: tuple[int, ...] = field(default=GEARS, compare=False)
 
     @property
     def transducers(self) -> PerShaft[TransducerParameters]:

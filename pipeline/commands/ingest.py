@@ -132,7 +132,9 @@ def run_ingest(
         "contradictions": len(contradictions),
         "campaigns": list(report.campaigns),
     }
-    findings = machine_remarks(store) + report.findings
+    machine = machine_remarks(store)
+    lines += [f"machine: {remark.message}" for remark in machine if remark.severity == Severity.INFO]
+    findings = machine + report.findings
     judged = _told_windows(manifests, report.sha256)
     missing = any(not point.instead for point in missing_points)
     return Outcome(

@@ -60,6 +60,9 @@ def run_simulate(
     began = clock()
     bench = bench_in_force(None, machine)
     file = read_scenario(path)
+    if file.table.bench.gear not in bench.stages:
+        expected = f"{bench.stages[0]}, the stage of the machine"
+        raise file.refusal(f"{file.table.bench.gear}", expected, "Correct the gear.", "bench", "gear")
     if campaign:
         output = file.table.output.model_copy(update={"campaign": campaign})
         scenario = file.table.model_copy(update={"output": output})

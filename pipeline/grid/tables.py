@@ -172,14 +172,16 @@ def read_published(folder: Path, bench: BenchParameters) -> Grid:
     """
     neutral = _read_published_csv(folder / PUBLISHED[0], _NEUTRAL_COLUMNS)
     engaged = _read_published_csv(folder / PUBLISHED[1], _ENGAGED_COLUMNS)
-    slip = np.abs(engaged.sun_speed_rpm - bench.gear1.ratio * engaged.ring_speed_rpm)
+    stage = bench.stages[0]
+    ratio = bench.gear(stage).ratio
+    slip = np.abs(engaged.sun_speed_rpm - ratio * engaged.ring_speed_rpm)
     stray = (slip > RATIO_TOLERANCE * engaged.sun_speed_rpm) | (engaged.sun_speed_rpm == 0.0)
     if stray.any():
         row = int(np.flatnonzero(stray)[0])
         raise GridError(
             f"{folder / 'engaged_grid.csv'}: line {row + 2}",
             f"{engaged.sun_speed_rpm[row]:g} and {engaged.ring_speed_rpm[row]:g} rpm",
-            f"speeds in the ratio {bench.gear1.ratio:g} within {RATIO_TOLERANCE:.0%}",
+            f"speeds in the ratio {ratio:g} within {RATIO_TOLERANCE:.0%}",
             "Correct the line; an engaged gear cannot run like that.",
         )
     n, m = len(neutral), len(engaged)
@@ -194,7 +196,7 @@ def read_published(folder: Path, bench: BenchParameters) -> Grid:
     points = OperatingPoints(
         name=np.array(names, dtype=np.str_),
         configuration=np.array([Configuration.NEUTRAL] * n + [Configuration.ENGAGED] * m, dtype=np.str_),
-        gear=np.ones(n + m, dtype=np.int64),
+        gear=np.full(n + m, stage, dtype=np.int64),
         drive=np.full(n + m, "sun"),
         speed_sun=speed_sun,
         speed_ring=speed_ring,

@@ -23,7 +23,7 @@ def transducer_remarks(facts: WindowFacts, bench: BenchParameters) -> Iterator[R
     facts : WindowFacts
         With the nominal torques that the calibrations state [N m].
     bench : BenchParameters
-        As it ships.
+        The machine's.
     """
     for side, shaft in facts.items():
         ours = float(bench.transducers[side].nominal_torque)
@@ -32,8 +32,8 @@ def transducer_remarks(facts: WindowFacts, bench: BenchParameters) -> Iterator[R
             count = int(np.isin(shaft.nominal, others).sum())
             message = (
                 f"the calibration of {count} of {len(shaft.nominal)} windows states a nominal torque of "
-                f"{' and '.join(f'{value:g}' for value in others)} N m; expected {ours:g} N m as in bench.toml. The "
-                "non-linearity is reckoned from the calibration's, with the bench's tolerances; correct whichever is "
-                "wrong."
+                f"{' and '.join(f'{value:g}' for value in others)} N m; expected {ours:g} N m of the machine "
+                "(bench.toml, or the file of --machine). The non-linearity is reckoned from the calibration's, with "
+                "the machine's tolerances; correct whichever is wrong."
             )
             yield Remark("warning", f"transducer of the {side}", message)

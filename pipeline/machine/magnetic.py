@@ -136,6 +136,7 @@ class _Reading:
         base, stage = load_bench(), f"gear{self.gear.stage}"
         return replace(
             base,
+            stages=(self.gear.stage,),
             **{stage: self._stage(getattr(base, stage))},
             carrier=replace(base.carrier, iron_poles=self._iron_poles()),
             motor=self._section(base.motor, {name: self._of_both(key) for name, key in OF_BOTH["motor"].items()}),

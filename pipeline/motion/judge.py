@@ -183,7 +183,8 @@ class _Judge:
             Code.POLES_SLIPPED,
             self.span.point,
             f"the poles of gear {run.gear} slip from sample {start + first} on; expected a pole angle that holds",
-            "The load was above the pull-out torque, or the gear was not engaged. Samples from there on are left out.",
+            "The load was above the pull-out torque, the gear was not engaged, or it is another machine (--machine). "
+            "Samples from there on are left out.",
             sample_range=(start + first, self.span.stop_sample),
             lost=f"{len(poles) - start} samples",
         )

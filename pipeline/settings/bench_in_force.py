@@ -8,7 +8,7 @@ from pmg.pipeline.machine.machine_file import read_machine
 from pmg.pipeline.machine.magnetic import bench_of, remarks_on_bench
 from pmg.pipeline.machine.shipped import machine_path
 from pmg.pipeline.store.machine_copy import COPY_OF_MACHINE, holds_sources, keep_machine, kept_machine
-from pmg.pipeline.store.store import Store
+from pmg.pipeline.store.store import MARK, Store
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import StoreError
 
@@ -49,7 +49,7 @@ def bench_in_force(store: Path | None, machine: str | None) -> BenchParameters:
     if machine is None:
         return load_bench() if store is None else bench_of_store(store)
     bench = bench_of(read_machine(machine_path(machine)))
-    if store is not None and Store(store).made and bench_of_store(store) != bench:
+    if store is not None and (store / MARK).is_file() and bench_of_store(store) != bench:
         kept = kept_machine(store)
         made = "the thesis bench" if kept is None else f"{read_machine(kept).title}, {COPY_OF_MACHINE} in it"
         do = "Leave --machine out, or ingest into another store: what is in this one was judged by its machine."

@@ -57,7 +57,8 @@ def planned_grid(plan: PlannedCampaign, bench: BenchParameters) -> Grid:
     parts = [neutral]
     if len(speed):
         v, t = (axis.ravel() for axis in np.meshgrid(speed, load, indexing="ij"))
-        engaged = make_points("E", "engaged", v, -v / bench.gear1.ratio, t, begin=0.0)
+        gear = bench.stages[0]
+        engaged = make_points("E", "engaged", v, -v / bench.gear(gear).ratio, t, gear=gear, begin=0.0)
         if plan.order == "falling":
             engaged = engaged[np.arange(len(engaged))[::-1]]
         parts.append(engaged)
@@ -108,7 +109,9 @@ def _extensions(
     if plan.reversed_flow:
         some = speed[np.unique(np.linspace(0, len(speed) - 1, REVERSED_FLOW_SPEEDS).astype(int))]
         v, t = np.tile(some, 2), np.repeat([load.min(), load.max()], len(some))
-        parts.append(make_points("F", "engaged", v, -v / bench.gear1.ratio, -t, drive="ring", begin=0.0))
+        gear = bench.stages[0]
+        flow = make_points("F", "engaged", v, -v / bench.gear(gear).ratio, -t, drive="ring", gear=gear, begin=0.0)
+        parts.append(flow)
     if plan.reversed_rotation:
         turning = neutral[(neutral.speed_sun != 0.0) & (neutral.speed_ring != 0.0)]
         some_points = turning[np.linspace(0, len(turning) - 1, REVERSED_ROTATIONS).astype(int)]

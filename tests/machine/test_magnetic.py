@@ -25,7 +25,7 @@ def test_the_gears_of_the_thesis_ship_with_its_numbers(stage: int) -> None:
     assert bench == thesis
     assert remarks_on_bench(machine) == ()
     changed = {f"gear{stage}"} | {each.name for each in fields(thesis) if not each.name.startswith("gear")}
-    for section in changed:
+    for section in changed - {"stages"}:
         for number in fields(getattr(thesis, section)):
             own, theirs = (getattr(getattr(each, section), number.name) for each in (bench, thesis))
             assert (own.unit, own.u) == (theirs.unit, theirs.u)

@@ -33,7 +33,7 @@ AGAIN = 6
 """Rounds of the longer test in stage 2, which is to tell small errors."""
 
 LOW_SPEEDS = (20.0, 40.0, 80.0, 120.0, 200.0)
-"""Low sun speeds of a Stribeck test [rpm]; the ring's are those divided by 2.6."""
+"""Low sun speeds of a Stribeck test [rpm]; the ring's are those divided by the ratio of the gear."""
 
 
 @dataclass(frozen=True)
@@ -112,11 +112,11 @@ def possible_plans(at: OperatingPoints, bench: BenchParameters) -> tuple[Plan, .
 
 
 ENGAGED = {
-    Experiment.REVERSED_FLOW: ("F", "ring", 1),
-    Experiment.ENGAGED_LOADS: ("L", "sun", 1),
-    Experiment.OTHER_STAGE: ("G", "sun", 2),
+    Experiment.REVERSED_FLOW: ("F", "ring", 0),
+    Experiment.ENGAGED_LOADS: ("L", "sun", 0),
+    Experiment.OTHER_STAGE: ("G", "sun", 1),
 }
-"""Of each engaged test the first letter of its points, the motor that drives, and the stage."""
+"""Of each engaged test the first letter of its points, the motor that drives, and the place of its stage."""
 
 
 def _engaged_plans(at: OperatingPoints, bench: BenchParameters, sun: Array, begin: float) -> Iterator[Plan]:
@@ -134,6 +134,8 @@ def _engaged_plans(at: OperatingPoints, bench: BenchParameters, sun: Array, begi
     yield _engaged(Experiment.REVERSED_FLOW, words, sun, -np.array([lowest, highest]), bench, begin)
     words = "Engaged at a third of the lowest load and at the highest: {points} points at {speeds} speeds"
     yield _engaged(Experiment.ENGAGED_LOADS, words, sun, np.array([lowest / 3.0, highest]), bench, begin)
+    if len(bench.stages) == 1:
+        return
     speeds = sun[sun <= float(np.abs(at.speed_ring).max()) * bench.gear2.ratio * (1.0 + 1e-9)]
     if len(speeds) and not (at.gear[at.engaged] == 2).any():
         words = "Engaged in stage 2: {points} points at {speeds} speeds and the lowest and highest load"
@@ -146,7 +148,8 @@ def _engaged(
     experiment: Experiment, words: str, sun: Array, loads: Array, bench: BenchParameters, begin: float
 ) -> Plan:
     """Every sun speed [rad/s] engaged at every load [N m on the ring], one load after the other."""
-    name, drive, gear = ENGAGED[experiment]
+    name, drive, place = ENGAGED[experiment]
+    gear = bench.stages[place]
     speed, load = np.tile(sun, len(loads)), np.repeat(loads, len(sun))
     points = make_points(
         name, "engaged", speed, -speed / bench.gear(gear).ratio, load, drive=drive, gear=gear, begin=begin
@@ -160,12 +163,13 @@ def _neutral_plans(at: OperatingPoints, bench: BenchParameters, sun: Array, begi
     ring, loads = _spread(np.abs(turning), 6), np.abs(at.load_set[at.engaged])
     if not len(ring):
         return
-    pair, sense, ratio = min(len(sun), len(ring)), float(np.sign(np.median(turning))), bench.gear1.ratio
+    stage = bench.stages[0]
+    pair, sense, ratio = min(len(sun), len(ring)), float(np.sign(np.median(turning))), bench.gear(stage).ratio
     sun_n, ring_n = sun[:pair], ring[::-1][:pair]
     back = make_points("B", "neutral", -sun_n, -sense * ring_n, np.zeros(pair), begin=begin)
     if len(loads):
         load, after = np.full(len(sun), loads.max()), begin + A_POINT * pair
-        back = join_points(back, make_points("BE", "engaged", -sun, sun / ratio, -load, begin=after))
+        back = join_points(back, make_points("BE", "engaged", -sun, sun / ratio, -load, gear=stage, begin=after))
     words = f"Both shafts turning backwards: {len(back)} points"
     yield Plan(Experiment.REVERSED_ROTATION, words, back, len(back) * A_POINT)
     rows = np.random.default_rng(SEED).permutation(np.linspace(0, pair * pair - 1, 10).astype(int))

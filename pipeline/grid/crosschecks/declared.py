@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.grid.crosschecks.contradiction import Contradiction, accepted_rows
-from pmg.sim.bench import GEARS
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import PerShaft, other_side
 from pmg.sim.signals import RPM
@@ -37,17 +36,27 @@ def gears_by_speeds(manifests: Sequence[Manifest], bench: BenchParameters) -> It
         if window.configuration != Configuration.ENGAGED or not _turns(window):
             continue
         found = -window.means.sun.speed / window.means.ring.speed
-        off = {gear: abs(found / _ratio(bench, gear) - 1.0) for gear in GEARS}
         declared = window.gear
+        off = {gear: abs(found / _ratio(bench, gear) - 1.0) for gear in (declared, *bench.stages)}
+        if declared not in bench.stages:
+            has = " and ".join(f"gear {gear} ({_ratio(bench, gear):.3f})" for gear in bench.stages)
+            message = f"declared engaged in gear {declared}; expected {has} of this machine; the speeds have the ratio "
+            do = "Correct the gear in the run's metadata, or 'stage' in the machine file."
+            yield Contradiction(row, off[bench.stages[0]], RATIO_LIMIT, f"{message}{found:.3f}", do)
+            continue
         if off[declared] <= RATIO_LIMIT:
             continue
-        others = [gear for gear in GEARS if gear != declared and off[gear] <= RATIO_LIMIT]
-        other = f", that of gear {others[0]}" if others else ", that of neither gear: neutral, or the poles slip"
+        others = [gear for gear in bench.stages if gear != declared and off[gear] <= RATIO_LIMIT]
+        none = "neither gear" if len(bench.stages) > 1 else "no gear of this machine"
+        other = f", that of gear {others[0]}" if others else f", that of {none}: neutral, or the poles slip"
         message = (
             f"declared engaged in gear {declared} ({_ratio(bench, declared):.3f}), but the speeds have the ratio "
             f"{found:.3f}{other}; off by {100 * off[declared]:.1f} %, limit {100 * RATIO_LIMIT:g} %"
         )
-        do = "Correct gear or configuration in the run's metadata, or run it again."
+        do = (
+            "Correct gear or configuration in the run's metadata, or run it again; recordings of another machine need "
+            "its file (--machine) and a store of their own."
+        )
         yield Contradiction(row, off[declared], RATIO_LIMIT, message, do)
 
 
@@ -58,7 +67,7 @@ def coupled_in_neutral(manifests: Sequence[Manifest], bench: BenchParameters) ->
         if window.configuration != Configuration.NEUTRAL or not _turns(window):
             continue
         found = -window.means.sun.speed / window.means.ring.speed
-        near = [gear for gear in GEARS if abs(found / _ratio(bench, gear) - 1.0) <= SAME_RATIO]
+        near = [gear for gear in bench.stages if abs(found / _ratio(bench, gear) - 1.0) <= SAME_RATIO]
         power = _powers(window)
         smaller = min(abs(power.sun), abs(power.ring))
         if not near or power.sun * power.ring >= 0.0 or not _loaded(window, bench):
