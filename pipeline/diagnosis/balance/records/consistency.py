@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.case import OUTPUT
+from pmg.pipeline.machine.axis import DEGREE
 from pmg.pipeline.recording.findings import Code
+from pmg.sim.signals import REVOLUTION, RPM
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,12 +25,12 @@ LIMIT_TOLD, LIMIT_RUN = 0.002, 5
 """Part of the samples that stand at the largest or smallest value, and how many of them in a row, that are told."""
 
 WRONG_UNITS = {
-    30.0 / math.pi: "as if rpm were read as rad/s",
-    math.pi / 30.0: "as if rad/s were read as rpm",
-    180.0 / math.pi: "as if deg were read as rad",
-    math.pi / 180.0: "as if rad were read as deg",
-    2.0 * math.pi: "as if rad were read as turns",
-    0.5 / math.pi: "as if turns were read as rad",
+    1.0 / RPM: "as if rpm were read as rad/s",
+    RPM: "as if rad/s were read as rpm",
+    1.0 / DEGREE: "as if deg were read as rad",
+    DEGREE: "as if rad were read as deg",
+    REVOLUTION: "as if rad were read as turns",
+    1.0 / REVOLUTION: "as if turns were read as rad",
     4.0: "as with edges counted four times",
     0.25: "as with a quarter of the edges",
     -1.0: "as with a sign turned",
