@@ -49,7 +49,11 @@ class CampaignOptions:
     """Options on a campaign that several commands share, by the names of their settings."""
 
     recordings: Annotated[
-        Path | None, typer.Argument(help="Folder of .mcap recordings, or one file.", metavar="[RECORDINGS]")
+        Path | None,
+        typer.Argument(
+            help="Folder of recordings (.mcap; of a machine of one's own any format), or one file.",
+            metavar="[RECORDINGS]",
+        ),
     ]
     config: ConfigOption
     store: Annotated[Path | None, typer.Option("--store", help="Folder of decoded runs and results; made if absent.")]

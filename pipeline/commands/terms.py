@@ -131,11 +131,15 @@ def check_machine(machine: str, recordings: Path | None) -> Outcome:
 
 def _run(case: Case, file: Path, out: Path, seed: int | None, machine: Machine | None) -> Outcome:
     began = now()
+    if out.exists() and not out.is_dir():
+        raise BenchError(f"--report {out}", "a file", "a folder, or none yet", "Name a folder.")
     seed = SEED if seed is None else seed
     recorded, withheld = read_recordings(case)
     diagnosis = diagnose_terms(case, recorded, withheld, np.random.default_rng(seed))
     files = [file, *case.files]
-    digests = {path.name: sha256_of(path) for path in files}
+    names = [path.name for path in files]
+    labels = [path.name if names.count(path.name) == 1 else f"{path.parent.name}/{path.name}" for path in files]
+    digests = {label: sha256_of(path) for label, path in zip(labels, files, strict=True)}
     causes = named_causes(diagnosis)
     document = terms_document(diagnosis) | {"causes": [cause.document for cause in causes]}
     document |= {"seed": seed, "sha256": digests}

@@ -101,7 +101,8 @@ class MachineShaft:
             return None
         spread = [part.u for part in parts if part.u is not None]
         u = math.hypot(*spread) if len(spread) == len(parts) else None
-        return Stated(sum(part.value for part in parts), parts[0].unit, u, "; ".join({p.source for p in parts}))
+        sources = "; ".join(dict.fromkeys(part.source for part in parts if part.source))
+        return Stated(sum(part.value for part in parts), parts[0].unit, u, sources)
 
 
 @dataclass(frozen=True)
@@ -172,6 +173,31 @@ class Machine:
     def path(self) -> Path:
         """The file."""
         return self.file.path
+
+    def seen_by(self, shaft: MachineShaft, key: str) -> Stated | None:
+        """Sum of a number over all that moves, as one shaft sees it through the gear; None unless every part is stated.
+
+        Parameters
+        ----------
+        shaft : MachineShaft
+            The shaft.
+        key : str
+            ``inertia`` (all that moves with a shaft), ``friction.coulomb`` or ``friction.viscous``.
+        """
+        parts = [end.total_inertia if key == "inertia" else end.numbers.get(key) for end in self.ends]
+        stated = [part for part in parts if part is not None]
+        if len(stated) < len(parts):
+            return None
+        ratio = 1.0 if self.gear is None else abs(self.gear.ratio)
+        faster = [1.0 if end is shaft else 1.0 / ratio if shaft is self.ends[0] else ratio for end in self.ends]
+        factors = [f if key == "friction.coulomb" else f**2 for f in faster]
+        spread = [part.u * factor for part, factor in zip(stated, factors, strict=True) if part.u is not None]
+        return Stated(
+            sum(part.value * factor for part, factor in zip(stated, factors, strict=True)),
+            stated[0].unit,
+            math.hypot(*spread) if len(spread) == len(stated) else None,
+            "; ".join(dict.fromkeys(part.source for part in stated if part.source)),
+        )
 
     @property
     def ends(self) -> tuple[MachineShaft, ...]:

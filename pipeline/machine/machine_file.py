@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.machine.axis import Axis
     from pmg.pipeline.machine.quantity import Stated
 
+SIGNED = ("ratio",)
+"""Numbers that may be negative."""
+
 MACHINE_SCHEMA = "pmg.machine/1"
 """Schema of the machine file."""
 
@@ -84,9 +87,13 @@ def _check_gear(gear: GearTable, shafts: Mapping[str, ShaftTable]) -> None:
     for key in needed:
         if getattr(gear, key) is None:
             refuse("missing", f"{key} of a {gear.kind} gear", "Add it.", "gear", key)
-    given = "ratio" if gear.kind != "rigid" else "pole_pairs_input"
-    if getattr(gear, given) is not None:
+    every = ("ratio", "pole_pairs_input", "pole_pairs_output")
+    for given in (key for key in every if key not in needed and getattr(gear, key) is not None):
         refuse(f"{given} of a {gear.kind} gear", "none", "Leave it out.", "gear", given)
+    for key in (key for key in needed if key != "ratio"):
+        value = getattr(gear, key).value
+        if value != round(value):
+            refuse(f"{value:g}", "a whole number of pole pairs", "Correct the value.", "gear", key, "value")
 
 
 def _axis_of(shaft: ShaftTable) -> Axis:
@@ -102,7 +109,7 @@ def _numbers(table: Any, known: Mapping[str, str], source: str, slides: bool, *k
             given = getattr(given, word)
         if given is not None:
             with refusing(*key, *name.split(".")):
-                found[name] = stated(given, kind, source, slides)
+                found[name] = stated(given, kind, source, slides, signed=name in SIGNED)
     return found
 
 

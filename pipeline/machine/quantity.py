@@ -88,7 +88,7 @@ class Stated:
         return f"{self.value:.6g}{spread}{unit}" if self.u is not None else f"{self.value:.6g}{unit}{spread}"
 
 
-def stated(table: QuantityTable, kind: str, source: str, slides: bool = False) -> Stated:
+def stated(table: QuantityTable, kind: str, source: str, slides: bool = False, *, signed: bool = False) -> Stated:
     """A number of a file in SI.
 
     Parameters
@@ -101,6 +101,8 @@ def stated(table: QuantityTable, kind: str, source: str, slides: bool = False) -
         Of what names none.
     slides : bool
         Whether the machine slides.
+    signed : bool
+        Whether it may be negative.
 
     Raises
     ------
@@ -113,6 +115,8 @@ def stated(table: QuantityTable, kind: str, source: str, slides: bool = False) -
         if not math.isfinite(value):
             refuse(f"{value}", "a finite number", "Correct the value.", key)
     number_within(abs(table.value), 0.0, MOST_STATED)
+    if table.value < 0.0 and not signed:
+        refuse(f"{table.value:g}", "zero or more", "Correct the value.", "value")
     if table.u is not None and table.u < 0.0:
         refuse(f"{table.u:g}", "a standard uncertainty of zero or more", "Correct the value.", "u")
     u = None if table.u is None else table.u * factor

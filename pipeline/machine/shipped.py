@@ -28,5 +28,7 @@ def machine_path(name: str) -> Path:
         return path
     if name in known:
         return known[name]
+    if path.is_dir():
+        raise BenchError(f"machine {name}", "a folder", "a machine file", "Name the file itself.")
     expected = f"a machine file, or one of those that ship: {', '.join(known)}"
     raise BenchError(f"--machine {name}", "no such file", expected, near_miss(name, known))

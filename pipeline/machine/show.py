@@ -31,7 +31,8 @@ def new_machine(file: Path, like: str) -> tuple[str, ...]:
         raise BenchError(f"--like {like}", "unknown", f"one of {', '.join(known)}", near_miss(like, known))
     if file.exists():
         raise BenchError(str(file), "a file that is there", "a new one", "Choose another name; nothing was written.")
-    write_atomic(file, known[like].read_bytes())
+    text = known[like].read_text(encoding="utf-8").replace("\nwithheld = ", "\n# withheld = ")
+    write_atomic(file, text.encode())
     return (
         f"{file}: begun from {like}. Put the numbers of your machine and the channels of its recordings in it, then:",
         f"  pmg machine check {file} RECORDINGS",

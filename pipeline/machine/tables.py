@@ -130,7 +130,7 @@ class GearTable(Strict):
 class SecondTable(Strict):
     """Files of the output shaft, on a clock of their own: what in the name of the input's is replaced, and by what."""
 
-    replace: Annotated[list[str], Field(min_length=2, max_length=2)]
+    replace: Annotated[list[Annotated[str, Field(min_length=1)]], Field(min_length=2, max_length=2), EACH_ONCE]
     time: Channel
 
 

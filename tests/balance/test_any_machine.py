@@ -200,7 +200,7 @@ def spinning(speed: float, seconds: float, rate: float, order: float) -> Recorde
     angle = speed * t + 0.02 * speed * np.sin(t)
     torque = 0.02 * np.sin(order * angle) + 0.01 * np.random.default_rng(2).standard_normal(len(t))
     motion = Motion(t, angle, np.gradient(angle, t), np.zeros_like(t), torque, np.zeros_like(t), 0.0)
-    return Recorded(("made",), motion, 1, torque, np.zeros_like(t))
+    return Recorded(("made",), motion.referred(), 1, torque, np.zeros_like(t))
 
 
 @given(st.floats(1.0, 3000.0), st.floats(5.0, 60.0))

@@ -77,6 +77,8 @@ class Case:
         Part at the end of each recording that is withheld, where no whole ones are.
     own_zeros : bool
         Whether each recording has a zero of its own.
+    shaft : str
+        Name of the shaft that the balance is of; empty where there is no machine file.
     second : SecondFile, optional
         Where the channels of the second shaft lie, if not in the same file.
     """
@@ -96,6 +98,7 @@ class Case:
     ratio: float | None = None
     withheld_part: float | None = None
     own_zeros: bool = False
+    shaft: str = ""
     second: SecondFile | None = None
 
     @property
@@ -120,7 +123,7 @@ def check_model(
         A term is unknown or has a shape, an amplitude is out of its range, or none is free.
     """
     terms = {term.identifier: term for term in library}
-    plain = [name for name, term in terms.items() if not term.of_model and term.shape is None]
+    plain = [name for name, term in terms.items() if not term.of_model and term.shape is None and term.single]
     for i, name in enumerate(baseline):
         word_of(name, plain, *table, word, i)
     for name, value in fixed.items():

@@ -19,8 +19,8 @@ GAINS = {"output_torque_gain": lambda g: 1.0 / (1.0 - g), "input_torque_gain": l
 CONVERSIONS = {
     0.737562: "as if lbf ft were read as N m",
     1.355818: "as if N m were read as lbf ft",
-    8.850746: "as if lbf in were read for N m",
-    0.112985: "as if N m were read for lbf in",
+    8.850746: "as if lbf in were read as N m",
+    0.112985: "as if N m were read as lbf in",
     0.101972: "as if kgf m were read as N m",
     9.80665: "as if N m were read as kgf m",
     0.5: "as with half the span, or one half bridge",
@@ -29,7 +29,6 @@ CONVERSIONS = {
     0.1: "as with a tenth of the range",
     1000.0: "as if mN m were read as N m",
     0.001: "as if kN m were read as N m",
-    -1.0: "as if its sign were turned",
 }
 """Readings over torque that a wrong conversion makes."""
 
@@ -119,8 +118,11 @@ def _factor(identifier: str, gain: float) -> str:
         return ""
     factor = GAINS[identifier](gain)
     told = f"it reads {factor:.4g} times the torque"
-    near = [words for known, words in CONVERSIONS.items() if abs(factor / known - 1.0) < NEAR_FACTOR]
-    return f"{told}, {near[0]}" if near and abs(factor - 1.0) > CONVERTED else told
+    far = {words: abs(factor / known - 1.0) for known, words in CONVERSIONS.items()}
+    near = sorted((words for words in far if far[words] < NEAR_FACTOR), key=far.__getitem__)
+    if identifier.startswith("input"):
+        told += " (and so do inertia and friction as found)"
+    return f"{told}, {' or '.join(near)}" if near and abs(factor - 1.0) > CONVERTED else told
 
 
 def cause_lines(causes: tuple[NamedCause, ...], unit: str) -> tuple[str, ...]:

@@ -143,6 +143,8 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRu
             np.full(3, driving[i]),
             np.zeros(3),
             way=way,
+            besides={key: values[[0, i, -1]] for key, values in motion.besides.items()},
+            references=motion.references,
         )
         return sum(float(each.term.columns(now, each.shape)[1] @ each.amplitudes) for each in others)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.library.two_torques import OUT, TEMPERATURE
+from pmg.pipeline.diagnosis.balance.library.term import OUT, TEMPERATURE
 from pmg.pipeline.diagnosis.balance.periods import shortest
 from pmg.pipeline.fit.structure import ResidualStructure
 from pmg.sim.signals import REVOLUTION

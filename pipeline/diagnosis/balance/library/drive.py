@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.library.term import Motion, Quantity, Term
+from pmg.pipeline.diagnosis.balance.library.term import DURATION, MIDDLE, Motion, Quantity, Term
 from pmg.pipeline.machine.axis import LINEAR, ROTARY
 from pmg.sim.signals import REVOLUTION
 from pmg.sim.sources import ARMSTRONG, BALANCE, DAHL, Source
@@ -35,10 +35,6 @@ SPEED_TEST = "Run at eight or more constant speeds in both directions, in random
 
 def _stack(*columns: Array) -> Array:
     return np.stack(columns, axis=1)
-
-
-def _middle(values: Array) -> float:
-    return 0.5 * float(values.min() + values.max())
 
 
 def _periodic(m: Motion, period: float) -> Array:
@@ -162,7 +158,7 @@ def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
         "Viscous friction that falls during the record",
         "-w v t/T",
         _amount("w", axis.viscous, 1e6),
-        lambda m, _: _stack(-m.speed * m.elapsed / float(m.elapsed.max())),
+        lambda m, _: _stack(-m.speed * m.elapsed / m.references[DURATION]),
         BALANCE,
         separating_test="Repeat the record after a rest and after a long run",
     )
@@ -199,7 +195,7 @@ def _placed_terms(axis: Axis) -> Iterator[Term[Motion]]:
         f"Friction that changes along the {axis.along}",
         "c sign(v) (q - qm)",
         _part("c", axis.stiffness, 1e5),
-        lambda m, _: _stack(m.direction * (m.position - _middle(m.position))),
+        lambda m, _: _stack(m.direction * (m.position - m.references[MIDDLE])),
         BALANCE,
         separating_test=POSITION_TEST,
         both_ways=True,
@@ -209,7 +205,7 @@ def _placed_terms(axis: Axis) -> Iterator[Term[Motion]]:
         "Spring or cable, linear in position",
         "k (q - qm)",
         _part("k", axis.stiffness, 1e5),
-        lambda m, _: _stack(m.position - _middle(m.position)),
+        lambda m, _: _stack(m.position - m.references[MIDDLE]),
         BALANCE,
         separating_test=POSITION_TEST,
     )
@@ -246,7 +242,7 @@ def _drift(axis: Axis) -> Term[Motion]:
         f"Zero of the {axis.pushes} that drifts steadily during each record",
         "z (t/T - 1/2)",
         _part("z", axis.push, 1e4),
-        lambda m, _: _stack(m.elapsed / float(m.elapsed.max()) - 0.5),
+        lambda m, _: _stack(m.elapsed / m.references[DURATION] - 0.5),
         BALANCE,
         separating_test=f"Read the {axis.pushes} at standstill with the coupling open, before and after each record",
         needs_drive=True,

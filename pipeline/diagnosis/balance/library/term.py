@@ -16,6 +16,14 @@ if TYPE_CHECKING:
     from pmg.sim.sources import Source
 
 
+OUT, OUT_ANGLE, TEMPERATURE, ELAPSED, KNOWN = "output_torque", "output_angle", "temperature", "elapsed", "known"
+"""Channels of `Motion.besides`: torque of the output as the input sees it [N m], its angle [rad], a temperature [K],
+time since the recording began [s], force of the terms whose amplitude is known [N, N m]."""
+
+DURATION, MIDDLE, WARMTH = "duration", "middle", "warmth"
+"""References of columns: longest recording [s], middle of the travel [m, rad], first temperature [K]."""
+
+
 @dataclass(frozen=True)
 class Motion:
     """Recordings from which terms take their columns, at their full sample rate, one after the other; arrays (n,).
@@ -33,10 +41,12 @@ class Motion:
     starts : tuple of int
         Sample with which each recording begins.
     besides : mapping of str to (n,) array
-        Further channels by their names: ``output_torque`` [N m] and ``output_angle`` [rad] of a second shaft, the first
-        as the input sees it; ``temperature`` [K].
+        Further channels, by the names `OUT`, `OUT_ANGLE`, `TEMPERATURE`, `ELAPSED` and `KNOWN`.
     even_acceleration : float
         Acceleration that noise may make of an even speed [m/s2, rad/s2].
+    references : mapping of str to float
+        What columns refer to, by the names `DURATION`, `MIDDLE` and `WARMTH`: that of the recordings that are fitted,
+        also where others are predicted.
     """
 
     time: Array
@@ -49,6 +59,7 @@ class Motion:
     starts: tuple[int, ...] = (0,)
     besides: Mapping[str, Array] = field(default_factory=dict)
     even_acceleration: float = 0.0
+    references: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def direction(self) -> Array:
@@ -70,7 +81,14 @@ class Motion:
     @property
     def elapsed(self) -> Array:
         """Time since the recording began [s], (n,)."""
-        return np.asarray(self.time - self.time[self.first])
+        return self.besides.get(ELAPSED, np.asarray(self.time - self.time[self.first]))
+
+    def referred(self) -> Motion:
+        """The same with the references of its own."""
+        own = {DURATION: float(self.elapsed.max()), MIDDLE: 0.5 * float(self.position.min() + self.position.max())}
+        if TEMPERATURE in self.besides:
+            own[WARMTH] = float(self.besides[TEMPERATURE][0])
+        return replace(self, references=own)
 
     def part(self, rows: slice) -> Motion:
         """Samples of one recording, as a recording of its own."""
@@ -182,6 +200,11 @@ class Term(Generic[M]):
     def place(self) -> str:
         """Where it acts, of several places where it may; empty where there is one only."""
         return ""
+
+    @property
+    def single(self) -> bool:
+        """Whether it has one amplitude, so that a baseline may hold it."""
+        return len(self.amplitudes) == 1
 
     @property
     def key(self) -> str:

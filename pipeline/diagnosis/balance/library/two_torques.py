@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.library.drive import ROTARY_DRIVE
-from pmg.pipeline.diagnosis.balance.library.term import Motion, Quantity, Term
+from pmg.pipeline.diagnosis.balance.library.term import KNOWN, OUT, OUT_ANGLE, Motion, Quantity, Term
 from pmg.sim.sources import ARMSTRONG, BALANCE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pmg.sim.signals import Array
-
-OUT, OUT_ANGLE, TEMPERATURE = "output_torque", "output_angle", "temperature"
-"""Channels of `Motion.besides`: torque of the output as the input sees it, its angle, a temperature."""
 
 OF_A_COMMAND = frozenset({"actuator_gain", "delay", "dead_zone", "motor_constant_sag", "load_dependent_friction"})
 """Terms of a drive that no measured torque has."""
@@ -33,11 +30,12 @@ def _column(values: Array) -> Array:
 
 
 def _input(m: Motion) -> Array:
-    """Torque of the input (n,) [N m] as the output's and the model give it.
+    """Torque of the input (n,) [N m] as the output's gives it, with what is known of the machine.
 
-    The recorded one is what is to be explained: as a column it would explain its own noise.
+    The recorded one is what is to be explained: as a column it would explain its own noise. What is free of the
+    baseline is left out: with the input's gain it grows as a whole.
     """
-    return m.modelled - m.besides[OUT]
+    return m.besides[KNOWN] - m.besides[OUT]
 
 
 def _output(m: Motion) -> Array:
@@ -56,7 +54,6 @@ def _transducers() -> Iterator[Term[Motion]]:
             BALANCE,
             separating_test=GAIN_TEST,
             needs=(OUT,),
-            of_model=end == "input",
         )
         yield Term(
             f"{end}_torque_lag",
@@ -67,7 +64,6 @@ def _transducers() -> Iterator[Term[Motion]]:
             BALANCE,
             separating_test=CLOCK_TEST,
             needs=(OUT,),
-            of_model=end == "input",
         )
 
 
@@ -104,19 +100,6 @@ def _of_load() -> Iterator[Term[Motion]]:
     )
 
 
-def _warm() -> Term[Motion]:
-    return Term(
-        "viscous_of_temperature",
-        "Viscous friction that falls with the recorded temperature",
-        "-w v (theta - theta_1)",
-        (Quantity("w", "N m s/(rad K)", (0.0, 1e4)),),
-        lambda m, _: _column(-m.speed * (m.besides[TEMPERATURE] - m.besides[TEMPERATURE][0])),
-        BALANCE,
-        separating_test="Repeat the same speeds cold and warm",
-        needs=(TEMPERATURE,),
-    )
-
-
 def _library() -> tuple[Term[Motion], ...]:
     plain = [term for term in ROTARY_DRIVE if term.identifier not in OF_A_COMMAND]
     zero = {"constant_offset": ("Zero of a torque transducer (either, as the input sees it)", ZERO_TEST)}
@@ -129,6 +112,3 @@ def _library() -> tuple[Term[Motion], ...]:
 
 TWO_TORQUES = _library()
 """Terms that the torque balance of a gearbox with two transducers may hold."""
-
-WARM = _warm()
-"""Term of a record with a temperature, of a machine that turns."""

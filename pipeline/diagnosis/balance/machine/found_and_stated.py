@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.machine.machine import Machine
     from pmg.pipeline.machine.quantity import Stated
@@ -60,45 +59,12 @@ def found_and_stated(diagnosis: TermsDiagnosis, machine: Machine) -> tuple[Found
         What its file states.
     """
     last = {e.term: e for e in diagnosis.steps[-1].fitted.estimates}
-    known = {
-        "inertia": ("inertia", _inertia(machine, diagnosis.case)),
-        "coulomb": ("Coulomb friction", _of_ends(machine, "friction.coulomb", diagnosis.case)),
-        "viscous": ("viscous friction", _of_ends(machine, "friction.viscous", diagnosis.case)),
-    }
+    shaft = machine.shafts[diagnosis.case.shaft]
+    keys = {"inertia": "inertia", "coulomb": "friction.coulomb", "viscous": "friction.viscous"}
+    words = {"inertia": "inertia", "coulomb": "Coulomb friction", "viscous": "viscous friction"}
+    known = {term: (words[term], machine.seen_by(shaft, key)) for term, key in keys.items()}
     return tuple(
         FoundAndStated(name, value, last[term].value, last[term].standard_error)
         for term, (name, value) in known.items()
         if value is not None and term in last
-    )
-
-
-def _inertia(machine: Machine, case: Case) -> Stated | None:
-    """Inertia of all that moves, as the first shaft sees it; None unless that of every shaft is stated."""
-    ends = machine.ends if case.ratio is not None else machine.ends[:1]
-    parts = [end.total_inertia for end in ends]
-    if any(part is None for part in parts):
-        return None
-    return _seen(tuple(part for part in parts if part is not None), case, squared=True)
-
-
-def _of_ends(machine: Machine, key: str, case: Case) -> Stated | None:
-    """A friction of all shafts, as the first one sees it."""
-    ends = machine.ends if case.ratio is not None else machine.ends[:1]
-    if any(key not in end.numbers for end in ends):
-        return None
-    return _seen(tuple(end.numbers[key] for end in ends), case, squared=key == "friction.viscous")
-
-
-def _seen(parts: tuple[Stated, ...], case: Case, *, squared: bool) -> Stated:
-    """The sum of what two shafts have, that of the second through the gear."""
-    ratio = 1.0 if case.ratio is None else abs(case.ratio)
-    factors = [1.0, 1.0 / ratio**2 if squared else 1.0 / ratio]
-    pairs = list(zip(parts, factors, strict=False))
-    spread = [part.u * factor for part, factor in pairs if part.u is not None]
-    first = parts[0]
-    return type(first)(
-        sum(part.value * factor for part, factor in pairs),
-        first.unit,
-        math.hypot(*spread) if len(spread) == len(parts) else None,
-        "; ".join(dict.fromkeys(part.source for part in parts if part.source)),
     )

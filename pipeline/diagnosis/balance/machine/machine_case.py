@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fnmatch import fnmatch
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.diagnosis.balance.case import OUTPUT, Case, SecondFile, check_model, check_published
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE, ROTARY_DRIVE
-from pmg.pipeline.diagnosis.balance.library.two_torques import TWO_TORQUES, WARM
+from pmg.pipeline.diagnosis.balance.library.two_torques import TWO_TORQUES
+from pmg.pipeline.diagnosis.balance.library.warmth import warm_term
 from pmg.pipeline.files.strict_tables import RefusalError
 from pmg.pipeline.importers.open_source import FORMATS
 from pmg.pipeline.machine.axis import LINEAR
@@ -22,6 +24,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.machine.channel import Channel
     from pmg.pipeline.machine.machine import Machine, MachineShaft
     from pmg.pipeline.machine.tables import RecordsTable
+
+REPORT = "report-files.json"
+"""File by which the folder of a report is known."""
 
 BASELINE = ("inertia", "viscous", "coulomb")
 """Terms that are taken for granted where a machine file says nothing else."""
@@ -59,6 +64,11 @@ def case_of(machine: Machine, records: Path) -> Case:
     if "force" not in main.channels and "inertia" not in fixed:
         fixed["inertia"] = _known_inertia(machine, main)
     baseline = tuple(machine.model.baseline) or BASELINE
+    channels = _channels(table, main, ends[1] if two else None)
+    _check_twice(machine, channels)
+    if table.zeros == "own" and "constant_offset" in baseline:
+        do = 'Each recording has a zero of its own: leave it out, or set zeros = "common".'
+        raise machine.file.refusal("constant_offset", "terms that recordings share", do, "model", "baseline")
     try:
         check_model(library, baseline, fixed, ("model",), "baseline")
         check_published(library, machine.published)
@@ -70,7 +80,7 @@ def case_of(machine: Machine, records: Path) -> Case:
         library=library,
         fit=tuple(path for path in files if path not in withheld),
         withheld=withheld,
-        channels=_channels(table, main, ends[1] if two else None),
+        channels=channels,
         form=table.csv,
         prepare=table,
         baseline=baseline,
@@ -80,26 +90,33 @@ def case_of(machine: Machine, records: Path) -> Case:
         ratio=machine.gear.ratio if two and machine.gear is not None else None,
         withheld_part=table.withheld_part,
         own_zeros=table.zeros == "own",
+        shaft=main.name,
         second=second if two else None,
     )
 
 
 def _measured(machine: Machine) -> MachineShaft:
-    """The one shaft whose balance is looked at: the one with a torque, else the one that is seen to move."""
-    for kinds in ({"force"}, {"position", "velocity"}):
-        found = [end for end in machine.ends if kinds & set(end.channels)]
-        if found and {"position", "velocity"} & set(found[0].channels):
-            return found[0]
-    where = f"{machine.path}: shaft.{machine.ends[0].name}.channel"
-    do = "Name the channel of the shaft that is driven, in the words of its file."
-    raise BenchError(where, "neither position nor velocity", "a channel that moves", do)
+    """The one shaft whose balance is looked at: the one with a torque, else the one that is seen to move.
+
+    Its motion is that of the other one through the gear, where it has none of its own.
+    """
+    moves, pushed = {"position", "velocity"}, [end for end in machine.ends if "force" in end.channels]
+    seen = [end for end in machine.ends if moves & set(end.channels)]
+    if not seen:
+        where = f"{machine.path}: shaft.{machine.ends[0].name}.channel"
+        do = "Name the channel of the shaft that is driven, in the words of its file."
+        raise BenchError(where, "neither position nor velocity", "a channel that moves", do)
+    if not pushed or pushed[0] in seen:
+        return pushed[0] if pushed else seen[0]
+    assert machine.gear is not None  # two shafts
+    ratio = machine.gear.ratio if pushed[0] is machine.ends[0] else 1.0 / machine.gear.ratio
+    through = {kind: (c, unit * ratio) for kind, (c, unit) in seen[0].channels.items() if kind in moves}
+    return replace(pushed[0], channels={**pushed[0].channels, **through})
 
 
 def _library(main: MachineShaft, table: RecordsTable, *, two: bool) -> tuple[Term[Motion], ...]:
-    if main.axis is LINEAR:
-        return DRIVE
-    plain = TWO_TORQUES if two else ROTARY_DRIVE
-    return plain if table.temperature is None else (*plain, WARM)
+    plain = TWO_TORQUES if two else DRIVE if main.axis is LINEAR else ROTARY_DRIVE
+    return plain if table.temperature is None else (*plain, warm_term(main.axis))
 
 
 def _channels(
@@ -115,12 +132,21 @@ def _channels(
     return found
 
 
+def _check_twice(machine: Machine, channels: Mapping[str, tuple[Channel, float]]) -> None:
+    """Refuse one column that is to be two things."""
+    names = [channel.name for kind, (channel, _) in channels.items() if kind != "time"]
+    for name in names:
+        if names.count(name) > 1 and machine.records is not None and machine.records.second is None:
+            where = f"{machine.path}: channel '{name}'"
+            raise BenchError(where, "named for two things", "a column for each", "Correct one of the names.")
+
+
 def _known_inertia(machine: Machine, shaft: MachineShaft) -> float:
-    """Inertia of everything that moves with a shaft of a machine that coasts [SI]."""
-    value = shaft.total_inertia
+    """Inertia of everything that moves, as a shaft of a machine that coasts sees it [SI]."""
+    value = machine.seen_by(machine.shafts[shaft.name], "inertia")
     if value is None or value.value <= 0.0:
         where = f"{machine.path}: shaft.{shaft.name}.inertia"
-        do = f"Without a {shaft.axis.pushes}, friction shows as part of the inertia only: state that, or the channel."
+        do = f"Without a {shaft.axis.pushes}, friction shows as part of the inertia only: state it of every shaft."
         raise BenchError(where, "missing", f"the inertia, or a {shaft.axis.pushes}", do)
     return value.value
 
@@ -138,7 +164,9 @@ def _files(records: Path, second: SecondFile | None) -> tuple[Path, ...]:
         return (records,)
     if not records.is_dir():
         raise RecordingError(str(records), "no such folder", "recordings", "Check the path.")
-    found = tuple(sorted(path for path in records.rglob("*") if path.is_file() and path.suffix.lower() in FORMATS))
+    reports = {path.parent for path in records.rglob(REPORT)}  # their tables are no recordings
+    every = (path for path in records.rglob("*") if path.is_file() and path.suffix.lower() in FORMATS)
+    found = tuple(sorted(path for path in every if not reports & set(path.parents)))
     if second is not None:  # those that are not the second of another
         found = tuple(path for path in found if second.replace[0] in path.name)
     if not found:

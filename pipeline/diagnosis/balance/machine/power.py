@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.library.two_torques import OUT
+from pmg.pipeline.diagnosis.balance.library.term import OUT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -104,6 +104,9 @@ def steady_points(recorded: Recorded, machine: Machine, inertia: float) -> tuple
         speed, load, balance = (float(values.mean()) for values in blocks)
         n = len(blocks[2])
         repeat = float(np.std(blocks[2], ddof=1)) / math.sqrt(n) * math.sqrt((n - 1) / (n - 3))
+        if len(group) > 1:  # what differs from visit to visit is no noise of blocks
+            visits = np.array([s.balance.mean() for s in group])
+            repeat = max(repeat, float(np.std(visits, ddof=1)) / math.sqrt(len(group)))
         own, other = _tolerance(first, balance - load), _tolerance(second, load * ratio) / abs(ratio)
         u_torque = math.sqrt(repeat**2 + own**2 + other**2)
         into, out = (balance - load, own), (load, other)

@@ -42,6 +42,12 @@ KNOWN_UNITS = frozenset(
 """Units that a file may declare for a channel of a case, without spaces."""
 
 
+OTHER_UNITS = frozenset(
+    ["Nmm", "Ncm", "lbfft", "ftlbf", "lbft", "ftlb", "lbfin", "inlbf", "kgfm", "kpm", "1/s", "Hz", "lbf", "kgf"]
+)
+"""Units that a file may declare and that are not read, without spaces: what they are is known, and it is another."""
+
+
 def channels_in_si(
     path: Path, case: Case, channels: Mapping[str, tuple[Channel, float]], findings: Findings
 ) -> dict[str, Array]:
@@ -140,8 +146,11 @@ def _check_units(source: ForeignSource, channels: Mapping[str, tuple[Channel, fl
         if declared in KNOWN_UNITS:
             do = "Correct the unit in the case, or the file."
             raise RecordingError(where, f"the unit {declared}", channel.unit, do)
-        message = f"the file's unit '{declared}' is not understood; {channel.unit} is taken, as the case says"
-        findings.info(Code.CHANNEL_KEY, channel.name, message, "Check it.")
+        if declared in OTHER_UNITS:
+            do = "Convert the channel, or declare it right in the file."
+            raise RecordingError(where, f"the unit {declared}", channel.unit, do)
+        message = f"the file's unit '{declared}' is not understood; {channel.unit} is taken"
+        findings.warning(Code.CHANNEL_KEY, channel.name, message, "Check it: all that follows scales with it.")
 
 
 def _spelled(unit: str) -> str:

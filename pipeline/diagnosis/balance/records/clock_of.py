@@ -25,6 +25,12 @@ if TYPE_CHECKING:
     from pmg.pipeline.recording.findings import Findings
     from pmg.sim.signals import Array
 
+COMMON = ("velocity", "position", "force")
+"""Channels that two files may have in common, the best first."""
+
+FEWEST_OF_SPLINE = 4
+"""Samples that a cubic spline needs."""
+
 T_95_LARGE = 1.96
 """Half-width of a 95 % interval in standard errors."""
 
@@ -53,11 +59,29 @@ def clock_of(path: Path, case: Case, findings: Findings) -> Clock:
     first = _even(path, case, own, case.prepare.rate_hz, findings)
     there = case.second.of(path)
     second = _even(there, case, other, None, findings)
-    longest = max(second.stretches, key=lambda stretch: len(stretch.time))
-    stretches = [
-        _with_second(stretch, longest, findings, f"{path.name} and {there.name}") for stretch in first.stretches
-    ]
-    return replace(first, stretches=tuple(stretches))
+    where = f"{path.name} and {there.name}"
+    kind = next((k for k in COMMON if k in own and OUTPUT + k in other), None)
+    if kind is None:
+        came, do = "no kind of channel that both hold", "Record the speed, or the torque, in both."
+        raise RecordingError(where, came, "a signal that follows the same thing", do)
+    one, two = (max(clock.stretches, key=lambda stretch: len(stretch.time)) for clock in (first, second))
+    found = offset_between(
+        (one.time, _changing(kind, one.channels[kind])),
+        (two.time, _changing(kind, two.channels[OUTPUT + kind])),
+        where=where,
+    )
+    stretches = tuple(
+        whole
+        for one in first.stretches
+        for two in second.stretches
+        if (whole := _with_second(one, two, found)) is not None
+    )
+    if not stretches:
+        came, do = "no time in common", "Check which files belong together."
+        raise RecordingError(where, came, "recordings that overlap", do)
+    lost = sum(len(one.time) for one in first.stretches) - sum(len(one.time) for one in stretches)
+    _tell(found, kind, lost, findings)
+    return replace(first, stretches=stretches)
 
 
 def _even(
@@ -68,27 +92,13 @@ def _even(
     return even_stretches(time, rate_hz, values, f"{path}: time", findings)
 
 
-def _with_second(one: EvenStretch, other: EvenStretch, findings: Findings, where: str) -> EvenStretch:
-    """A stretch with the channels of the second file at its times, where both recorded."""
-    kind = next(
-        (k for k in ("velocity", "position", "force") if k in one.channels and OUTPUT + k in other.channels), None
-    )
-    if kind is None:
-        came, do = "no kind of channel that both hold", "Record the speed, or the torque, in both."
-        raise RecordingError(where, came, "a signal that follows the same thing", do)
-    found = offset_between(
-        (one.time, _changing(kind, one.channels[kind])),
-        (other.time, _changing(kind, other.channels[OUTPUT + kind])),
-        where=where,
-    )
+def _with_second(one: EvenStretch, other: EvenStretch, found: Offset) -> EvenStretch | None:
+    """A stretch with the channels of one of the second file at its times; None where they have none in common."""
     times = other.time + found.offset + found.drift * (other.time - found.at)
     rows = np.flatnonzero((one.time >= times[0]) & (one.time <= times[-1]))
-    if not len(rows):
-        raise RecordingError(
-            where, "no time in common", "recordings that overlap", "Check which files belong together."
-        )
+    if len(rows) < 2 or len(times) < FEWEST_OF_SPLINE:
+        return None
     inner = slice(int(rows[0]), int(rows[-1]) + 1)
-    _tell(found, kind, one, inner, findings)
     brought = {key: make_interp_spline(times, values)(one.time[inner]) for key, values in other.channels.items()}
     here = {key: values[inner] for key, values in one.channels.items()}
     return replace(one, start=float(one.time[inner][0]), time=one.time[inner], channels=here | brought)
@@ -99,12 +109,12 @@ def _changing(kind: str, values: Array) -> Array:
     return np.asarray(np.gradient(values) if kind == "position" else values)
 
 
-def _tell(found: Offset, kind: str, one: EvenStretch, inner: slice, findings: Findings) -> None:
+def _tell(found: Offset, kind: str, lost: int, findings: Findings) -> None:
     """Tell the offset with its error, what it was found by, and what it can no longer show."""
-    lost = len(one.time) - len(one.time[inner])
     message = (
-        f"the clock of the second file is {found.offset:.6g} ± {T_95_LARGE * found.offset_error:.2g} s behind (95 %), "
-        f"{1e6 * found.drift:+.0f} ppm apart, by the {kind} of both (correlation {found.correlation:.3f})"
+        f"the clock of the second file is {found.offset:.6g} ± {T_95_LARGE * found.offset_error:.2g} s behind (95 %) "
+        f"at its {found.at:.6g} s, {1e6 * found.drift:+.0f} ± {T_95_LARGE * 1e6 * found.drift_error:.0f} ppm apart, "
+        f"by the {kind} of both (correlation {found.correlation:.3f})"
     )
     if lost:
         message += f"; {lost} samples outside what both recorded are left out"

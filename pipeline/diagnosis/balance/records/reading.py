@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.library.term import Motion
-from pmg.pipeline.diagnosis.balance.library.two_torques import OUT, OUT_ANGLE, TEMPERATURE
+from pmg.pipeline.diagnosis.balance.library.term import ELAPSED, OUT, OUT_ANGLE, TEMPERATURE, Motion
 from pmg.pipeline.diagnosis.balance.records.clock_of import clock_of
 from pmg.pipeline.diagnosis.balance.records.consistency import check_limits, check_motion
 from pmg.pipeline.diagnosis.balance.records.recorded import joined, with_known
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
-    from pmg.pipeline.importers.clocks.clock import EvenStretch
+    from pmg.pipeline.importers.clocks.clock import Clock, EvenStretch
     from pmg.pipeline.recording.findings import Finding
     from pmg.sim.signals import Array
 
@@ -32,6 +31,9 @@ COASTS = 0.1
 
 REST = 4.0
 """Standard deviations of the noise of the speed below which a machine counts as at rest."""
+
+LEAST = 40
+"""Thinned samples of the shortest stretch that is used: the decimation needs 28."""
 
 FEWEST = 1000
 """Fewest samples of a regression; below, neither noise nor structure can be judged."""
@@ -75,8 +77,17 @@ def read_recordings(case: Case) -> tuple[Recorded, Recorded | None]:
         cut = [round((1.0 - case.withheld_part) * len(one.motion.time)) for one in fit]
         withheld = [replace(one.part(slice(at, None)), findings=()) for one, at in zip(fit, cut, strict=True)]
         fit = [one.part(slice(None, at)) for one, at in zip(fit, cut, strict=True)]
+    if case.withheld_part is not None:
+        fit, withheld = ([one for one in part if _long_enough(one, case)] for part in (fit, withheld))
+        if not fit or not withheld:
+            came, do = "stretches too short to withhold a part of", "Withhold whole recordings by name."
+            raise RecordingError(", ".join(path.name for path in case.fit), came, "longer stretches", do)
     fitted = _together(fit, case)
     return fitted, _together(withheld, case, fitted) if withheld else None
+
+
+def _long_enough(read: _Read, case: Case) -> bool:
+    return len(read.motion.time) >= LEAST * case.prepare.keep_every
 
 
 def _together(read: Sequence[_Read], case: Case, of: Recorded | None = None) -> Recorded:
@@ -103,7 +114,7 @@ def _read(path: Path, case: Case) -> list[_Read]:
         message = f"the {len(short.time)} samples from {short.start:g} s are left out: filters need {fewest}"
         findings.info(Code.SAMPLES_GAP, "time", message, "Nothing to do, or record without pauses.")
     names = [path.name if len(whole) == 1 else f"{path.name} ({k})" for k in range(1, len(whole) + 1)]
-    motions = [_moved(path, stretch, clock.rate_hz, case, findings) for stretch in whole]
+    motions = [_moved(path, stretch, clock, case, findings) for stretch in whole]
     told = findings.listed()
     pairs = zip(names, motions, strict=True)
     return [_Read(name, motion, told if k == 0 else ()) for k, (name, motion) in enumerate(pairs)]
@@ -111,18 +122,21 @@ def _read(path: Path, case: Case) -> list[_Read]:
 
 def _fewest(case: Case, rate_hz: float) -> int:
     """Samples in a row that filters need."""
-    return 8 * case.prepare.order + 2 * _dropped(Smoother(case.prepare, 1.0 / rate_hz), case) + 2
+    ends = 8 * case.prepare.order + 2 * _dropped(Smoother(case.prepare, 1.0 / rate_hz), case) + 2
+    return ends + LEAST * case.prepare.keep_every
 
 
 def _dropped(smoother: Smoother, case: Case) -> int:
-    """Samples at either end that filters spoil."""
-    return smoother.settles if case.prepare.drop is None else case.prepare.drop
+    """Samples at either end that filters spoil, with two torques those of the slower one."""
+    if case.prepare.drop is not None:
+        return case.prepare.drop
+    return smoother.settles if case.ratio is None else smoother.settles_further
 
 
-def _moved(path: Path, stretch: EvenStretch, rate_hz: float, case: Case, findings: Findings) -> Motion:
+def _moved(path: Path, stretch: EvenStretch, clock: Clock, case: Case, findings: Findings) -> Motion:
     """Position, speed, acceleration and force of one stretch."""
     values, time, given = dict(stretch.channels), stretch.time, case.prepare
-    smoother = Smoother(given, 1.0 / rate_hz)
+    smoother = Smoother(given, 1.0 / clock.rate_hz)
     drop = _dropped(smoother, case)
     check_motion(values, smoother, findings)
     check_limits(values, findings)
@@ -133,6 +147,7 @@ def _moved(path: Path, stretch: EvenStretch, rate_hz: float, case: Case, finding
     position, speed, noise = smoother.moved(values.get("position"), values.get("velocity"))
     if case.ratio is not None:
         besides[OUT_ANGLE] = position / case.ratio
+    besides[ELAPSED] = time - clock.stretches[0].start
     inner = slice(drop, -drop)
     rest_speed = REST * noise[0] if given.rest_speed is None else given.rest_speed
     if given.rest_speed is None and float(np.abs(speed[inner]).max()) <= rest_speed:

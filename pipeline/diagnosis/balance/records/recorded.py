@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.signal import butter, decimate, filtfilt
 
-from pmg.pipeline.diagnosis.balance.library.term import Motion
+from pmg.pipeline.diagnosis.balance.library.term import KNOWN, Motion
+from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -161,6 +162,15 @@ def joined(motions: Sequence[Motion]) -> Motion:
     )
 
 
+def _check_seen(recorded: Recorded, free: Array, names: Sequence[str]) -> None:
+    """Refuse a term of the baseline that recordings with zeros of their own cannot show."""
+    gone = [name for name, column in zip(names, free.T, strict=True) if recorded.own_zeros and not column.any()]
+    if gone:
+        came = f"{', '.join(gone)} is the same throughout each recording, as its zero"
+        do = 'Set zeros = "common", leave it out of the baseline, or record both directions.'
+        raise RecordingError(recorded.name, came, "recordings that tell it from their zeros", do)
+
+
 def with_known(
     names: Sequence[str], motion: Motion, case: Case, findings: Sequence[Finding], of: Recorded | None = None
 ) -> Recorded:
@@ -171,6 +181,7 @@ def with_known(
     plain = Recorded(
         tuple(names), motion, case.prepare.keep_every, motion.force, motion.force, tuple(findings), case.own_zeros
     )
+    motion = motion.referred() if of is None else replace(motion, references=of.motion.references)
     terms = {term.identifier: term for term in case.library}
     columns = {key: terms[key].columns(motion, float("nan"))[:, 0] for key in case.baseline}
     known = np.zeros_like(motion.force)
@@ -178,7 +189,9 @@ def with_known(
         known = known + value * columns[key]
     free = np.stack([columns[key] for key in case.baseline if key not in case.fixed], axis=1)
     few = plain.thin(np.c_[motion.force, known, free])
+    _check_seen(plain, few[:, 2:], [key for key in case.baseline if key not in case.fixed])
     rest = few[:, 0] - few[:, 1]
     free_amplitudes = of.baseline if of is not None else np.asarray(np.linalg.lstsq(few[:, 2:], rest, rcond=None)[0])
-    modelled = replace(motion, modelled=known + free @ free_amplitudes)
-    return replace(plain, motion=modelled, force=rest, known=few[:, 1], baseline=free_amplitudes)
+    besides = {**motion.besides, KNOWN: known}
+    whole = replace(motion, modelled=known + free @ free_amplitudes, besides=besides)
+    return replace(plain, motion=whole, force=rest, known=few[:, 1], baseline=free_amplitudes)

@@ -82,6 +82,11 @@ class Smoother:
         return self.smooth(np.eye(1, 2 * reach + 1, reach)[0])
 
     @property
+    def settles_further(self) -> int:
+        """The same of `smoothed_further`."""
+        return round(FURTHER * self.settles)
+
+    @property
     def _cut_off(self) -> float:
         return 0.5 * (1.0 - self.beyond) / self.step
 
