@@ -13,6 +13,7 @@ from pmg.pipeline.preflight.environment import BAD, OK, environment
 from pmg.pipeline.preflight.motion import motion_abilities, motion_summary
 from pmg.pipeline.preflight.rehearsal import audit, rehearse
 from pmg.pipeline.preflight.survey import survey
+from pmg.pipeline.preflight.unlike_machine import unlike_the_machine
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.recording.supplied import NOTHING
 from pmg.pipeline.settings.bench_in_force import bench_in_force
@@ -65,6 +66,7 @@ def run_doctor(
         Remark("warning", file.name, f"the same bytes as {file.copy}: counts once") for file in found.files if file.copy
     ]
     findings += [Remark("warning", file.name, file.damage) for file in found.files if file.damage]
+    findings += unlike_the_machine(found.usable, bench)
     findings += [Remark("warning", check.what, check.description) for check in checks if check.state != OK]
     findings += [
         Remark("warning", part["campaign"], f"hole in the grid: {hole}") for part in campaigns for hole in part["holes"]

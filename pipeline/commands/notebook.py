@@ -73,6 +73,7 @@ def ingest(
     workers: int | None = 1,
     limits: Path | Steadiness | None = None,
     supplied: Path | None = None,
+    machine: str | Path | None = None,
 ) -> IngestedCampaigns:
     """Decode recordings, find and judge their test windows, and reduce them to means.
 
@@ -89,6 +90,8 @@ def ingest(
         Limits by which windows are judged, or the file that holds them.
     supplied : Path, optional
         File that states what the recordings lack.
+    machine : str or Path, optional
+        Machine file of another magnetic gear, or the name of one that ships; the store remembers it.
 
     Returns
     -------
@@ -100,7 +103,7 @@ def ingest(
         When there are no recordings.
     """
     place = Path(tempfile.mkdtemp(prefix="pmg-store-")) if store is None else Path(store)
-    options = IngestOptions(workers, limits=limits, chart=supplied)
+    options = IngestOptions(workers, limits=limits, chart=supplied, machine=None if machine is None else str(machine))
     try:
         with audited_from_python("ingest", place, recordings=recordings, **vars(options)):
             done = run_ingest(Path(recordings), place, options)

@@ -111,11 +111,22 @@ def run_report(
     return Outcome(
         data,
         tuple(_lines(versus, judged, files[0])),
-        (*(remark for store in stores for remark in unproven_analysis(store)), *_findings(versus)),
+        (
+            *(remark for store in stores for remark in unproven_analysis(store)),
+            *_two_machines(stores),
+            *_findings(versus),
+        ),
         partial=judged is not None and bool(a.analysis.missing or b.analysis.missing),
         mismatch=judged is not None and judged.differ,
         failed=judged is None,
     )
+
+
+def _two_machines(stores: Sequence[Path]) -> Iterator[Remark]:
+    """A warning where the stores were made with different machines."""
+    if bench_of_store(stores[0]) != bench_of_store(stores[1]):
+        message = "the stores were made with different machines: differences are those of the machines too"
+        yield Remark("warning", "A and B", message)
 
 
 def _points(versus: Versus) -> dict[str, int]:

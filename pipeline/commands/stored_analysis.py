@@ -12,7 +12,7 @@ from pmg.pipeline.grid.crosschecks.checked import checked_campaign
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
 from pmg.pipeline.grid.window_facts import marked_as_simulated, rated, window_facts
 from pmg.pipeline.recording.remark import Remark
-from pmg.pipeline.settings.bench_in_force import bench_of_store, machine_remarks
+from pmg.pipeline.settings.bench_in_force import bench_of_store, machine_remarks, machine_title
 from pmg.pipeline.store.store import Store
 
 if TYPE_CHECKING:
@@ -111,7 +111,9 @@ def _read_sources(
     digest = hashlib.sha256(joined.encode()).hexdigest()
     first = min(manifest.started_at for manifest in manifests)
     simulated = any(map(marked_as_simulated, manifests))
+    machine = machine_title(store)
     inputs = [
+        *(() if machine is None else (("Machine", machine),)),
         ("Input", f"{len(manifests)} recordings" + (", marked as simulated by their writer" if simulated else "")),
         ("First recording started", first),
         ("SHA-256 over the sorted SHA-256 of the recordings", digest),

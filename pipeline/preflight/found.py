@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.motion.stored import JudgedRun
     from pmg.pipeline.recording.run_records import Setpoints
+    from pmg.sim.shafts import PerShaft
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,8 @@ class File:
         The file before it that has the same bytes; empty where there is none.
     moving : tuple of JudgedRun
         Its runs in motion.
+    nominal : PerShaft of float or None
+        Nominal torques that its calibration states [N m]; None where it is not known.
     """
 
     name: str
@@ -91,6 +94,7 @@ class File:
     sha256: str = ""
     copy: str = ""
     moving: tuple[JudgedRun, ...] = ()
+    nominal: PerShaft[float] | None = None
 
     @property
     def coils(self) -> bool:

@@ -26,7 +26,7 @@ from pmg.pipeline.store.sources import find_recordings
 from pmg.pipeline.store.store import MARK, Store
 from pmg.sim.errors import StoreError
 from pmg.sim.grid import Configuration
-from pmg.sim.shafts import SIDES
+from pmg.sim.shafts import SIDES, per_shaft
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -112,7 +112,8 @@ def _look(path: Path, name: str, bench: BenchParameters, supplied: Supplied = NO
         return File(name, size, unusable=why, damage=damage, channels=channels, sha256=sha256)
     points = _points(run, steps, name, _rate(container.topics))
     damage = errors[0] if errors else ""
-    return File(name, size, points, "", damage, channels, not points, run.campaign, sha256)
+    nominal = per_shaft(lambda side: calibration[side].nominal_torque)
+    return File(name, size, points, "", damage, channels, not points, run.campaign, sha256, nominal=nominal)
 
 
 def _look_moving(path: Path, name: str, bench: BenchParameters, supplied: Supplied, channels: tuple[str, ...]) -> File:
@@ -210,7 +211,9 @@ def _stored(store: Store, manifest: Manifest) -> File:
     )
     size, moving = manifest.size or 0, judged_runs([replace(manifest, windows=())])
     untold = not points and not moving
-    return File(manifest.file, size, points, "", first, channels, untold, manifest.campaign, moving=moving)
+    nominal = per_shaft(lambda side: manifest.calibration[side].nominal_torque)
+    of = manifest.campaign
+    return File(manifest.file, size, points, "", first, channels, untold, of, moving=moving, nominal=nominal)
 
 
 def _asked_or_measured(window: StoredWindow) -> Setpoints:

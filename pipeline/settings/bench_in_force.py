@@ -74,6 +74,12 @@ def settle_bench(store: Path, machine: str | None) -> BenchParameters:
     return bench
 
 
+def machine_title(store: Path) -> str | None:
+    """Title of the machine that a store was made with; None of the thesis bench."""
+    kept = kept_machine(store)
+    return None if kept is None else read_machine(kept).title
+
+
 def machine_remarks(store: Path) -> tuple[Remark, ...]:
     """What the machine of a store takes from the thesis, and what does not agree in its file."""
     kept = kept_machine(store)

@@ -43,7 +43,7 @@ def truth_of(bench: BenchParameters) -> Grid:
     return steady(box, whole, "other gear")
 
 
-def write_campaign(grid: Grid, bench: BenchParameters, folder: Path) -> None:
+def write_campaign(grid: Grid, bench: BenchParameters, folder: Path, gear: int = 1) -> None:
     """The recordings of a campaign: 2 s of each point, with noise of 2 mN m, and 0.3 mN m from point to point."""
     folder.mkdir()
     at, rng, n = grid.points, np.random.default_rng(5), 600
@@ -54,7 +54,7 @@ def write_campaign(grid: Grid, bench: BenchParameters, folder: Path) -> None:
             campaign="other gear",
             point=str(at.name[i]),
             configuration=Configuration(str(at.configuration[i])),
-            gear=1,
+            gear=gear,
             started_at=datetime.fromtimestamp(float(at.started_at[i]), tz=UTC),
             drive="sun",
             rate=300.0,

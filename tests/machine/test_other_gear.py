@@ -16,6 +16,9 @@ from pmg.pipeline.cli.app import app
 from pmg.pipeline.diagnosis.design.plans import possible_plans
 from pmg.pipeline.machine.machine_file import read_machine
 from pmg.pipeline.machine.magnetic import bench_of
+from pmg.pipeline.preflight.found import Asked, File
+from pmg.pipeline.preflight.unlike_machine import unlike_the_machine
+from pmg.pipeline.recording.run_records import Setpoints
 from pmg.sim.bench import load_bench
 from pmg.sim.mechanisms import Experiment
 from pmg.sim.shafts import SIDES
@@ -123,6 +126,13 @@ def test_a_run_with_its_file_goes_the_usual_way(recorded: tuple[Path, Grid], tmp
         assert (tmp_path / store / "machine.toml").is_file()
     doctor = call("doctor", folder / "recordings", "--machine", folder / "gear.toml")
     assert doctor["data"]["usable"] == doctor["data"]["recordings"]
+    assert "--machine" not in told(doctor)
+    page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    assert "Gear of 4 and 11 pole pairs" in page
+    assert "taken from the thesis bench: " in page
+    bare = told(call("doctor", folder / "recordings"))
+    assert "10 engaged points in gear 1 have speeds in the ratio 2.750; expected 2.600 of gear 1" in bare
+    assert "43 recordings state a nominal torque of 20 N m; expected 10 N m" in bare
 
 
 def test_no_stage_that_it_lacks_is_proposed(recorded: tuple[Path, Grid]) -> None:
@@ -133,3 +143,30 @@ def test_no_stage_that_it_lacks_is_proposed(recorded: tuple[Path, Grid]) -> None
         for plan in plans:
             at = plan.points[plan.points.engaged & (plan.points.gear == 1)]
             np.testing.assert_allclose(at.speed_sun, -bench.gear1.ratio * at.speed_ring)
+
+
+def test_a_stage_that_the_machine_lacks_is_told(recorded: tuple[Path, Grid], tmp_path: Path) -> None:
+    folder, truth = recorded
+    few, machine = np.flatnonzero(truth.points.engaged)[:2], folder / "gear.toml"
+    write_campaign(truth[few], bench_of(read_machine(machine)), tmp_path / "recordings", gear=2)
+    found = call(*_ingest(tmp_path, "store"), "--machine", machine, expect=3)
+    assert "declared engaged in gear 2; expected gear 1 (2.750) of this machine" in told(found)
+    assert "2 engaged points in gear 2" in told(call("doctor", tmp_path / "recordings", "--machine", machine))
+    scenario = tmp_path / "scenario.toml"
+    scenario.write_text("[bench]\ngear = 2\n[losses]\nnone = true\n[point]\nspeed_sun_rpm = 300\ntorque_ring_Nm = 1\n")
+    refused = call("simulate", scenario, "--out", tmp_path / "out", "--machine", machine, expect=2)
+    assert refused["error"]["expected"] == "1, the stage of the machine"
+
+
+def test_the_plan_of_a_campaign_keeps_to_the_ratio(recorded: tuple[Path, Grid]) -> None:
+    """A sun that turns 1.5 or 12 times as fast as the ring is not gear 1 of the thesis."""
+    _, truth = recorded
+    engaged = truth.points.engaged
+    for ratio in (1.5, 12.0):
+        at = truth.points[engaged]
+        asked = [
+            Asked("c", "a.mcap", str(name), "engaged", "sun", 1, Setpoints(speed, -speed / ratio, 1.0), 0.0)
+            for name, speed in zip(at.name, at.speed_sun, strict=True)
+        ]
+        (remark,) = unlike_the_machine([File("a.mcap", 1, tuple(asked))], load_bench())
+        assert f"speeds in the ratio {ratio:.3f}; expected 2.600 of gear 1 and 1.571 of gear 2" in remark.message
