@@ -130,7 +130,8 @@ class _ProveOptions:
         typer.Option("--laws", help="Families of laws: usual if not given; reserved, for a final trial; all."),
     ] = None
     track: Annotated[
-        str | None, typer.Option("--track", help="steady points if not given; motion: runs in motion.")
+        str | None,
+        typer.Option("--track", help="steady points if not given; motion: runs in motion; machines."),
     ] = None
     route: Annotated[str, typer.Option("--route", help="grid (fast), or recordings: through files.")] = "grid"
     recordings: Annotated[

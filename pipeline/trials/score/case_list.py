@@ -25,8 +25,8 @@ S = TypeVar("S", Stratum, MotionStratum)
 
 SHARES = {"clean": 0.25, "one": 0.40, "outside": 0.20, "two": 0.10, "confounded": 0.05}
 """Part of the campaigns of each kind; of a choice of kinds, in proportion."""
-TRACKS = ("steady", "motion")
-"""Kinds of trial: campaigns of steady points, or of runs in motion."""
+TRACKS = ("steady", "motion", "machines")
+"""Kinds of trial: campaigns of steady points, of runs in motion, or of other machines."""
 CAMPAIGNS = 200
 """Campaigns of a trial, unless set otherwise."""
 SEED = 20260401

@@ -15,6 +15,7 @@ from pmg.pipeline.files.json_values import read_json
 from pmg.pipeline.files.parallel import map_over
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.write import write_report
+from pmg.pipeline.trials.machines.trial import MACHINE_TRACK, run_machine_trial
 from pmg.pipeline.trials.score.agreement import both_ways
 from pmg.pipeline.trials.score.case_list import (
     CAMPAIGNS,
@@ -64,7 +65,8 @@ class TrialOptions:
     laws : str, optional
         Families that laws are drawn from: ``usual`` unless given, ``reserved`` or ``all``.
     track : str, optional
-        ``steady`` unless given, or ``motion``: campaigns of runs in motion.
+        ``steady`` unless given, ``motion``: campaigns of runs in motion, or ``machines``: of other machines, through
+        files; then only `campaigns`, `seed` and `workers` count.
     route : str
         ``grid``, or ``recordings``: through files and every stage of the pipeline.
     recordings : int, optional
@@ -102,6 +104,8 @@ def run_prove(out: Path, asked: TrialOptions, progress: Progress | None = None) 
     progress : callable, optional
         Receives how many are done, of how many, and which.
     """
+    if chosen_track(asked.track) == MACHINE_TRACK:
+        return _of_machines(out, asked, progress)
     route, case = asked.route, asked.case
     recordings = _asked_both(asked.recordings, asked.quick, route, case)
     campaigns = (QUICK[0] if asked.quick else CAMPAIGNS) if asked.campaigns is None else asked.campaigns
@@ -132,6 +136,17 @@ def run_prove(out: Path, asked: TrialOptions, progress: Progress | None = None) 
         return _one(tasks[0], results[tasks[0]], out, texts[case])
     facts = {"seed": seed, "track": track, "strata": list(kinds), "laws": laws, "route": route, "code": code}
     return _all(texts, results, out, facts, (len(missing), len(tasks) - len(missing)))
+
+
+def _of_machines(out: Path, asked: TrialOptions, progress: Progress | None) -> Outcome:
+    """The trial on other machines, which has one route and laws of its own."""
+    for option, given in (("--strata", asked.strata), ("--laws", asked.laws), ("--case", asked.case)):
+        if given is not None:
+            do = "Leave it out: this trial has strata and laws of its own."
+            raise BenchError(option, str(given), f"none with --track {MACHINE_TRACK}", do)
+    campaigns = QUICK[0] if asked.quick and asked.campaigns is None else asked.campaigns
+    seed = SEED if asked.seed is None else asked.seed
+    return run_machine_trial(out, campaigns, seed, asked.workers, _code_digest(), progress)
 
 
 def _asked_both(recordings: int | None, quick: bool, route: str, case: int | None) -> int:

@@ -1,0 +1,113 @@
+"""The trial on other machines: the same seed draws the same campaigns, nature shares nothing, marks are as told."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from tests.house import MODULES
+
+from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
+from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
+from pmg.pipeline.machine.machine_file import read_machine
+from pmg.pipeline.trials.machines.campaign import LARGEST, LEAST, draw_machine_campaign
+from pmg.pipeline.trials.machines.causes import CAUSES
+from pmg.pipeline.trials.machines.files import write_campaign
+from pmg.pipeline.trials.machines.marks import MachineMark, _mark, machine_lines, machine_rows, machine_scores
+from pmg.pipeline.trials.machines.trial import PARTS, _machine_lots
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SEED = 11
+JUDGES = {"pmg.pipeline.trials.machines.told", "pmg.pipeline.trials.machines.trial"}
+"""Modules of the trial that are not its nature."""
+
+
+def test_campaigns_are_the_same_for_the_same_seed(tmp_path: Path) -> None:
+    one, again = (draw_machine_campaign(4, "one", 2, SEED) for _ in range(2))
+    assert one.sealed_text == again.sealed_text
+    assert one.sealed_text != draw_machine_campaign(4, "one", 2, SEED + 1).sealed_text
+    for a, b in zip(one.records, again.records, strict=True):
+        np.testing.assert_array_equal(a.push, b.push)
+    paths = [write_campaign(campaign, tmp_path / name) for name, campaign in (("a", one), ("b", again))]
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    json.loads(one.sealed_text)
+
+
+def test_the_lots_of_a_longer_trial_begin_with_those_of_a_shorter_one() -> None:
+    lots = _machine_lots(160, SEED)
+    assert lots[:40] == _machine_lots(40, SEED)
+    assert {name: sum(lot.stratum == name for lot in lots) for name in PARTS} == {
+        "clean": 40,
+        "one": 80,
+        "outside": 24,
+        "two": 16,
+    }
+
+
+def test_nature_imports_nothing_of_the_diagnosis() -> None:
+    for module in MODULES:
+        if module.name.startswith("pmg.pipeline.trials.machines") and module.name not in JUDGES:
+            targets = [found.target for found in module.imports]
+            assert not [name for name in targets if name.startswith("pmg.pipeline.diagnosis")], module.name
+
+
+@pytest.mark.parametrize("turn", [0, 3])
+def test_a_campaign_is_read_from_its_files_and_its_causes_have_their_size(tmp_path: Path, turn: int) -> None:
+    campaign = draw_machine_campaign(turn, "one", turn, SEED)
+    machine = write_campaign(campaign, tmp_path / "campaign")
+    fit, withheld = read_recordings(case_of(read_machine(machine), machine.parent / "records"))
+    assert withheld is not None
+    assert 1000 < len(fit.force) < 5000
+    (part,) = campaign.parts
+    assert part.asked == 0.0 or 0.8 * LEAST < part.reached < 1.2 * LARGEST
+    assert campaign.right or part.name not in {cause.name for cause in CAUSES if cause.right}
+
+
+def truth(stratum: str, right: list[list[str]], sign: bool = False) -> dict[str, Any]:
+    return {"stratum": stratum, "right": right, "sign": sign, "kind": "slide", "parts": []}
+
+
+def told(verdict: str, *sets: list[str], impossible: tuple[str, ...] = ()) -> dict[str, Any]:
+    return {"verdict": verdict, "named": sets[0] if sets else [], "sets": list(sets), "impossible": impossible}
+
+
+GAINS = [["input_torque_gain"], ["output_torque_gain"]]
+
+
+@pytest.mark.parametrize(
+    ("hidden", "said", "expected"),
+    [
+        (truth("clean", []), told("consistent"), MachineMark.RIGHT),
+        (truth("clean", []), told("ambiguous", ["a"], ["b"]), MachineMark.FALSE_ALARM),
+        (truth("clean", []), told("not_in_library"), MachineMark.OPEN),
+        (truth("one", [["delay"]]), told("named", ["delay"]), MachineMark.RIGHT),
+        (truth("one", [["delay"]]), told("named", ["spring"]), MachineMark.WRONG),
+        (truth("one", [["delay"]]), told("named", ["delay", "spring"]), MachineMark.WITH_MORE),
+        (truth("one", [["delay"]]), told("consistent"), MachineMark.MISSED),
+        (truth("one", [["delay"]]), told("not_in_library"), MachineMark.OPEN),
+        (truth("one", GAINS), told("ambiguous", *GAINS), MachineMark.IN_SET),
+        (truth("one", GAINS), told("ambiguous", ["a"], ["b"]), MachineMark.SET_WITHOUT),
+        (truth("two", [["a", "b"]]), told("named", ["b", "a"]), MachineMark.RIGHT),
+        (truth("two", [["a", "b"]]), told("named", ["a", "c"]), MachineMark.IN_PART),
+        (truth("outside", []), told("not_in_library"), MachineMark.RIGHT),
+        (truth("outside", []), told("named", ["a"]), MachineMark.WRONG),
+        (truth("one", [[]], sign=True), told("not_in_library", impossible=("inertia",)), MachineMark.RIGHT),
+        (truth("one", [[]], sign=True), told("named", ["a"]), MachineMark.WRONG),
+        (truth("one", [["a"]]), told("refused"), MachineMark.REFUSED),
+    ],
+)
+def test_marks_are_as_told(hidden: dict[str, Any], said: dict[str, Any], expected: MachineMark) -> None:
+    assert _mark(hidden, said) == expected
+
+
+def test_scores_count_what_was_told() -> None:
+    truths = {0: truth("clean", []), 1: truth("one", [["a"]]) | {"parts": [{"name": "zero", "reached": 2.0}]}}
+    results = {k: told("named", ["b"]) | {"seconds": 1.0, "p_value": 0.01} for k in truths}
+    scores = machine_scores(machine_rows(truths, results))
+    assert scores["clean"]["false alarms"]["hits"] == scores["clean"]["test below 5 %"]["hits"] == 1
+    assert scores["groups"]["one cause"]["wrong and confident"]["hits"] == 1
+    assert any("wrong and confident" in line for line in machine_lines(scores))
