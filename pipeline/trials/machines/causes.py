@@ -82,7 +82,7 @@ CAUSES = (
     MadeCause("rpm_as_rad", ("drive",), (("actuator_gain",), ("inertia",)), FIXED, known_inertia=True),
     MadeCause("sign_of_torque", BOTH_WAYS, ((),), FIXED),
     MadeCause("zero", BOTH_WAYS, ZEROS),
-    MadeCause("delay", COMMANDED, (("delay",),), start=2e-3, most=0.02),
+    MadeCause("delay", COMMANDED, (("delay",),), start=2e-3, most=8e-3),
     MadeCause("output_delay", TWO_TORQUES, (("output_torque_lag",),), start=0.01, most=0.2),
     MadeCause("input_delay", TWO_TORQUES, (("input_torque_lag",),), start=0.01, most=0.2),
     MadeCause("warming", BOTH_WAYS, (("warming",),), start=0.2),

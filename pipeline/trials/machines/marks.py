@@ -87,6 +87,7 @@ def machine_rows(
             "mark": str(_mark(truth, told[number])),
             "verdict": told[number]["verdict"],
             "sets": told[number].get("sets", []),
+            "best_holds_it": any(set(right) <= set(told[number].get("best", [])) for right in truth["right"] if right),
             "p_value": told[number].get("p_value"),
             "withheld_over_noise": told[number].get("withheld_over_noise"),
             "seconds": told[number]["seconds"],
@@ -104,6 +105,7 @@ def _figures() -> dict[str, Callable[[Sequence[Mapping[str, Any]]], Rate]]:
     return {
         "right": lambda rows: _share(rows, MachineMark.RIGHT),
         "right or in the set": lambda rows: _share(rows, MachineMark.RIGHT, MachineMark.IN_SET),
+        "best set holds it": lambda rows: count([row["best_holds_it"] for row in rows]),
         "right with more, or in part": lambda rows: _share(rows, MachineMark.WITH_MORE, MachineMark.IN_PART),
         "left open": lambda rows: _share(rows, MachineMark.OPEN),
         "missed": lambda rows: _share(rows, MachineMark.MISSED),
@@ -171,7 +173,7 @@ def _text(rate: Mapping[str, Any]) -> str:
 def machine_lines(scores: Mapping[str, Any]) -> list[str]:
     """The scores as a table in Markdown."""
     clean = scores["clean"]
-    shown = ("right", "right or in the set", "left open", "missed", "wrong and confident")
+    shown = ("right", "right or in the set", "best set holds it", "left open", "missed", "wrong and confident")
     lines = [f"clean campaigns: {name} {_text(rate)}" for name, rate in clean.items()]
     lines += ["", f"| campaigns | {' | '.join(shown)} |", f"|---{'|---' * len(shown)}|"]
     for name, rates in scores["groups"].items():

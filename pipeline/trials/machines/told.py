@@ -83,6 +83,7 @@ def _what_is_told(diagnosis: TermsDiagnosis) -> dict[str, Any]:
     return {
         "verdict": str(diagnosis.verdict),
         "p_value": diagnosis.mismatch.p_value,
+        "best": [] if diagnosis.naming is None else sorted(diagnosis.naming.best.ids),
         "named": named if diagnosis.verdict.names else [],
         "sets": sets,
         "refined_by": [step.added for step in diagnosis.refinements],

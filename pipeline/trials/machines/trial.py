@@ -82,7 +82,12 @@ def run_machine_trial(
         raise BenchError("--campaigns", str(number), "1 or more", "Give a number of campaigns.")
     lots = _machine_lots(number, seed)
     workers = workers or os.cpu_count() or 1
-    texts = dict(sorted((lot.number, text) for lot, text in map_over(_text_of, lots, workers)))
+    texts = {}
+    for lot, text in map_over(_text_of, lots, workers):
+        texts[lot.number] = text
+        if progress is not None:
+            progress(len(texts), len(lots), f"campaign {lot.number} drawn")
+    texts = dict(sorted(texts.items()))
     hashes = seal(texts, out, seed=seed, kinds=tuple(PARTS), route="files", laws="own", track=MACHINE_TRACK)
     tasks = [MachineTask(lot, hashes[lot.number], code) for lot in lots]
     missing = [task for task in tasks if _there(out, task) is None]
