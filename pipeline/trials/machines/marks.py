@@ -134,7 +134,6 @@ def machine_scores(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Rates with their intervals by stratum, machine and cause, and errors on withheld records."""
     clean = [row for row in rows if row["stratum"] == "clean"]
     tested = [row for row in clean if row["p_value"] is not None]
-    over = [row["withheld_over_noise"] for row in rows if row["withheld_over_noise"] is not None]
     seconds = [row["seconds"] for row in rows]
     return {
         "clean": {
@@ -144,9 +143,13 @@ def machine_scores(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
             "refused": _rate(_share(clean, MachineMark.REFUSED)),
         },
         "groups": {
-            name: {figure: _rate(of(found)) for figure, of in _figures().items()} for name, found in _groups(rows)
+            name: {
+                **{figure: _rate(of(found)) for figure, of in _figures().items()},
+                "withheld_over_noise": _over(found).get("median"),
+            }
+            for name, found in _groups(rows)
         },
-        "withheld_over_noise": _quantiles(over),
+        "withheld_over_noise": _over(rows),
         "seconds": _quantiles(seconds),
     }
 
@@ -154,6 +157,11 @@ def machine_scores(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def _rate(rate: Rate) -> dict[str, Any]:
     interval = rate.interval
     return {"hits": rate.hits, "of": rate.of, "interval": None if interval is None else list(interval)}
+
+
+def _over(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Errors on withheld records over the noise."""
+    return _quantiles([row["withheld_over_noise"] for row in rows if row["withheld_over_noise"] is not None])
 
 
 def _quantiles(values: Sequence[float]) -> dict[str, float]:
@@ -173,11 +181,13 @@ def _text(rate: Mapping[str, Any]) -> str:
 def machine_lines(scores: Mapping[str, Any]) -> list[str]:
     """The scores as a table in Markdown."""
     clean = scores["clean"]
-    shown = ("right", "right or in the set", "best set holds it", "left open", "missed", "wrong and confident")
+    shown = [name for name in _figures() if name not in ("set without it", "refused")]
     lines = [f"clean campaigns: {name} {_text(rate)}" for name, rate in clean.items()]
-    lines += ["", f"| campaigns | {' | '.join(shown)} |", f"|---{'|---' * len(shown)}|"]
+    lines += ["", f"| campaigns | {' | '.join(shown)} | withheld / noise |", f"|---{'|---' * len(shown)}|---|"]
     for name, rates in scores["groups"].items():
-        lines.append(f"| {name} | {' | '.join(_text(rates[figure]) for figure in shown)} |")
+        over = rates["withheld_over_noise"]
+        last = "–" if over is None else f"{over:.2f}"
+        lines.append(f"| {name} | {' | '.join(_text(rates[figure]) for figure in shown)} | {last} |")
     lines.append("")
     for name, unit in (("withheld_over_noise", ""), ("seconds", " s")):
         words = ", ".join(f"{key} {value:.3g}{unit}" for key, value in scores[name].items())
