@@ -28,24 +28,22 @@ def new(
     like: Annotated[str, typer.Option("--like", help="Machine that ships, to begin from.")] = "rotary-drive",
 ) -> Outcome:
     """Write a machine file to begin from: a copy of one that ships, each number with unit and source."""
-    from pmg.pipeline.machine.show import new_machine
+    from pmg.pipeline.commands.terms import begin_machine
 
-    lines = new_machine(file, like)
-    return Outcome({"file": str(file), "like": like}, lines)
+    return begin_machine(file, like)
 
 
 @machine.command()
-@command("machine show", fails=False)
+@command("machine show")
 def show(
     which: Annotated[
         str | None, typer.Argument(help="Machine file, or the name of one that ships.", metavar="[MACHINE]")
     ] = None,
 ) -> Outcome:
     """Show a machine on one page: shafts, gear, numbers with their sources; without a name, those that ship."""
-    from pmg.pipeline.machine.show import listed_machines, shown_machine
+    from pmg.pipeline.commands.terms import show_machine
 
-    data, lines = listed_machines() if which is None else shown_machine(which)
-    return Outcome(data, lines)
+    return show_machine(which)
 
 
 @machine.command()

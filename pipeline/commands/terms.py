@@ -28,6 +28,7 @@ from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.machine.machine_file import read_machine
 from pmg.pipeline.machine.magnetic import remarks_on_bench, usual
 from pmg.pipeline.machine.shipped import machine_path
+from pmg.pipeline.machine.show import listed_machines, new_machine, shown_machine
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Report
 from pmg.pipeline.report.document import Headline as Headline
@@ -89,6 +90,30 @@ def run_machine(machine: str, recordings: Path, out: Path, seed: int | None = No
     path = machine_path(machine)
     described = read_machine(path)
     return _run(case_of(described, recordings), path, out, seed, described)
+
+
+def begin_machine(file: Path, like: str) -> Outcome:
+    """Write a machine file to begin from.
+
+    Parameters
+    ----------
+    file : Path
+        Where; never a file that is there.
+    like : str
+        Name of a machine that ships.
+    """
+    return Outcome({"file": str(file), "like": like}, new_machine(file, like))
+
+
+def show_machine(which: str | None) -> Outcome:
+    """A machine on one page.
+
+    Parameters
+    ----------
+    which : str, optional
+        Machine file, or the name of one that ships; left out, all that ship.
+    """
+    return Outcome(*(listed_machines() if which is None else shown_machine(which)))
 
 
 def check_machine(machine: str, recordings: Path | None) -> Outcome:

@@ -160,6 +160,29 @@ TABLE: dict[str, Row] = {
             Wrong("{slide}/case.toml --out {tmp}/o --data {tmp}", "fit.csv"),
         ),
     ),
+    "machine new": Row(
+        "commands.terms.begin_machine",
+        "{tmp}/m.toml --like emps",
+        (
+            Wrong("{notes}", "nothing was written"),
+            Wrong("{tmp}/m.toml --like two-stage", "two-stage-gearbox"),
+        ),
+    ),
+    "machine show": Row(
+        "commands.terms.show_machine",
+        "two-stage-gearbox",
+        (Wrong("{tmp}/none.toml", "none.toml"), Wrong("{bad_key}", "bad-key.toml"), Wrong("{tmp}", "a folder")),
+        more=(("", 0),),
+    ),
+    "machine check": Row(
+        "commands.terms.check_machine",
+        "rotary-drive",
+        (
+            Wrong("{bad_key}", "bad-key.toml"),
+            Wrong("rotary-drive {tmp}/none", "no such folder"),
+            Wrong("rotary-drve", "rotary-drive"),
+        ),
+    ),
     "prove": Row(
         "trials.score.stage.run_prove",
         "--out {tmp}/o --campaigns 1 --strata clean --workers 1",
@@ -609,7 +632,11 @@ def test_the_version_is_told_and_is_that_of_the_package() -> None:
 
 @pytest.mark.parametrize(
     ("words", "offered"),
-    [("pmg runs ", {"list", "show", "diff", "audit"}), ("pmg config s", {"show"}), ("pmg run --ma", {"--map"})],
+    [
+        ("pmg runs ", {"list", "show", "diff", "audit"}),
+        ("pmg config s", {"show"}),
+        ("pmg run --ma", {"--machine", "--map"}),
+    ],
 )
 def test_a_shell_completes_commands_of_groups_and_options(words: str, offered: set[str]) -> None:
     count = str(len(words.split(" ")) - 1)

@@ -25,6 +25,10 @@ T_95 = float(stats.t.ppf(0.975, BLOCKS - 1))
 """Half-width of a 95 % interval in standard errors, for as many independent stretches as there are blocks."""
 
 
+CERTAIN = 5.0
+"""Standard errors by which a parameter must lie outside its range to be one that no machine has: a term named beside it
+may take its part, as a power of speed takes that of dry friction."""
+
 INERTIA = "inertia"
 """Term that the equation of motion is solved for."""
 
@@ -95,8 +99,9 @@ def impossible_in(fitted: FittedTerms) -> tuple[Estimate, ...]:
     bounds = {(term.identifier, q.name): q.bounds for term in terms for q in term.parameters}
 
     def outside(e: Estimate) -> bool:
-        (low, high), (least, most) = bounds[e.term, e.name], e.interval
-        return most < low or least > high
+        low, high = bounds[e.term, e.name]
+        half = CERTAIN * e.standard_error
+        return e.value + half < low or e.value - half > high
 
     return tuple(e for e in fitted.estimates if outside(e))
 

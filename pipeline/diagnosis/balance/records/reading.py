@@ -32,6 +32,9 @@ COASTS = 0.1
 REST = 4.0
 """Standard deviations of the noise of the speed below which a machine counts as at rest."""
 
+KEPT = 0.4
+"""Part of the thinned rate up to which the decimation keeps a force."""
+
 LEAST = 40
 """Thinned samples of the shortest stretch that is used: the decimation needs 28."""
 
@@ -105,6 +108,7 @@ def _read(path: Path, case: Case) -> list[_Read]:
     """The stretches of one recording on an even clock, differentiated, without the ends that filters spoil."""
     findings = Findings(path.name)
     clock = clock_of(path, case, findings)
+    _tell_band(case, clock.rate_hz, findings)
     fewest = _fewest(case, clock.rate_hz)
     whole = [stretch for stretch in clock.stretches if len(stretch.time) >= fewest]
     if not whole:
@@ -118,6 +122,16 @@ def _read(path: Path, case: Case) -> list[_Read]:
     told = findings.listed()
     pairs = zip(names, motions, strict=True)
     return [_Read(name, motion, told if k == 0 else ()) for k, (name, motion) in enumerate(pairs)]
+
+
+def _tell_band(case: Case, rate_hz: float, findings: Findings) -> None:
+    """Tell a low-pass below what the thinned force keeps: the acceleration is cut there, and the force is not."""
+    kept = KEPT * rate_hz / case.prepare.keep_every
+    if case.prepare.keep_every == 1 or case.prepare.low_pass_hz >= 0.99 * kept:
+        return
+    message = f"low_pass_Hz = {case.prepare.low_pass_hz:g}, but the thinned force holds all up to {kept:.4g} Hz"
+    do = "Raise keep_every or low_pass_Hz: what is cut in the motion alone is taken for a mismatch."
+    findings.warning(Code.CHANNEL_VALUE, "low_pass_Hz", message, do)
 
 
 def _fewest(case: Case, rate_hz: float) -> int:
