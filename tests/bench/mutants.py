@@ -237,10 +237,10 @@ STATISTICS = (
         "room = np.ones(len(readings))",
         DECISIONS,
     ),
-    mutant("room for the largest residual of a scan of one", "Scan.__call__", "/ room[usable, None]", "", DECISIONS),
+    mutant("room for the largest residual of a scan of one", "Scan._tests", "/ room[usable, None]", "", DECISIONS),
     mutant(
         "scatter of a scan with all readings as degrees of freedom",
-        "Scan.__call__",
+        "Scan._tests",
         "np.sum(1.0 - leverage[rows])",
         "np.sum(np.ones(len(leverage))[rows])",
         DECISIONS,

@@ -470,8 +470,8 @@ def test_a_trial_resumes_and_makes_no_campaign_twice(
     assert json.dumps(first) == json.dumps(second), "same seed, same bytes but for times"
 
 
-def test_a_trial_of_runs_in_motion_goes_through_recordings_and_has_aims_of_its_own(tmp_path: Path) -> None:
-    options = TrialOptions(campaigns=1, seed=SEED, strata="clean", track="motion", route="recordings", workers=1)
+def test_a_trial_of_runs_in_motion_has_aims_of_its_own(tmp_path: Path) -> None:
+    options = TrialOptions(campaigns=1, seed=SEED, strata="clean", track="motion", workers=1)
     found = run_prove(tmp_path, options)
     (row,) = found.data["scores"]["cases"]
     assert row["verdict"] == "consistent"

@@ -96,7 +96,7 @@ def _long_enough(read: _Read, case: Case) -> bool:
 def _together(read: Sequence[_Read], case: Case, of: Recorded | None = None) -> Recorded:
     """Recordings one after the other, enough of them."""
     motion = joined([one.motion for one in read])
-    fewest = FEWEST * case.prepare.keep_every
+    fewest = (FEWEST if of is None else LEAST) * case.prepare.keep_every  # noise is judged where terms are fitted
     if len(motion.time) < fewest:
         came = f"{len(motion.time)} samples once the ends that filters spoil are left out"
         names = ", ".join(one.name for one in read)
