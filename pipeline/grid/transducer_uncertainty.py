@@ -46,6 +46,11 @@ def nominal_torque(bench: BenchParameters, side: str, stated: Array | None) -> A
     return np.asarray(of if stated is None else np.where(np.isfinite(stated), stated, of))
 
 
+def tolerated(sensitivity: Array | float, linearity: Array | float) -> Array:
+    """Standard uncertainty of half-widths of rectangular distributions, summed in quadrature (n,), GUM 4.3.7 [N m]."""
+    return np.asarray(np.hypot(sensitivity, linearity) / RECTANGULAR)
+
+
 def common_uncertainty(
     torque_sun: Array,
     torque_ring: Array,
@@ -73,7 +78,7 @@ def common_uncertainty(
     def common(torque: Array, side: str, zero: float, stated: Array | None) -> Array:
         of = bench.transducers[side]
         linearity = of.nonlinearity * nominal_torque(bench, side, stated)
-        return np.hypot(np.hypot(of.sensitivity_tolerance * torque, linearity) / RECTANGULAR, zero)
+        return np.hypot(tolerated(of.sensitivity_tolerance * torque, linearity), zero)
 
     stated = (None, None) if nominal is None else nominal
     return common(torque_sun, "sun", tare[0], stated[0]), common(torque_ring, "ring", tare[1], stated[1])

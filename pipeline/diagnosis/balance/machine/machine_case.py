@@ -14,6 +14,7 @@ from pmg.pipeline.files.strict_tables import RefusalError
 from pmg.pipeline.importers.open_source import FORMATS
 from pmg.pipeline.machine.axis import LINEAR
 from pmg.pipeline.machine.channel import TEMPERATURES, TIMES, in_si
+from pmg.pipeline.report.write import LISTING
 from pmg.sim.errors import BenchError, RecordingError, near_miss
 
 if TYPE_CHECKING:
@@ -24,9 +25,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.machine.channel import Channel
     from pmg.pipeline.machine.machine import Machine, MachineShaft
     from pmg.pipeline.machine.tables import RecordsTable
-
-REPORT = "report-files.json"
-"""File by which the folder of a report is known."""
 
 BASELINE = ("inertia", "viscous", "coulomb")
 """Terms that are taken for granted where a machine file says nothing else."""
@@ -164,7 +162,7 @@ def _files(records: Path, second: SecondFile | None) -> tuple[Path, ...]:
         return (records,)
     if not records.is_dir():
         raise RecordingError(str(records), "no such folder", "recordings", "Check the path.")
-    reports = {path.parent for path in records.rglob(REPORT)}  # their tables are no recordings
+    reports = {path.parent for path in records.rglob(LISTING)}  # their tables are no recordings
     every = (path for path in records.rglob("*") if path.is_file() and path.suffix.lower() in FORMATS)
     found = tuple(sorted(path for path in every if not reports & set(path.parents)))
     if second is not None:  # those that are not the second of another

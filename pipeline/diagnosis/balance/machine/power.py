@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.library.term import OUT
+from pmg.pipeline.grid.transducer_uncertainty import tolerated
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,9 +26,6 @@ FEWEST_BLOCKS = 4
 
 EVEN_SPEED, EVEN_LOAD = 0.01, 0.02
 """Parts of the largest speed and torque within which a stretch, and the visits of an operating point, lie."""
-
-RECTANGLE = 1.0 / math.sqrt(3.0)
-"""Standard uncertainty of a rectangular distribution over its half-width (GUM, 4.3.7)."""
 
 
 @dataclass(frozen=True)
@@ -132,11 +130,11 @@ def steady_points(recorded: Recorded, machine: Machine, inertia: float) -> tuple
 
 def _tolerance(shaft: MachineShaft, torque: float) -> float:
     """Standard uncertainty of a torque by the tolerances of its transducer [N m]; zero where none are stated."""
-    parts = {"tolerance": abs(torque), "nonlinearity": 0.0}
-    if "transducer.nominal" in shaft.numbers:
-        parts["nonlinearity"] = shaft.numbers["transducer.nominal"].value
-    stated = [(f"transducer.{name}", size) for name, size in parts.items()]
-    return math.hypot(*(RECTANGLE * shaft.numbers[key].value * size for key, size in stated if key in shaft.numbers))
+    sensitivity, linearity, nominal = (
+        shaft.numbers[key].value if key in shaft.numbers else 0.0
+        for key in ("transducer.tolerance", "transducer.nonlinearity", "transducer.nominal")
+    )
+    return float(tolerated(sensitivity * torque, linearity * nominal))
 
 
 def _efficiency(into: tuple[float, float], out: tuple[float, float], repeat: float) -> tuple[float, float]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.case import OUTPUT
 from pmg.pipeline.machine.axis import DEGREE
+from pmg.pipeline.recording.checks.stretches import stretches
 from pmg.pipeline.recording.findings import Code
 from pmg.sim.signals import REVOLUTION, RPM
 
@@ -81,7 +82,7 @@ def check_limits(values: Mapping[str, Array], findings: Findings) -> None:
             continue
         for name, at in (("largest", force == force.max()), ("smallest", force == force.min())):
             share = float(np.mean(at))
-            if share < LIMIT_TOLD or _longest(at) < LIMIT_RUN:
+            if share < LIMIT_TOLD or np.diff(stretches(at)).max() < LIMIT_RUN:
                 continue
             value = float(force.max() if name == "largest" else force.min())
             findings.warning(
@@ -90,9 +91,3 @@ def check_limits(values: Mapping[str, Array], findings: Findings) -> None:
                 f"it stands at its {name} value, {value:.4g} N or N m, in {100.0 * share:.1f} % of the samples",
                 "A drive at its limit, or a reading that is clipped: what acts there is not what is recorded.",
             )
-
-
-def _longest(flags: Array) -> int:
-    """Most samples in a row for which something holds."""
-    edges = np.flatnonzero(np.diff(np.r_[False, flags, False].astype(np.int8)))
-    return int((edges[1::2] - edges[::2]).max(initial=0))

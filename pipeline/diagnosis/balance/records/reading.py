@@ -80,7 +80,6 @@ def read_recordings(case: Case) -> tuple[Recorded, Recorded | None]:
         cut = [round((1.0 - case.withheld_part) * len(one.motion.time)) for one in fit]
         withheld = [replace(one.part(slice(at, None)), findings=()) for one, at in zip(fit, cut, strict=True)]
         fit = [one.part(slice(None, at)) for one, at in zip(fit, cut, strict=True)]
-    if case.withheld_part is not None:
         fit, withheld = ([one for one in part if _long_enough(one, case)] for part in (fit, withheld))
         if not fit or not withheld:
             came, do = "stretches too short to withhold a part of", "Withhold whole recordings by name."
