@@ -55,7 +55,7 @@ class Axis:
     stribeck: tuple[float, float]
     presliding: tuple[float, float]
     turn: float
-    rises: tuple[float, float, float]
+    rises: tuple[float, ...]
 
     @property
     def speed(self) -> str:
@@ -113,10 +113,10 @@ ROTARY = Axis(
     forces={"N m": 1.0, "mN m": 1e-3, "kN m": 1e3, "V": 1.0, "A": 1.0},
     factor="newton_metre_per_unit",
     shown=("mrad", 1e-3),
-    periods=(REVOLUTION / 360.0, 2.0 * REVOLUTION),
+    periods=(REVOLUTION / 360.0, 20.0 * REVOLUTION),
     stribeck=(2e-2, 1e2),
-    presliding=(1e-5, 3e-1),
+    presliding=(1e-5, 3.0),
     turn=REVOLUTION,
-    rises=(1e-3, 1e-2, 1e-1),
+    rises=(1e-3, 1e-2, 1e-1, 1.0),
 )
 """A machine that turns."""

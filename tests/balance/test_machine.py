@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from tests.balance import gearbox, wheel
-from tests.balance.gearbox import Geared, Readings, plain, with_brake
+from tests.balance.gearbox import Geared, Readings, plain, with_brake, with_motor
 from typer.testing import CliRunner, Result
 
 from pmg.pipeline.cli.app import app
@@ -67,6 +67,11 @@ def late(values: Array, samples: int = 15) -> Array:
     return np.interp(places - samples, places, values)
 
 
+def thinning(m: Geared) -> Array:
+    """Viscous friction that falls by a third, in the small numbers of a small machine."""
+    return np.asarray(plain(m) - gearbox.VISCOUS * m.speed * 0.33 * m.t / m.t[-1])
+
+
 @pytest.mark.parametrize(
     ("losses", "fault", "expected"),
     [
@@ -76,8 +81,10 @@ def late(values: Array, samples: int = 15) -> Array:
             {frozenset({"input_torque_gain"}), frozenset({"output_torque_gain"})},
         ),
         (plain, lambda r: with_brake(r, late), {frozenset({"output_torque_lag"})}),
+        (plain, lambda r: with_motor(r, late), {frozenset({"input_torque_lag"})}),
+        (thinning, None, {frozenset({"warming"})}),
     ],
-    ids=["conversion", "lag"],
+    ids=["conversion", "output late", "input late", "an amplitude far below its bound"],
 )
 def test_what_is_wrong_with_a_geared_machine_is_among_what_is_told(
     tmp_path: Path,

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 MOST_REFINED = 6
 """Further terms that are looked at once the named ones are in."""
 
-SHARE_OF_REFINEMENT = 0.25
+SHARE_OF_REFINEMENT = 0.2
 """Part of what is left that a refinement must explain."""
 
 ALIKE = 0.9

@@ -9,9 +9,10 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, Twins, find_twins
 from pmg.pipeline.diagnosis.balance.contest import BalanceData, Contest, ModelStep, contest, model_step, refine, settled
-from pmg.pipeline.diagnosis.balance.estimate import design_of, for_search, impossible_in
+from pmg.pipeline.diagnosis.balance.estimate import design_of, for_search, impossible_in, reversals
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem, tabulate, term_problem
 from pmg.pipeline.diagnosis.balance.free_run import free_run, of_fit, of_published
+from pmg.pipeline.diagnosis.balance.library.term import RECORDING
 from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, noise_of, record_evidence
 from pmg.pipeline.diagnosis.balance.proof import FurtherDecoys, surrogate_decoys, try_decoys, withheld_samples
 from pmg.pipeline.diagnosis.balance.structure import families_of
@@ -35,6 +36,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
     from pmg.pipeline.fit.structure import ResidualStructure
+
+
+IN_THE_MAIN = 0.15
+"""Part of the gain of a set that may be left where every part of the record names that set."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,6 +116,8 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
             continue
         if not set(term.needs) <= set(channels) or (case.own_zeros and term.identifier == "constant_offset"):
             continue
+        if term.of_angle and RECORDING in channels:
+            term = term.in_each(len(recorded.motion.starts))
         known = case.fixed.get(term.identifier)
         if known is not None:
             (quantity,) = term.amplitudes
@@ -123,13 +130,17 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
 
 @dataclass(frozen=True)
 class _Searched:
-    """A record searched: its noise, families and evidence about the free terms of the baseline, and what was found."""
+    """A record searched: its noise, families and evidence about the free terms of the baseline, and what was found.
+
+    The problem has the moments of reversal free; in that which refinements are looked for in, these are told as well.
+    """
 
     free: tuple[Term[Motion], ...]
     noise: NoiseModel
     looked: tuple[ResidualStructure, ...]
     evidence: Evidence
     problem: TermProblem
+    told: TermProblem
     mismatch: Mismatch[Place]
     found: TermNaming | None
     named: tuple[TermFit, ...]
@@ -143,7 +154,9 @@ def _search(case: Case, recorded: Recorded, rng: np.random.Generator) -> _Search
         _searched_terms(case, recorded),
     )
     tables = tabulate(recorded, searched, coarse=True)
-    recorded, plain = for_search(recorded, free)
+    turned = reversals(recorded)
+    recorded, told = for_search(recorded, free)
+    plain = np.hstack([told, turned])
     allowed = [table.columns.reshape(len(plain), -1) for table in tables.values()]
     structured = np.hstack([plain, *(f.columns for f in looked), *allowed])
     found: TermNaming | None = None
@@ -165,7 +178,8 @@ def _search(case: Case, recorded: Recorded, rng: np.random.Generator) -> _Search
             break
         named = found.best.fits
         structured = np.hstack([structured, design_of(recorded, (), named)]) if named else structured
-    return _Searched(free, noise, looked, evidence, problem, mismatch, found, named)
+    told_problem = term_problem(recorded, tables, noise.noise, told)
+    return _Searched(free, noise, looked, evidence, problem, told_problem, mismatch, found, named)
 
 
 def diagnose_terms(
@@ -200,12 +214,15 @@ def diagnose_terms(
     contests: tuple[Contest, ...] = ()
     verdict = Verdict.CONSISTENT if found is None else Verdict.NOT_IN_LIBRARY
     if found is not None and named:
-        rows = withheld_samples(recorded, s.problem, noise, design_of(recorded, s.free, ()))
+        plain = np.hstack([design_of(recorded, s.free, ()), reversals(recorded)])
+        rows = withheld_samples(recorded, s.problem, noise, plain)
         held = withhold(rows, TermCatalogue(refine=False), named, rng, apart)
         conclusion = conclude(s.problem, TermCatalogue(), found, lambda _: held)
-        if conclusion.verdict.names and conclusion.naming is not None:
+        in_the_main = _in_the_main(found, held)
+        if (conclusion.verdict.names or in_the_main) and conclusion.naming is not None:
             found, remainder_of = conclusion.naming, adequacy_test(s.evidence)
-            refinements, dropped = refine(data, found.best, remainder_of, max(ENTRY, further.most_evidence), rng)
+            told = replace(found.best, problem=settled(s.told, found.best.fits))
+            refinements, dropped = refine(data, told, remainder_of, max(ENTRY, further.most_evidence), rng)
             contests = contest(data, s.problem, found, refinements, remainder_of, rng)
             verdict = Verdict.AMBIGUOUS if any(c.open for c in contests) else Verdict.NAMED
     impossible = impossible_in((refinements or steps)[-1].fitted)
@@ -233,6 +250,16 @@ def diagnose_terms(
         left_over=find_mismatch(record_evidence(s.noise, last, s.looked, s.evidence.null), s.looked),
         free_runs=_free_runs(data, case, steps, refinements),
     )
+
+
+def _in_the_main(found: TermNaming, held: HeldOut) -> bool:
+    """Whether a set is the cause though what it leaves is beyond the noise: its form differs by a small part.
+
+    Every part of the record names it, it predicts what it has not seen, and no other comes near.
+    """
+    best = found.best
+    whole = best.needed and held.predicts and held.kept == 1.0
+    return whole and found.remainder.excess <= IN_THE_MAIN * best.gain
 
 
 def _free_runs(

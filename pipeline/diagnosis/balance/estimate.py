@@ -131,6 +131,20 @@ def for_search(recorded: Recorded, baseline: tuple[Term[Motion], ...]) -> tuple[
     return freed, np.column_stack([columns[:, :place], slow, columns[:, place + 1 :]])
 
 
+def reversals(recorded: Recorded) -> Array:
+    """What dry friction shows in the moments in which it changes its sign (n, 2); no column where it never does.
+
+    Notes
+    -----
+    The low-pass rounds a reversal off, and below the speed of rest no direction is seen: when it turns, and how fast,
+    is not known to a sample. Free beside the baseline, both are left out of what a search may explain.
+    """
+    m = recorded.motion
+    turned = m.rate(m.direction)
+    found = recorded.thin(np.c_[turned, m.rate(turned)])
+    return found if found.any() else found[:, :0]
+
+
 def fit_together(
     recorded: Recorded, noise: SerialNoise, baseline: tuple[Term[Motion], ...], fits: tuple[TermFit, ...]
 ) -> FittedTerms:

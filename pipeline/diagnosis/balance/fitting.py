@@ -184,12 +184,12 @@ def fit_term(problem: TermProblem, term: Term[Any], *, refine: bool = True) -> T
     bounds = np.array([q.bounds for q in term.amplitudes]).T
     shape_cost = 0.0 if term.shape is None else term.shape.cost
     if survives < problem.absorbed:
-        return TermFit(term, 0.0, shape_cost, np.zeros(len(seen)), (), np.zeros(len(term.amplitudes)), shape)
+        none = tuple(q.name for q in term.amplitudes)
+        return TermFit(term, 0.0, shape_cost, np.zeros(len(seen)), none, np.zeros(len(term.amplitudes)), shape)
     _, amplitudes = bounded_sizes(seen, problem.left, bounds)
-    margin = 1e-9 * np.ptp(bounds, axis=0)
-    low = amplitudes - bounds[0] < margin
-    low &= low.all() or not term.of_parts
-    at = low | (bounds[1] - amplitudes < margin)
+    at_end = [np.isclose(amplitudes, end, rtol=1e-9, atol=0.0) for end in bounds]
+    low = at_end[0] & (at_end[0].all() or not term.of_parts)
+    at = low | at_end[1]
     on_bound = [q.name for q, hit in zip(term.amplitudes, at, strict=True) if hit]
     if term.shape is not None and not 1.001 * term.shape.bounds[0] < shape < 0.999 * term.shape.bounds[1]:
         on_bound.append(term.shape.name)

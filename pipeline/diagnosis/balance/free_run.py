@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.estimate import INERTIA
-from pmg.pipeline.diagnosis.balance.library.term import Motion
+from pmg.pipeline.diagnosis.balance.library.term import DURATION, Motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.sim.signals import Array
 
-DELAY, GAIN = "delay", "actuator_gain"
+DELAY, FADE, GAIN = "delay", "drive_fade", "actuator_gain"
 """Terms that change what force acts when, instead of adding one."""
 
 RUNS_AWAY = 1e6
@@ -126,7 +126,7 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRu
     """
     mass = sum(float(each.amplitudes[0]) for each in terms if each.term.identifier == INERTIA)
     others = [each for each in terms if each.term.identifier != INERTIA and not each.term.of_model]
-    if mass <= 0.0 or any(e.term.of_model and e.term.identifier not in (DELAY, GAIN) for e in terms):
+    if mass <= 0.0 or any(e.term.of_model and e.term.identifier not in (DELAY, FADE, GAIN) for e in terms):
         return None
     motion, h = recorded.motion, recorded.motion.sample_time
     driving = _driving(motion, terms)
@@ -181,4 +181,5 @@ def _driving(motion: Motion, terms: Sequence[SetTerm]) -> Array:
     """Force that acts on the machine when its position is what was recorded [N], (n,)."""
     sizes = {each.term.identifier: float(each.amplitudes[0]) for each in terms if each.term.of_model}
     late = np.interp(motion.time - sizes.get(DELAY, 0.0), motion.time, motion.force)
-    return np.asarray(late / (1.0 + sizes.get(GAIN, 0.0)))
+    faded = sizes[FADE] * motion.elapsed / motion.references[DURATION] if FADE in sizes else 0.0
+    return np.asarray(late / (1.0 + sizes.get(GAIN, 0.0) + faded))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.balance.library.columns import waves_of
 from pmg.pipeline.diagnosis.balance.library.term import OUT, TEMPERATURE
 from pmg.pipeline.diagnosis.balance.periods import shortest
 from pmg.pipeline.fit.structure import ResidualStructure
@@ -67,9 +68,11 @@ def families_of(recorded: Recorded, axis: Axis) -> tuple[ResidualStructure, ...]
     least = max(shortest(recorded), 1e-12)
     turns = [k for k in range(1, ORDERS + 1) if axis.turn / k >= least]
     if turns:
-        angle = np.array(turns) * (REVOLUTION / axis.turn * m.position[:, None])
-        waves = np.hstack([np.cos(angle), np.sin(angle)])
+        angle = REVOLUTION / axis.turn * m.position
+        waves = np.hstack([waves_of(m, order * angle) for order in turns])
         drawn |= {"angle of a turn": waves, "angle of a turn, changing sign with direction": sign * waves}
+    if OUT not in m.besides:
+        drawn["time, as a gain of the force"] = m.modelled[:, None] * slow_time[:, :4]
     if OUT in m.besides:
         load = m.besides[OUT]
         drawn |= {

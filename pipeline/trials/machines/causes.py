@@ -33,6 +33,9 @@ GAINS = (("input_torque_gain",), ("output_torque_gain",))
 ZEROS = (("constant_offset",), ("direction_dependent_coulomb",))
 """A zero and friction by direction are one column but at rest."""
 
+PLAYING, STIFF = 0.3, 4.0
+"""Part of the inertia behind a coupling with play, and where it would resonate without, over the band."""
+
 POUND_FOOT = 1.0 / 1.355818
 """What a transducer shows in lbf ft of one N m."""
 
@@ -87,9 +90,10 @@ CAUSES = (
     MadeCause("input_delay", TWO_TORQUES, (("input_torque_lag",),), start=0.01, most=0.2),
     MadeCause("warming", BOTH_WAYS, (("warming",),), start=0.2),
     MadeCause("ripple", EVERY, (("position_ripple",),)),
+    MadeCause("tiring_drive", COMMANDED, (("drive_fade",),), start=0.1, most=0.6),
     MadeCause("drive_limit", COMMANDED, (), OUTSIDE, start=0.3, most=0.8),
     MadeCause("two_masses", BOTH_WAYS, (), OUTSIDE, start=0.3, most=0.8),
-    MadeCause("tiring_drive", COMMANDED, (), OUTSIDE, start=0.1, most=0.6),
+    MadeCause("play", BOTH_WAYS, (), OUTSIDE, start=1.0, most=100.0),
 )
 """Every cause of the trial."""
 
@@ -180,6 +184,16 @@ def built_with(
             return p._replace(limit=(1.0 - amplitude) * peak)
         case "tiring_drive":
             return p._replace(tiring=amplitude, warm_time=c["warm_time"])
+        case "play":
+            far = PLAYING * p.inertia
+            natural = REVOLUTION * STIFF * machine.band
+            between = far * (1.0 - PLAYING)
+            return p._replace(
+                far_part=PLAYING,
+                far_stiffness=between * natural**2,
+                far_damping=0.2 * between * natural,
+                play=amplitude * c["short_way"],
+            )
         case "two_masses":
             far = amplitude * p.inertia
             both = far * (1.0 - amplitude)

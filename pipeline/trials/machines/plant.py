@@ -44,6 +44,7 @@ class PlantNumbers(NamedTuple):
     far_part: float = 0.0
     far_stiffness: float = 0.0
     far_damping: float = 0.0
+    play: float = 0.0
     thinning: float = 0.0
     warm_time: float = 1.0
     ripple: float = 0.0
@@ -94,7 +95,11 @@ def _rates(p: PlantNumbers, state: Array, push: float, bristle: float, load: flo
     rates = np.zeros(4)
     rates[0], rates[2] = state[1], state[3]
     if p.far_part > 0.0:
-        between = p.far_stiffness * (state[0] - state[2]) + p.far_damping * (state[1] - state[3])
+        apart = state[0] - state[2]
+        touching = np.copysign(max(abs(apart) - p.play, 0.0), apart)
+        between = p.far_stiffness * touching
+        if p.play == 0.0 or touching != 0.0:
+            between += p.far_damping * (state[1] - state[3])
         force -= between
         rates[3] = between / (p.inertia * p.far_part)
     rates[1] = force / near

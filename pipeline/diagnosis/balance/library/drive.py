@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.balance.library.columns import amount, part, stack, waves_of
+from pmg.pipeline.diagnosis.balance.library.drive_faults import chain_terms, drift, drive_faults
 from pmg.pipeline.diagnosis.balance.library.term import DURATION, MIDDLE, Motion, Quantity, Term
 from pmg.pipeline.machine.axis import LINEAR, ROTARY
 from pmg.sim.signals import REVOLUTION
@@ -33,27 +35,12 @@ POSITION_TEST = (
 SPEED_TEST = "Run at eight or more constant speeds in both directions, in random order"
 
 
-def _stack(*columns: Array) -> Array:
-    return np.stack(columns, axis=1)
-
-
 def _periodic(m: Motion, period: float) -> Array:
-    angle = REVOLUTION * m.position / period
-    return _stack(np.sin(angle), np.cos(angle))
-
-
-def _part(name: str, unit: str, most: float) -> tuple[Quantity]:
-    """A single amplitude of either sign."""
-    return (Quantity(name, unit, (-most, most)),)
-
-
-def _amount(name: str, unit: str, most: float) -> tuple[Quantity]:
-    """A single amplitude that is not negative."""
-    return (Quantity(name, unit, (0.0, most)),)
+    return waves_of(m, REVOLUTION * m.position / period)
 
 
 def _ripple(axis: Axis) -> tuple[Quantity, Quantity]:
-    return (*_part("A", axis.push, 1e4), *_part("B", axis.push, 1e4))
+    return (*part("A", axis.push, 1e4), *part("B", axis.push, 1e4))
 
 
 def _plain_terms(axis: Axis) -> Iterator[Term[Motion]]:
@@ -62,20 +49,18 @@ def _plain_terms(axis: Axis) -> Iterator[Term[Motion]]:
         "inertia",
         "Inertia",
         "M a",
-        _amount("M", axis.mass, 1e5),
-        lambda m, _: _stack(m.acceleration),
+        amount("M", axis.mass, 1e5),
+        lambda m, _: stack(m.acceleration),
         EMPS,
         needs_drive=True,
     )
-    yield Term(
-        "viscous", "Viscous friction", "b v", _amount("b", axis.viscous, 1e6), lambda m, _: _stack(m.speed), EMPS
-    )
+    yield Term("viscous", "Viscous friction", "b v", amount("b", axis.viscous, 1e6), lambda m, _: stack(m.speed), EMPS)
     yield Term(
         "coulomb",
         "Coulomb friction",
         "Fc sign(v)",
-        _amount("Fc", axis.push, 1e5),
-        lambda m, _: _stack(m.direction),
+        amount("Fc", axis.push, 1e5),
+        lambda m, _: stack(m.direction),
         EMPS,
         separating_test=SPEED_TEST,
     )
@@ -83,8 +68,8 @@ def _plain_terms(axis: Axis) -> Iterator[Term[Motion]]:
         "constant_offset",
         "Constant offset of the drive",
         "F0",
-        _part("F0", axis.push, 1e4),
-        lambda m, _: _stack(np.ones_like(m.speed)),
+        part("F0", axis.push, 1e4),
+        lambda m, _: stack(np.ones_like(m.speed)),
         EMPS,
         separating_test=REST_TEST,
         needs_drive=True,
@@ -93,8 +78,8 @@ def _plain_terms(axis: Axis) -> Iterator[Term[Motion]]:
         "direction_dependent_coulomb",
         "Coulomb friction that depends on direction",
         "(F+ - F-)/2 |sign(v)|",
-        _part("half_difference", axis.push, 1e4),
-        lambda m, _: _stack(np.abs(m.direction)),
+        part("half_difference", axis.push, 1e4),
+        lambda m, _: stack(np.abs(m.direction)),
         EMPS,
         separating_test=REST_TEST,
         both_ways=True,
@@ -103,8 +88,8 @@ def _plain_terms(axis: Axis) -> Iterator[Term[Motion]]:
         "direction_dependent_viscous",
         "Viscous friction that depends on direction",
         "(b+ - b-)/2 |v|",
-        _part("half_difference", axis.viscous, 1e6),
-        lambda m, _: _stack(np.abs(m.speed)),
+        part("half_difference", axis.viscous, 1e6),
+        lambda m, _: stack(np.abs(m.speed)),
         EMPS,
         separating_test=SPEED_TEST,
         both_ways=True,
@@ -117,8 +102,8 @@ def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
         "stribeck",
         "Extra friction at low speed (Stribeck)",
         "Fs sign(v) exp(-|v|/vs)",
-        _amount("Fs", axis.push, 1e4),
-        lambda m, speed: _stack(m.direction * np.exp(-np.abs(m.speed) / speed)),
+        amount("Fs", axis.push, 1e4),
+        lambda m, speed: stack(m.direction * np.exp(-np.abs(m.speed) / speed)),
         ARMSTRONG,
         shape=Quantity("vs", axis.speed, axis.stribeck),
         separating_test=SPEED_TEST,
@@ -127,8 +112,8 @@ def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
         "presliding",
         "Friction that rises over a way after reversal (Dahl)",
         "-Fd sign(v) exp(-travel/x0)",
-        _amount("Fd", axis.push, 1e4),
-        lambda m, length: _stack(-m.sense * np.exp(-m.travel / length)),
+        amount("Fd", axis.push, 1e4),
+        lambda m, length: stack(-m.sense * np.exp(-m.travel / length)),
         DAHL,
         shape=Quantity("x0", axis.length, axis.presliding),
         separating_test="Reverse slowly over strokes shorter and longer than the length of rise",
@@ -137,8 +122,8 @@ def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
         "load_dependent_friction",
         f"Friction that grows with the {axis.pushes} of acceleration",
         "m sign(v) |a|",
-        _amount("m", axis.mass, 1e4),
-        lambda m, _: _stack(m.direction * np.abs(m.acceleration)),
+        amount("m", axis.mass, 1e4),
+        lambda m, _: stack(m.direction * np.abs(m.acceleration)),
         ARMSTRONG,
         separating_test="Repeat with a known mass added",
         needs_drive=True,
@@ -147,8 +132,8 @@ def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
         "drag_of_power",
         "Drag that goes with a power of speed",
         f"d sign(v) |v/v1|^n, v1 = 1 {axis.speed}",
-        _part("d", axis.push, 1e6),
-        lambda m, power: _stack(np.sign(m.speed) * np.abs(m.speed) ** power),
+        part("d", axis.push, 1e6),
+        lambda m, power: stack(np.sign(m.speed) * np.abs(m.speed) ** power),
         BALANCE,
         shape=Quantity("n", "1", (0.2, 4.0)),
         separating_test=SPEED_TEST,
@@ -157,8 +142,8 @@ def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
         "warming",
         "Viscous friction that falls during the record",
         "-w v t/T",
-        _amount("w", axis.viscous, 1e6),
-        lambda m, _: _stack(-m.speed * m.elapsed / m.references[DURATION]),
+        amount("w", axis.viscous, 1e6),
+        lambda m, _: stack(-m.speed * m.elapsed / m.references[DURATION]),
         BALANCE,
         separating_test="Repeat the record after a rest and after a long run",
     )
@@ -177,6 +162,7 @@ def _placed_terms(axis: Axis) -> Iterator[Term[Motion]]:
         shape=period,
         separating_test=POSITION_TEST,
         even_grid=True,
+        of_angle=True,
     )
     yield Term(
         "friction_ripple",
@@ -189,13 +175,14 @@ def _placed_terms(axis: Axis) -> Iterator[Term[Motion]]:
         separating_test=POSITION_TEST,
         even_grid=True,
         both_ways=True,
+        of_angle=True,
     )
     yield Term(
         "friction_along_slide",
         f"Friction that changes along the {axis.along}",
         "c sign(v) (q - qm)",
-        _part("c", axis.stiffness, 1e5),
-        lambda m, _: _stack(m.direction * (m.position - m.references[MIDDLE])),
+        part("c", axis.stiffness, 1e5),
+        lambda m, _: stack(m.direction * (m.position - m.references[MIDDLE])),
         BALANCE,
         separating_test=POSITION_TEST,
         both_ways=True,
@@ -204,79 +191,17 @@ def _placed_terms(axis: Axis) -> Iterator[Term[Motion]]:
         "spring",
         "Spring or cable, linear in position",
         "k (q - qm)",
-        _part("k", axis.stiffness, 1e5),
-        lambda m, _: _stack(m.position - m.references[MIDDLE]),
+        part("k", axis.stiffness, 1e5),
+        lambda m, _: stack(m.position - m.references[MIDDLE]),
         BALANCE,
         separating_test=POSITION_TEST,
-    )
-
-
-def _chain_terms(axis: Axis) -> Iterator[Term[Motion]]:
-    """Faults of the chain from the command to the readings."""
-    yield Term(
-        "actuator_gain",
-        "Gain error of the actuator",
-        "g (baseline terms)",
-        _part("g", "1", 0.3),
-        lambda m, _: _stack(m.modelled),
-        BALANCE,
-        separating_test=f"Push with a known {axis.pushes}, or add a known mass",
-        of_model=True,
-    )
-    yield Term(
-        "delay",
-        f"Delay or lag of the position behind the {axis.pushes} command",
-        "T d/dt(baseline terms)",
-        _part("T", "s", 0.02),
-        lambda m, _: _stack(m.rate(m.modelled)),
-        BALANCE,
-        separating_test="Record both signals of one step through one input card",
-        of_model=True,
-    )
-
-
-def _drift(axis: Axis) -> Term[Motion]:
-    """A zero that does not stay."""
-    return Term(
-        "zero_drift",
-        f"Zero of the {axis.pushes} that drifts steadily during each record",
-        "z (t/T - 1/2)",
-        _part("z", axis.push, 1e4),
-        lambda m, _: _stack(m.elapsed / m.references[DURATION] - 0.5),
-        BALANCE,
-        separating_test=f"Read the {axis.pushes} at standstill with the coupling open, before and after each record",
-        needs_drive=True,
-    )
-
-
-def _drive_faults(axis: Axis) -> Iterator[Term[Motion]]:
-    """What a drive does with its command."""
-    yield Term(
-        "dead_zone",
-        "Dead zone of the drive: the command must exceed it before anything acts",
-        "z sign(baseline terms)",
-        _amount("z", axis.push, 1e4),
-        lambda m, _: _stack(np.sign(m.modelled)),
-        BALANCE,
-        separating_test="Raise the command slowly from zero at a machine that is held, and measure what it exerts",
-        of_model=True,
-    )
-    yield Term(
-        "motor_constant_sag",
-        f"Drive whose {axis.pushes} falls behind its command as that grows",
-        "s (baseline terms) |baseline terms|",
-        _part("s", f"1/({axis.push})", 10.0),
-        lambda m, _: _stack(m.modelled * np.abs(m.modelled)),
-        BALANCE,
-        separating_test=f"Measure the {axis.pushes} over the command at a machine that is held",
-        of_model=True,
     )
 
 
 def _drive_terms(axis: Axis) -> tuple[Term[Motion], ...]:
     """Every term of a drive, in the units of its axis."""
     plain = (*_plain_terms(axis), *_curved_terms(axis), *_placed_terms(axis))
-    return (*plain, _drift(axis), *_chain_terms(axis), *_drive_faults(axis))
+    return (*plain, drift(axis), *chain_terms(axis), *drive_faults(axis))
 
 
 DRIVE, ROTARY_DRIVE = _drive_terms(LINEAR), _drive_terms(ROTARY)

@@ -20,8 +20,17 @@ OUT, OUT_ANGLE, TEMPERATURE, ELAPSED, KNOWN = "output_torque", "output_angle", "
 """Channels of `Motion.besides`: torque of the output as the input sees it [N m], its angle [rad], a temperature [K],
 time since the recording began [s], force of the terms whose amplitude is known [N, N m]."""
 
-DURATION, MIDDLE, WARMTH = "duration", "middle", "warmth"
-"""References of columns: longest recording [s], middle of the travel [m, rad], first temperature [K]."""
+RECORDING, OF_NONE = "recording", -1.0
+"""Channel of `Motion.besides` where no angle was recorded: the fitted recording that a sample is of, or none of them.
+Each recording then begins at an angle of its own."""
+
+DURATION, MIDDLE, WARMTH, HOW_MANY = "duration", "middle", "warmth", "how_many"
+"""References of columns: longest recording [s], middle of the travel [m, rad], first temperature [K], how many
+recordings are fitted."""
+
+LAG, INPUT_LAG, OUTPUT_LAG = "lag", "input_lag", "output_lag"
+"""References of columns: delay of the motion, of the input's or the output's torque about which a change in time is
+taken [s]; absent where a first derivative fits better."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +50,12 @@ class Motion:
     starts : tuple of int
         Sample with which each recording begins.
     besides : mapping of str to (n,) array
-        Further channels, by the names `OUT`, `OUT_ANGLE`, `TEMPERATURE`, `ELAPSED` and `KNOWN`.
+        Further channels, by the names `OUT`, `OUT_ANGLE`, `TEMPERATURE`, `ELAPSED`, `KNOWN` and `RECORDING`.
     even_acceleration : float
         Acceleration that noise may make of an even speed [m/s2, rad/s2].
     references : mapping of str to float
-        What columns refer to, by the names `DURATION`, `MIDDLE` and `WARMTH`: that of the recordings that are fitted,
-        also where others are predicted.
+        What columns refer to, by the names `DURATION`, `MIDDLE`, `WARMTH` and those of lags: that of the recordings
+        that are fitted, also where others are predicted.
     """
 
     time: Array
@@ -86,6 +95,7 @@ class Motion:
     def referred(self) -> Motion:
         """The same with the references of its own."""
         own = {DURATION: float(self.elapsed.max()), MIDDLE: 0.5 * float(self.position.min() + self.position.max())}
+        own[HOW_MANY] = float(len(self.starts))
         if TEMPERATURE in self.besides:
             own[WARMTH] = float(self.besides[TEMPERATURE][0])
         return replace(self, references=own)
@@ -108,6 +118,14 @@ class Motion:
         """Derivative in time (n,), within each recording."""
         parts = np.split(values, self.starts[1:])
         return np.concatenate([np.gradient(part, self.sample_time) for part in parts])
+
+    def ahead(self, values: Array, time: float) -> Array:
+        """Change of values over a time that may be negative, per time (n,); their derivative where it is zero."""
+        if time == 0.0:
+            return self.rate(values)
+        stretches = np.split(self.time, self.starts[1:]), np.split(values, self.starts[1:])
+        later = [np.interp(t + time, t, own) for t, own in zip(*stretches, strict=True)]
+        return np.asarray((np.concatenate(later) - values) / time)
 
     @property
     def sample_time(self) -> float:
@@ -177,6 +195,8 @@ class Term(Generic[M]):
         Whether its amplitudes are parts of one law, of which some may vanish.
     both_ways : bool
         Whether a machine that moves one way only shows it as a plainer term.
+    of_angle : bool
+        Whether its amplitudes are of one recording where no angle was recorded.
     needs : tuple of str
         Channels of `Motion.besides` without which it cannot be looked for.
     """
@@ -194,12 +214,18 @@ class Term(Generic[M]):
     even_grid: bool = False
     of_parts: bool = False
     both_ways: bool = False
+    of_angle: bool = False
     needs: tuple[str, ...] = ()
 
     @property
     def place(self) -> str:
         """Where it acts, of several places where it may; empty where there is one only."""
         return ""
+
+    def in_each(self, recordings: int) -> Term[M]:
+        """The same with amplitudes of its own in each of some recordings."""
+        own = [replace(q, name=f"{q.name}{k}") for k in range(1, recordings + 1) for q in self.amplitudes]
+        return replace(self, amplitudes=tuple(own))
 
     @property
     def single(self) -> bool:

@@ -7,8 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.balance.library.columns import waves_of
 from pmg.pipeline.diagnosis.balance.library.drive import ROTARY_DRIVE
-from pmg.pipeline.diagnosis.balance.library.term import KNOWN, OUT, OUT_ANGLE, Motion, Quantity, Term
+from pmg.pipeline.diagnosis.balance.library.term import (
+    INPUT_LAG,
+    KNOWN,
+    OUT,
+    OUT_ANGLE,
+    OUTPUT_LAG,
+    Motion,
+    Quantity,
+    Term,
+)
 from pmg.sim.sources import ARMSTRONG, BALANCE
 
 if TYPE_CHECKING:
@@ -16,7 +26,9 @@ if TYPE_CHECKING:
 
     from pmg.sim.signals import Array
 
-OF_A_COMMAND = frozenset({"actuator_gain", "delay", "dead_zone", "motor_constant_sag", "load_dependent_friction"})
+OF_A_COMMAND = frozenset(
+    {"actuator_gain", "delay", "dead_zone", "drive_fade", "motor_constant_sag", "load_dependent_friction"}
+)
 """Terms of a drive that no measured torque has."""
 
 GAIN_TEST = "Hang a known weight from a lever on either shaft, or swap the transducers and repeat a run"
@@ -36,6 +48,15 @@ def _input(m: Motion) -> Array:
     baseline is left out: with the input's gain it grows as a whole.
     """
     return m.besides[KNOWN] - m.besides[OUT]
+
+
+def _late_input(m: Motion, _: float) -> Array:
+    """Its torque with what the baseline gives: in a lag that does not grow with the whole."""
+    return _column(-m.ahead(m.modelled - m.besides[OUT], -m.references.get(INPUT_LAG, 0.0)))
+
+
+def _late_output(m: Motion, _: float) -> Array:
+    return _column(-m.ahead(m.besides[OUT], -m.references.get(OUTPUT_LAG, 0.0)))
 
 
 def _output(m: Motion) -> Array:
@@ -58,9 +79,9 @@ def _transducers() -> Iterator[Term[Motion]]:
         yield Term(
             f"{end}_torque_lag",
             f"Lag or delay of the {end}'s torque behind the other",
-            f"-tau dT_{end}/dt",
+            f"T_{end} at t - tau, or -tau dT_{end}/dt",
             (Quantity("tau", "s", (0.0, 1.0)),),
-            lambda m, _, torque=torque: _column(-m.rate(torque(m))),  # type: ignore[misc]  # bound now
+            _late_input if end == "input" else _late_output,
             BALANCE,
             separating_test=CLOCK_TEST,
             needs=(OUT,),
@@ -93,9 +114,10 @@ def _of_load() -> Iterator[Term[Motion]]:
         "Torque periodic in the output's turn",
         "A sin(q_output) + B cos(q_output)",
         (Quantity("A", "N m", (-1e4, 1e4)), Quantity("B", "N m", (-1e4, 1e4))),
-        lambda m, _: np.c_[np.sin(m.besides[OUT_ANGLE]), np.cos(m.besides[OUT_ANGLE])],
+        lambda m, _: waves_of(m, m.besides[OUT_ANGLE]),
         BALANCE,
         separating_test="Turn slowly through several turns of the output in both directions",
+        of_angle=True,
         needs=(OUT_ANGLE,),
     )
 

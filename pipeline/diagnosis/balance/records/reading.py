@@ -10,7 +10,8 @@ import numpy as np
 from pmg.pipeline.diagnosis.balance.library.term import ELAPSED, OUT, OUT_ANGLE, TEMPERATURE, Motion
 from pmg.pipeline.diagnosis.balance.records.clock_of import clock_of
 from pmg.pipeline.diagnosis.balance.records.consistency import check_limits, check_motion
-from pmg.pipeline.diagnosis.balance.records.recorded import joined, with_known
+from pmg.pipeline.diagnosis.balance.records.lags import with_lags
+from pmg.pipeline.diagnosis.balance.records.recorded import REST, joined, with_known
 from pmg.pipeline.diagnosis.balance.records.smoothing import Smoother
 from pmg.pipeline.diagnosis.balance.records.two_shafts import second_shaft
 from pmg.pipeline.recording.findings import Code, Findings
@@ -28,9 +29,6 @@ if TYPE_CHECKING:
 
 COASTS = 0.1
 """Force that is recorded, over that of a known inertia, below which a machine is taken to coast."""
-
-REST = 4.0
-"""Standard deviations of the noise of the speed below which a machine counts as at rest."""
 
 KEPT = 0.4
 """Part of the thinned rate up to which the decimation keeps a force."""
@@ -100,7 +98,8 @@ def _together(read: Sequence[_Read], case: Case, of: Recorded | None = None) -> 
         came = f"{len(motion.time)} samples once the ends that filters spoil are left out"
         names = ", ".join(one.name for one in read)
         raise RecordingError(names, came, f"{fewest} or more", "Record longer, or thin less.")
-    return with_known([one.name for one in read], motion, case, [f for one in read for f in one.findings], of)
+    found = with_known([one.name for one in read], motion, case, [f for one in read for f in one.findings], of)
+    return with_lags(found, case) if of is None else found
 
 
 def _read(path: Path, case: Case) -> list[_Read]:

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import butter, decimate, filtfilt
+from scipy.signal import butter, decimate, sosfiltfilt
 
-from pmg.pipeline.diagnosis.balance.library.term import KNOWN, Motion
+from pmg.pipeline.diagnosis.balance.case import OUTPUT
+from pmg.pipeline.diagnosis.balance.library.term import KNOWN, OF_NONE, RECORDING, Motion
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
 
 SLOW_PART = 0.2
 """Part of the band of the regression in which an acceleration counts as slow."""
+
+REST = 4.0
+"""Standard deviations of the noise of the speed below which a machine counts as at rest."""
 
 SHORT = 20
 """Samples of a record up to which its acceleration is not parted."""
@@ -99,10 +103,12 @@ class Recorded:
         gone = np.linalg.norm(left, axis=0) < VANISHES * np.linalg.norm(columns, axis=0)
         return np.where(gone, 0.0, left)
 
-    def slow(self, values: Array) -> Array:
-        """The slow part of a thinned signal (n,), within each recording."""
-        parts = np.split(values, self.starts[1:])
-        return np.concatenate([filtfilt(*butter(2, SLOW_PART), part) if len(part) > SHORT else part for part in parts])
+    def slow(self, values: Array, *, thinned: bool = True) -> Array:
+        """The slow part of a signal (n,), thinned or at the full rate, within each recording."""
+        every, starts = (1, self.starts) if thinned else (self.keep_every, self.motion.starts)
+        low, least = butter(2, SLOW_PART / every, output="sos"), SHORT * every
+        parts = np.split(values, starts[1:])
+        return np.concatenate([sosfiltfilt(low, part) if len(part) > least else part for part in parts])
 
     def columns(self, term: Term[Motion], shape: float = float("nan")) -> Array:
         """Thinned columns of a term (n, amplitudes), per unit."""
@@ -171,27 +177,48 @@ def _check_seen(recorded: Recorded, free: Array, names: Sequence[str]) -> None:
         raise RecordingError(recorded.name, came, "recordings that tell it from their zeros", do)
 
 
+def _referred(motion: Motion, case: Case, of: Recorded | None) -> Motion:
+    """With the references of columns, of its own or of other recordings, and what begins at an angle of its own."""
+    referred = motion.referred() if of is None else replace(motion, references=of.motion.references)
+    if {"position", f"{OUTPUT}position"} & set(case.channels):
+        return referred
+    own = np.searchsorted(motion.starts, np.arange(len(motion.time)), side="right") - 1.0
+    recording: Array = (own if of is None else np.full(len(own), OF_NONE)).astype(np.float64)
+    return replace(referred, besides={**referred.besides, RECORDING: recording})
+
+
+def _noise_in_fast(recorded: Recorded) -> Array:
+    """What noise makes of the fast part of the acceleration (n,), as Wiener's filter takes it out: a part of it."""
+    m = recorded.motion
+    fast = m.acceleration - recorded.slow(m.acceleration, thinned=False)
+    square = float(np.mean(fast**2))
+    return fast * min((m.even_acceleration / REST) ** 2 / square, 1.0) if square > 0.0 else fast
+
+
 def with_known(
     names: Sequence[str], motion: Motion, case: Case, findings: Sequence[Finding], of: Recorded | None = None
 ) -> Recorded:
     """Recordings with what the baseline gives, and with the known terms taken out of the force.
 
-    The baseline is fitted to them, or is that of other recordings.
+    The baseline is fitted to them, or is that of other recordings. What it gives is freed from noise of the
+    acceleration: that is in the force that its columns are to explain, too.
     """
     plain = Recorded(
         tuple(names), motion, case.prepare.keep_every, motion.force, motion.force, tuple(findings), case.own_zeros
     )
-    motion = motion.referred() if of is None else replace(motion, references=of.motion.references)
+    motion = _referred(motion, case, of)
     terms = {term.identifier: term for term in case.library}
     columns = {key: terms[key].columns(motion, float("nan"))[:, 0] for key in case.baseline}
     known = np.zeros_like(motion.force)
     for key, value in case.fixed.items():
         known = known + value * columns[key]
-    free = np.stack([columns[key] for key in case.baseline if key not in case.fixed], axis=1)
+    freed = [key for key in case.baseline if key not in case.fixed]
+    free = np.stack([columns[key] for key in freed], axis=1)
     few = plain.thin(np.c_[motion.force, known, free])
-    _check_seen(plain, few[:, 2:], [key for key in case.baseline if key not in case.fixed])
+    _check_seen(plain, few[:, 2:], freed)
     rest = few[:, 0] - few[:, 1]
     free_amplitudes = of.baseline if of is not None else np.asarray(np.linalg.lstsq(few[:, 2:], rest, rcond=None)[0])
-    besides = {**motion.besides, KNOWN: known}
-    whole = replace(motion, modelled=known + free @ free_amplitudes, besides=besides)
+    inertia = {**case.fixed, **dict(zip(freed, free_amplitudes, strict=True))}.get("inertia", 0.0)
+    modelled = known + free @ free_amplitudes - inertia * _noise_in_fast(plain)
+    whole = replace(motion, modelled=modelled, besides={**motion.besides, KNOWN: known})
     return replace(plain, motion=whole, force=rest, known=few[:, 1], baseline=free_amplitudes)

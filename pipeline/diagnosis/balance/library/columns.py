@@ -1,0 +1,36 @@
+"""What the terms of every library are made of: columns, waves, and parameters of one sign or either."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.library.term import HOW_MANY, RECORDING, Motion, Quantity
+
+if TYPE_CHECKING:
+    from pmg.sim.signals import Array
+
+
+def stack(*columns: Array) -> Array:
+    """Columns beside one another (n, k)."""
+    return np.stack(columns, axis=1)
+
+
+def waves_of(m: Motion, angle: Array) -> Array:
+    """Sine and cosine; each recording has its own where no angle was recorded, and none where it was not fitted."""
+    waves = stack(np.sin(angle), np.cos(angle))
+    if RECORDING not in m.besides:
+        return waves
+    own = m.besides[RECORDING][:, None] == np.arange(m.references[HOW_MANY])
+    return np.asarray((own[:, :, None] * waves[:, None, :]).reshape(len(waves), -1))
+
+
+def part(name: str, unit: str, most: float) -> tuple[Quantity]:
+    """A single amplitude of either sign."""
+    return (Quantity(name, unit, (-most, most)),)
+
+
+def amount(name: str, unit: str, most: float) -> tuple[Quantity]:
+    """A single amplitude that is not negative."""
+    return (Quantity(name, unit, (0.0, most)),)
