@@ -26,7 +26,7 @@ from pmg.pipeline.diagnosis.balance.estimate import T_95, fit_together
 from pmg.pipeline.diagnosis.balance.fitting import fit_term, tabulate, term_problem
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
-from pmg.pipeline.diagnosis.balance.serial import covariance_of, fit_noise
+from pmg.pipeline.diagnosis.balance.serial import SerialNoise, covariance_of, fit_noise
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.engine.withheld import BLOCKS
 from pmg.pipeline.machine.machine_file import read_machine
@@ -174,6 +174,13 @@ def test_whitened_noise_is_what_it_was_made_of(correlation: float, seed: int) ->
     assert abs(float(np.std(white)) - 1.0) < 0.1
     assert abs(float(np.corrcoef(white[:-1], white[1:])[0, 1])) < 0.1
     assert noise.standard_deviation == pytest.approx(1.0 / np.sqrt(1.0 - correlation**2), rel=0.25)
+
+
+@given(st.floats(-0.95, 0.95))
+def test_neighbours_that_are_alike_count_for_fewer(correlation: float) -> None:
+    """A first-order autoregression: the square of its correlations sums to (1 + a^2)/(1 - a^2)."""
+    noise = SerialNoise(np.array([correlation]), 1.0, np.zeros(1))
+    assert noise.for_one == pytest.approx((1.0 + correlation**2) / (1.0 - correlation**2), rel=1e-6)
 
 
 def test_intervals_cover_under_correlated_noise_where_plain_ones_do_not() -> None:

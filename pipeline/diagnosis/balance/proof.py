@@ -39,12 +39,17 @@ class WithheldSamples(Withholding[TermFit, TermProblem]):
 
     recorded: Recorded
     problem: TermProblem
-    lags: int
+    noise: SerialNoise
     noun = "terms were"
 
     def part(self, rows: Mask) -> TermProblem:
         """The problem of some samples."""
-        return self.problem.of(rows[self.lags :])
+        return self.problem.of(rows[self.noise.lags :])
+
+    @property
+    def for_one(self) -> float:
+        """Neighbours are alike."""
+        return self.noise.for_one
 
     def effect(self, fits: tuple[TermFit, ...]) -> Array:
         """Force of fitted terms [N]."""
@@ -74,7 +79,7 @@ def withheld_samples(recorded: Recorded, problem: TermProblem, noise: SerialNois
         what=f"{BLOCKS} blocks of neighbouring samples",
         recorded=recorded,
         problem=problem,
-        lags=noise.lags,
+        noise=noise,
     )
 
 

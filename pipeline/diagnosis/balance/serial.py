@@ -80,6 +80,13 @@ class SerialNoise:
         return np.asarray(lfilter([1.0], np.r_[1.0, -self.coefficients], news, axis=0)[burn:])
 
     @property
+    def for_one(self) -> float:
+        r"""Samples that tell a mean of squares as well as independent ones would, :math:`\sum_k \rho_k^2`."""
+        response = lfilter([1.0], np.r_[1.0, -self.coefficients], np.r_[1.0, np.zeros(2000)])
+        alike = np.correlate(response, response, mode="full") / float(response @ response)
+        return float(alike @ alike)
+
+    @property
     def standard_deviation(self) -> float:
         """Standard deviation of the noise itself [N]."""
         response = lfilter([1.0], np.r_[1.0, -self.coefficients], np.r_[1.0, np.zeros(2000)])

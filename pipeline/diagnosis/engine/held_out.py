@@ -45,6 +45,8 @@ class HeldOut:
         Error that noise alone would give: noise of the rows and, with it, of the fits that predict them.
     count : int
         Rows that were looked at.
+    for_one : float
+        Rows that tell a mean of squares as well as one whose noise is its own.
     kept : float
         Part of the choices made without a part of the rows that agree with the choice on all of them.
     elsewhere : tuple of tuple of candidates
@@ -60,6 +62,7 @@ class HeldOut:
     expected_before: float | None = None
     expected_after: float | None = None
     count: int = 0
+    for_one: float = 1.0
     kept: float = 1.0
     elsewhere: tuple[tuple[Any, ...], ...] = ()
 
@@ -80,13 +83,14 @@ class HeldOut:
         Notes
         -----
         Mean squares beyond what noise alone gives, that of the predicting fits included, are compared. What is left
-        after may exceed its share by `BY_CHANCE` standard errors of a mean square of noise, :math:`s^2\sqrt{2/n}`.
+        after may exceed its share by `BY_CHANCE` standard errors of a mean square of noise,
+        :math:`s^2\sqrt{2k/n}` where `k` rows count for one.
         """
         assert self.expected_before is not None
         assert self.expected_after is not None
         before = self.rmse_before**2 - self.expected_before**2
         after = self.rmse_after**2 - self.expected_after**2
-        chance = BY_CHANCE * self.expected_after**2 * math.sqrt(2.0 / self.count)
+        chance = BY_CHANCE * self.expected_after**2 * math.sqrt(2.0 * self.for_one / self.count)
         return self.rmse_after < self.rmse_before and after <= (1.0 - WITHHELD_SHARE) * before + chance
 
 

@@ -82,6 +82,11 @@ class Withholding(ABC, Generic[F, P]):
     noun: ClassVar[str]
     """The chosen kind, with its verb: ``mechanism was``."""
 
+    @property
+    def for_one(self) -> float:
+        """Rows that tell a mean of squares as well as one whose noise is its own."""
+        return 1.0
+
     folds: ClassVar[int] = FOLDS
     """Parts withheld in turn."""
 
@@ -174,6 +179,7 @@ def withhold(
         placebo_gain=_placebo_gain(rows, rows.effect(fits), before, touched, placebo_rng or rng),
         expected_before=_expected(scale, reach_before, touched),
         expected_after=_expected(scale, reach_after, touched),
+        for_one=rows.for_one,
         kept=kept / tries,
         elsewhere=() if kept >= STEADY * tries else _elsewhere(sets, named),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import butter, decimate, sosfiltfilt
 
 from pmg.pipeline.diagnosis.balance.case import OUTPUT
-from pmg.pipeline.diagnosis.balance.library.term import KNOWN, OF_NONE, RECORDING, Motion
+from pmg.pipeline.diagnosis.balance.library.term import KNOWN, OF_NONE, OUT, RECORDING, Motion
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -187,12 +187,17 @@ def _referred(motion: Motion, case: Case, of: Recorded | None) -> Motion:
     return replace(referred, besides={**referred.besides, RECORDING: recording})
 
 
-def _noise_in_fast(recorded: Recorded) -> Array:
-    """What noise makes of the fast part of the acceleration (n,), as Wiener's filter takes it out: a part of it."""
+def _noisy_part(recorded: Recorded) -> Array:
+    """What is noise in the fast part of the acceleration (n,): a part of it, as Wiener's filter takes it out.
+
+    Between two torques all of it: what acts there unrecorded moves the machine, too.
+    """
     m = recorded.motion
     fast = m.acceleration - recorded.slow(m.acceleration, thinned=False)
     square = float(np.mean(fast**2))
-    return fast * min((m.even_acceleration / REST) ** 2 / square, 1.0) if square > 0.0 else fast
+    if OUT in m.besides or square == 0.0:
+        return fast
+    return fast * min((m.even_acceleration / REST) ** 2 / square, 1.0)
 
 
 def with_known(
@@ -201,7 +206,7 @@ def with_known(
     """Recordings with what the baseline gives, and with the known terms taken out of the force.
 
     The baseline is fitted to them, or is that of other recordings. What it gives is freed from noise of the
-    acceleration: that is in the force that its columns are to explain, too.
+    acceleration: the force that its columns are to explain holds that noise, too.
     """
     plain = Recorded(
         tuple(names), motion, case.prepare.keep_every, motion.force, motion.force, tuple(findings), case.own_zeros
@@ -219,6 +224,6 @@ def with_known(
     rest = few[:, 0] - few[:, 1]
     free_amplitudes = of.baseline if of is not None else np.asarray(np.linalg.lstsq(few[:, 2:], rest, rcond=None)[0])
     inertia = {**case.fixed, **dict(zip(freed, free_amplitudes, strict=True))}.get("inertia", 0.0)
-    modelled = known + free @ free_amplitudes - inertia * _noise_in_fast(plain)
+    modelled = known + free @ free_amplitudes - inertia * _noisy_part(plain)
     whole = replace(motion, modelled=modelled, besides={**motion.besides, KNOWN: known})
     return replace(plain, motion=whole, force=rest, known=few[:, 1], baseline=free_amplitudes)
