@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -88,20 +89,28 @@ class OperatingPoints:
         """Where each shaft is held at rest by its motor, (n,) each."""
         return PerShaft(self.rest_sun, self.rest_ring)
 
+    @cached_property
+    def where(self) -> dict[Configuration, Mask]:
+        """Rows of each configuration, compared once: every mechanism asks for them at every fit."""
+        masks = {each: np.asarray(self.configuration == each) for each in Configuration}
+        for mask in masks.values():
+            mask.setflags(write=False)
+        return masks
+
     @property
     def engaged(self) -> Mask:
         """Rows with the gear engaged."""
-        return np.asarray(self.configuration == Configuration.ENGAGED)
+        return self.where[Configuration.ENGAGED]
 
     @property
     def neutral(self) -> Mask:
         """Rows with the carrier between the stages."""
-        return np.asarray(self.configuration == Configuration.NEUTRAL)
+        return self.where[Configuration.NEUTRAL]
 
     @property
     def zero(self) -> Mask:
         """Rows with both shafts free and at rest: the transducers' zero."""
-        return np.asarray(self.configuration == Configuration.ZERO)
+        return self.where[Configuration.ZERO]
 
     @property
     def ordered(self) -> bool:

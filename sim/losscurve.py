@@ -46,7 +46,8 @@ class LossCurve:
         """The powers of the dimensionless speed magnitude `x`, each carried on along its tangent."""
         x_limit = self.speed_limit / self.speed_reference
         inside = np.minimum(x, x_limit)
-        return [inside**p + (p * x_limit ** (p - 1.0) if p else 0.0) * (x - inside) for p in self.powers]
+        beyond = x - inside
+        return [inside**p + (p * x_limit ** (p - 1.0) if p else 0.0) * beyond for p in self.powers]
 
     def terms(self, speed: Array) -> Array:
         """Design matrix (n, k): the powers of the dimensionless speed."""

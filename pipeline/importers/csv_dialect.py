@@ -244,6 +244,8 @@ def _decimal(rows: list[tuple[int, str]], delimiter: str, path: Path) -> str:
     comma = point = decimal = 0
     shown = ""
     for line, text in rows:
+        if point and ('"' if delimiter == "," else ",") not in text:
+            continue  # no cell of it can hold a comma
         cells = [cell.strip() for cell in cells_of(text, delimiter)]
         numbers = [cell for cell in cells if NUMBER.fullmatch(cell) or THOUSANDS.fullmatch(cell)]
         with_comma = [cell for cell in numbers if WITH_COMMA.search(cell)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
+from functools import reduce
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -243,7 +244,7 @@ class MotionLaw(Mechanism):
 
     def where_it_acts(self, at: OperatingPoints, whole: Torques) -> Torques:
         """Torques at steady points (n,) of the configurations in which it acts; none at the others."""
-        acts = np.isin(at.configuration, self.acts_in)
+        acts = reduce(np.logical_or, (at.where[configuration] for configuration in self.acts_in))
         return Torques(np.where(acts, whole.sun, 0.0), np.where(acts, whole.ring, 0.0))
 
     def carrier_law(self, speed_carrier: Number, rest: float = 0.0) -> Number:

@@ -76,15 +76,39 @@ class FreeRun:
     stroke: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Instant(Motion):
-    """One instant between the ends of a record, with the way since the direction last changed [m]."""
+    """One instant between the ends of a record, with the way since the direction last changed (3,) [m].
 
-    way: float = 0.0
+    It is written over from step to step: made anew it would take longer than what is done with it.
+    """
+
+    way: Array
+
+    @classmethod
+    def of(cls, motion: Motion) -> _Instant:
+        """Between the ends of a record."""
+        ends = np.array([motion.position.min(), 0.0, motion.position.max()])
+        time, speed, acceleration, force, way = (np.zeros(3) for _ in range(5))
+        time[[0, 2]] = motion.time[[0, -1]]
+        besides = {key: values[[0, 0, -1]] for key, values in motion.besides.items()}
+        return cls(
+            time, ends, speed, acceleration, force, np.zeros(3), besides=besides, references=motion.references, way=way
+        )
+
+    def put(self, motion: Motion, i: int, position: float, way: float, acceleration: float, force: float) -> None:
+        """Write another instant over this one, all but its speed."""
+        self.time[1] = motion.time[i]
+        self.position[1] = position
+        self.way.fill(way)
+        self.acceleration.fill(acceleration)
+        self.force.fill(force)
+        for key, values in self.besides.items():
+            values[1] = motion.besides[key][i]
 
     @property
     def travel(self) -> Array:
-        return np.full(len(self.time), self.way)
+        return self.way
 
 
 def of_fit(fitted: FittedTerms, case: Case) -> tuple[SetTerm, ...]:
@@ -130,22 +154,12 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRu
         return None
     motion, h = recorded.motion, recorded.motion.sample_time
     driving = _driving(motion, terms)
-    ends = np.array([motion.position.min(), motion.position.max()])
+    now = _Instant.of(motion)
     position, speed, acceleration, way = float(motion.position[0]), float(motion.speed[0]), 0.0, 1.0
 
-    def needed(i: int, speed: float) -> float:
+    def needed(speed: float) -> float:
         """Force that every term but inertia takes."""
-        now = _Instant(
-            np.array([motion.time[0], motion.time[i], motion.time[-1]]),
-            np.array([ends[0], position, ends[1]]),
-            np.full(3, speed),
-            np.full(3, acceleration),
-            np.full(3, driving[i]),
-            np.zeros(3),
-            way=way,
-            besides={key: values[[0, i, -1]] for key, values in motion.besides.items()},
-            references=motion.references,
-        )
+        now.speed.fill(speed)
         return sum(float(each.term.columns(now, each.shape)[1] @ each.amplitudes) for each in others)
 
     found = np.full(len(motion.time), np.nan)
@@ -153,14 +167,15 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRu
         if abs(speed) > RUNS_AWAY:
             break
         found[i] = position
-        setting_out = speed
+        now.put(motion, i, position, way, acceleration, force)
         if speed == 0.0:
-            forward, backward = force - needed(i, HARDLY), force - needed(i, -HARDLY)
+            forward, backward = force - needed(HARDLY), force - needed(-HARDLY)
             if forward <= 0.0 <= backward:
                 acceleration = 0.0
                 continue
-            setting_out = HARDLY if forward > 0.0 else -HARDLY
-        acceleration = (force - needed(i, setting_out)) / mass
+            acceleration = (forward if forward > 0.0 else backward) / mass
+        else:
+            acceleration = (force - needed(speed)) / mass
         after = speed + h * acceleration
         if speed * after < 0.0:
             after, way = 0.0, 0.0
