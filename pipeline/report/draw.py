@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import matplotlib
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import PdfPages
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure as MatplotlibFigure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.transforms import Bbox
@@ -20,16 +19,14 @@ from pmg.pipeline.report import draw_chart, draw_flow, draw_map
 from pmg.pipeline.report.figure import Chart, Figure, Panel, SpeedMap
 from pmg.pipeline.report.sheet import Sheet, wrapped
 from pmg.pipeline.report.spelled import spelled
-from pmg.pipeline.report.theme import LIGHT, THEMED, alone, themed
+from pmg.pipeline.report.theme import LIGHT, alone, themed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from matplotlib.backend_bases import RendererBase
     from matplotlib.figure import SubFigure
 
-PRINT = Sheet(width=8.4, letters=9.5, palette=LIGHT)
-PAGE = Sheet(width=8.4, letters=9.5, palette=THEMED)
+PAPER = Sheet(width=8.4, letters=9.5, palette=LIGHT)
 NARROW = 4.4
 """Width of a figure that stands beside text [in]."""
 RESOLUTION = 200
@@ -59,24 +56,10 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-class _Canvas(MatplotlibFigure):
-    """A figure of matplotlib that is laid out without being drawn, for no output, once more."""
-
-    def draw(self, renderer: RendererBase) -> None:
-        """Lay out while that is to be done, as matplotlib does before it saves; else draw."""
-        layout = self.get_layout_engine()
-        if isinstance(layout, ConstrainedLayoutEngine):
-            layout.execute(self)
-        else:
-            super().draw(renderer)
-
-
 def draw_png(figure: Figure) -> bytes:
     """A figure as PNG on white; the same figure gives the same bytes."""
     with _our_style():
-        canvas = _canvas(figure, PRINT)
-        FigureCanvasAgg(canvas)
-        return _saved(canvas, format="png", dpi=RESOLUTION, metadata={"Software": None})
+        return _dots(_canvas(figure))
 
 
 @dataclass(frozen=True)
@@ -101,8 +84,7 @@ class Drawings:
 def draw_all(figures: Sequence[Figure], title: str = "") -> Drawings:
     """Every figure as PNG, as SVG for a page and for itself, and all of them as one PDF, a page each.
 
-    Each is laid out twice: in the colours of paper for PNG and PDF, and in those that a page puts in. The same figures
-    give the same bytes.
+    Each is laid out once, in the colours of paper. The same figures give the same bytes.
 
     Parameters
     ----------
@@ -119,68 +101,72 @@ def draw_all(figures: Sequence[Figure], title: str = "") -> Drawings:
     metadata = {"CreationDate": None, "Creator": None, "Producer": None, "Title": spelled(title) or None}
     with _our_style(), PdfPages(book, metadata=metadata) as pages:
         for count, figure in enumerate(figures, 1):
-            canvas = _canvas(figure, PRINT)
-            FigureCanvasAgg(canvas)
-            made.files[figure.file] = _saved(canvas, format="png", dpi=RESOLUTION, metadata={"Software": None})
-            canvas.set_layout_engine(None)
+            canvas = _canvas(figure)
+            made.files[figure.file] = _dots(canvas)
+            svg = _vectors(canvas)
             pages.savefig(canvas, bbox_inches=_captioned(canvas, figure, count))
-            svg = _vectors(figure)
             made.files[figure.vector_file] = alone(svg, figure.title, figure.caption).encode()
             made.inline[figure.id] = themed(svg, figure.id)
     return replace(made, pdf=book.getvalue())
 
 
-def _captioned(canvas: _Canvas, figure: Figure, count: int) -> Bbox:
+def _captioned(canvas: MatplotlibFigure, figure: Figure, count: int) -> Bbox:
     """The page [in] that holds a figure and, below it, its caption, which is added here."""
     width, height = canvas.get_size_inches()
     lines = [
         (line, weight)
         for text, weight in ((f"Figure {count}. {figure.title}.", "bold"), (figure.caption, "normal"))
-        for line in wrapped(spelled(text), width, PRINT.letters, weight)
+        for line in wrapped(spelled(text), width, PAPER.letters, weight)
     ]
     for row, (line, weight) in enumerate(lines):
-        down = MARGIN + row * PRINT.line
+        down = MARGIN + row * PAPER.line
         canvas.text(
             0.0,
             -down / height,
             line,
-            size=PRINT.letters,
+            size=PAPER.letters,
             weight=weight,
             va="top",
-            color=PRINT.palette["ink"],
+            color=PAPER.palette["ink"],
         )
-    depth = MARGIN + len(lines) * PRINT.line
+    depth = MARGIN + len(lines) * PAPER.line
     return Bbox.from_extents(-MARGIN, -depth - MARGIN, width + MARGIN, height + MARGIN)
 
 
 def draw_svg(figure: Figure) -> str:
     """A figure as an SVG element whose colours are the CSS variables of `theme.variables`."""
     with _our_style():
-        return themed(_vectors(figure), figure.id)
+        return themed(_vectors(_canvas(figure)), figure.id)
 
 
-def _vectors(figure: Figure) -> str:
-    """A figure as an SVG file in the colours that stand for roles."""
-    canvas = _canvas(figure, PAGE)
-    FigureCanvasSVG(canvas)
-    return _saved(canvas, format="svg", metadata=_NO_METADATA).decode()
+def _dots(canvas: MatplotlibFigure) -> bytes:
+    """A laid out figure as a PNG file on white."""
+    return _saved(canvas, format="png", metadata={"Software": None})
 
 
-def _canvas(figure: Figure, sheet: Sheet) -> _Canvas:
-    sheet = replace(sheet, width=NARROW) if figure.narrow else sheet
+def _vectors(canvas: MatplotlibFigure) -> str:
+    """A laid out figure as an SVG file on nothing."""
+    return _saved(canvas, format="svg", facecolor="none", metadata=_NO_METADATA).decode()
+
+
+def _canvas(figure: Figure) -> MatplotlibFigure:
+    """A figure laid out for every output: that takes as long as drawing it."""
+    sheet = replace(PAPER, width=NARROW) if figure.narrow else PAPER
     columns = min(figure.columns, len(figure.panels))
     column = sheet.shared(columns)
     rows = [figure.panels[start : start + columns] for start in range(0, len(figure.panels), columns)]
     heights = [max(_height(panel, column) for panel in row) for row in rows]
     layout = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, wspace=0.0, hspace=0.0)
-    canvas = _Canvas(figsize=(sheet.width, sum(heights)), layout=layout, facecolor="none")
-    if sheet.palette is LIGHT:
-        canvas.set_facecolor(LIGHT["paper"])
+    size = (sheet.width, sum(heights))
+    canvas = MatplotlibFigure(size, RESOLUTION, layout=layout, facecolor=sheet.palette["paper"])
+    FigureCanvasAgg(canvas)
     boxes = canvas.subfigures(len(rows), columns, squeeze=False, height_ratios=heights, wspace=0, hspace=0)
     for row, height, places in zip(rows, heights, boxes, strict=True):
         for panel, box in zip(row, places, strict=False):
             box.set_facecolor("none")
             _draw(panel, box, height, column)
+    layout.execute(canvas)
+    canvas.set_layout_engine(None)
     return canvas
 
 
@@ -200,7 +186,7 @@ def _draw(panel: Panel, box: SubFigure, height: float, sheet: Sheet) -> None:
         draw_flow.draw(panel, box, height, sheet)
 
 
-def _saved(canvas: _Canvas, **how: Any) -> bytes:  # noqa: ANN401 - handed on to matplotlib as they are
+def _saved(canvas: MatplotlibFigure, **how: Any) -> bytes:  # noqa: ANN401 - handed on to matplotlib as they are
     file = io.BytesIO()
     canvas.savefig(file, **how)
     return file.getvalue()

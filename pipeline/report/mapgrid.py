@@ -22,8 +22,8 @@ SHADES = 47
 HATCHING = "#5a5a5a"
 """Colour of the strokes; cells keep their colours on a dark page, so they do as well."""
 
-_DARK, _LIGHT = "#14181c", "#ffffff"
-"""Text inside cells."""
+_DARK, _LIGHT = "#14181c", "#fffffe"
+"""Text inside cells: colours of no role, so that they stay on a dark page."""
 
 
 def known(chart: SpeedMap) -> Masked:

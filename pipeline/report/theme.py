@@ -40,12 +40,12 @@ ROLES: dict[str, tuple[str, str]] = {
 
 FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif"
 
-_SENTINEL = {role: f"#fe{index:02x}d7" for index, role in enumerate(ROLES)}
-"""Colours that no map uses; a drawing made with them is coloured by the page that holds it."""
-_ROLE = {colour: role for role, colour in _SENTINEL.items()}
+_ROLE = {light: role for role, (light, _) in ROLES.items()}
+"""Role of a colour in a drawing made with `LIGHT`: each has its own, and no map uses them."""
+_COLOUR = rf"#(?:{'|'.join(light.removeprefix('#') for light in _ROLE)})\b"
 _FAMILY = re.compile(r"'DejaVu Sans'(?:, sans-serif)?")
-_ATTRIBUTE = re.compile(r'\b(fill|stroke)="(#fe[0-9a-f]{2}d7)"')
-_STYLED = re.compile(r"#fe[0-9a-f]{2}d7")
+_ATTRIBUTE = re.compile(rf'\b(fill|stroke)="({_COLOUR})"')
+_STYLED = re.compile(_COLOUR)
 _OUTSIDE = "'DejaVu Sans', Verdana, sans-serif"
 """Fonts of a drawing that stands alone: the one it was laid out with, and one of the same width."""
 _PROLOGUE = re.compile(r"<!DOCTYPE.*?>|<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
@@ -78,7 +78,6 @@ class Palette:
 SERIES = sum(role.startswith("series-") for role in ROLES)
 LIGHT = Palette({role: light for role, (light, _) in ROLES.items()})
 DARK = Palette({role: dark for role, (_, dark) in ROLES.items()})
-THEMED = Palette(_SENTINEL)
 
 
 def variables(palette: Palette) -> str:
@@ -87,7 +86,7 @@ def variables(palette: Palette) -> str:
 
 
 def themed(svg: str, prefix: str) -> str:
-    """A drawing made with `THEMED`, ready to stand inside a page.
+    """A drawing made with `LIGHT`, ready to stand inside a page.
 
     Colours become CSS variables, fonts the page's own, and identifiers get a prefix so that several drawings
     can share the page; size, comments and metadata are left out. Text between the tags is left as it is.
@@ -115,18 +114,14 @@ def alone(svg: str, title: str, caption: str) -> str:
     Parameters
     ----------
     svg : str
-        A whole SVG file made with `THEMED`; it is given the colours of a light page.
+        A whole SVG file made with `LIGHT`.
     title, caption : str
         What it is, and what it shows.
     """
     words = f"<title>{escape(spelled(title))}</title>\n<desc>{escape(spelled(caption))}</desc>\n"
     paper = f'<rect width="100%" height="100%" fill="{LIGHT["paper"]}"/>\n'
 
-    def coloured(found: re.Match[str]) -> str:
-        text = _STYLED.sub(lambda colour: LIGHT[_ROLE[colour[0]]], found[0])
-        return _FAMILY.sub(_OUTSIDE, text)
-
-    drawn = _TAG.sub(coloured, _PROLOGUE.sub("", svg))
+    drawn = _TAG.sub(lambda found: _FAMILY.sub(_OUTSIDE, found[0]), _PROLOGUE.sub("", svg))
     head, opening, rest = drawn.partition("<svg ")
     tag, end, body = rest.partition(">")
     return f'{head.strip()}\n{opening}role="img" {tag}{end}\n{words}{paper}{body.strip()}\n'

@@ -9,7 +9,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 
+from pmg.pipeline.report import mapgrid
 from pmg.pipeline.report.document import Chart, Figure, PowerFlow, Series, SpeedMap
 from pmg.pipeline.report.draw import draw_png, draw_svg
 from pmg.pipeline.report.theme import DARK, LIGHT, ROLES, SERIES, Palette
@@ -82,6 +84,14 @@ def test_only_map_cells_keep_fixed_colours() -> None:
     labels = re.findall(r"<text[^>]*>", svg)
     assert sum("var(--ink)" in label for label in labels) > 20
     assert "<image" not in svg
+
+
+def test_no_colour_of_a_map_stands_for_a_role() -> None:
+    fixed = {to_hex(mapgrid.shades(diverging)(k)) for diverging in (False, True) for k in range(mapgrid.SHADES)}
+    fixed |= {mapgrid.against((level, level, level)) for level in (0.0, 1.0)} | {mapgrid.HATCHING}
+    assert len(fixed) == 2 * mapgrid.SHADES + 3
+    assert fixed.isdisjoint(LIGHT.colours.values())
+    assert len(set(LIGHT.colours.values())) == len(ROLES)
 
 
 def test_texts_stay_texts_and_hostile_ones_do_no_harm() -> None:
