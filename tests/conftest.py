@@ -9,6 +9,8 @@ from hypothesis import settings
 
 from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.files.threads import one_thread
+from pmg.pipeline.report.draw import Drawings, draw_all
+from pmg.pipeline.report.figure import Chart, Figure, Series
 from pmg.pipeline.store.store import Store
 from pmg.sim.bench import BenchParameters, load_bench
 
@@ -16,7 +18,7 @@ from .bench.kill import contents
 from .recording.writer import Bench, write
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
 ROOT = Path(__file__).resolve().parent.parent
 FILES = 12
@@ -80,6 +82,28 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
         write(folder / f"{number:02}.mcap", Bench(torque={"sun": 0.1 * number, "ring": 1.5}))
     (folder / "notes.mcap").write_text("not a recording")
     return folder
+
+
+@pytest.fixture(scope="session")
+def any_drawing() -> Drawings:
+    """A small chart, drawn in every way."""
+    line = np.arange(2.0)
+    return draw_all([Figure("any", "Any", "Any.", (Chart("x", "y", (Series("a", line, line),)),))])
+
+
+@pytest.fixture(scope="module")
+def undrawn(any_drawing: Drawings) -> Iterator[None]:
+    """Reports show the same small chart for every figure: for modules that look at anything but drawings."""
+    ((_, png), (_, svg)), (inline,) = any_drawing.files.items(), any_drawing.inline.values()
+
+    def stand_in(figures: Sequence[Figure], title: str = "") -> Drawings:
+        del title
+        files = {figure.file: png for figure in figures} | {figure.vector_file: svg for figure in figures}
+        return Drawings(files, any_drawing.pdf if figures else b"", {figure.id: inline for figure in figures})
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pmg.pipeline.report.write.draw_all", stand_in)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -31,6 +31,8 @@ from pmg.pipeline.fit.analysis import Analysis
 from pmg.pipeline.recording.remark import Remark
 from pmg.sim.errors import FitError, StoreError
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 RUNNER = CliRunner()
 PLAIN_TERMS = ("--terms-sun", "0,1", "--terms-ring", "0,1")
 
