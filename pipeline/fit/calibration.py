@@ -118,19 +118,18 @@ def with_parameters(model: LossModel, free: tuple[str, ...], values: Array) -> L
 def jacobian(readings: Readings, bench: BenchParameters, model: LossModel, free: tuple[str, ...]) -> Array:
     """Derivatives of the predicted readings to the free parameters (m, k).
 
-    The prediction is linear in every single parameter, so a central difference over the parameter's usual size is
-    exact to rounding.
+    The prediction is linear in every single parameter, so a difference over the parameter's usual size is exact to
+    rounding.
     """
-    values = parameter_values(model, free)
+    values, here = parameter_values(model, free), predict(readings, bench, model)
     n_curves = len(values) - len(free)
     steps = np.r_[np.full(n_curves, 0.01), [CONSTANTS[name].typical for name in free]]
     columns = []
     for i, step in enumerate(steps):
         shift = np.zeros(len(values))
         shift[i] = step
-        up = predict(readings, bench, with_parameters(model, free, values + shift))
-        down = predict(readings, bench, with_parameters(model, free, values - shift))
-        columns.append(change(up, down) / (2.0 * step))
+        there = predict(readings, bench, with_parameters(model, free, values + shift))
+        columns.append(change(there, here) / step)
     return np.stack(columns, axis=1)
 
 

@@ -11,13 +11,14 @@ from pmg.sim.grid import Grid
 from pmg.sim.roots import ROUNDING
 from pmg.sim.shafts import PerShaft
 from pmg.sim.steady.gearbox import Gearbox
-from pmg.sim.steady.solve import steady
+from pmg.sim.steady.solve import holding_torques
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
     from pmg.sim.bench import BenchParameters
     from pmg.sim.lossmodel import LossModel
+    from pmg.sim.mechanisms.base import Torques
     from pmg.sim.signals import Array, Mask
 
 
@@ -84,9 +85,9 @@ class Readings:
         sign = np.sign(self.speed_own)
         return np.where((sign == 0.0) | (self.configuration == "zero"), 1.0, sign)
 
-    def of(self, simulated: Grid) -> Array:
+    def of(self, simulated: Torques) -> Array:
         """The simulated counterparts of the readings [N m]."""
-        return np.where(self.sun, simulated.torque_sun[self.row], simulated.torque_ring[self.row])
+        return np.where(self.sun, simulated.sun[self.row], simulated.ring[self.row])
 
 
 def take_readings(grid: Grid, bench: BenchParameters) -> Readings:
@@ -107,8 +108,7 @@ def take_readings(grid: Grid, bench: BenchParameters) -> Readings:
 
 def predict(readings: Readings, bench: BenchParameters, model: LossModel) -> Array:
     """Simulated value of each reading by the calibrated model [N m]."""
-    simulated = steady(Gearbox.calibrated(bench, model), readings.grid.points)
-    return readings.of(simulated)
+    return readings.of(holding_torques(Gearbox.calibrated(bench, model), readings.grid.points))
 
 
 def change(after: Array, before: Array) -> Array:

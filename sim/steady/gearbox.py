@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.sim.mechanisms.base import Instrument, Torques, nothing
+from pmg.sim.mechanisms.base import Instrument, RotorLaw, Torques, nothing
 from pmg.sim.steady.baseline import baseline_mechanisms
 
 if TYPE_CHECKING:
@@ -42,6 +42,11 @@ class Gearbox:
     def instruments(self) -> tuple[Instrument, ...]:
         """The faults among the mechanisms: they act on readings, not on rotors."""
         return tuple(mechanism for mechanism in self.mechanisms if isinstance(mechanism, Instrument))
+
+    @property
+    def same_at_any_load(self) -> bool:
+        """Whether every contribution follows from the speeds alone."""
+        return all(isinstance(mechanism, RotorLaw | Instrument) for mechanism in self.mechanisms)
 
     def ratio(self, at: OperatingPoints) -> Array:
         """Magnitude of w_sun / w_ring of each point's stage."""

@@ -43,23 +43,13 @@ def steady(gearbox: Gearbox, at: OperatingPoints, campaign: str = "") -> Grid:
     the ring gets the measured torque, the sun torque is what keeps the speed.) Faults of the instruments come last:
     what is given is then a reading, from which the true ring torque follows, and what comes out are readings.
     """
-    zero = np.zeros(len(at))
-    given = at
-    faults = gearbox.instruments
-    if faults:
-        at = replace(given, torque_ring=true_load(gearbox, given))
-    drag = gearbox.torque(at)
-    torque_sun = gearbox.transmitted(at, drag) - drag.sun
-    torque_ring = np.where(at.engaged, at.torque_ring, -drag.ring)
-    if faults:
-        error_sun, error_ring = distorted(faults, at, Torques(torque_sun, torque_ring))
-        torque_sun, torque_ring = torque_sun + error_sun, torque_ring + error_ring
+    torques, zero = holding_torques(gearbox, at), np.zeros(len(at))
     return Grid(
         origin="simulated",
         campaign=campaign,
-        points=given,
-        torque_sun=torque_sun,
-        torque_ring=torque_ring,
+        points=at,
+        torque_sun=torques.sun,
+        torque_ring=torques.ring,
         within_sun=zero,
         within_ring=zero,
         u_sun=zero,
@@ -71,17 +61,46 @@ def steady(gearbox: Gearbox, at: OperatingPoints, campaign: str = "") -> Grid:
     )
 
 
+def holding_torques(gearbox: Gearbox, at: OperatingPoints, drag: Torques | None = None) -> Torques:
+    """The torques of `steady` alone (n,) [N m].
+
+    Parameters
+    ----------
+    gearbox : Gearbox
+        The model.
+    at : OperatingPoints
+        The n points.
+    drag : Torques, optional
+        Sum of all contributions there, where it is known already and the same at any load.
+    """
+    if drag is None and gearbox.same_at_any_load:
+        drag = gearbox.torque(at)
+    faults = gearbox.instruments
+    if faults:
+        at = replace(at, torque_ring=true_load(gearbox, at, drag))
+    drag = gearbox.torque(at) if drag is None else drag
+    torque_sun = gearbox.transmitted(at, drag) - drag.sun
+    torque_ring = np.where(at.engaged, at.torque_ring, -drag.ring)
+    if faults:
+        error_sun, error_ring = distorted(faults, at, Torques(torque_sun, torque_ring))
+        torque_sun, torque_ring = torque_sun + error_sun, torque_ring + error_ring
+    return Torques(torque_sun, torque_ring)
+
+
 _FAULT_STEPS = 8
 """Fixed-point steps from a distorted load to the true one at most; each gains two digits or more, as faults are
 small."""
 
 
-def true_load(gearbox: Gearbox, at: OperatingPoints) -> Array:
-    """Ring torque [N m] whose reading is the one given, where engaged: what faults of the instruments hide."""
+def true_load(gearbox: Gearbox, at: OperatingPoints, known: Torques | None = None) -> Array:
+    """Ring torque [N m] whose reading is the one given, where engaged: what faults of the instruments hide.
+
+    The sum of all contributions may be `known`, where it is the same at any load.
+    """
     load = at.torque_ring
     for _ in range(_FAULT_STEPS):
         guess = replace(at, torque_ring=load)
-        drag = gearbox.torque(guess)
+        drag = gearbox.torque(guess) if known is None else known
         true = Torques(gearbox.transmitted(guess, drag) - drag.sun, load)
         before, hidden = load, distorted(gearbox.instruments, guess, true)[1]
         load = np.where(at.engaged, at.torque_ring - hidden, at.torque_ring)

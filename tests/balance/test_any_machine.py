@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.sim.signals import Array
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 def diagnosed(path: Path) -> TermsDiagnosis:
     case = read_case(path)

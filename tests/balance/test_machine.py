@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.machine.power import SteadyPoint
     from pmg.sim.signals import Array
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 def run_pmg(*words: str) -> Result:
     return CliRunner().invoke(app, list(words))

@@ -419,8 +419,8 @@ PHYSICS = (
     mutant(
         "curve that turns down beyond its data",
         "LossCurve._terms",
-        "(p * x_limit ** (p - 1.0) if p else 0.0) * (x - inside)",
-        "0.0 * (x - inside)",
+        "(p * x_limit ** (p - 1.0) if p else 0.0) * beyond",
+        "0.0 * beyond",
         FORMS,
     ),
     mutant(
@@ -442,7 +442,7 @@ PHYSICS = (
     mutant("one ratio for both stages", "BenchParameters.ratio", "self.gear2.ratio", "self.gear1.ratio", FORMS, STEADY),
     mutant(
         "sun without its own drag",
-        "steady",
+        "holding_torques",
         "gearbox.transmitted(at, drag) - drag.sun",
         "gearbox.transmitted(at, drag)",
         FORMS,

@@ -27,6 +27,8 @@ from pmg.sim.errors import PmgError
 from pmg.sim.grid import Grid, OperatingPoints
 from pmg.sim.signals import RPM, Array
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 SUN = np.array([-1560.0, -624.0, 90.0, 312.0, 780.0, 1248.0, 1872.0])
 RING = np.array([-480.0, -120.0, 60.0, 240.0, 480.0, 720.0])
 OPTIONS = AnalysisOptions(powers_sun=(0.0, 1.0), powers_ring=(0.0, 1.0))

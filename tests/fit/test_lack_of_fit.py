@@ -43,6 +43,8 @@ from pmg.sim.signals import RPM
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import steady
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 SECOND = "2025-04-23T09:00:00Z"
 OPTIONS = AnalysisOptions()
 

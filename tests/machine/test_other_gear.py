@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
     from pmg.sim.grid import Grid
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 RUNNER = CliRunner()
 
 

@@ -34,6 +34,9 @@ from pmg.sim.signals import RPM
 
 RATE, SECONDS = 2000.0, 6.0
 SUN, RING = 624.0, -240.0
+
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 DENSITY = 0.8
 SCALE = 1e-4
 COIL = "/daq/emf/radial_1"

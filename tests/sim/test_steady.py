@@ -13,10 +13,11 @@ from pmg.sim.errors import BenchError
 from pmg.sim.grid import OperatingPoints
 from pmg.sim.losscurve import LossCurve
 from pmg.sim.lossmodel import LossModel
+from pmg.sim.mechanisms import GainError, LoadFriction
 from pmg.sim.signals import RPM
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.power_chain import MotorConvention, _motor_electric_power, power_chain
-from pmg.sim.steady.solve import steady
+from pmg.sim.steady.solve import holding_torques, steady
 
 BENCH = load_bench()
 CURVE = LossCurve((0.0, 0.5, 1.0), np.array([0.01, 0.05, 0.03]), 100.0, 200.0)
@@ -54,6 +55,18 @@ def test_what_the_bench_takes_is_what_the_mechanisms_dissipate(sun: float, torqu
 def test_mirrored_rotation_mirrors_the_torques(sun: float, torque: float) -> None:
     forward, backward = steady(GEARBOX, engaged(sun, torque)), steady(GEARBOX, engaged(-sun, -torque))
     np.testing.assert_allclose(forward.torque_sun, -backward.torque_sun, rtol=1e-12)
+
+
+@given(speed, load, gear)
+def test_a_drag_that_follows_from_the_speeds_is_summed_once_for_all_loads(
+    sun: float, torque: float, number: int
+) -> None:
+    at, fault = engaged(sun, torque, number), GainError(gain_sun=-0.01, gain_ring=0.02)
+    known = holding_torques(Gearbox(BENCH, (fault,)), at, GEARBOX.torque(at))
+    whole = Gearbox(BENCH, (*GEARBOX.mechanisms, fault))
+    np.testing.assert_array_equal([*known], [*holding_torques(whole, at)])
+    assert whole.same_at_any_load
+    assert not Gearbox(BENCH, (*whole.mechanisms, LoadFriction.of(BENCH, MODEL))).same_at_any_load
 
 
 @given(speed, st.floats(10.0, 900.0))

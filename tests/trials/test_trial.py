@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,8 +18,10 @@ from typer.testing import CliRunner
 
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.diagnosis.design.plans import possible_plans
+from pmg.pipeline.trials.motion.nature import MotionCase, draw_motion_case
+from pmg.pipeline.trials.motion.strata import MotionStratum
 from pmg.pipeline.trials.nature import ConcealedCampaign, measure_case
-from pmg.pipeline.trials.score import run_case, stage
+from pmg.pipeline.trials.score import case_list, run_case, stage
 from pmg.pipeline.trials.score.case_list import SHARES, chosen_kinds, chosen_track, draw_lots, draw_motion_lots
 from pmg.pipeline.trials.score.figures import Aim, Figured, figures, mean
 from pmg.pipeline.trials.score.rates import Rate, fit_curve
@@ -470,11 +473,21 @@ def test_a_trial_resumes_and_makes_no_campaign_twice(
     assert json.dumps(first) == json.dumps(second), "same seed, same bytes but for times"
 
 
-def test_a_trial_of_runs_in_motion_has_aims_of_its_own(tmp_path: Path) -> None:
+def test_a_trial_of_runs_in_motion_has_aims_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With three of the runs that it draws, which tell nothing from a slow change: a whole campaign takes long."""
+
+    def few_runs(rng: np.random.Generator, stratum: MotionStratum, *, laws: str) -> MotionCase:
+        case = draw_motion_case(rng, stratum, laws=laws)
+        runs, begun = case.scene.campaign.runs, case.scene.begun
+        kept = [i for i, run in enumerate(runs) if run.point in ("Z_0", "N_ring_up", "N_ring_dither")]
+        campaign = replace(case.scene.campaign, runs=tuple(runs[i] for i in kept))
+        return replace(case, scene=replace(case.scene, campaign=campaign, begun=tuple(begun[i] for i in kept)))
+
+    monkeypatch.setattr(case_list, "draw_motion_case", few_runs)
     options = TrialOptions(campaigns=1, seed=SEED, strata="clean", track="motion", workers=1)
     found = run_prove(tmp_path, options)
     (row,) = found.data["scores"]["cases"]
-    assert row["verdict"] == "consistent"
+    assert row["verdict"] == "confounded"
     assert found.data["scores"]["track"] == "motion"
     aims = {figure["id"]: figure["aim"] for figure in found.data["scores"]["figures"]}
     assert aims["size_95"] is None
@@ -484,6 +497,14 @@ def test_a_trial_of_runs_in_motion_has_aims_of_its_own(tmp_path: Path) -> None:
     assert again.data["made"] == 0
     with pytest.raises(StoreError, match="sealed for"):
         run_prove(tmp_path, replace(options, track=None))
+
+
+def test_nothing_is_found_in_a_whole_clean_campaign_in_motion() -> None:
+    if not os.environ.get("PMG_SLOW"):
+        pytest.skip("drawn campaigns belong to './pmgw prove --track motion'; PMG_SLOW=1 tries one here")
+    (lot,) = draw_motion_lots(1, SEED, ("clean",))
+    found = run_case.run_case(run_case.CaseTask(lot, "grid", "code", "sha256", further=False))
+    assert found["diagnosis"]["verdict"] == "consistent"
 
 
 def test_the_campaigns_of_a_trial_in_motion_are_of_every_kind_in_its_share() -> None:

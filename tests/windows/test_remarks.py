@@ -31,6 +31,9 @@ from pmg.sim.bench import BenchParameters, load_bench
 from pmg.sim.grid import Grid
 
 LATER, LATEST = "2025-04-23T09:00:00Z", "2025-04-23T10:00:00Z"
+
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 TORQUE = "/daq/torque_sun/frequency"
 
 

@@ -15,13 +15,14 @@ from pmg.pipeline.grid.readings import Readings, change, predict
 from pmg.sim.mechanisms import CANDIDATES, Instrument
 from pmg.sim.steady.baseline import baseline_mechanisms
 from pmg.sim.steady.gearbox import Gearbox
-from pmg.sim.steady.solve import steady
+from pmg.sim.steady.solve import holding_torques
 
 if TYPE_CHECKING:
     from pmg.pipeline.fit.whitening import Whitener
     from pmg.sim.bench import BenchParameters
     from pmg.sim.lossmodel import LossModel
     from pmg.sim.mechanisms import Mechanism, Parameter
+    from pmg.sim.mechanisms.base import Torques
     from pmg.sim.signals import Array
 
 
@@ -138,7 +139,7 @@ class CandidateFit(Fit[Candidate]):
 def predict_with(readings: Readings, bench: BenchParameters, model: LossModel, extra: tuple[Mechanism, ...]) -> Array:
     """Simulated value of each reading with further mechanisms in [N m]."""
     gearbox = Gearbox(bench, (*baseline_mechanisms(model, bench), *extra))
-    return readings.of(steady(gearbox, readings.grid.points))
+    return readings.of(holding_torques(gearbox, readings.grid.points))
 
 
 class Known(Protocol):
@@ -173,6 +174,8 @@ class GridProblem(WhitenedProblem[CandidateFit]):
     columns : (m, k) array
         What the baseline may use, before whitening [N m per unit]: slopes of its constants, and whatever else it is
         allowed to follow.
+    drag : Torques
+        What the baseline puts on the rotors at each point; it follows from the speeds alone [N m].
     whole : Known, optional
         Fits to all readings, where these are a part of them.
     """
@@ -184,6 +187,7 @@ class GridProblem(WhitenedProblem[CandidateFit]):
     predicted: Array
     ideal: Array
     columns: Array
+    drag: Torques
     whole: Known | None = None
 
     @property
@@ -215,10 +219,9 @@ class GridProblem(WhitenedProblem[CandidateFit]):
         what the whole baseline gives.
         """
         extra = candidate.mechanism(self.bench, self.model, values)
-        if isinstance(extra, Instrument):
-            return change(predict_with(self.readings, self.bench, self.model, (extra,)), self.predicted)
-        alone = steady(Gearbox(self.bench, (extra,)), self.readings.grid.points)
-        return change(self.readings.of(alone), self.ideal)
+        alone, fault = Gearbox(self.bench, (extra,)), isinstance(extra, Instrument)
+        torques = holding_torques(alone, self.readings.grid.points, self.drag if fault else None)
+        return change(self.readings.of(torques), self.predicted if fault else self.ideal)
 
     def fitted(
         self, candidate: Candidate, values: Array, gain: float = 0.0, on_bound: tuple[str, ...] = ()
@@ -250,7 +253,9 @@ def grid_problem(
     columns = jacobian(readings, bench, model, BASELINE_FREE)
     if allowed is not None:
         columns = np.hstack([columns, allowed])
+    points = readings.grid.points
+    drag = Gearbox.calibrated(bench, model).torque(points)
     predicted = predict(readings, bench, model)
-    ideal = readings.of(steady(Gearbox(bench, ()), readings.grid.points))
+    ideal = readings.of(holding_torques(Gearbox(bench, ()), points))
     y = white((readings.torque - predicted)[:, None])[:, 0]
-    return GridProblem(*freed(white(columns), y), readings, bench, model, white, predicted, ideal, columns)
+    return GridProblem(*freed(white(columns), y), readings, bench, model, white, predicted, ideal, columns, drag)
