@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.sim.recursion import remembered
 from pmg.sim.shafts import SIDES, other_side, per_shaft
 
 if TYPE_CHECKING:
@@ -81,12 +82,11 @@ def _run_history(time: Array, power: Array, at: Array, constant: float) -> Array
     (m,) array
         Exponentially weighted mean of the past power.
     """
-    out = np.zeros(len(time))
-    for i in range(1, len(time)):
-        keep = np.exp(-(time[i] - time[i - 1]) / constant)
-        out[i] = keep * out[i - 1] + (1.0 - keep) * power[i - 1]
+    keep = np.exp(-np.diff(time) / constant)
+    news = np.zeros(len(time))
+    news[1:] = (1.0 - keep) * power[:-1]
     index = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 1)
-    return out[index]
+    return remembered(keep, news)[index]
 
 
 def past_power(readings: Readings, model: LossModel, shaft: str, constant: float) -> Array:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.fit.noise import CORRELATIONS, GROWTHS, NO_GROWTH, Growth, NoiseFloor
+from pmg.sim.recursion import remembered
 from pmg.sim.shafts import PerShaft, per_shaft
 
 if TYPE_CHECKING:
@@ -60,10 +61,9 @@ class Chain:
     def colour(self, white: Array, rho: float) -> Array:
         """The noise whose links bring this news; the inverse of `whiten`."""
         keep = rho**self.lag
-        out = white.copy()
-        for k, part in enumerate(keep, start=1):
-            out[k] = part * out[k - 1] + math.sqrt(1.0 - part**2) * white[k]
-        return out
+        news = white.copy()
+        news[1:] *= np.sqrt(1.0 - keep**2)[:, None]
+        return remembered(keep, news)
 
     def log_determinant(self, rho: float) -> float:
         """Logarithm of the determinant of the correlation matrix."""

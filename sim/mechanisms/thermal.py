@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from scipy.linalg import solve_banded
 
 from pmg.sim import signals, sources
 from pmg.sim.grid import Configuration
 from pmg.sim.mechanisms.base import Component, Experiment, Mechanism, Reveals, Torques, Warmth, parameter
 from pmg.sim.mechanisms.warmed import WarmingBearings, WarmMagnets, field_left
+from pmg.sim.recursion import remembered
 from pmg.sim.shafts import PerShaft, per_shaft
 
 if TYPE_CHECKING:
@@ -62,9 +62,10 @@ def _temperature_rise(
     keep = np.exp(-gaps / time_constant)
     turning = np.where(gaps > STOPPED, 1.0 - idle, 1.0)
     during = turning * (dwell * fed[1:] + (1.0 - dwell) * fed[:-1])
-    recursion = np.stack([np.ones(len(order)), np.r_[-keep, 0.0]])
+    news = np.full(len(order), start)
+    news[1:] = (1.0 - keep) * during
     out = np.full(len(at), np.nan)
-    out[order] = solve_banded((1, 0), recursion, np.r_[start, (1.0 - keep) * during])
+    out[order] = remembered(keep, news)
     return out
 
 

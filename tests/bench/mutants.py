@@ -261,7 +261,7 @@ STATISTICS = (
         "slope = 0.0 * step_slope",
         DECISIONS,
     ),
-    mutant("memory that begins with the point itself", "_run_history", "power[i - 1]", "power[i]", DECISIONS),
+    mutant("memory that begins with the point itself", "_run_history", "power[:-1]", "power[1:]", DECISIONS),
     mutant(
         "tare that cancels between campaigns", "_one_error", ' and not cause.name.startswith("tare")', "", DECISIONS
     ),

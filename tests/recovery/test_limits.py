@@ -62,7 +62,7 @@ def test_growing_noise_raises_no_more_alarms(bench: BenchParameters) -> None:
         analysis = analysed(grid, bench)
         assert analysis.fits is not None
         assert analysis.floor is not None
-        alarms += find_mismatch(analysis.grid, analysis.fits, analysis.floor, bench, rng, draws=200).found
+        alarms += find_mismatch(analysis.grid, analysis.fits, analysis.floor, bench, rng, draws=99).found
     assert alarms <= 3
 
 

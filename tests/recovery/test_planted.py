@@ -36,7 +36,7 @@ def p_value(grid: Grid, bench: BenchParameters, rng: np.random.Generator) -> flo
     analysis = analysed(grid, bench)
     assert analysis.fits is not None
     assert analysis.floor is not None
-    return find_mismatch(analysis.grid, analysis.fits, analysis.floor, bench, rng, draws=200).p_value
+    return find_mismatch(analysis.grid, analysis.fits, analysis.floor, bench, rng, draws=99).p_value
 
 
 @pytest.mark.parametrize("order", ["random", "falling"])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from pmg.pipeline.fit.span import orthonormal
 
@@ -82,17 +82,17 @@ class Scan:
                 tests.append(np.ones(white.shape[1]))
                 continue
             group = int(np.argmax([float(np.sum(basis[rows] ** 2)) for rows in self.evidence.groups]))
-            tests.append(stats.f.sf(np.sum((basis.T @ standard) ** 2, axis=0) / k, k, dof[group]))
+            tests.append(special.fdtrc(k, dof[group], np.sum((basis.T @ standard) ** 2, axis=0) / k))
         for group, columns in enumerate(self.evidence.contrasts):
             if columns.shape[1]:
                 ratio = np.mean((columns.T @ residual) ** 2, axis=0) / variance[group]
-                tests.append(2.0 * stats.f.sf(ratio, columns.shape[1], dof[group]))
-                tests.append(2.0 * stats.f.cdf(ratio, columns.shape[1], dof[group]))
+                tests.append(2.0 * special.fdtrc(columns.shape[1], dof[group], ratio))
+                tests.append(2.0 * special.fdtr(columns.shape[1], dof[group], ratio))
         if self.evidence.single_rows:
             room = np.sqrt(np.maximum(1.0 - np.einsum("ij,ij->i", self.baseline, self.baseline), 1e-6))
             usable = room > MINIMUM_ROOM
             largest = np.max(np.abs(standard[usable]) / room[usable, None], axis=0)
-            tests.append(np.minimum(2.0 * usable.sum() * stats.t.sf(largest, min(dof)), 1.0))
+            tests.append(np.minimum(2.0 * usable.sum() * special.stdtr(min(dof), -largest), 1.0))
         return np.clip(np.stack(tests), 1e-300, 1.0)
 
 
