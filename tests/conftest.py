@@ -25,17 +25,25 @@ FILES = 12
 """Files of `campaign`."""
 LONGEST = (
     "test_tutorial.py",
-    "commands/test_notebook.py",
-    "commands/test_commands.py",
-    "recovery/test_planted.py",
+    "balance/test_any_machine.py",
     "cli/test_cli.py",
-    "recovery/test_limits.py",
-    "sim/dynamics/test_kernel.py",
+    "balance/test_machine.py",
     "simulate/test_simulate.py",
-    "commands/test_scale.py",
-    "test_processors.py",
-    "trials/test_trial.py",
+    "commands/test_commands.py",
     "balance/test_balance.py",
+    "diagnosis/test_motion.py",
+    "commands/test_notebook.py",
+    "trials/test_trial.py",
+    "recovery/test_naming.py",
+    "recovery/test_planted.py",
+    "motion/test_motion_report.py",
+    "report/test_signals_live.py",
+    "sim/dynamics/test_kernel.py",
+    "commands/test_scale.py",
+    "balance/test_own_machine.py",
+    "recovery/test_limits.py",
+    "report/test_live.py",
+    "test_processors.py",
 )
 """Files of tests that take longest. They begin, so that at the end no core waits long for another."""
 
