@@ -93,7 +93,7 @@ class CarrierParameters:
 
 @dataclass(frozen=True)
 class MotorParameters:
-    """One of the two equal motors."""
+    """One of the two equal motors; its drive gives no more than the bus voltage and the peak current."""
 
     resistance: SourcedQuantity
     inductance: SourcedQuantity
@@ -101,6 +101,8 @@ class MotorParameters:
     back_emf_constant: SourcedQuantity
     damping: SourcedQuantity
     inertia: SourcedQuantity
+    bus_voltage: SourcedQuantity
+    peak_current: SourcedQuantity
 
 
 @dataclass(frozen=True)

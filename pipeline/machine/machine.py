@@ -36,6 +36,8 @@ SHAFT_NUMBERS = {
     "motor.inductance": "inductance",
     "motor.damping": "damping",
     "motor.inertia": "inertia",
+    "motor.bus_voltage": "voltage",
+    "motor.peak_current": "current",
     "motor.largest": "drive",
     "encoder.counts_per_turn": "number",
     "encoder.resolution": "way",

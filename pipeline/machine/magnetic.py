@@ -27,6 +27,8 @@ OF_BOTH = {
         "back_emf_constant": "motor.back_emf_constant",
         "damping": "motor.damping",
         "inertia": "motor.inertia",
+        "bus_voltage": "motor.bus_voltage",
+        "peak_current": "motor.peak_current",
     },
     "shafts": {"joint_stiffness": "coupling.stiffness", "joint_damping": "coupling.damping"},
 }

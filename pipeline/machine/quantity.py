@@ -25,6 +25,8 @@ UNITS: dict[str, Mapping[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3},
     "rate": {"1/s": 1.0},
     "voltage per torque": {"V/(N m)": 1.0},
+    "voltage": {"V": 1.0, "mV": 1e-3},
+    "current": {"A": 1.0, "mA": 1e-3},
 }
 """Units of what a machine that slides and one that turns have alike; the first of each is that of SI."""
 

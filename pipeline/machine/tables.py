@@ -34,6 +34,8 @@ class _MotorTable(Strict):
     inductance: Number = None
     damping: Number = None
     inertia: Number = None
+    bus_voltage: Number = None
+    peak_current: Number = None
     largest: Number = None
 
 

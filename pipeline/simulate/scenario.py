@@ -21,12 +21,11 @@ from pmg.pipeline.files.strict_tables import (
 from pmg.pipeline.fit.calibration import CONSTANTS
 from pmg.pipeline.simulate.scenario_mechanisms import Switched, switch_on
 from pmg.pipeline.simulate.scenario_words import Amplitude, Frequency, Length, Motor, Rpm, Torque, refuse_foreign_units
-from pmg.sim.dynamics.assumptions import RANGES, Assumptions, RotorInertia
+from pmg.sim.dynamics.assumptions import CHOICES, RANGES, Assumptions
 from pmg.sim.dynamics.constants import Control
 from pmg.sim.dynamics.transient import OUTPUTS, OnSlip, Solver
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import SIDES, Member
-from pmg.sim.steady.power_chain import MotorConvention
 
 
 class Bench(Strict):
@@ -180,13 +179,12 @@ def _assumptions(table: object) -> Assumptions:
     """Choices that the thesis leaves open, as a table of the file makes them."""
     if not isinstance(table, dict):
         refuse(repr(table), "a table", "Write [assumptions] above the keys.")
-    kinds = {"motor_signs": MotorConvention, "rotor_inertia": RotorInertia}
     refuse_unknown(table, [f.name for f in fields(Assumptions)])
     chosen: dict[str, Any] = {}
     for name, value in table.items():
         with refusing(name):
-            if name in kinds:
-                chosen[name] = kinds[name](word_of(value, [str(kind) for kind in kinds[name]]))
+            if name in CHOICES:
+                chosen[name] = CHOICES[name](word_of(value, [str(kind) for kind in CHOICES[name]]))
             elif name in RANGES:
                 chosen[name] = float(number_within(value, *RANGES[name]))
             elif isinstance(value, bool):

@@ -11,7 +11,7 @@ from pmg.sim.steady.power_chain import MotorConvention
 
 
 class RotorInertia(StrEnum):
-    """Where the inertia of a motor's rotor sits, seen from the torque that is fed back.
+    """Where the inertia of a motor's rotor sits, seen from the torque that is fed back; each motor has its own.
 
     ``BEHIND_SENSOR``: the rotor turns between air gap and sensor, so the loop makes up for it and, while the loop
     is fast, the shaft does not feel it (thesis, equation 5.11).
@@ -35,6 +35,13 @@ RANGES: dict[str, tuple[float, float, str]] = {
 }
 """Allowed range and unit of each number."""
 
+CHOICES: dict[str, type[StrEnum]] = {
+    "motor_signs": MotorConvention,
+    "rotor_inertia_sun": RotorInertia,
+    "rotor_inertia_ring": RotorInertia,
+}
+"""Words that each choice among several takes."""
+
 
 @dataclass(frozen=True)
 class Assumptions:
@@ -52,15 +59,23 @@ class Assumptions:
         ``CONSISTENT`` (default): one constant for torque and back-EMF, physical signs on both sides, nothing created.
         ``THESIS``: K_c and K_e, and on the ring the back-EMF, friction and rotor inertia with the sign turned
         (sections 5.4.1 and 5.4.2). Shaft torques at steady speed do not depend on it.
-    rotor_inertia : RotorInertia
-        Whether the shaft feels the motor's rotor. Default: equation 5.11 as written. Counting it in the shaft
-        brings the published run (485 rpm after 20 s) from 1.5 % to 0.5 %, so the source may have done so.
+    rotor_inertia_sun, rotor_inertia_ring : RotorInertia
+        Whether that shaft feels its motor's rotor. Default: equation 5.11 as written. Counting it in the sun's shaft
+        slows the published run by some 4 rpm after 20 s, towards the printed 485 rpm; in the ring's by 0.6 rpm more.
     map_scale : float
         Factor on the design pull-out torques [1]. The maps used are called scaled down, the factor is not given;
         1 is the design. Steady torques do not depend on it.
     friction_rest_width : float
         Width of the smooth passage of friction through rest [rad/s]. Dry friction jumps there in the source; 0.5
         is below the slowest test by a factor of ten.
+    friction_signed : bool
+        Whether the bearings' look-ups turn with the direction of rotation (default: friction opposes motion). False
+        is what the block diagrams of the source draw (figures 5.11 to 5.13): the look-up is subtracted on the sun and
+        added on the ring whichever way they turn, at rest too. What a look-up gives below rest is not stated; here it
+        keeps its value at rest.
+    motor_limits : bool
+        Whether the amplifiers are limited to bus voltage and peak current. The model of the source has no limit; the
+        bench has. The PID's integral goes on meanwhile: none of its settings says otherwise.
     carrier_in_map : bool
         Whether the map's argument contains the carrier's angle. True is what magnetism asks for and conserves
         energy; False is the source's look-up, which sees sun and ring only.
@@ -76,9 +91,12 @@ class Assumptions:
     sensor_lag: float = 0.010
     derivative_filter: float | None = None
     motor_signs: MotorConvention = MotorConvention.CONSISTENT
-    rotor_inertia: RotorInertia = RotorInertia.BEHIND_SENSOR
+    rotor_inertia_sun: RotorInertia = RotorInertia.BEHIND_SENSOR
+    rotor_inertia_ring: RotorInertia = RotorInertia.BEHIND_SENSOR
     map_scale: float = 1.0
     friction_rest_width: float = 0.5
+    friction_signed: bool = True
+    motor_limits: bool = True
     carrier_in_map: bool = True
     start_phase: float = 0.0
     speed_gain: float = 0.05
@@ -90,7 +108,7 @@ class Assumptions:
             if value is not None and not low <= value <= high:
                 expected = f"{low:g} to {high:g} {unit}"
                 raise BenchError(f"assumption {name}", f"{value:g} {unit}", expected, "Choose a value in that range.")
-        for name, kind in (("motor_signs", MotorConvention), ("rotor_inertia", RotorInertia)):
+        for name, kind in CHOICES.items():
             if not isinstance(getattr(self, name), kind):
                 names = " or ".join(f"'{choice.value}'" for choice in kind)
                 raise BenchError(f"assumption {name}", repr(getattr(self, name)), names, f"Choose a {kind.__name__}.")

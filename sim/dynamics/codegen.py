@@ -46,6 +46,13 @@ class _Printer(PythonCodePrinter):  # type: ignore[misc]  # untyped library
             return f"(1.0/math.sqrt({self._print(base)}))"
         return str(super()._print_Pow(expr, rational=rational))
 
+    def _print_Lesser(self, expr: sympy.Function) -> str:  # noqa: N802  (name made by the library)
+        return f"min({', '.join(map(self._print, expr.args))})"
+
+    def _print_IsLess(self, expr: sympy.Function) -> str:  # noqa: N802  (name made by the library)
+        less, more = map(self._print, expr.args)
+        return f"(1.0 if {less} < {more} else 0.0)"
+
 
 _PRINTER = _Printer({"fully_qualified_modules": True})
 
@@ -148,7 +155,7 @@ def solver_text(given: Formulas, cache: bool) -> str:
         Whether the compiled code is to be kept next to the module.
     """
     y, a, p = (tuple(map(str, symbols)) for symbols in (given.state, given.asked, given.parameters))
-    size = len(given.state)
+    inputs, size = (*y, *a, *p), len(given.state)
     jacobian = _jacobian_formulas(given)
     pattern = list(jacobian)
     linear, factors = _linear(pattern, size)
@@ -162,15 +169,16 @@ def solver_text(given: Formulas, cache: bool) -> str:
     )
     settings += f"SUMS = {len(given.sums)}\n"
     settings += f"ROWS = {[i for i, _ in pattern]}\nCOLUMNS = {[j for _, j in pattern]}\n\n\n"
+    rates_of_set = [(f"out[{n}]", expr) for n, expr in enumerate(drift)]
     indexed = [(f"out[{n}]", expr) for n, expr in enumerate(given.rates)]
     return "".join(
         (
             HEAD,
             settings,
             DECORATOR + inspect.getsource(segments.follow) + "\n\n",
-            _function("rates", "y, a, p, out", indexed, (*y, *a, *p)),
-            _function("slopes", "y, p, out", [(f"out[{n}]", e) for n, e in enumerate(jacobian.values())], (*y, *p)),
-            _function("drift", "v, p, out", [(f"out[{n}]", e) for n, e in enumerate(drift)], (*map(str, v), *p)),
+            _function("rates", "y, a, p, out", indexed, inputs),
+            _function("slopes", "y, a, p, out", [(f"out[{n}]", e) for n, e in enumerate(jacobian.values())], inputs),
+            _function("drift", "y, a, v, p, out", rates_of_set, (*map(str, v), *inputs)),
             linear,
             _function("sums", "y, p, out", [(f"out[{n}]", e) for n, e in enumerate(given.sums)], (*y, *p)),
             _function("slip_rate", "y, p", [("rate", phase)], (*y, *p)).rstrip() + "\n    return rate\n\n\n",

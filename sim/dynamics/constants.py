@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Number
 
 
+CURRENT_LIMITER = 1e-4
+"""Time in which a drive that limits its current gets there [s]; the source has none. Short against L/R = 7 ms."""
+
+
 class Control(StrEnum):
     """Demand that a motor follows."""
 
@@ -22,7 +26,11 @@ class Control(StrEnum):
 
 
 class MotorConstants(NamedTuple):
-    """Constants of one motor and its shaft; `sign` is -1 where the thesis turns the load side's signs."""
+    """Constants of one motor and its shaft.
+
+    `sign` is -1 where the thesis turns the load side's signs; `sensed` says whether the torque fed back is that behind
+    the rotor's inertia.
+    """
 
     sign: float
     inertia: float
@@ -30,6 +38,7 @@ class MotorConstants(NamedTuple):
     back_emf: float
     friction: float
     by_speed: bool
+    sensed: bool
 
 
 class Constants(NamedTuple):
@@ -53,13 +62,16 @@ class Constants(NamedTuple):
     K_i: float
     K_d: float
     K_A: float
+    U_bus: float
+    i_peak: float
+    T_limit: float
     K_v: float
     T_v: float
     tau: float
     N: float
     rest: float
     ideal: bool
-    sensed: bool
+    limited: bool
     ring_held: bool
     carrier_seen: bool
     sun: MotorConstants
@@ -83,15 +95,20 @@ def gather(
     gear = bench.gear(number)
     motor, shafts, rotors, loop = bench.motor, bench.shafts, bench.rotors, bench.control
     thesis = given.motor_signs is MotorConvention.THESIS
-    J_m = 0.0 if given.rotor_inertia is RotorInertia.ABSENT else float(motor.inertia)
     K_e = float(motor.back_emf_constant if thesis else motor.torque_constant)
     sun, ring = (
         MotorConstants(
-            sign, float(inertia), sign * J_m, sign * K_e, sign * float(motor.damping), control is Control.SPEED
+            sign,
+            float(inertia),
+            0.0 if rotor is RotorInertia.ABSENT else sign * float(motor.inertia),
+            sign * K_e,
+            sign * float(motor.damping),
+            control is Control.SPEED,
+            rotor is RotorInertia.BEHIND_SENSOR,
         )
-        for sign, inertia, control in (
-            (1.0, shafts.inertia_sun, control_sun),
-            (-1.0 if thesis else 1.0, shafts.inertia_ring, control_ring),
+        for sign, inertia, rotor, control in (
+            (1.0, shafts.inertia_sun, given.rotor_inertia_sun, control_sun),
+            (-1.0 if thesis else 1.0, shafts.inertia_ring, given.rotor_inertia_ring, control_ring),
         )
     )
     poles = float(bench.carrier.iron_poles)
@@ -114,13 +131,16 @@ def gather(
         K_i=float(loop.integral),
         K_d=float(loop.derivative),
         K_A=float(loop.amplifier),
+        U_bus=float(motor.bus_voltage),
+        i_peak=float(motor.peak_current),
+        T_limit=CURRENT_LIMITER,
         K_v=given.speed_gain,
         T_v=given.speed_reset,
         tau=given.sensor_lag,
         N=given.derivative_filter or 1.0 / given.sensor_lag,
         rest=given.friction_rest_width,
         ideal=given.derivative_filter is None,
-        sensed=given.rotor_inertia is RotorInertia.BEHIND_SENSOR,
+        limited=given.motor_limits,
         ring_held=ring_held,
         carrier_seen=given.carrier_in_map,
         sun=sun,

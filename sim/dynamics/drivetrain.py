@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ from pmg.sim.grid import Configuration
 from pmg.sim.maps.analytic import analytic_map
 from pmg.sim.mechanisms import Instrument
 from pmg.sim.mechanisms.base import Instant, Warmth
+from pmg.sim.mechanisms.bearings import LookedUpDrag
 from pmg.sim.shafts import Member
 from pmg.sim.steady.baseline import baseline_mechanisms
 
@@ -101,7 +102,12 @@ class Drivetrain:
     def losses(self) -> tuple[MotionLaw, ...]:
         """The mechanisms that act in this configuration, at the warmth that is held."""
         laws = (mechanism.in_motion(self.configuration, self.warmth) for mechanism in self.mechanisms)
-        return tuple(law for law in laws if law is not None)
+        signed = self.assumptions.friction_signed
+        return tuple(
+            law if signed or not isinstance(law, LookedUpDrag) else replace(law, signed=False)
+            for law in laws
+            if law is not None
+        )
 
     @cached_property
     def instruments(self) -> tuple[Instrument, ...]:
@@ -112,6 +118,13 @@ class Drivetrain:
     def field_left(self) -> float:
         """Factor on the magnetic torques that the warmth of the magnets leaves."""
         return math.prod(mechanism.field_left(self.warmth) for mechanism in self.mechanisms)
+
+    @cached_property
+    def unlimited(self) -> Drivetrain:
+        """The same bench with motors that have no limits: its steady states and small motions inside them."""
+        if not self.assumptions.motor_limits:
+            return self
+        return replace(self, assumptions=replace(self.assumptions, motor_limits=False))
 
     @cached_property
     def constants(self) -> Constants:
@@ -183,14 +196,24 @@ class Drivetrain:
                 q.K_v * (d_angle_lag + angle_lag / q.T_v),
                 q.K_v * (slope - acceleration + d_angle_lag / q.T_v),
             )
-        torque_out = q.K_c * i - side.friction * w - (side.rotor_inertia * acceleration if q.sensed else 0.0)
+        torque_out = q.K_c * i - side.friction * w - (side.rotor_inertia * acceleration if side.sensed else 0.0)
         d_feedback = (torque_out - feedback) / q.tau
         error = q.K_set * asked - q.K_fb * feedback
         d_filtered = q.N * (error - filtered)
         derivative = q.K_set * slope - q.K_fb * d_feedback if q.ideal else d_filtered
-        voltage = q.K_A * (q.K_p * error + q.K_i * integral + q.K_d * derivative)
+        voltage = self._limited(q.K_A * (q.K_p * error + q.K_i * integral + q.K_d * derivative), side, w, i)
         d_current = (voltage - side.back_emf * w - q.R * i) / q.L
         return MotorState(acceleration, d_current, error, d_feedback, d_filtered, d_angle_lag, torque_out, voltage)
+
+    def _limited(self, voltage: Number, side: MotorConstants, w: Number, i: Number) -> Number:
+        """What is left of a voltage by the drive's limit of the current and by the bus, which has the last word."""
+        q = self.constants
+        if not q.limited:
+            return voltage
+        held = side.back_emf * w + q.R * i - q.L * i / q.T_limit
+        reach = q.L * q.i_peak / q.T_limit
+        voltage = np.minimum(np.maximum(voltage, held - reach), held + reach)
+        return np.minimum(np.maximum(voltage, -q.U_bus), q.U_bus)
 
     def motion(self, state: Iterable[Number], asked: SetPoints) -> DrivetrainTorques:
         """Torques at an instant: plain arithmetic on floats, complex numbers or arrays with further axes."""

@@ -62,7 +62,8 @@ def equilibrium(drivetrain: Drivetrain, sun: Number, ring: Number) -> Equilibriu
     Raises
     ------
     BenchError
-        When no speed balances the torques, when the load is above pull-out, or when the iteration fails.
+        When no speed balances the torques, when the load is above pull-out, when a motor would have to go beyond its
+        limits, or when the iteration fails.
 
     Notes
     -----
@@ -73,6 +74,31 @@ def equilibrium(drivetrain: Drivetrain, sun: Number, ring: Number) -> Equilibriu
     asked = SetPoints(
         *(value.astype(np.float64) for value in np.broadcast_arrays(np.atleast_1d(sun), np.atleast_1d(ring)))
     )
+    found = _without_limits(drivetrain.unlimited, asked)
+    if drivetrain.assumptions.motor_limits:
+        _refuse_beyond(drivetrain.constants, asked, found.state)
+    return found
+
+
+def _refuse_beyond(q: Constants, asked: SetPoints, state: Array) -> None:
+    """Refuse states in which a motor needs more voltage or current than there is."""
+    x = State(*state)
+    for name, side in (("sun", q.sun), ("ring", q.ring)):
+        current, speed = getattr(x, f"current_{name}"), getattr(x, f"speed_{name}_motor")
+        voltage = q.R * current + side.back_emf * speed
+        for what, needed, limit, unit in (("voltage", voltage, q.U_bus, "V"), ("current", current, q.i_peak, "A")):
+            beyond = np.abs(needed) > limit
+            if beyond.any():
+                raise BenchError(
+                    _at(asked, beyond),
+                    f"{abs(float(needed[np.argmax(beyond)])):.4g} {unit} at the {name} motor",
+                    f"at most {limit:g} {unit}, its limit of {what}",
+                    "Ask for less speed or torque, or set motor_limits = false.",
+                )
+
+
+def _without_limits(drivetrain: Drivetrain, asked: SetPoints) -> Equilibrium:
+    """Steady states of a bench whose motors have no limits."""
     coupling = drivetrain.coupling
     if coupling is None:
         return _apart(drivetrain, asked)

@@ -20,20 +20,21 @@ STEP = 1e-30
 """Imaginary step of the complex-step derivative; it cancels nothing, so it may be as small as one likes."""
 
 
-def dense(drivetrain: Drivetrain, state: Iterable[Number]) -> Array:
+def dense(drivetrain: Drivetrain, state: Iterable[Number], asked: SetPoints = SetPoints()) -> Array:  # noqa: B008 (a tuple)
     r"""Jacobian (..., 20, 20) at a state whose further axes come first.
 
     Notes
     -----
     By complex step: :math:`J_{ij} = \mathrm{Im}\,f_i(x + \mathrm{i}h e_j)/h`, exact to rounding as nothing is
-    subtracted, all columns at once. The equations are linear in what is asked for, so that does not matter here.
+    subtracted, all columns at once. What is asked for matters where a motor is at a limit: the equations are linear in
+    it elsewhere.
     The compiled solver has the same derivative as formulas, see `pmg.sim.dynamics.kernel`.
     """
     x = np.array(np.broadcast_arrays(*state), dtype=np.complex128)
     n = len(STATES)
     unit = np.eye(n).reshape(n, *(1,) * (x.ndim - 1), n)
     moved = x[..., None] + 1j * STEP * unit
-    rates: npt.NDArray[np.complex128] = np.array(np.broadcast_arrays(*drivetrain.rates(moved, SetPoints())))
+    rates: npt.NDArray[np.complex128] = np.array(np.broadcast_arrays(*drivetrain.rates(moved, asked)))
     return np.ascontiguousarray(np.moveaxis(np.imag(rates) / STEP, 0, -2))
 
 

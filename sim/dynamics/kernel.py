@@ -17,7 +17,7 @@ import numpy as np
 
 from pmg.sim.dynamics import kernelcache
 from pmg.sim.dynamics.run_values import Room, Settings, Well
-from pmg.sim.dynamics.state import STATES
+from pmg.sim.dynamics.state import STATES, SetPoints
 from pmg.sim.dynamics.structure import survey
 
 if TYPE_CHECKING:
@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 MOST_SLIPS = 10_000
 """Slipped poles whose times are kept; more are counted only."""
+
+NOTHING_ASKED = np.zeros(len(SetPoints._fields))
+"""Set values where they do not matter: no motor is at its limit."""
 
 
 class SolverRun(NamedTuple):
@@ -69,10 +72,10 @@ class Kernel:
         self.module.rates(state, asked, self.parameters, out)
         return out
 
-    def jacobian(self, state: Array) -> Array:
+    def jacobian(self, state: Array, asked: Array = NOTHING_ASKED) -> Array:
         """Its derivative with respect to the state (20, 20), from formulas."""
         entries, whole = np.empty(self.module.ENTRIES), np.zeros((state.size, state.size))
-        self.module.slopes(state, self.parameters, entries)
+        self.module.slopes(state, asked, self.parameters, entries)
         whole[self.module.ROWS, self.module.COLUMNS] = entries
         return whole
 
@@ -87,10 +90,10 @@ class Kernel:
         """Count of powers in the sum."""
         return int(self.module.SUMS)
 
-    def solution(self, state: Array, d: float, right: Array) -> Array:
+    def solution(self, state: Array, d: float, right: Array, asked: Array = NOTHING_ASKED) -> Array:
         """Solution x of (d I - J) x = b at a state."""
         entries, lu = np.empty(self.module.ENTRIES), np.empty(self.module.FACTORS)
-        self.module.slopes(state, self.parameters, entries)
+        self.module.slopes(state, asked, self.parameters, entries)
         self.module.factor(entries, d, lu)
         x = right.copy()
         self.module.solve(lu, x)

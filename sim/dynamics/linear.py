@@ -142,9 +142,9 @@ _LOOPS = frozenset(ModeKind) - {ModeKind.MAGNETIC, ModeKind.SPEED, ModeKind.CARR
 
 
 def _matrix(drivetrain: Drivetrain, state: Iterable[Number]) -> Array:
-    """Jacobian of the states that take part."""
+    """Jacobian of the states that take part; small motions do not reach the limits of the motors."""
     taking_part = active(drivetrain)
-    return dense(drivetrain, state)[np.ix_(taking_part, taking_part)]
+    return dense(drivetrain.unlimited, state)[np.ix_(taking_part, taking_part)]
 
 
 def linearise(drivetrain: Drivetrain, state: Iterable[Number]) -> tuple[Mode, ...]:
@@ -200,8 +200,9 @@ def frequency_response(
         raise BenchError("frequency response: side", side, "sun or ring", "Name the motor whose torque is varied.")
     x, taking_part = State(*state), active(drivetrain)
     unit = SetPoints(**{side: 1.0}), SetPoints(**{f"slope_{side}": 1.0})
-    still = np.array(drivetrain.rates(x, SetPoints()))
-    b_0, b_1 = ((np.array(drivetrain.rates(x, asked)) - still)[taking_part] for asked in unit)
+    free = drivetrain.unlimited
+    still = np.array(free.rates(x, SetPoints()))
+    b_0, b_1 = ((np.array(free.rates(x, asked)) - still)[taking_part] for asked in unit)
     s = 1j * np.asarray(frequency, dtype=np.float64)[:, None]
     whole = s[..., None] * np.eye(taking_part.size) - _matrix(drivetrain, x)
     answer = np.asarray(np.linalg.solve(whole, (b_0 + s * b_1)[..., None])[..., 0], dtype=np.complex128)

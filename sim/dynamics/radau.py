@@ -82,7 +82,7 @@ def course(
                 t_eval=np.union1d(inside, [end]),
                 dense_output=True,
                 events=_events(drivetrain, stop, locked),
-                jac=_jacobian(drivetrain),
+                jac=_jacobian(drivetrain, rows),
                 rtol=rtol,
                 atol=rtol * scales,
             )
@@ -116,9 +116,9 @@ def _rates(drivetrain: Drivetrain, rows: Array) -> Callable[[float, Array], Arra
     return rates
 
 
-def _jacobian(drivetrain: Drivetrain) -> Callable[[float, Array], Array]:
-    def jacobian(_: float, y: Array) -> Array:
-        return dense(drivetrain, y)
+def _jacobian(drivetrain: Drivetrain, rows: Array) -> Callable[[float, Array], Array]:
+    def jacobian(time: float, y: Array) -> Array:
+        return dense(drivetrain, y, _asked_at(rows, time))
 
     return jacobian
 

@@ -93,8 +93,8 @@ def _make_stages(t: float, step: float, y: Array, p: Array, row: Array, k: Array
     r = 1.0 / step
     _put_set(row, t, k)
     rates(y, k[SET], p, k[F])
-    drift(k[SET_RATES], p, k[FT])
-    slopes(y, p, j)
+    drift(y, k[SET], k[SET_RATES], p, k[FT])
+    slopes(y, k[SET], p, j)
     factor(j, 1.0 / (GAMMA * step), lu)
     for i in range(SIZE):
         k[U1, i] = k[F, i] + step * GAMMA_SUM[0] * k[FT, i]

@@ -19,12 +19,12 @@ def rates(y: Array, a: Array, p: Array, out: Array) -> None:
     raise NotImplementedError
 
 
-def slopes(y: Array, p: Array, out: Array) -> None:
-    """The elements of the Jacobian that are not zero, into `out`."""
+def slopes(y: Array, a: Array, p: Array, out: Array) -> None:
+    """The elements of the Jacobian that are not zero, into `out`; `a` matters where a motor is limited."""
     raise NotImplementedError
 
 
-def drift(v: Array, p: Array, out: Array) -> None:
+def drift(y: Array, a: Array, v: Array, p: Array, out: Array) -> None:
     """Derivative of the rates with time, from the rates of the four set numbers `v`, into `out` (20,)."""
     raise NotImplementedError
 

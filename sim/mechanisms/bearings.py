@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from pmg.sim import signals, sources
 from pmg.sim.grid import Configuration
@@ -26,7 +28,32 @@ def _correction() -> Any:  # noqa: ANN401  (a dataclass field)
 
 
 @dataclass(frozen=True)
-class SunBearings(RotorLaw):
+class LookedUpDrag(RotorLaw):
+    """Drag by the curves of the neutral tests.
+
+    Parameters
+    ----------
+    signed : bool
+        Whether it turns with the direction of rotation. False: as the block diagrams of the source apply the look-ups,
+        against the positive direction on the sun and the negative one on the ring, at rest too. Below rest a look-up
+        keeps its value at rest; the source does not state one. The passage there is as wide as that of `against`.
+    """
+
+    signed: bool = field(default=True, kw_only=True)
+
+    def _on_sun(self, part: Number, curve: LossCurve, speed: Number, rest: float) -> Number:
+        """A part of a curve as a torque on the sun [N m]."""
+        if self.signed:
+            return against(speed, part * curve.law(modulus(speed, rest)), rest)
+        return -part * curve.law(0.5 * (speed + np.sqrt(speed * speed + rest * rest)))
+
+    def _on_ring(self, part: Number, curve: LossCurve, speed: Number, rest: float) -> Number:
+        """A part of a curve as a torque on the ring [N m]: its look-up sees the speed with its sign turned."""
+        return self._on_sun(part, curve, speed, rest) if self.signed else -self._on_sun(part, curve, -speed, rest)
+
+
+@dataclass(frozen=True)
+class SunBearings(LookedUpDrag):
     """Bearings 1 and 2 on the sun shaft.
 
     No temperature dependence is given by the source: the curves hold for the warm bench that was measured.
@@ -46,12 +73,11 @@ class SunBearings(RotorLaw):
 
     def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
         """Drag on the sun rotor."""
-        magnitude = self.correction * self.share * self.curve.law(modulus(speed_sun, rest))
-        return Torques(sun=against(speed_sun, magnitude, rest), ring=0.0 * speed_ring)
+        return Torques(self._on_sun(self.correction * self.share, self.curve, speed_sun, rest), 0.0 * speed_ring)
 
 
 @dataclass(frozen=True)
-class RingBearings(RotorLaw):
+class RingBearings(LookedUpDrag):
     """Bearings 4 to 7 on the ring shaft."""
 
     identifier = "ring_bearing_drag"
@@ -68,12 +94,11 @@ class RingBearings(RotorLaw):
 
     def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
         """Drag on the ring rotor."""
-        magnitude = self.correction * self.share * self.curve.law(modulus(speed_ring, rest))
-        return Torques(sun=0.0 * speed_sun, ring=against(speed_ring, magnitude, rest))
+        return Torques(0.0 * speed_sun, self._on_ring(self.correction * self.share, self.curve, speed_ring, rest))
 
 
 @dataclass(frozen=True)
-class RelativeBearing(RotorLaw):
+class RelativeBearing(LookedUpDrag):
     """Bearing 3, between the shafts, as the thesis models it: a share of each shaft's own curve.
 
     Mounted between the shafts it would follow the speed difference; the source lets each side follow its own
@@ -96,13 +121,12 @@ class RelativeBearing(RotorLaw):
 
     def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
         """Drag on both rotors."""
-        sun = self.correction * self.share_sun * self.curve_sun.law(modulus(speed_sun, rest))
-        ring = self.correction * self.share_ring * self.curve_ring.law(modulus(speed_ring, rest))
-        return Torques(sun=against(speed_sun, sun, rest), ring=against(speed_ring, ring, rest))
+        sun = self._on_sun(self.correction * self.share_sun, self.curve_sun, speed_sun, rest)
+        return Torques(sun, self._on_ring(self.correction * self.share_ring, self.curve_ring, speed_ring, rest))
 
 
 @dataclass(frozen=True)
-class NeutralRemainder(RotorLaw):
+class NeutralRemainder(LookedUpDrag):
     """The part of the neutral loss that is not bearing friction; it is there in neutral only.
 
     The thesis puts it down to magnetic coupling that is left with the carrier not quite centred, and takes it
@@ -128,6 +152,5 @@ class NeutralRemainder(RotorLaw):
 
     def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
         """Drag on both rotors in neutral."""
-        sun = self.remainder * self.curve_sun.law(modulus(speed_sun, rest))
-        ring = self.remainder * self.curve_ring.law(modulus(speed_ring, rest))
-        return Torques(sun=against(speed_sun, sun, rest), ring=against(speed_ring, ring, rest))
+        sun = self._on_sun(self.remainder, self.curve_sun, speed_sun, rest)
+        return Torques(sun, self._on_ring(self.remainder, self.curve_ring, speed_ring, rest))

@@ -32,15 +32,14 @@ def test_the_jacobian_agrees_with_finite_differences(state: Array, chosen: Assum
     step = 1e-6 * SIZES
     moved = state[:, None] + np.hstack((np.diag(step), -np.diag(step)))
     up, down = np.split(np.array(np.broadcast_arrays(*train.rates(moved, ASKED))), 2, axis=1)
-    scale = np.abs(dense(train, state)) @ SIZES
-    np.testing.assert_allclose(
-        (up - down) / (2.0 * step) * SIZES / scale[:, None], dense(train, state) * SIZES / scale[:, None], atol=1e-5
-    )
+    exact = dense(train, state, ASKED) * SIZES
+    scale = np.abs(exact).sum(axis=1, keepdims=True)
+    np.testing.assert_allclose((up - down) / (2.0 * step) * SIZES / scale, exact / scale, atol=1e-5)
 
 
 def test_the_jacobian_is_sparse() -> None:
-    assert np.count_nonzero(dense(drivetrain(), SIZES)) == 58
-    assert np.count_nonzero(dense(drivetrain(Assumptions(derivative_filter=100.0)), SIZES)) == 56
+    assert np.count_nonzero(dense(drivetrain().unlimited, SIZES)) == 58
+    assert np.count_nonzero(dense(drivetrain(Assumptions(derivative_filter=100.0)).unlimited, SIZES)) == 56
 
 
 @given(states, choices, gears)

@@ -73,7 +73,7 @@ def test_the_published_run_with_the_published_tables(
 
 
 def test_counting_the_rotor_in_the_shaft_slows_the_run(published_folder: Path, bench: BenchParameters) -> None:
-    ahead = Assumptions(rotor_inertia=RotorInertia.AHEAD_OF_SENSOR)
+    ahead = Assumptions(rotor_inertia_sun=RotorInertia.AHEAD_OF_SENSOR, rotor_inertia_ring=RotorInertia.AHEAD_OF_SENSOR)
     hidden = run_of_the_thesis(published_folder, bench, Assumptions(), 2.2965e-4)
     counted = run_of_the_thesis(published_folder, bench, ahead, 2.2965e-4)
     slower = (hidden["speed_sun"][-1] - counted["speed_sun"][-1]) / RPM
