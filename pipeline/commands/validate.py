@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.chapters.page import PACKAGES, versions
+from pmg.pipeline.chapters.studies.transient import transient_section
 from pmg.pipeline.chapters.studies.validation import validation_section
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
@@ -18,11 +19,13 @@ from pmg.pipeline.report.write import write_report
 from pmg.pipeline.thesis_figures import verdict
 from pmg.pipeline.thesis_figures.listing import documents, judged_words, summary, table_lines
 from pmg.pipeline.thesis_figures.rounding import DRAWS, ROUNDING_SEED
+from pmg.pipeline.thesis_figures.transient import transient_documents, transient_lines, transient_options
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from pmg.pipeline.thesis_figures.transient import TransientResult
     from pmg.pipeline.thesis_figures.verdict import JudgedFigure
 
 
@@ -55,9 +58,11 @@ def run_validate(grids: Path, draws: int | None = None, seed: int | None = None,
         "figures": documents(judged),
         "report": None,
     }
-    lines = [*table_lines(judged), "", f"{summary(judged)} ({draws} draws, seed {seed})"]
+    runs = transient_options(grid, bench, judged, np.random.default_rng(seed))
+    data["transient"] = transient_documents(runs)
+    lines = [*table_lines(judged), *transient_lines(runs), "", f"{summary(judged)} ({draws} draws, seed {seed})"]
     if report is not None:
-        files = write_report(_page(judged, draws, seed, digests), report)
+        files = write_report(_page(judged, runs, draws, seed, digests), report)
         leave_crate_of_files(report, "pmg validate", tuple(grids / name for name in PUBLISHED), files, began)
         data |= {"report": str(files[0]), "files": [str(path) for path in files]}
         lines.append(f"report: {files[0]}")
@@ -83,12 +88,18 @@ def _findings(judged: tuple[JudgedFigure, ...]) -> tuple[Remark, ...]:
     )
 
 
-def _page(judged: tuple[JudgedFigure, ...], draws: int, seed: int, digests: dict[str, str]) -> Report:
+def _page(
+    judged: tuple[JudgedFigure, ...],
+    runs: tuple[TransientResult, ...],
+    draws: int,
+    seed: int,
+    digests: dict[str, str],
+) -> Report:
     return Report(
         title="Published figures",
         subtitle="Planetary magnetic gearbox: the thesis's figures, computed anew from its rounded grids",
         verdict=Headline(f"{summary(judged)}.", "neutral"),
-        sections=(validation_section(judged, draws, seed),),
+        sections=(validation_section(judged, draws, seed), transient_section(runs)),
         provenance=Facts(
             (*((f"SHA-256 of {name}", d) for name, d in digests.items()), ("Versions", versions(PACKAGES)))
         ),

@@ -28,8 +28,8 @@ class Control(StrEnum):
 class MotorConstants(NamedTuple):
     """Constants of one motor and its shaft.
 
-    `sign` is -1 where the thesis turns the load side's signs; `sensed` says whether the torque fed back is that behind
-    the rotor's inertia.
+    `sign` is -1 where the thesis turns the load side's signs; `hidden_inertia` is that of the rotor where the torque
+    fed back is the one behind it, else 0.
     """
 
     sign: float
@@ -37,8 +37,8 @@ class MotorConstants(NamedTuple):
     rotor_inertia: float
     back_emf: float
     friction: float
+    hidden_inertia: float
     by_speed: bool
-    sensed: bool
 
 
 class Constants(NamedTuple):
@@ -103,8 +103,8 @@ def gather(
             0.0 if rotor is RotorInertia.ABSENT else sign * float(motor.inertia),
             sign * K_e,
             sign * float(motor.damping),
+            sign * float(motor.inertia) if rotor is RotorInertia.BEHIND_SENSOR else 0.0,
             control is Control.SPEED,
-            rotor is RotorInertia.BEHIND_SENSOR,
         )
         for sign, inertia, rotor, control in (
             (1.0, shafts.inertia_sun, given.rotor_inertia_sun, control_sun),

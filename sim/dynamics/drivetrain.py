@@ -196,7 +196,7 @@ class Drivetrain:
                 q.K_v * (d_angle_lag + angle_lag / q.T_v),
                 q.K_v * (slope - acceleration + d_angle_lag / q.T_v),
             )
-        torque_out = q.K_c * i - side.friction * w - (side.rotor_inertia * acceleration if side.sensed else 0.0)
+        torque_out = q.K_c * i - side.friction * w - side.hidden_inertia * acceleration
         d_feedback = (torque_out - feedback) / q.tau
         error = q.K_set * asked - q.K_fb * feedback
         d_filtered = q.N * (error - filtered)

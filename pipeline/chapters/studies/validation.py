@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.chapters.studies.transient import transient_section
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, Table, Text
 from pmg.pipeline.thesis_figures.figures import MANY
 from pmg.pipeline.thesis_figures.listing import summary
 from pmg.pipeline.thesis_figures.rounding import DRAWS_IN_REPORT, ROUNDING_SEED
 from pmg.pipeline.thesis_figures.tables import printed
+from pmg.pipeline.thesis_figures.transient import transient_options
 from pmg.pipeline.thesis_figures.verdict import FigureVerdict, JudgedFigure, count, validate
 from pmg.sim import sources
 from pmg.sim.errors import GridError
@@ -25,7 +27,7 @@ SHOWN = 5.0
 
 
 def published_sections(grid: Grid, bench: BenchParameters) -> tuple[Section, ...]:
-    """The chapter for a campaign of published grids; none where they are not the thesis's."""
+    """The chapters for a campaign of published grids; none where they are not the thesis's."""
     if grid.origin != "published":
         return ()
     try:
@@ -33,7 +35,8 @@ def published_sections(grid: Grid, bench: BenchParameters) -> tuple[Section, ...
     except GridError:
         return ()
     judged = validate(grid, bench, DRAWS_IN_REPORT, np.random.default_rng(ROUNDING_SEED))
-    return (validation_section(judged, DRAWS_IN_REPORT, ROUNDING_SEED),)
+    runs = transient_options(grid, bench, judged, np.random.default_rng(ROUNDING_SEED))
+    return validation_section(judged, DRAWS_IN_REPORT, ROUNDING_SEED), transient_section(runs)
 
 
 def validation_section(judged: tuple[JudgedFigure, ...], draws: int, seed: int) -> Section:
