@@ -40,7 +40,7 @@ app = _grouped(
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
     ),
-    {"runs": runs.app, "config": cli_config.config, "machine": cli_machine.machine},
+    {"runs": runs.app, "config": cli_config.config, "machine": cli_machine.machine, "bench": cli_machine.bench},
 )
 
 

@@ -18,6 +18,27 @@ machine = typer.Typer(
     rich_markup_mode=None,
 )
 
+bench = typer.Typer(help="The bench in numbers.", no_args_is_help=True, rich_markup_mode=None)
+
+
+@bench.callback()
+def _bench() -> None:
+    """The bench in numbers."""
+
+
+@bench.command("show")
+@command("bench show")
+def show_bench(
+    which: Annotated[
+        str | None, typer.Option("--machine", help="Machine file, or the name of one that ships.", metavar="MACHINE")
+    ] = None,
+) -> Outcome:
+    """Show the bench on one page: every number with its source, operating modes, cogging factor, harmonics."""
+    from pmg.pipeline.commands import terms
+
+    return terms.show_bench(which)
+
+
 MachineArgument = Annotated[str, typer.Argument(help="Machine file, or the name of one that ships.", metavar="MACHINE")]
 
 

@@ -25,6 +25,7 @@ from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.files.digest import sha256_of
+from pmg.pipeline.machine.gear_page import shown_bench
 from pmg.pipeline.machine.machine_file import read_machine
 from pmg.pipeline.machine.magnetic import remarks_on_bench, usual
 from pmg.pipeline.machine.shipped import machine_path
@@ -33,6 +34,7 @@ from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Report
 from pmg.pipeline.report.document import Headline as Headline
 from pmg.pipeline.report.write import write_report
+from pmg.pipeline.settings.bench_in_force import bench_in_force
 from pmg.sim.errors import BenchError
 
 if TYPE_CHECKING:
@@ -114,6 +116,17 @@ def show_machine(which: str | None) -> Outcome:
         Machine file, or the name of one that ships; left out, all that ship.
     """
     return Outcome(*(listed_machines() if which is None else shown_machine(which)))
+
+
+def show_bench(machine: str | None) -> Outcome:
+    """The bench in force on one page.
+
+    Parameters
+    ----------
+    machine : str, optional
+        Machine file, or the name of one that ships; left out, the bench of the thesis.
+    """
+    return Outcome(*shown_bench(bench_in_force(None, machine)))
 
 
 def check_machine(machine: str, recordings: Path | None) -> Outcome:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.files.atomic import write_atomic
+from pmg.pipeline.machine.gear_page import gear_lines, gears_document
 from pmg.pipeline.machine.machine_file import read_machine
-from pmg.pipeline.machine.magnetic import remarks_on_bench, usual
+from pmg.pipeline.machine.magnetic import bench_of, remarks_on_bench, usual
 from pmg.pipeline.machine.shipped import machine_path, shipped
 from pmg.sim.errors import BenchError, near_miss
 
@@ -56,8 +57,11 @@ def shown_machine(which: str) -> tuple[dict[str, Any], tuple[str, ...]]:
         Its file is not there, or not sound.
     """
     machine = read_machine(machine_path(which))
-    remarks = tuple(remark.message for remark in remarks_on_bench(machine)) if usual(machine) else ()
-    return _document(machine) | {"remarks": list(remarks)}, (machine.title, *_lines(machine), *remarks)
+    if not usual(machine):
+        return _document(machine) | {"remarks": []}, (machine.title, *_lines(machine))
+    bench, remarks = bench_of(machine), tuple(remark.message for remark in remarks_on_bench(machine))
+    document = _document(machine) | gears_document(bench) | {"remarks": list(remarks)}
+    return document, (machine.title, *_lines(machine), *gear_lines(bench), *remarks)
 
 
 def _document(machine: Machine) -> dict[str, Any]:

@@ -106,7 +106,7 @@ def _assumptions(rotors: RotorsCounted, signed: bool) -> Assumptions:
     )
 
 
-def model_of_torques(sun: Array, ring: Array, rounded: LossModel, bench: BenchParameters) -> LossModel:
+def _model_of_torques(sun: Array, ring: Array, rounded: LossModel, bench: BenchParameters) -> LossModel:
     r"""Losses with which the locked gear needs the given torques.
 
     Parameters
@@ -162,7 +162,7 @@ def transient_options(
     models = {
         RunLosses.TABLE: table,
         RunLosses.IMPLIED: implied,
-        RunLosses.TORQUES: model_of_torques(TORQUE_SUN, TORQUE_RING, implied, bench),
+        RunLosses.TORQUES: _model_of_torques(TORQUE_SUN, TORQUE_RING, implied, bench),
     }
     by_id = {j.figure.id: j for j in judged}
     shifts = {
@@ -188,7 +188,7 @@ def _shift_of_torques(implied: LossModel, bench: BenchParameters, rng: np.random
         [t + rng.uniform(-half, half, t.shape) for t in (TORQUE_SUN, TORQUE_RING)] for _ in range(DRAWS_OF_TORQUES)
     )
     choice = _assumptions(RotorsCounted.SUN, True)
-    trains = [Drivetrain.calibrated(bench, model_of_torques(s, r, implied, bench), choice) for s, r in drawn]
+    trains = [Drivetrain.calibrated(bench, _model_of_torques(s, r, implied, bench), choice) for s, r in drawn]
     speeds = [trace["speed_sun"][-1] for trace in _runs(trains, np.array([DURATION]))]
     low, high = np.quantile(speeds, OUTER)
     return float(0.5 * (high - low))

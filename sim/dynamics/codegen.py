@@ -46,10 +46,10 @@ class _Printer(PythonCodePrinter):  # type: ignore[misc]  # untyped library
             return f"(1.0/math.sqrt({self._print(base)}))"
         return str(super()._print_Pow(expr, rational=rational))
 
-    def _print_Lesser(self, expr: sympy.Function) -> str:  # noqa: N802  (name made by the library)
+    def _print__Lesser(self, expr: sympy.Function) -> str:  # noqa: N802  (name made by the library)
         return f"min({', '.join(map(self._print, expr.args))})"
 
-    def _print_IsLess(self, expr: sympy.Function) -> str:  # noqa: N802  (name made by the library)
+    def _print__IsLess(self, expr: sympy.Function) -> str:  # noqa: N802  (name made by the library)
         less, more = map(self._print, expr.args)
         return f"(1.0 if {less} < {more} else 0.0)"
 

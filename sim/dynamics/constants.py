@@ -10,7 +10,7 @@ from pmg.sim.dynamics.assumptions import Assumptions, RotorInertia
 from pmg.sim.steady.power_chain import MotorConvention
 
 if TYPE_CHECKING:
-    from pmg.sim.bench import BenchParameters
+    from pmg.sim.bench import BenchParameters, MotorParameters
     from pmg.sim.signals import Number
 
 
@@ -95,20 +95,11 @@ def gather(
     gear = bench.gear(number)
     motor, shafts, rotors, loop = bench.motor, bench.shafts, bench.rotors, bench.control
     thesis = given.motor_signs is MotorConvention.THESIS
-    K_e = float(motor.back_emf_constant if thesis else motor.torque_constant)
     sun, ring = (
-        MotorConstants(
-            sign,
-            float(inertia),
-            0.0 if rotor is RotorInertia.ABSENT else sign * float(motor.inertia),
-            sign * K_e,
-            sign * float(motor.damping),
-            sign * float(motor.inertia) if rotor is RotorInertia.BEHIND_SENSOR else 0.0,
-            control is Control.SPEED,
-        )
-        for sign, inertia, rotor, control in (
-            (1.0, shafts.inertia_sun, given.rotor_inertia_sun, control_sun),
-            (-1.0 if thesis else 1.0, shafts.inertia_ring, given.rotor_inertia_ring, control_ring),
+        _motor_constants(motor, thesis, *of_side)
+        for of_side in (
+            (1.0, float(shafts.inertia_sun), given.rotor_inertia_sun, control_sun),
+            (-1.0 if thesis else 1.0, float(shafts.inertia_ring), given.rotor_inertia_ring, control_ring),
         )
     )
     poles = float(bench.carrier.iron_poles)
@@ -145,4 +136,19 @@ def gather(
         carrier_seen=given.carrier_in_map,
         sun=sun,
         ring=ring,
+    )
+
+
+def _motor_constants(
+    motor: MotorParameters, thesis: bool, sign: float, inertia: float, rotor: RotorInertia, control: Control
+) -> MotorConstants:
+    J_m = sign * float(motor.inertia)
+    return MotorConstants(
+        sign=sign,
+        inertia=inertia,
+        rotor_inertia=0.0 if rotor is RotorInertia.ABSENT else J_m,
+        back_emf=sign * float(motor.back_emf_constant if thesis else motor.torque_constant),
+        friction=sign * float(motor.damping),
+        hidden_inertia=J_m if rotor is RotorInertia.BEHIND_SENSOR else 0.0,
+        by_speed=control is Control.SPEED,
     )

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-class IsLess(sympy.Function):  # type: ignore[misc]  # untyped library
+class _IsLess(sympy.Function):  # type: ignore[misc]  # untyped library
     """1 where the first number is less than the second, else 0; its jumps have no slope."""
 
     def fdiff(self, argindex: int = 1) -> sympy.Expr:
@@ -26,12 +26,12 @@ class IsLess(sympy.Function):  # type: ignore[misc]  # untyped library
         return sympy.Integer(0)
 
 
-class Lesser(sympy.Function):  # type: ignore[misc]  # untyped library
+class _Lesser(sympy.Function):  # type: ignore[misc]  # untyped library
     """The lesser of two numbers, whose slope is that of the one it is: no branch to nest in another one."""
 
     def fdiff(self, argindex: int = 1) -> sympy.Expr:
         """Share of that number in the slope."""
-        first = IsLess(*self.args)
+        first = _IsLess(*self.args)
         return first if argindex == 1 else 1 - first
 
 
@@ -43,8 +43,8 @@ _CALLS: dict[str, Callable[..., sympy.Expr]] = {
     "exp": sympy.exp,
     "log": sympy.log,
     "absolute": sympy.Abs,
-    "minimum": Lesser,
-    "maximum": lambda a, b: -Lesser(-a, -b),
+    "minimum": _Lesser,
+    "maximum": lambda a, b: -_Lesser(-a, -b),
     "add": lambda a, b: a + b,
     "subtract": lambda a, b: a - b,
     "multiply": lambda a, b: a * b,

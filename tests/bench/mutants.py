@@ -399,8 +399,8 @@ PHYSICS = (
     mutant(
         "relative bearing with the shares of the other shaft",
         "RelativeBearing.law",
-        "self.share_sun * self.curve_sun",
-        "self.share_ring * self.curve_sun",
+        "self.share_sun, self.curve_sun",
+        "self.share_ring, self.curve_sun",
         FORMS,
     ),
     mutant("magnets that lose with the first power of the remanence", "field_left", "0.0) ** 2", "0.0)", FORMS),

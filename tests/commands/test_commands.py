@@ -176,6 +176,12 @@ TABLE: dict[str, Row] = {
         (Wrong("{tmp}/none.toml", "none.toml"), Wrong("{bad_key}", "bad-key.toml"), Wrong("{tmp}", "a folder")),
         more=(("", 0),),
     ),
+    "bench show": Row(
+        "commands.terms.show_bench",
+        "",
+        (Wrong("--machine {tmp}/none.toml", "none.toml"), Wrong("--machine emps", "magnetic gear")),
+        more=(("--machine thesis-gear-2", 0),),
+    ),
     "machine check": Row(
         "commands.terms.check_machine",
         "rotary-drive",

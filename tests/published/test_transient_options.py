@@ -19,7 +19,7 @@ from pmg.pipeline.thesis_figures.transient import (
     RotorsCounted,
     RunLosses,
     TransientResult,
-    model_of_torques,
+    _model_of_torques,
     transient_lines,
     transient_options,
 )
@@ -43,7 +43,7 @@ def test_losses_of_the_48_torques_give_them_back(published_folder: Path, bench: 
     sample = printed(read_published(published_folder, bench))
     fits = fit_losses(sample.grid, THESIS.powers_sun, THESIS.powers_ring, include_rest=True)
     rounded = LossModel(fits.sun.curve, fits.ring.curve, THESIS.correction, 0.0, EDDY_IMPLIED, 0.0)
-    model = model_of_torques(TORQUE_SUN, TORQUE_RING, rounded, bench)
+    model = _model_of_torques(TORQUE_SUN, TORQUE_RING, rounded, bench)
     at = replace(sample.grid[sample.rows.ravel()].points, torque_ring=TORQUE_RING.ravel())
     found = steady(Gearbox.calibrated(bench, model), at).torque_sun
     np.testing.assert_allclose(found, TORQUE_SUN.ravel(), atol=0.15e-3)
