@@ -100,7 +100,7 @@ def calls_in(text: str) -> Iterator[str]:
 def bad_call(call: str) -> str | None:
     """What a call names that there is not: a command, a bench or an option."""
     name, *words = call.split()
-    if name == "./pmgw" and words[0] in desk()[0]:
+    if name == "./pmgw" and words[0] in desk()[0] and " ".join(words[:2]) not in commands():
         bench = words[1:2] if words[0] == "bench" else []
         return next((word for word in bench if word.strip(",") not in desk()[1] and word.islower()), None)
     path: list[str] = []
