@@ -212,3 +212,22 @@ def test_a_slip_before_the_first_report_ends_the_reference_run_too() -> None:
     )
     assert trace.stopped is not None
     assert trace.time[-1] < 2.0
+
+
+def test_after_a_slip_the_bus_holds_the_speed_that_the_source_lets_run_away() -> None:
+    programme = Programme.ramp(4.0, 0.5), Programme.ramp(10.0, 0.5)
+    trains = drivetrain(), drivetrain(Assumptions(motor_limits=False))
+    limited, free = (transient(Task(t, *programme, 0.8), on_slip=OnSlip.GO_ON, rtol=1e-5) for t in trains)
+    assert limited.slips[0] == pytest.approx(free.slips[0], abs=1e-6)
+    q = limited.drivetrain.constants
+    reached, beyond = (t.drivetrain.motion(t.state, t.asked).sun.voltage for t in (limited, free))
+    assert np.abs(reached).max() <= q.U_bus * (1.0 + 1e-12) < np.abs(beyond).max()
+    assert np.abs(limited["current_sun"]).max() <= q.i_peak
+    no_load = q.U_bus / q.sun.back_emf
+    assert limited["speed_sun"][-1] < 1.02 * no_load < free["speed_sun"][-1]
+
+
+def test_a_steady_state_beyond_the_limits_is_refused() -> None:
+    loss = Drivetrain(BENCH, ())
+    with pytest.raises(BenchError, match="limit of current"):
+        equilibrium(replace(loss, assumptions=Assumptions(map_scale=100.0)), 100.0, 260.0)
