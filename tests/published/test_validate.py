@@ -249,6 +249,7 @@ def test_wrong_arguments_end_with_2(wrong: list[str]) -> None:
 
 
 def test_the_report_of_the_published_grids_has_the_chapter(grid: Grid, bench: BenchParameters) -> None:
-    (section,) = published_sections(grid, bench)
+    section, run = published_sections(grid, bench)
+    assert run.id == "published-run"
     assert section.id == "published-figures"
     assert {type(item).__name__ for item in section.items} == {"Text", "Facts", "Figure", "Table"}
