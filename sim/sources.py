@@ -85,6 +85,16 @@ BREIMAN = Source(
     "L. Breiman, J. H. Friedman, R. A. Olshen, C. J. Stone, 'Classification and Regression Trees', Wadsworth, 1984",
 )
 HUBER = Source("huber", "P. J. Huber, E. M. Ronchetti, 'Robust Statistics', 2nd ed., Wiley, 2009")
+HOLLAND_WELSCH = Source(
+    "holland-welsch",
+    "P. W. Holland, R. E. Welsch, 'Robust regression using iteratively reweighted least-squares', Communications in "
+    "Statistics A6, 1977, doi:10.1080/03610927708827533",
+)
+DUMOUCHEL = Source(
+    "dumouchel",
+    "W. DuMouchel, F. O'Brien, 'Integrating a robust option into a multiple regression computing environment', "
+    "Proceedings of the 21st Symposium on the Interface, 1989",
+)
 HOLM = Source(
     "holm",
     "S. Holm, 'A simple sequentially rejective multiple test procedure', Scandinavian Journal of Statistics 6(2), 1979",

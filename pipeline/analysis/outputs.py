@@ -144,6 +144,8 @@ def _calibration_document(calibration: FittedBaseline, causes: CommonErrorSource
             }
             for name in ("K_corr", "b", "c", "d")
         },
+        "method": str(calibration.method),
+        "readings_left_out": calibration.left_out,
         "chi_square": calibration.chi_square,
         "degrees_of_freedom": calibration.dof,
         "stopped": calibration.message,

@@ -20,12 +20,14 @@ from pmg.pipeline.chapters.measured.neutral import neutral_section
 from pmg.pipeline.chapters.measured.quality import data_section
 from pmg.pipeline.chapters.measured.sensor_fault import sensor_fault_items, sensor_fault_warning
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
+from pmg.pipeline.chapters.studies.printed_simulation import printed_simulation_sections
 from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.crosschecks.contradiction import CrossCheckRemark
 from pmg.pipeline.grid.readings import predict
 from pmg.pipeline.model.apply_model import lead
 from pmg.pipeline.report.document import Facts, Headline, Report, Section, Signals, Table, Text
+from pmg.pipeline.thesis_figures.printed_simulation import oddities
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.steady.gearbox import Gearbox
 
@@ -134,6 +136,7 @@ def build_report(
     if residuals is not None and agreed is not None and analysis.calibration is not None:
         more = (() if carried is None else (prediction_table(carried),)) + ((ends_table(ends),) if ends else ())
         sections.append(comparison_section(residuals, agreed, more))
+    sections.extend(printed_simulation_sections(analysis.grid))
     if diagnosis is not None and left.calibration is not None:
         readings = diagnosis.mismatch.readings
         residual = readings.torque - predict(readings, bench, left.calibration.model)
@@ -146,8 +149,7 @@ def build_report(
         behind = analysis.calibration, analysis.causes
         flow = flow_section(power_flows(gearbox, residuals.grid, residuals.simulated, bench, *behind))
         sections.append(_behind(flow, corrected[:1]))
-    if recorded.orders is not None:
-        sections.append(recorded.orders)
+    sections.extend(() if recorded.orders is None else (recorded.orders,))
     if analysis.grid.origin == "published":
         from pmg.pipeline.chapters.studies.validation import published_sections
 
@@ -198,7 +200,7 @@ def _verdict(
         warnings.append(f"{counted(rejected, 'point')} rejected; the reasons are in the chapter on data quality.")
     if analysis.lacking:
         warnings.append(f"{counted(len(analysis.lacking), 'cell')} of the grids empty.")
-    warnings += _contradictions(recorded.findings)
+    warnings += [*_contradictions(recorded.findings), *oddities(grid)]
     above = 0 if analysis.balance is None else int(analysis.balance.above_one().sum())
     if above:
         warnings.append(f"Magnetic efficiency above 1 at {counted(above, 'point')}.")

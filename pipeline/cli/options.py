@@ -37,7 +37,7 @@ MachineOption = Annotated[
 ]
 
 
-ANALYSIS = "grids campaign terms_sun terms_ring k_corr include_rest robust"
+ANALYSIS = "grids campaign terms_sun terms_ring k_corr include_rest robust damping"
 RUN = f"store report {ANALYSIS} note model workers scheduler limits map machine"
 """Options of the analysis, and of a campaign's whole way."""
 
@@ -79,6 +79,10 @@ class CampaignOptions:
     robust: Annotated[
         bool | None,
         typer.Option("--robust/--no-robust", help="Fit the loss curves by Huber's M-estimate, not by least squares."),
+    ]
+    damping: Annotated[
+        str | None,
+        typer.Option("--damping", help="Weights of K_corr and the damping constants: least-squares or bisquare."),
     ]
     note: NoteOption
     workers: Annotated[int | None, typer.Option("--workers", min=1, help="Parallel workers of the ingest.")]

@@ -10,7 +10,7 @@ import shutil
 import tempfile
 import weakref
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 import numpy as np
 
@@ -124,6 +124,24 @@ def ingest(
     return found
 
 
+class FittingChoices(TypedDict, total=False):
+    """How the losses of a campaign are fitted.
+
+    Parameters
+    ----------
+    include_rest : bool, optional
+        Whether readings of a shaft at rest take part in the loss curves.
+    robust : bool
+        Huber's M-estimate of the loss curves instead of least squares.
+    damping : str, optional
+        Weights of K_corr and the damping constants: ``"least-squares"`` or ``"bisquare"``.
+    """
+
+    include_rest: bool | None
+    robust: bool
+    damping: str | None
+
+
 @one_thread()
 def analyse(
     recordings: IngestedCampaigns | str | Path | None = None,
@@ -133,8 +151,7 @@ def analyse(
     terms_sun: str | None = None,
     terms_ring: str | None = None,
     k_corr: str | float | None = None,
-    include_rest: bool | None = None,
-    robust: bool = False,
+    **fitting: Unpack[FittingChoices],
 ) -> CampaignAnalysis:
     """Fit losses, calibrate the model and balance the powers of a campaign.
 
@@ -150,10 +167,8 @@ def analyse(
         Powers of speed in the loss curves, such as ``"0,1/2,1,2"``; ``"auto"`` lets the data choose.
     k_corr : str or float, optional
         ``"joint"``, ``"rule"``, or a value from 0 to 1.
-    include_rest : bool, optional
-        Whether readings of a shaft at rest take part in the loss curves.
-    robust : bool
-        Huber's M-estimate instead of least squares.
+    **fitting
+        How the losses are fitted, see `FittingChoices`.
 
     Returns
     -------
@@ -174,8 +189,7 @@ def analyse(
         terms_sun=terms_sun,
         terms_ring=terms_ring,
         correction=None if k_corr is None else str(k_corr),
-        include_rest=include_rest,
-        robust=robust,
+        **fitting,
     )
     store = recordings.store if isinstance(recordings, IngestedCampaigns) else Path(recordings or ".")
     of = None if recordings is None else store

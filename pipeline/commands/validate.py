@@ -75,8 +75,9 @@ def run_validate(grids: Path, draws: int | None = None, seed: int | None = None,
 
 
 def _findings(judged: tuple[JudgedFigure, ...]) -> tuple[Remark, ...]:
-    """Every figure that rounding does not explain, or that the source states twice."""
-    kinds = (verdict.FigureVerdict.NOT_EXPLAINED, verdict.FigureVerdict.INCONSISTENT)
+    """Every figure that rounding does not explain, or that hangs on what the source states twice."""
+    which = verdict.FigureVerdict
+    kinds = (which.NOT_EXPLAINED, which.OTHER_CONSTANT, which.INCONSISTENT)
     return tuple(
         Remark(
             "info",

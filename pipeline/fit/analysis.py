@@ -127,7 +127,7 @@ def analyse(grid: Grid, options: AnalysisOptions, bench: BenchParameters) -> Ana
     try:
         rule = largest_plausible_correction(grid, fits)
         correction = min(max(rule, 0.0), 1.0) if options.correction == "rule" else fixed
-        calibration = calibrate(grid, fits, bench, correction=correction)
+        calibration = calibrate(grid, fits, bench, correction=correction, method=options.damping)
     except FitError as error:
         return replace(curves, missing=(error,))
     used = calibration.model.correction
@@ -139,7 +139,7 @@ def analyse(grid: Grid, options: AnalysisOptions, bench: BenchParameters) -> Ana
         calibration=calibration,
         balance=power_balance(grid, fits, used, behind),
         rule_correction=rule,
-        damping=tuple(fit_damping(grid, fits, k) for k in corrections),
+        damping=tuple(fit_damping(grid, fits, k, options.damping) for k in corrections),
         study=_study(grid, fits, bench, rule, calibration),
         causes=causes,
     )
@@ -189,6 +189,7 @@ def _study(
 ) -> CorrectionStudy | FitError:
     """The joint fit: the calibration itself where K_corr is free in it, else one of its own, or why there is none."""
     try:
-        return study_correction(grid, fits, bench, rule, calibration if "K_corr" in calibration.names else None)
+        joint = calibration if "K_corr" in calibration.names else calibration.method
+        return study_correction(grid, fits, bench, rule, joint)
     except FitError as error:
         return error

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from pmg.pipeline.fit.covariance import covariance_at_bounds, free_covariance
+from pmg.pipeline.fit.robust import DampingMethod, bisquare_weights
+from pmg.pipeline.fit.settle import BoundedProblem
 from pmg.pipeline.grid.readings import Readings, change, predict, take_readings
 from pmg.sim.errors import FitError
 from pmg.sim.lossmodel import LossModel
@@ -49,13 +51,17 @@ class FittedBaseline:
     on_bound : tuple of str
         Parameters that sit on a bound: no error bar belongs to them.
     chi_square : float
-        Weighted sum of squares.
+        Weighted sum of squares; with bisquare weights, what stands for it.
     dof : int
-        Degrees of freedom.
+        Degrees of freedom: readings less the parameters that are off their bound.
     message : str
         Why the solver stopped.
     moments : (k, k) array
         The covariance with parameters on a bound in it: what they may still be, as second moments about the bound.
+    method : DampingMethod
+        Least squares, or bisquare weights.
+    weights : (m,) array, optional
+        Of the readings, on top of their uncertainty, from 0 to 1; None by least squares.
     """
 
     model: LossModel
@@ -67,6 +73,13 @@ class FittedBaseline:
     dof: int
     message: str
     moments: Array
+    method: DampingMethod = DampingMethod.LEAST_SQUARES
+    weights: Array | None = None
+
+    @property
+    def left_out(self) -> int:
+        """Readings of weight 0; none by least squares."""
+        return 0 if self.weights is None else int((self.weights <= 0.0).sum())
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -150,6 +163,7 @@ def calibrate(
     correction: float | None = None,
     free: tuple[str, ...] = ("K_corr", "b", "c"),
     held: Mapping[str, float] | None = None,
+    method: DampingMethod = DampingMethod.LEAST_SQUARES,
 ) -> FittedBaseline:
     """Baseline fitted to neutral and engaged readings together, weighted by their uncertainty.
 
@@ -168,6 +182,10 @@ def calibrate(
         curves, d and K_corr cannot be separated by steady points.
     held : mapping of str to float
         Values at which b, c or d are held.
+    method : DampingMethod
+        Least squares, or bisquare weights on top of the uncertainties. What the readings scatter beyond these is in
+        `chi_square`, not in the covariance; where they scatter less about a bisquare fit, because outliers have swollen
+        the uncertainties, the covariance is smaller by that.
 
     Raises
     ------
@@ -180,6 +198,44 @@ def calibrate(
     readings = take_readings(grid, bench)
     start = _start_holding(start_model(fits), correction, held or {})
     free = tuple(n for n in free if n not in (held or {}) and not (n == "K_corr" and correction is not None))
+    problem = _problem(readings, bench, start, free)
+    weights, squares = np.ones(len(readings)), math.nan
+    if method is DampingMethod.BISQUARE:
+        size = float(np.abs(readings.torque / readings.u).max())
+        slopes = problem.slopes(parameter_values(start, free))
+        found = bisquare_weights(problem.step, problem.begin, slopes, size)
+        if found.scale > 0.0:
+            weights, squares = found.weights, (len(readings) - slopes.shape[1]) * found.sigma**2
+    values, message = problem.solve(weights)
+    bound = (values == problem.lower) | (values == problem.upper)
+    root = np.sqrt(weights)
+    residuals, slopes = problem.residuals(values) * root, problem.slopes(values) * root[:, None]
+    inside = np.flatnonzero(~bound)
+    moments = np.zeros((len(values), len(values)))
+    moments[np.ix_(inside, inside)] = free_covariance(slopes[:, inside], [problem.names[i] for i in inside])
+    if bound.any():
+        upward = np.where(values == problem.lower, 1.0, np.where(bound, -1.0, 0.0))
+        moments = covariance_at_bounds(slopes, residuals, inside, upward, moments)
+    if squares < len(readings) - slopes.shape[1]:  # outliers have swollen the uncertainties
+        moments *= squares / (len(readings) - slopes.shape[1])
+    covariance = moments.copy()
+    covariance[bound, :] = covariance[:, bound] = np.nan
+    return FittedBaseline(
+        model=with_parameters(start, free, values),
+        names=problem.names,
+        values=values,
+        covariance=covariance,
+        on_bound=tuple(name for name, at in zip(problem.names, bound, strict=True) if at),
+        chi_square=float(residuals @ residuals) if math.isnan(squares) else squares,
+        dof=len(readings) - len(inside),
+        message=message,
+        moments=moments,
+        method=method,
+        weights=weights if method is DampingMethod.BISQUARE else None,
+    )
+
+
+def _problem(readings: Readings, bench: BenchParameters, start: LossModel, free: tuple[str, ...]) -> BoundedProblem:
     names = parameter_names(start, free)
     n_curves = len(names) - len(free)
     lower = np.r_[np.full(n_curves, -np.inf), [CONSTANTS[name].bounds[0] for name in free]]
@@ -194,32 +250,7 @@ def calibrate(
 
     scale = np.r_[np.full(n_curves, 0.1), [CONSTANTS[name].typical for name in free]]
     begin = np.clip(parameter_values(start, free), lower + 1e-9 * scale, upper - 1e-9 * scale)
-    found = least_squares(residuals, begin, jac=slopes, bounds=(lower, upper), x_scale=scale, xtol=1e-12, ftol=1e-12)
-    if not found.success:
-        raise FitError("calibration", f"no convergence ({found.message})", "a minimum", "Check the grids for outliers.")
-    margin = 1e-4 * scale
-    bound = (found.x - lower < margin) | (upper - found.x < margin)
-    values = np.where(found.x - lower < margin, lower, np.where(upper - found.x < margin, upper, found.x))
-    inside = np.flatnonzero(~bound)
-    moments = np.zeros((len(names), len(names)))
-    moments[np.ix_(inside, inside)] = free_covariance(slopes(values)[:, inside], [names[i] for i in inside])
-    if bound.any():
-        upward = np.where(found.x - lower < margin, 1.0, np.where(upper - found.x < margin, -1.0, 0.0))
-        moments = covariance_at_bounds(slopes(values), residuals(values), inside, upward, moments)
-    covariance = moments.copy()
-    covariance[bound, :] = covariance[:, bound] = np.nan
-    final = residuals(values)
-    return FittedBaseline(
-        model=with_parameters(start, free, values),
-        names=names,
-        values=values,
-        covariance=covariance,
-        on_bound=tuple(name for name, at in zip(names, bound, strict=True) if at),
-        chi_square=float(final @ final),
-        dof=len(readings) - len(inside),
-        message=str(found.message),
-        moments=moments,
-    )
+    return BoundedProblem(names, lower, upper, scale, begin, residuals, slopes)
 
 
 def _start_holding(start: LossModel, correction: float | None, held: Mapping[str, float]) -> LossModel:

@@ -143,6 +143,10 @@ def causes_of_fits(grid: Grid, fits: LossFits, bench: BenchParameters | None = N
     return _causes(tuple(names), root, influence, grid, transducer_causes(grid, bench), fitted=False)
 
 
+NO_WEIGHT = 1e-6
+"""Root of the weight of a reading that a bisquare fit leaves out, for the division by it."""
+
+
 def causes_of_calibration(grid: Grid, calibration: FittedBaseline, bench: BenchParameters) -> CommonErrorSources:
     r"""Common causes of the points of the grid that a calibration was made from.
 
@@ -159,10 +163,12 @@ def causes_of_calibration(grid: Grid, calibration: FittedBaseline, bench: BenchP
     model, free = calibration.model, calibration.free
     names = parameter_names(model, free)
     inside = np.array([i for i, name in enumerate(names) if name not in calibration.on_bound], dtype=np.intp)
-    weighted = jacobian(readings, bench, model, free)[:, inside] / readings.u[:, None]
+    root_weight = np.ones(len(readings)) if calibration.weights is None else np.sqrt(calibration.weights)
+    u = readings.u / np.maximum(root_weight, NO_WEIGHT)
+    weighted = jacobian(readings, bench, model, free)[:, inside] / u[:, None]
     length = np.linalg.norm(weighted, axis=0)
     response = np.zeros((len(names), len(readings)))
-    response[inside] = np.linalg.pinv(weighted / length) / length[:, None] / readings.u
+    response[inside] = np.linalg.pinv(weighted / length) / length[:, None] / u
     at, row, sun = grid.points, readings.row, readings.sun
     ratio = bench.ratio(at.gear)
     influence = np.zeros((len(names), len(grid))), np.zeros((len(names), len(grid)))
@@ -175,7 +181,7 @@ def causes_of_calibration(grid: Grid, calibration: FittedBaseline, bench: BenchP
     expected = float(calibration.dof)
     for cause in transducers:
         of_ring = cause.ring[row] / ratio[row]
-        shift = np.where(sun, cause.sun[row] - np.where(loaded, of_ring, 0.0), cause.ring[row]) / readings.u
+        shift = np.where(sun, cause.sun[row] - np.where(loaded, of_ring, 0.0), cause.ring[row]) / u
         expected += float(np.sum((shift - basis @ (basis.T @ shift)) ** 2))
     scale = math.sqrt(max(1.0, calibration.chi_square / expected)) if calibration.dof > 0 else 1.0
     root = scale * _root(calibration.moments)

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from pmg.pipeline.fit.calibration import CONSTANTS, calibrate
+from pmg.pipeline.fit.robust import DampingMethod
 from pmg.pipeline.wording.probability import CONFIDENCE
 
 if TYPE_CHECKING:
@@ -111,7 +112,7 @@ class CorrectionStudy:
 
 
 def study_correction(
-    grid: Grid, fits: LossFits, bench: BenchParameters, rule: float, joint: FittedBaseline | None = None
+    grid: Grid, fits: LossFits, bench: BenchParameters, rule: float, joint: FittedBaseline | DampingMethod
 ) -> CorrectionStudy:
     """The joint fit of K_corr, b and c, and what it determines.
 
@@ -125,8 +126,8 @@ def study_correction(
         Ratio and shares.
     rule : float
         K_corr by the thesis's rule.
-    joint : FittedBaseline, optional
-        The joint fit, where it has been made already.
+    joint : FittedBaseline or DampingMethod
+        The joint fit, where it has been made already, else how it is to be made.
 
     Raises
     ------
@@ -141,6 +142,6 @@ def study_correction(
     would have it. "Separately" asks a half axis of the interval of K_corr of 0.1 at most, and a correlation with c of
     0.95 at most in magnitude.
     """
-    found = joint if joint is not None else calibrate(grid, fits, bench)
+    found = calibrate(grid, fits, bench, method=joint) if isinstance(joint, DampingMethod) else joint
     ratio = found.chi_square / found.dof if found.dof > 0 else 1.0
     return CorrectionStudy(found, rule, max(1.0, math.sqrt(ratio)))

@@ -47,12 +47,16 @@ def damping_document(fit: DampingFit) -> dict[str, Any]:
     """The damping constants at one correction factor."""
     return {
         "K_corr": fit.correction,
+        "method": str(fit.method),
         "smallest_magnetic_loss_W": fit.smallest,
         "negative_magnetic_losses": fit.negative,
         "b_Nm": fit.b,
         "c_Nm_s_rad": fit.c,
         "d": fit.d,
         "standard_errors": list(fit.standard_errors),
+        "on_bound": list(fit.on_bound),
+        "degrees_of_freedom": fit.dof,
+        "speeds_left_out": int((fit.weights <= 0.0).sum()),
         "r_squared": number(fit.r_squared),
         "rmse_W": fit.rmse,
     }

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.fit.loss_fit import DEFAULT_POWERS, THESIS_POWERS_RING, THESIS_POWERS_SUN, check_powers
+from pmg.pipeline.fit.robust import DampingMethod
 from pmg.sim.errors import FitError, near_miss
 
 if TYPE_CHECKING:
@@ -35,6 +36,8 @@ class AnalysisOptions:
         Whether the terms are chosen by the data (`pmg.pipeline.fit.term_choice`).
     robust : bool
         Huber's M-estimate instead of least squares for the loss curves.
+    damping : DampingMethod
+        Weights of the damping constants' fit, and of the calibration: least squares, or bisquare.
     checks : mapping of str to str
         Cross-checks whose action is not the default one, with the action.
     """
@@ -46,6 +49,7 @@ class AnalysisOptions:
     auto_sun: bool = False
     auto_ring: bool = False
     robust: bool = False
+    damping: DampingMethod = DampingMethod.LEAST_SQUARES
     checks: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -73,10 +77,12 @@ class AnalysisOptions:
     @classmethod
     def from_document(cls, document: dict[str, Any]) -> AnalysisOptions:
         """The options that `document` wrote; choices that are younger than the document have their default."""
-        younger = ("auto_sun", "auto_ring", "robust", "checks")
+        younger = ("auto_sun", "auto_ring", "robust", "damping", "checks")
         known = {f.name: document[f.name] for f in fields(cls) if f.name in document or f.name not in younger}
         for name in ("powers_sun", "powers_ring"):
             known[name] = tuple(map(float, known[name]))
+        if "damping" in known:
+            known["damping"] = DampingMethod(known["damping"])
         return cls(**known)
 
 
@@ -85,6 +91,7 @@ THESIS_OPTIONS = AnalysisOptions(
     powers_ring=THESIS_POWERS_RING,
     include_rest=True,
     correction=str(THESIS_CORRECTION),
+    damping=DampingMethod.BISQUARE,
 )
 """The thesis's own choices: what the published grids are analysed with unless set otherwise."""
 
@@ -106,6 +113,14 @@ def parse_powers(text: str, option: str) -> tuple[float, ...]:
     return tuple(powers)
 
 
+def parse_damping(word: str) -> DampingMethod:
+    """The weights that a word names."""
+    known = tuple(map(str, DampingMethod))
+    if word not in known:
+        raise FitError("--damping", repr(word), " or ".join(known), near_miss(word, known))
+    return DampingMethod(word)
+
+
 def chosen_options(
     *,
     published: bool,
@@ -114,6 +129,7 @@ def chosen_options(
     correction: str | None = None,
     include_rest: bool | None = None,
     robust: bool = False,
+    damping: str | None = None,
     checks: Mapping[str, str] | None = None,
 ) -> AnalysisOptions:
     """The options of a call: the thesis's own for published grids, pmg's for recordings, and what the user changed."""
@@ -128,6 +144,8 @@ def chosen_options(
         options = replace(options, powers_ring=parse_powers(terms_ring, "--terms-ring"))
     if correction is not None:
         options = replace(options, correction=correction)
+    if damping is not None:
+        options = replace(options, damping=parse_damping(damping))
     check_powers(options.powers_sun)
     check_powers(options.powers_ring)
     if include_rest is not None:

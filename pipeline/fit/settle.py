@@ -1,4 +1,4 @@
-"""A least-squares fit brought from near its minimum to where its last digits are settled, on any processor."""
+"""Least squares within bounds: solved, and brought to where its last digits are settled, on any processor."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import least_squares, lsq_linear
+
+from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -166,3 +169,63 @@ def _newton(curvature: Array, slopes: Array, left: Array) -> Array:
     sure = bent > FLAT * bent.max(initial=0.0)
     along = way[:, sure]
     return np.asarray(-(along @ ((along.T @ (slopes.T @ left / length)) / bent[sure])) / length)
+
+
+@dataclass(frozen=True)
+class BoundedProblem:
+    """Bounded least squares of the readings over the free parameters.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The parameters.
+    lower, upper, scale, begin : (k,) array
+        Their bounds, usual sizes, and where the search begins.
+    residuals, slopes : callable
+        From their values: (m,) weighted residuals, and (m, k) derivatives of these.
+    """
+
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
+    scale: Array
+    begin: Array
+    residuals: Callable[[Array], Array]
+    slopes: Callable[[Array], Array]
+
+    def step(self, weights: Array, values: Array) -> tuple[Array, Array]:
+        """Gauss-Newton step with further weights (m,) within the bounds: values (k,), and the residuals they leave."""
+        root, slopes = np.sqrt(weights), self.slopes(values) * self.scale
+        found = lsq_linear(
+            slopes * root[:, None],
+            (slopes @ (values / self.scale) - self.residuals(values)) * root,
+            (self.lower / self.scale, self.upper / self.scale),
+            method="bvls",
+        )
+        return found.x * self.scale, self.residuals(found.x * self.scale)
+
+    def solve(self, weights: Array) -> tuple[Array, str]:
+        """Values (k,) of the minimum with further weights (m,), those at a bound on it, and why the solver stopped."""
+        root = np.sqrt(weights)
+
+        def residuals(values: Array) -> Array:
+            return self.residuals(values) * root
+
+        def slopes(values: Array) -> Array:
+            return self.slopes(values) * root[:, None]
+
+        found = least_squares(
+            residuals,
+            self.begin,
+            jac=slopes,
+            bounds=(self.lower, self.upper),
+            x_scale=self.scale,
+            xtol=1e-12,
+            ftol=1e-12,
+        )
+        if not found.success:
+            came = f"no convergence ({found.message})"
+            raise FitError("calibration", came, "a minimum", "Check the grids for outliers.")
+        margin = 1e-4 * self.scale
+        values = np.where(found.x - self.lower < margin, self.lower, found.x)
+        return np.where(self.upper - values < margin, self.upper, values), str(found.message)

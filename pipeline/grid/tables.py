@@ -26,6 +26,12 @@ PUBLISHED = ("neutral_grid.csv", "engaged_grid.csv")
 ROUNDING_PUBLISHED = 0.01
 """Step to which the published torques are rounded [N m]."""
 
+ROUNDING_FINE = 1e-4
+"""Step to which the ring torques of the engaged points are rounded where they are printed once more [N m]."""
+
+FINE_COLUMN = "ring_torque_simulation_input_Nm"
+"""Column with those: the measured ring torques that the source gave its simulation (its tables 6.2 and 6.3)."""
+
 RATIO_TOLERANCE = 0.02
 """Largest deviation of engaged speeds from the gear ratio, as part of the sun speed."""
 
@@ -98,7 +104,8 @@ def frame_grid(frame: pd.DataFrame, origin: str, campaign: str) -> Grid:
     )
 
 
-def _read_published_csv(path: Path, needed: tuple[str, ...]) -> pd.DataFrame:
+def _read_published_csv(path: Path, needed: tuple[str, ...], further: tuple[str, ...] = ()) -> pd.DataFrame:
+    """The table with the columns needed, and those of `further` that it has, all checked."""
     if not path.is_file():
         raise GridError(str(path), "no such file", "a published grid", "Name a folder that holds it.")
     try:
@@ -107,7 +114,7 @@ def _read_published_csv(path: Path, needed: tuple[str, ...]) -> pd.DataFrame:
     except (ValueError, UnicodeDecodeError) as error:
         raise GridError(str(path), f"not a table ({error})", "comma-separated values", "Check the file.") from error
     note_read(path, data)
-    for name in needed:
+    for name in (*needed, *(name for name in further if name in frame.columns)):
         if name not in frame.columns:
             raise GridError(
                 str(path),
@@ -155,7 +162,9 @@ def read_published(folder: Path, bench: BenchParameters) -> Grid:
     ----------
     folder : Path
         Holds ``neutral_grid.csv`` and ``engaged_grid.csv``, both with magnitudes: forward rotation, the loss torques
-        of both shafts in neutral, driving and load torque when engaged.
+        of both shafts in neutral, driving and load torque when engaged. A column
+        ``ring_torque_simulation_input_Nm``, where there is one, is the measured load torque to four decimals, and is
+        used instead of the one to two.
     bench : BenchParameters
         For the uncertainty that all readings of a transducer share.
 
@@ -163,7 +172,7 @@ def read_published(folder: Path, bench: BenchParameters) -> Grid:
     -------
     Grid
         Signed as recordings are. The standard uncertainty of each torque is that of its rounding to 0.01 N m,
-        0.01/sqrt(12); the order of the points is not known.
+        0.01/sqrt(12), or to 0.0001 N m; the order of the points is not known.
 
     Raises
     ------
@@ -171,7 +180,9 @@ def read_published(folder: Path, bench: BenchParameters) -> Grid:
         A file is missing, a column is missing, a cell is empty or not a number.
     """
     neutral = _read_published_csv(folder / PUBLISHED[0], _NEUTRAL_COLUMNS)
-    engaged = _read_published_csv(folder / PUBLISHED[1], _ENGAGED_COLUMNS)
+    engaged = _read_published_csv(folder / PUBLISHED[1], _ENGAGED_COLUMNS, (FINE_COLUMN,))
+    fine = FINE_COLUMN in engaged.columns
+    ring_column = FINE_COLUMN if fine else "ring_torque_measured_Nm"
     stage = bench.stages[0]
     ratio = bench.gear(stage).ratio
     slip = np.abs(engaged.sun_speed_rpm - ratio * engaged.ring_speed_rpm)
@@ -188,10 +199,11 @@ def read_published(folder: Path, bench: BenchParameters) -> Grid:
     speed_sun = np.r_[neutral.sun_speed_rpm, engaged.sun_speed_rpm] * RPM
     speed_ring = np.r_[neutral.ring_speed_rpm, -engaged.ring_speed_rpm] * RPM
     torque_sun = np.r_[neutral.sun_loss_torque_Nm, engaged.sun_torque_measured_Nm]
-    torque_ring = np.r_[neutral.ring_loss_torque_Nm, engaged.ring_torque_measured_Nm]
+    torque_ring = np.r_[neutral.ring_loss_torque_Nm, engaged[ring_column]]
     names = [f"N_s{s:+05.0f}_r{r:+04.0f}" for s, r in zip(neutral.sun_speed_rpm, neutral.ring_speed_rpm, strict=True)]
     names += [f"E_s{s:+05.0f}_l{t:.2f}" for s, t in zip(engaged.sun_speed_rpm, engaged.ring_torque_set_Nm, strict=True)]
     u = np.full(n + m, ROUNDING_PUBLISHED / math.sqrt(12.0))
+    u_ring = np.r_[u[:n], np.full(m, (ROUNDING_FINE if fine else ROUNDING_PUBLISHED) / math.sqrt(12.0))]
     common_sun, common_ring = common_uncertainty(torque_sun, torque_ring, bench)
     points = OperatingPoints(
         name=np.array(names, dtype=np.str_),
@@ -213,9 +225,9 @@ def read_published(folder: Path, bench: BenchParameters) -> Grid:
         torque_sun=torque_sun,
         torque_ring=torque_ring,
         within_sun=u,
-        within_ring=u,
+        within_ring=u_ring,
         u_sun=u,
-        u_ring=u,
+        u_ring=u_ring,
         common_sun=common_sun,
         common_ring=common_ring,
         accepted=np.ones(n + m, dtype=bool),

@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from pmg.pipeline.files.strict_tables import Strict, refuse, refuse_unknown, refusing
 from pmg.pipeline.files.table_file import TableFile, read_table_file
 from pmg.pipeline.fit.loss_fit import check_powers
-from pmg.pipeline.fit.options import AUTO, AnalysisOptions, parse_powers
+from pmg.pipeline.fit.options import AUTO, AnalysisOptions, parse_damping, parse_powers
 from pmg.pipeline.grid.crosschecks.catalogue import CROSS_CHECKS, allowed_actions
 from pmg.pipeline.settings.tolerance import Tolerances, tolerance
 from pmg.pipeline.windows.limits_file import WindowsTable
@@ -46,6 +46,16 @@ def _correction(value: object) -> object:
     return text
 
 
+def _damping(value: object) -> object:
+    """Weights as their option names them."""
+    if isinstance(value, str):
+        try:
+            parse_damping(value)
+        except FitError as problem:
+            refuse(repr(value), problem.expected, problem.do)
+    return value
+
+
 def _key(meaning: str, option: str, example: str) -> Any:  # noqa: ANN401 - what pydantic takes for a field
     """A key that may be left out: its meaning, the option that does the same, and a value as it may be written."""
     return Field(default=None, description=meaning, json_schema_extra={"option": option, "example": example})
@@ -54,6 +64,7 @@ def _key(meaning: str, option: str, example: str) -> Any:  # noqa: ANN401 - what
 Place = Annotated[str, Field(min_length=1)]
 Terms = Annotated[str, BeforeValidator(_terms)]
 Correction = Annotated[str, BeforeValidator(_correction)]
+Damping = Annotated[str, BeforeValidator(_damping)]
 
 
 class RecordingsTable(Strict):
@@ -94,6 +105,7 @@ class AnalysisTable(Strict):
     k_corr: Correction | None = _key("correction factor: joint, rule, or a number", "--k-corr", '"joint"')
     include_rest: bool | None = _key("use readings of resting shafts in the curves", "--include-rest", "false")
     robust: bool | None = _key("Huber's M-estimate instead of least squares", "--robust", "false")
+    damping: Damping | None = _key("weights of the calibration: least-squares or bisquare", "--damping", '"bisquare"')
 
 
 def _tolerances(table: object) -> object:

@@ -35,6 +35,7 @@ KEYS = {
     "k_corr": "analysis.k_corr",
     "include_rest": "analysis.include_rest",
     "robust": "analysis.robust",
+    "damping": "analysis.damping",
     "note": "compare.note",
     "model": "compare.model",
 }
@@ -123,6 +124,7 @@ class Chosen:
             correction=self.text("k_corr"),
             include_rest=self.values.get("include_rest"),
             robust=bool(self.values.get("robust")),
+            damping=self.text("damping"),
             checks=None if self.file is None else self.file.file.table.checks,
         )
 

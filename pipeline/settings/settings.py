@@ -87,6 +87,7 @@ def _usual(chosen: Chosen) -> dict[str, tuple[Any, str]]:
         "k_corr": (options.correction, origin),
         "include_rest": (options.include_rest, origin),
         "robust": (options.robust, DEFAULT),
+        "damping": (str(options.damping), origin),
         "note": ("", DEFAULT),
     }
 

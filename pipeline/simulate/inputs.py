@@ -16,6 +16,7 @@ from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.model.read_model import read_model
 from pmg.pipeline.simulate.field_csv import read_fem_csv
 from pmg.pipeline.simulate.programmes import programme_of
+from pmg.pipeline.thesis_figures.printed_simulation import recovered_losses
 from pmg.sim.dynamics.drivetrain import Drivetrain
 from pmg.sim.dynamics.programme import Programme
 from pmg.sim.errors import BenchError, FitError
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.fit.options import AnalysisOptions
     from pmg.pipeline.recording.remark import Remark
+    from pmg.pipeline.simulate.scenario import Losses
     from pmg.pipeline.simulate.scenario_file import ScenarioFile
     from pmg.pipeline.simulate.scenario_mechanisms import Switched
     from pmg.sim.bench import BenchParameters
@@ -171,6 +173,12 @@ def loss_model(file: ScenarioFile, bench: BenchParameters) -> LossModel | None:
         options = replace(options, auto_ring=False, powers_ring=powers)
     if given.robust is not None:
         options = replace(options, robust=given.robust)
+    model = _with_constants(given, grid, options, bench)
+    return recovered_losses(grid, model, bench) if given.printed_torques else model
+
+
+def _with_constants(given: Losses, grid: Grid, options: AnalysisOptions, bench: BenchParameters) -> LossModel:
+    """Curves fitted to the grid, with the constants set by hand; those left out are calibrated."""
     by_hand = {name: getattr(given, name) for name in ("b", "c", "d") if getattr(given, name) is not None}
     if given.K_corr is not None and len(by_hand) == 3:
         fits = fit_curves(grid, chosen_terms(grid, options)[0], weighted=True)
@@ -195,7 +203,9 @@ def _calibrated(grid: Grid, options: AnalysisOptions, bench: BenchParameters, by
     analysis = analyse(grid, options, bench)
     if by_hand and analysis.calibration is not None and analysis.fits is not None:
         correction = None if options.correction == "joint" else analysis.calibration.model.correction
-        return calibrate(analysis.grid, analysis.fits, bench, correction=correction, held=by_hand).model
+        return calibrate(
+            analysis.grid, analysis.fits, bench, correction=correction, held=by_hand, method=options.damping
+        ).model
     if analysis.calibration is None:
         raise (
             analysis.missing[0]
@@ -224,9 +234,10 @@ def _about_losses(file: ScenarioFile, model: LossModel | None) -> tuple[tuple[st
         )
     )
     by_hand = all(getattr(given, name) is not None for name in constants)
+    recovered = ", the sun's such that the source's printed torques come out" if given.printed_torques else ""
     fitted = "fitted robustly" if by_hand else "calibrated together with the constants, not robustly"
     return (
-        ("Losses", f"curves of {given.grids or given.analysis}" + (f", {fitted}" if given.robust else "")),
+        ("Losses", f"curves of {given.grids or given.analysis}" + (f", {fitted}" if given.robust else "") + recovered),
         ("Powers of speed in the curves", terms),
         ("Loss constants", text),
     )

@@ -59,6 +59,7 @@ class Losses(Strict):
     terms_sun: str | None = None
     terms_ring: str | None = None
     robust: bool | None = None
+    printed_torques: bool | None = None
 
     @model_validator(mode="after")
     def _one_source(self) -> Losses:
@@ -66,6 +67,8 @@ class Losses(Strict):
         if len(named) != 1:
             came = f"{' and '.join(named)} together" if named else "no source"
             refuse(came, "exactly one of grids, analysis, model, none = true", "Name one source of the losses.")
+        if self.printed_torques and self.grids is None:
+            refuse("without grids", "grids of the thesis beside it", "Name the folder of its grids.", "printed_torques")
         changed = [name for name in type(self).model_fields if name not in SOURCES]
         for name in changed:
             if getattr(self, name) is not None and (self.none or self.model):

@@ -12,6 +12,7 @@ from pmg.pipeline.fit.damping import THESIS_CORRECTIONS, fit_damping
 from pmg.pipeline.fit.loss_fit import THESIS_POWERS_RING, THESIS_POWERS_SUN, LossFits, fit_losses
 from pmg.pipeline.fit.losses import largest_plausible_correction, power_balance
 from pmg.pipeline.fit.options import THESIS_CORRECTION
+from pmg.pipeline.fit.robust import DampingMethod
 from pmg.pipeline.thesis_figures.tables import DIAMETERS_RING, DIAMETERS_SUN, LOADS, SPEEDS, point_name
 from pmg.sim import signals
 from pmg.sim.bench import GEARS
@@ -29,6 +30,7 @@ from pmg.sim.steady.solve import steady
 if TYPE_CHECKING:
     from pmg.pipeline.thesis_figures.tables import Sample
     from pmg.sim.bench import BenchParameters
+    from pmg.sim.dynamics.assumptions import Assumptions
     from pmg.sim.grid import Grid
     from pmg.sim.signals import Array
 
@@ -64,6 +66,10 @@ class Choices:
         Torques of the run in time [N m].
     rtol : float
         Tolerance of its solver.
+    damping : DampingMethod
+        Weights of the damping fit. The source does not state them; bisquare is what its constants come out with.
+    assumptions : Assumptions, optional
+        What it leaves open about the bench in motion; the defaults where not given.
     """
 
     powers_sun: tuple[float, ...] = THESIS_POWERS_SUN
@@ -73,6 +79,8 @@ class Choices:
     torque_sun: float = 1.0
     torque_ring: float = 2.3
     rtol: float = 1e-5
+    damping: DampingMethod = DampingMethod.BISQUARE
+    assumptions: Assumptions | None = None
 
 
 THESIS = Choices()
@@ -99,7 +107,7 @@ def replicate(sample: Sample, bench: BenchParameters, choices: Choices = THESIS)
     fits = fit_losses(sample.grid, choices.powers_sun, choices.powers_ring, include_rest=choices.include_rest)
     found = _design(bench) | _grids(sample, fits) | _printed(sample)
     for k in THESIS_CORRECTIONS:
-        fit = fit_damping(sample.grid, fits, k)
+        fit = fit_damping(sample.grid, fits, k, choices.damping)
         values = {"b": fit.b, "c": fit.c, "d": fit.d, "r-squared": fit.r_squared, "rmse": fit.rmse}
         found |= {f"damping-{k:.2f}.{name}": value for name, value in values.items()}
     for suffix, eddy in (("", EDDY_TABLE), ("-implied", EDDY_IMPLIED)):
@@ -173,7 +181,7 @@ def _printed(sample: Sample) -> dict[str, float]:
 def _simulated(sample: Sample, gearbox: Gearbox) -> tuple[Grid, Grid]:
     """The engaged points, measured and simulated, load by load."""
     measured = sample.grid[sample.rows.ravel()]
-    return measured, steady(gearbox, replace(measured.points, torque_ring=sample.ring.ravel()))
+    return measured, steady(gearbox, measured.points)
 
 
 def _differences(sample: Sample, simulated: Grid) -> dict[str, float]:
@@ -254,7 +262,7 @@ def _run(gearbox: Gearbox, model: LossModel, measured: Grid, choices: Choices) -
     """The run of section 6.3: torque ramps over one second, then held."""
     asked = SetPoints(choices.torque_sun, choices.torque_ring)
     sun, ring = (Programme.ramp(torque, 1.0) for torque in (asked.sun, asked.ring))
-    train = Drivetrain.calibrated(gearbox.bench, model)
+    train = Drivetrain.calibrated(gearbox.bench, model, choices.assumptions)
     trace = transient(Task(train, sun, ring, DURATION, times=np.array([DURATION])), rtol=choices.rtol)
     if trace.stopped is not None:
         raise trace.stopped

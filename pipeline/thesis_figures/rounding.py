@@ -6,23 +6,23 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
-from pmg.pipeline.grid.tables import ROUNDING_PUBLISHED
+from pmg.pipeline.grid.tables import ROUNDING_FINE, ROUNDING_PUBLISHED
 from pmg.pipeline.thesis_figures.replicate import THESIS, Choices, replicate
-from pmg.pipeline.thesis_figures.tables import ROUNDING_FINE, Sample
+from pmg.pipeline.thesis_figures.tables import Sample, with_ring_torque
 from pmg.sim.errors import FitError
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
+    from pmg.sim.signals import Array
 
 ROUNDING_SEED = 20260101
 """Seed where none is chosen."""
 
 DRAWS = 500
-"""Draws where no number is chosen."""
-
-DRAWS_IN_REPORT = 100
-"""Draws of the chapter that goes with the report of the published grids."""
+"""Draws where no number is chosen, by the command and in the report of the published grids."""
 
 FEWEST_DRAWS = 20
 """Below this the outer 2.5 % hold not one draw."""
@@ -60,20 +60,47 @@ class RoundingSpread:
         return max(self.ours - self.low, self.high - self.ours, 0.0)
 
 
+def _shared_errors(own: Array, torque: Array) -> npt.NDArray[np.intp]:
+    """Number of the rounding error behind each printed torque (n,), from 0.
+
+    Parameters
+    ----------
+    own : (n,) array
+        Speed of the shaft that the torque is of [rad/s].
+    torque : (n,) array
+        As printed [N m].
+
+    Notes
+    -----
+    Where all readings of a shaft at one of its speeds print the same value, they scatter by less than the step, and
+    what rounding takes from one it takes from all: they share one error. In every other row the values step, and each
+    reading has an error of its own. On synthetic tables whose rows drift by up to a step and hardly scatter, 95 %
+    intervals drawn like this hold the unrounded curve in 93 to 98 %; with errors that are all independent in 73 to
+    91 %.
+    """
+    number = np.arange(len(torque))
+    for speed in np.unique(own):
+        row = np.flatnonzero(own == speed)
+        if len(row) > 1 and len(np.unique(torque[row])) == 1:
+            number[row] = row[0]
+    return np.unique(number, return_inverse=True)[1]
+
+
 def _draw(sample: Sample, rng: np.random.Generator) -> Sample:
     """Tables that would be printed as these are: every torque even within half a unit of its last digit."""
+    grid, neutral = sample.grid, sample.grid.points.neutral
     coarse, fine = 0.5 * ROUNDING_PUBLISHED, 0.5 * ROUNDING_FINE
-    grid = sample.grid
-    torque_ring = grid.torque_ring + rng.uniform(-coarse, coarse, len(grid))
+    drawn = []
+    for side in SIDES:
+        torque = grid.torque[side]
+        error = rng.uniform(-coarse, coarse, len(grid))
+        shared = _shared_errors(grid.points.speed[side][neutral], torque[neutral])
+        error[neutral] = rng.uniform(-coarse, coarse, len(grid))[shared]
+        drawn.append(torque + error)
+    drawn[1][sample.rows] = sample.ring + rng.uniform(-fine, fine, sample.rows.shape)
     return replace(
         sample,
-        grid=replace(
-            grid,
-            torque_sun=grid.torque_sun + rng.uniform(-coarse, coarse, len(grid)),
-            torque_ring=torque_ring,
-            points=replace(grid.points, torque_ring=torque_ring),
-        ),
-        ring=sample.ring + rng.uniform(-fine, fine, sample.ring.shape),
+        grid=with_ring_torque(replace(grid, torque_sun=drawn[0]), np.arange(len(grid)), drawn[1]),
         sun=sample.sun + rng.uniform(-fine, fine, sample.sun.shape),
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,9 +25,6 @@ LOADS = np.array([0.78, 1.17, 1.56, 1.95])
 NEUTRAL_POINTS = 16 * 13
 """Points of the neutral grid (table 4.1)."""
 
-ROUNDING_FINE = 1e-4
-"""Step to which the torques of tables 6.2 and 6.3 are rounded [N m]."""
-
 TORQUE_SUN = np.array(
     (
         (0.3722, 0.4050, 0.4320, 0.4550, 0.4739, 0.4930, 0.5103, 0.5232, 0.5386, 0.5549, 0.5705, 0.5875),
@@ -48,6 +45,9 @@ TORQUE_RING = np.array(
 )
 """Ring torques that these tests were given [N m]: the measured ones, with more digits than table A.5 has."""
 
+TWICE_RING = {(2, 7): 1.57}
+"""Where table A.5 prints another ring torque than these tests were given, by row and column, with what it prints."""
+
 DIAMETERS_SUN = np.array([0.032, 0.047, 0.024])
 """Diameters of the bearings 1 to 3, which share the sun's losses [m] (table 5.2)."""
 
@@ -67,19 +67,21 @@ class Sample:
     Parameters
     ----------
     grid : Grid
-        Tables A.2 to A.5.
+        Tables A.2 to A.4, and the measured ring torques with the digits of tables 6.2 and 6.3.
     rows : (4, 12) array of int
         Where the engaged point of each load and speed stands in it.
-    ring : (4, 12) array
-        Ring torques given to the simulated tests [N m].
     sun : (4, 12) array
         Sun torques that the thesis's simulation gave [N m].
     """
 
     grid: Grid
     rows: npt.NDArray[np.int64]
-    ring: Array
     sun: Array
+
+    @property
+    def ring(self) -> Array:
+        """Ring torques that were measured and given to the simulated tests [N m] (4, 12)."""
+        return np.asarray(self.grid.torque_ring[self.rows])
 
 
 def printed(grid: Grid) -> Sample:
@@ -118,4 +120,11 @@ def printed(grid: Grid) -> Sample:
             f"{NEUTRAL_POINTS} and {rows.size}, as in the thesis",
             "Name a folder with the thesis's own grids.",
         )
-    return Sample(grid, rows, TORQUE_RING, TORQUE_SUN)
+    return Sample(with_ring_torque(grid, rows, TORQUE_RING), rows, TORQUE_SUN)
+
+
+def with_ring_torque(grid: Grid, rows: npt.NDArray[np.int64], torque: Array) -> Grid:
+    """The grid with other ring torques [N m] at some rows."""
+    torque_ring = grid.torque_ring.copy()
+    torque_ring[rows] = torque
+    return replace(grid, torque_ring=torque_ring, points=replace(grid.points, torque_ring=torque_ring))

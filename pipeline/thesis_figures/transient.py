@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.fit.loss_fit import fit_losses
+from pmg.pipeline.grid.tables import ROUNDING_FINE
+from pmg.pipeline.thesis_figures.printed_simulation import recovered_losses
 from pmg.pipeline.thesis_figures.replicate import DURATION, EDDY_IMPLIED, EDDY_TABLE, THESIS
 from pmg.pipeline.thesis_figures.rounding import OUTER
-from pmg.pipeline.thesis_figures.tables import ROUNDING_FINE, SPEEDS, TORQUE_RING, TORQUE_SUN
+from pmg.pipeline.thesis_figures.tables import TORQUE_RING, TORQUE_SUN
 from pmg.sim.dynamics.assumptions import Assumptions, RotorInertia
 from pmg.sim.dynamics.drivetrain import Drivetrain
 from pmg.sim.dynamics.programme import Programme
@@ -106,40 +108,6 @@ def _assumptions(rotors: RotorsCounted, signed: bool) -> Assumptions:
     )
 
 
-def _model_of_torques(sun: Array, ring: Array, rounded: LossModel, bench: BenchParameters) -> LossModel:
-    r"""Losses with which the locked gear needs the given torques.
-
-    Parameters
-    ----------
-    sun, ring : (4, 12) array
-        Torques of the 48 simulated points [N m].
-    rounded : LossModel
-        Its powers, correction factor and eddy constant are kept, and of the ring's curve the terms that the sun's has
-        too: the 48 points determine no more than the sum of both.
-    bench : BenchParameters
-        Speed ratio.
-
-    Notes
-    -----
-    :math:`T_s - T_r/i = K B_s(\omega) + K B_r(\omega/i)/i + c\,\omega\,(1 + 1/i^2)`, fitted by a polynomial in the
-    sun's speed with the powers of the ring's curve; the printed torques follow one of degree four within 0.14 mN m.
-    """
-    curve_s, curve_r, i = rounded.curve_sun, rounded.curve_ring, bench.gear1.ratio
-    powers, scale = np.array(curve_r.powers), curve_s.speed_reference
-    design = np.tile((SPEEDS / scale)[:, None] ** powers, (len(sun), 1))
-    total = np.linalg.lstsq(design, (sun - ring / i).ravel(), rcond=None)[0]
-    eddy = np.where(powers == 1.0, rounded.c * scale * (1.0 + 1.0 / i**2), 0.0)
-    both = (total - eddy) / rounded.correction
-    seen = (scale / i / curve_r.speed_reference) ** powers / i
-    shared = np.isin(powers, curve_s.powers)
-    on_ring = np.where(shared, curve_r.coefficients, both / seen)
-    return replace(
-        rounded,
-        curve_sun=replace(curve_s, coefficients=(both - seen * on_ring)[shared]),
-        curve_ring=replace(curve_r, coefficients=on_ring),
-    )
-
-
 def transient_options(
     grid: Grid, bench: BenchParameters, judged: Iterable[JudgedFigure], rng: np.random.Generator
 ) -> tuple[TransientResult, ...]:
@@ -162,14 +130,14 @@ def transient_options(
     models = {
         RunLosses.TABLE: table,
         RunLosses.IMPLIED: implied,
-        RunLosses.TORQUES: _model_of_torques(TORQUE_SUN, TORQUE_RING, implied, bench),
+        RunLosses.TORQUES: recovered_losses(grid, implied, bench),
     }
     by_id = {j.figure.id: j for j in judged}
     shifts = {
         losses: (by_id[id_].reach - by_id[id_].figure.rounding) * SPEED_SUN.scale
         for losses, id_ in FIGURES_OF_THE_RUN.items()
     }
-    shifts[RunLosses.TORQUES] = _shift_of_torques(implied, bench, rng)
+    shifts[RunLosses.TORQUES] = _shift_of_torques(grid, implied, bench, rng)
     choices = list(product(RunLosses, RotorsCounted, (True, False)))
     trains = [Drivetrain.calibrated(bench, models[given], _assumptions(at, signed)) for given, at, signed in choices]
     traces = _runs(trains, np.linspace(0.0, DURATION, INSTANTS))
@@ -181,14 +149,15 @@ def _runs(trains: list[Drivetrain], times: Array) -> list[Trace]:
     return transients([Task(train, sun, ring, DURATION, times=times) for train in trains], rtol=THESIS.rtol)
 
 
-def _shift_of_torques(implied: LossModel, bench: BenchParameters, rng: np.random.Generator) -> float:
+def _shift_of_torques(grid: Grid, implied: LossModel, bench: BenchParameters, rng: np.random.Generator) -> float:
     """What the last digit of the 48 torques moves the sun's speed by [rad/s]."""
     half = 0.5 * ROUNDING_FINE
     drawn = (
-        [t + rng.uniform(-half, half, t.shape) for t in (TORQUE_SUN, TORQUE_RING)] for _ in range(DRAWS_OF_TORQUES)
+        tuple(t + rng.uniform(-half, half, t.shape) for t in (TORQUE_SUN, TORQUE_RING)) for _ in range(DRAWS_OF_TORQUES)
     )
     choice = _assumptions(RotorsCounted.SUN, True)
-    trains = [Drivetrain.calibrated(bench, _model_of_torques(s, r, implied, bench), choice) for s, r in drawn]
+    models = (recovered_losses(grid, implied, bench, torques) for torques in drawn)
+    trains = [Drivetrain.calibrated(bench, model, choice) for model in models]
     speeds = [trace["speed_sun"][-1] for trace in _runs(trains, np.array([DURATION]))]
     low, high = np.quantile(speeds, OUTER)
     return float(0.5 * (high - low))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.thesis_figures.figures import FIGURES
-from pmg.pipeline.thesis_figures.remarks import remarks_on
+from pmg.pipeline.thesis_figures.remarks import GEAR_CONSTANT, remarks_on
 from pmg.pipeline.thesis_figures.rounding import RoundingSpread, spreads
 from pmg.pipeline.thesis_figures.tables import printed
 
@@ -28,13 +28,15 @@ class FigureVerdict(StrEnum):
 
     ``REPRODUCED``: what is printed lies in our interval. ``NOT_EXPLAINED``: it lies outside. ``NOT_DETERMINED``: it
     lies inside, but the interval is wider than a fifth of it, or reaches over the limit that is claimed.
-    ``INCONSISTENT``: the source states it twice, differently.
+    ``INCONSISTENT``: the source states it twice, differently. ``OTHER_CONSTANT``: it lies outside with the eddy
+    constant that the source prints, and inside with the one that its power chain implies: the source used two.
     """
 
     REPRODUCED = "reproduced"
     NOT_EXPLAINED = "rounding does not explain"
     NOT_DETERMINED = "not determined by the rounded tables"
     INCONSISTENT = "inconsistent in the source"
+    OTHER_CONSTANT = "explained by the eddy constant of the source's power chain"
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,8 @@ class JudgedFigure:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Known remarks on the figure."""
+        if self.verdict is FigureVerdict.OTHER_CONSTANT:
+            return (*remarks_on(self.figure.id, differs=False), GEAR_CONSTANT)
         return remarks_on(self.figure.id, differs=self.verdict is not FigureVerdict.REPRODUCED)
 
 
@@ -125,7 +129,17 @@ def validate(
         Too few draws.
     """
     found = spreads(printed(grid), bench, draws, rng)
-    return tuple(_judge(figure, found[figure.id]) for figure in figures)
+    judged = {figure.id: _judge(figure, found[figure.id]) for figure in figures}
+    return tuple(_with_other_constant(j, judged) for j in judged.values())
+
+
+def _with_other_constant(j: JudgedFigure, judged: dict[str, JudgedFigure]) -> JudgedFigure:
+    """The figure with its final verdict, which hangs on whether it comes out with the other eddy constant."""
+    twin = judged.get(f"{j.figure.group}-implied.{j.figure.id.partition('.')[2]}")
+    outside = FigureVerdict.NOT_EXPLAINED
+    if j.verdict is outside and twin is not None and twin.verdict is not outside:
+        return replace(j, verdict=FigureVerdict.OTHER_CONSTANT)
+    return j
 
 
 def count(judged: tuple[JudgedFigure, ...]) -> dict[FigureVerdict, int]:

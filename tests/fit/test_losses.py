@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 from tests.points import joined, points
 
+from pmg.pipeline.fit.calibration import calibrate
 from pmg.pipeline.fit.damping import fit_damping
 from pmg.pipeline.fit.loss_fit import fit_losses
 from pmg.pipeline.fit.losses import QUANTITIES, largest_plausible_correction, power_balance
+from pmg.pipeline.fit.options import chosen_options
+from pmg.pipeline.fit.robust import DampingMethod
 from pmg.sim import signals
 from pmg.sim.bench import BenchParameters
+from pmg.sim.errors import FitError
 from pmg.sim.grid import Grid
 from pmg.sim.losscurve import LossCurve
 from pmg.sim.lossmodel import LossModel
@@ -96,3 +100,56 @@ def test_independent_uncertainty_is_what_monte_carlo_finds(bench: BenchParameter
             drawn[name].append(values)
     for name in ("loss_total", "loss_magnetic", "efficiency_total", "efficiency_magnetic"):
         np.testing.assert_allclose(np.std(drawn[name], axis=0), stated[name], rtol=0.12)
+
+
+def grid_with_u(grid: Grid) -> Grid:
+    return replace(grid, u_sun=np.full(len(grid), 1e-3), u_ring=np.full(len(grid), 1e-3))
+
+
+def test_bisquare_weights_find_what_least_squares_finds_without_noise(bench: BenchParameters) -> None:
+    grid = simulated(bench)
+    fits = fit_losses(grid, CURVE.powers, CURVE.powers)
+    for method in DampingMethod:
+        fit = fit_damping(grid, fits, MODEL.correction, method)
+        assert fit.c == pytest.approx(MODEL.c, rel=1e-6)
+        assert fit.on_bound in (("d",), ())
+        assert fit.dof == len(fit.speed) - 3 + len(fit.on_bound)
+    plain, exact = (calibrate(grid_with_u(grid), fits, bench, method=method) for method in DampingMethod)
+    assert exact.model.c == pytest.approx(MODEL.c, rel=1e-6)
+    assert exact.standard_error("c") == plain.standard_error("c") != 0.0
+
+
+def test_one_bad_speed_moves_the_constants_by_least_squares_and_not_by_bisquare(
+    bench: BenchParameters, rng: np.random.Generator
+) -> None:
+    grid = simulated(bench)
+    fits = fit_losses(grid, CURVE.powers, CURVE.powers)
+    fast = np.sort(np.unique(np.round(np.abs(grid.points.speed_sun[grid.points.engaged]))))[-2]
+    bad = grid.points.engaged & (np.round(np.abs(grid.points.speed_sun)) == fast)
+    sun = grid.torque_sun + 1e-4 * rng.standard_normal(len(grid)) + np.where(bad, 0.01, 0.0)
+    plain, robust = (fit_damping(replace(grid, torque_sun=sun), fits, MODEL.correction, m) for m in DampingMethod)
+    assert abs(robust.c - MODEL.c) < 0.3 * abs(plain.c - MODEL.c)
+    assert list(np.flatnonzero(robust.weights == 0.0)) == [len(robust.speed) - 2]
+    assert (plain.weights == 1.0).all()
+    assert robust.rmse < 0.5 * plain.rmse
+
+
+def test_outliers_move_the_calibration_by_bisquare_less(bench: BenchParameters, rng: np.random.Generator) -> None:
+    grid = simulated(bench)
+    n, off = len(grid), dict.fromkeys(DampingMethod, 0.0)
+    for _ in range(4):
+        hit = rng.random(n) < 0.05
+        sun = grid.torque_sun + 1e-3 * rng.standard_normal(n) + np.where(hit, 0.03, 0.0)
+        ring = grid.torque_ring + 1e-3 * rng.standard_normal(n)
+        bad = replace(grid, torque_sun=sun, torque_ring=ring, u_sun=np.full(n, 1e-3), u_ring=np.full(n, 1e-3))
+        fits = fit_losses(bad, CURVE.powers, CURVE.powers)
+        for method in DampingMethod:
+            found = calibrate(bad, fits, bench, correction=MODEL.correction, method=method)
+            off[method] += abs(found.model.c - MODEL.c)
+            assert found.left_out == (hit.sum() if method is DampingMethod.BISQUARE else 0)
+    assert off[DampingMethod.BISQUARE] < 0.5 * off[DampingMethod.LEAST_SQUARES]
+
+
+def test_weights_of_an_unknown_name_are_refused() -> None:
+    with pytest.raises(FitError, match="--damping: 'bisqare'; expected least-squares or bisquare"):
+        chosen_options(published=False, damping="bisqare")

@@ -2,33 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pmg.pipeline.fit.loss_fit import fit_losses
 from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.thesis_figures.figures import FIGURES
-from pmg.pipeline.thesis_figures.replicate import EDDY_IMPLIED, THESIS
 from pmg.pipeline.thesis_figures.rounding import RoundingSpread
-from pmg.pipeline.thesis_figures.tables import TORQUE_RING, TORQUE_SUN, printed
 from pmg.pipeline.thesis_figures.transient import (
     FIGURES_OF_THE_RUN,
     RotorsCounted,
     RunLosses,
     TransientResult,
-    _model_of_torques,
     transient_lines,
     transient_options,
 )
 from pmg.pipeline.thesis_figures.verdict import _judge
 from pmg.sim.bench import BenchParameters
-from pmg.sim.lossmodel import LossModel
 from pmg.sim.signals import RPM
-from pmg.sim.steady.gearbox import Gearbox
-from pmg.sim.steady.solve import steady
 
 
 @pytest.fixture(scope="module")
@@ -37,16 +29,6 @@ def results(published_folder: Path, bench: BenchParameters) -> tuple[TransientRe
     spread = RoundingSpread(490.0 * RPM, 485.0 * RPM, 495.0 * RPM)
     judged = [_judge(known[id_], spread) for id_ in FIGURES_OF_THE_RUN.values()]
     return transient_options(read_published(published_folder, bench), bench, judged, np.random.default_rng(1))
-
-
-def test_losses_of_the_48_torques_give_them_back(published_folder: Path, bench: BenchParameters) -> None:
-    sample = printed(read_published(published_folder, bench))
-    fits = fit_losses(sample.grid, THESIS.powers_sun, THESIS.powers_ring, include_rest=True)
-    rounded = LossModel(fits.sun.curve, fits.ring.curve, THESIS.correction, 0.0, EDDY_IMPLIED, 0.0)
-    model = _model_of_torques(TORQUE_SUN, TORQUE_RING, rounded, bench)
-    at = replace(sample.grid[sample.rows.ravel()].points, torque_ring=TORQUE_RING.ravel())
-    found = steady(Gearbox.calibrated(bench, model), at).torque_sun
-    np.testing.assert_allclose(found, TORQUE_SUN.ravel(), atol=0.15e-3)
 
 
 def test_each_choice_moves_the_run_the_way_it_must(results: tuple[TransientResult, ...]) -> None:

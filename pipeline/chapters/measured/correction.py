@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.fit.correction import CorrectionStudy
+from pmg.pipeline.fit.robust import DampingMethod
 from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Series, Table, Text
+from pmg.pipeline.wording.plurals import counted
 
 if TYPE_CHECKING:
     from pmg.pipeline.fit.analysis import Analysis
@@ -35,11 +37,14 @@ def _sweep(fits: tuple[DampingFit, ...], rule: float | None) -> Table:
     def cell(value: float, error: float | None, factor: float) -> Measured | str:
         return "0 (on its bound)" if error is None else Measured(value * factor, error * factor)
 
+    bisquare = any(fit.method is DampingMethod.BISQUARE for fit in fits)
+    manner = "Bisquare-weighted least squares" if bisquare else "Least squares"
     text = "" if rule is None else f" By the thesis's rule, the largest without a negative loss, it is {rule:.3f}."
     return Table(
         "damping",
         "Damping constants against the correction factor",
-        "Least squares of the magnetic loss power at a given K_corr, constants not below zero (thesis, equation 6.1)."
+        f"{manner} of the magnetic loss power at a given K_corr, mean over the loads, against speed; constants not "
+        "below zero (thesis, equation 6.1). Degrees of freedom: speeds less the constants that are off their bound."
         + text,
         (
             Column("k_corr", "K_corr", "", digits=3),
@@ -50,6 +55,8 @@ def _sweep(fits: tuple[DampingFit, ...], rule: float | None) -> Table:
             Column("d", "d", "1e-3 N m (s/rad)^1/2"),
             Column("r_squared", "R²", "", digits=4),
             Column("rmse", "RMSE", "W", digits=4),
+            Column("dof", "Degrees of freedom"),
+            Column("left_out", "Speeds left out"),
         ),
         tuple(
             (
@@ -61,10 +68,18 @@ def _sweep(fits: tuple[DampingFit, ...], rule: float | None) -> Table:
                 cell(fit.d, fit.standard_errors[2], 1e3),
                 fit.r_squared,
                 fit.rmse,
+                fit.dof,
+                int((fit.weights <= 0.0).sum()),
             )
             for fit in fits
         ),
     )
+
+
+def _manner(study: CorrectionStudy) -> str:
+    if study.joint.method is DampingMethod.LEAST_SQUARES:
+        return "Least squares"
+    return f"Bisquare-weighted least squares ({counted(study.joint.left_out, 'reading')} of weight 0)"
 
 
 def _joint(study: CorrectionStudy) -> Table:
@@ -85,7 +100,7 @@ def _joint(study: CorrectionStudy) -> Table:
     return Table(
         "correction-joint",
         "K_corr, b and c fitted together",
-        "Least squares of neutral and engaged readings at once, curves free, weighted by the uncertainty of the "
+        f"{_manner(study)} of neutral and engaged readings at once, curves free, weighted by the uncertainty of the "
         f"points, chi-square {study.joint.chi_square:.0f} for {study.joint.dof} degrees of freedom.{inflated} The "
         "transducers' tolerances are not in them; they are in those of the constants above, which are not scaled.",
         (

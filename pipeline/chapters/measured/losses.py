@@ -9,6 +9,7 @@ import numpy as np
 from pmg.pipeline.chapters.cells import iso_levels, lay_out, names_in_cells, names_of
 from pmg.pipeline.chapters.measured.correction import correction_items
 from pmg.pipeline.fit.losses import AVERAGED, QUANTITIES
+from pmg.pipeline.fit.robust import DampingMethod
 from pmg.pipeline.grid.levels import by_load, by_speed, speed_levels
 from pmg.pipeline.report.document import (
     Chart,
@@ -31,6 +32,16 @@ if TYPE_CHECKING:
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.pipeline.fit.calibration import FittedBaseline
     from pmg.pipeline.fit.losses import PowerBalance
+
+
+ALWAYS_BEHIND = (sources.THESIS.at("equations 4.2 to 4.7 and 6.1"), sources.BERTOTTI, sources.BIRGE)
+"""Sources of the chapter."""
+
+BEHIND: dict[DampingMethod, tuple[sources.Source, ...]] = {
+    DampingMethod.LEAST_SQUARES: (),
+    DampingMethod.BISQUARE: (sources.HOLLAND_WELSCH, sources.DUMOUCHEL),
+}
+"""Sources of the weights of a damping fit."""
 
 
 def losses_section(analysis: Analysis, balance: PowerBalance, calibration: FittedBaseline) -> Section:
@@ -89,7 +100,7 @@ def losses_section(analysis: Analysis, balance: PowerBalance, calibration: Fitte
             *correction_items(analysis),
             _balance_table(balance),
         ),
-        (sources.THESIS.at("equations 4.2 to 4.7 and 6.1"), sources.BERTOTTI, sources.BIRGE),
+        (*ALWAYS_BEHIND, *BEHIND[calibration.method]),
     )
 
 
