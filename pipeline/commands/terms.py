@@ -14,7 +14,7 @@ from pmg.pipeline.commands.compare_and_diagnose import SEED
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.diagnosis.balance.case_file import read_case
-from pmg.pipeline.diagnosis.balance.causes import cause_lines, named_causes
+from pmg.pipeline.diagnosis.balance.causes import cause_lines, named_causes, nearest_lines
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import headline, terms_document, terms_lines
 from pmg.pipeline.diagnosis.balance.machine.found_and_stated import found_and_stated
@@ -196,7 +196,13 @@ def _run(case: Case, file: Path, out: Path, seed: int | None, machine: Machine |
     data_out: dict[str, Any] = document | {"report": str(page[0]), "files": written}
     return Outcome(
         data_out,
-        (*terms_lines(diagnosis), "", *cause_lines(causes, case.axis.push), f"report: {page[0]}"),
+        (
+            *terms_lines(diagnosis),
+            "",
+            *cause_lines(causes, case.axis.push),
+            *nearest_lines(diagnosis),
+            f"report: {page[0]}",
+        ),
         (*_findings(recorded), *_findings(withheld), *((OF_A_CASE,) if machine is None else ())),
         mismatch=diagnosis.verdict is not Verdict.CONSISTENT,
     )

@@ -20,6 +20,7 @@ from tests.conftest import ROOT
 
 from pmg.pipeline.commands.terms import run_terms
 from pmg.pipeline.diagnosis.balance.case_file import read_case
+from pmg.pipeline.diagnosis.balance.causes import nearest_lines
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import terms_document
 from pmg.pipeline.diagnosis.balance.estimate import T_95, fit_together
@@ -144,6 +145,8 @@ def test_a_force_outside_the_library_is_said_to_be_so(tmp_path: Path) -> None:
     )
     assert found.verdict is Verdict.NOT_IN_LIBRARY
     assert any(place.name.startswith("position") for place in found.mismatch.locations)
+    next_to_do = nearest_lines(found)
+    assert next_to_do[0].startswith("No term") or any("on the bench: " in line for line in next_to_do)
 
 
 def test_a_ripple_is_named_with_its_period(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from tests.balance.test_any_machine import diagnosed, dry, named
 
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.decide import IN_THE_MAIN
+from pmg.pipeline.diagnosis.balance.document import headline
 from pmg.pipeline.diagnosis.balance.estimate import reversals
 from pmg.pipeline.diagnosis.balance.library.drive import ROTARY_DRIVE
 from pmg.pipeline.diagnosis.balance.library.term import HOW_MANY, LAG, OF_NONE, RECORDING, Motion
@@ -156,3 +157,4 @@ def test_a_cause_whose_form_differs_is_named_in_the_main_and_what_is_left_is_tol
     assert 0.0 < part <= IN_THE_MAIN
     assert found.verdict.names
     assert "position_ripple" in named(found)
+    assert found.naming.explained or "In the main: " in headline(found)

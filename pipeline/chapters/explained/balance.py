@@ -9,7 +9,7 @@ import numpy as np
 
 from pmg.pipeline.chapters.explained.balance_figures import friction_figure, residuals_figure
 from pmg.pipeline.chapters.explained.free_run import free_run_sections
-from pmg.pipeline.diagnosis.balance.causes import named_causes
+from pmg.pipeline.diagnosis.balance.causes import named_causes, nearest_lines
 from pmg.pipeline.diagnosis.balance.document import percent, separating_test, title_of
 from pmg.pipeline.diagnosis.balance.library.drive import EMPS
 from pmg.pipeline.diagnosis.balance.serial import ANDREWS_MONAHAN
@@ -63,11 +63,12 @@ def _listed(places: list[str]) -> str:
     return "; ".join(places[:PLACES_SHOWN]) + more if places else "none"
 
 
-def _causes(d: TermsDiagnosis) -> tuple[Table, ...]:
-    """What was named, how large, and what would confirm it; none where nothing is named."""
+def _causes(d: TermsDiagnosis) -> tuple[Table | Text, ...]:
+    """What was named, how large, and what would confirm it; what comes nearest where nothing is named."""
     causes = named_causes(d)
     if not causes:
-        return ()
+        near = " ".join(f"{line.strip().rstrip('.:')}." for line in nearest_lines(d) if line)
+        return (Text(near),) if near else ()
     several = max(cause.group for cause in causes) > 0
     rows: list[tuple[Cell, ...]] = [
         (

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.document import separating_test, title_of
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
@@ -34,6 +35,10 @@ CONVERSIONS = {
 
 NEAR_FACTOR, CONVERTED = 0.03, 0.05
 """Part within which a factor is that of a conversion, and distance from 1 from which on one is thought of."""
+
+
+NEAREST, MOST_NEAR = 0.2, 2
+"""Part of a mismatch that a term must take to be told as near, and how many are told."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +128,26 @@ def _factor(identifier: str, gain: float) -> str:
     if identifier.startswith("input"):
         told += " (and so do inertia and friction as found)"
     return f"{told}, {' or '.join(near)}" if near and abs(factor - 1.0) > CONVERTED else told
+
+
+def nearest_lines(diagnosis: TermsDiagnosis) -> tuple[str, ...]:
+    """What to do where nothing is named: the terms that come nearest, how much each takes, and the test of each.
+
+    Empty where something is named, nothing differs, or a parameter stands first that no machine has.
+    """
+    naming = diagnosis.naming
+    if diagnosis.verdict is not Verdict.NOT_IN_LIBRARY or naming is None or diagnosis.impossible:
+        return ()
+    whole = naming.rounds[0].remainder.excess
+    near = [fit for fit in naming.ranking if fit.admissible and fit.gain > NEAREST * whole][:MOST_NEAR]
+    if not near:
+        place = diagnosis.mismatch.locations[0].name if diagnosis.mismatch.locations else "nothing in particular"
+        return (f"No term of the library comes near. Look at what the residual does with {place} (residuals.csv).", "")
+    lines = ["Nearest in the library, none of them named:"]
+    for fit in near:
+        lines.append(f"{title_of(diagnosis, fit.identifier)}: {min(fit.gain / whole, 1.0):.0%} of the mismatch")
+        lines.append(f"  on the bench: {separating_test(diagnosis, (fit.identifier,))}")
+    return (*lines, "")
 
 
 def cause_lines(causes: tuple[NamedCause, ...], unit: str) -> tuple[str, ...]:

@@ -182,12 +182,21 @@ def headline(diagnosis: TermsDiagnosis) -> str:
             places = "; ".join(place.name for place in diagnosis.mismatch.locations[:3])
             head = f"Not in the library: a mismatch that follows {places}, and no set of terms explains it."
         case Verdict.NAMED:
-            head = f"Named: {', '.join(named)}."
+            head = f"Named: {', '.join(named)}.{_in_the_main(diagnosis)}"
         case _:
             rivals = [c for c in diagnosis.contests if c.open]
             sets = "; ".join(" and ".join(title_of(diagnosis, f.identifier) for f in c.rival.fits) for c in rivals)
-            head = f"Ambiguous: {', '.join(named)}; or {sets}."
+            head = f"Ambiguous: {', '.join(named)}; or {sets}.{_in_the_main(diagnosis)}"
     return " ".join([*_impossible(diagnosis), head, _errors(diagnosis, first, last)])
+
+
+def _in_the_main(diagnosis: TermsDiagnosis) -> str:
+    """What is said of a cause that leaves more than the noise."""
+    naming = diagnosis.naming
+    if naming is None or naming.explained:
+        return ""
+    part = naming.remainder.excess / naming.best.gain
+    return f" In the main: {part:.1%} of it is left, so its form differs or something smaller is missing."
 
 
 def _impossible(diagnosis: TermsDiagnosis) -> Iterator[str]:
