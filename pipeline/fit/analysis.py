@@ -133,13 +133,19 @@ def analyse(grid: Grid, options: AnalysisOptions, bench: BenchParameters) -> Ana
     used = calibration.model.correction
     causes = causes_of_calibration(grid, calibration, bench)
     behind = causes if causes.fitted else causes_of_fits(grid, fits, bench)
-    corrections = THESIS_CORRECTIONS + (() if used in THESIS_CORRECTIONS else (used,))
+    damping, missing = list[DampingFit](), list[FitError]()
+    for correction in dict.fromkeys((*THESIS_CORRECTIONS, used)):
+        try:
+            damping.append(fit_damping(grid, fits, correction, options.damping))
+        except FitError as error:
+            missing.append(error)
     return replace(
         curves,
         calibration=calibration,
         balance=power_balance(grid, fits, used, behind),
         rule_correction=rule,
-        damping=tuple(fit_damping(grid, fits, k, options.damping) for k in corrections),
+        damping=tuple(damping),
+        missing=tuple(missing),
         study=_study(grid, fits, bench, rule, calibration),
         causes=causes,
     )

@@ -11,6 +11,7 @@ from scipy.optimize import nnls
 
 from pmg.pipeline.fit.losses import power_balance
 from pmg.pipeline.fit.robust import DampingMethod, bisquare_weights
+from pmg.pipeline.grid.levels import speed_levels
 from pmg.sim.mechanisms import EddyDamping, ExcessDamping, HysteresisDamping
 from pmg.sim.signals import LOSS_MAGNETIC
 
@@ -112,7 +113,7 @@ def fit_damping(
     at, loss = balance.grid.points, balance.values[LOSS_MAGNETIC.name]
     unit = (HysteresisDamping(1.0), EddyDamping(1.0), ExcessDamping(1.0))
     columns = np.stack([-mechanism.torque(at).power(at) for mechanism in unit], axis=1)
-    level, row = np.unique(np.round(np.abs(at.speed_sun)), return_inverse=True)
+    level, row = np.unique(np.abs(speed_levels(at)[0]), return_inverse=True)
     count = np.bincount(row).astype(np.float64)
 
     def mean(values: Array) -> Array:

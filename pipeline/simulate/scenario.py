@@ -69,6 +69,9 @@ class Losses(Strict):
             refuse(came, "exactly one of grids, analysis, model, none = true", "Name one source of the losses.")
         if self.printed_torques and self.grids is None:
             refuse("without grids", "grids of the thesis beside it", "Name the folder of its grids.", "printed_torques")
+        if self.printed_torques and self.terms_sun is not None:
+            do = "Take one of them out: the printed torques decide the sun's terms."
+            refuse("beside printed_torques", "the sun's terms from one source", do, "terms_sun")
         changed = [name for name in type(self).model_fields if name not in SOURCES]
         for name in changed:
             if getattr(self, name) is not None and (self.none or self.model):
@@ -182,6 +185,9 @@ def _assumptions(table: object) -> Assumptions:
     """Choices that the thesis leaves open, as a table of the file makes them."""
     if not isinstance(table, dict):
         refuse(repr(table), "a table", "Write [assumptions] above the keys.")
+    if "rotor_inertia" in table:
+        do = "Write rotor_inertia_sun and rotor_inertia_ring, one for each motor."
+        refuse("one key for both motors", "a key for each", do, "rotor_inertia")
     refuse_unknown(table, [f.name for f in fields(Assumptions)])
     chosen: dict[str, Any] = {}
     for name, value in table.items():

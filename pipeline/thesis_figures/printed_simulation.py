@@ -111,14 +111,17 @@ def printed_simulation(grid: Grid) -> PrintedSimulation | None:
 def oddities(grid: Grid) -> tuple[str, ...]:
     """What a reader of the source's tables should know before using them, a sentence each; none for other grids."""
     found = printed_simulation(grid)
-    return () if found is None else (*_printed_twice(), _ring_follows_sun(grid), _pattern_sentence(found))
+    if found is None:
+        return ()
+    used = grid.torque_ring[found.sample.rows]
+    return (*_printed_twice(used), _ring_follows_sun(grid), _pattern_sentence(found))
 
 
-def _printed_twice() -> tuple[str, ...]:
+def _printed_twice(used: Array) -> tuple[str, ...]:
     return tuple(
         f"At {SPEED_SUN.display(SPEEDS[j]):.0f} rpm and {LOADS[i]:.2f} N m the source prints two measured ring "
         f"torques: {value:.2f} N m in table A.5 and {TORQUE_RING[i, j]:.4f} N m in table 6.3. "
-        "The second fits its neighbours and is used."
+        + ("The second fits its neighbours and is used." if used[i, j] == TORQUE_RING[i, j] else "The first is used.")
         for (i, j), value in TWICE_RING.items()
     )
 

@@ -81,7 +81,7 @@ class TransientResult:
     lowest : float
         Lowest speed of the sun on the way [rad/s]; zero where it never turns back.
     engaged_from : float
-        Time from which sun and ring keep the directions they end with [s], to a millisecond.
+        Time from which sun and ring turn as the gear's ratio asks [s], to a millisecond; NaN where they do not.
     voltage : float
         Largest voltage that a motor's loop asks for [V].
     """
@@ -181,7 +181,7 @@ def _result(trace: Trace, shift: float, losses: RunLosses, rotors: RotorsCounted
         float(power_in[-1]),
         float(power_out[-1]),
         float(min(sun.min(), 0.0)),
-        float(trace.time[wrong[-1] + 1]),
+        float(np.append(trace.time, np.nan)[wrong[-1] + 1]),
         float(max(np.abs(m.sun.voltage).max(), np.abs(m.ring.voltage).max())),
     )
 
@@ -215,7 +215,7 @@ def transient_lines(results: tuple[TransientResult, ...]) -> tuple[str, ...]:
     most = max(r.voltage for r in results)
     table = ("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)
     about = f"The run in time under each choice the source leaves open; {PRINTED_RUN}."
-    return ("", about, *table, f"± is rounding, 95 %. No loop asks for more than {most:.0f} V: no limit is reached.")
+    return ("", about, *table, f"± is rounding, 95 %. Largest voltage of a motor: {most:.0f} V.")
 
 
 def transient_documents(results: tuple[TransientResult, ...]) -> list[dict[str, Any]]:

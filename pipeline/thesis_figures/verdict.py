@@ -136,8 +136,8 @@ def validate(
 def _with_other_constant(j: JudgedFigure, judged: dict[str, JudgedFigure]) -> JudgedFigure:
     """The figure with its final verdict, which hangs on whether it comes out with the other eddy constant."""
     twin = judged.get(f"{j.figure.group}-implied.{j.figure.id.partition('.')[2]}")
-    outside = FigureVerdict.NOT_EXPLAINED
-    if j.verdict is outside and twin is not None and twin.verdict is not outside:
+    comes_out = (FigureVerdict.REPRODUCED, FigureVerdict.NOT_DETERMINED)
+    if j.verdict is FigureVerdict.NOT_EXPLAINED and twin is not None and twin.verdict in comes_out:
         return replace(j, verdict=FigureVerdict.OTHER_CONSTANT)
     return j
 

@@ -93,7 +93,8 @@ def _refuse_beyond(q: Constants, asked: SetPoints, state: Array) -> None:
                     _at(asked, beyond),
                     f"{abs(float(needed[np.argmax(beyond)])):.4g} {unit} at the {name} motor",
                     f"at most {limit:g} {unit}, its limit of {what}",
-                    "Ask for less speed or torque, or set motor_limits = false.",
+                    "Ask for less speed or torque, state motor.bus_voltage and motor.peak_current, or set motor_limits "
+                    "= false.",
                 )
 
 

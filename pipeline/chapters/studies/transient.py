@@ -36,7 +36,7 @@ def transient_section(results: tuple[TransientResult, ...]) -> Section:
         "those that the 48 printed torques need. The motors' rotors: hidden by the torque loop, or counted in a shaft. "
         "Friction: it opposes motion, or it acts as the block diagrams draw it, in one direction whichever way a shaft "
         "turns, so that the sun first turns back. 'Engaged from' is the time from which both shafts keep their "
-        f"directions. No loop asks for more than {most:.0f} V, so no limit of a motor is reached."
+        f"directions. The largest voltage of a motor is {most:.0f} V."
     )
     table = Table(
         "published-run-options",

@@ -255,7 +255,8 @@ def diagnose_terms(
 def _in_the_main(found: TermNaming, held: HeldOut) -> bool:
     """Whether a set is the cause though what it leaves is beyond the noise: its form differs by a small part.
 
-    Every part of the record names it, it predicts what it has not seen, and no other comes near.
+    Every part of the record names it, and it predicts what it has not seen; whether another set comes near is asked
+    afterwards.
     """
     best = found.best
     whole = best.needed and held.predicts and held.kept == 1.0
@@ -268,7 +269,10 @@ def _free_runs(
     """Each record by each model that differs from the one before; none of a machine between two torques."""
     if case.ratio is not None:
         return ()
-    models = {"published": of_published(case), "baseline": of_fit(steps[0].fitted, case)}
+    published = of_published(case)
+    if RECORDING in data.recorded.motion.besides and any(each.term.of_angle for each in published):
+        published = ()  # at an angle that nobody recorded
+    models = {"published": published, "baseline": of_fit(steps[0].fitted, case)}
     if len(steps) > 1:
         models["named"] = of_fit(steps[-1].fitted, case)
     if refinements:

@@ -224,6 +224,8 @@ class Term(Generic[M]):
 
     def in_each(self, recordings: int) -> Term[M]:
         """The same with amplitudes of its own in each of some recordings."""
+        if recordings == 1:
+            return self
         own = [replace(q, name=f"{q.name}{k}") for k in range(1, recordings + 1) for q in self.amplitudes]
         return replace(self, amplitudes=tuple(own))
 

@@ -47,7 +47,7 @@ def _delay(recorded: Recorded, free: Array, term: Term[Motion], name: str) -> fl
     delay, best = straight, 0.0
     for _ in range(TURNS):
         if not low < delay < high or abs(delay) < 0.5 * recorded.motion.sample_time:
-            return 0.0
+            return best
         at = delay
         delay, left = _beside(recorded, free, term, {name: at})
         best, least = (at, left) if left < least else (best, least)

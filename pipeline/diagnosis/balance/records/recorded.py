@@ -187,7 +187,8 @@ def _check_seen(recorded: Recorded, free: Array, names: Sequence[str]) -> None:
 def _referred(motion: Motion, case: Case, of: Recorded | None) -> Motion:
     """With the references of columns, of its own or of other recordings, and what begins at an angle of its own."""
     referred = motion.referred() if of is None else replace(motion, references=of.motion.references)
-    if {"position", f"{OUTPUT}position"} & set(case.channels):
+    turned = "position" in case.channels or (f"{OUTPUT}position" in case.channels and "velocity" not in case.channels)
+    if turned:
         return referred
     own = np.searchsorted(motion.starts, np.arange(len(motion.time)), side="right") - 1.0
     recording: Array = (own if of is None else np.full(len(own), OF_NONE)).astype(np.float64)
