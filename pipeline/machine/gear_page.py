@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import asdict, fields
+from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.machine.pole_numbers import cogging_factor, operating_modes, space_harmonics
@@ -15,6 +17,9 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.machine.pole_numbers import OperatingMode, SpaceHarmonic
     from pmg.sim.bench import BenchParameters
+
+SAME_WORK = 24
+"""Letters with which citations of one work begin alike."""
 
 
 def shown_bench(bench: BenchParameters) -> tuple[dict[str, Any], tuple[str, ...]]:
@@ -73,7 +78,20 @@ def gear_lines(bench: BenchParameters) -> Iterator[str]:
         yield from _gear_lines(bench, stage)
 
 
+def _work_of_most(bench: BenchParameters) -> str:
+    """The work that most numbers are taken from, as their citations begin; empty where each has another."""
+    sections = (getattr(bench, s.name) for s in fields(bench) if _has_numbers(bench, s.name))
+    every = [number.source.citation for section in sections for _, number in _numbers(section)]
+    ((begins, _),) = Counter(citation[:SAME_WORK] for citation in every).most_common(1)
+    parts = zip(*(citation.split(", ") for citation in every if citation.startswith(begins)), strict=False)
+    return ", ".join(part[0] for part in takewhile(lambda part: len(set(part)) == 1, parts))
+
+
 def _number_lines(bench: BenchParameters) -> Iterator[str]:
+    work = _work_of_most(bench)
+    if work:
+        yield ""
+        yield f"places in brackets are of: {work}"
     for section in (s.name for s in fields(bench) if _has_numbers(bench, s.name)):
         yield ""
         yield section
@@ -82,7 +100,8 @@ def _number_lines(bench: BenchParameters) -> Iterator[str]:
         for name, number in numbers.items():
             spread = " (no uncertainty stated)" if number.u is None else f" ± {number.u:.2g}"
             unit = "" if number.unit == "1" else f" {number.unit}"
-            yield f"  {name:<{width}} = {float(number):.6g}{unit}{spread}  [{number.source.citation}]"
+            place = number.source.citation.removeprefix(f"{work}, ")
+            yield f"  {name:<{width}} = {float(number):.6g}{unit}{spread}  [{place}]"
 
 
 def _gear_lines(bench: BenchParameters, stage: int) -> Iterator[str]:

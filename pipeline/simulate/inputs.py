@@ -173,6 +173,8 @@ def loss_model(file: ScenarioFile, bench: BenchParameters) -> LossModel | None:
         options = replace(options, auto_ring=False, powers_ring=powers)
     if given.robust is not None:
         options = replace(options, robust=given.robust)
+    if given.damping is not None:
+        options = replace(options, damping=given.damping)
     model = _with_constants(given, grid, options, bench)
     return recovered_losses(grid, model, bench) if given.printed_torques else model
 

@@ -19,6 +19,7 @@ from pmg.pipeline.files.strict_tables import (
     word_of,
 )
 from pmg.pipeline.fit.calibration import CONSTANTS
+from pmg.pipeline.fit.robust import DampingMethod
 from pmg.pipeline.simulate.scenario_mechanisms import Switched, switch_on
 from pmg.pipeline.simulate.scenario_words import Amplitude, Frequency, Length, Motor, Rpm, Torque, refuse_foreign_units
 from pmg.sim.dynamics.assumptions import CHOICES, RANGES, Assumptions
@@ -59,6 +60,7 @@ class Losses(Strict):
     terms_sun: str | None = None
     terms_ring: str | None = None
     robust: bool | None = None
+    damping: Annotated[DampingMethod, one_of(*DampingMethod)] | None = None
     printed_torques: bool | None = None
 
     @model_validator(mode="after")

@@ -70,6 +70,7 @@ def test_the_page_holds_every_number_and_marks_those_without_uncertainty() -> No
     assert text.count("(no uncertainty stated)") == sum(
         number["u"] is None for section in document["numbers"].values() for number in section.values()
     )
+    assert text.count("Politecnico di Torino") == 1, "a work is named once"
     assert list(document["gears"]) == ["1", "2"]
     of_machine, shown = shown_machine("thesis-gear-1")
     assert of_machine["gears"]["1"] == document["gears"]["1"]

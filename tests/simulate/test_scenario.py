@@ -264,6 +264,22 @@ def test_losses_set_by_hand_are_taken_and_the_rest_is_calibrated(
     assert (models[1].correction, models[1].c) == (0.8, 2e-4)
 
 
+def test_a_scenario_chooses_the_weights_of_the_damping_constants(
+    tmp_path: Path, bench: BenchParameters, published_folder: Path
+) -> None:
+    grids = f'grids = "{published_folder.as_posix()}"\nK_corr = 0.8\n'
+    found = {}
+    for word in ("", 'damping = "bisquare"\n', 'damping = "least-squares"\n'):
+        file = read_scenario(written(tmp_path, GOOD.replace("none = true", grids + word)))
+        model = gather_inputs(file, bench).losses
+        assert model is not None
+        found[word] = model.c
+    default, bisquare, plain = found.values()
+    assert default == bisquare != plain
+    with pytest.raises(BenchError, match=r"losses\.damping.*least-squares"):
+        read_scenario(written(tmp_path, GOOD.replace("none = true", grids + 'damping = "huber"')))
+
+
 def test_a_scenario_may_leave_the_terms_to_the_data_and_fit_robustly(
     tmp_path: Path, bench: BenchParameters, published_folder: Path
 ) -> None:
