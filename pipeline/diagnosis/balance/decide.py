@@ -21,6 +21,7 @@ from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
 from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, conclude
 from pmg.pipeline.diagnosis.engine.decoys import offer_decoys
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
+from pmg.pipeline.diagnosis.engine.problem import freed
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
 
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
     from pmg.pipeline.fit.structure import ResidualStructure
+    from pmg.sim.signals import Array
 
 
 IN_THE_MAIN = 0.15
@@ -132,7 +134,7 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
 class _Searched:
     """A record searched: its noise, families and evidence about the free terms of the baseline, and what was found.
 
-    The problem has the moments of reversal free; in that which refinements are looked for in, these are told as well.
+    The moments of reversal are free in `problem` and not in `for_refinements`; `turned` (n, k) are their columns.
     """
 
     free: tuple[Term[Motion], ...]
@@ -140,7 +142,8 @@ class _Searched:
     looked: tuple[ResidualStructure, ...]
     evidence: Evidence
     problem: TermProblem
-    told: TermProblem
+    for_refinements: TermProblem
+    turned: Array
     mismatch: Mismatch[Place]
     found: TermNaming | None
     named: tuple[TermFit, ...]
@@ -155,8 +158,8 @@ def _search(case: Case, recorded: Recorded, rng: np.random.Generator) -> _Search
     )
     tables = tabulate(recorded, searched, coarse=True)
     turned = reversals(recorded)
-    recorded, told = for_search(recorded, free)
-    plain = np.hstack([told, turned])
+    recorded, columns = for_search(recorded, free)
+    plain = np.hstack([columns, turned])
     allowed = [table.columns.reshape(len(plain), -1) for table in tables.values()]
     structured = np.hstack([plain, *(f.columns for f in looked), *allowed])
     found: TermNaming | None = None
@@ -178,8 +181,9 @@ def _search(case: Case, recorded: Recorded, rng: np.random.Generator) -> _Search
             break
         named = found.best.fits
         structured = np.hstack([structured, design_of(recorded, (), named)]) if named else structured
-    told_problem = term_problem(recorded, tables, noise.noise, told)
-    return _Searched(free, noise, looked, evidence, problem, told_problem, mismatch, found, named)
+    basis, left = freed(noise.noise.whiten(columns), noise.noise.whiten(recorded.force[:, None])[:, 0])
+    for_refinements = replace(problem, baseline=basis, left=left)
+    return _Searched(free, noise, looked, evidence, problem, for_refinements, turned, mismatch, found, named)
 
 
 def diagnose_terms(
@@ -214,15 +218,15 @@ def diagnose_terms(
     contests: tuple[Contest, ...] = ()
     verdict = Verdict.CONSISTENT if found is None else Verdict.NOT_IN_LIBRARY
     if found is not None and named:
-        plain = np.hstack([design_of(recorded, s.free, ()), reversals(recorded)])
+        plain = np.hstack([design_of(recorded, s.free, ()), s.turned])
         rows = withheld_samples(recorded, s.problem, noise, plain)
         held = withhold(rows, TermCatalogue(refine=False), named, rng, apart)
         conclusion = conclude(s.problem, TermCatalogue(), found, lambda _: held)
         in_the_main = _in_the_main(found, held)
         if (conclusion.verdict.names or in_the_main) and conclusion.naming is not None:
             found, remainder_of = conclusion.naming, adequacy_test(s.evidence)
-            told = replace(found.best, problem=settled(s.told, found.best.fits))
-            refinements, dropped = refine(data, told, remainder_of, max(ENTRY, further.most_evidence), rng)
+            start = replace(found.best, problem=settled(s.for_refinements, found.best.fits))
+            refinements, dropped = refine(data, start, remainder_of, max(ENTRY, further.most_evidence), rng)
             contests = contest(data, s.problem, found, refinements, remainder_of, rng)
             verdict = Verdict.AMBIGUOUS if any(c.open for c in contests) else Verdict.NAMED
     impossible = impossible_in((refinements or steps)[-1].fitted)
