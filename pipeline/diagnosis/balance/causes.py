@@ -38,7 +38,7 @@ NEAR_FACTOR, CONVERTED = 0.03, 0.05
 
 
 NEAREST, MOST_NEAR = 0.2, 2
-"""Part of a mismatch that a term must take to be told as near, and how many are told."""
+"""Part of a mismatch that a term must explain to be listed as near, and how many are listed at most."""
 
 
 @dataclass(frozen=True)
