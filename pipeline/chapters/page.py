@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pmg.pipeline.analysis.power_flow import power_flows
 from pmg.pipeline.analysis.tolerance import agreements
+from pmg.pipeline.chapters.arrange import arranged
 from pmg.pipeline.chapters.explained.action_sheet import action_sheet
 from pmg.pipeline.chapters.explained.detectability import audit_section
 from pmg.pipeline.chapters.explained.extended_model import ends_table, prediction_table
@@ -18,7 +19,7 @@ from pmg.pipeline.chapters.measured.flow import flow_section
 from pmg.pipeline.chapters.measured.losses import losses_section
 from pmg.pipeline.chapters.measured.neutral import neutral_section
 from pmg.pipeline.chapters.measured.quality import data_section
-from pmg.pipeline.chapters.measured.sensor_fault import sensor_fault_items, sensor_fault_warning
+from pmg.pipeline.chapters.measured.sensor_fault import sensor_fault_items
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
 from pmg.pipeline.chapters.studies.printed_simulation import printed_simulation_sections
 from pmg.pipeline.diagnosis.grid.statement import statement
@@ -26,7 +27,7 @@ from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.crosschecks.contradiction import CrossCheckRemark
 from pmg.pipeline.grid.readings import predict
 from pmg.pipeline.model.apply_model import lead
-from pmg.pipeline.report.document import Facts, Headline, Report, Section, Signals, Table, Text
+from pmg.pipeline.report.document import Caution, Facts, Headline, Report, Section, Signals, Table, Text
 from pmg.pipeline.thesis_figures.printed_simulation import oddities
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.steady.gearbox import Gearbox
@@ -159,7 +160,7 @@ def build_report(
         title=f"Campaign {analysis.grid.campaign}",
         subtitle=note or "Planetary magnetic gearbox: recordings, losses, simulation and what explains the difference",
         verdict=_verdict(analysis, diagnosis, before, agreed, faults, recorded),
-        sections=tuple(sections),
+        sections=arranged(tuple(sections)),
         provenance=Facts((*provenance, ("Versions", versions(PACKAGES)))),
         signals=None if signals is None else Signals(signals.index_json, signals.base64),
         sheet=sheet,
@@ -193,23 +194,23 @@ def _verdict(
 ) -> Headline:
     grid = analysis.grid
     warnings = []
-    if faults and analysis.balance is not None:
-        warnings.append(sensor_fault_warning(faults, analysis.balance))
     rejected = int((~grid.accepted).sum())
     if rejected:
-        warnings.append(f"{counted(rejected, 'point')} rejected; the reasons are in the chapter on data quality.")
+        warnings.append(Caution(f"{counted(rejected, 'point')} rejected.", "rejected-windows"))
     if analysis.lacking:
-        warnings.append(f"{counted(len(analysis.lacking), 'cell')} of the grids empty.")
-    warnings += [*_contradictions(recorded.findings), *oddities(grid)]
+        warnings.append(Caution(f"{counted(len(analysis.lacking), 'cell')} of the grids empty.", "holes"))
+    warnings += [Caution(text, "data") for text in _contradictions(recorded.findings)]
+    warnings += [Caution(*odd) for odd in oddities(grid)]
     above = 0 if analysis.balance is None else int(analysis.balance.above_one().sum())
-    if above:
-        warnings.append(f"Magnetic efficiency above 1 at {counted(above, 'point')}.")
     figures = [("Points accepted", f"{int(grid.accepted.sum())} of {len(grid)}")]
     if agreed is not None:
-        figures.append(("Simulation within tolerance", f"{int(agreed.within.sum())} of {int(agreed.compared.sum())}"))
+        out = int(agreed.compared.sum()) - int(agreed.within.sum())
+        figures.append(("Points out of tolerance", f"{out} of {int(agreed.compared.sum())}"))
     if diagnosis is None:
         reason = str(analysis.missing[0]) if analysis.missing else ""
         text = f"No comparison was possible. {reason}".strip()
         return Headline(text, "attention", tuple(figures), tuple(warnings))
-    state: Literal["good", "attention"] = "attention" if diagnosis.verdict != "consistent" or warnings else "good"
+    state: Literal["good", "attention"] = (
+        "attention" if diagnosis.verdict != "consistent" or warnings or above or faults else "good"
+    )
     return Headline(before + statement(diagnosis), state, tuple(figures), tuple(warnings))

@@ -18,11 +18,13 @@ if TYPE_CHECKING:
     from pmg.sim.sources import Source
 
 __all__ = [
+    "Caution",
     "Cell",
     "Chart",
     "Column",
     "Facts",
     "Figure",
+    "Fold",
     "Headline",
     "Measured",
     "PowerFlow",
@@ -39,6 +41,7 @@ __all__ = [
 RESERVED = (
     "announced",
     "contents",
+    "folds",
     "main",
     "open-signals",
     "plotly",
@@ -50,6 +53,7 @@ RESERVED = (
     "signals-heading",
     "signals-index",
     "verdict",
+    "warnings",
 )
 """Anchors that the page itself uses."""
 
@@ -93,7 +97,27 @@ class Facts:
         return tuple((label, Column(label).text(value)) for label, value in self.rows)
 
 
-Item: TypeAlias = Text | Facts | Table | Figure
+Plain: TypeAlias = Text | Facts | Table | Figure
+"""What a page shows."""
+
+
+@dataclass(frozen=True)
+class Fold:
+    """What only a specialist reads: closed until asked for, on the screen and in print.
+
+    Parameters
+    ----------
+    title : str
+        What is inside.
+    items : tuple of Plain
+        In the order shown.
+    """
+
+    title: str
+    items: tuple[Plain, ...]
+
+
+Item: TypeAlias = Plain | Fold
 
 
 @dataclass(frozen=True)
@@ -110,19 +134,48 @@ class Section:
         In the order shown.
     sources : tuple of Source
         Where the equations and numbers of this section come from.
+    question : str
+        What a reader asks that this section answers, with its neighbours of the same question; may be empty.
     """
 
     id: str
     title: str
     items: tuple[Item, ...]
     sources: tuple[Source, ...] = ()
+    question: str = ""
 
     def __post_init__(self) -> None:
         checked_id("Section", self.id)
 
+    @property
+    def unfolded(self) -> tuple[Plain, ...]:
+        """Its items in order, what is folded among them."""
+        return tuple(each for item in self.items for each in (item.items if isinstance(item, Fold) else (item,)))
+
+    @property
+    def warned(self) -> tuple[Text, ...]:
+        """Its warnings."""
+        return tuple(item for item in self.unfolded if isinstance(item, Text) and item.kind == "warning")
+
 
 STATES = {"good": "Good", "attention": "Needs attention", "neutral": "Result"}
 """State of a verdict -> the word above it."""
+
+
+@dataclass(frozen=True)
+class Caution:
+    """A warning at the head of a report.
+
+    Parameters
+    ----------
+    text : str
+        What to keep in mind.
+    where : str
+        Anchor of what it holds for; empty for the whole report.
+    """
+
+    text: str
+    where: str = ""
 
 
 @dataclass(frozen=True)
@@ -137,14 +190,14 @@ class Headline:
         ``good``, ``attention`` or ``neutral``.
     counted : tuple of (label, value)
         Figures that stand before the text.
-    warnings : tuple of str
-        Sentences that stand behind it.
+    warnings : tuple of Caution
+        What stands behind it, before the warnings of the sections.
     """
 
     text: str
     state: Literal["good", "attention", "neutral"] = "neutral"
     counted: tuple[tuple[str, str], ...] = ()
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Caution, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -185,7 +238,7 @@ class Report:
     Raises
     ------
     ValueError
-        When two sections, tables or figures share an id, or an answer has its grounds nowhere.
+        When two sections, tables or figures share an id, or an answer or a warning has its grounds nowhere.
     """
 
     title: str
@@ -203,19 +256,26 @@ class Report:
         if twice:
             raise ValueError(f"Report {self.title!r}: ids used twice or reserved: {', '.join(twice)}")
         grounds = set() if self.sheet is None else {answer.grounds for answer in self.sheet.answers}
+        grounds |= {warning.where for warning in self.verdict.warnings}
         if lost := sorted(grounds - {"", *ids}):
             raise ValueError(f"Report {self.title!r}: grounds that are nowhere: {', '.join(lost)}")
 
     @property
     def tables(self) -> tuple[Table, ...]:
         """Every table, in order."""
-        return tuple(item for section in self.sections for item in section.items if isinstance(item, Table))
+        return tuple(item for section in self.sections for item in section.unfolded if isinstance(item, Table))
 
     @property
     def figures(self) -> tuple[Figure, ...]:
         """Every figure, in order."""
         first = () if self.sheet is None or self.sheet.figure is None else (self.sheet.figure,)
-        return first + tuple(item for section in self.sections for item in section.items if isinstance(item, Figure))
+        return first + tuple(item for section in self.sections for item in section.unfolded if isinstance(item, Figure))
+
+    @property
+    def warnings(self) -> tuple[Caution, ...]:
+        """All that a reader must keep in mind, each once: of the head, then of the sections in order."""
+        of_sections = (Caution(text.body, section.id) for section in self.sections for text in section.warned)
+        return tuple(dict.fromkeys((*self.verdict.warnings, *of_sections)))
 
     @property
     def bibliography(self) -> tuple[Source, ...]:

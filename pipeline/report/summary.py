@@ -44,7 +44,7 @@ def summary(report: Report, files: Mapping[str, bytes], facts: Mapping[str, Any]
     """
     stated = dict(facts or {})
     word = stated.pop("diagnosis", None)
-    placed = [(item, section.title) for section in report.sections for item in section.items]
+    placed = [(item, section.title) for section in report.sections for item in section.unfolded]
     return {
         "schema": SCHEMA,
         "title": report.title,

@@ -151,6 +151,16 @@ class Table:
         """Whether any value lacks an uncertainty it ought to have."""
         return any(column.unstated(cell) for row in self.rows for column, cell in zip(self.columns, row, strict=True))
 
+    @cached_property
+    def drawn(self) -> tuple[int, ...]:
+        """Places of the columns that a page shows: those that hold anything; files keep them all."""
+        columns = enumerate(zip(self.columns, self._cells_by_column(), strict=True))
+        return tuple(
+            k
+            for k, (column, cells) in columns
+            if not cells or any(column.text(cell) != numerals.MISSING for cell in cells)
+        )
+
     @property
     def numeric(self) -> tuple[bool, ...]:
         """Which columns hold numbers only, and are aligned to the right."""

@@ -169,7 +169,7 @@ def _write_contents(sheet: Worksheet, report: Report, names: dict[str, str], sty
     for place, heading in enumerate(("Sheet", "Table", "Section", "Rows", "What it shows")):
         _text(sheet, row, place, heading, styles.heading)
     for section in report.sections:
-        for table in (item for item in section.items if isinstance(item, Table)):
+        for table in (item for item in section.unfolded if isinstance(item, Table)):
             row += 1
             sheet.write_url(row, 0, f"internal:'{names[table.id]}'!A1", string=names[table.id])
             for place, text in ((1, table.title), (2, section.title), (4, _caption(table))):

@@ -108,13 +108,14 @@ def printed_simulation(grid: Grid) -> PrintedSimulation | None:
         return None
 
 
-def oddities(grid: Grid) -> tuple[str, ...]:
-    """What a reader of the source's tables should know before using them, a sentence each; none for other grids."""
+def oddities(grid: Grid) -> tuple[tuple[str, str], ...]:
+    """What a reader of the source's tables should know first, each with its chapter; none of other grids."""
     found = printed_simulation(grid)
     if found is None:
         return ()
     used = grid.torque_ring[found.sample.rows]
-    return (*_printed_twice(used), _ring_follows_sun(grid), _pattern_sentence(found))
+    twice = ((text, "printed-simulation") for text in _printed_twice(used))
+    return (*twice, (_ring_follows_sun(grid), "neutral"), (_pattern_sentence(found), "printed-simulation"))
 
 
 def _printed_twice(used: Array) -> tuple[str, ...]:

@@ -219,10 +219,10 @@ def test_the_sheet_answers_where_why_how_sure_what_to_do_and_at_what_cost(judged
     sheet = action_sheet(diagnosis, readings.torque - diagnosis.refit.prediction + off)
     assert [part.group for part in sheet.parts if part.mark == "cause"] == ["ring"]
     said = {each.question: " ".join(each.sentences) for each in sheet.answers}
-    assert [*said] == ["Verdict", "What differs", "Cause", "How sure", "Do", "If ignored"]
+    assert [*said] == ["Verdict", "What differs", "Cause", "How sure", "On the bench", "In the model", "If ignored"]
     assert said["Verdict"] == "Cause named."
     assert said["What differs"].startswith("The ring drag is off: ")
-    assert "`pmg compare --model model.toml`" in said["Do"]
+    assert "`pmg compare --model model.toml`" in said["In the model"]
     loss = np.bincount(readings.row, off * readings.speed_own)
     most = float(np.abs(loss).max())
     assert f"up to {most:.2g} W" in said["If ignored"]
@@ -245,14 +245,14 @@ def test_a_sheet_without_a_cause_says_so_and_never_what_it_costs(judged: Compare
     residual = np.zeros(len(quiet.mismatch.readings.torque))
     said = answers_of(quiet, residual)
     assert said["What differs"].startswith("Nothing beyond repeatability")
-    assert said["Do"].startswith("Nothing on the bench")
+    assert said["On the bench"] == "Nothing."
     assert "If ignored" not in said
     assert {part.mark for part in action_sheet(quiet, residual).parts} == {""}
     unknown = replace(judged.diagnosis, verdict=Verdict.NOT_IN_LIBRARY, refit=None)
     assert "We can show where, not why." in answers_of(unknown, residual)["Cause"]
     blind = replace(quiet, verdict=Verdict.CONFOUNDED, blind=("sun",))
     assert "in the order of the sun speed" in answers_of(blind, residual)["What differs"]
-    assert "random order" in answers_of(blind, residual)["Do"]
+    assert "random order" in answers_of(blind, residual)["On the bench"]
 
 
 def test_an_ambiguous_sheet_marks_every_possible_part_and_speaks_of_no_sure_cause(judged: ComparedCampaign) -> None:

@@ -84,7 +84,8 @@ def test_the_recovered_losses_give_the_48_printed_torques(grid: Grid, bench: Ben
 
 
 def test_the_oddities_of_the_tables_are_told_for_the_thesis_s_grids_only(grid: Grid) -> None:
-    twice, ring, pattern = oddities(grid)
+    (twice, _), (ring, where), (pattern, _) = oddities(grid)
+    assert where == "neutral"
     assert "1248 rpm and 1.56 N m" in twice
     assert "1.57 N m in table A.5 and 1.5500 N m in table 6.3" in twice
     assert "36 mN m higher with the sun at rest, and 23 at 1872 rpm, than at 1092 rpm" in ring

@@ -42,7 +42,8 @@ MOST = 2000
 
 
 def drawn(tab: chromium.Tab) -> None:
-    """Every figure brought near the screen, until each is drawn."""
+    """Every figure brought near the screen, those that are folded away too, until each is drawn."""
+    tab.ask("(document.querySelectorAll('details').forEach(fold => { fold.open = true; }), 1)")
     while identifier := tab.ask(f"(left => left && (left.scrollIntoView(), left.id))({LEFT})"):
         tab.wait(f"document.getElementById('{identifier}').dataset.drawn === 'yes'")
 

@@ -133,6 +133,22 @@ def test_a_table_sorts_by_its_numbers_and_back(tab: chromium.Tab) -> None:
     assert tab.ask(column) == given
 
 
+def test_a_table_keeps_the_rows_that_are_searched_and_within_a_bound(tab: chromium.Tab) -> None:
+    rows = "[...document.querySelectorAll('#points tbody tr:not([hidden])')].map(row => row.cells[0].textContent)"
+    field, bound = (f"document.querySelector('#points .filter {kind}')" for kind in ("input[type=search]", ".bound"))
+
+    def put(where: str, text: str) -> None:
+        tab.ask(f"({where}.value = '{text}', {where}.dispatchEvent(new Event('input', {{bubbles: true}})), 1)")
+
+    put(field, "g1-01 window")
+    assert tab.ask(rows) == [f"g1-{k:03d}" for k in range(10, 20)]
+    put(bound, ">= 40")
+    assert tab.ask(rows) == [f"g1-{k:03d}" for k in range(17, 20)]  # 20 + 17 * 1.2345 = 40.99; of 14 none is stated
+    put(bound, "")
+    put(field, "")
+    assert len(tab.ask(rows)) == 120
+
+
 def test_a_table_downloads_what_its_file_holds(tab: chromium.Tab, folder: Path) -> None:
     text = tab.ask("pmg.text(document.getElementById('points-csv').textContent)")
     assert text == (folder / "tables" / "points.csv").read_text(encoding="utf-8")

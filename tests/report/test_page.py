@@ -19,6 +19,7 @@ from pmg.pipeline.report.document import (
     Column,
     Facts,
     Figure,
+    Fold,
     Headline,
     Measured,
     Report,
@@ -159,9 +160,27 @@ def test_a_command_between_backticks_is_set_as_one_and_a_single_backtick_stays()
 
 
 def test_kinds_of_text_and_paragraphs_are_told_apart() -> None:
-    page = html(report(Text("a\n\n  b\nc\n\n\n", "warning"), Text("plain")))
-    assert page.count("<p>") == 4  # verdict, two paragraphs of the warning, the plain one
-    assert '<span class="kind">Warning.</span> a</p>' in page
+    page = html(report(Text("a\n\n  b\nc\n\n\n", "note"), Text("plain")))
+    assert page.count("<p>") == 4  # verdict, two paragraphs of the note, the plain one
+    assert '<span class="kind">Note.</span> a</p>' in page
+
+
+def test_a_warning_stands_once_at_the_head_and_leads_to_where_it_holds() -> None:
+    page = html(report(Text("Mind the gap.", "warning"), Fold("More", (Text("Mind the gap.", "warning"),))))
+    assert page.count("Mind the gap.") == 1
+    assert page.index("Mind the gap.") < page.index('<section aria-labelledby="s"')
+    assert 'class="where" href="#s"' in page
+
+
+def test_what_is_folded_is_on_the_page_and_counted_in_its_order() -> None:
+    folded = Table("t", "T", "C.", (Column("x"), Column("never")), ((1, None), (2, float("nan"))))
+    made = report(Fold("For specialists", (folded,)))
+    page = html(made)
+    assert made.tables == (folded,)
+    assert "<summary>For specialists</summary>" in page
+    assert page.index("<summary>For specialists") < page.index('id="t"')
+    assert ">never<" not in page  # a column without a value
+    assert "never" in folded.csv()
 
 
 @pytest.mark.parametrize("state", ["good", "attention", "neutral"])

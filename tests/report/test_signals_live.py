@@ -112,7 +112,7 @@ def tab(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[chro
 
 
 def drawn(tab: chromium.Tab, point: str) -> None:
-    tab.wait(f"{SHOWN} === {json.dumps(point)} && document.querySelectorAll('#signals table').length === 2")
+    tab.wait(f"{SHOWN} === {json.dumps(point)} && document.querySelectorAll('#signals table').length === 3")
 
 
 def test_no_control_of_the_page_or_of_an_open_point_sends_anything(folder: Path, tmp_path: Path) -> None:
@@ -182,7 +182,7 @@ def test_an_address_of_no_point_says_so_and_leads_on(tab: chromium.Tab, name: st
     assert "no signals of a point named" in tab.ask("document.querySelector('#signals .lacking').textContent")
     assert tab.ask("document.querySelector('#signals .body').querySelector('img') === null")
     tab.ask("(document.querySelector('#signals .before').click(), 1)")
-    drawn(tab, HOSTILE)
+    drawn(tab, "P_3 (2)")
 
 
 def test_points_of_one_name_are_each_reached(tab: chromium.Tab) -> None:
@@ -207,3 +207,33 @@ def test_axe_finds_nothing_to_object_to_in_an_open_point(tab: chromium.Tab, *, d
     tab.ask("(location.hash = '#point=P_0', 1)")
     drawn(tab, "P_0")
     assert tab.objections() == []
+
+
+def test_the_list_is_sorted_and_searched(tab: chromium.Tab) -> None:
+    tab.ask("(location.hash = '#point=P_3', 1)")
+    drawn(tab, "P_3")
+    listed = "[...document.querySelectorAll('#signals .bar select option')].map(o => o.value)"
+    assert tab.ask(listed) == [HOSTILE, "P_0", "P_1", "P_2", "P_3", "P_3 (2)"]
+    field = "document.querySelector('#signals input[type=search]')"
+    tab.ask(f"({field}.value = 'p_1', {field}.dispatchEvent(new Event('input')), 1)")
+    assert tab.ask(listed) == ["P_1", "P_3"]  # what is found, and what is shown
+    tab.ask(f"({field}.focus(), 1)")
+    tab.press("Enter")
+    drawn(tab, "P_1")
+
+
+def test_what_lies_between_two_cursors_is_counted(tab: chromium.Tab) -> None:
+    tab.ask("(location.hash = '#point=P_1', 1)")
+    drawn(tab, "P_1")
+    body = "document.querySelectorAll('#signals .cursors + div tbody tr')"
+    rows = f"[...{body}].map(row => [...row.cells].map(cell => cell.textContent))"
+    wave = np.sin(np.arange(50) / 3.0) + 1.0
+    whole = wave[5:45]
+    name, _, mean, spread, least, largest, bins = tab.ask(rows)[0]
+    assert (name, bins) == (signals.TORQUE_SUN.meaning, "40")
+    told = [float(text.replace("−", "-")) for text in (mean, spread, least, largest)]
+    expected = [whole.mean(), whole.std(ddof=1), whole.min() - 0.2, whole.max() + 0.2]
+    assert told == pytest.approx(expected, abs=2e-3)
+    cursor = "document.querySelectorAll('#signals .cursors input')[1]"
+    tab.ask(f"({cursor}.value = 1, {cursor}.dispatchEvent(new Event('input')), 1)")
+    assert tab.ask(rows)[0][-1] == "10"

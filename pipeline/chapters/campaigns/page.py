@@ -11,7 +11,18 @@ from pmg.pipeline.campaign_comparison.statement import alike, statement
 from pmg.pipeline.chapters.campaigns.figures import curve_figure, follow_figure, load_figure, map_figures
 from pmg.pipeline.chapters.campaigns.tables import conditions_table, constants_table, point_table, unmatched_table
 from pmg.pipeline.chapters.page import PACKAGES, versions
-from pmg.pipeline.report.document import Column, Facts, Figure, Headline, Measured, Report, Section, Table, Text
+from pmg.pipeline.report.document import (
+    Caution,
+    Column,
+    Facts,
+    Figure,
+    Headline,
+    Measured,
+    Report,
+    Section,
+    Table,
+    Text,
+)
 from pmg.pipeline.wording.plurals import counted
 from pmg.pipeline.wording.probability import nominal_p_text, search_p_text
 from pmg.sim import signals
@@ -108,7 +119,7 @@ def _verdict(versus: Versus, judged: ComparisonVerdict | None) -> Headline:
         beyond = sum(group.beyond for group in judged.groups)
         figures.append(("Torques beyond U", f"{beyond} of {sum(group.points for group in judged.groups)}"))
         state = "attention" if judged.readings_differ or warnings else "good"
-    return Headline(statement(versus, judged), state, tuple(figures), tuple(warnings))
+    return Headline(statement(versus, judged), state, tuple(figures), tuple(map(Caution, warnings)))
 
 
 def _differences(versus: Versus, judged: ComparisonVerdict) -> Section:

@@ -10,6 +10,7 @@ from pmg.pipeline.chapters.bench_parts import GROUNDS, bench_parts
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.diagnosis import component_of
 from pmg.pipeline.diagnosis.grid.statement import (
+    EXTENDED,
     advice,
     beyond,
     by_chance,
@@ -97,7 +98,9 @@ def _answers(diagnosis: Diagnosis, residual: Array, before: str) -> Iterator[She
         yield SheetAnswer("Cause", (faint(diagnosis) or none, shape_sentence(diagnosis)))
     if sure := tuple(_sureness(diagnosis)):
         yield SheetAnswer("How sure", sure, GROUNDS)
-    yield SheetAnswer("Do", tuple(_actions(diagnosis)), "next-tests" * bool(diagnosis.next_tests))
+    yield SheetAnswer("On the bench", tuple(_actions(diagnosis)), "next-tests" * bool(diagnosis.next_tests))
+    if verdict in (Verdict.NAMED, Verdict.CONSISTENT):
+        yield SheetAnswer("In the model", (IN_THE_MODEL[verdict],))
     if diagnosis.refit is not None:
         yield SheetAnswer("If ignored", tuple(_cost(diagnosis, residual)))
 
@@ -144,8 +147,8 @@ def _actions(diagnosis: Diagnosis) -> Iterator[str]:
     """What to do on the bench and in the model; the test that would tell, where a question is open."""
     naming, tests = diagnosis.naming, diagnosis.next_tests
     if diagnosis.verdict is Verdict.NAMED and naming is not None:
-        words = advice(naming).removeprefix("Do: ")
-        yield f"{words[0].upper()}{words[1:]}"
+        words = advice(naming).removeprefix("Do: ").removesuffix(f"{EXTENDED}.").removesuffix(", or ").rstrip(".")
+        yield f"{words[0].upper()}{words[1:]}." if words else "Nothing to repair: this is physics the model lacks."
     elif diagnosis.verdict is Verdict.CONFOUNDED:
         yield lifting(diagnosis).removeprefix(" Do: ")
     elif tests:
@@ -154,7 +157,7 @@ def _actions(diagnosis: Diagnosis) -> Iterator[str]:
         minutes = f"{best.plan.seconds / MINUTE:.0f} min"
         yield f"{first[0].upper()}{first[1:]} ({minutes}; it tells with a probability of {best.power:.0%})."
     elif diagnosis.verdict is Verdict.CONSISTENT:
-        yield "Nothing on the bench. The calibrated model is ready for `pmg simulate`: give it `--model model.toml`."
+        yield "Nothing."
     else:
         yield (
             "Repeat points spread over the grid, in random order."
@@ -189,6 +192,12 @@ def _cost(diagnosis: Diagnosis, residual: Array) -> Iterator[str]:
             points = 100.0 * np.abs(loss[of][loaded]) / carried[loaded]
             yield f"At loaded points that is up to {points.max():.2g} points of efficiency."
 
+
+IN_THE_MODEL = {
+    Verdict.NAMED: "`model.toml` holds the cause: compare with it (`pmg compare --model model.toml`).",
+    Verdict.CONSISTENT: "`model.toml` is the calibrated bench: simulate with it (`pmg simulate --model model.toml`).",
+}
+"""What to do with the model that a comparison leaves."""
 
 LOADED = 0.2
 """Part of the largest power carried from which on a point counts as loaded."""

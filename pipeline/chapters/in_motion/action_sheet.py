@@ -102,9 +102,11 @@ def _answers(
         yield SheetAnswer("Not visible", (f"These runs could not have shown: {'; '.join(spots)}.",))
     if diagnosis.mismatch.found or diagnosis.unseen:
         words = advice(diagnosis).removeprefix("Do: ")
-        yield SheetAnswer("Do", (f"{words[0].upper()}{words[1:]}",), "next-tests" if diagnosis.next_runs else "")
+        yield SheetAnswer(
+            "On the bench", (f"{words[0].upper()}{words[1:]}",), "next-tests" if diagnosis.next_runs else ""
+        )
     else:
-        yield SheetAnswer("Do", ("Nothing on the bench.",), CONSTANTS)
+        yield SheetAnswer("On the bench", ("Nothing.",), CONSTANTS)
     if diagnosis.verdict in (Verdict.NAMED, Verdict.CONSISTENT):
         yield SheetAnswer("In the model", ("Predict other runs with it: `pmg compare --model model.toml`.",))
     if costs := tuple(_costs(named, effects, traces)):

@@ -4,13 +4,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.chapters.arrange import arranged
 from pmg.pipeline.chapters.in_motion.action_sheet import action_sheet
 from pmg.pipeline.chapters.in_motion.bench import constants_section, loss_curve_section, pole_angle_section
 from pmg.pipeline.chapters.in_motion.response import response_section
 from pmg.pipeline.chapters.in_motion.runs import runs_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.diagnosis.motion.traces import effects_of, traces_of
-from pmg.pipeline.report.document import Cell, Column, Facts, Figure, Headline, Measured, Report, Section, Table, Text
+from pmg.pipeline.report.document import (
+    Caution,
+    Cell,
+    Column,
+    Facts,
+    Figure,
+    Headline,
+    Measured,
+    Report,
+    Section,
+    Table,
+    Text,
+)
 from pmg.pipeline.wording.units import MILLI
 from pmg.sim import sources
 from pmg.sim.shafts import SIDES
@@ -64,9 +77,9 @@ def motion_report(
             document["statement"],
             "attention" if diagnosis.mismatch.found or diagnosis.unseen or warnings else "good",
             counted,
-            warnings,
+            tuple(map(Caution, warnings)),
         ),
-        sections=tuple(section for section in sections if section is not None),
+        sections=arranged(tuple(section for section in sections if section is not None)),
         provenance=Facts((*provenance, ("Versions", versions(PACKAGES)))),
         sheet=action_sheet(diagnosis, document, effects, traces),
     )

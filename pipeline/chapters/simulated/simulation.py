@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -83,8 +83,7 @@ def simulation_report(
 
 
 def _without_figures(section: Section) -> Section:
-    kept = tuple(item for item in section.items if not isinstance(item, Figure))
-    return Section(section.id, section.title, kept, section.sources)
+    return replace(section, items=tuple(item for item in section.unfolded if not isinstance(item, Figure)))
 
 
 def _verdict(simulation: Simulation, findings: tuple[Remark, ...]) -> Headline:

@@ -47,6 +47,33 @@ const pmg = {
 })();
 
 (() => {
+  // What is folded away: opened together, and wherever a link leads into it.
+  const folds = [...document.querySelectorAll("details.fold")];
+  const button = document.getElementById("folds");
+  const show = () => {
+    const all = folds.every((fold) => fold.open);
+    button.setAttribute("aria-pressed", String(all));
+    button.textContent = all ? "Close all details" : "Open all details, also in print";
+  };
+  button.hidden = !folds.length;
+  button.addEventListener("click", () => {
+    const open = !folds.every((fold) => fold.open);
+    for (const fold of folds) fold.open = open;
+  });
+  for (const fold of folds) fold.addEventListener("toggle", show);
+  show();
+  const reveal = () => {
+    const target = location.hash.length > 1 && document.getElementById(location.hash.slice(1));
+    const fold = target && target.closest("details.fold:not([open])");
+    if (!fold) return;
+    fold.open = true;
+    target.scrollIntoView();
+  };
+  addEventListener("hashchange", reveal);
+  reveal();
+})();
+
+(() => {
   /** What a cell sorts by: its number, else its text; the number of "1.2 ± 0.1" is the 1.2. */
   const key = (cell) => {
     const text = cell.textContent.trim();
@@ -85,9 +112,59 @@ const pmg = {
     });
   };
 
+  const FEW = 8; // rows up to which a table is read at a glance
+  const MOST_KINDS = 6; // different words in a column that a list offers
+  const BOUND = /^([<>]=?)\s*([−-]?[\d.]+(?:e[+-]?\d+)?)$/i;
+
+  /** A field that keeps the rows with all its words ("neutral -1092"), and a list for each column of few words. */
+  const filterable = (figure, table) => {
+    const rows = [...table.tBodies[0].rows];
+    if (rows.length <= FEW) return;
+    const heads = [...table.tHead.rows[0].cells].map((head) => head.querySelector(".heading").textContent);
+    const bar = pmg.make("div", { class: "filter" });
+    const field = pmg.make("input", { type: "search", placeholder: "Search rows", "aria-label": `Search rows of ${figure.dataset.title}` });
+    const told = pmg.make("span", { class: "found" });
+    bar.append(field);
+    const kept = [(row) => field.value.toLowerCase().split(/\s+/).every((word) => row.textContent.toLowerCase().includes(word))];
+    const numbered = heads.map((name, column) => [name, column]).filter(([, column]) => rows.some((row) => row.cells[column]?.classList.contains("number")));
+    heads.forEach((name, column) => {
+      const kinds = [...new Set(rows.map((row) => row.cells[column]?.textContent ?? ""))];
+      if (kinds.length < 2 || kinds.length > MOST_KINDS || numbered.some(([, other]) => other === column)) return;
+      const list = pmg.make("select", { "aria-label": `${name}, of ${figure.dataset.title}` });
+      list.append(pmg.make("option", { value: "" }, `${name}: all`), ...kinds.map((kind) => pmg.make("option", { value: kind }, kind)));
+      kept.push((row) => !list.value || row.cells[column].textContent === list.value);
+      bar.append(list);
+    });
+    if (numbered.length) {
+      const list = pmg.make("select", { "aria-label": `Column of numbers, of ${figure.dataset.title}` });
+      list.append(...numbered.map(([name, column]) => pmg.make("option", { value: column }, name)));
+      const bound = pmg.make("input", { type: "text", class: "bound", placeholder: "> 1.5", "aria-label": `Bound such as > 1.5, of ${figure.dataset.title}` });
+      kept.push((row) => {
+        const found = BOUND.exec(bound.value.trim());
+        if (!found) return true;
+        const [value, limit] = [key(row.cells[Number(list.value)]), Number(found[2].replace("−", "-"))];
+        if (typeof value !== "number") return false;
+        return { "<": value < limit, "<=": value <= limit, ">": value > limit, ">=": value >= limit }[found[1]];
+      });
+      bar.append(list, bound);
+    }
+    bar.append(told);
+    bar.addEventListener("input", () => {
+      let count = 0;
+      for (const row of rows) {
+        row.hidden = !kept.every((keep) => keep(row));
+        count += row.hidden ? 0 : 1;
+      }
+      told.textContent = count < rows.length ? `${count} of ${rows.length} rows` : "";
+      pmg.announce(`${count} of ${rows.length} rows`);
+    });
+    figure.querySelector(".scroll").before(bar);
+  };
+
   /** The table as text with tabs, as spreadsheets take it from the clipboard. */
   const copied = (table) =>
     [...table.rows]
+      .filter((row) => !row.hidden)
       .map((row) => [...row.cells].map((cell) => cell.innerText.replace(/\s+/g, " ").replace("†", "").trim()).join("\t"))
       .join("\n");
 
@@ -107,6 +184,7 @@ const pmg = {
   for (const figure of document.querySelectorAll("figure.table")) {
     const table = figure.querySelector("table");
     sortable(table);
+    filterable(figure, table);
     const press = pmg.make("button", { type: "button", class: "copy" }, "Copy");
     press.setAttribute("aria-label", `Copy table ${figure.dataset.title}`);
     press.addEventListener("click", async () => {

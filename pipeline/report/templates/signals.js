@@ -15,9 +15,36 @@
     let name = cell.point;
     for (let count = 2; rows.has(name); count += 1) name = `${cell.point} (${count})`;
     rows.set(name, row);
-    select.append(pmg.make("option", { value: name }, cell.accepted ? name : `${name}, rejected`));
   }
-  const names = [...rows.keys()];
+  const names = [...rows.keys()].sort((a, b) => a.localeCompare(b, "en", { numeric: true }));
+  const search = dialog.querySelector("input[type=search]");
+  /** Name of the point that is shown; empty where none is. */
+  let current = "";
+  /** The list holds the points with all words of the search, and the one that is shown. */
+  const list = () => {
+    const words = search.value.toLowerCase().split(/\s+/);
+    const shown = current;
+    const told = (name) => (index.cells[rows.get(name)].accepted ? name : `${name}, rejected`);
+    const found = names.filter((name) => name === shown || words.every((word) => told(name).toLowerCase().includes(word)));
+    select.replaceChildren(...found.map((name) => pmg.make("option", { value: name }, told(name))));
+    select.value = shown;
+    return found.filter((name) => name !== shown || words.every((word) => name.toLowerCase().includes(word)));
+  };
+  list();
+  search.addEventListener("input", () => pmg.announce(`${list().length} of ${names.length} points`));
+  search.addEventListener("keydown", (event) => {
+    const [first] = event.key === "Enter" ? list() : [];
+    if (first) show(first);
+  });
+
+  // Each row of a table of points leads to the signals of its point.
+  for (const figure of document.querySelectorAll("figure.table[data-points]")) {
+    for (const row of figure.querySelectorAll("tbody tr")) {
+      const cell = row.cells[0];
+      const name = cell?.textContent.trim();
+      if (rows.has(name)) cell.replaceChildren(pmg.make("a", { href: `#point=${encodeURIComponent(name)}` }, name));
+    }
+  }
 
   const unpack = async (row) => {
     const { at, length } = index.cells[row];
@@ -131,6 +158,44 @@
     return pmg.make("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": caption }, made);
   };
 
+  /** Two cursors, and what each channel does between them: means of the bins, which lie within the cursors whole. */
+  const ranged = ({ cell, numbers }, element, [data, layout]) => {
+    const shaded = layout.shapes.length;
+    const { edges } = cell.channels[0];
+    const [from, to] = ["From", "To"].map((name, end) => {
+      const given = { type: "range", min: edges[0], max: edges[3], step: (edges[3] - edges[0]) / 500, value: edges[end + 1], "aria-label": `${name} [s]` };
+      return pmg.make("input", given);
+    });
+    const told = pmg.make("output");
+    const place = pmg.make("div");
+    const count = () => {
+      const [start, stop] = [Number(from.value), Number(to.value)].sort((a, b) => a - b);
+      told.textContent = `${short(start, 4)} to ${short(stop, 4)} s`;
+      const lines = cell.channels.map((channel, at) => {
+        const inside = times(channel).map((time, k) => [time, k]).filter(([time]) => time >= start && time <= stop).map(([, k]) => k);
+        const [low, high] = [numbers(channel.low), numbers(channel.high)].map((values) => inside.map((k) => values[k]).filter((value) => value !== null));
+        const middles = low.map((value, k) => (value + high[k]) / 2);
+        const mean = middles.reduce((sum, value) => sum + value, 0) / middles.length;
+        const spread = Math.sqrt(middles.reduce((sum, value) => sum + (value - mean) ** 2, 0) / (middles.length - 1));
+        const tell = (value) => (Number.isFinite(value) ? short(value, 6) : "–");
+        return { cells: [index.channels[at].label, index.channels[at].unit, tell(mean), tell(spread), tell(Math.min(...low)), tell(Math.max(...high)), String(inside.length)] };
+      });
+      place.replaceChildren(table("Between the cursors, from the bins drawn", ["signal", "unit", "mean", "standard deviation", "least", "largest", "bins"], lines));
+      return [start, stop];
+    };
+    const move = () => {
+      const lines = count().map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1, line: { color: "@attention", width: 1.5, dash: "dash" } }));
+      pmg.plot(element, data, { ...layout, shapes: [...layout.shapes.slice(0, shaded), ...lines] });
+    };
+    for (const cursor of [from, to]) {
+      cursor.addEventListener("input", count);
+      cursor.addEventListener("change", move);
+    }
+    count();
+    const bar = pmg.make("div", { class: "cursors" }, pmg.make("label", {}, "From ", from), pmg.make("label", {}, "to ", to), told);
+    return [bar, place];
+  };
+
   /** What the mean torque of each shaft is uncertain by. */
   const budgets = (cell) =>
     cell.budget.map((of, place) => {
@@ -163,13 +228,16 @@
     const row = rows.get(name);
     const read = await unpack(row);
     if (turn !== shown) return;
-    select.value = name;
+    current = name;
+    list();
     body.replaceChildren(facts(read.cell));
     if (read.cell.channels.length) {
       const signals = pmg.make("div", { class: "plot signals-time" });
       const spectrum = pmg.make("div", { class: "plot signals-spectrum" });
-      body.append(pmg.make("h3", {}, "Before and after the filter"), signals, pmg.make("h3", {}, "Spectrum of the window"), spectrum);
-      await pmg.plot(signals, ...overTime(read));
+      const drawing = overTime(read);
+      const range = ranged(read, signals, drawing);
+      body.append(pmg.make("h3", {}, "Before and after the filter"), signals, ...range, pmg.make("h3", {}, "Spectrum of the window"), spectrum);
+      await pmg.plot(signals, ...drawing);
       await pmg.plot(spectrum, ...overFrequency(read));
     }
     body.append(pmg.make("h3", {}, "Uncertainty"), ...budgets(read.cell));
@@ -192,11 +260,13 @@
     shown += 1;
     pmg.forget(body);
     body.replaceChildren(pmg.make("p", { class: "lacking" }, told));
-    select.value = "";
+    current = "";
+    list();
     pmg.announce(told);
   };
   const step = (by) => {
-    const from = rows.get(select.value) ?? (by > 0 ? -1 : names.length);
+    const at = names.indexOf(current);
+    const from = at >= 0 ? at : by > 0 ? -1 : names.length;
     return show(names[(from + by + names.length) % names.length]);
   };
 
