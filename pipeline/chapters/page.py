@@ -22,6 +22,7 @@ from pmg.pipeline.chapters.measured.quality import data_section
 from pmg.pipeline.chapters.measured.sensor_fault import sensor_fault_items
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
 from pmg.pipeline.chapters.studies.printed_simulation import printed_simulation_sections
+from pmg.pipeline.chapters.with_cause import behind_points, simulate_twice, switched
 from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.crosschecks.contradiction import CrossCheckRemark
@@ -119,7 +120,12 @@ def build_report(
     residuals, diagnosis, carried, ends = (
         (None, None, None, ()) if judged is None else (judged.residuals, judged.diagnosis, judged.carried, judged.ends)
     )
+    behind_each = ""
     sheet, signals, before = None, recorded.signals, "" if carried is None else lead(carried)
+    twice = (
+        None if judged is None or analysis.calibration is None else simulate_twice(judged, analysis.calibration, bench)
+    )
+    caused = None if twice is None else twice.caused
     sections: list[Section] = [
         conditions_section(recorded.conditions or conditions(()), note),
         grids_section(analysis.grid, opens=signals is not None),
@@ -130,13 +136,17 @@ def build_report(
         sections.append(neutral_section(analysis, analysis.fits))
     if analysis.balance is not None and analysis.calibration is not None:
         sections.append(_behind(losses_section(analysis, analysis.balance, analysis.calibration), corrected))
-        sections.append(_behind(efficiency_section(analysis.balance, residuals), corrected[:1]))
+        of_cause = None if caused is None else efficiency_section(analysis.balance, caused)
+        sections.append(_behind(switched(efficiency_section(analysis.balance, residuals), of_cause), corrected[:1]))
         if analysis.grid.origin != "published":  # its speeds are those that were set
             sections.append(speed_ratio_section(analysis.balance, bench))
     agreed = None if residuals is None else agreements(residuals, bench, tolerances)
     if residuals is not None and agreed is not None and analysis.calibration is not None:
         more = (() if carried is None else (prediction_table(carried),)) + ((ends_table(ends),) if ends else ())
-        sections.append(comparison_section(residuals, agreed, more))
+        of_cause = None if caused is None else comparison_section(caused, agreements(caused, bench, tolerances))
+        sections.append(switched(comparison_section(residuals, agreed, more), of_cause))
+        if signals is not None and twice is not None:
+            behind_each = behind_points(twice, agreed)
     sections.extend(printed_simulation_sections(analysis.grid))
     if diagnosis is not None and left.calibration is not None:
         readings = diagnosis.mismatch.readings
@@ -162,7 +172,7 @@ def build_report(
         verdict=_verdict(analysis, diagnosis, before, agreed, faults, recorded),
         sections=arranged(tuple(sections)),
         provenance=Facts((*provenance, ("Versions", versions(PACKAGES)))),
-        signals=None if signals is None else Signals(signals.index_json, signals.base64),
+        signals=None if signals is None else Signals(signals.index_json, signals.base64, behind_each),
         sheet=sheet,
     )
 

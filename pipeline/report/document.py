@@ -52,8 +52,10 @@ RESERVED = (
     "signals-data",
     "signals-heading",
     "signals-index",
+    "signals-simulated",
     "verdict",
     "warnings",
+    "with-cause",
 )
 """Anchors that the page itself uses."""
 
@@ -210,10 +212,13 @@ class Signals:
         JSON that says what there is and where; it may stand in a ``script`` element.
     data : str
         The packed points, in base64.
+    simulated : str
+        JSON that says what is simulated at each point, for a ``script`` element; empty where nothing is.
     """
 
     index: str
     data: str
+    simulated: str = ""
 
 
 @dataclass(frozen=True)

@@ -165,6 +165,8 @@ class PowerFlow:
         Expanded uncertainty U of each power, in the order of `watts`; NaN where none is stated. Empty: of none.
     others : tuple of (name, PowerFlow)
         The same chain elsewhere, this one among them; the page lets a reader choose, a drawing shows this one.
+    caption : str
+        The finding of the figure where this one is chosen; empty: the figure's own.
     """
 
     title: str
@@ -172,6 +174,7 @@ class PowerFlow:
     losses: tuple[tuple[str, float, int], ...]
     expanded: tuple[float, ...] = ()
     others: tuple[tuple[str, PowerFlow], ...] = ()
+    caption: str = ""
 
     def __post_init__(self) -> None:
         if len(self.main) < 2:
@@ -215,6 +218,10 @@ class Figure:
         Panels side by side where the page is wide enough.
     narrow : bool
         Whether it stands beside text, in half the width of a page.
+    switched : tuple of Panel
+        The same panels with the cause of a difference in the simulation, which the page can switch to; empty: none.
+    switched_caption : str
+        The finding then.
     """
 
     id: str
@@ -223,9 +230,13 @@ class Figure:
     panels: tuple[Panel, ...]
     columns: int = 1
     narrow: bool = False
+    switched: tuple[Panel, ...] = ()
+    switched_caption: str = ""
 
     def __post_init__(self) -> None:
         checked_id("Figure", self.id)
+        if self.switched and [type(panel) for panel in self.switched] != [type(panel) for panel in self.panels]:
+            raise ValueError(f"Figure {self.id!r}: expected the switched panels to be those panels with other values")
         if not self.panels or self.columns < 1:
             raise ValueError(f"Figure {self.id!r}: expected at least one panel and one column")
 

@@ -66,6 +66,7 @@ def html(report: Report, drawings: Mapping[str, str] | None = None) -> str:
             for section in report.sections
         },
         placed={item.id: item.title for item in (*report.sections, *report.tables, *report.figures)},
+        switchable=any(figure.switched for figure in report.figures),
         states=_STATES,
         marks=MARKS,
         light=variables(LIGHT),

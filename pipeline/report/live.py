@@ -30,7 +30,30 @@ def live_figure(figure: Figure) -> Mapping[str, Any]:
         ``choices`` of such, each with its ``name``.
     """
     columns = min(figure.columns, len(figure.panels))
-    return {"columns": columns, "panels": [_panel(panel, columns) for panel in figure.panels]}
+    panels = [_panel(panel, columns) for panel in figure.panels]
+    for made, other in zip(panels, figure.switched, strict=False):
+        made |= _switch(made, _panel(other, columns))
+    return {"columns": columns, "panels": panels, "caption": figure.switched_caption}
+
+
+KEPT = ("zmin", "zmax", "colorscale")
+"""What a switched map shares with the other, so that the two can be compared by eye."""
+
+
+def _switch(made: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    """What of the other drawing differs: of each trace the values, or all traces where they are not the same ones."""
+    if made["data"] == other["data"]:
+        return {}
+    told = {"switched_told": other["told"]} if "told" in other else {}
+    old, new = made["data"], other["data"]
+    if [(a["type"], a.get("name")) for a in old] != [(b["type"], b.get("name")) for b in new]:
+        scale = {name: old[0][name] for name in KEPT if name in old[0]}
+        return told | {"switched": [{**trace, **(scale if k == 0 else {})} for k, trace in enumerate(new)]}
+    changed = [
+        {name: value for name, value in b.items() if name not in KEPT and a.get(name) != value}
+        for a, b in zip(old, new, strict=True)
+    ]
+    return told | {"changed": changed}
 
 
 def _panel(panel: Panel, columns: int) -> dict[str, Any]:

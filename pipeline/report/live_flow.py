@@ -23,7 +23,7 @@ def plot(flow: PowerFlow) -> dict[str, Any]:
     of = layout(flow.title, margin={"l": 12, "r": 12, "t": 34 if flow.title else 14, "b": 30})
     if not flow.others:
         return {"kind": "flow", "data": [_trace(flow)], "layout": of}
-    choices = [{"name": name, "data": [_trace(other)]} for name, other in flow.others]
+    choices = [{"name": name, "caption": other.caption, "data": [_trace(other)]} for name, other in flow.others]
     shown = next((name for name, other in flow.others if other.main == flow.main), flow.others[0][0])
     return {"kind": "flow", "choices": choices, "shown": shown, "layout": of}
 

@@ -168,8 +168,8 @@ def test_kinds_of_text_and_paragraphs_are_told_apart() -> None:
 def test_a_warning_stands_once_at_the_head_and_leads_to_where_it_holds() -> None:
     page = html(report(Text("Mind the gap.", "warning"), Fold("More", (Text("Mind the gap.", "warning"),))))
     assert page.count("Mind the gap.") == 1
-    assert page.index("Mind the gap.") < page.index('<section aria-labelledby="s"')
-    assert 'class="where" href="#s"' in page
+    assert page.index("Mind the gap.") < page.index('<section aria-labelledby="one"')
+    assert 'class="where" href="#one"' in page
 
 
 def test_what_is_folded_is_on_the_page_and_counted_in_its_order() -> None:

@@ -49,8 +49,7 @@ def flow_section(flows: tuple[Flow, ...]) -> Section:
     by = {(flow.origin, flow.convention): flow for flow in flows}
     shown = by["measured", MotorConvention.CONSISTENT]
     best = int(np.argmax(by["simulated", MotorConvention.CONSISTENT].chain.mechanical_in))
-    name, chain = str(shown.grid.points.name[best]), shown.chain
-    left = Measured(float(chain.unexplained[best]), float(shown.expanded("unexplained")[best]))
+    name = str(shown.grid.points.name[best])
     return Section(
         "power-flow",
         "Power flow",
@@ -66,11 +65,8 @@ def flow_section(flows: tuple[Flow, ...]) -> Section:
             Figure(
                 "power-flow-highest",
                 "Power flow of a point",
-                f"Of the engaged points, {name} takes the highest power: {chain.mechanical_in[best]:.1f} W into "
-                "the gearbox, "
-                f"{chain.mechanical_out[best]:.1f} W out; unexplained {left.value:+.2f} W, U = {left.u:.2f} W. "
-                f"Uncertainties are U = 2u{_left_out(shown)}. On the page other points can be chosen; print and files "
-                f"show {name}.",
+                f"Of the engaged points, {name} takes the highest power. {_words(shown, best)} On the page other points "
+                f"can be chosen; print and files show {name}.",
                 (_choice(shown, best),),
             ),
             _point_table(shown, best),
@@ -78,6 +74,15 @@ def flow_section(flows: tuple[Flow, ...]) -> Section:
             _parts_table(by),
         ),
         (sources.THESIS.at("sections 5.4 and 6.4.3"), sources.GUM.at("section 5.2.2")),
+    )
+
+
+def _words(flow: Flow, i: int) -> str:
+    """What goes in and out at a point, and what is left open."""
+    chain, u = flow.chain, float(flow.expanded("unexplained")[i])
+    return (
+        f"{flow.grid.points.name[i]}: {chain.mechanical_in[i]:.1f} W into the gearbox, {chain.mechanical_out[i]:.1f} W "
+        f"out; unexplained {chain.unexplained[i]:+.2f} W, U = {u:.2f} W. Uncertainties are U = 2u{_left_out(flow)}."
     )
 
 
@@ -119,6 +124,7 @@ def _drawing(flow: Flow, i: int) -> PowerFlow:
         tuple((label, _sum(flow, branches, i)) for label, branches in main),
         tuple((label, _sum(flow, branches, i), stage) for label, branches, stage in losses),
         tuple(float(flow.expanded_sum(branches)[i]) for branches in [b for _, b in main] + [b for _, b, _ in losses]),
+        caption=_words(flow, i),
     )
 
 

@@ -82,7 +82,7 @@
     };
     const tell = () => {
       outline(true);
-      const value = panel.told[row][column] ?? "not measured";
+      const value = (pmg.caused && panel.switched_told ? panel.switched_told : panel.told)[row][column] ?? "not measured";
       pmg.announce(`${panel.x_label} ${panel.x[column]}, ${panel.y_label} ${panel.y[row]}: ${value}`);
     };
     element.addEventListener("focus", tell);
@@ -129,13 +129,28 @@
       for (const choice of panel.choices) select.append(pmg.make("option", { value: choice.name }, choice.name));
       select.value = panel.shown;
       holder.append(pmg.make("label", { class: "choice", for: `${name}-choice` }, "Point ", select), element);
-      const show = () => pmg.plot(element, panel.choices.find((choice) => choice.name === select.value).data, { ...panel.layout, uirevision: select.value });
+      const words = holder.closest("figure").querySelector(".caption");
+      const given = words.textContent;
+      const show = () => {
+        const chosen = panel.choices.find((choice) => choice.name === select.value);
+        words.textContent = chosen.caption || given;
+        return pmg.plot(element, chosen.data, { ...panel.layout, uirevision: chosen.name });
+      };
       select.addEventListener("change", show);
       await show();
       return;
     }
     holder.append(element);
+    const data = () => (!pmg.caused ? panel.data : (panel.switched ?? (panel.changed ? panel.data.map((trace, at) => ({ ...trace, ...panel.changed[at] })) : panel.data)));
     await pmg.plot(element, panel.data, panel.layout);
+    if (panel.switched || panel.changed) {
+      // The axes stay as they are without the cause, so that the eye can compare.
+      const { xaxis, yaxis } = element._fullLayout;
+      const layout = { ...panel.layout, xaxis: { ...panel.layout.xaxis, range: [...xaxis.range] }, yaxis: { ...panel.layout.yaxis, range: [...yaxis.range] } };
+      const follow = () => pmg.plot(element, data(), layout);
+      pmg.switched.push(follow);
+      if (pmg.caused) await follow();
+    }
     if (panel.kind === "map") walkable(element, panel, title);
     if (panel.kind === "chart") linked(element, panel);
     element.on("plotly_click", (event) => {
@@ -151,6 +166,13 @@
     const columns = narrow ? 1 : Math.min(specification.columns, specification.panels.length);
     const rows = Math.ceil(specification.panels.length / columns);
     const height = Math.max(still.getBoundingClientRect().height / rows, narrow ? 440 : 260);
+    const words = figure.querySelector(".caption");
+    const given = words.textContent;
+    const caption = () => (words.textContent = pmg.caused && specification.caption ? specification.caption : given);
+    if (specification.caption) {
+      pmg.switched.push(caption);
+      caption();
+    }
     const live = pmg.make("div", { class: "live" });
     live.style.setProperty("--columns", columns);
     live.style.setProperty("--panel-height", `${height}px`);

@@ -25,6 +25,9 @@ const pmg = {
   },
   /** Called whenever the colours of the page change. */
   recoloured: [],
+  /** Whether the simulation is shown with the cause, and who is called when that changes. */
+  caused: false,
+  switched: [],
 };
 
 (() => {
@@ -44,6 +47,18 @@ const pmg = {
   });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", show);
   show();
+})();
+
+(() => {
+  const box = document.getElementById("with-cause");
+  if (!box) return;
+  box.closest("label").hidden = false;
+  box.checked = false;
+  box.addEventListener("change", () => {
+    pmg.caused = box.checked;
+    for (const follow of pmg.switched) follow();
+    pmg.announce(box.checked ? "Simulated with the cause" : "Simulated with the plain model");
+  });
 })();
 
 (() => {

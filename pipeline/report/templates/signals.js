@@ -6,6 +6,9 @@
   if (!listing || !pmg.library) return;
   const index = JSON.parse(listing.textContent);
   const packed = document.getElementById("signals-data").textContent;
+  const simulated = JSON.parse(document.getElementById("signals-simulated")?.textContent ?? "null");
+  /** The model that is shown. */
+  const model = () => simulated.models[pmg.caused ? simulated.models.length - 1 : 0];
   const dialog = document.getElementById("signals");
   const select = dialog.querySelector("select");
   const body = dialog.querySelector(".body");
@@ -115,6 +118,14 @@
       const [from, to] = channel.span;
       const steps = filtered.map((_, k) => (filtered.length > 1 ? from + ((to - from) * k) / (filtered.length - 1) : from));
       data.push({ ...family, x: steps, y: filtered, name: "after the filter", showlegend: place === 0, line: { color: "@ink", width: 2 } });
+      const value = simulated && place < 2 ? model().torque[place][cell.row] : null;
+      if (value !== null) {
+        const [begin, end] = [channel.edges[1], channel.edges[2]];
+        const allowed = simulated.tolerance[place][cell.row];
+        data.push({ ...family, x: [begin, end], y: [value, value], name: model().name, showlegend: place === 0, line: { color: "@attention", width: 2, dash: "dash" } });
+        if (allowed !== null)
+          data.push({ ...family, x: [begin, end, end, begin], y: [value - allowed, value - allowed, value + allowed, value + allowed], name: "tolerance", showlegend: place === 0, fill: "toself", fillcolor: "@attention/0.10", line: { width: 0 }, hoverinfo: "skip" });
+      }
       layout.shapes.push({ type: "rect", xref: "x", yref: `${y} domain`, x0: channel.edges[1], x1: channel.edges[2], y0: 0, y1: 1, fillcolor: "@link/0.10", line: { width: 0 }, layer: "below" });
     });
     return [data, layout];
@@ -222,6 +233,34 @@
     return list;
   };
 
+  /** What is simulated at the point: torque and residual by each model, and the loss of each mechanism. */
+  const simulation = ({ cell }) => {
+    if (!simulated) return [];
+    const { models, tolerance, expanded } = simulated;
+    const milli = (value) => (value === null ? "–" : short(value * 1e3, 4));
+    const sides = cell.budget.map((of, place) => [of.torque, place]).filter(([, place]) => models[0].torque[place][cell.row] !== null);
+    const lines = sides.map(([torque, place]) => ({
+      cells: [
+        `${index.budget[place].side} torque`,
+        "",
+        short(torque, 5),
+        ...models.flatMap(({ torque: of }) => [short(of[place][cell.row], 5), milli(torque - of[place][cell.row])]),
+        milli(expanded[place][cell.row]),
+        milli(tolerance[place][cell.row]),
+      ],
+    }));
+    const heads = models.flatMap(({ name }) => [`${name} [N m]`, "residual [mN m]"]);
+    const made = lines.length ? [table("Measured and simulated", ["reading", "", "measured [N m]", ...heads, "U of the residual [mN m]", "tolerance [mN m]"], lines)] : [];
+    const names = [...new Set(models.flatMap(({ loss }) => Object.keys(loss)))];
+    const loss = names.map((name) => ({ name, watts: models.map((of) => of.loss[name]?.[cell.row] ?? null) }));
+    const sums = models.map((_, at) => loss.reduce((sum, { watts }) => sum + (watts[at] ?? 0), 0));
+    const share = (watts, at) => (watts === null ? "–" : `${short(watts)} W, ${short((100 * watts) / sums[at], 2)} %`);
+    const acting = loss.filter(({ watts }) => watts.some((value) => value));
+    if (!acting.length) return made;
+    const rows = acting.map(({ name, watts }) => ({ cells: [name, "", ...watts.map(share)] }));
+    return [...made, table("Simulated loss by mechanism", ["mechanism", "", ...models.map(({ name }) => name)], rows)];
+  };
+
   let shown = 0;
   const show = async (name) => {
     const turn = ++shown;
@@ -240,11 +279,15 @@
       await pmg.plot(signals, ...drawing);
       await pmg.plot(spectrum, ...overFrequency(read));
     }
+    const made = simulation(read);
+    if (made.length) body.append(pmg.make("h3", {}, "Simulation"), ...made);
     body.append(pmg.make("h3", {}, "Uncertainty"), ...budgets(read.cell));
     dialog.dataset.point = name;
     history.replaceState(null, "", `#point=${encodeURIComponent(name)}`);
     pmg.announce(`Signals of point ${name}`);
   };
+
+  pmg.switched.push(() => current && dialog.open && show(current));
 
   let back = null;
   pmg.openPoint = async (name) => {
