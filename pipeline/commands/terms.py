@@ -9,6 +9,7 @@ import numpy as np
 
 from pmg.pipeline.chapters.explained.balance import terms_sections
 from pmg.pipeline.chapters.explained.machine import machine_sections
+from pmg.pipeline.chapters.explained.machine_sheet import machine_sheet
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.commands.compare_and_diagnose import SEED
 from pmg.pipeline.commands.outcome import Outcome
@@ -240,6 +241,7 @@ def _page(diagnosis: TermsDiagnosis, seed: int, digests: dict[str, str], own: tu
         subtitle=f"Terms of its {diagnosis.case.axis.pushes} balance: what the baseline lacks, and the proof",
         verdict=Headline(headline(diagnosis), "good" if diagnosis.verdict is Verdict.CONSISTENT else "attention"),
         sections=(first, *own, *others),
+        sheet=machine_sheet(diagnosis),
         provenance=Facts(
             (
                 *((f"SHA-256 of {name}", digest) for name, digest in digests.items()),

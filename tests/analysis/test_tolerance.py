@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.special import ndtri
 from tests.points import measured as made
 from tests.points import points
 
@@ -18,8 +19,9 @@ from pmg.pipeline.analysis.comparison import Difference, Residuals
 from pmg.pipeline.analysis.tolerance import Tolerance, ToleranceState, agreements
 from pmg.pipeline.chapters.measured.conditions import grids_section
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
+from pmg.pipeline.chapters.simulated.residual_plots import residual_plots
 from pmg.pipeline.commands.compare import _command_words
-from pmg.pipeline.report.document import Figure, Table
+from pmg.pipeline.report.document import Chart, Figure, Table
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
@@ -159,3 +161,16 @@ def test_what_follows_from_a_torque_is_within_where_the_torque_is(name: str, rng
     agreed = agreements(Residuals(grid, grid, torque, nothing, loss, efficiency), BENCH)
     assert 0 < agreed.of["torque_sun"].within.sum() < n
     assert agreed.of[name].within.tolist() == agreed.of["torque_sun"].within.tolist()
+
+
+def test_residuals_that_scatter_as_stated_follow_the_line_and_lie_in_their_bands() -> None:
+    residuals = compared(list(1e-3 * ndtri((np.arange(40) + 0.5) / 40)), [2e-3] * 40)
+    (figure,) = residual_plots(residuals, agreements(residuals, BENCH))
+    *bands, quantiles = figure.panels
+    assert isinstance(quantiles, Chart)
+    scores = next(series for series in quantiles.series if series.name == "sun")
+    assert np.allclose(scores.y, scores.x)
+    assert isinstance(bands[0], Chart)
+    tolerance, expanded, points = bands[0].series
+    assert np.allclose(expanded.u, 1.0)  # mN m; a band is drawn at twice that
+    assert len(points.x) == len(tolerance.x) == 40

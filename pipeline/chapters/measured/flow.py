@@ -65,8 +65,8 @@ def flow_section(flows: tuple[Flow, ...]) -> Section:
             Figure(
                 "power-flow-highest",
                 "Power flow of a point",
-                f"Of the engaged points, {name} takes the highest power. {_words(shown, best)} On the page other points "
-                f"can be chosen; print and files show {name}.",
+                f"Of the engaged points, {name} takes the highest power. {_words(shown, best)} On the page other "
+                f"points can be chosen; print and files show {name}.",
                 (_choice(shown, best),),
             ),
             _point_table(shown, best),

@@ -8,6 +8,7 @@ import numpy as np
 
 from pmg.pipeline.analysis.tolerance import COMPARED, ToleranceState
 from pmg.pipeline.chapters.cells import lay_out, names_in_cells, names_of
+from pmg.pipeline.chapters.simulated.residual_plots import residual_plots
 from pmg.pipeline.grid.levels import by_load, by_speed, forward_neutral, speed_levels
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, SpeedMap, Table, Text, measured
 from pmg.pipeline.wording.plurals import counted
@@ -60,7 +61,7 @@ def comparison_section(residuals: Residuals, agreed: Agreements, more: tuple[Tab
     items += more
     if (residuals.grid.points.engaged & residuals.torque_sun.compared).any():
         items.append(_engaged_figure(residuals))
-    items += [*_maps(residuals), *_followed(residuals), _table(residuals, agreed)]
+    items += [*_maps(residuals), *residual_plots(residuals, agreed), *_followed(residuals), _table(residuals, agreed)]
     return Section("comparison", "Simulated against measured", tuple(items), (sources.THESIS.at("section 6.1.1"),))
 
 

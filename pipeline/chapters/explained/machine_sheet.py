@@ -1,0 +1,169 @@
+"""What to do about a machine whose force or torque balance was searched: the first screen of its report."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.causes import named_causes, nearest_lines
+from pmg.pipeline.diagnosis.balance.document import headline, percent
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.report.action_sheet import ActionSheet, MachinePart, SheetAnswer
+from pmg.pipeline.report.document import Chart, Figure, Series
+from pmg.pipeline.wording.plurals import counted
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pmg.pipeline.diagnosis.balance.causes import NamedCause
+    from pmg.pipeline.diagnosis.balance.contest import ModelStep
+    from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
+    from pmg.sim.signals import Array
+
+GROUNDS, MODELS, CAUSES = "verdict-terms", "terms-models", "terms-causes"
+"""Sections and tables of the report that hold the grounds."""
+
+DRIVE, GUIDE, SENSOR, INPUT, GEAR, OUTPUT = "drive", "friction and guide", "position", "input torque", "gear", "output"
+PART = {
+    "constant_offset": DRIVE,
+    "actuator_gain": DRIVE,
+    "dead_zone": DRIVE,
+    "drive_fade": DRIVE,
+    "motor_constant_sag": DRIVE,
+    "delay": SENSOR,
+    "input_torque_gain": INPUT,
+    "input_torque_lag": INPUT,
+    "output_torque_gain": OUTPUT,
+    "output_torque_lag": OUTPUT,
+    "pulse_of_output": OUTPUT,
+    "load_friction": GEAR,
+    "load_viscous": GEAR,
+}
+"""Term -> the part of a machine it sits in; all others are in its friction and guide, or between the torques."""
+
+TITLES = {
+    Verdict.CONSISTENT: "Consistent with the model",
+    Verdict.NAMED: "Cause named",
+    Verdict.AMBIGUOUS: "Cause ambiguous",
+    Verdict.NOT_IN_LIBRARY: "Cause not in the library",
+}
+"""Verdict in the words of the other sheets."""
+
+
+def machine_sheet(diagnosis: TermsDiagnosis) -> ActionSheet:
+    """The sheet of a machine of one's own."""
+    causes = named_causes(diagnosis)
+    return ActionSheet(tuple(_answers(diagnosis, causes)), _parts(diagnosis, causes), _picture(diagnosis))
+
+
+def _parts(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> tuple[MachinePart, ...]:
+    two = d.case.ratio is not None
+    chain = (DRIVE, INPUT, GEAR, OUTPUT) if two else (DRIVE, GUIDE, SENSOR)
+    rest = GEAR if two else GUIDE
+    at = {PART.get(cause.identifier, rest): cause.group for cause in reversed(causes)}
+    several = any(cause.group for cause in causes)
+
+    def mark(part: str) -> Literal["cause", "possible", ""]:
+        return "" if part not in at else "possible" if several else "cause"
+
+    return tuple(MachinePart(part, mark=mark(part)) for part in chain)
+
+
+def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[SheetAnswer]:
+    first, last, push = d.steps[0], d.steps[-1], d.case.axis.push
+    yield SheetAnswer("Verdict", (f"{TITLES.get(d.verdict, headline(d)).rstrip('.')}.",), GROUNDS)
+    noise = f"noise is {d.noise.noise.standard_deviation:.3g} {push}"
+    if d.mismatch.found:
+        rms = float(np.sqrt(np.mean(_missing(d, first) ** 2)))
+        places = ", ".join(place.name for place in d.mismatch.locations[:2])
+        where = f" It follows {places}." if places else ""
+        yield SheetAnswer("What differs", (f"The balance is off by {rms:.3g} {push} rms; {noise}.{where}",), MODELS)
+    else:
+        yield SheetAnswer("What differs", (f"Nothing beyond the noise; {noise}.",), MODELS)
+    if causes:
+        several = any(cause.group for cause in causes)
+        told = (_told(cause, push, numbered=several) for cause in causes)
+        yield SheetAnswer("Possible causes" if several else "Cause", tuple(told), CAUSES)
+    elif d.impossible:
+        yield SheetAnswer("Cause", (headline(d),))
+    elif d.verdict is Verdict.NOT_IN_LIBRARY:
+        near = (f"{line.strip().rstrip('.:')}." for line in nearest_lines(d) if line and "on the bench" not in line)
+        yield SheetAnswer("Cause", ("No set of terms explains it. We can show where, not why.", *near))
+    yield SheetAnswer("How sure", tuple(_sureness(d, first, last)), GROUNDS)
+    yield SheetAnswer("On the bench", tuple(_actions(d, causes)), CAUSES * bool(causes))
+    if d.verdict is Verdict.CONSISTENT:
+        yield SheetAnswer("In the model", ("The fitted constants describe the machine; `terms.json` holds them.",))
+    elif causes:
+        yield SheetAnswer(
+            "In the model", ("Add the term with its fitted size; `terms.json` and `residuals.csv` hold both models.",)
+        )
+    if causes and last is not first:
+        yield SheetAnswer("If ignored", tuple(_costs(d, first, last)))
+
+
+def _told(cause: NamedCause, push: str, *, numbered: bool) -> str:
+    title = cause.title[0].upper() + cause.title[1:]
+    remark = f"; {cause.remark}" if cause.remark else ""
+    return f"{f'{cause.group + 1}. ' if numbered else ''}{title}: {cause.size}{remark} ({cause.effect:.3g} {push} rms)."
+
+
+def _sureness(d: TermsDiagnosis, first: ModelStep, last: ModelStep) -> Iterator[str]:
+    if d.withheld is not None and last is not first:
+        drop = f"from {percent(first.error_withheld)} to {percent(last.error_withheld)}"
+        yield f"On the recording not used for the fit the relative error goes {drop}."
+    elif last is not first:
+        drop = f"from {percent(first.error_fit)} to {percent(last.error_fit)}"
+        yield f"The relative error goes {drop}; no recording was withheld to test it."
+    if d.mismatch.found:
+        yield f"p ≤ {d.mismatch.p_value:.2g}, from {counted(d.mismatch.draws, 'synthetic record')}."
+    else:
+        yield f"p = {d.mismatch.p_value:.2g}, from {counted(d.mismatch.draws, 'synthetic record')}."
+    if d.left_over.found and d.naming is not None:
+        yield f"What is left still follows {d.left_over.locations[0].name}."
+
+
+def _actions(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[str]:
+    tests = tuple(dict.fromkeys(cause.test for cause in causes if cause.test))
+    if d.impossible:
+        yield "Check sign, unit and filter of the channels."
+    elif tests:
+        yield from (f"{test[0].upper()}{test[1:].rstrip('.')}." for test in tests[:2])
+    elif d.verdict is Verdict.CONSISTENT:
+        yield "Nothing."
+    else:
+        near = [line.strip().removeprefix("on the bench: ") for line in nearest_lines(d) if "on the bench:" in line]
+        yield from (f"{test[0].upper()}{test[1:].rstrip('.')}." for test in near[:1] if test)
+        if not near:
+            yield "Look at what the residual follows (residuals.csv), and record a run that sweeps it."
+
+
+def _missing(d: TermsDiagnosis, step: ModelStep) -> Array:
+    return np.asarray(d.recorded.force + d.recorded.known - step.fitted.predict(d.recorded))
+
+
+def _costs(d: TermsDiagnosis, first: ModelStep, last: ModelStep) -> Iterator[str]:
+    """Power by which a model without the cause is wrong."""
+    speed = d.recorded.thin(d.recorded.motion.speed[:, None])[:, 0]
+    wrong = (last.fitted.predict(d.recorded) - first.fitted.predict(d.recorded)) * speed
+    carried = np.abs((d.recorded.force + d.recorded.known) * speed)
+    rms, most = float(np.sqrt(np.mean(wrong**2))), float(np.abs(wrong).max())
+    yield f"A model without this is wrong by {rms:.2g} W rms, up to {most:.2g} W."
+    if carried.any():
+        yield f"That is {rms / float(np.sqrt(np.mean(carried**2))):.1%} of the power in the balance."
+
+
+def _picture(d: TermsDiagnosis) -> Figure:
+    """Residual before and after, where what was named takes most of it."""
+    first, last, push = d.steps[0], d.steps[-1], d.case.axis.push
+    stages = [("model", _missing(d, first), 1)]
+    if last is not first:
+        stages.append(("with the cause", _missing(d, last), 0))
+    time, u = d.recorded.time, d.noise.noise.standard_deviation
+    ends = np.array([float(time.min()), float(time.max())])
+    series = [Series("noise, 95 %", ends, 0.0 * ends, np.array([u, u]), "band", 7)]
+    series += [Series(name, time, left, None, "line", colour) for name, left, colour in stages]
+    sizes = ", ".join(f"{name} {float(np.sqrt(np.mean(left**2))):.3g} {push} rms" for name, left, _ in stages)
+    title = f"Measured less modelled {d.case.axis.pushes}"
+    chart = Chart("time [s]", f"{d.case.axis.pushes} [{push}]", tuple(series), references=(("", 0.0),))
+    return Figure("before-and-after", title, f"{sizes[0].upper()}{sizes[1:]}.", (chart,), narrow=True)
