@@ -44,8 +44,16 @@ _PARTS = {
 _ABSENT = "Branches marked * depend on {inputs} too, for which no uncertainty is stated: the figures leave it out."
 
 
-def flow_section(flows: tuple[Flow, ...]) -> Section:
-    """Power flow of the accepted engaged points, from measured and from simulated torques, with its uncertainty."""
+def flow_section(flows: tuple[Flow, ...], parts: tuple[Figure, ...] = ()) -> Section:
+    """Power flow of the accepted engaged points, from measured and from simulated torques, with its uncertainty.
+
+    Parameters
+    ----------
+    flows : tuple of Flow
+        As `power_flows` gives them.
+    parts : tuple of Figure
+        What the losses of each point are made of.
+    """
     by = {(flow.origin, flow.convention): flow for flow in flows}
     shown = by["measured", MotorConvention.CONSISTENT]
     best = int(np.argmax(by["simulated", MotorConvention.CONSISTENT].chain.mechanical_in))
@@ -70,9 +78,10 @@ def flow_section(flows: tuple[Flow, ...]) -> Section:
                 "the gearbox, "
                 f"{chain.mechanical_out[best]:.1f} W out; unexplained {left.value:+.2f} W, U = {left.u:.2f} W. "
                 f"Uncertainties are U = 2u{_left_out(shown)}. On the page other points can be chosen; print and files "
-                f"show {name}.",
+                f"show {name}." + (" Figure 6.19 of the source." if shown.grid.origin == "published" else ""),
                 (_choice(shown, best),),
             ),
+            *parts,
             _point_table(shown, best),
             _table(by),
             _parts_table(by),
@@ -100,9 +109,10 @@ def _choice(flow: Flow, best: int) -> PowerFlow:
 def _drawing(flow: Flow, i: int) -> PowerFlow:
     losses: list[tuple[str, tuple[str, ...], int]] = [
         ("driving motor", ("loss_motor_in",), 0),
-        ("sun bearings", ("loss_sun_bearings", "loss_relative_sun"), 1),
+        ("sun bearings", ("loss_sun_bearings",), 1),
         ("magnetic gear", ("loss_gear",), 1),
-        ("ring bearings", ("loss_ring_bearings", "loss_relative_ring"), 1),
+        ("ring bearings", ("loss_ring_bearings",), 1),
+        ("relative bearing", ("loss_relative_sun", "loss_relative_ring"), 1),
         ("unexplained", ("unexplained",), 1),
         ("loading motor", ("loss_motor_out",), 2),
     ]
