@@ -10,7 +10,7 @@ from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.report.write import PAGE
-from pmg.pipeline.settings.bench_in_force import bench_in_force
+from pmg.pipeline.settings.bench_in_force import bench_in_force, remarks_on_machine
 from pmg.pipeline.simulate.files import simulation_files, write_simulation
 from pmg.pipeline.simulate.inputs import gather_inputs, unproven_losses
 from pmg.pipeline.simulate.scenario_file import read_scenario
@@ -72,6 +72,7 @@ def run_simulate(
     simulation = simulate(scenario, inputs)
     files, missing = simulation_files(simulation, scenario, bench)
     findings = findings_of(simulation, scenario, inputs) + missing
+    findings += remarks_on_machine(machine)
     findings += unproven_losses(file) if model is None else ()
     digest = hashlib.sha256(file.text.encode()).hexdigest()
     source = {"file": path.name, "sha256": digest}

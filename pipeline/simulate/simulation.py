@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.simulate.steady_points import SteadyPoints, steady_points
 from pmg.sim.dynamics.equilibrium import equilibrium
+from pmg.sim.dynamics.limits import limits_reached
 from pmg.sim.dynamics.linear import check_control, frequency_response, linearise
 from pmg.sim.dynamics.state import SetPoints
 from pmg.sim.dynamics.transient import Task, transient
@@ -233,6 +234,9 @@ def findings_of(simulation: Simulation, scenario: Scenario, inputs: Inputs) -> t
             )
         elif np.isnan(run.trace.locked_at) and scenario.bench.configuration is Configuration.ENGAGED:
             found.append(("info", "transient", "the gear still swings at the end of the run"))
+        found += [
+            ("warning", "transient", f"{limit.words}; its loop asks for more") for limit in limits_reached(run.trace)
+        ]
     found += _beyond_data(simulation, inputs)
     found += _held(simulation, scenario, inputs)
     if not recordable(scenario) and "mcap" in scenario.output.formats:

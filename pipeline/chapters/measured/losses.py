@@ -38,6 +38,12 @@ if TYPE_CHECKING:
 ALWAYS_BEHIND = (sources.THESIS.at("equations 4.2 to 4.7 and 6.1"), sources.BERTOTTI, sources.BIRGE)
 """Sources of the chapter."""
 
+CHI_SQUARE = {
+    DampingMethod.LEAST_SQUARES: "Chi-square of the calibration",
+    DampingMethod.BISQUARE: "Chi-square of the calibration, by the robust scale of its bisquare fit",
+}
+"""What the calibration's chi-square is called."""
+
 BEHIND: dict[DampingMethod, tuple[sources.Source, ...]] = {
     DampingMethod.LEAST_SQUARES: (),
     DampingMethod.BISQUARE: (sources.HOLLAND_WELSCH, sources.DUMOUCHEL),
@@ -125,7 +131,7 @@ def _constants(analysis: Analysis, calibration: FittedBaseline) -> tuple[tuple[s
         ("Hysteresis b [mN m]", shown("b", 1e3)),
         ("Eddy c [1e-4 N m s/rad]", shown("c", 1e4)),
         ("Excess d", shown("d")),
-        ("Chi-square of the calibration", f"{calibration.chi_square:.0f} for {calibration.dof} degrees of freedom"),
+        (CHI_SQUARE[calibration.method], f"{calibration.chi_square:.0f} for {calibration.dof} degrees of freedom"),
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, Table, Text
 from pmg.pipeline.wording.units import MILLI
 from pmg.sim import sources
+from pmg.sim.dynamics.limits import limits_reached
 from pmg.sim.grid import Configuration
 from pmg.sim.signals import REVOLUTION, SPEED_SUN
 
@@ -55,8 +56,21 @@ def _happened(trace: Trace, engaged: bool) -> tuple[tuple[str, str], ...]:
         locked = "not by the end" if np.isnan(trace.locked_at) else f"from {trace.locked_at:.3f} s on"
         slips = ", ".join(f"{time:.4g} s" for time in trace.slips[:10]) + (" ..." if len(trace.slips) > 10 else "")
         facts += [("Gear locked", locked), ("Slipped poles", f"{len(trace.slips)}" + (f": {slips}" if slips else ""))]
+    facts += _limits(trace)
     facts.append(("Energy account", f"leaves over {abs(trace.energy.residual):.1g} of the turnover"))
     return tuple(facts)
+
+
+def _limits(trace: Trace) -> list[tuple[str, str]]:
+    """Whether a drive met its limits."""
+    q = trace.drivetrain.constants
+    if not q.limited:
+        return [("Limits of the motors", "none set")]
+    reached = "; ".join(limit.words for limit in limits_reached(trace))
+    sizes = f"{q.U_bus:g} V, {q.i_peak:g} A"
+    return [
+        ("Limits of the motors", reached or f"not reached ({sizes}) at the {len(trace.time)} instants of the table")
+    ]
 
 
 def _chart(time: Array, label: str, named: Sequence[tuple[str, Array]], title: str = "") -> Chart:

@@ -16,6 +16,7 @@ from pmg.sim.bench import BenchParameters
 from pmg.sim.dynamics.assumptions import Assumptions, RotorInertia
 from pmg.sim.dynamics.drivetrain import Drivetrain
 from pmg.sim.dynamics.equilibrium import equilibrium
+from pmg.sim.dynamics.limits import DriveLimit, limits_reached
 from pmg.sim.dynamics.power import energies
 from pmg.sim.dynamics.programme import Programme
 from pmg.sim.dynamics.state import SetPoints
@@ -225,6 +226,17 @@ def test_after_a_slip_the_bus_holds_the_speed_that_the_source_lets_run_away() ->
     assert np.abs(limited["current_sun"]).max() <= q.i_peak
     no_load = q.U_bus / q.sun.back_emf
     assert limited["speed_sun"][-1] < 1.02 * no_load < free["speed_sun"][-1]
+    by_bus = next(r for r in limits_reached(limited) if (r.side, r.limit) == ("sun", DriveLimit.VOLTAGE))
+    asked_at_once, *_, after = by_bus.stretches
+    assert asked_at_once[0] == 0.0  # the ideal derivative of a ramp that begins steeply
+    assert limited.slips[0] < after[0] < after[1] <= limited.time[-1]
+    assert by_bus.words.startswith("sun motor at its bus voltage of 560 V: ")
+    assert limits_reached(free) == ()
+
+
+def test_a_run_within_the_limits_reaches_none() -> None:
+    run = transient(Task(drivetrain(), Programme.ramp(1.0, 1.0), Programme.ramp(2.3, 1.0), 0.2), rtol=1e-5)
+    assert limits_reached(run) == ()
 
 
 def test_a_steady_state_beyond_the_limits_is_refused() -> None:
