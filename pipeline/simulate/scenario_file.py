@@ -71,6 +71,7 @@ def _contradictions(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:
         if recorded and count * output.seconds * output.rate_hz > 100 * MOST_SAMPLES:
             came = f"{count} points of {output.seconds:g} s at {output.rate_hz:g} Hz"
             yield "output.seconds", came, f"at most {100 * MOST_SAMPLES} samples", "Record less, or leave mcap out."
+    yield from _pairs(scenario)
     run = scenario.transient
     if run is not None:
         yield from _knots(scenario)
@@ -89,6 +90,21 @@ def _contradictions(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:
 
 
 _ENGAGED_POINTS = ({"speed_sun_rpm", "torque_ring_nm"}, {"torque_sun_nm", "torque_ring_nm"})
+
+
+def _pairs(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:
+    """Pairs that do not fit together, or where they cannot be."""
+    pairs = scenario.pairs
+    if pairs is None:
+        return
+    if scenario.bench.configuration is Configuration.NEUTRAL:
+        yield "pairs", "in neutral", "an engaged bench", "Name both speeds in [grid], or engage the gear."
+    speeds, torques = len(pairs.speed_sun_rpm), len(pairs.torque_ring_nm)
+    if speeds != torques:
+        came = f"{speeds} speeds and {torques} torques"
+        yield "pairs", came, "one torque for each speed", "Complete the lists."
+    if speeds > MOST_POINTS:
+        yield "pairs", f"{speeds} points", f"at most {MOST_POINTS}", "Take fewer."
 
 
 def _knots(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,6 +46,8 @@ def run_section(run: Run, scenario: Scenario) -> Section:
         items.append(Text(text, kind="finding"))
     figures = (_speeds, _torques, _powers, _torsion)
     items += [draw(trace, rows, engaged) for draw in figures]
+    if run.opening is not None:
+        items.append(_opening(run.opening, engaged))
     items.append(_energies(trace))
     return Section("transient", "Run in time", tuple(items), (sources.THESIS.at("chapter 5 and section 6.4"),))
 
@@ -150,6 +153,26 @@ def _torsion(trace: Trace, rows: Rows, engaged: bool) -> Figure:
         panels.append(_chart(trace.time[rows], "electrical phase [rad]", [("", phase[rows])], "magnetic coupling"))
         caption += f" The phase swings between {phase.min():.3f} and {phase.max():.3f} rad and ends at {phase[-1]:.3f}."
     return Figure("run-torsion", "Torsion", caption.replace("-", "−"), tuple(panels), columns=2)
+
+
+def _opening(trace: Trace, engaged: bool) -> Figure:
+    """The first second of a run: speeds, torques and powers."""
+    rows = np.arange(len(trace.time))
+    panels = [
+        replace(panel, title=panel.title or title)
+        for title, draw in (("speeds", _speeds), ("torques", _torques), ("powers", _powers))
+        for panel in draw(trace, rows, engaged).panels
+        if isinstance(panel, Chart)
+    ]
+    speed = SPEED_SUN.display(trace["speed_sun"])
+    locked = ""
+    if engaged and not np.isnan(trace.locked_at):
+        locked = f" The gear is locked from {trace.locked_at:.3f} s on." if trace.locked_at > 0.0 else ""
+    caption = (
+        f"The first {trace.time[-1]:g} s, each millisecond: the sun's speed lies between {speed.min():.1f} and "
+        f"{speed.max():.1f} rpm."
+    )
+    return Figure("run-opening", "The first second", caption.replace("-", "−") + locked, tuple(panels), columns=2)
 
 
 def _energies(trace: Trace) -> Table:
