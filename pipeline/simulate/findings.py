@@ -48,7 +48,8 @@ def findings_of(simulation: Simulation, scenario: Scenario, inputs: Inputs) -> t
     found += _beyond_data(simulation, inputs)
     found += _held(simulation, scenario, inputs)
     if not recordable(scenario) and "mcap" in scenario.output.formats:
-        message = "no recordings: their layout cannot say that the ring is held, and they would pass for others"
+        held = scenario.bench.held
+        message = f"no recordings: their layout cannot say that the {held} is held, and they would pass for others"
         found.append(("info", "output.formats", message))
     return tuple(Remark(*parts) for parts in found)
 

@@ -36,7 +36,7 @@ class Bench(Strict):
     configuration: Annotated[Configuration, one_of(Configuration.ENGAGED, Configuration.NEUTRAL)] = (
         Configuration.ENGAGED
     )
-    held: Annotated[Member, one_of(Member.CARRIER, Member.RING)] = Member.CARRIER
+    held: Annotated[Member, one_of(*Member)] = Member.CARRIER
     control_sun: Annotated[Control, one_of(*Control)] = Control.TORQUE
     control_ring: Annotated[Control, one_of(*Control)] = Control.TORQUE
     history: Literal["settled", "run"] = "settled"

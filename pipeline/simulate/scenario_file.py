@@ -44,10 +44,20 @@ def _contradictions(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:
     """Faults of tables that are sound one by one but not together: key, came, expected, do."""
     bench, point, grid, output = scenario.bench, scenario.point, scenario.grid, scenario.output
     neutral, recorded = bench.configuration is Configuration.NEUTRAL, "mcap" in output.formats
-    if neutral and bench.held is Member.RING:
-        yield "bench.held", "ring, in neutral", "carrier: a free carrier turns by the field alone", "Engage the gear."
-    if bench.held is Member.RING and not scenario.assumptions.carrier_in_map:
-        yield "assumptions.carrier_in_map", "false, with the ring held", "true", "Take one of them out."
+    if neutral and bench.held is not Member.CARRIER:
+        yield (
+            "bench.held",
+            f"{bench.held}, in neutral",
+            "carrier: a free carrier turns by the field alone",
+            "Engage the gear.",
+        )
+    if bench.held is not Member.CARRIER and not scenario.assumptions.carrier_in_map:
+        yield "assumptions.carrier_in_map", f"false, with the {bench.held} held", "true", "Take one of them out."
+    if bench.held is Member.SUN:
+        steady = [name for name in ("point", "grid", "pairs", "response") if getattr(scenario, name) is not None]
+        if steady or (scenario.transient is not None and scenario.transient.start == "steady"):
+            came, do = "sun, and a steady state", "Run it in time from rest, or hold another member."
+            yield "bench.held", came, "a [transient] from rest alone", do
     if point is not None:
         given = point.model_fields_set
         allowed = ({"speed_sun_rpm", "speed_ring_rpm"},) if neutral else _ENGAGED_POINTS

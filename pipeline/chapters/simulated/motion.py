@@ -86,6 +86,8 @@ def _speeds(trace: Trace, rows: Rows, engaged: bool) -> Figure:
     names = [("sun", "speed_sun"), ("ring", "speed_ring")]
     if q.ring_held:
         names = [("sun", "speed_sun"), ("carrier", "speed_carrier"), ("ring, held", "speed_ring")]
+    elif q.sun_held:
+        names = [("carrier", "speed_carrier"), ("ring", "speed_ring"), ("sun, held", "speed_sun")]
     speeds = {name: SPEED_SUN.display(trace[state]) for name, state in names}
     ends = ", ".join(f"{name} {values[-1]:.1f} rpm" for name, values in speeds.items())
     peak = max(float(np.abs(values).max()) for values in speeds.values())
@@ -98,9 +100,11 @@ def _torques(trace: Trace, rows: Rows, engaged: bool) -> Figure:
     m, q = trace.drivetrain.motion(trace.state, trace.asked), trace.drivetrain.constants
     n = len(trace.time)
     panels, lines = [], []
-    on_ring = ("carrier", m.magnetic_carrier) if q.ring_held else ("ring", m.magnetic_ring)
+    carrier = ("carrier", m.magnetic_carrier)
+    on_sun = carrier if q.sun_held else ("sun", m.magnetic_sun)
+    on_ring = carrier if q.ring_held else ("ring", m.magnetic_ring)
     for side, by, asked, seen, member, field in (
-        ("sun", q.sun.by_speed, trace.asked.sun, m.sun.torque_out, "sun", m.magnetic_sun),
+        ("sun", q.sun.by_speed, trace.asked.sun, m.sun.torque_out, *on_sun),
         ("ring", q.ring.by_speed, trace.asked.ring, m.ring.torque_out, *on_ring),
     ):
         columns = [("transducer", np.broadcast_to(seen, n)[rows])]

@@ -25,6 +25,7 @@ from pmg.sim.dynamics.transient import OnSlip, Solver, Task, transient
 from pmg.sim.errors import BenchError
 from pmg.sim.lossmodel import LossModel
 from pmg.sim.maps.analytic import analytic_map
+from pmg.sim.shafts import Member
 from pmg.sim.signals import RPM
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.power_chain import MotorConvention
@@ -243,3 +244,17 @@ def test_a_steady_state_beyond_the_limits_is_refused() -> None:
     loss = Drivetrain(BENCH, ())
     with pytest.raises(BenchError, match="limit of current"):
         equilibrium(replace(loss, assumptions=Assumptions(map_scale=100.0)), 100.0, 260.0)
+
+
+def test_with_the_sun_held_the_ring_turns_the_carrier_as_the_poles_say() -> None:
+    train = replace(drivetrain(), held=Member.SUN)
+    run = transient(Task(train, Programme.ramp(-1.0, 0.3), Programme.ramp(1.0, 0.3), 3.0), rtol=1e-6)
+    q, late = train.constants, run.time > 2.0
+    assert run.stopped is None
+    ring, carrier = run["speed_ring"][late], run["speed_carrier"][late]
+    assert (ring > 10.0).all()
+    assert carrier == pytest.approx(q.p_r / q.Q * ring, rel=2e-3)
+    assert np.abs(run["speed_sun"][late]).max() < 1e-3 * ring.max()
+    assert abs(run.energy.residual) < 1e-6
+    with pytest.raises(BenchError, match="the sun held"):
+        equilibrium(train, -1.0, 1.0)
