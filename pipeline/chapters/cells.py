@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.report.document import Figure, SpeedMap
 from pmg.sim.signals import Array
 
 if TYPE_CHECKING:
@@ -50,3 +52,12 @@ def iso_levels(z: Array, lines: int = 6) -> tuple[float, ...]:
 def names_of(names: npt.NDArray[np.str_]) -> tuple[str, ...]:
     """Names of points as plain text."""
     return tuple(map(str, names))
+
+
+def in_relief(maps: Figure, caption: str) -> tuple[Figure, ...]:
+    """The maps of a figure once more, as surfaces; none where a surface would have a single row or column."""
+    panels = [panel for panel in maps.panels if isinstance(panel, SpeedMap) and min(panel.z.shape) > 1]
+    raised = tuple(replace(panel, relief=True, annotate=False, contours=()) for panel in panels)
+    if not raised:
+        return ()
+    return (Figure(f"{maps.id}-surface", f"{maps.title}, in three dimensions", caption, raised, columns=maps.columns),)

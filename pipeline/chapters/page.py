@@ -16,10 +16,13 @@ from pmg.pipeline.chapters.explained.verdict import diagnosis_section
 from pmg.pipeline.chapters.measured.conditions import conditions_section, grids_section
 from pmg.pipeline.chapters.measured.efficiency import efficiency_section, speed_ratio_section
 from pmg.pipeline.chapters.measured.flow import flow_section
+from pmg.pipeline.chapters.measured.loss_parts import loss_parts_figure
 from pmg.pipeline.chapters.measured.losses import losses_section
 from pmg.pipeline.chapters.measured.neutral import neutral_section
 from pmg.pipeline.chapters.measured.quality import data_section
 from pmg.pipeline.chapters.measured.sensor_fault import sensor_fault_items
+from pmg.pipeline.chapters.measured.torque_map import torque_map_sections
+from pmg.pipeline.chapters.simulated.by_load import by_load_figures
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
 from pmg.pipeline.chapters.studies.printed_simulation import printed_simulation_sections
 from pmg.pipeline.chapters.with_cause import behind_points, simulate_twice, switched
@@ -36,6 +39,7 @@ from pmg.sim.steady.gearbox import Gearbox
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pmg.pipeline.analysis.power_flow import Flow
     from pmg.pipeline.analysis.tolerance import Agreements, Tolerance
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.fit.analysis import Analysis
@@ -140,11 +144,14 @@ def build_report(
         sections.append(_behind(switched(efficiency_section(analysis.balance, residuals), of_cause), corrected[:1]))
         if analysis.grid.origin != "published":  # its speeds are those that were set
             sections.append(speed_ratio_section(analysis.balance, bench))
+    gearbox, flows = _flows(analysis, judged, bench)
+    sections.extend(torque_map_sections(gearbox, flows[0].grid) if flows else ())
     agreed = None if residuals is None else agreements(residuals, bench, tolerances)
     if residuals is not None and agreed is not None and analysis.calibration is not None:
         more = (() if carried is None else (prediction_table(carried),)) + ((ends_table(ends),) if ends else ())
+        set_beside = () if analysis.balance is None or not flows else by_load_figures(analysis.balance, flows)
         of_cause = None if caused is None else comparison_section(caused, agreements(caused, bench, tolerances))
-        sections.append(switched(comparison_section(residuals, agreed, more), of_cause))
+        sections.append(switched(comparison_section(residuals, agreed, more, set_beside), of_cause))
         if signals is not None and twice is not None:
             behind_each = behind_points(twice, agreed)
     sections.extend(printed_simulation_sections(analysis.grid))
@@ -155,11 +162,8 @@ def build_report(
         sections.append(diagnosis_section(diagnosis, residual))
         if diagnosis.audit is not None:
             sections.append(audit_section(diagnosis.audit))
-    if residuals is not None and analysis.calibration is not None and analysis.causes is not None:
-        gearbox = Gearbox.calibrated(bench, analysis.calibration.model) if carried is None else carried.gearbox
-        behind = analysis.calibration, analysis.causes
-        flow = flow_section(power_flows(gearbox, residuals.grid, residuals.simulated, bench, *behind))
-        sections.append(_behind(flow, corrected[:1]))
+    if flows:
+        sections.append(_behind(flow_section(flows, (loss_parts_figure(gearbox, flows[0]),)), corrected[:1]))
     sections.extend(() if recorded.orders is None else (recorded.orders,))
     if analysis.grid.origin == "published":
         from pmg.pipeline.chapters.studies.validation import published_sections
@@ -175,6 +179,19 @@ def build_report(
         signals=None if signals is None else Signals(signals.index_json, signals.base64, behind_each),
         sheet=sheet,
     )
+
+
+def _flows(
+    analysis: Analysis, judged: ComparedCampaign | None, bench: BenchParameters
+) -> tuple[Gearbox, tuple[Flow, ...]]:
+    """The simulator, and the power flows that it gives; none where nothing was compared."""
+    if judged is None or analysis.calibration is None or analysis.causes is None:
+        return Gearbox(bench, ()), ()
+    gearbox = (
+        Gearbox.calibrated(bench, analysis.calibration.model) if judged.carried is None else judged.carried.gearbox
+    )
+    residuals, behind = judged.residuals, (analysis.calibration, analysis.causes)
+    return gearbox, power_flows(gearbox, residuals.grid, residuals.simulated, bench, *behind)
 
 
 def _contradictions(findings: tuple[Remark, ...]) -> list[str]:

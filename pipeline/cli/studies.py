@@ -23,11 +23,14 @@ def simulate(
     model: ModelOption = None,
     switched: WithOption = None,
     machine: MachineOption = None,
+    beside: Annotated[
+        Path | None, typer.Option("--beside", help="A second scenario; the page draws its run over that of the first.")
+    ] = None,
 ) -> Outcome:
     """Simulate a scenario: steady points, a run in time, a frequency response; tables, recordings and a report."""
     from pmg.pipeline.commands.simulate import run_simulate
 
-    return run_simulate(scenario, out, campaign, model=model, switched=switched or (), machine=machine)
+    return run_simulate(scenario, out, campaign, model=model, switched=switched or (), machine=machine, beside=beside)
 
 
 @command("validate")

@@ -10,13 +10,15 @@ from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.report.write import PAGE
-from pmg.pipeline.settings.bench_in_force import bench_in_force
+from pmg.pipeline.settings.bench_in_force import bench_in_force, remarks_on_machine
 from pmg.pipeline.simulate.files import simulation_files, write_simulation
+from pmg.pipeline.simulate.findings import findings_of
 from pmg.pipeline.simulate.inputs import gather_inputs, unproven_losses
 from pmg.pipeline.simulate.scenario_file import read_scenario
 from pmg.pipeline.simulate.scenario_mechanisms import switch_on_by_words
-from pmg.pipeline.simulate.simulation import findings_of, simulate
+from pmg.pipeline.simulate.simulation import simulate
 from pmg.pipeline.simulate.tables import summary_document
+from pmg.sim.errors import BenchError
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION, SPEED_SUN
 
@@ -25,7 +27,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.commands.provenance import Clock
-    from pmg.pipeline.simulate.simulation import Simulation
+    from pmg.pipeline.simulate.scenario_file import ScenarioFile
+    from pmg.pipeline.simulate.simulation import Run, Simulation
+    from pmg.sim.bench import BenchParameters
 
 
 def run_simulate(
@@ -36,6 +40,7 @@ def run_simulate(
     model: Path | None = None,
     switched: Sequence[str] = (),
     machine: str | None = None,
+    beside: Path | None = None,
     clock: Clock = now,
 ) -> Outcome:
     """Simulate a scenario and write what comes out.
@@ -54,15 +59,14 @@ def run_simulate(
         Mechanisms to switch on, as ``id:key=value,key=value``.
     machine : str, optional
         Machine file, or the name of one that ships; the thesis bench by default.
+    beside : Path, optional
+        A second scenario: the page draws its run over that of the first. Nothing else of it is written.
     clock : callable
         Time of day, for the provenance.
     """
     began = clock()
     bench = bench_in_force(None, machine)
-    file = read_scenario(path)
-    if file.table.bench.gear not in bench.stages:
-        expected = f"{bench.stages[0]}, the stage of the machine"
-        raise file.refusal(f"{file.table.bench.gear}", expected, "Correct the gear.", "bench", "gear")
+    file = _read(path, bench)
     if campaign:
         output = file.table.output.model_copy(update={"campaign": campaign})
         scenario = file.table.model_copy(update={"output": output})
@@ -72,6 +76,7 @@ def run_simulate(
     simulation = simulate(scenario, inputs)
     files, missing = simulation_files(simulation, scenario, bench)
     findings = findings_of(simulation, scenario, inputs) + missing
+    findings += remarks_on_machine(machine)
     findings += unproven_losses(file) if model is None else ()
     digest = hashlib.sha256(file.text.encode()).hexdigest()
     source = {"file": path.name, "sha256": digest}
@@ -81,10 +86,14 @@ def run_simulate(
         provenance.append((f"SHA-256 of {model.name}", source["model_sha256"]))
     if switched:
         source["with"] = "; ".join(switched)
-    report = simulation_report(simulation, scenario, inputs, findings, tuple(provenance))
+    other = None if beside is None else _run_beside(simulation, path, beside, bench)
+    if beside is not None:
+        source["beside"], source["beside_sha256"] = beside.name, sha256_of(beside)
+        provenance.append((f"SHA-256 of {beside.name}", source["beside_sha256"]))
+    report = simulation_report(simulation, scenario, inputs, findings, tuple(provenance), path.stem, other)
     summary = summary_document(simulation, scenario, inputs, findings, source)
     written = write_simulation(out, files, report, summary)
-    taken = (path,) if model is None else (path, model)
+    taken = (path, *(given for given in (model, beside) if given is not None))
     leave_crate_of_files(out, "pmg simulate", taken, tuple(written), began, clock)
     return Outcome(
         data={"out": str(out), "report": str(out / PAGE), "files": list(map(str, written)), "summary": summary},
@@ -92,6 +101,31 @@ def run_simulate(
         findings=findings,
         partial=simulation.partial or bool(missing),
     )
+
+
+def _read(path: Path, bench: BenchParameters) -> ScenarioFile:
+    """A scenario whose gear the machine has."""
+    file = read_scenario(path)
+    if file.table.bench.gear not in bench.stages:
+        expected = f"{bench.stages[0]}, the stage of the machine"
+        raise file.refusal(f"{file.table.bench.gear}", expected, "Correct the gear.", "bench", "gear")
+    return file
+
+
+def _run_beside(simulation: Simulation, path: Path, beside: Path, bench: BenchParameters) -> tuple[str, Run]:
+    """The run of a second scenario, and its name."""
+    file = _read(beside, bench)
+    for where, asked in ((path, simulation.run), (beside, file.table.transient)):
+        if asked is None:
+            do = "Add [transient], or leave --beside out."
+            raise BenchError(str(where), "no run in time", "a [transient] in both scenarios", do)
+    output = file.table.output.model_copy(update={"formats": []})
+    alone = file.table.model_copy(
+        update={"output": output, "point": None, "grid": None, "pairs": None, "response": None}
+    )
+    run = simulate(alone, gather_inputs(file, bench)).run
+    assert run is not None  # its [transient] was asked for
+    return beside.stem, run
 
 
 def _lines(simulation: Simulation) -> tuple[str, ...]:

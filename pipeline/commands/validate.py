@@ -17,7 +17,7 @@ from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.thesis_figures import verdict
-from pmg.pipeline.thesis_figures.listing import documents, judged_words, summary, table_lines
+from pmg.pipeline.thesis_figures.listing import documents, failed_draws, judged_words, summary, table_lines
 from pmg.pipeline.thesis_figures.rounding import DRAWS, ROUNDING_SEED
 from pmg.pipeline.thesis_figures.transient import transient_documents, transient_lines, transient_options
 from pmg.sim.bench import load_bench
@@ -52,6 +52,7 @@ def run_validate(grids: Path, draws: int | None = None, seed: int | None = None,
     digests = {name: sha256_of(grids / name) for name in PUBLISHED}
     data: dict[str, Any] = {
         "draws": draws,
+        "draws_failed": judged[0].failed,
         "seed": seed,
         "sha256": digests,
         "counts": {str(name): n for name, n in counts.items()},
@@ -61,6 +62,7 @@ def run_validate(grids: Path, draws: int | None = None, seed: int | None = None,
     runs = transient_options(grid, bench, judged, np.random.default_rng(seed))
     data["transient"] = transient_documents(runs)
     lines = [*table_lines(judged), *transient_lines(runs), "", f"{summary(judged)} ({draws} draws, seed {seed})"]
+    lines += [failed] if (failed := failed_draws(judged)) else []
     if report is not None:
         files = write_report(_page(judged, runs, draws, seed, digests), report)
         leave_crate_of_files(report, "pmg validate", tuple(grids / name for name in PUBLISHED), files, began)

@@ -49,6 +49,8 @@ class DampingFit:
         Sun speeds, magnitude [rad/s].
     measured, fitted : (n,) array
         Magnetic loss at each [W], mean over the loads.
+    u_fitted : (n,) array
+        Standard uncertainty of the fitted loss [W], by the scatter about it; constants on their bound have none.
     weights : (n,) array
         Of each speed, from 0 to 1; 1 by least squares.
     smallest : float
@@ -69,6 +71,7 @@ class DampingFit:
     speed: Array
     measured: Array
     fitted: Array
+    u_fitted: Array
     weights: Array
     smallest: float
     negative: int
@@ -142,6 +145,7 @@ def fit_damping(
     free = values > 0.0
     dof = max(len(level) - int(free.sum()), 1)
     about_mean = float(share @ (measured - np.average(measured, weights=share)) ** 2)
+    covariance = _covariance(design * np.sqrt(share)[:, None], free, squares / dof)
     b, c, d = map(float, values)
     return DampingFit(
         correction=correction,
@@ -149,13 +153,14 @@ def fit_damping(
         b=b,
         c=c,
         d=d,
-        standard_errors=_errors(design * np.sqrt(share)[:, None], free, squares / dof),
+        standard_errors=_errors(covariance, free),
         dof=dof,
         r_squared=1.0 - squares / about_mean if about_mean > 0.0 else math.nan,
         rmse=math.sqrt(squares / dof),
         speed=mean(np.abs(at.speed_sun)),
         measured=measured,
         fitted=fitted,
+        u_fitted=np.sqrt(np.einsum("ni,ij,nj->n", design, covariance, design)),
         weights=weights,
         smallest=float(loss.min()),
         negative=int((loss < 0.0).sum()),
@@ -171,11 +176,14 @@ def _bounded(design: Array, measured: Array, weights: Array) -> Array:
     return np.asarray(scaled / scale)
 
 
-def _errors(design: Array, free: Mask, variance: float) -> tuple[float | None, float | None, float | None]:
+def _covariance(design: Array, free: Mask, variance: float) -> Array:
+    """Covariance of b, c, d (3, 3); zero on the bound."""
+    covariance = np.zeros((len(NAMES), len(NAMES)))
+    covariance[np.ix_(free, free)] = np.linalg.pinv(design[:, free].T @ design[:, free]) * variance
+    return covariance
+
+
+def _errors(covariance: Array, free: Mask) -> tuple[float | None, float | None, float | None]:
     """Standard errors of b, c, d; None on the bound."""
-    errors: list[float | None] = [None, None, None]
-    if free.any():
-        covariance = np.linalg.pinv(design[:, free].T @ design[:, free]) * variance
-        for i, position in enumerate(np.flatnonzero(free)):
-            errors[position] = math.sqrt(float(covariance[i, i]))
-    return errors[0], errors[1], errors[2]
+    b, c, d = (math.sqrt(float(square)) if off else None for square, off in zip(np.diag(covariance), free, strict=True))
+    return b, c, d

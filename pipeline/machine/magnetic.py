@@ -51,6 +51,9 @@ RATIO_TOLERANCE = 0.01
 NOT_TAKEN = ("friction.", "encoder.", "transducer.null_frequency", "transducer.span", "motor.largest")
 """Starts of keys of a shaft that the analysis of a magnetic gear finds in recordings, or does not need."""
 
+LIMITS = ("bus_voltage", "peak_current")
+"""Ends of the keys of a motor's limits."""
+
 MAY_VANISH = ("damping", "share_", "tolerance", "nonlinearity", "integral", "derivative", "turns")
 """Starts of the last word of keys whose number may be zero."""
 
@@ -100,6 +103,14 @@ def _told(machine: Machine, bench: BenchParameters, lent: list[str]) -> Iterator
     gear = _gear(machine)
     if lent:
         yield "info", f"taken from the thesis bench: {', '.join(lent)}"
+    if any(key.endswith(LIMITS) for key in lent):
+        motor = bench.motor
+        yield (
+            "info",
+            f"the motors' limits are the thesis bench's: {float(motor.bus_voltage):g} V, "
+            f"{float(motor.peak_current):g} A. State motor.bus_voltage and motor.peak_current of both shafts, or "
+            "simulate without limits ([assumptions] motor_limits = false).",
+        )
     left = [
         f"shaft.{name}.{key}" for name, s in machine.shafts.items() for key in s.numbers if key.startswith(NOT_TAKEN)
     ]

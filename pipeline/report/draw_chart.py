@@ -10,6 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogFormatter
 
 from pmg.pipeline.report.axes import axes, fitted
+from pmg.pipeline.report.figure import stacked
 from pmg.pipeline.report.sheet import text_width
 from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 
@@ -53,8 +54,13 @@ def draw(chart: Chart, box: SubFigure, sheet: Sheet) -> None:
         ax.set_ylim(*chart.y_limits)
     for label, value in chart.references:
         _reference(ax, chart, label, value, sheet)
-    groups = _groups(chart)
-    handles = [_series(ax, _on_scale(chart, series), groups.index(series.group), sheet) for series in chart.series]
+    groups, feet = _groups(chart), stacked(chart)
+    handles = [
+        _bars(ax, series, *feet[place], sheet)
+        if place in feet
+        else _series(ax, _on_scale(chart, series), groups.index(series.group), sheet)
+        for place, series in enumerate(chart.series)
+    ]
     _legend(box, chart, handles, sheet)
 
 
@@ -92,6 +98,13 @@ def _on_scale(chart: Chart, series: Series) -> Series:
 
 def _groups(chart: Chart) -> list[str]:
     return list(dict.fromkeys(series.group for series in chart.series))
+
+
+def _bars(ax: Axes, series: Series, foot: Array, width: float, sheet: Sheet) -> Artist:
+    """Bars on their feet; what stands for them in the legend."""
+    colour = sheet.palette.series(series.colour)
+    bars: list[Artist] = list(ax.bar(series.x, _finite(series.y), width, foot, color=colour, zorder=1.2))
+    return bars[0]
 
 
 def _series(ax: Axes, series: Series, group: int, sheet: Sheet) -> Artist:

@@ -133,7 +133,8 @@ def _lettering(widths: Balance, label: str, power: tuple[float, float], room: fl
     ways = [[_DOT.join((short, share))], [short, share]]
     if math.isfinite(expanded) and expanded > 0.0:
         words = numerals.measured(watts, expanded).replace(" ", "\N{NO-BREAK SPACE}") + "\N{NO-BREAK SPACE}W"
-        ways = [[_DOT.join((words, share))], [words, share], *ways]
+        value, spread = words.split("\N{NO-BREAK SPACE}", 1)
+        ways = [[_DOT.join((words, share))], [words, share], [value, spread, share], *ways]
     fitting = (way for way in ways if all(text_width(line, sheet.small) <= room for line in way))
     plain = next(fitting, ways[-1])
     if watts < 0 and not abs(watts) <= expanded:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.colors import Normalize, to_rgb
@@ -32,6 +32,9 @@ def height(chart: SpeedMap, sheet: Sheet) -> float:
 
 def draw(chart: SpeedMap, box: SubFigure, sheet: Sheet) -> None:
     """The map inside a part of a figure."""
+    if chart.relief:
+        _relief(chart, box, sheet)
+        return
     ax = axes(box, chart.title, chart.x_label, chart.y_label, sheet)
     z = mapgrid.known(chart)
     edges_x, edges_y = mapgrid.edges(chart.x), mapgrid.edges(chart.y)
@@ -71,6 +74,33 @@ def draw(chart: SpeedMap, box: SubFigure, sheet: Sheet) -> None:
     _ticks(ax.yaxis, chart.y, edges_y, room[1], sheet, across=False)
     if chart.annotate:
         _annotate(ax, chart, z, hatched, room, sheet)
+
+
+def _relief(chart: SpeedMap, box: SubFigure, sheet: Sheet) -> None:
+    """The map as a surface in three dimensions, a point at each value."""
+    paint, z = sheet.palette, mapgrid.known(chart)
+    ax: Any = box.add_subplot(projection="3d", computed_zorder=False)
+    ax.set_facecolor("none")
+    across, up = np.meshgrid(chart.x, chart.y)
+    height = np.ma.filled(z, np.nan)
+    shades, scale = mapgrid.shades(chart.diverging), _scale(z, chart.diverging)
+    if min(z.shape) > 1:
+        look: dict[str, Any] = {"cmap": shades, "norm": scale, "edgecolor": paint["paper"], "linewidth": 0.3}
+        ax.plot_surface(across, up, height, rstride=1, cstride=1, **look)
+    kept = ~np.ma.getmaskarray(z)
+    ax.plot(across[kept], up[kept], height[kept], linestyle="none", marker="o", markersize=1.6, color=paint["ink"])
+    for axis, label in ((ax.xaxis, chart.x_label), (ax.yaxis, chart.y_label), (ax.zaxis, chart.z_label)):
+        axis.set_pane_color((0.0, 0.0, 0.0, 0.0))
+        axis.line.set_color(paint["muted"])
+        axis.set_major_locator(MaxNLocator(5))
+        axis.set_label_text(label, size=sheet.small, color=paint["ink"])
+        axis.labelpad = 2.0
+        axis._axinfo["grid"] |= {"color": paint["rule"], "linewidth": 0.6}
+    ax.tick_params(labelsize=sheet.small - 1.0, labelcolor=paint["ink"], color=paint["muted"], pad=0.0)
+    ax.view_init(*mapgrid.VIEW)
+    ax.set_box_aspect((1.0, 1.0, 0.8), zoom=0.95)
+    if chart.title:
+        ax.set_title(chart.title, loc="left", size=sheet.letters + 1.0, weight="bold", color=paint["ink"], pad=0.0)
 
 
 def _scale(z: Masked, diverging: bool) -> Normalize:

@@ -12,11 +12,14 @@ from pmg.pipeline.report.names import checked_id
 if TYPE_CHECKING:
     from pmg.sim.signals import Array, Mask
 
-Style = Literal["markers", "line", "both", "band"]
+Style = Literal["markers", "line", "both", "band", "bars"]
 
 
 UNEXPLAINED = "unexplained"
 """A loss whose label starts with this word closes a balance instead of naming a cause."""
+
+BAR = 0.7
+"""Width of a bar, in parts of the least distance of two."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,8 @@ class Series:
     u : (n,) array, optional
         Standard uncertainty of ``y``. Bars (or a band, for lines and bands) of twice this are drawn.
     style : str
-        ``markers``, ``line``, ``both`` or ``band``.
+        ``markers``, ``line``, ``both``, ``band`` or ``bars``; the bars of a chart stand on each other, those below zero
+        hang from it.
     colour : int
         Place in the palette; chooses the marker as well.
     group : str
@@ -120,6 +124,8 @@ class SpeedMap:
         Heading of the panel.
     points : (m, n) nested tuples of str
         Name of the test point behind each cell, empty where there is none or where no page can open it; empty: none.
+    relief : bool
+        Whether it is drawn as a surface in three dimensions, its values as height, instead of as cells.
     """
 
     x: Array
@@ -135,6 +141,7 @@ class SpeedMap:
     contours: tuple[float, ...] = ()
     title: str = ""
     points: tuple[tuple[str, ...], ...] = ()
+    relief: bool = False
 
     def __post_init__(self) -> None:
         shape = (len(self.y), len(self.x))
@@ -195,6 +202,21 @@ class PowerFlow:
     def uncertainties(self) -> tuple[float, ...]:
         """U of every power, in the order of `watts`; NaN where none is stated."""
         return self.expanded or (float("nan"),) * len(self.watts)
+
+
+def stacked(chart: Chart) -> dict[int, tuple[Array, float]]:
+    """Foot of each bar of a chart, and the width of all of them, by the place of their series."""
+    bars = {place: series for place, series in enumerate(chart.series) if series.style == "bars"}
+    at = np.unique(np.concatenate([series.x for series in bars.values()])) if bars else np.zeros(0)
+    width = BAR * float(np.diff(at).min()) if len(at) > 1 else 1.0
+    above, below = np.zeros(len(at)), np.zeros(len(at))
+    found = {}
+    for place, series in bars.items():
+        rows, height = np.searchsorted(at, series.x), np.nan_to_num(series.y)
+        found[place] = np.where(height < 0.0, below[rows], above[rows]), width
+        above[rows] += np.maximum(height, 0.0)
+        below[rows] += np.minimum(height, 0.0)
+    return found
 
 
 Panel: TypeAlias = Chart | SpeedMap | PowerFlow

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.report.figure import stacked
 from pmg.pipeline.report.live_axes import axis, layout, numbers, plain
 from pmg.pipeline.wording import numerals
 from pmg.pipeline.wording.probability import COVERAGE_FACTOR
@@ -25,8 +26,10 @@ def plot(chart: Chart) -> dict[str, Any]:
     groups = list(dict.fromkeys(series.group for series in chart.series))
     listed: set[str] = set()
     traces: list[dict[str, Any]] = []
-    for series in chart.series:
-        traces += _traces(chart, series, groups.index(series.group), first=series.name not in listed)
+    feet = stacked(chart)
+    for place, series in enumerate(chart.series):
+        made = _traces(chart, series, groups.index(series.group), first=series.name not in listed)
+        traces += [_as_bars(made[-1], *feet[place])] if place in feet else made
         listed.add(series.name)
     heading = _heading(chart.legend_title, chart.series)
     of = layout(
@@ -46,7 +49,16 @@ def plot(chart: Chart) -> dict[str, Any]:
             "title": {"text": heading, "side": "top"},
         },
     )
+    if feet:
+        of["barmode"] = "overlay"
     return {"kind": "chart", "data": traces, "layout": of}
+
+
+def _as_bars(trace: dict[str, Any], foot: Array, width: float) -> dict[str, Any]:
+    """The trace of a series as bars on their feet."""
+    kept = {name: value for name, value in trace.items() if name not in ("mode", "line")}
+    bar = {"type": "bar", "textposition": "none", "marker": {"color": trace["marker"]["color"]}}
+    return kept | bar | {"base": numbers(foot), "width": width}
 
 
 def _heading(title: str, series: tuple[Series, ...]) -> str:
@@ -132,7 +144,7 @@ def _traces(chart: Chart, series: Series, group: int, *, first: bool) -> list[di
         return traces
     trace: dict[str, Any] = family | {
         "type": "scatter",
-        "mode": {"markers": "markers", "line": "lines", "both": "lines+markers"}[series.style],
+        "mode": {"markers": "markers", "line": "lines", "both": "lines+markers"}.get(series.style, "none"),
         "x": numbers(x),
         "y": numbers(y),
         "line": {"color": colour, "width": 2, "dash": _DASHES[group % len(_DASHES)]},

@@ -23,6 +23,10 @@ _ACROSS, _UP = 0.055, 0.05
 """Least distance of labels along an axis, in parts of its length, for a map as wide as the page."""
 _BESIDE = 24
 """Most letters of a line next to the scale."""
+_OF_SURFACE = ("x", "y", "z", "zmin", "zmax", "colorscale")
+"""What a surface has in common with the cells of a map."""
+_AWAY = 2.2
+"""Distance from which it is seen, in lengths of its box."""
 _LETTERED = 160
 """Most cells whose values are written into them."""
 
@@ -30,6 +34,8 @@ _LETTERED = 160
 def plot(chart: SpeedMap, columns: int) -> dict[str, Any]:
     """The traces and the layout of a map that stands in one of so many columns."""
     z = mapgrid.known(chart)
+    if chart.relief:
+        return _relief(chart, z)
     hatched = mapgrid.hatched(chart, z)
     traces = [_cells(chart, z)]
     levels = mapgrid.levels(chart, z)
@@ -63,6 +69,46 @@ def plot(chart: SpeedMap, columns: int) -> dict[str, Any]:
         "told": lines,
         "points": [list(row) for row in chart.points],
     }
+
+
+def _relief(chart: SpeedMap, z: Masked) -> dict[str, Any]:
+    """The map as a surface that can be turned, a point at each value."""
+    rows, columns = np.nonzero(~np.ma.getmaskarray(z))
+    hover = "<br>".join(
+        f"{plain(label)}: %{{{axis_name}}}"
+        for label, axis_name in ((chart.x_label, "x"), (chart.y_label, "y"), (chart.z_label, "z"))
+    )
+    surface = {name: value for name, value in _cells(chart, z).items() if name in _OF_SURFACE}
+    surface |= {"type": "surface", "cmin": surface.pop("zmin"), "cmax": surface.pop("zmax"), "showscale": False}
+    points = {
+        "type": "scatter3d",
+        "mode": "markers",
+        "x": numbers(chart.x[columns]),
+        "y": numbers(chart.y[rows]),
+        "z": numbers(z[rows, columns]),
+        "marker": {"size": 2.5, "color": "@ink"},
+        "hovertemplate": f"{hover}<extra></extra>",
+    }
+    if chart.points:
+        points["customdata"] = [chart.points[row][column] for row, column in zip(rows, columns, strict=True)]
+    labels = {"xaxis": chart.x_label, "yaxis": chart.y_label, "zaxis": chart.z_label}
+    scene: dict[str, Any] = {
+        name: {
+            "title": {"text": plain(label)},
+            "gridcolor": "@rule",
+            "color": "@ink",
+            "nticks": 5,
+            "showbackground": False,
+        }
+        for name, label in labels.items()
+    }
+    turn, rise = (np.radians(angle) for angle in (mapgrid.VIEW[1], mapgrid.VIEW[0]))
+    level = _AWAY * float(np.cos(rise))
+    eye = {"x": level * float(np.cos(turn)), "y": level * float(np.sin(turn)), "z": _AWAY * float(np.sin(rise))}
+    scene |= {"camera": {"eye": eye, "center": {"x": 0.0, "y": 0.0, "z": -0.15}}}
+    scene |= {"aspectmode": "manual", "aspectratio": {"x": 1.0, "y": 1.0, "z": 0.8}}
+    of = layout(chart.title, scene=scene, showlegend=False, margin={"l": 0, "r": 0, "t": 34, "b": 0})
+    return {"kind": "surface", "data": [surface | {"hoverinfo": "skip"}, points], "layout": of}
 
 
 def _speeds(values: Array, label: str, apart: float) -> dict[str, Any]:

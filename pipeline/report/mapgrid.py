@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 SHADES = 47
 """Shades of a scale; an odd number has a neutral middle."""
+VIEW = (26.0, -125.0)
+"""Elevation and azimuth from which a surface is seen [degrees]."""
 HATCHING = "#5a5a5a"
 """Colour of the strokes; cells keep their colours on a dark page, so they do as well."""
 

@@ -80,6 +80,11 @@ def machine_title(store: Path) -> str | None:
     return None if kept is None else read_machine(kept).title
 
 
+def remarks_on_machine(machine: str | None) -> tuple[Remark, ...]:
+    """What the machine that a call names takes from the thesis, and what does not agree in its file."""
+    return () if machine is None else remarks_on_bench(read_machine(machine_path(machine)))
+
+
 def machine_remarks(store: Path) -> tuple[Remark, ...]:
     """What the machine of a store takes from the thesis, and what does not agree in its file."""
     kept = kept_machine(store)

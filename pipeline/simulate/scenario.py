@@ -36,7 +36,7 @@ class Bench(Strict):
     configuration: Annotated[Configuration, one_of(Configuration.ENGAGED, Configuration.NEUTRAL)] = (
         Configuration.ENGAGED
     )
-    held: Annotated[Member, one_of(Member.CARRIER, Member.RING)] = Member.CARRIER
+    held: Annotated[Member, one_of(*Member)] = Member.CARRIER
     control_sun: Annotated[Control, one_of(*Control)] = Control.TORQUE
     control_ring: Annotated[Control, one_of(*Control)] = Control.TORQUE
     history: Literal["settled", "run"] = "settled"
@@ -122,6 +122,13 @@ class Levels(Strict):
     load_nm: Annotated[list[Amplitude], Field(min_length=1)] | None = None
     speed_ring_rpm: Annotated[list[Rpm], Field(min_length=1)] | None = None
     drive: Literal["sun", "ring"] = "sun"
+
+
+class Pairs(Strict):
+    """Steady points one by one, each a speed of the sun and a torque of the ring motor."""
+
+    speed_sun_rpm: Annotated[list[Rpm], Field(min_length=1)]
+    torque_ring_nm: Annotated[list[Torque], Field(min_length=1)]
 
 
 class Transient(Strict):
@@ -216,6 +223,7 @@ class Scenario(Strict):
     assumptions: Annotated[InstanceOf[Assumptions], BeforeValidator(_assumptions)] = Assumptions()
     point: Point | None = None
     grid: Levels | None = None
+    pairs: Pairs | None = None
     transient: Transient | None = None
     response: Response | None = None
     plan: PlannedCampaign | None = None
@@ -229,8 +237,7 @@ class Scenario(Strict):
 
     @model_validator(mode="after")
     def _whole(self) -> Scenario:
-        if not (self.point or self.grid or self.transient or self.response or self.plan):
-            refuse(
-                "nothing to simulate", "[point], [grid], [transient], [response] or [plan]", "Add one of these tables."
-            )
+        if not (self.point or self.grid or self.pairs or self.transient or self.response or self.plan):
+            expected = "[point], [grid], [pairs], [transient], [response] or [plan]"
+            refuse("nothing to simulate", expected, "Add one of these tables.")
         return self

@@ -44,10 +44,20 @@ def _contradictions(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:
     """Faults of tables that are sound one by one but not together: key, came, expected, do."""
     bench, point, grid, output = scenario.bench, scenario.point, scenario.grid, scenario.output
     neutral, recorded = bench.configuration is Configuration.NEUTRAL, "mcap" in output.formats
-    if neutral and bench.held is Member.RING:
-        yield "bench.held", "ring, in neutral", "carrier: a free carrier turns by the field alone", "Engage the gear."
-    if bench.held is Member.RING and not scenario.assumptions.carrier_in_map:
-        yield "assumptions.carrier_in_map", "false, with the ring held", "true", "Take one of them out."
+    if neutral and bench.held is not Member.CARRIER:
+        yield (
+            "bench.held",
+            f"{bench.held}, in neutral",
+            "carrier: a free carrier turns by the field alone",
+            "Engage the gear.",
+        )
+    if bench.held is not Member.CARRIER and not scenario.assumptions.carrier_in_map:
+        yield "assumptions.carrier_in_map", f"false, with the {bench.held} held", "true", "Take one of them out."
+    if bench.held is Member.SUN:
+        steady = [name for name in ("point", "grid", "pairs", "response") if getattr(scenario, name) is not None]
+        if steady or (scenario.transient is not None and scenario.transient.start == "steady"):
+            came, do = "sun, and a steady state", "Run it in time from rest, or hold another member."
+            yield "bench.held", came, "a [transient] from rest alone", do
     if point is not None:
         given = point.model_fields_set
         allowed = ({"speed_sun_rpm", "speed_ring_rpm"},) if neutral else _ENGAGED_POINTS
@@ -71,6 +81,7 @@ def _contradictions(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:
         if recorded and count * output.seconds * output.rate_hz > 100 * MOST_SAMPLES:
             came = f"{count} points of {output.seconds:g} s at {output.rate_hz:g} Hz"
             yield "output.seconds", came, f"at most {100 * MOST_SAMPLES} samples", "Record less, or leave mcap out."
+    yield from _pairs(scenario)
     run = scenario.transient
     if run is not None:
         yield from _knots(scenario)
@@ -89,6 +100,21 @@ def _contradictions(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:
 
 
 _ENGAGED_POINTS = ({"speed_sun_rpm", "torque_ring_nm"}, {"torque_sun_nm", "torque_ring_nm"})
+
+
+def _pairs(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:
+    """Pairs that do not fit together, or where they cannot be."""
+    pairs = scenario.pairs
+    if pairs is None:
+        return
+    if scenario.bench.configuration is Configuration.NEUTRAL:
+        yield "pairs", "in neutral", "an engaged bench", "Name both speeds in [grid], or engage the gear."
+    speeds, torques = len(pairs.speed_sun_rpm), len(pairs.torque_ring_nm)
+    if speeds != torques:
+        came = f"{speeds} speeds and {torques} torques"
+        yield "pairs", came, "one torque for each speed", "Complete the lists."
+    if speeds > MOST_POINTS:
+        yield "pairs", f"{speeds} points", f"at most {MOST_POINTS}", "Take fewer."
 
 
 def _knots(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:

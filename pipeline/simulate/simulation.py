@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.simulate.steady_points import SteadyPoints, steady_points
 from pmg.sim.dynamics.equilibrium import equilibrium
 from pmg.sim.dynamics.linear import check_control, frequency_response, linearise
 from pmg.sim.dynamics.state import SetPoints
 from pmg.sim.dynamics.transient import Task, transient
-from pmg.sim.grid import Configuration
 from pmg.sim.signals import REVOLUTION
 
 if TYPE_CHECKING:
@@ -29,6 +27,13 @@ if TYPE_CHECKING:
 NANO = 1e-9
 """Instants are asked for to the nanosecond, so that those of table and recording that are meant alike are one."""
 
+OPENING = 1.0
+"""How long the opening of a run lasts, in which the published one engages [s]."""
+OPENING_INSTANTS = 1001
+"""Instants of the opening."""
+LONGER = 2.0
+"""A run has an opening of its own where it is longer than that by this factor."""
+
 ABOVE_ONE = 1e-9
 """Efficiencies above one by less than this are one: rounding."""
 
@@ -43,10 +48,13 @@ class Run:
         At the instants of the table.
     recorded : Trace or None
         At those of a recorder; None where nobody asked, or the layout has no place for the run.
+    opening : Trace or None
+        Its first second, each millisecond; None of a run that is hardly longer.
     """
 
     trace: Trace
     recorded: Trace | None
+    opening: Trace | None = None
 
     @property
     def slipped(self) -> bool:
@@ -121,7 +129,7 @@ def simulate(scenario: Scenario, inputs: Inputs) -> Simulation:
     control = check_control(inputs.drivetrain)
     if scenario.transient is not None or scenario.response is not None:
         control.enforce()
-    asks_points = scenario.point is not None or scenario.grid is not None
+    asks_points = any(asked is not None for asked in (scenario.point, scenario.grid, scenario.pairs))
     points = steady_points(scenario, inputs) if asks_points else None
     run = None if scenario.transient is None else _run(scenario, scenario.transient, inputs)
     answer: Answer | None = None
@@ -146,7 +154,10 @@ def _run(scenario: Scenario, asked: Asked, inputs: Inputs) -> Run:
     if wanted:
         samples = np.arange(int(asked.duration_s * output.rate_hz + NANO) + 1)
         taken = np.rint(samples / (output.rate_hz * NANO)).astype(np.int64)
-    instants = np.unique(np.minimum(np.concatenate((shown, taken)), last))
+    begun = np.empty(0, dtype=np.int64)
+    if asked.duration_s >= LONGER * OPENING:
+        begun = np.rint(np.linspace(0.0, OPENING, OPENING_INSTANTS) / NANO).astype(np.int64)
+    instants = np.unique(np.minimum(np.concatenate((shown, taken, begun)), last))
     trace = transient(
         Task(
             drivetrain,
@@ -166,7 +177,8 @@ def _run(scenario: Scenario, asked: Asked, inputs: Inputs) -> Run:
     reached = instants[:n]
     rows = np.union1d(np.flatnonzero(np.isin(reached, shown)), [len(trace.time) - 1])
     recorded = _at(trace, np.flatnonzero(np.isin(reached, taken))) if wanted else None
-    return Run(_at(trace, rows), recorded)
+    opened = np.flatnonzero(np.isin(reached, begun))
+    return Run(_at(trace, rows), recorded, _at(trace, opened) if len(opened) == len(begun) > 0 else None)
 
 
 def _at(trace: Trace, rows: npt.NDArray[np.int64]) -> Trace:
@@ -208,75 +220,3 @@ def _answer(scenario: Scenario, given: Response, inputs: Inputs, points: SteadyP
     frequency = np.geomspace(given.from_hz, given.to_hz, given.points) * REVOLUTION
     response = frequency_response(drivetrain, state, frequency, given.side)
     return Answer(given.side, about, response), state
-
-
-def findings_of(simulation: Simulation, scenario: Scenario, inputs: Inputs) -> tuple[Remark, ...]:
-    """Remarks on a simulation: severity, where, message."""
-    found: list[tuple[str, str, str]] = []
-    points, run = simulation.points, simulation.run
-    if points is not None:
-        name = points.grid.points.name
-        above = np.flatnonzero(points.values["efficiency_magnetic"] > 1.0 + ABOVE_ONE)
-        if len(above):
-            message = f"magnetic efficiency above 1 at {len(above)} points: {', '.join(name[above[:5]])}"
-            found.append(("warning", "efficiency", message))
-        several = np.flatnonzero(points.balances > 1)
-        if len(several):
-            message = f"the torques balance at more than one speed; the first from rest is given: {name[several[0]]}"
-            found.append(("warning", "point", message))
-    if run is not None:
-        if run.trace.stopped is not None:
-            found.append(("error", run.trace.stopped.where, f"{run.trace.stopped.came}. {run.trace.stopped.do}"))
-        elif run.slipped:
-            found.append(
-                ("warning", "transient", f"{len(run.trace.slips)} poles slipped, first at {run.trace.slips[0]:.4g} s")
-            )
-        elif np.isnan(run.trace.locked_at) and scenario.bench.configuration is Configuration.ENGAGED:
-            found.append(("info", "transient", "the gear still swings at the end of the run"))
-    found += _beyond_data(simulation, inputs)
-    found += _held(simulation, scenario, inputs)
-    if not recordable(scenario) and "mcap" in scenario.output.formats:
-        message = "no recordings: their layout cannot say that the ring is held, and they would pass for others"
-        found.append(("info", "output.formats", message))
-    return tuple(Remark(*parts) for parts in found)
-
-
-LONG_RUN = 0.1
-"""Part of a thermal time constant beyond which a run is long for a warmth that is held."""
-
-
-def _held(simulation: Simulation, scenario: Scenario, inputs: Inputs) -> list[tuple[str, str, str]]:
-    """Remarks on values held over a run or left out of settled points."""
-    found = []
-    if simulation.run is not None and inputs.limits:
-        lasts, shortest = float(simulation.run.trace.time[-1]), min(inputs.limits)
-        if lasts > LONG_RUN * shortest:
-            message = f"warmth is held at its start over the run of {lasts:g} s; its time constant is {shortest:g} s"
-            found.append(("warning", "transient", message))
-    drifts = any(fault.memory for fault in inputs.drivetrain.instruments)
-    if simulation.points is not None and drifts and scenario.bench.history == "settled":
-        message = 'settled points have no time, so no zero drifts; set history = "run" to have it'
-        found.append(("warning", "bench.history", message))
-    return found
-
-
-def _beyond_data(simulation: Simulation, inputs: Inputs) -> list[tuple[str, str, str]]:
-    """Speeds beyond those that the loss curves were fitted to."""
-    if inputs.losses is None:
-        return []
-    found = []
-    curves = {"sun": inputs.losses.curve_sun, "ring": inputs.losses.curve_ring}
-    for side, curve in curves.items():
-        speeds = []
-        if simulation.points is not None:
-            speeds.append(getattr(simulation.points.grid.points, f"speed_{side}"))
-        if simulation.run is not None:
-            speeds.append(simulation.run.trace[f"speed_{side}"])
-        largest = max((float(np.abs(values).max()) for values in speeds), default=0.0)
-        if largest > curve.speed_limit * (1.0 + ABOVE_ONE):
-            message = (
-                f"{side} up to {largest:.4g} rad/s, tested to {curve.speed_limit:.4g} rad/s; beyond, its loss curve "
-                "goes on along its tangent"
-            )
-            found.append(("warning", "losses", message))
-    return found

@@ -73,7 +73,7 @@ class SteadyPoints:
 
 
 def steady_points(scenario: Scenario, inputs: Inputs) -> SteadyPoints:
-    """Solve the point and the grid of a scenario."""
+    """Solve the point, the grid and the pairs of a scenario."""
     at, torque_sun = _asked(scenario, inputs)
     if scenario.bench.held is Member.RING:
         return _free_carrier(scenario, inputs, at, torque_sun)
@@ -122,7 +122,7 @@ def _readings(inputs: Inputs, grid: Grid) -> Torques:
 
 def _asked(scenario: Scenario, inputs: Inputs) -> tuple[OperatingPoints, Array]:
     """The points with what is given of them; sun torques where these are given instead of the speed, else NaN."""
-    mode, point, grid = scenario.bench, scenario.point, scenario.grid
+    mode, point, grid, pairs = scenario.bench, scenario.point, scenario.grid, scenario.pairs
     neutral = mode.configuration is Configuration.NEUTRAL
     rpm = signals.SPEED_SUN.scale
     ratio = -inputs.bench.gear(mode.gear).ratio
@@ -145,6 +145,9 @@ def _asked(scenario: Scenario, inputs: Inputs) -> tuple[OperatingPoints, Array]:
                 torque = against * (np.sign(sun / ratio) or np.sign(ratio)) * second
                 name = f"E_s{sun_rpm:g}_l{second:g}" + ("" if grid.drive == "sun" else "_reversed")
                 rows.append((name, sun, sun / ratio, torque, np.nan))
+    if pairs is not None:
+        for i, (sun_rpm, torque) in enumerate(zip(pairs.speed_sun_rpm, pairs.torque_ring_nm, strict=True), 1):
+            rows.append((f"P{i}_s{sun_rpm:g}_t{torque:g}", sun_rpm * rpm, sun_rpm * rpm / ratio, torque, np.nan))
     names, speed_sun, speed_ring, torque_ring, torque_sun = zip(*rows, strict=True)
     n = len(rows)
     at = OperatingPoints(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pmg.pipeline.fit.document import number
 from pmg.pipeline.thesis_figures.figures import MANY
 from pmg.pipeline.thesis_figures.verdict import FigureVerdict, JudgedFigure, count
+from pmg.pipeline.wording.plurals import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -79,6 +80,12 @@ def summary(judged: Iterable[JudgedFigure]) -> str:
     all_ = tuple(judged)
     parts = [f"{n} {verdict}" for verdict, n in count(all_).items() if n]
     return f"{len(all_)} published figures: {', '.join(parts)}"
+
+
+def failed_draws(judged: Iterable[JudgedFigure]) -> str:
+    """That draws gave no figures, as a sentence; empty where all did."""
+    failed = max((j.failed for j in judged), default=0)
+    return f"{counted(failed, 'draw')} gave no figures, as a fit or a run did not settle." if failed else ""
 
 
 def documents(judged: tuple[JudgedFigure, ...]) -> list[dict[str, Any]]:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from pmg.pipeline.grid.tables import ROUNDING_FINE, ROUNDING_PUBLISHED
 from pmg.pipeline.thesis_figures.replicate import THESIS, Choices, replicate
 from pmg.pipeline.thesis_figures.tables import Sample, with_ring_torque
-from pmg.sim.errors import FitError
+from pmg.sim.errors import FitError, PmgError
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
@@ -41,11 +41,14 @@ class RoundingSpread:
         From the tables as printed.
     low, high : float
         The 2.5 and 97.5 % quantiles of the draws.
+    failed : int
+        Draws that gave no figures, as a fit or a run did not settle.
     """
 
     ours: float
     low: float
     high: float
+    failed: int = 0
 
     @property
     def shift(self) -> float:
@@ -124,14 +127,22 @@ def spreads(
     Raises
     ------
     FitError
-        Too few draws.
+        Too few draws, or too few that settle.
     """
     if draws < FEWEST_DRAWS:
         raise FitError("draws", str(draws), f"{FEWEST_DRAWS} or more", "Ask for more draws with --draws.")
     ours = replicate(sample, bench, choices)
-    drawn = [replicate(_draw(sample, rng), bench, choices) for _ in range(draws)]
+    drawn, failed = list[dict[str, float]](), 0
+    for _ in range(draws):
+        try:
+            drawn.append(replicate(_draw(sample, rng), bench, choices))
+        except PmgError:
+            failed += 1
+    if len(drawn) < FEWEST_DRAWS:
+        came = f"{failed} of {draws} that did not settle"
+        raise FitError("draws", came, f"{FEWEST_DRAWS} or more that do", "Ask for more draws with --draws.")
     found = {}
     for id_, value in ours.items():
         low, high = np.quantile([figures[id_] for figures in drawn], OUTER)
-        found[id_] = RoundingSpread(value, float(low), float(high))
+        found[id_] = RoundingSpread(value, float(low), float(high), failed)
     return found

@@ -55,6 +55,8 @@ class JudgedFigure:
         Ours minus published, in half-widths; 0 within a range.
     verdict : Verdict
         What follows.
+    failed : int
+        Draws that gave no figures and are not in the interval.
     """
 
     figure: PublishedFigure
@@ -62,6 +64,7 @@ class JudgedFigure:
     reach: float
     distance: float
     verdict: FigureVerdict
+    failed: int = 0
 
     @property
     def low(self) -> float:
@@ -96,7 +99,7 @@ def _judge(figure: PublishedFigure, spread: RoundingSpread) -> JudgedFigure:
     else:
         size = abs(value) if figure.size is None else figure.size
         verdict = FigureVerdict.NOT_DETERMINED if 2.0 * shift > WIDE * size else FigureVerdict.REPRODUCED
-    return JudgedFigure(figure, ours, reach, gap / reach, verdict)
+    return JudgedFigure(figure, ours, reach, gap / reach, verdict, spread.failed)
 
 
 def validate(

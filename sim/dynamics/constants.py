@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pmg.sim.bench import speed_ratio
 from pmg.sim.dynamics.assumptions import Assumptions, RotorInertia
+from pmg.sim.shafts import Member
 from pmg.sim.steady.power_chain import MotorConvention
 
 if TYPE_CHECKING:
@@ -73,6 +74,7 @@ class Constants(NamedTuple):
     ideal: bool
     limited: bool
     ring_held: bool
+    sun_held: bool
     carrier_seen: bool
     sun: MotorConstants
     ring: MotorConstants
@@ -87,7 +89,7 @@ def gather(
     bench: BenchParameters,
     given: Assumptions,
     number: int,
-    ring_held: bool,
+    held: Member,
     control_sun: Control,
     control_ring: Control,
 ) -> Constants:
@@ -132,7 +134,8 @@ def gather(
         rest=given.friction_rest_width,
         ideal=given.derivative_filter is None,
         limited=given.motor_limits,
-        ring_held=ring_held,
+        ring_held=held is Member.RING,
+        sun_held=held is Member.SUN,
         carrier_seen=given.carrier_in_map,
         sun=sun,
         ring=ring,

@@ -50,8 +50,8 @@ class Drivetrain:
     configuration : Configuration
         Engaged, or neutral: the carrier between the stages, no magnetic torque.
     held : Member
-        The member that the block holds: the carrier, as on the bench, or the ring; then the ring motor's shaft is
-        coupled to the free carrier. The source gives no bearing of a turning carrier, so it has magnetic drag only.
+        The member that the block holds: the carrier, as on the bench, or a rotor, whose motor's shaft is then coupled
+        to the free carrier. The source gives no bearing of a turning carrier, so it has magnetic drag only.
     control_sun, control_ring : Control
         What each motor follows.
     torque_map : TorqueMap or None
@@ -81,14 +81,15 @@ class Drivetrain:
         self.bench.gear(self.gear)
         if self.configuration not in (Configuration.NEUTRAL, Configuration.ENGAGED):
             raise BenchError("drivetrain", f"'{self.configuration}'", "neutral or engaged", "Choose one of them.")
-        if self.configuration is Configuration.NEUTRAL and self.held is Member.RING:
-            do = "Engage the gear, or hold the carrier."
-            raise BenchError("drivetrain", "the ring held in neutral: nothing turns the free carrier", "engaged", do)
-        if self.held is Member.SUN or (self.held is Member.RING and not self.assumptions.carrier_in_map):
-            came = (
-                "the sun held" if self.held is Member.SUN else "the ring held, and a map that does not see the carrier"
-            )
-            raise BenchError("drivetrain", came, "carrier or ring held", "Hold another member, or set carrier_in_map.")
+        if self.configuration is Configuration.NEUTRAL and self.held is not Member.CARRIER:
+            do, came = "Engage the gear, or hold the carrier.", f"the {self.held} held in neutral"
+            raise BenchError("drivetrain", f"{came}: nothing turns the free carrier", "engaged", do)
+        if self.held is not Member.CARRIER and not self.assumptions.carrier_in_map:
+            came = f"the {self.held} held, and a map that does not see the carrier"
+            raise BenchError("drivetrain", came, "the carrier held", "Hold the carrier, or set carrier_in_map.")
+        if self.held is Member.SUN and self.torque_map is not None and not self.torque_map.follows_phase:
+            do = "Hold another member, or leave cogging out."
+            raise BenchError("drivetrain", "the sun held, and a map with cogging", "one that follows the phase", do)
         _ = self.losses  # a mechanism without a law is refused here
 
     @classmethod
@@ -129,8 +130,7 @@ class Drivetrain:
     @cached_property
     def constants(self) -> Constants:
         """The numbers of the equations, gathered once."""
-        held = self.held is Member.RING
-        return gather(self.bench, self.assumptions, self.gear, held, self.control_sun, self.control_ring)
+        return gather(self.bench, self.assumptions, self.gear, self.held, self.control_sun, self.control_ring)
 
     @cached_property
     def coupling(self) -> TorqueMap | None:
@@ -163,12 +163,21 @@ class Drivetrain:
         x = State(*state)
         return (0.0, 0.0, 0.0) if self.coupling is None else self.coupling.law(x.phase, self.angle_sun(x))
 
+    def coupled(self, sun: Number, ring: Number, carrier: Number) -> tuple[Number, Number, Number]:
+        """Of a value for each member: those of what the sun motor turns, the ring motor turns, and the block holds.
+
+        It is its own inverse: of what the two joints and the block give, those of sun, ring and carrier.
+        """
+        if self.constants.ring_held:
+            return sun, carrier, ring
+        return (carrier, ring, sun) if self.constants.sun_held else (sun, ring, carrier)
+
     def _outside(self, x: State) -> tuple[Number, Number, Number]:
         """Torques of both joints and of the block [N m]."""
         q = self.constants
-        held, turned = (x.speed_ring, x.speed_carrier) if q.ring_held else (x.speed_carrier, x.speed_ring)
-        joint_sun = q.k * x.twist_sun + q.c * (x.speed_sun_motor - x.speed_sun)
-        joint_ring = q.k * x.twist_ring + q.c * (x.speed_ring_motor - turned)
+        by_sun, by_ring, held = self.coupled(x.speed_sun, x.speed_ring, x.speed_carrier)
+        joint_sun = q.k * x.twist_sun + q.c * (x.speed_sun_motor - by_sun)
+        joint_ring = q.k * x.twist_ring + q.c * (x.speed_ring_motor - by_ring)
         return joint_sun, joint_ring, -(q.k * x.angle_block + q.c * held)
 
     def drags(self, state: Iterable[Number]) -> tuple[tuple[Number, Number, Number], ...]:
@@ -248,16 +257,16 @@ class Drivetrain:
         """Time derivative of the state: the equations of motion, written once for every solver."""
         x, q = State(*state), self.constants
         m = self.motion(x, asked)
-        held, turned = (x.speed_ring, x.speed_carrier) if q.ring_held else (x.speed_carrier, x.speed_ring)
-        on_ring, on_carrier = (m.block, m.joint_ring) if q.ring_held else (m.joint_ring, m.block)
+        by_sun, by_ring, held = self.coupled(x.speed_sun, x.speed_ring, x.speed_carrier)
+        on_sun, on_ring, on_carrier = self.coupled(m.joint_sun, m.joint_ring, m.block)
         return State(
-            twist_sun=x.speed_sun_motor - x.speed_sun,
-            twist_ring=x.speed_ring_motor - turned,
+            twist_sun=x.speed_sun_motor - by_sun,
+            twist_ring=x.speed_ring_motor - by_ring,
             phase=q.p_s * x.speed_sun + q.p_r * x.speed_ring - q.Q_map * x.speed_carrier,
             angle_block=held,
             speed_carrier=(on_carrier + m.magnetic_carrier + m.drag_carrier) / q.J_c,
             speed_sun_motor=m.sun.acceleration,
-            speed_sun=(m.joint_sun + m.magnetic_sun + m.drag_sun) / q.J_s,
+            speed_sun=(on_sun + m.magnetic_sun + m.drag_sun) / q.J_s,
             speed_ring=(on_ring + m.magnetic_ring + m.drag_ring) / q.J_r,
             speed_ring_motor=m.ring.acceleration,
             current_sun=m.sun.d_current,

@@ -12,7 +12,7 @@ from pmg.sim.dynamics.jacobian import STEP, active, dense
 from pmg.sim.dynamics.state import STATES, SetPoints, State
 from pmg.sim.errors import BenchError
 from pmg.sim.roots import ROUNDING, rising_root
-from pmg.sim.shafts import SIDES
+from pmg.sim.shafts import SIDES, Member
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -100,6 +100,9 @@ def _refuse_beyond(q: Constants, asked: SetPoints, state: Array) -> None:
 
 def _without_limits(drivetrain: Drivetrain, asked: SetPoints) -> Equilibrium:
     """Steady states of a bench whose motors have no limits."""
+    if drivetrain.held is Member.SUN:
+        do = "Run it in time to its end."
+        raise BenchError("steady state of the drivetrain", "the sun held", "the carrier or the ring held", do)
     coupling = drivetrain.coupling
     if coupling is None:
         return _apart(drivetrain, asked)

@@ -90,11 +90,11 @@ def flows(drivetrain: Drivetrain, state: Iterable[Number]) -> Flows:
     lose. Both stand under `created`.
     """
     x, q = State(*state), drivetrain.constants
-    held, turned = (x.speed_ring, x.speed_carrier) if q.ring_held else (x.speed_carrier, x.speed_ring)
+    by_sun, by_ring, held = drivetrain.coupled(x.speed_sun, x.speed_ring, x.speed_carrier)
     magnetic_sun, magnetic_ring, _ = drivetrain.magnetic(x)
     dissipated = {
-        "sun joint damping": q.c * (x.speed_sun_motor - x.speed_sun) ** 2,
-        "ring joint damping": q.c * (x.speed_ring_motor - turned) ** 2,
+        "sun joint damping": q.c * (x.speed_sun_motor - by_sun) ** 2,
+        "ring joint damping": q.c * (x.speed_ring_motor - by_ring) ** 2,
         "block damping": q.c * held**2,
         "sun winding resistance": q.R * x.current_sun**2,
         "ring winding resistance": q.R * x.current_ring**2,

@@ -13,7 +13,7 @@ class State(NamedTuple):
 
     Twists and the phase [rad], speeds [rad/s], currents [A], the integral of the loop error [V s], the torque fed
     back [N m], the filtered loop error [V], the integral of the speed error [rad]. The block holds the carrier, or
-    the ring where that is the member held; the ring motor's joint then turns the carrier.
+    the rotor where one is held; the joint of its motor then turns the carrier.
     """
 
     twist_sun: Number

@@ -13,6 +13,7 @@ from pmg.sim.errors import BenchError
 from pmg.sim.grid import OperatingPoints
 from pmg.sim.mechanisms.base import Torques
 from pmg.sim.mechanisms.instruments import distorted
+from pmg.sim.shafts import PerShaft
 
 if TYPE_CHECKING:
     from pmg.sim.dynamics.account import Account
@@ -72,6 +73,11 @@ class Trace:
     def torque_ring(self) -> Array:
         """Torque that the ring motor gives to its shaft [N m]."""
         return np.asarray(self.drivetrain.motion(self.state, self.asked).ring.torque_out)
+
+    @property
+    def torque(self) -> PerShaft[Array]:
+        """Torques that both motors give to their shafts [N m]."""
+        return PerShaft(self.torque_sun, self.torque_ring)
 
     @property
     def readings(self) -> Torques:

@@ -10,7 +10,8 @@ import numpy as np
 
 from pmg.sim import sources
 from pmg.sim.grid import Configuration
-from pmg.sim.mechanisms.base import BOTH_TORQUES, Component, Mechanism, RotorLaw, Torques, Warmth, against, modulus
+from pmg.sim.mechanisms.base import BOTH_TORQUES, Component, Mechanism, Torques, Warmth, against
+from pmg.sim.mechanisms.bearings import LookedUpDrag
 from pmg.sim.mechanisms.magnetic import RotorDamping
 from pmg.sim.shafts import PerShaft, per_shaft
 
@@ -43,10 +44,11 @@ def field_left(rise: Number) -> Number:
 
 
 @dataclass(frozen=True)
-class WarmBearings(RotorLaw):
+class WarmBearings(LookedUpDrag):
     """Bearings at a warmth that stays: what it takes off their drag, as a part of the cold curve.
 
-    The whole drag is taken as viscous; the parts are those of one configuration.
+    The whole drag is taken as viscous; the parts are those of one configuration. What is taken off turns with the
+    direction of rotation where the drag does, and does not where it does not.
     """
 
     identifier = "lubricant_viscosity"
@@ -65,9 +67,8 @@ class WarmBearings(RotorLaw):
 
     def law(self, speed_sun: Number, speed_ring: Number, rest: float = 0.0) -> Torques:
         """Reduction of the drag of both shafts by warmth."""
-        sun = self.part_sun * self.curve_sun.law(modulus(speed_sun, rest))
-        ring = self.part_ring * self.curve_ring.law(modulus(speed_ring, rest))
-        return Torques(against(speed_sun, sun, rest), against(speed_ring, ring, rest))
+        sun = self._on_sun(self.part_sun, self.curve_sun, speed_sun, rest)
+        return Torques(sun, self._on_ring(self.part_ring, self.curve_ring, speed_ring, rest))
 
 
 @dataclass(frozen=True)

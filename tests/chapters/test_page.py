@@ -8,15 +8,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pmg.pipeline.analysis.power_flow import Flow, power_flows
 from pmg.pipeline.chapters.measured.efficiency import efficiency_section
+from pmg.pipeline.chapters.measured.loss_parts import loss_parts_figure
 from pmg.pipeline.chapters.measured.losses import losses_section
+from pmg.pipeline.chapters.measured.torque_map import torque_map_sections
 from pmg.pipeline.chapters.page import RecordedFacts, build_report
+from pmg.pipeline.chapters.simulated.by_load import by_load_figures
 from pmg.pipeline.chapters.studies import validation
 from pmg.pipeline.fit.analysis import Analysis, analyse
+from pmg.pipeline.fit.loss_fit import LossFits
+from pmg.pipeline.fit.losses import power_balance
 from pmg.pipeline.fit.options import AnalysisOptions
+from pmg.pipeline.grid.levels import by_load
 from pmg.pipeline.grid.tables import read_published
-from pmg.pipeline.report.document import Figure
+from pmg.pipeline.report.document import Chart, Figure
 from pmg.sim.bench import load_bench
+from pmg.sim.steady.gearbox import Gearbox
+from pmg.sim.steady.solve import steady
 
 PUBLISHED = Path(__file__).resolve().parents[2] / "raw" / "published"
 BENCH = load_bench()
@@ -48,3 +57,60 @@ def test_a_point_that_is_not_known_leaves_the_captions_standing(analysed: Analys
                 assert "– W" not in figure.caption
                 assert "– %" not in figure.caption
                 assert "– and" not in figure.caption
+
+
+@pytest.fixture(scope="module")
+def flows(analysed: Analysis) -> tuple[Gearbox, tuple[Flow, ...]]:
+    assert analysed.calibration is not None
+    assert analysed.causes is not None
+    gearbox = Gearbox.calibrated(BENCH, analysed.calibration.model)
+    simulated = steady(gearbox, analysed.grid.points)
+    return gearbox, power_flows(gearbox, analysed.grid, simulated, BENCH, analysed.calibration, analysed.causes)
+
+
+def test_bars_of_bearings_and_gear_add_up_to_the_simulated_loss(
+    flows: tuple[Gearbox, tuple[Flow, ...]],
+) -> None:
+    gearbox, (flow, *_) = flows
+    figure = loss_parts_figure(gearbox, flow)
+    for panel, (_, rows) in zip(figure.panels, by_load(flow.grid.points), strict=True):
+        assert isinstance(panel, Chart)
+        bars = [series for series in panel.series if series.style == "bars"]
+        assert [series.name for series in bars] == [*(f"bearing {n}" for n in range(1, 8)), "magnetic gear"]
+        order = np.argsort(flow.grid.points.speed_sun[rows])
+        of_sun = bars[0].y + bars[1].y
+        assert bars[0].y / of_sun == pytest.approx(float(BENCH.bearings.share_sun_1) / BENCH.bearings.sun)
+        assert sum(series.y for series in bars) == pytest.approx(flow.chain.loss_between[rows][order])
+
+
+def test_simulated_losses_by_load_follow_the_formulas_of_the_measured_ones(
+    analysed: Analysis, flows: tuple[Gearbox, tuple[Flow, ...]]
+) -> None:
+    """Set beside itself, a simulation has no difference but that of speeds which are off the ratio."""
+    assert analysed.fits is not None
+    assert analysed.calibration is not None
+    gearbox, (flow, *_) = flows
+    curves = analysed.calibration.model.curves
+    fits = LossFits(*(replace(fit, curve=curve) for fit, curve in zip(analysed.fits, curves, strict=True)))
+    simulated = steady(gearbox, flow.grid.points)
+    itself = power_balance(simulated, fits, analysed.calibration.model.correction)
+    for figure in by_load_figures(itself, flows[1]):
+        for panel in figure.panels:
+            assert isinstance(panel, Chart)
+            read, lines = panel.series[:3], panel.series[3:]
+            for one, line in zip(read, lines, strict=True):
+                assert line.y == pytest.approx(one.y, rel=1e-6, abs=1e-6)
+
+
+def test_working_points_lie_on_the_torque_map(flows: tuple[Gearbox, tuple[Flow, ...]]) -> None:
+    gearbox, (flow, *_) = flows
+    (section,) = torque_map_sections(gearbox, flow.grid)
+    figure = next(item for item in section.items if isinstance(item, Figure))
+    whole = figure.panels[0]
+    assert isinstance(whole, Chart)
+    peak = whole.series[2].y.max()
+    assert peak == pytest.approx(float(BENCH.gear1.pull_out_torque_sun), abs=0.006)
+    points = whole.series[3:]
+    assert sum(len(series.x) for series in points) == len(flow.grid)
+    for series in points:
+        assert series.y == pytest.approx(peak * np.sin(np.radians(series.x)))

@@ -121,6 +121,7 @@ TABLE: dict[str, Row] = {
             Wrong("{tmp}/none.toml --out {tmp}/o", "none.toml"),
             Wrong("{bad_scenario} --out {tmp}/o", "titel"),
             Wrong("{scenario} --out {tmp}/o --with windag", "windag"),
+            Wrong("{scenario} --out {tmp}/o --beside {tmp}/none.toml", "none.toml"),
             Wrong("{scenario}", "--out"),
         ),
     ),

@@ -331,6 +331,10 @@ def test_the_chapter_states_u_of_each_branch(bench: BenchParameters) -> None:
     assert "u_unexplained [W],u_common_unexplained [W]" in header
     assert not tables["power-flow-table"].marked
     (figure,) = (item for item in section.items if isinstance(item, Figure))
+    (flow,) = figure.panels
+    assert isinstance(flow, PowerFlow)
+    inside = [label for label, _, stage in flow.losses if stage == 1]
+    assert inside[-2:] == ["relative bearing", "unexplained"]
     letters = "".join(ElementTree.fromstring(draw_svg(figure)).itertext())
     assert letters.count("±") >= 8
 

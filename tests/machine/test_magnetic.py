@@ -46,7 +46,8 @@ def test_numbers_of_another_gear_replace_those_of_the_thesis(tmp_path: Path) -> 
     assert bench.shafts.inertia_sun == pytest.approx(6e-4)
     assert "data sheet" in bench.motor.resistance.source.citation
     assert (bench.gear2, bench.bearings, bench.rotors) == (thesis.gear2, thesis.bearings, thesis.rotors)
-    (lent,) = remarks_on_bench(machine)
+    lent, limits = remarks_on_bench(machine)
+    assert limits.message.startswith("the motors' limits are the thesis bench's: 560 V, 29.7 A.")
     assert lent.message.startswith("taken from the thesis bench: ")
     for key in ("shaft.motor.inertia", "shaft.ring.inertia", "shaft.coupling.stiffness", "gear.bearings"):
         assert key in lent.message

@@ -12,6 +12,7 @@ from pmg.pipeline.chapters.studies.printed_simulation import printed_simulation_
 from pmg.pipeline.fit.loss_fit import THESIS_POWERS_RING, THESIS_POWERS_SUN, fit_losses
 from pmg.pipeline.fit.losses import largest_plausible_correction
 from pmg.pipeline.grid.tables import PUBLISHED, read_published
+from pmg.pipeline.report.document import Text
 from pmg.pipeline.thesis_figures.printed_simulation import (
     PrintedSimulation,
     oddities,
@@ -96,3 +97,25 @@ def test_the_oddities_of_the_tables_are_told_for_the_thesis_s_grids_only(grid: G
     for each in other:
         assert oddities(each) == ()
         assert printed_simulation_sections(each) == ()
+
+
+@pytest.mark.parametrize(
+    ("of_speed", "of_load", "words"),
+    [
+        (0.02, 0.0, "follows the speed and not the load"),
+        (0.0, 0.02, "follows the load and not the speed"),
+        (0.02, 0.02, "follows the speed and the load"),
+        (0.0, 0.0, "follows neither speed nor load"),
+    ],
+)
+def test_the_words_follow_what_is_found(
+    grid: Grid, rng: np.random.Generator, of_speed: float, of_load: float, words: str
+) -> None:
+    sample = printed(grid)
+    planted = of_speed * np.sin(np.arange(12.0)) + of_load * np.arange(4.0)[:, None] + rng.normal(0.0, 1e-3, (4, 12))
+    torque = grid.torque_sun.copy()
+    torque[sample.rows] = sample.sun + planted
+    (section,) = printed_simulation_sections(replace(grid, torque_sun=torque))
+    finding = section.items[0]
+    assert isinstance(finding, Text)
+    assert f"misses {words}:" in finding.body

@@ -18,9 +18,10 @@ from pmg.pipeline.commands.crate import FILE as CRATE
 from pmg.pipeline.commands.validate import run_validate
 from pmg.pipeline.fit.robust import DampingMethod
 from pmg.pipeline.grid.tables import read_published
+from pmg.pipeline.thesis_figures import rounding
 from pmg.pipeline.thesis_figures.claim import Other, PublishedFigure, Unit
 from pmg.pipeline.thesis_figures.figures import FIGURES, WATT
-from pmg.pipeline.thesis_figures.listing import documents, table_lines
+from pmg.pipeline.thesis_figures.listing import documents, failed_draws, table_lines
 from pmg.pipeline.thesis_figures.remarks import GEAR_CONSTANT
 from pmg.pipeline.thesis_figures.replicate import Choices, replicate
 from pmg.pipeline.thesis_figures.rounding import FEWEST_DRAWS, RoundingSpread, _draw, _shared_errors, spreads
@@ -148,6 +149,27 @@ SIZED = replace(PLAIN, value=0.0, size=1.0)
 def test_the_verdict_by_table(figure: PublishedFigure, ours: float, shift: float, verdict: FigureVerdict) -> None:
     assert _judge(figure, RoundingSpread(ours, ours - shift, ours)).verdict is verdict
     assert _judge(figure, RoundingSpread(ours, ours, ours + shift)).verdict is verdict
+
+
+def test_a_draw_that_does_not_settle_is_counted_and_left_out(
+    grid: Grid, bench: BenchParameters, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = iter(range(1000))
+
+    def sometimes(*_: object) -> dict[str, float]:
+        call = next(calls)
+        if call == 3:
+            raise FitError("bisquare weights", "no end", "one", "Take other weights.")
+        return {"any": float(call)}
+
+    monkeypatch.setattr(rounding, "replicate", sometimes)
+    spread = spreads(printed(grid), bench, FEWEST_DRAWS + 1, np.random.default_rng(SEED))["any"]
+    assert (spread.ours, spread.failed) == (0.0, 1)
+    judged = _judge(PLAIN, replace(spread, ours=10.0))
+    assert failed_draws((judged,)) == "1 draw gave no figures, as a fit or a run did not settle."
+    monkeypatch.setattr(rounding, "replicate", lambda *_: (_ for _ in ()).throw(FitError("a", "b", "c", "d")))
+    with pytest.raises(FitError):
+        spreads(printed(grid), bench, FEWEST_DRAWS, np.random.default_rng(SEED))
 
 
 def test_distance_is_in_half_widths_of_the_interval() -> None:

@@ -44,6 +44,15 @@ AWKWARD: dict[str, Panel] = {
     "map with infinity": SpeedMap(
         np.arange(2.0), np.arange(2.0), np.array([[1.0, np.inf], [np.nan, 2.0]]), "x", "y", "z", np.ones((2, 2), bool)
     ),
+    "bars both ways": Chart(
+        "x",
+        "y",
+        tuple(Series(f"{i}", np.arange(3.0), np.array([1.0, -2.0, np.nan]), None, "bars", i) for i in range(2)),
+    ),
+    "surface with a hole": SpeedMap(
+        np.arange(3.0), np.arange(3.0), np.where(np.eye(3), np.nan, 1.0), "x", "y", "z", title="t", relief=True
+    ),
+    "surface of one row": SpeedMap(np.arange(3.0), ONE, np.ones((1, 3)), "x", "y", "z", relief=True),
     "flow of nothing": PowerFlow("", (("in", 0.0), ("out", 0.0)), (("a", 0.0, 0),)),
     "flow without branches": PowerFlow("t", (("in", 5.0), ("out", 5.0)), ()),
     "flow of gains only": PowerFlow("t", (("in", 0.0), ("out", 5.0)), (("a", -5.0, 0),)),

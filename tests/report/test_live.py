@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pmg.pipeline.report import live_chart
-from pmg.pipeline.report.document import Chart, Column, Figure, PowerFlow, Section, Series, Table
+from pmg.pipeline.report import live_chart, live_map
+from pmg.pipeline.report.document import Chart, Column, Figure, PowerFlow, Section, Series, SpeedMap, Table
 from pmg.pipeline.report.write import write_report
 
 from . import chromium, example
@@ -264,3 +264,23 @@ def darkest(tab: chromium.Tab) -> float:
 def test_the_legend_says_how_its_groups_are_drawn() -> None:
     title = live_chart.plot(example.chart())["layout"]["legend"]["title"]["text"]
     assert title == "filled markers: measured; dashed lines: simulated"
+
+
+def test_bars_stand_on_each_other_and_hang_from_zero_where_they_are_negative() -> None:
+    x = np.array([1.0, 3.0])
+    heights = np.array([[1.0, -2.0], [4.0, -1.0], [-3.0, 5.0]])
+    chart = Chart("x", "y", tuple(Series(f"{i}", x, y, None, "bars", i) for i, y in enumerate(heights)))
+    bars = [trace for trace in live_chart.plot(chart)["data"] if trace["type"] == "bar"]
+    assert [trace["base"] for trace in bars] == [[0.0, 0.0], [1.0, -2.0], [0.0, 0.0]]
+    assert [trace["y"] for trace in bars] == heights.tolist()
+    assert {trace["width"] < 2.0 for trace in bars} == {True}
+
+
+def test_a_surface_holds_the_values_of_its_map() -> None:
+    z = np.array([[1.0, np.nan], [3.0, 4.0]])
+    relief = SpeedMap(np.array([0.0, 1.0]), np.array([5.0, 6.0]), z, "x", "y", "z", relief=True)
+    drawing = live_map.plot(relief, 1)
+    surface, points = drawing["data"]
+    assert (drawing["kind"], surface["type"], points["type"]) == ("surface", "surface", "scatter3d")
+    assert surface["z"] == [[1.0, None], [3.0, 4.0]]
+    assert (points["x"], points["y"], points["z"]) == ([0.0, 0.0, 1.0], [5.0, 6.0, 6.0], [1.0, 3.0, 4.0])

@@ -62,6 +62,7 @@ from pmg.sim.mechanisms.thermal import (
     WarmingInTwoSteps,
     _temperature_rise,
 )
+from pmg.sim.mechanisms.warmed import WarmBearings
 from pmg.sim.steady.baseline import baseline_mechanisms
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.power_chain import MotorConvention, _motor_electric_power
@@ -394,3 +395,13 @@ def test_a_curve_goes_on_along_its_tangent_beyond_its_data(x: float) -> None:
     slope = 0.05 * 0.5 / math.sqrt(2.0) / 100.0 + 0.03 / 100.0
     speed = 200.0 * x
     assert CURVE.torque(np.array([speed]))[0] == pytest.approx(at_limit + slope * (speed - 200.0), rel=1e-12)
+
+
+@given(sun=st.floats(-200.0, 200.0), ring=st.floats(-80.0, 80.0), part=st.floats(-0.9, 0.0), signed=st.booleans())
+def test_warmth_takes_its_part_off_the_drag_whichever_way_a_look_up_turns(
+    sun: float, ring: float, part: float, signed: bool
+) -> None:
+    cold = SunBearings(CURVE, 1.0, 1.0, signed=signed), RingBearings(CURVE, 1.0, 1.0, signed=signed)
+    warm = WarmBearings(CURVE, CURVE, part, part, signed=signed).law(sun, ring, 0.5)
+    on_sun, on_ring = (law.law(sun, ring, 0.5) for law in cold)
+    assert (warm.sun, warm.ring) == pytest.approx((part * on_sun.sun, part * on_ring.ring), abs=1e-15)

@@ -25,6 +25,7 @@ from pmg.pipeline.simulate.inputs import gather_inputs
 from pmg.pipeline.simulate.scenario_file import read_scenario
 from pmg.pipeline.simulate.simulation import Simulation, simulate
 from pmg.pipeline.store.store import Store
+from pmg.pipeline.thesis_figures.tables import TORQUE_RING, TORQUE_SUN
 from pmg.sim.bench import load_bench
 from pmg.sim.dynamics.linear import ModeKind
 from pmg.sim.errors import BenchError
@@ -162,6 +163,46 @@ def test_reversed_flow_is_driven_by_the_ring(shipped: dict[str, tuple[Path, dict
     assert table["efficiency_total"].is_between(0.5, 1.0).all()
     driving = table["torque_ring_Nm"].to_numpy() * table["speed_ring_rpm"].to_numpy() * SPEED_SUN.scale
     np.testing.assert_allclose(table["power_in_W"], driving, rtol=1e-12)
+
+
+def test_pairs_give_the_sun_torques_that_the_source_prints(shipped: dict[str, tuple[Path, dict[str, Any]]]) -> None:
+    """To 0.14 mN m and the last digit: what a polynomial of degree four in speed leaves of the 48 torques."""
+    out, _ = shipped["thesis-points"]
+    table = pl.read_csv(out / "points.csv")
+    np.testing.assert_allclose(table["torque_ring_Nm"], TORQUE_RING.ravel(), rtol=1e-12)
+    np.testing.assert_allclose(table["torque_sun_Nm"], TORQUE_SUN.ravel(), rtol=0.0, atol=6e-4)
+    assert np.sqrt(np.mean((table["torque_sun_Nm"].to_numpy() - TORQUE_SUN.ravel()) ** 2)) < 2e-4
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("[pairs]\nspeed_sun_rpm = [100, 200]\ntorque_ring_Nm = [0.8]\n", "2 speeds and 1 torques"),
+        (
+            '[bench]\nconfiguration = "neutral"\n[pairs]\nspeed_sun_rpm = [100]\ntorque_ring_Nm = [0.8]\n',
+            "in neutral",
+        ),
+    ],
+)
+def test_pairs_that_cannot_be_are_refused(tmp_path: Path, text: str, place: str) -> None:
+    with pytest.raises(BenchError, match=place):
+        read_scenario(scenario(tmp_path, LOSSES + text))
+
+
+def test_a_second_run_is_drawn_over_the_first(tmp_path: Path, undrawn: None) -> None:
+    first = scenario(tmp_path, SHORT + "[output]\nformats = []\n")
+    second = tmp_path / "unsigned.toml"
+    second.write_text(SHORT + "[assumptions]\nfriction_signed = false\n[output]\nformats = []\n")
+    summary = call("simulate", first, "--out", tmp_path / "o", "--beside", second, expect=0)["data"]["summary"]
+    assert summary["scenario"]["beside"] == "unsigned.toml"
+    text = (tmp_path / "o" / "tables" / "two-runs-ends.csv").read_text()
+    alone = done(tmp_path, second.read_text()).run
+    assert alone is not None
+    row = pl.read_csv(text.encode()).row(1)
+    assert row[0] == "unsigned"
+    assert row[2] == pytest.approx(float(SPEED_SUN.display(alone.trace["speed_sun"][-1])), rel=1e-9)
+    second.write_text(SMALL)
+    call("simulate", first, "--out", tmp_path / "p", "--beside", second, expect=2)
 
 
 # --- bench and simulation make the same grid -----------------------------------------------------------

@@ -82,6 +82,11 @@ def _manner(study: CorrectionStudy) -> str:
     return f"Bisquare-weighted least squares ({counted(study.joint.left_out, 'reading')} of weight 0)"
 
 
+def _by_scale(study: CorrectionStudy) -> str:
+    """What stands for the sum of squares of a robust fit, in words."""
+    return "" if study.joint.method is DampingMethod.LEAST_SQUARES else "by the robust scale "
+
+
 def _joint(study: CorrectionStudy) -> Table:
     def value(name: str) -> Cell:
         error, factor = study.standard_error(name), SCALE[name]
@@ -101,8 +106,9 @@ def _joint(study: CorrectionStudy) -> Table:
         "correction-joint",
         "K_corr, b and c fitted together",
         f"{_manner(study)} of neutral and engaged readings at once, curves free, weighted by the uncertainty of the "
-        f"points, chi-square {study.joint.chi_square:.0f} for {study.joint.dof} degrees of freedom.{inflated} The "
-        "transducers' tolerances are not in them; they are in those of the constants above, which are not scaled.",
+        f"points, chi-square {_by_scale(study)}{study.joint.chi_square:.0f} for {study.joint.dof} degrees of "
+        f"freedom.{inflated} The transducers' tolerances are not in them; they are in those of the constants above, "
+        "which are not scaled.",
         (
             Column("constant", "Constant"),
             Column("unit", "Unit"),

@@ -44,8 +44,16 @@ _PARTS = {
 _ABSENT = "Branches marked * depend on {inputs} too, for which no uncertainty is stated: the figures leave it out."
 
 
-def flow_section(flows: tuple[Flow, ...]) -> Section:
-    """Power flow of the accepted engaged points, from measured and from simulated torques, with its uncertainty."""
+def flow_section(flows: tuple[Flow, ...], parts: tuple[Figure, ...] = ()) -> Section:
+    """Power flow of the accepted engaged points, from measured and from simulated torques, with its uncertainty.
+
+    Parameters
+    ----------
+    flows : tuple of Flow
+        As `power_flows` gives them.
+    parts : tuple of Figure
+        What the losses of each point are made of.
+    """
     by = {(flow.origin, flow.convention): flow for flow in flows}
     shown = by["measured", MotorConvention.CONSISTENT]
     best = int(np.argmax(by["simulated", MotorConvention.CONSISTENT].chain.mechanical_in))
@@ -66,9 +74,11 @@ def flow_section(flows: tuple[Flow, ...]) -> Section:
                 "power-flow-highest",
                 "Power flow of a point",
                 f"Of the engaged points, {name} takes the highest power. {_words(shown, best)} On the page other "
-                f"points can be chosen; print and files show {name}.",
+                f"points can be chosen; print and files show {name}."
+                + (" Figure 6.19 of the source." if shown.grid.origin == "published" else ""),
                 (_choice(shown, best),),
             ),
+            *parts,
             _point_table(shown, best),
             _table(by),
             _parts_table(by),
@@ -105,9 +115,10 @@ def _choice(flow: Flow, best: int) -> PowerFlow:
 def _drawing(flow: Flow, i: int) -> PowerFlow:
     losses: list[tuple[str, tuple[str, ...], int]] = [
         ("driving motor", ("loss_motor_in",), 0),
-        ("sun bearings", ("loss_sun_bearings", "loss_relative_sun"), 1),
+        ("sun bearings", ("loss_sun_bearings",), 1),
         ("magnetic gear", ("loss_gear",), 1),
-        ("ring bearings", ("loss_ring_bearings", "loss_relative_ring"), 1),
+        ("ring bearings", ("loss_ring_bearings",), 1),
+        ("relative bearing", ("loss_relative_sun", "loss_relative_ring"), 1),
         ("unexplained", ("unexplained",), 1),
         ("loading motor", ("loss_motor_out",), 2),
     ]

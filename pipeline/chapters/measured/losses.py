@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.cells import iso_levels, lay_out, names_in_cells, names_of
+from pmg.pipeline.chapters.cells import in_relief, iso_levels, lay_out, names_in_cells, names_of
 from pmg.pipeline.chapters.measured.correction import correction_items
+from pmg.pipeline.chapters.measured.damping_curves import correction_figures
 from pmg.pipeline.fit.losses import AVERAGED, QUANTITIES
 from pmg.pipeline.fit.robust import DampingMethod
 from pmg.pipeline.grid.levels import by_load, by_speed, speed_levels
@@ -36,6 +37,12 @@ if TYPE_CHECKING:
 
 ALWAYS_BEHIND = (sources.THESIS.at("equations 4.2 to 4.7 and 6.1"), sources.BERTOTTI, sources.BIRGE)
 """Sources of the chapter."""
+
+CHI_SQUARE = {
+    DampingMethod.LEAST_SQUARES: "Chi-square of the calibration",
+    DampingMethod.BISQUARE: "Chi-square of the calibration, by the robust scale of its bisquare fit",
+}
+"""What the calibration's chi-square is called."""
 
 BEHIND: dict[DampingMethod, tuple[sources.Source, ...]] = {
     DampingMethod.LEAST_SQUARES: (),
@@ -95,8 +102,9 @@ def losses_section(analysis: Analysis, balance: PowerBalance, calibration: Fitte
                 f"{_highest(balance, signals.LOSS_MAGNETIC)} W, with U = 2u (K_corr = {balance.correction:.3f}).",
                 (loss_chart,),
             ),
-            *(() if (figure := _loss_map(balance)) is None else (figure,)),
+            *_loss_maps(balance),
             _means_table(balance),
+            *correction_figures(analysis.damping, balance),
             *correction_items(analysis),
             _balance_table(balance),
         ),
@@ -123,7 +131,7 @@ def _constants(analysis: Analysis, calibration: FittedBaseline) -> tuple[tuple[s
         ("Hysteresis b [mN m]", shown("b", 1e3)),
         ("Eddy c [1e-4 N m s/rad]", shown("c", 1e4)),
         ("Excess d", shown("d")),
-        ("Chi-square of the calibration", f"{calibration.chi_square:.0f} for {calibration.dof} degrees of freedom"),
+        (CHI_SQUARE[calibration.method], f"{calibration.chi_square:.0f} for {calibration.dof} degrees of freedom"),
     )
 
 
@@ -174,12 +182,12 @@ def _means_table(balance: PowerBalance) -> Table:
     )
 
 
-def _loss_map(balance: PowerBalance) -> Figure | None:
-    """Total loss over speed and load, forward flow."""
+def _loss_maps(balance: PowerBalance) -> tuple[Figure, ...]:
+    """Total and magnetic loss over speed and load, forward flow, as maps and as surfaces."""
     at = balance.grid.points
     rows = np.asarray(at.drive == "sun")
     if not rows.any():
-        return None
+        return ()
     load, speed = np.abs(np.round(at.load_set, 3))[rows], speed_levels(at)[0][rows]
     panels = []
     for signal in (signals.LOSS_TOTAL, signals.LOSS_MAGNETIC):
@@ -200,7 +208,8 @@ def _loss_map(balance: PowerBalance) -> Figure | None:
             )
         )
     caption = "Losses over speed and load with lines of equal loss, forward flow. Grey: not measured."
-    return Figure("loss-map", "Losses over speed and load", caption, tuple(panels), columns=2)
+    maps = Figure("loss-map", "Losses over speed and load", caption, tuple(panels), columns=2)
+    return maps, *in_relief(maps, "The same losses as height: a point at each engaged point, forward flow.")
 
 
 def _balance_table(balance: PowerBalance) -> Table:

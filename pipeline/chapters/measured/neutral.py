@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.cells import iso_levels, lay_out, names_in_cells, names_of
+from pmg.pipeline.chapters.cells import in_relief, iso_levels, lay_out, names_in_cells, names_of
+from pmg.pipeline.chapters.measured.neutral_total import total_torque_figure
 from pmg.pipeline.grid.levels import forward_neutral, speed_levels
 from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Section, Series, SpeedMap, Table, Text
 from pmg.pipeline.wording import numerals
@@ -44,19 +45,21 @@ def neutral_section(analysis: Analysis, fits: LossFits) -> Section:
         labels = SPEED_RING.label, SPEED_SUN.label, signal.label
         maps.append(SpeedMap(x, y, z, *labels, contours=iso_levels(z), title=signal.meaning, points=names))
     charts = tuple(_curve_chart(grid, fit) for fit in fits)
+    over_grid = Figure(
+        "neutral-maps",
+        "Torque over the neutral grid",
+        f"Loss torque of the sun {_range(grid.torque_sun[rows])} N m and of the ring "
+        f"{_range(grid.torque_ring[rows])} N m over {len(np.unique(sun))} × {len(np.unique(ring))} speeds. "
+        "A shaft at 0 rpm is held by its motor: its reading is a static reaction.",
+        tuple(maps),
+        columns=2,
+    )
     return Section(
         "neutral",
         "Neutral losses",
         (
-            Figure(
-                "neutral-maps",
-                "Torque over the neutral grid",
-                f"Loss torque of the sun {_range(grid.torque_sun[rows])} N m and of the ring "
-                f"{_range(grid.torque_ring[rows])} N m over {len(np.unique(sun))} × {len(np.unique(ring))} speeds. "
-                "A shaft at 0 rpm is held by its motor: its reading is a static reaction.",
-                tuple(maps),
-                columns=2,
-            ),
+            over_grid,
+            *in_relief(over_grid, "The same torques as height: a point at each reading of the grid."),
             Figure(
                 "loss-curves",
                 "Loss curves",
@@ -65,6 +68,7 @@ def neutral_section(analysis: Analysis, fits: LossFits) -> Section:
                 charts,
                 columns=2,
             ),
+            *total_torque_figure(grid, fits),
             _coefficients(fits),
             *(_ranking(choice) for choice in analysis.choices),
             *(() if analysis.plane is None else _plane(analysis.plane)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, Table, Text
 from pmg.pipeline.wording.units import MILLI
 from pmg.sim import sources
+from pmg.sim.dynamics.limits import limits_reached
 from pmg.sim.grid import Configuration
 from pmg.sim.signals import REVOLUTION, SPEED_SUN
 
@@ -44,6 +46,8 @@ def run_section(run: Run, scenario: Scenario) -> Section:
         items.append(Text(text, kind="finding"))
     figures = (_speeds, _torques, _powers, _torsion)
     items += [draw(trace, rows, engaged) for draw in figures]
+    if run.opening is not None:
+        items.append(_opening(run.opening, engaged))
     items.append(_energies(trace))
     return Section("transient", "Run in time", tuple(items), (sources.THESIS.at("chapter 5 and section 6.4"),))
 
@@ -55,8 +59,21 @@ def _happened(trace: Trace, engaged: bool) -> tuple[tuple[str, str], ...]:
         locked = "not by the end" if np.isnan(trace.locked_at) else f"from {trace.locked_at:.3f} s on"
         slips = ", ".join(f"{time:.4g} s" for time in trace.slips[:10]) + (" ..." if len(trace.slips) > 10 else "")
         facts += [("Gear locked", locked), ("Slipped poles", f"{len(trace.slips)}" + (f": {slips}" if slips else ""))]
+    facts += _limits(trace)
     facts.append(("Energy account", f"leaves over {abs(trace.energy.residual):.1g} of the turnover"))
     return tuple(facts)
+
+
+def _limits(trace: Trace) -> list[tuple[str, str]]:
+    """Whether a drive met its limits."""
+    q = trace.drivetrain.constants
+    if not q.limited:
+        return [("Limits of the motors", "none set")]
+    reached = "; ".join(limit.words for limit in limits_reached(trace))
+    sizes = f"{q.U_bus:g} V, {q.i_peak:g} A"
+    return [
+        ("Limits of the motors", reached or f"not reached ({sizes}) at the {len(trace.time)} instants of the table")
+    ]
 
 
 def _chart(time: Array, label: str, named: Sequence[tuple[str, Array]], title: str = "") -> Chart:
@@ -69,6 +86,8 @@ def _speeds(trace: Trace, rows: Rows, engaged: bool) -> Figure:
     names = [("sun", "speed_sun"), ("ring", "speed_ring")]
     if q.ring_held:
         names = [("sun", "speed_sun"), ("carrier", "speed_carrier"), ("ring, held", "speed_ring")]
+    elif q.sun_held:
+        names = [("carrier", "speed_carrier"), ("ring", "speed_ring"), ("sun, held", "speed_sun")]
     speeds = {name: SPEED_SUN.display(trace[state]) for name, state in names}
     ends = ", ".join(f"{name} {values[-1]:.1f} rpm" for name, values in speeds.items())
     peak = max(float(np.abs(values).max()) for values in speeds.values())
@@ -81,9 +100,11 @@ def _torques(trace: Trace, rows: Rows, engaged: bool) -> Figure:
     m, q = trace.drivetrain.motion(trace.state, trace.asked), trace.drivetrain.constants
     n = len(trace.time)
     panels, lines = [], []
-    on_ring = ("carrier", m.magnetic_carrier) if q.ring_held else ("ring", m.magnetic_ring)
+    carrier = ("carrier", m.magnetic_carrier)
+    on_sun = carrier if q.sun_held else ("sun", m.magnetic_sun)
+    on_ring = carrier if q.ring_held else ("ring", m.magnetic_ring)
     for side, by, asked, seen, member, field in (
-        ("sun", q.sun.by_speed, trace.asked.sun, m.sun.torque_out, "sun", m.magnetic_sun),
+        ("sun", q.sun.by_speed, trace.asked.sun, m.sun.torque_out, *on_sun),
         ("ring", q.ring.by_speed, trace.asked.ring, m.ring.torque_out, *on_ring),
     ):
         columns = [("transducer", np.broadcast_to(seen, n)[rows])]
@@ -136,6 +157,26 @@ def _torsion(trace: Trace, rows: Rows, engaged: bool) -> Figure:
         panels.append(_chart(trace.time[rows], "electrical phase [rad]", [("", phase[rows])], "magnetic coupling"))
         caption += f" The phase swings between {phase.min():.3f} and {phase.max():.3f} rad and ends at {phase[-1]:.3f}."
     return Figure("run-torsion", "Torsion", caption.replace("-", "−"), tuple(panels), columns=2)
+
+
+def _opening(trace: Trace, engaged: bool) -> Figure:
+    """The first second of a run: speeds, torques and powers."""
+    rows = np.arange(len(trace.time))
+    panels = [
+        replace(panel, title=panel.title or title)
+        for title, draw in (("speeds", _speeds), ("torques", _torques), ("powers", _powers))
+        for panel in draw(trace, rows, engaged).panels
+        if isinstance(panel, Chart)
+    ]
+    speed = SPEED_SUN.display(trace["speed_sun"])
+    locked = ""
+    if engaged and not np.isnan(trace.locked_at):
+        locked = f" The gear is locked from {trace.locked_at:.3f} s on." if trace.locked_at > 0.0 else ""
+    caption = (
+        f"The first {trace.time[-1]:g} s, each millisecond: the sun's speed lies between {speed.min():.1f} and "
+        f"{speed.max():.1f} rpm."
+    )
+    return Figure("run-opening", "The first second", caption.replace("-", "−") + locked, tuple(panels), columns=2)
 
 
 def _energies(trace: Trace) -> Table:

@@ -10,6 +10,7 @@ import numpy as np
 from pmg.pipeline.chapters.cells import lay_out
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.chapters.simulated.motion import NO_UNCERTAINTY, response_section, run_section
+from pmg.pipeline.chapters.simulated.two_runs import two_runs_section
 from pmg.pipeline.fit.losses import QUANTITIES
 from pmg.pipeline.grid.levels import by_load
 from pmg.pipeline.recording.remark import Remark
@@ -38,8 +39,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.report.table import Cell
     from pmg.pipeline.simulate.inputs import Inputs
     from pmg.pipeline.simulate.scenario import Scenario
-    from pmg.pipeline.simulate.simulation import Simulation
+    from pmg.pipeline.simulate.simulation import Run, Simulation
     from pmg.pipeline.simulate.steady_points import SteadyPoints
+    from pmg.sim.signals import Mask
 
 
 def simulation_report(
@@ -48,6 +50,8 @@ def simulation_report(
     inputs: Inputs,
     findings: tuple[Remark, ...],
     provenance: tuple[tuple[str, str], ...],
+    name: str = "",
+    beside: tuple[str, Run] | None = None,
 ) -> Report:
     """The report of one scenario.
 
@@ -63,12 +67,18 @@ def simulation_report(
         Remarks: severity, where, message.
     provenance : tuple of (label, value)
         Scenario and its hash.
+    name : str
+        What the run is called beside another one.
+    beside : (name, Run), optional
+        A run of another scenario, to be drawn over this one's.
     """
     sections = [_scenario_section(simulation, scenario, inputs, findings)]
     if simulation.points is not None:
         sections.append(_points_section(simulation.points, scenario, inputs))
     if simulation.run is not None:
         sections.append(run_section(simulation.run, scenario))
+        if beside is not None:
+            sections.append(two_runs_section((name, simulation.run), beside))
     if simulation.modes:
         sections.append(response_section(simulation))
     if not scenario.output.figures:
@@ -141,8 +151,9 @@ def _scenario_section(
 def _points_section(points: SteadyPoints, scenario: Scenario, inputs: Inputs) -> Section:
     engaged = scenario.bench.configuration is Configuration.ENGAGED
     figures: list[Figure] = []
-    if scenario.grid is not None:
-        figures.append(_engaged_figure(points) if engaged else _neutral_figure(points))
+    if scenario.grid is not None or scenario.pairs is not None:
+        series = by_load(points.grid.points) if scenario.pairs is None else [("", points.grid.points.engaged)]
+        figures.append(_engaged_figure(points, series) if engaged else _neutral_figure(points))
     if points.chains:
         figures.append(_flow_figure(points, inputs))
     tables = [_points_table(points), *([_chain_table(points)] if points.chains else [])]
@@ -151,7 +162,8 @@ def _points_section(points: SteadyPoints, scenario: Scenario, inputs: Inputs) ->
     )
 
 
-def _engaged_figure(points: SteadyPoints) -> Figure:
+def _engaged_figure(points: SteadyPoints, loads: list[tuple[str, Mask]]) -> Figure:
+    """Torque, loss and efficiencies over speed, a line for each load; points alone where they have no levels."""
     at = points.grid.points
     panels = []
     for signal, values in (
@@ -161,11 +173,13 @@ def _engaged_figure(points: SteadyPoints) -> Figure:
         (signals.EFFICIENCY_MAGNETIC, points.values["efficiency_magnetic"]),
     ):
         series = []
-        for i, (load, rows) in enumerate(by_load(at)):
+        for i, (load, rows) in enumerate(loads):
             order = np.flatnonzero(rows)[np.argsort(np.abs(at.speed_sun[rows]), kind="stable")]
             x, y = SPEED_SUN.display(np.abs(at.speed_sun[order])), signal.display(values[order])
-            series.append(Series(load, x, y, None, "both", i))
-        panels.append(Chart(SPEED_SUN.label, signal.label, tuple(series), legend_title="Load"))
+            series.append(Series(load, x, y, None, "both" if load else "markers", i))
+        panels.append(
+            Chart(SPEED_SUN.label, signal.label, tuple(series), legend_title="Load" if len(loads) > 1 else "")
+        )
     eta, loss = signals.EFFICIENCY_TOTAL.display(points.values["efficiency_total"]), points.values["loss_total"]
     caption = (
         f"Total loss {np.nanmin(loss):.2f} to {np.nanmax(loss):.2f} W, total efficiency {np.nanmin(eta):.1f} to "

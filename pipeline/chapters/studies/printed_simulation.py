@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.report.document import Chart, Column, Figure, Section, Series, Table, Text
-from pmg.pipeline.thesis_figures.printed_simulation import printed_simulation
+from pmg.pipeline.thesis_figures.printed_simulation import PATTERN_LEVEL, printed_simulation
 from pmg.pipeline.thesis_figures.tables import LOADS
 from pmg.pipeline.wording.probability import nominal_p_text
 from pmg.sim import sources
@@ -16,6 +16,18 @@ from pmg.sim.signals import RESIDUAL, SPEED_RING, SPEED_SUN
 if TYPE_CHECKING:
     from pmg.pipeline.thesis_figures.printed_simulation import PrintedSimulation
     from pmg.sim.grid import Grid
+
+
+_MEANING = {
+    (True, False): (
+        "follows the speed and not the load",
+        "So the curves or the damping are at fault, not what depends on load.",
+    ),
+    (False, True): ("follows the load and not the speed", "So what depends on load is at fault, not the curves."),
+    (True, True): ("follows the speed and the load", "So more than the curves and the damping is at fault."),
+    (False, False): ("follows neither speed nor load", "So neither curves, damping nor load are shown to be at fault."),
+}
+"""What the differences follow, and what that says, by whether speed and load take a part of them."""
 
 
 def printed_simulation_sections(grid: Grid) -> tuple[Section, ...]:
@@ -35,12 +47,13 @@ def printed_simulation_sections(grid: Grid) -> tuple[Section, ...]:
 
 def _finding(found: PrintedSimulation) -> str:
     of_speed, of_load = found.pattern()
+    follows, at_fault = _MEANING[of_speed.p < PATTERN_LEVEL, of_load.p < PATTERN_LEVEL]
     return (
-        f"What the source's simulation misses follows the speed and not the load: speed takes {of_speed.share:.0%} of "
+        f"What the source's simulation misses {follows}: speed takes {of_speed.share:.0%} of "
         f"the differences' sum of squares (F = {of_speed.f:.1f}, p {nominal_p_text(of_speed.p)}), load "
-        f"{of_load.share:.0%} (F = {of_load.f:.1f}, p {nominal_p_text(of_load.p)}). The rest scatters like the "
-        f"rounding of the measured torques, {RESIDUAL.display(found.u):.1f} mN m. So the curves or the damping are at "
-        f"fault, not what depends on load. R² of the loss power is {found.r_squared:.4f} and does not show it."
+        f"{of_load.share:.0%} (F = {of_load.f:.1f}, p {nominal_p_text(of_load.p)}). The rest scatters by "
+        f"{RESIDUAL.display(found.scatter):.1f} mN m; rounding of the measured torques makes "
+        f"{RESIDUAL.display(found.u):.1f}. {at_fault} R² of the loss power is {found.r_squared:.4f}."
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from pmg.pipeline.chapters.studies.transient import transient_section
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, Table, Text
 from pmg.pipeline.thesis_figures.figures import MANY
-from pmg.pipeline.thesis_figures.listing import summary
+from pmg.pipeline.thesis_figures.listing import failed_draws, summary
 from pmg.pipeline.thesis_figures.rounding import DRAWS, ROUNDING_SEED
 from pmg.pipeline.thesis_figures.tables import printed
 from pmg.pipeline.thesis_figures.transient import transient_options
@@ -63,6 +63,7 @@ def validation_section(judged: tuple[JudgedFigure, ...], draws: int, seed: int) 
                 (
                     *((str(verdict), float(n)) for verdict, n in count(judged).items()),
                     ("Draws within the rounding", float(draws)),
+                    *((("Left out", failed),) if (failed := failed_draws(judged)) else ()),
                     ("Seed of the draws", str(seed)),
                 )
             ),

@@ -162,6 +162,8 @@
   const bring = async (figure) => {
     const still = figure.querySelector(".still");
     const specification = JSON.parse(figure.querySelector("script.live-data").textContent);
+    // Surfaces need WebGL; where a browser has none, the still drawing stays.
+    if (specification.panels.some((panel) => panel.kind === "surface") && !document.createElement("canvas").getContext("webgl")) return;
     const narrow = matchMedia("(max-width: 43rem)").matches;
     const columns = narrow ? 1 : Math.min(specification.columns, specification.panels.length);
     const rows = Math.ceil(specification.panels.length / columns);

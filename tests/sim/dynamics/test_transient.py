@@ -16,6 +16,7 @@ from pmg.sim.bench import BenchParameters
 from pmg.sim.dynamics.assumptions import Assumptions, RotorInertia
 from pmg.sim.dynamics.drivetrain import Drivetrain
 from pmg.sim.dynamics.equilibrium import equilibrium
+from pmg.sim.dynamics.limits import DriveLimit, limits_reached
 from pmg.sim.dynamics.power import energies
 from pmg.sim.dynamics.programme import Programme
 from pmg.sim.dynamics.state import SetPoints
@@ -24,6 +25,7 @@ from pmg.sim.dynamics.transient import OnSlip, Solver, Task, transient
 from pmg.sim.errors import BenchError
 from pmg.sim.lossmodel import LossModel
 from pmg.sim.maps.analytic import analytic_map
+from pmg.sim.shafts import Member
 from pmg.sim.signals import RPM
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.power_chain import MotorConvention
@@ -225,9 +227,34 @@ def test_after_a_slip_the_bus_holds_the_speed_that_the_source_lets_run_away() ->
     assert np.abs(limited["current_sun"]).max() <= q.i_peak
     no_load = q.U_bus / q.sun.back_emf
     assert limited["speed_sun"][-1] < 1.02 * no_load < free["speed_sun"][-1]
+    by_bus = next(r for r in limits_reached(limited) if (r.side, r.limit) == ("sun", DriveLimit.VOLTAGE))
+    asked_at_once, *_, after = by_bus.stretches
+    assert asked_at_once[0] == 0.0  # the ideal derivative of a ramp that begins steeply
+    assert limited.slips[0] < after[0] < after[1] <= limited.time[-1]
+    assert by_bus.words.startswith("sun motor at its bus voltage of 560 V: ")
+    assert limits_reached(free) == ()
+
+
+def test_a_run_within_the_limits_reaches_none() -> None:
+    run = transient(Task(drivetrain(), Programme.ramp(1.0, 1.0), Programme.ramp(2.3, 1.0), 0.2), rtol=1e-5)
+    assert limits_reached(run) == ()
 
 
 def test_a_steady_state_beyond_the_limits_is_refused() -> None:
     loss = Drivetrain(BENCH, ())
     with pytest.raises(BenchError, match="limit of current"):
         equilibrium(replace(loss, assumptions=Assumptions(map_scale=100.0)), 100.0, 260.0)
+
+
+def test_with_the_sun_held_the_ring_turns_the_carrier_as_the_poles_say() -> None:
+    train = replace(drivetrain(), held=Member.SUN)
+    run = transient(Task(train, Programme.ramp(-1.0, 0.3), Programme.ramp(1.0, 0.3), 3.0), rtol=1e-6)
+    q, late = train.constants, run.time > 2.0
+    assert run.stopped is None
+    ring, carrier = run["speed_ring"][late], run["speed_carrier"][late]
+    assert (ring > 10.0).all()
+    assert carrier == pytest.approx(q.p_r / q.Q * ring, rel=2e-3)
+    assert np.abs(run["speed_sun"][late]).max() < 1e-3 * ring.max()
+    assert abs(run.energy.residual) < 1e-6
+    with pytest.raises(BenchError, match="the sun held"):
+        equilibrium(train, -1.0, 1.0)
