@@ -128,6 +128,7 @@ def run(given: Given, progress: Progress | None = None) -> Outcome:
 
 
 demo = app.command()(bench_side.demo)
+watch = app.command()(bench_side.watch)
 simulate = app.command()(studies.simulate)
 validate = app.command()(studies.validate)
 residuals = app.command()(studies.residuals)

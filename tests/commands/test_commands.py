@@ -197,6 +197,16 @@ TABLE: dict[str, Row] = {
         (Wrong("--store {notes} --report {tmp}/r", "notes"), Wrong("--store {store} --report {store}", "of its own")),
         code=3,  # of the few recordings that stand for the example here
     ),
+    "watch": Row(
+        "commands.at_bench.watch.run_watch",
+        "{sound} --store {tmp}/s --settle 0.05 --idle 0.005",
+        (
+            Wrong("{tmp}/none --store {tmp}/s", "no such folder"),
+            Wrong("{sound} --store {tmp}/s --settle 0", "--settle"),
+            Wrong("{sound} --store {tmp}/s --port 70000", "--port"),
+            Wrong("{sound} --store {tmp}/s --model {notes}", "notes"),
+        ),
+    ),
     "prove": Row(
         "trials.score.stage.run_prove",
         "--out {tmp}/o --campaigns 1 --strata clean --workers 1",
