@@ -29,6 +29,8 @@ EXTRAS: dict[str, list[str]] = PROJECT["project"]["optional-dependencies"]
 DESK: list[str] = EXTRAS["dev"]
 OPTIONAL: list[str] = [text for extra, needed in EXTRAS.items() if extra != "dev" for text in needed]
 """What a user may add; imported inside of functions, with a hint where it is missing."""
+LARGEST_WHEEL = 16 << 20
+"""What a wheel may weigh [bytes]: nine tenths of it are the recordings of the example."""
 SCRIPTS: dict[str, str] = PROJECT["project"]["scripts"]
 
 
@@ -67,7 +69,13 @@ def folder_of(package: str) -> Path:
 
 def package_of(path: Path) -> str:
     """Package that a folder below ``sim`` or ``pipeline`` is imported as."""
-    return ".".join(("pmg", *path.relative_to(ROOT).parts))
+    return shipped_name(path).replace("/", ".")
+
+
+def shipped_name(path: Path) -> str:
+    """Name in the wheel of a file or folder of the repository."""
+    name, folder = next((n, f) for n, f in PACKAGE_DIR.items() if path.is_relative_to(ROOT / f))
+    return "/".join((*name.split("."), *path.relative_to(ROOT / folder).parts))
 
 
 def names(requirements: list[str]) -> set[str]:
@@ -111,15 +119,16 @@ def test_the_wheel_holds_the_folders_and_nothing_else(tmp_path: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         held = set(archive.namelist())
     info = f"{PROJECT['project']['name'].replace('-', '_')}-{PROJECT['project']['version']}.dist-info/"
-    expected = {f"pmg/{path.relative_to(ROOT).as_posix()}" for path in shipped}
+    expected = {shipped_name(path) for path in shipped}
     assert {name for name in held if not name.startswith(info)} == expected
     assert f"{info}licenses/LICENSE" in held
-    assert {"pmg/sim/py.typed", "pmg/pipeline/py.typed", "pmg/sim/bench.toml"} <= held
+    assert {"pmg/sim/py.typed", "pmg/pipeline/py.typed", "pmg/sim/bench.toml", "pmg/example/0000.mcap"} <= held
+    assert wheel.stat().st_size < LARGEST_WHEEL
 
 
 def test_the_links_for_type_checkers_are_relative_and_lead_home() -> None:
     links = ROOT / ".typing" / "pmg"
-    assert {link.name for link in links.iterdir()} == set(PACKAGE_DIR.values())
+    assert {link.name for link in links.iterdir()} == set(PACKAGE_DIR.values()) - {"raw/example"}
     for link in links.iterdir():
         assert link.is_symlink(), f"{link} is a copy"
         assert not link.readlink().is_absolute()

@@ -78,7 +78,7 @@ class Residuals:
     efficiency_total: Difference
 
 
-def compare(measured: Grid, simulated: Grid, bench: BenchParameters, calibration: FittedBaseline) -> Residuals:
+def compare(measured: Grid, simulated: Grid, bench: BenchParameters, calibration: FittedBaseline | None) -> Residuals:
     """Subtract the simulated grid from the measured one.
 
     Parameters
@@ -87,12 +87,13 @@ def compare(measured: Grid, simulated: Grid, bench: BenchParameters, calibration
         The same points.
     bench : BenchParameters
         Ratio of the stages.
-    calibration : FittedBaseline
+    calibration : FittedBaseline or None
         Its parameter uncertainty enters the uncertainty of the difference, which is that of a new reading; its
-        correlation with readings that took part in the fit is left out, so U is slightly too wide there.
+        correlation with readings that took part in the fit is left out, so U is slightly too wide there. None where
+        a given model made the simulation: its own uncertainty is then left out.
     """
     readings = take_readings(measured, bench)
-    u_model = _predicted_uncertainty(readings, bench, calibration)
+    u_model = np.zeros(len(readings)) if calibration is None else _predicted_uncertainty(readings, bench, calibration)
     u_of = {True: np.full(len(measured), np.nan), False: np.full(len(measured), np.nan)}
     for sun in (True, False):
         chosen = readings.sun == sun

@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
+from pmg.pipeline.cli import bench_side, exchange, runs, studies
 from pmg.pipeline.cli import config as cli_config
-from pmg.pipeline.cli import exchange, runs, studies
 from pmg.pipeline.cli import machine as cli_machine
 from pmg.pipeline.cli import report as cli_report
 from pmg.pipeline.cli.frame import command
@@ -31,8 +31,8 @@ def _grouped(app: typer.Typer, groups: dict[str, typer.Typer]) -> typer.Typer:
 app = _grouped(
     typer.Typer(
         cls=AnswersInJson,
-        help="From recordings of a planetary magnetic gearbox to losses, a comparison with the simulation "
-        "and the cause of the difference.",
+        help="Turn recordings of a planetary magnetic gearbox into losses, compare them with the simulation, and name "
+        "the cause of the difference.",
         epilog="Exit codes: 0 done, 1 done with findings under --fail-on, 2 could not run, 3 partly done (run again to "
         "resume), 70 internal error, 130 interrupted.",
         no_args_is_help=True,
@@ -63,9 +63,13 @@ def whole(
 
 
 @app.command()
-@command("ingest", options_of(CampaignOptions, "recordings store workers scheduler shard limits map machine config"))
+@command(
+    "ingest",
+    options_of(CampaignOptions, "recordings store workers scheduler shard limits map machine config"),
+    example="ingest raw/example --store store",
+)
 def ingest(given: Given, progress: Progress | None = None) -> Outcome:
-    """Decode recordings into a store: torque and angle of each run, steady windows, remarks on the data."""
+    """Decode recordings into a store. It keeps torque and angle of each run, steady windows and remarks on the data."""
     from pmg.pipeline.commands.ingest import ingest_chosen
     from pmg.pipeline.settings.chosen import choose
 
@@ -74,9 +78,13 @@ def ingest(given: Given, progress: Progress | None = None) -> Outcome:
 
 
 @app.command()
-@command("analyse", options_of(CampaignOptions, f"store {ANALYSIS} model machine config"))
+@command(
+    "analyse",
+    options_of(CampaignOptions, f"store {ANALYSIS} model machine config"),
+    example="analyse --store store --k-corr joint",
+)
 def analyse(given: Given) -> Outcome:
-    """Fit the losses of a campaign: mean torques of its points, loss curves, calibration, power balance."""
+    """Fit the losses of a campaign. This gives mean torques, loss curves, calibration and power balance."""
     from pmg.pipeline.commands.analyse import run_analyse
     from pmg.pipeline.model.read_model import with_model
     from pmg.pipeline.settings.chosen import choose
@@ -91,9 +99,13 @@ def analyse(given: Given) -> Outcome:
 
 
 @app.command()
-@command("compare", options_of(CampaignOptions, "store report note model machine config"))
+@command(
+    "compare",
+    options_of(CampaignOptions, "store report note model machine config"),
+    example="compare --store store --report report",
+)
 def compare(given: Given, progress: Progress | None = None) -> Outcome:
-    """Compare simulation and bench: where they differ, the cause of it, and the report."""
+    """Compare bench and simulation, and write the report. It says where they differ and names the cause."""
     from pmg.pipeline.commands.compare import compare_chosen
     from pmg.pipeline.settings.chosen import choose
 
@@ -101,9 +113,13 @@ def compare(given: Given, progress: Progress | None = None) -> Outcome:
 
 
 @app.command()
-@command("run", options_of(CampaignOptions, f"recordings {RUN} config"))
+@command(
+    "run",
+    options_of(CampaignOptions, f"recordings {RUN} config"),
+    example="run raw/example --store store --report report",
+)
 def run(given: Given, progress: Progress | None = None) -> Outcome:
-    """Run ingest, analyse and compare in one go; of published grids (--grids), or of another machine (--machine)."""
+    """Run ingest, analyse and compare in one go. It takes published grids or another machine too."""
     from pmg.pipeline.commands.compare import run_all
     from pmg.pipeline.settings.chosen import choose
 
@@ -111,6 +127,8 @@ def run(given: Given, progress: Progress | None = None) -> Outcome:
     return run_all(choose(**given), progress) if outcome is None else outcome
 
 
+demo = app.command()(bench_side.demo)
+watch = app.command()(bench_side.watch)
 simulate = app.command()(studies.simulate)
 validate = app.command()(studies.validate)
 residuals = app.command()(studies.residuals)

@@ -7,33 +7,43 @@ from typing import Annotated
 
 import typer
 
+from pmg.pipeline.cli import checks
 from pmg.pipeline.cli.frame import command
 from pmg.pipeline.cli.options import LimitsOption
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.files.progress import Progress
 
 
-@command("import")
+@command("import", example="import log.csv --map map.toml --out recordings")
 def bring(
     source: Annotated[
-        Path, typer.Argument(help="CSV, TDMS, MF4, HDF5, MAT or Parquet file, or a folder of them.", metavar="SOURCE")
+        Path,
+        typer.Argument(help="Name a CSV, TDMS, MF4, HDF5, MAT or Parquet file, or a folder of them.", metavar="SOURCE"),
+        checks.PLACE,
     ],
     chart: Annotated[
-        Path | None, typer.Option("--map", help="Channel map in TOML; see pipeline/importers/README.md.")
+        Path | None,
+        typer.Option("--map", help="Read the channels by this map in TOML; see pipeline/importers/README.md."),
+        checks.FILE,
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", help="Folder of the recordings, called like their sources; with --guess, the new map."),
+        typer.Option(
+            "--out",
+            help="Write recordings to this folder, named like their sources; with --guess, the map to this file.",
+        ),
     ] = None,
     words: Annotated[
-        list[str] | None, typer.Option("--set", help="Key of the run, such as point=P17, instead of the map's; repeat.")
+        list[str] | None,
+        typer.Option("--set", help="Set a key of the run instead of the map, such as point=P17; repeat for more."),
+        checks.SETTING,
     ] = None,
     guess: Annotated[
-        bool, typer.Option("--guess", help="Propose a channel map for a file, to be completed; nothing is imported.")
+        bool, typer.Option("--guess", help="Propose a channel map for a file, to be completed; import nothing.")
     ] = False,
     progress: Progress | None = None,
 ) -> Outcome:
-    """Convert recordings in CSV, TDMS, MF4, HDF5, MAT or Parquet to MCAP of layout pmg.v1, by a channel map."""
+    """Convert recordings of other formats to MCAP. A channel map says which column is which signal of layout pmg.v1."""
     from pmg.pipeline.commands.exchange import run_guess, run_import
 
     if guess:
@@ -41,16 +51,20 @@ def bring(
     return run_import(source, chart, out, words or (), progress)
 
 
-@command("export")
+@command("export", example="export raw/example/0005.mcap --out signals.mcap --rate 50")
 def export(
-    recording: Annotated[Path, typer.Argument(help="Recording of layout pmg.v1.", metavar="RECORDING")],
-    out: Annotated[Path, typer.Option("--out", help="MCAP file to write.")],
+    recording: Annotated[
+        Path, typer.Argument(help="Name a recording of layout pmg.v1.", metavar="RECORDING"), checks.FILE
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Write this MCAP file."), checks.FILE_OUT],
     rate: Annotated[
-        float | None, typer.Option("--rate", help="Rate of the derived signals [Hz]; that of the samples if absent.")
+        float | None,
+        typer.Option("--rate", help="Write the signals at this rate [Hz]; without it, at that of the samples."),
+        checks.POSITIVE,
     ] = None,
     limits: LimitsOption = None,
 ) -> Outcome:
-    """Write torques, speeds, powers and flags of a recording as MCAP, with a 50 Hz preview for viewers."""
+    """Write derived signals of a recording as MCAP. It holds torques, speeds, powers, flags and a 50 Hz preview."""
     from pmg.pipeline.commands.exchange import run_export
 
     return run_export(recording, out, rate, limits)

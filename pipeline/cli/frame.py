@@ -7,7 +7,6 @@ import os
 import sys
 import traceback
 from collections.abc import Callable
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import IntEnum, StrEnum
 from functools import wraps
@@ -16,15 +15,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pmg.pipeline.cli.checks import check_call
+from pmg.pipeline.cli.progress_line import progress_line, say
 from pmg.pipeline.files.notes import taking_notes
 from pmg.pipeline.wording.safe_text import printable, printable_json, printable_lines
 from pmg.sim.errors import PmgError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from pmg.pipeline.commands.outcome import Outcome
-    from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.recording.remark import Remark
 
 SCHEMA = "pmg.result/1"
@@ -53,12 +53,12 @@ class _FailOn(StrEnum):
     FINDINGS = "findings"
 
 
-JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
 FailOnOption = Annotated[_FailOn, typer.Option("--fail-on", help="Exit with 1 on a mismatch, or on any finding.")]
 
 
 def command(
-    name: str, options: Sequence[Parameter] = (), *, fails: bool = True
+    name: str, options: Sequence[Parameter] = (), *, example: str, fails: bool = True
 ) -> Callable[[Callable[..., Outcome]], Callable[..., None]]:
     """A stage as a command of the terminal, with its own parameters, a group of options and those on output.
 
@@ -68,6 +68,8 @@ def command(
         Words of the command, as results and errors name it.
     options : sequence of Parameter
         The group; the stage takes its values by name in a dict, as ``given``, and the call shows them in its place.
+    example : str
+        Words of a call, shown by ``--help``.
     fails : bool
         Whether the command takes ``--fail-on``.
     """
@@ -88,16 +90,20 @@ def command(
             def run_stage() -> Outcome:
                 if not progress:
                     return stage(**values)
-                with _progress_line(as_json, name) as line:
+                with progress_line(as_json, name) as line:
                     return stage(**values, progress=line)
 
-            _carry_out(name, run_stage, as_json, fail_on, settings if audited else None)
+            def check() -> None:
+                check_call(shown, settings)
+
+            _carry_out(name, (check, run_stage), as_json, fail_on, settings if audited else None)
 
         output = (("as_json", JsonOption, False), ("fail_on", FailOnOption, _FailOn.NEVER))[: 2 if fails else 1]
         shown += [Parameter(key, Parameter.KEYWORD_ONLY, default=value, annotation=kind) for key, kind, value in output]
         carried.__signature__ = Signature(  # type: ignore[attr-defined]
             [one.replace(kind=Parameter.KEYWORD_ONLY) for one in shown]
         )
+        carried.__doc__ = f"{stage.__doc__}\n\n\b\nExample:\n  pmg {example}"
         return carried
 
     return made
@@ -114,19 +120,19 @@ class _Ending:
 
 def _carry_out(
     command: str,
-    stage: Callable[[], Outcome],
+    steps: tuple[Callable[[], None], Callable[[], Outcome]],
     as_json: bool,
     fail_on: _FailOn,
     audited: Mapping[str, object] | None,
 ) -> None:
-    """Run a stage, leave entries in the audit trail of its stores, print what it gave, and exit with its code.
+    """Check a call, run its stage, leave entries in the audit trail, print what it gave, and exit with its code.
 
     Parameters
     ----------
     command : str
         Name of the command.
-    stage : callable
-        What it does.
+    steps : pair of callables
+        What checks the call, and what it does.
     as_json : bool
         Whether the result is printed as JSON.
     fail_on : _FailOn
@@ -134,7 +140,11 @@ def _carry_out(
     audited : mapping or None
         What the call set, for the audit trail; None for a command that leaves no entry.
     """
-    if audited is None:
+    check, stage = steps
+    refused = _ending(command, check, as_json, fail_on)
+    if refused.error is not None:
+        ending = refused
+    elif audited is None:
         ending = _ending(command, stage, as_json, fail_on)
     else:
         ending = _audited(command, lambda: _ending(command, stage, as_json, fail_on), audited)
@@ -170,10 +180,12 @@ def _audited(command: str, run: Callable[[], _Ending], settings: Mapping[str, ob
     return ending
 
 
-def _ending(command: str, stage: Callable[[], Outcome], as_json: bool, fail_on: _FailOn) -> _Ending:
-    """Run a stage; an error is printed on standard error."""
+def _ending(command: str, stage: Callable[[], Outcome | None], as_json: bool, fail_on: _FailOn) -> _Ending:
+    """Run a stage, or the check of a call, which has no outcome; an error is printed on standard error."""
     try:
         outcome = stage()
+        if outcome is None:
+            return _Ending(_ExitCode.DONE)
         if outcome.refusal is not None:
             return _refused(command, outcome.refusal, outcome)
         code = _exit_code(outcome, fail_on)
@@ -211,15 +223,6 @@ def _refused(command: str, problem: PmgError, outcome: Outcome | None = None) ->
     _tell_error(command, f"{problem.where}: {problem.came}; expected {problem.expected}.", problem.do)
     parts = {"where": problem.where, "came": problem.came, "expected": problem.expected, "do": problem.do}
     return _Ending(_ExitCode.COULD_NOT_RUN, outcome, parts)
-
-
-def say(text: str, end: str = "\n") -> None:
-    """Print on standard error; where that takes nothing more, its words go nowhere and the command goes on."""
-    try:
-        sys.stderr.write(text + end)
-        sys.stderr.flush()
-    except OSError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
 
 
 def output_lost(called: str, problem: OSError) -> _ExitCode:
@@ -271,25 +274,3 @@ def _exit_code(outcome: Outcome, fail_on: _FailOn) -> _ExitCode:
     if fail_on is _FailOn.FINDINGS and outcome.findings:
         return _ExitCode.FINDINGS
     return _ExitCode.DONE
-
-
-@contextmanager
-def _progress_line(quiet: bool, what: str) -> Iterator[Progress]:
-    """A progress line on standard error: rewritten on a terminal, one line a tenth elsewhere."""
-    terminal = sys.stderr.isatty()
-    shown: tuple[int, ...] = ()
-
-    def show(done: int, total: int, name: str) -> None:
-        nonlocal shown
-        step = (total, done if terminal else (10 * done) // max(total, 1))
-        if step == shown or (quiet and not terminal):
-            return
-        shown = step
-        text = printable(f"{what} {done}/{total} {name}")
-        say(f"\r\x1b[K{text}" if terminal else text, end="" if terminal else "\n")
-
-    try:
-        yield show
-    finally:
-        if terminal and shown:
-            say("\r\x1b[K", end="")

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 from typer.core import TyperGroup
 
-from pmg.pipeline.cli.frame import as_text, output_lost, say
+from pmg.pipeline.cli.frame import as_text, output_lost
+from pmg.pipeline.cli.here import look_around
+from pmg.pipeline.cli.progress_line import say
+from pmg.pipeline.wording.safe_text import printable_lines
 from pmg.sim.errors import closest, near_miss
 
 if TYPE_CHECKING:
@@ -39,6 +44,8 @@ class AnswersInJson(TyperGroup):
             return super().main(args, prog_name, complete_var, standalone_mode, windows_expand_args, **extra)
         words = list(sys.argv[1:] if args is None else args)
         try:
+            if set(words) <= {"--json"} and "_PMG_COMPLETE" not in os.environ and _told_here("--json" in words):
+                sys.exit(0)
             code = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
         except typer.Abort:
             code = 1
@@ -50,6 +57,16 @@ class AnswersInJson(TyperGroup):
             except OSError as full:
                 code = output_lost("pmg", full)
         sys.exit(code)
+
+
+def _told_here(as_json: bool) -> bool:
+    """Whether this folder holds recordings; then what pmg would do with them is printed."""
+    found = look_around(Path.cwd())
+    if found is None:
+        return False
+    for line in [as_text("", 0, found, None)] if as_json else found.lines:
+        typer.echo(line if as_json else printable_lines(line))
+    return True
 
 
 class _Fault(NamedTuple):
@@ -71,7 +88,9 @@ def _print_problem(problem: Any, words: Sequence[str]) -> int:  # noqa: ANN401 -
     named = [word for word in words if not word.startswith("-")][len(path) :]
     if problem.ctx is not None and hasattr(problem.ctx.command, "list_commands") and not (named or words[len(path) :]):
         problem.show()
-        fault = _Fault("no command", "one of its commands", f"See '{called} --help'.")
+        hint = f"See '{called} --help'." if path else "Call pmg in a folder of recordings, or try 'pmg demo'."
+        fault = _Fault("no command", "one of its commands", hint)
+        say(f"hint: {hint}")
     else:
         fault = _fault(problem, words, named, f"See '{called} --help'.")
         say(f"{called}: {fault.came}; expected {fault.expected}.")

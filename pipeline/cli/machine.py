@@ -7,18 +7,19 @@ from typing import Annotated
 
 import typer
 
+from pmg.pipeline.cli import checks
 from pmg.pipeline.cli.frame import command
 from pmg.pipeline.cli.options import Given
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.sim.errors import BenchError
 
 machine = typer.Typer(
-    help="A machine of one's own as a file: begin one, show what it says, check it.",
+    help="Begin, show or check the file of a machine.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
 
-bench = typer.Typer(help="The bench in numbers.", no_args_is_help=True, rich_markup_mode=None)
+bench = typer.Typer(help="Show the bench in numbers.", no_args_is_help=True, rich_markup_mode=None)
 
 
 @bench.callback()
@@ -27,56 +28,61 @@ def _bench() -> None:
 
 
 @bench.command("show")
-@command("bench show")
+@command("bench show", example="bench show --machine thesis-gear-2")
 def show_bench(
     which: Annotated[
-        str | None, typer.Option("--machine", help="Machine file, or the name of one that ships.", metavar="MACHINE")
+        str | None, typer.Option("--machine", help="Name a machine file, or a machine that ships.", metavar="MACHINE")
     ] = None,
 ) -> Outcome:
-    """Show the bench on one page: every number with its source, operating modes, cogging factor, harmonics."""
+    """Show the bench on one page. It lists every number with its source, operating modes and harmonics."""
     from pmg.pipeline.commands import terms
 
     return terms.show_bench(which)
 
 
-MachineArgument = Annotated[str, typer.Argument(help="Machine file, or the name of one that ships.", metavar="MACHINE")]
+MachineArgument = Annotated[
+    str, typer.Argument(help="Name a machine file, or a machine that ships.", metavar="MACHINE")
+]
 
 
 @machine.command()
-@command("machine new")
+@command("machine new", example="machine new my-drive.toml --like rotary-drive")
 def new(
-    file: Annotated[Path, typer.Argument(help="File to write; never one that is there.", metavar="FILE")],
-    like: Annotated[str, typer.Option("--like", help="Machine that ships, to begin from.")] = "rotary-drive",
+    file: Annotated[
+        Path, typer.Argument(help="Write this file; one that is there is kept.", metavar="FILE"), checks.FILE_OUT
+    ],
+    like: Annotated[str, typer.Option("--like", help="Begin from this machine that ships.")] = "rotary-drive",
 ) -> Outcome:
-    """Write a machine file to begin from: a copy of one that ships, each number with unit and source."""
+    """Write a machine file to begin from. It is a copy of one that ships, each number with unit and source."""
     from pmg.pipeline.commands.terms import begin_machine
 
     return begin_machine(file, like)
 
 
 @machine.command()
-@command("machine show")
+@command("machine show", example="machine show rotary-drive")
 def show(
     which: Annotated[
-        str | None, typer.Argument(help="Machine file, or the name of one that ships.", metavar="[MACHINE]")
+        str | None, typer.Argument(help="Name a machine file, or a machine that ships.", metavar="[MACHINE]")
     ] = None,
 ) -> Outcome:
-    """Show a machine on one page: shafts, gear, numbers with their sources; without a name, those that ship."""
+    """Show a machine on one page. Without a name it lists the machines that ship."""
     from pmg.pipeline.commands.terms import show_machine
 
     return show_machine(which)
 
 
 @machine.command()
-@command("machine check")
+@command("machine check", example="machine check my-drive.toml recordings")
 def check(
     which: MachineArgument,
     recordings: Annotated[
         Path | None,
-        typer.Argument(help="Recordings: do they hold what the file names?", metavar="[RECORDINGS]"),
+        typer.Argument(help="Check that these recordings hold what the file names.", metavar="[RECORDINGS]"),
+        checks.PLACE,
     ] = None,
 ) -> Outcome:
-    """Check a machine file; with recordings, whether they hold its channels."""
+    """Check a machine file. With recordings, it checks that they hold its channels."""
     from pmg.pipeline.commands.terms import check_machine
 
     return check_machine(which, recordings)

@@ -8,22 +8,33 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
+from pmg.pipeline.cli import checks
+
 ConfigOption = Annotated[
-    Path | None, typer.Option("--config", help="Campaign file in TOML; options win over what it sets.")
+    Path | None,
+    typer.Option("--config", help="Take settings from this campaign file in TOML; options win over it."),
+    checks.FILE,
 ]
-CampaignOption = Annotated[str | None, typer.Option("--campaign", help="Which campaign, if the store holds several.")]
+CampaignOption = Annotated[
+    str | None, typer.Option("--campaign", help="Choose this campaign where the store holds several.")
+]
 NoteOption = Annotated[
-    str | None, typer.Option("--note", help="Told at the head of the report, such as where data are from.")
+    str | None, typer.Option("--note", help="Print this at the head of the report, such as where the data come from.")
 ]
 LimitsOption = Annotated[
-    Path | None, typer.Option("--limits", help="TOML file with limits, [windows], by which windows are judged.")
+    Path | None,
+    typer.Option("--limits", help="Judge windows by the limits in the table [windows] of this TOML file."),
+    checks.FILE,
 ]
 SupplyOption = Annotated[
     Path | None,
-    typer.Option("--map", help="TOML file with what recordings lack: run, calibration, channels under other names."),
+    typer.Option("--map", help="Take what recordings lack (run, calibration, channel names) from this TOML file."),
+    checks.FILE,
 ]
 ModelOption = Annotated[
-    Path | None, typer.Option("--model", help="Model file that 'pmg compare' wrote: losses and mechanisms are its.")
+    Path | None,
+    typer.Option("--model", help="Simulate the losses and mechanisms of this model file, which 'pmg compare' wrote."),
+    checks.FILE,
 ]
 WithOption = Annotated[
     list[str] | None,
@@ -33,7 +44,7 @@ WithOption = Annotated[
 
 MachineOption = Annotated[
     str | None,
-    typer.Option("--machine", help="Machine file, or one that ships, of another magnetic gear; else the thesis bench."),
+    typer.Option("--machine", help="Name a machine file, or a machine that ships; without it the thesis bench holds."),
 ]
 
 
@@ -51,27 +62,46 @@ class CampaignOptions:
     recordings: Annotated[
         Path | None,
         typer.Argument(
-            help="Folder of recordings (.mcap; of a machine of one's own any format), or one file.",
+            help="Name a folder of recordings (.mcap; with --machine any format), or one file.",
             metavar="[RECORDINGS]",
         ),
+        checks.RECORDINGS,
     ]
     config: ConfigOption
-    store: Annotated[Path | None, typer.Option("--store", help="Folder of decoded runs and results; made if absent.")]
+    store: Annotated[
+        Path | None,
+        typer.Option("--store", help="Keep decoded runs and results in this folder; it is made if absent."),
+        checks.STORE,
+    ]
     report: Annotated[
-        Path | None, typer.Option("--report", help="Folder of report.html, figures, tables, diagnosis.json.")
+        Path | None,
+        typer.Option("--report", help="Write report.html, figures, tables and diagnosis.json to this folder."),
+        checks.FOLDER_OUT,
     ]
     grids: Annotated[
-        Path | None, typer.Option("--grids", help="Folder with neutral_grid.csv and engaged_grid.csv, instead.")
+        Path | None,
+        typer.Option(
+            "--grids", help="Take neutral_grid.csv and engaged_grid.csv of this folder instead of recordings."
+        ),
+        checks.GRIDS,
     ]
     campaign: CampaignOption
     terms_sun: Annotated[
         str | None,
-        typer.Option("--terms-sun", help="Powers of speed in the sun's loss curve, such as 0,1/2,1,2; or auto."),
+        typer.Option(
+            "--terms-sun", help="Fit these powers of speed in the sun's loss curve, such as 0,1/2,1,2; or auto."
+        ),
+        checks.TERMS,
     ]
-    terms_ring: Annotated[str | None, typer.Option("--terms-ring", help="The same for the ring.")]
+    terms_ring: Annotated[
+        str | None, typer.Option("--terms-ring", help="Fit these powers in the ring's loss curve."), checks.TERMS
+    ]
     k_corr: Annotated[
         str | None,
-        typer.Option("--k-corr", help="Correction factor: joint (fitted), rule (largest plausible), or a number."),
+        typer.Option(
+            "--k-corr", help="Find the correction factor by joint fit or by rule, or hold it: joint, rule or a number."
+        ),
+        checks.CORRECTION,
     ]
     include_rest: Annotated[
         bool | None, typer.Option("--include-rest/--exclude-rest", help="Use readings of resting shafts in the curves.")
@@ -82,20 +112,26 @@ class CampaignOptions:
     ]
     damping: Annotated[
         str | None,
-        typer.Option("--damping", help="Weights of K_corr and the damping constants: least-squares or bisquare."),
+        typer.Option(
+            "--damping", help="Weigh the fit of K_corr and the damping constants by least-squares or bisquare."
+        ),
+        checks.DAMPING,
     ]
     note: NoteOption
-    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Parallel workers of the ingest.")]
+    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Decode with this many processes.")]
     scheduler: Annotated[
         str | None,
         typer.Option(
-            "--scheduler", help="Let the workers of a dask cluster do it; its address, such as tcp://host:8786."
+            "--scheduler", help="Let the workers of the dask cluster at this address decode, such as tcp://host:8786."
         ),
+        checks.SCHEDULER,
     ]
     machine: MachineOption
     origin: Annotated[bool, typer.Option("--origin", help="Say where each setting comes from.")] = False
     shard: Annotated[
-        str | None, typer.Option("--shard", help="Only part i of n, as i/n with i from 1; for jobs that share a store.")
+        str | None,
+        typer.Option("--shard", help="Take part i of n only, as i/n with i from 1; for jobs that share a store."),
+        checks.SHARD,
     ]
     limits: LimitsOption
     map: SupplyOption

@@ -8,29 +8,35 @@ from typing import Annotated
 import typer
 
 from pmg.pipeline.campaign_comparison.transducers import Transducers
+from pmg.pipeline.cli import checks
 from pmg.pipeline.cli.frame import command
 from pmg.pipeline.cli.options import NoteOption
 from pmg.pipeline.commands.outcome import Outcome
 
 
-@command("report")
+@command("report", example="report store-before store-after --report difference")
 def report(
-    stores: Annotated[list[Path], typer.Argument(help="Two stores with analysed campaigns.", metavar="A B")],
-    folder: Annotated[Path, typer.Option("--report", help="Folder of report.html, figures, tables, versus.json.")],
-    campaign_a: Annotated[str | None, typer.Option("--campaign-a", help="Which campaign of A.")] = None,
-    campaign_b: Annotated[str | None, typer.Option("--campaign-b", help="Which campaign of B.")] = None,
+    stores: Annotated[list[Path], typer.Argument(help="Name two stores with analysed campaigns.", metavar="A B")],
+    folder: Annotated[
+        Path,
+        typer.Option("--report", help="Write report.html, figures, tables and versus.json to this folder."),
+        checks.FOLDER_OUT,
+    ],
+    campaign_a: Annotated[str | None, typer.Option("--campaign-a", help="Choose this campaign of A.")] = None,
+    campaign_b: Annotated[str | None, typer.Option("--campaign-b", help="Choose this campaign of B.")] = None,
     speed_tolerance: Annotated[
-        str | None, typer.Option("--speed-tolerance", help='How far speeds may differ; "5 rpm" if absent.')
+        str | None, typer.Option("--speed-tolerance", help='Match speeds within this; "5 rpm" if not given.')
     ] = None,
     load_tolerance: Annotated[
-        str | None, typer.Option("--load-tolerance", help='How far loads may differ; "0.02 N m" if absent.')
+        str | None, typer.Option("--load-tolerance", help='Match loads within this; "0.02 N m" if not given.')
     ] = None,
     transducers: Annotated[
-        Transducers, typer.Option("--transducers", help="Whether A and B used the same; auto: by their calibrations.")
+        Transducers,
+        typer.Option("--transducers", help="Say whether A and B used the same; auto looks at their calibrations."),
     ] = Transducers.AUTO,
     note: NoteOption = None,
 ) -> Outcome:
-    """Compare two campaigns: matched points, B minus A with its uncertainty, and the covariate it follows."""
+    """Compare two campaigns. It matches their points and says what B minus A follows, with its uncertainty."""
     from pmg.pipeline.campaign_comparison.matching import Reach
     from pmg.pipeline.commands.report import run_report
 

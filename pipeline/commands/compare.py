@@ -22,6 +22,7 @@ from pmg.pipeline.commands.compare_and_diagnose import (
     leave_model,
     summary_facts,
 )
+from pmg.pipeline.commands.config import check_choices
 from pmg.pipeline.commands.ingest import ingest_chosen
 from pmg.pipeline.commands.motion import (
     MixedDiagnosis,
@@ -60,10 +61,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.fit.budget import Budget
     from pmg.pipeline.model.compared_campaign import ComparedCampaign
     from pmg.pipeline.point_signals.encoded import Encoded
-    from pmg.pipeline.recording.origin import ImportRecord
     from pmg.pipeline.report.document import Report, Section
     from pmg.pipeline.settings.chosen import Chosen
-    from pmg.pipeline.store.manifest import Manifest
 
 COMPARED = "simulation and diagnosis", "report"
 """Steps of a comparison, as its progress names them."""
@@ -166,6 +165,7 @@ def run_all(chosen: Chosen, progress: Progress | None) -> Outcome:
     if (recordings is None) == (grids is None):
         came = "neither RECORDINGS nor --grids" if recordings is None else "both RECORDINGS and --grids"
         raise RecordingError("pmg run", came, "one of them", "Name a folder of recordings, or one of published grids.")
+    check_choices(chosen)
     parts: dict[str, Outcome] = {}
     if recordings is not None:
         parts["ingest"] = ingest_chosen(chosen, named(progress, "ingest"))
@@ -246,7 +246,7 @@ def campaign_page(
         bench,
         RecordedFacts(
             remarks + tuple(unreached_findings(sources.used)),
-            _origins(sources.used),
+            tuple((m.file, m.origin) for m in sources.used if m.origin is not None),
             conditions(sources.used),
             budget,
             None if recorded is None else recorded.orders,
@@ -293,8 +293,3 @@ def _command_words(note: str, model: Path | None) -> str:
     options = (("--model", "" if model is None else model.name), ("--note", note))
     text = " ".join(f"{option} {shlex.quote(value)}" for option, value in options if value)
     return f"pmg compare --store STORE --report REPORT {text}".strip()
-
-
-def _origins(used: tuple[Manifest, ...]) -> tuple[tuple[str, ImportRecord], ...]:
-    """Recordings that were imported, and what from."""
-    return tuple((m.file, m.origin) for m in used if m.origin is not None)

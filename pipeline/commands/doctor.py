@@ -5,9 +5,20 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from pmg.pipeline.analysis.outputs import analysed_campaign
+from pmg.pipeline.commands.config import run_check
 from pmg.pipeline.commands.design import audit_words
 from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.commands.terms import check_machine
+from pmg.pipeline.fit.analysis import analyse
+from pmg.pipeline.fit.options import THESIS_OPTIONS
+from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.importers.supply import read_supply
+from pmg.pipeline.machine.machine_file import MACHINE_SCHEMA, read_machine
+from pmg.pipeline.machine.magnetic import usual
+from pmg.pipeline.machine.shipped import machine_path
+from pmg.pipeline.model.model_file import SCHEMA as MODEL_SCHEMA
+from pmg.pipeline.model.read_model import read_model
 from pmg.pipeline.preflight.abilities import NO, Design, abilities, zero_ability
 from pmg.pipeline.preflight.environment import BAD, OK, environment
 from pmg.pipeline.preflight.motion import motion_abilities, motion_summary
@@ -17,7 +28,9 @@ from pmg.pipeline.preflight.unlike_machine import unlike_the_machine
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.recording.supplied import NOTHING
 from pmg.pipeline.settings.bench_in_force import bench_in_force
+from pmg.pipeline.store.sources import PUBLISHED
 from pmg.pipeline.wording.plurals import counted
+from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,6 +42,53 @@ if TYPE_CHECKING:
 
 
 def run_doctor(
+    place: Path, store: Path | None, progress: Progress | None, chart: Path | None, machine: str | None
+) -> Outcome:
+    """What anything that 'pmg run' or 'pmg report' takes permits: recordings, a store, grids, or one of their files.
+
+    Parameters
+    ----------
+    place, store, progress, chart, machine
+        As of `_of_recordings`; `place` may be a folder of grids, or a machine, model or campaign file too.
+    """
+    if place.suffix.lower() == ".toml" and place.is_file():
+        return _file(place)
+    if all((place / name).is_file() for name in PUBLISHED):
+        return _grids(place)
+    if machine is not None and not usual(read_machine(machine_path(machine))):
+        return check_machine(machine, place)
+    return _of_recordings(place, store, progress, chart, machine)
+
+
+def _file(path: Path) -> Outcome:
+    """Whether a TOML file is sound, by the schema it names; a campaign file names none."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    if MACHINE_SCHEMA in text:
+        return check_machine(str(path), None)
+    if MODEL_SCHEMA not in text:
+        return run_check(path)
+    model = read_model(path)
+    parts = [f"{part.kind.title} ({part.shaft})" for part in model.parts]
+    line = f"{path}: sound, a model with {' and '.join(parts) if parts else 'no mechanism beyond the baseline'}"
+    return Outcome({"model": str(path), "mechanisms": parts}, (line,))
+
+
+def _grids(folder: Path) -> Outcome:
+    """How far the analysis of published grids comes."""
+    bench = load_bench()
+    grid = read_published(folder, bench)
+    analysis = analyse(grid, THESIS_OPTIONS, bench)
+    neutral = int(grid.points.neutral.sum())
+    lines = [f"published grids: {counted(neutral, 'neutral point')}, {counted(len(grid) - neutral, 'engaged point')}"]
+    lines += [f"  no      {fault.where}: {fault.advice}" for fault in analysis.missing]
+    lines += [] if analysis.missing else ["  yes     loss curves, calibration, power balance, diagnosis"]
+    lines += ["  no      order analysis, drift and noise floor from recordings: grids hold means alone"]
+    findings = [Remark("warning", "grid", f"hole in the grid: {hole}") for hole in analysis.lacking]
+    data = {"place": str(folder), "kind": "grids", "neutral": neutral, "engaged": len(grid) - neutral}
+    return Outcome(data, tuple(lines), tuple(findings))
+
+
+def _of_recordings(
     place: Path,
     store: Path | None,
     progress: Progress | None = None,
@@ -86,6 +146,10 @@ def run_doctor(
     for part in campaigns:
         lines += _lines(part)
     lines += ["this machine", *(f"  {check.state:<8}{check.what:<30}{check.description}" for check in checks)]
+    kept = analysed_campaign(place) if found.stored and not found.files else None
+    if kept is not None:
+        lines[0] = f"a store with the analysis of {kept}, made of grids: ready for 'pmg compare' and 'pmg report'"
+        possible = True
     nothing = not possible or any(check.state == BAD for check in checks)
     if not possible:
         lines.append("nothing can be run with these recordings")

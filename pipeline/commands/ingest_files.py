@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.recording.read import Recording
     from pmg.pipeline.recording.supplied import Supplied
-    from pmg.pipeline.store.sources import Shard, StoredSource
+    from pmg.pipeline.store.sources import Selection, StoredSource
     from pmg.pipeline.windows.limits import Steadiness
     from pmg.pipeline.windows.window import Window
     from pmg.sim.bench import BenchParameters
@@ -98,7 +98,7 @@ def ingest(
     *,
     workers: int | None = None,
     scheduler: str | None = None,
-    shard: Shard | None = None,
+    shard: Selection | None = None,
     limits: Steadiness = LIMITS,
     supplied: Supplied = NOTHING,
     progress: Progress | None = None,
@@ -115,7 +115,7 @@ def ingest(
         Processes; by default as many as there are cores once the recordings are large.
     scheduler : str, optional
         Address of a dask scheduler whose workers do the work instead.
-    shard : Shard, optional
+    shard : Selection, optional
         The part of the recordings that this call takes; several calls may fill one store at the same time.
     limits : Steadiness
         By which windows are found and judged.

@@ -19,11 +19,12 @@ from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.document import number
 from pmg.pipeline.fit.options import THESIS_OPTIONS
 from pmg.pipeline.grid.campaign import recorded_bench
-from pmg.pipeline.grid.tables import PUBLISHED, read_published
+from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.settings.bench_in_force import bench_of_store
+from pmg.pipeline.store.sources import PUBLISHED
 from pmg.pipeline.wording.probability import nominal_p_text, search_p_text
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import FitError, GridError, near_miss

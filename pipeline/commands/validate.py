@@ -12,10 +12,11 @@ from pmg.pipeline.chapters.studies.validation import validation_section
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.files.digest import sha256_of
-from pmg.pipeline.grid.tables import PUBLISHED, read_published
+from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
+from pmg.pipeline.store.sources import PUBLISHED
 from pmg.pipeline.thesis_figures import verdict
 from pmg.pipeline.thesis_figures.listing import documents, failed_draws, judged_words, summary, table_lines
 from pmg.pipeline.thesis_figures.rounding import DRAWS, ROUNDING_SEED

@@ -7,20 +7,19 @@ import sys
 import tomllib
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from pydantic import AliasChoices, BaseModel, ValidationError
+from pydantic import BaseModel, ValidationError
 
 from pmg.pipeline.files.notes import note_read
 from pmg.pipeline.files.strict_tables import RefusalError
+from pmg.pipeline.files.table_keys import key_in_file, known_keys, left_out, spelled_keys
 from pmg.pipeline.files.toml import lines_of
 from pmg.sim.errors import BenchError, PmgError, near_miss
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Mapping
     from pathlib import Path
-
-    from pydantic.fields import FieldInfo
 
     from pmg.pipeline.files.toml import Key
 
@@ -103,6 +102,7 @@ def read_table_file(
     model: type[Table],
     error: type[PmgError] = BenchError,
     unit_of: Callable[[Mapping[str, Any], Key], str] | None = None,
+    faults: list[PmgError] | None = None,
 ) -> TableFile[Table]:
     """The file at a path, checked by a model.
 
@@ -118,6 +118,8 @@ def read_table_file(
         What a refusal is raised as.
     unit_of : callable, optional
         Of keys that exist for several units, the unit that holds at a key of what the file says.
+    faults : list of PmgError, optional
+        Receives every fault of the tables; what is given is then read without the keys at fault.
 
     Raises
     ------
@@ -137,16 +139,32 @@ def read_table_file(
     if overlong is not None:
         came, do = "a whole number that no float can hold", "Correct the value."
         raise error(_place_of(path, text, overlong), came, "a number below 1e308", do)
-    try:
-        return TableFile(path, text, model.model_validate(data), error)
-    except ValidationError as invalid:
-        found = min(invalid.errors(include_url=False), key=_rank)
+    while True:
+        try:
+            return TableFile(path, text, model.model_validate(data), error)
+        except ValidationError as invalid:
+            found = sorted(invalid.errors(include_url=False), key=_rank)
+        told = [_fault_of_table(each, data, model, unit_of) for each in found]
+        raised = [error(_place_of(path, text, key), *parts) for key, parts in told]
+        if faults is None:
+            raise raised[0]
+        faults += raised
+        if not [key for key, _ in told if left_out(data, key)]:
+            raise raised[0]
+
+
+def _fault_of_table(
+    found: Mapping[str, Any],
+    data: Mapping[str, Any],
+    model: type[BaseModel],
+    unit_of: Callable[[Mapping[str, Any], Key], str] | None,
+) -> tuple[Key, tuple[str, str, str]]:
+    """Key of a fault of pydantic as the file spells it, and what came, what was expected, what to do."""
     refused = found.get("ctx", {}).get("error")
     unit = unit_of(data, found["loc"]) if unit_of else ""
-    spelled = tuple(word for word, _ in _walk(model, found["loc"], unit))
-    key = _in_file(data, (*spelled, *(refused.key if isinstance(refused, RefusalError) else ())))
-    came, expected, do = _parts(found, key, _known_keys(model, found["loc"][:-1], unit))
-    raise error(_place_of(path, text, key), came, expected, do)
+    spelled = tuple(word for word, _ in spelled_keys(model, found["loc"], unit))
+    key = key_in_file(data, (*spelled, *(refused.key if isinstance(refused, RefusalError) else ())))
+    return key, _parts(found, key, known_keys(model, found["loc"][:-1], unit))
 
 
 def _place_of(path: Path, text: str, key: Key) -> str:
@@ -226,52 +244,3 @@ def _parts(found: Mapping[str, Any], key: Key, known: list[str]) -> tuple[str, s
         do = near_miss(str(found["input"]), words) if words else "Correct the value."
         return came, str(details["expected"]), do
     return came, KINDS.get(kind, found["msg"].lower()), "Correct the value."
-
-
-def _in_file(data: Mapping[str, Any], key: Key) -> Key:
-    """A key without the words below a plain value: a model may take that value for a table."""
-    entry: Any = data
-    for depth, word in enumerate(key):
-        if not isinstance(entry, dict | list):
-            return key[:depth]
-        entries = dict(enumerate(entry)) if isinstance(entry, list) else entry
-        if word not in entries:
-            return key
-        entry = entries[word]
-    return key
-
-
-def _keys(field: FieldInfo) -> list[str]:
-    """Keys under which a field may stand in the file."""
-    alias = field.validation_alias
-    return [str(choice) for choice in alias.choices] if isinstance(alias, AliasChoices) else [str(alias)]
-
-
-def _walk(model: type[BaseModel], place: Key, unit: str) -> Iterator[tuple[str | int, type[BaseModel] | None]]:
-    """Each word of a place as the file spells it, and what the table there is checked by, where it is one."""
-    here: type[BaseModel] | None = model
-    free = False  # whether the keys of the table are free, each with a table of its own
-    for word in place:
-        named = here is not None and isinstance(word, str) and not free
-        fields = here.model_fields.values() if here is not None and named else ()
-        field = next((field for field in fields if word in _keys(field)), None)
-        if field is None:  # an entry of a list, or of a table whose keys are free
-            free = False
-            yield word, here
-            continue
-        here, free = table_of(field.annotation), get_origin(field.annotation) is dict
-        yield next((key for key in _keys(field) if key.endswith(f"_{unit}")), word), here
-
-
-def _known_keys(model: type[BaseModel], place: Key, unit: str = "") -> list[str]:
-    """Keys that a table of the file may hold; of those that exist for several units, the ones of that unit."""
-    *_, (_, table) = [("", model), *_walk(model, place, unit)]
-    fields = [] if table is None else [_keys(field) for field in table.model_fields.values()]
-    return [key for keys in fields for key in keys if len(keys) == 1 or key.endswith(f"_{unit}")]
-
-
-def table_of(kind: Any) -> type[BaseModel] | None:  # noqa: ANN401 - any annotation
-    """The model within an annotation, such as that of ``list[Row] | None``; None where there is none."""
-    if isinstance(kind, type) and issubclass(kind, BaseModel):
-        return kind
-    return next((found for part in get_args(kind) if (found := table_of(part)) is not None), None)

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.fit.covariance import covariance_at_bounds, free_covariance
-from pmg.pipeline.fit.robust import DampingMethod, bisquare_weights
+from pmg.pipeline.fit.robust import bisquare_weights
 from pmg.pipeline.fit.settle import BoundedProblem
 from pmg.pipeline.grid.readings import Readings, change, predict, take_readings
+from pmg.pipeline.wording.option_words import DampingMethod
 from pmg.sim.errors import FitError
 from pmg.sim.lossmodel import LossModel
 from pmg.sim.mechanisms import EddyDamping, ExcessDamping, HysteresisDamping, SunBearings

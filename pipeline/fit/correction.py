@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 
 from pmg.pipeline.fit.calibration import CONSTANTS, calibrate
-from pmg.pipeline.fit.robust import DampingMethod
+from pmg.pipeline.wording.option_words import DampingMethod
 from pmg.pipeline.wording.probability import CONFIDENCE
 
 if TYPE_CHECKING:

@@ -10,8 +10,9 @@ import numpy as np
 from scipy.optimize import nnls
 
 from pmg.pipeline.fit.losses import power_balance
-from pmg.pipeline.fit.robust import DampingMethod, bisquare_weights
+from pmg.pipeline.fit.robust import bisquare_weights
 from pmg.pipeline.grid.levels import speed_levels
+from pmg.pipeline.wording.option_words import DampingMethod
 from pmg.sim.mechanisms import EddyDamping, ExcessDamping, HysteresisDamping
 from pmg.sim.signals import LOSS_MAGNETIC
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.fit.robust import huber_weights, sandwich
+from pmg.pipeline.wording.option_words import check_powers
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import FitError
 from pmg.sim.losscurve import SPEED_REFERENCE_RING, SPEED_REFERENCE_SUN, LossCurve
@@ -127,18 +128,6 @@ class LossFit:
 @dataclass(frozen=True)
 class LossFits(PerShaft[LossFit]):
     """The two curves that the neutral tests give."""
-
-
-def check_powers(powers: tuple[float, ...]) -> tuple[float, ...]:
-    """The exponents in rising order; a `FitError` where they cannot be terms of a curve."""
-    if not powers or len(set(powers)) < len(powers) or min(powers) < 0.0 or not np.isfinite(powers).all():
-        raise FitError(
-            "loss fit terms",
-            ", ".join(f"{p:g}" for p in powers) or "none",
-            "distinct exponents of the speed, none below 0, such as 0,0.5,1,2",
-            "Choose the terms anew.",
-        )
-    return tuple(sorted(powers))
 
 
 def shaft_drags(grid: Grid, *, include_rest: bool = False) -> PerShaft[ShaftDrag]:

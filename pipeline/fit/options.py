@@ -5,18 +5,21 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.fit.loss_fit import DEFAULT_POWERS, THESIS_POWERS_RING, THESIS_POWERS_SUN, check_powers
-from pmg.pipeline.fit.robust import DampingMethod
-from pmg.sim.errors import FitError, near_miss
+from pmg.pipeline.fit.loss_fit import DEFAULT_POWERS, THESIS_POWERS_RING, THESIS_POWERS_SUN
+from pmg.pipeline.wording.option_words import (
+    AUTO,
+    DampingMethod,
+    check_powers,
+    parse_correction,
+    parse_damping,
+    parse_powers,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 THESIS_CORRECTION = 0.80
 """Correction factor that the thesis settled on (its section 6.2.2)."""
-
-AUTO = "auto"
-"""Word for terms that are chosen by the data."""
 
 
 @dataclass(frozen=True)
@@ -55,20 +58,7 @@ class AnalysisOptions:
     @property
     def fixed_correction(self) -> float | None:
         """The number that was given for K_corr; None for ``joint`` and ``rule``."""
-        if self.correction in ("joint", "rule"):
-            return None
-        try:
-            value = float(self.correction)
-        except ValueError:
-            value = float("nan")
-        if not 0.0 <= value <= 1.0:
-            raise FitError(
-                "--k-corr",
-                self.correction,
-                "joint, rule, or a number from 0 to 1",
-                near_miss(self.correction, ("joint", "rule")),
-            )
-        return value
+        return parse_correction(self.correction)
 
     def document(self) -> dict[str, Any]:
         """As JSON."""
@@ -94,31 +84,6 @@ THESIS_OPTIONS = AnalysisOptions(
     damping=DampingMethod.BISQUARE,
 )
 """The thesis's own choices: what the published grids are analysed with unless set otherwise."""
-
-
-def parse_powers(text: str, option: str) -> tuple[float, ...]:
-    """Exponents from ``0,0.5,1,2``; fractions such as ``1/2`` are understood."""
-    powers = []
-    for word in text.split(","):
-        top, _, bottom = word.strip().partition("/")
-        try:
-            powers.append(float(top) / (float(bottom) if bottom else 1.0))
-        except (ValueError, ZeroDivisionError):
-            raise FitError(
-                option,
-                repr(word.strip()),
-                "exponents separated by commas, such as 0,1/2,1,2, or auto",
-                "Correct the list.",
-            ) from None
-    return tuple(powers)
-
-
-def parse_damping(word: str) -> DampingMethod:
-    """The weights that a word names."""
-    known = tuple(map(str, DampingMethod))
-    if word not in known:
-        raise FitError("--damping", repr(word), " or ".join(known), near_miss(word, known))
-    return DampingMethod(word)
 
 
 def chosen_options(

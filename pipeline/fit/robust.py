@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -93,16 +92,6 @@ def sandwich(X: Array, residuals: Array, scale: float) -> Array:
     leverage = np.where(inside, np.einsum("ij,jk,ik->i", X, inverse, X), 0.0)
     spread = np.clip(residuals, -limit, limit) ** 2 / np.maximum(1.0 - leverage, 1e-6)
     return np.asarray(inverse @ ((X * spread[:, None]).T @ X) @ inverse)
-
-
-class DampingMethod(StrEnum):
-    """How a damping fit weighs its readings.
-
-    ``LEAST_SQUARES``: all alike, or by their uncertainty. ``BISQUARE``: those far from the fit less, or not at all.
-    """
-
-    LEAST_SQUARES = "least-squares"
-    BISQUARE = "bisquare"
 
 
 BISQUARE = 4.685

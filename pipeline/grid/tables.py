@@ -11,6 +11,7 @@ import pandas as pd
 
 from pmg.pipeline.files.notes import note_read
 from pmg.pipeline.grid.transducer_uncertainty import common_uncertainty
+from pmg.pipeline.store.sources import PUBLISHED
 from pmg.sim.errors import GridError
 from pmg.sim.grid import ROW_FIELDS, Configuration, Grid, OperatingPoints
 from pmg.sim.signals import RPM, SPEED_RING, SPEED_SUN
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
 
-PUBLISHED = ("neutral_grid.csv", "engaged_grid.csv")
-"""Files of the published grids."""
 ROUNDING_PUBLISHED = 0.01
 """Step to which the published torques are rounded [N m]."""
 

@@ -9,17 +9,17 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from pmg.pipeline.files.strict_tables import Strict, refuse, refuse_unknown, refusing
 from pmg.pipeline.files.table_file import TableFile, read_table_file
-from pmg.pipeline.fit.loss_fit import check_powers
-from pmg.pipeline.fit.options import AUTO, AnalysisOptions, parse_damping, parse_powers
 from pmg.pipeline.grid.crosschecks.catalogue import CROSS_CHECKS, allowed_actions
 from pmg.pipeline.settings.tolerance import Tolerances, tolerance
 from pmg.pipeline.windows.limits_file import WindowsTable
+from pmg.pipeline.wording.option_words import AUTO, check_powers, parse_correction, parse_damping, parse_powers
 from pmg.sim.errors import FitError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.windows.limits import Steadiness
+    from pmg.sim.errors import PmgError
 
 
 def _terms(value: object) -> object:
@@ -40,7 +40,7 @@ def _correction(value: object) -> object:
     text = repr(value) if number else value
     if isinstance(text, str):
         try:
-            _ = AnalysisOptions(correction=text).fixed_correction
+            parse_correction(text)
         except FitError as problem:
             refuse(repr(value), problem.expected, problem.do)
     return text
@@ -230,15 +230,22 @@ class CampaignFile:
         return f"{self.file.path}:{self.file.lines[tuple(name.split('.'))]}"
 
 
-def read_campaign(path: Path) -> CampaignFile:
+def read_campaign(path: Path, faults: list[PmgError] | None = None) -> CampaignFile:
     """The campaign file at a path.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    faults : list of PmgError, optional
+        Receives every fault of its tables; the file is then read without the keys at fault.
 
     Raises
     ------
     BenchError
         The file cannot be read, is no TOML, or holds something unknown, out of range or contradictory; with the line.
     """
-    file = read_table_file(path, "a campaign", Campaign)
+    file = read_table_file(path, "a campaign", Campaign, faults=faults)
     values = {
         f"{table}.{name}": value
         for table, part in file.table

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.settings.campaign_file import CampaignFile
     from pmg.pipeline.settings.tolerance import Tolerances
     from pmg.pipeline.windows.limits import Steadiness
+    from pmg.sim.errors import PmgError
 
 KEYS = {
     "recordings": "recordings.path",
@@ -129,13 +130,15 @@ class Chosen:
         )
 
 
-def choose(config: Path | None, **given: object) -> Chosen:
+def choose(config: Path | None, faults: list[PmgError] | None = None, **given: object) -> Chosen:
     """Lay the options of a call over its campaign file.
 
     Parameters
     ----------
     config : Path, optional
         The campaign file.
+    faults : list of PmgError, optional
+        Receives every fault of the file's tables, which is then read without the keys at fault.
     **given : value or None
         By choice, a key of `KEYS`; None where the option was not given. Recordings or grids from the command line
         take the place of either in the file.
@@ -145,7 +148,7 @@ def choose(config: Path | None, **given: object) -> Chosen:
     PmgError
         The file cannot be used.
     """
-    file = None if config is None else read_campaign(config)
+    file = None if config is None else read_campaign(config, faults)
     values: dict[str, Any] = {}
     origins: dict[str, str] = {}
     place = ("recordings", "grids")

@@ -8,13 +8,13 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.fit.options import AUTO
 from pmg.pipeline.grid.crosschecks.catalogue import CROSS_CHECKS
 from pmg.pipeline.settings.campaign_file import CHECKS, Campaign
 from pmg.pipeline.settings.chosen import KEYS
 from pmg.pipeline.settings.tolerance import SIGNALS
 from pmg.pipeline.windows.limits import DIMENSIONS, Steadiness, limit_text
 from pmg.pipeline.windows.limits_file import TABLE, chosen_limits, limits_file
+from pmg.pipeline.wording.option_words import AUTO
 from pmg.pipeline.wording.quantities import RATIO
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.files.table_file import table_of
+from pmg.pipeline.files.table_keys import table_of
 from pmg.pipeline.grid.crosschecks.catalogue import CROSS_CHECKS
 from pmg.pipeline.settings.campaign_file import CHECKS, Campaign
 from pmg.pipeline.settings.settings import limit_written

@@ -10,13 +10,13 @@ import numpy as np
 from pmg.pipeline.analysis.outputs import read_analysis, unproven_analysis
 from pmg.pipeline.fit.analysis import analyse, chosen_terms, fit_curves
 from pmg.pipeline.fit.calibration import calibrate
-from pmg.pipeline.fit.loss_fit import check_powers
-from pmg.pipeline.fit.options import AUTO, chosen_options, parse_powers
+from pmg.pipeline.fit.options import chosen_options
 from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.model.read_model import read_model
 from pmg.pipeline.simulate.field_csv import read_fem_csv
 from pmg.pipeline.simulate.programmes import programme_of
 from pmg.pipeline.thesis_figures.printed_simulation import recovered_losses
+from pmg.pipeline.wording.option_words import AUTO, check_powers, parse_powers
 from pmg.sim.dynamics.drivetrain import Drivetrain
 from pmg.sim.dynamics.programme import Programme
 from pmg.sim.errors import BenchError, FitError

@@ -19,9 +19,9 @@ from pmg.pipeline.files.strict_tables import (
     word_of,
 )
 from pmg.pipeline.fit.calibration import CONSTANTS
-from pmg.pipeline.fit.robust import DampingMethod
 from pmg.pipeline.simulate.scenario_mechanisms import Switched, switch_on
 from pmg.pipeline.simulate.scenario_words import Amplitude, Frequency, Length, Motor, Rpm, Torque, refuse_foreign_units
+from pmg.pipeline.wording.option_words import DampingMethod
 from pmg.sim.dynamics.assumptions import CHOICES, RANGES, Assumptions
 from pmg.sim.dynamics.constants import Control
 from pmg.sim.dynamics.transient import OUTPUTS, OnSlip, Solver

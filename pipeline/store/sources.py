@@ -6,7 +6,7 @@ import hashlib
 import os
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.files.notes import note_read
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 SUFFIX = ".mcap"
 FOREIGN = frozenset({".csv", ".tsv", ".tdms", ".mf4", ".mdf", ".h5", ".hdf5"})
 """Ends of the names of files that other recorders write."""
+PUBLISHED = ("neutral_grid.csv", "engaged_grid.csv")
+"""Files of a folder of published grids, the thesis's or others of the same form."""
 BRING = "Bring it in with 'pmg import': a file says which channel is which (see 'pmg import --help')."
 SAMPLED = 1 << 16
 """Bytes at either end of a file that tell, with its size, which shard it belongs to."""
@@ -107,6 +109,30 @@ class Shard:
         return sorted(path for likeness in mine for path in groups[likeness])
 
 
+class Selection(Protocol):
+    """Some of the files of a place, such as a shard."""
+
+    def part(self, paths: list[Path]) -> list[Path]:
+        """The files that are taken, by name."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """Files that are named one by one.
+
+    Parameters
+    ----------
+    paths : frozenset of Path
+        The files.
+    """
+
+    paths: frozenset[Path]
+
+    def part(self, paths: list[Path]) -> list[Path]:
+        """Those of the place that are named."""
+        return [path for path in paths if path in self.paths]
+
+
 def _likeness(path: Path) -> tuple[int, str]:
     """Size and a hash of both ends, which are the same for files of the same bytes; the name where none can be had."""
     try:
@@ -149,14 +175,14 @@ def find_recordings(place: Path) -> list[Path]:
     return found
 
 
-def take_inventory(place: Path, shard: Shard | None = None) -> Inventory:
+def take_inventory(place: Path, shard: Selection | None = None) -> Inventory:
     """Files of a place by content: the same bytes twice are one source, and said so.
 
     Parameters
     ----------
     place : Path
         A folder, or one file.
-    shard : Shard, optional
+    shard : Selection, optional
         The part of the files that is looked at.
 
     Raises

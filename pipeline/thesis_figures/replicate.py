@@ -12,8 +12,8 @@ from pmg.pipeline.fit.damping import THESIS_CORRECTIONS, fit_damping
 from pmg.pipeline.fit.loss_fit import THESIS_POWERS_RING, THESIS_POWERS_SUN, LossFits, fit_losses
 from pmg.pipeline.fit.losses import largest_plausible_correction, power_balance
 from pmg.pipeline.fit.options import THESIS_CORRECTION
-from pmg.pipeline.fit.robust import DampingMethod
 from pmg.pipeline.thesis_figures.tables import DIAMETERS_RING, DIAMETERS_SUN, LOADS, SPEEDS, point_name
+from pmg.pipeline.wording.option_words import DampingMethod
 from pmg.sim import signals
 from pmg.sim.bench import GEARS
 from pmg.sim.dynamics.drivetrain import Drivetrain

@@ -13,7 +13,7 @@ from scipy import stats
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.losses import power_balance
 from pmg.pipeline.fit.options import AnalysisOptions
-from pmg.pipeline.fit.robust import DampingMethod
+from pmg.pipeline.wording.option_words import DampingMethod
 from pmg.sim import signals
 from pmg.sim.bench import load_bench
 from pmg.sim.steady.gearbox import Gearbox

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from pmg.pipeline.analysis.outputs import read_analysis
 from pmg.pipeline.cli.app import app
-from pmg.pipeline.cli.frame import _progress_line
+from pmg.pipeline.cli.progress_line import progress_line
 from pmg.pipeline.commands.crate import FILE as CRATE
 from pmg.pipeline.store.audit_trail import read_trail
 
@@ -257,7 +257,7 @@ def test_a_clean_ingest_does_not_answer_for_what_lay_in_the_store(tmp_path: Path
 
 
 def test_steps_of_two_stages_that_begin_alike_are_both_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    with _progress_line(quiet=False, what="run") as show:
+    with progress_line(quiet=False, what="run") as show:
         show(0, 2, "compare: simulation")
         show(0, 5, "compare: constants")
         show(0, 5, "compare: constants")

@@ -192,6 +192,22 @@ TABLE: dict[str, Row] = {
             Wrong("rotary-drve", "rotary-drive"),
         ),
     ),
+    "demo": Row(
+        "commands.at_bench.demo.run_demo",
+        "--store {tmp}/s --report {tmp}/r",
+        (Wrong("--store {notes} --report {tmp}/r", "notes"), Wrong("--store {store} --report {store}", "of its own")),
+        code=3,  # of the few recordings that stand for the example here
+    ),
+    "watch": Row(
+        "commands.at_bench.watch.run_watch",
+        "{sound} --store {tmp}/s --settle 0.05 --idle 0.005",
+        (
+            Wrong("{tmp}/none --store {tmp}/s", "no such folder"),
+            Wrong("{sound} --store {tmp}/s --settle 0", "--settle"),
+            Wrong("{sound} --store {tmp}/s --port 70000", "--port"),
+            Wrong("{sound} --store {tmp}/s --model {notes}", "notes"),
+        ),
+    ),
     "prove": Row(
         "trials.score.stage.run_prove",
         "--out {tmp}/o --campaigns 1 --strata clean --workers 1",
@@ -223,8 +239,21 @@ TABLE: dict[str, Row] = {
     "doctor": Row(
         "commands.doctor.run_doctor",
         "{sound}",
-        (Wrong("{tmp}/none", "none"), Wrong("{tmp}", "mcap")),
-        more=(("{store}", 0), ("{damaged}", 2)),
+        (
+            Wrong("{tmp}/none", "none"),
+            Wrong("{tmp}", "mcap"),
+            Wrong("{bad_config}", "stoer"),
+            Wrong("{slide} --machine emps", "fit.csv"),
+        ),
+        more=(
+            ("{store}", 0),
+            ("{damaged}", 2),
+            ("{analysed}", 0),
+            ("{grids}", 0),
+            ("{config}", 0),
+            ("{root}/reports/example/model.toml", 0),
+            ("{root}/pipeline/machine/shipped/rotary-drive.toml", 0),
+        ),
     ),
     "report": Row(
         "commands.report.run_report",
@@ -347,6 +376,12 @@ def places(campaign: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
     shutil.copytree(found["analysed"], found["broken_analysis"])
     (found["broken_analysis"] / "analysis" / "analysis.json").write_text("{")
     return found
+
+
+@pytest.fixture(autouse=True)
+def small_example(places: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The example is as small as the other folders."""
+    monkeypatch.setattr("pmg.pipeline.commands.at_bench.demo._example_folder", lambda: places["sound"])
 
 
 SCENARIO = f"""

@@ -11,7 +11,7 @@ from pmg.pipeline.fit.damping import fit_damping
 from pmg.pipeline.fit.loss_fit import fit_losses
 from pmg.pipeline.fit.losses import QUANTITIES, largest_plausible_correction, power_balance
 from pmg.pipeline.fit.options import chosen_options
-from pmg.pipeline.fit.robust import DampingMethod
+from pmg.pipeline.wording.option_words import DampingMethod
 from pmg.sim import signals
 from pmg.sim.bench import BenchParameters
 from pmg.sim.errors import FitError

@@ -7,7 +7,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from pmg.pipeline.grid.tables import PUBLISHED, read_published
+from pmg.pipeline.grid.tables import read_published
+from pmg.pipeline.store.sources import PUBLISHED
 from pmg.sim.bench import BenchParameters
 from pmg.sim.errors import GridError
 

@@ -11,8 +11,9 @@ import pytest
 from pmg.pipeline.chapters.studies.printed_simulation import printed_simulation_sections
 from pmg.pipeline.fit.loss_fit import THESIS_POWERS_RING, THESIS_POWERS_SUN, fit_losses
 from pmg.pipeline.fit.losses import largest_plausible_correction
-from pmg.pipeline.grid.tables import PUBLISHED, read_published
+from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.report.document import Text
+from pmg.pipeline.store.sources import PUBLISHED
 from pmg.pipeline.thesis_figures.printed_simulation import (
     PrintedSimulation,
     oddities,

@@ -11,8 +11,8 @@ import pytest
 
 from pmg.pipeline.fit.damping import fit_damping
 from pmg.pipeline.fit.loss_fit import THESIS_POWERS_RING, THESIS_POWERS_SUN, LossFits, fit_losses
-from pmg.pipeline.fit.robust import DampingMethod
 from pmg.pipeline.grid.tables import read_published
+from pmg.pipeline.wording.option_words import DampingMethod
 from pmg.sim.bench import BenchParameters
 from pmg.sim.grid import Grid
 from pmg.sim.lossmodel import LossModel

@@ -16,7 +16,6 @@ from pmg.pipeline.chapters.studies.validation import published_sections
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.crate import FILE as CRATE
 from pmg.pipeline.commands.validate import run_validate
-from pmg.pipeline.fit.robust import DampingMethod
 from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.thesis_figures import rounding
 from pmg.pipeline.thesis_figures.claim import Other, PublishedFigure, Unit
@@ -27,6 +26,7 @@ from pmg.pipeline.thesis_figures.replicate import Choices, replicate
 from pmg.pipeline.thesis_figures.rounding import FEWEST_DRAWS, RoundingSpread, _draw, _shared_errors, spreads
 from pmg.pipeline.thesis_figures.tables import LOADS, SPEEDS, TORQUE_RING, TORQUE_SUN, printed
 from pmg.pipeline.thesis_figures.verdict import FigureVerdict, JudgedFigure, _judge, _with_other_constant, validate
+from pmg.pipeline.wording.option_words import DampingMethod
 from pmg.sim.bench import BenchParameters
 from pmg.sim.errors import FitError, GridError
 from pmg.sim.grid import Grid

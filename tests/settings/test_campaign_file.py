@@ -298,3 +298,23 @@ def test_a_run_takes_its_settings_from_the_file(tmp_path: Path, published_folder
     error = call("compare", "--config", file, expect=2)["error"]
     assert (error["where"], error["came"]) == ("--report", "missing")
     assert "[report]" in error["expected"]
+
+
+def test_a_check_tells_every_fault_of_a_file_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "campaign.toml"
+    path.write_text(
+        '[store]\nstoer = "x"\n[ingest]\nworkers = 0\nlimits = "none.toml"\n[checks]\none = "a"\nother = "b"\n'
+        '[analysis]\nk_corr = "abc"\n[compare]\ntolerance = { torque_sun = "10 mN", effciency = "1 %" }\n'
+        'model = "bad-model.toml"\n'
+    )
+    (tmp_path / "bad-model.toml").write_text("[baseline]\n")
+    done = RUNNER.invoke(app, ["config", "check", str(path), "--json"])
+    result = json.loads(done.stdout)
+    assert done.exit_code == 2
+    told = [result["error"]["where"], *(finding["where"] for finding in result["findings"])]
+    faults = " ".join(told)
+    for key in ("store.stoer", "ingest.workers", "checks.one", "checks.other", "analysis.k_corr"):
+        assert key in faults
+    for key in ("compare.tolerance.torque_sun", "compare.tolerance.effciency", "bad-model.toml", "ingest.limits"):
+        assert key in faults
+    assert len(told) == 9

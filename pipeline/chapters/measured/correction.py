@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.fit.correction import CorrectionStudy
-from pmg.pipeline.fit.robust import DampingMethod
 from pmg.pipeline.report.document import Chart, Column, Figure, Measured, Series, Table, Text
+from pmg.pipeline.wording.option_words import DampingMethod
 from pmg.pipeline.wording.plurals import counted
 
 if TYPE_CHECKING:

@@ -10,7 +10,6 @@ from pmg.pipeline.chapters.cells import in_relief, iso_levels, lay_out, names_in
 from pmg.pipeline.chapters.measured.correction import correction_items
 from pmg.pipeline.chapters.measured.damping_curves import correction_figures
 from pmg.pipeline.fit.losses import AVERAGED, QUANTITIES
-from pmg.pipeline.fit.robust import DampingMethod
 from pmg.pipeline.grid.levels import by_load, by_speed, speed_levels
 from pmg.pipeline.report.document import (
     Chart,
@@ -26,6 +25,7 @@ from pmg.pipeline.report.document import (
     measured,
 )
 from pmg.pipeline.wording import numerals
+from pmg.pipeline.wording.option_words import DampingMethod
 from pmg.sim import signals, sources
 from pmg.sim.signals import SPEED_SUN
 
