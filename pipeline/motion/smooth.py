@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.signal import fftconvolve, firwin, upfirdn, welch
 
+from pmg.pipeline.motion.angle_noise import angle_density, common_density, middle_density
 from pmg.sim.shafts import PerShaft, per_shaft
 from pmg.sim.signals import REVOLUTION
 
@@ -31,8 +33,8 @@ STENCIL = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0
 PER_ROW = 3
 """Fine samples for each row."""
 
-MEDIAN = 0.97
-"""Median over mean of a density that is averaged over some thirty pieces."""
+MOST_COMMON = 0.9
+"""Most of the noise of both angles that may be common to them."""
 
 KAISER = 5.6
 """Shape of the window of both filters: 60 dB of stop band."""
@@ -95,6 +97,8 @@ class SmoothRun:
         Signals of either shaft.
     measured : PerShaft of (m,) array
         Torque at the rows, NaN where a signal was lost [N m].
+    common : float
+        Cross density of the noise of both angles [rad2/Hz], one-sided.
     """
 
     run: MovingRun
@@ -102,6 +106,7 @@ class SmoothRun:
     fine_rate: float
     shafts: PerShaft[SmoothShaft]
     measured: PerShaft[Array]
+    common: float = 0.0
 
     def __len__(self) -> int:
         """Count of rows."""
@@ -147,6 +152,8 @@ def smooth(run: MovingRun) -> SmoothRun:
     half = len(weights) // 2
     time = np.arange(half, len(run.torque.sun) - half, step) / run.rate
 
+    of_rows = _of_rows(run.rate)
+
     def through(values: Array) -> Array:
         return np.asarray(fftconvolve(values, weights, "valid")[::step])
 
@@ -162,11 +169,13 @@ def smooth(run: MovingRun) -> SmoothRun:
             speed=through(speed),
             acceleration=through(derivative(speed, run.rate)),
             density=_white_density(torque, run.rate),
-            angle_density=max(run.count[side] ** 2 / 6.0 / run.rate, _angle_density(angle, run.rate)),
+            angle_density=angle_density(angle, run.count[side], run.rate, of_rows, _above),
         )
 
     shafts = per_shaft(shaft)
-    found = SmoothRun(run, time, run.rate / step, shafts, PerShaft(time, time))
+    most = MOST_COMMON * math.sqrt(shafts.sun.angle_density * shafts.ring.angle_density)
+    common = min(max(common_density(run.angle.map(_bridged), run.rate, _above), -most), most)
+    found = SmoothRun(run, time, run.rate / step, shafts, PerShaft(time, time), common)
 
     def measured(side: str) -> Array:
         known = np.isfinite(run.torque[side]) & np.isfinite(run.angle[side])
@@ -174,14 +183,17 @@ def smooth(run: MovingRun) -> SmoothRun:
         far = fftconvolve(lost, np.ones(len(found.weights)), "valid")[::PER_ROW] > 0.5
         return np.where(far, np.nan, found.rows(shafts[side].torque))
 
-    return SmoothRun(run, time, found.fine_rate, shafts, per_shaft(measured))
+    return replace(found, measured=per_shaft(measured))
 
 
 def row_weights(run: SmoothRun) -> tuple[Array, Array]:
     """Weights (w,) of the samples in a row of a signal, and in one of its second derivative."""
-    half = round((HALF + FINE_HALF) * run.run.rate)
-    low = _low_pass(BAND, half / run.run.rate, run.run.rate)
-    return low, derivative(derivative(low, run.run.rate), run.run.rate)
+    return _of_rows(run.run.rate)
+
+
+def _of_rows(rate: float) -> tuple[Array, Array]:
+    low = _low_pass(BAND, round((HALF + FINE_HALF) * rate) / rate, rate)
+    return low, derivative(derivative(low, rate), rate)
 
 
 def fine_response(rate: float, frequency: Array) -> Array:
@@ -217,16 +229,7 @@ def _bridged(values: Array) -> Array:
 def _white_density(torque: Array, rate: float) -> float:
     """Spectral density of a torque's noise well above the band [(N m)2/Hz], one-sided."""
     frequency, density = welch(torque, rate, nperseg=min(round(rate), len(torque)))
-    return float(np.median(density[_above(frequency, rate)]) / MEDIAN)
-
-
-def _angle_density(angle: Array, rate: float) -> float:
-    """Spectral density of an angle's noise well above the band [rad2/Hz], one-sided; of its steps, as it runs away."""
-    step = np.diff(angle)
-    frequency, density = welch(step, rate, nperseg=min(round(rate), len(step)))
-    passed = 4.0 * np.sin(np.pi * frequency / rate) ** 2
-    above = _above(frequency, rate)
-    return float(np.median(density[above] / passed[above]) / MEDIAN)
+    return middle_density(density[_above(frequency, rate)], len(torque) / rate)
 
 
 def _above(frequency: Array, rate: float) -> Mask:

@@ -36,6 +36,7 @@ from pmg.sim.bench import load_bench
 from pmg.sim.errors import FitError
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import PerShaft
+from pmg.sim.signals import Array
 
 RATE = 1000.0
 COUNT = 2.0 * np.pi / 5120
@@ -160,15 +161,28 @@ def test_a_lag_of_the_transducer_is_named_with_its_size() -> None:
     assert found.mismatch.p_value < 0.05
 
 
+def _angle_density(speed: Array, jitter: float, rng: np.random.Generator) -> float:
+    """Density of the noise of the sun's angle at a speed [rad/s], over that of even steps of its encoder."""
+    turning = np.cumsum(speed) / RATE
+    angle = COUNT * np.floor((turning + jitter * rng.standard_normal(len(turning))) / COUNT)
+    run = _run(1, Manoeuvre.RAMP, speed, rng)
+    found = smooth(MovingRun(**{**vars(run), "angle": PerShaft(angle, run.angle.ring)})).shafts.sun.angle_density
+    return found * 6.0 * RATE / COUNT**2
+
+
 def test_the_noise_of_an_angle_is_what_its_record_shows() -> None:
     rng = np.random.default_rng(4)
-    turning = 150.0 * np.arange(20000) / RATE
     for jitter in (0.0, 3e-3):
-        angle = COUNT * np.floor((turning + jitter * rng.standard_normal(len(turning))) / COUNT)
-        run = _run(1, Manoeuvre.RAMP, np.full(20000, 150.0), rng)
-        found = smooth(MovingRun(**{**vars(run), "angle": PerShaft(angle, run.angle.ring)})).shafts.sun.angle_density
-        expected = 2.0 * (COUNT**2 / 12.0 + jitter**2) / RATE
-        assert 0.85 * expected < found < 1.4 * expected
+        expected = 1.0 + 12.0 * (jitter / COUNT) ** 2
+        found = _angle_density(np.linspace(40.0, 150.0, 20000), jitter, rng)
+        assert 0.85 * expected < found < 1.15 * expected
+
+
+@pytest.mark.parametrize(("line", "low", "high"), [(15.0, 1.5, 20.0), (200.0, 0.0, 0.3)])
+def test_steps_at_a_speed_that_is_held_fold_into_the_band_or_do_not(line: float, low: float, high: float) -> None:
+    speed = (20 * RATE + line) * COUNT  # so many counts a second, of which the samples see the rest over their rate
+    found = _angle_density(np.full(20000, speed), 0.0, np.random.default_rng(4))
+    assert low < found < high
 
 
 def test_the_lag_of_a_transducer_is_found_to_a_hundredth() -> None:

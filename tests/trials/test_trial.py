@@ -6,6 +6,7 @@ import copy
 import json
 import os
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -19,21 +20,24 @@ from typer.testing import CliRunner
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.diagnosis.design.plans import possible_plans
 from pmg.pipeline.trials.motion.nature import MotionCase, draw_motion_case
+from pmg.pipeline.trials.motion.strata import FORMS as IN_MOTION
 from pmg.pipeline.trials.motion.strata import MotionStratum
 from pmg.pipeline.trials.nature import ConcealedCampaign, measure_case
 from pmg.pipeline.trials.score import case_list, run_case, stage
 from pmg.pipeline.trials.score.case_list import SHARES, chosen_kinds, chosen_track, draw_lots, draw_motion_lots
 from pmg.pipeline.trials.score.figures import Aim, Figured, figures, mean
+from pmg.pipeline.trials.score.location import PLACES, place_of
 from pmg.pipeline.trials.score.rates import Rate, fit_curve
 from pmg.pipeline.trials.score.score import DiagnosisScore, judge, resolution
 from pmg.pipeline.trials.score.sealed import FILE, open_truth, open_truths, seal, truth_texts
 from pmg.pipeline.trials.score.sets import figures_by_laws, set_figures
 from pmg.pipeline.trials.score.stage import TrialOptions, run_prove
 from pmg.pipeline.trials.score.summary import score_lines, summarise
-from pmg.pipeline.trials.strata import strata
+from pmg.pipeline.trials.strata import FORMS, strata
 from pmg.sim.bench import BenchParameters
 from pmg.sim.errors import BenchError, StoreError
 from pmg.sim.grid import OperatingPoints
+from pmg.sim.mechanisms.base import Component
 from pmg.sim.signals import Array
 
 RUNNER = CliRunner()
@@ -129,6 +133,44 @@ def test_a_diagnosis_is_worth_what_it_says_of_the_truth(
     score = judge(true, said)
     assert score.outcome is outcome
     assert score.detected is (said is not None and said["verdict"] not in ("consistent", "confounded"))
+
+
+SUN_ROTOR = truth(("rotor_inertia", "sun"))
+SUN_ROTOR["effects"][0]["component"] = "sun_rotor"
+
+
+@pytest.mark.parametrize(
+    ("said", "component", "right"),
+    [
+        (document("named", (GAIN, "sun")), "sun_bearings", True),
+        (document("named", (GAIN, "sun")), "sun_coupling", False),
+        (document("named", (GAIN, "ring")), "ring_bearings", False),
+        (document("named", (GAIN, "either")), "ring_bearings", True),
+        (document("ambiguous", (GAIN, "sun"), rival=WIND), "sun_bearings", True),
+        (document("ambiguous", (GAIN, "sun"), rival=WIND), "magnetic_gear", False),
+        (document("consistent"), "sun_bearings", False),
+        (document("confounded"), "sun_bearings", False),
+        (document("not_in_library"), "sun_bearings", True),
+        (document("not_in_library"), None, False),
+    ],
+)
+def test_a_place_is_right_on_the_right_component_and_shaft(
+    said: dict[str, Any], component: str | None, right: bool
+) -> None:
+    said = copy.deepcopy(said)
+    for row in said["mechanisms"]:
+        row["component"] = component
+    said["locations"] = [{"component": component}]
+    score = judge(SUN_ROTOR, said)
+    assert (score.place, score.located) == ("rotor", right)
+    assert (judge(ONE, document("named", (GAIN, "sun"))).located, judge(SUN_ROTOR, None).located) == (None, None)
+
+
+def test_every_effect_of_the_trials_has_a_place() -> None:
+    components = [form.components.values() for form in FORMS] + [
+        form.components.values() for form in IN_MOTION.values()
+    ]
+    assert {place_of(each) for each in (*chain.from_iterable(components), *Component)} <= set(PLACES.values())
 
 
 def test_a_parameter_is_set_beside_its_true_value() -> None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.noise import RowNoise, SlowNoise
+    from pmg.pipeline.diagnosis.motion.rows import RotorRows
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.pipeline.motion.run import MovingRun
@@ -30,6 +31,10 @@ if TYPE_CHECKING:
 
 CLEANINGS = 2
 """Times the constants are fitted, each time with columns freed from the noise that the fit before showed."""
+
+DENSITY_DOUBT = 0.07
+"""Relative standard uncertainty of the noise of a torque over that of an angle, in the band of the rows: steps of an
+encoder fold into it unevenly while a speed is held."""
 
 HELD = 1e-3
 """Factor on the standard uncertainty of what is held."""
@@ -49,7 +54,23 @@ def fit_constants(
     slow_noise = slow_noise_beside_drift(rough, noise)
     noise = [row_noise(rough, place, slow_noise) for place in range(len(start.stretches))]
     before, covariance = fit_beside(rough, noise, ())
-    return before, covariance, noise
+    doubted = _with_denser_torque(before, noise)
+    return before, covariance + np.outer(doubted - before.values, doubted - before.values), noise
+
+
+def _with_denser_torque(fitted: MotionBaseline, noise: list[RowNoise]) -> Array:
+    """The constants (k,) if the noise of the torques were denser by `DENSITY_DOUBT`, beside that of the angles.
+
+    What is taken out of the columns then is another part of what the balance shows.
+    """
+
+    def denser(stretch: RotorRows) -> RotorRows:
+        shafts = stretch.run.shafts.map(lambda shaft: replace(shaft, density=(1.0 + DENSITY_DOUBT) * shaft.density))
+        return replace(stretch, run=replace(stretch.run, shafts=shafts))
+
+    other = with_instruments(replace(fitted, stretches=tuple(map(denser, fitted.stretches))))
+    found, _ = fit_baseline(replace(fitted, instruments=other.instruments), _whitener(noise))
+    return found.values
 
 
 def slow_noise_beside_drift(fitted: MotionBaseline, noise: list[RowNoise]) -> SlowNoise:

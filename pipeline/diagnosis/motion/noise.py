@@ -106,19 +106,22 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
     stretch, sheet = baseline.stretches[place], baseline.sheet
     run, side = stretch.run, stretch.side
     own, (value, curvature) = stretch.shaft, row_weights(run)
-    sources = [(own.density, value)]
+    sources, common = [(own.density, value, value)], run.common
     if not stretch.at_rest:
         inertia, peak = (float(baseline.values[sheet.at(name)]) for name in (f"inertia_{side}", "pull_out"))
         spring = peak * sheet.poles[side] if stretch.coupled else 0.0
-        sources.append((own.angle_density, inertia * curvature + spring * sheet.poles[side] * value))
+        of_own = inertia * curvature + spring * sheet.poles[side] * value
+        sources.append((own.angle_density, of_own, of_own))
         if spring:
             other = other_side(side)
-            sources.append((run.shafts[other].angle_density, spring * sheet.poles[other] * value))
+            of_other = spring * sheet.poles[other] * value
+            sources.append((run.shafts[other].angle_density, of_other, of_other))
+            sources.append((2.0 * common, of_own, of_other))
     step = round(run.run.rate / run.row_rate)
-    length = max(len(weights) for _, weights in sources) // step + 1
+    length = len(value) // step + 1
     correlation = np.zeros(length)
-    for density, weights in sources:
-        whole = np.correlate(weights, weights, "full")[len(weights) - 1 :: step]
+    for density, one, another in sources:
+        whole = np.correlate(one, another, "full")[len(value) - 1 :: step]
         correlation[: len(whole)] += 0.5 * run.run.rate * density * whole
     correlation[0] *= 1.0 + FLOOR
     at = np.flatnonzero(stretch.rows)

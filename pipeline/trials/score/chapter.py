@@ -19,6 +19,7 @@ from pmg.pipeline.report.document import (
     Table,
     Text,
 )
+from pmg.pipeline.trials.score.figures import ABOUT_ONE
 from pmg.pipeline.trials.score.summary import time_document
 from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 
@@ -87,7 +88,7 @@ def _proof_section(trial: Trial) -> Section:
         items.append(_detection(trial))
     if trial.agreement is not None:
         items.append(_agreement(trial.agreement))
-    items += [_outcomes(trial), _confusion(trial)]
+    items += [_outcomes(trial), _places(trial), _confusion(trial)]
     return Section("proof", "What the diagnosis is worth", tuple(items))
 
 
@@ -182,6 +183,25 @@ def _outcomes(trial: Trial) -> Table:
             *map(Column, columns),
         ),
         tuple(rows),
+    )
+
+
+def _places(trial: Trial) -> Table:
+    low, high = ABOUT_ONE
+    return Table(
+        "places",
+        "Where it was located, by true place",
+        f"Single effects of the library of {low:g} to {high:g} sigma, and larger ones. Right is the place of the cause "
+        "that is named or leads a set, or of the clearest difference, on the right shaft where one is told.",
+        (
+            Column("place", "Place"),
+            Column("about_one", "Located right, about 1 sigma"),
+            Column("larger", "Located right, larger"),
+        ),
+        tuple(
+            (place, *(f"{rate.hits} of {rate.of}" for rate in (at_one, larger)))
+            for place, at_one, larger in trial.by_place
+        ),
     )
 
 

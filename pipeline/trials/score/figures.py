@@ -150,6 +150,7 @@ def detection(scores: Sequence[Score]) -> tuple[tuple[tuple[float, float, float,
 AIMS_IN_MOTION = {
     "size_50": None,
     "size_95": None,
+    "located_at_1": Aim(low=0.9),
     "named_right_at_1": Aim(low=0.85),
     "right_or_set": Aim(low=0.95),
     "two_right": None,
@@ -181,11 +182,13 @@ def figures(scores: Sequence[Score], resolutions: Sequence[str], lifts: Sequence
     errors = [score.held_out for score in made if score.held_out is not None]
     fitted = [score.parameter for score in made if score.parameter is not None]
     covers = [parameter.covers for parameter in fitted if parameter.covers is not None]
+    places = [score.located for score in about if score.located is not None]
     many = f"one effect of {ABOUT_ONE[0]:g} sigma or more"
     return (
         _rate("false_alarm", "false alarms on clean campaigns", clean, alarm, Aim(high=0.05)),
         _size("size_50", curve, 0.50, Aim(high=0.17), len(one) + len(outside)),
         _size("size_95", curve, 0.95, Aim(high=0.30), len(one) + len(outside)),
+        share("located_at_1", "located right, one effect of about 1 sigma", places),
         _rate("named_right_at_1", "named right, one effect of about 1 sigma", about, right, Aim(low=0.95)),
         _rate("named_right_above", f"named right, {many}", large, right),
         _rate("right_or_set", f"named right or in a set that holds it, {many}", large, either),

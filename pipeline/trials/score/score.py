@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.trials.laws import RESERVED
+from pmg.pipeline.trials.score.location import SILENT, located, place_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pmg.sim.signals import Array
 
-SILENT = ("consistent", "confounded")
-"""Verdicts that claim no mismatch; every other one is an alarm."""
 PARAMETERS = {"torque_zero_offset": "offset", "torque_gain_error": "gain", "torque_crosstalk": "part"}
 """Parameter of the library that corresponds to an effect's size, without its shaft."""
 WITHOUT_ONE = ("magnitude", "seated", "by_sense")
@@ -104,6 +103,10 @@ class Score:
         Family of its effects' laws, reserved if that of any is; empty where nothing is concealed.
     near : tuple of str
         Ids that stand beside none of the library, or beside what was named as an error of its form would explain them.
+    place : str
+        Where a single effect sits: rotor, coupling, gear, transducer, encoder or motor; empty without one.
+    located : bool or None
+        Whether the diagnosis points there first; None without a single effect.
     """
 
     kind: str
@@ -119,6 +122,8 @@ class Score:
     recognised: bool | None
     laws: str
     near: tuple[str, ...] = ()
+    place: str = ""
+    located: bool | None = None
 
     @property
     def told(self) -> tuple[str, ...]:
@@ -149,7 +154,7 @@ def judge(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Score
     outcome = _naming_outcome(truth, document)
     tested = document is not None and any(rival["separating_test"] for rival in document["rivals"])
     separated = outcome is DiagnosisScore.SAID_CONFOUNDED or (outcome is DiagnosisScore.RIGHT_SET and tested)
-    proof = None if document is None else document["held_out"]
+    proof, right_place = None if document is None else document["held_out"], located(truth, document)
     after = document is not None and document["verdict"] in ("named", "ambiguous") and proof is not None
     return Score(
         kind=kind,
@@ -164,6 +169,8 @@ def judge(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> Score
         held_out=float(proof["rmse_after_Nm"] / proof["noise_floor_Nm"]) if after and proof is not None else None,
         recognised=separated if kind == "confounded" else None,
         near=_near_ids(document),
+        place=place_of(effects[0]["component"]) if right_place is not None else "",
+        located=right_place,
         laws=max((str(effect["laws"]) for effect in effects), key=lambda family: family == RESERVED, default=""),
     )
 

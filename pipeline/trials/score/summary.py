@@ -13,8 +13,8 @@ import numpy as np
 
 from pmg.pipeline.trials.score.agreement import agree
 from pmg.pipeline.trials.score.case_list import SHARES
-from pmg.pipeline.trials.score.figures import detection, figures
-from pmg.pipeline.trials.score.rates import EDGES
+from pmg.pipeline.trials.score.figures import ABOUT_ONE, detection, figures
+from pmg.pipeline.trials.score.rates import EDGES, count
 from pmg.pipeline.trials.score.score import DiagnosisScore, Score, judge, resolution
 from pmg.pipeline.trials.score.sets import figures_by_laws, set_figures
 
@@ -90,6 +90,18 @@ class Trial:
         return tuple(found)
 
     @property
+    def by_place(self) -> tuple[tuple[str, Rate, Rate], ...]:
+        """Where single effects of the library sit, and how many are located right: about 1 sigma, and larger ones."""
+        low, high = ABOUT_ONE
+        single = [score for score in self.scores if score.kind == "one" and score.located is not None]
+
+        def rate(place: str, least: float, most: float) -> Rate:
+            return count([bool(s.located) for s in single if s.place == place and least <= s.reached < most])
+
+        places = sorted({score.place for score in single if score.reached >= low})
+        return tuple((place, rate(place, low, high), rate(place, high, math.inf)) for place in places)
+
+    @property
     def confusion(self) -> tuple[tuple[str, ...], dict[str, dict[str, int]]]:
         """Columns, and for each concealed single effect how often each was said (the leading id, of several)."""
         found: dict[str, Counter[str]] = {}
@@ -160,6 +172,8 @@ def case_row(number: int, score: Score, truth: Mapping[str, Any], result: Mappin
         "outcome": str(score.outcome),
         "expected": score.verdict in truth["expected"],
         "p_value": score.p_value,
+        "place": score.place,
+        "located": score.located,
         "held_out_ratio": score.held_out,
         "recognised": score.recognised,
         "parameter": None
@@ -203,6 +217,10 @@ def scores_document(trial: Trial, facts: Mapping[str, Any]) -> dict[str, Any]:
         "by_size": [
             {"kind": kind, "from_sigma": low, "to_sigma": high if math.isfinite(high) else None, "outcomes": counted}
             for kind, low, high, counted in trial.by_size
+        ],
+        "by_place": [
+            {"place": place, "about_1": [at_one.hits, at_one.of], "larger": [larger.hits, larger.of]}
+            for place, at_one, larger in trial.by_place
         ],
         "confusion": {"said": list(columns), "concealed": confusion},
         "agreement": None if trial.agreement is None else trial.agreement.document,

@@ -1,0 +1,114 @@
+"""Noise of an angle in the band of the rows: steps of its encoder as they fold into it, and jitter of the samples."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.signal import csd, fftconvolve, welch
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pmg.sim.shafts import PerShaft
+    from pmg.sim.signals import Array, Mask
+
+CREEPING = 0.2
+"""Speed [rad/s] up to which a shaft stands or creeps: before it has moved faster, and after, nothing is said of it."""
+
+OFFSETS = (0.25, 0.75)
+"""Parts of a count by which the angle that is counted again is moved; a shaft at rest stands on a whole one."""
+
+HARMONICS = np.arange(1, 9)
+"""Waves of the steps of a count that are taken."""
+
+ROUNDS = 4
+"""Times that jitter and steps are told apart."""
+
+LEAST = 0.05
+"""Least part of the noise of even steps that is taken."""
+
+
+def angle_density(
+    angle: Array, count: float, rate: float, filters: tuple[Array, Array], above: Callable[[Array, float], Mask]
+) -> float:
+    r"""Spectral density of an angle's noise in a band [rad2/Hz], one-sided.
+
+    Parameters
+    ----------
+    angle : (n,) array
+        As recorded [rad].
+    count : float
+        Its steps [rad].
+    rate : float
+        Samples a second [1/s].
+    filters : tuple of (w,) array
+        Weights of the band, and of the second derivative in it.
+    above : callable
+        Which frequencies [Hz] of a record of that rate are well above the band.
+
+    Notes
+    -----
+    An encoder shows whole counts c. What they are off has the variance :math:`c^2/12`, and is white while the speed
+    changes; at a speed that is held it is a line, :math:`|\omega/c - k f_s|/2\pi` off zero, that lies in the band or
+    does not. The smooth angle is counted again to see how much of it does. Jitter of size s between samples spreads
+    the k-th wave of the steps: :math:`e^{-(2\pi k s/c)^2}` of its power is left; how large jitter is shows above the
+    band, where all beyond the steps is taken for it.
+
+    References
+    ----------
+    B. Widrow, I. Kollár, 'Quantization Noise', Cambridge University Press (2008), chapters 4 and 17.
+    """
+    low, curved = filters
+    smooth = fftconvolve(angle, low, "valid")
+    moving = np.flatnonzero(np.abs(np.gradient(smooth)) * rate > CREEPING)
+    if len(moving) and moving[-1] - moving[0] > 2 * len(curved):
+        angle, smooth = (part[moving[0] : moving[-1] + 1] for part in (angle[len(low) // 2 :], smooth))
+    again = [np.floor(smooth / count + offset) * count for offset in OFFSETS]
+    even = count**2 / 6.0 / rate
+    power = [float(np.mean(fftconvolve(shown - smooth, curved, "valid") ** 2)) for shown in again]
+    inside = max(float(np.mean(power)) / (0.5 * rate * float(curved @ curved)), LEAST * even)
+    outside = float(np.mean([_above_band(shown, rate, above) for shown in again]))
+    seen, jitter = _above_band(angle, rate, above), 0.0
+    kept = 1.0
+    for _ in range(ROUNDS):
+        jitter = max(seen - kept * outside - (1.0 - kept) * even, 0.0)
+        kept = _kept(jitter * 0.5 * rate, count)
+    return kept * inside + (1.0 - kept) * even + jitter
+
+
+def _kept(variance: float, count: float) -> float:
+    """Part of the power of steps that keeps its shape beside a noise of some variance [rad2]."""
+    waves = np.exp(-variance * (2.0 * np.pi * HARMONICS / count) ** 2)
+    return float(np.sum(waves / HARMONICS**2) / np.sum(1.0 / HARMONICS**2))
+
+
+def common_density(angles: PerShaft[Array], rate: float, above: Callable[[Array, float], Mask]) -> float:
+    """Cross density of the noise of two angles of one recording [rad2/Hz], one-sided: jitter moves both at a time.
+
+    It is that well above the band, where steps of the encoders have nothing in common.
+    """
+    sun, ring = np.diff(angles.sun), np.diff(angles.ring)
+    frequency, density = csd(sun, ring, rate, nperseg=min(round(rate), len(sun)))
+    at = above(frequency, rate)
+    return float(np.mean(density[at].real / (4.0 * np.sin(np.pi * frequency[at] / rate) ** 2)))
+
+
+def _above_band(angle: Array, rate: float, above: Callable[[Array, float], Mask]) -> float:
+    """Spectral density of an angle's noise above the band [rad2/Hz]; of its steps, as the angle runs away."""
+    step = np.diff(angle)
+    frequency, density = welch(step, rate, nperseg=min(round(rate), len(step)))
+    at = above(frequency, rate)
+    return middle_density(density[at] / (4.0 * np.sin(np.pi * frequency[at] / rate) ** 2), len(step) / rate)
+
+
+def middle_density(density: Array, seconds: float) -> float:
+    r"""Mean of a white density that Welch's method gives, by its median, which lines do not lift.
+
+    Notes
+    -----
+    Pieces of a second that overlap by half count as K = 2 T - 1 less 5 %, each with two degrees of freedom; the median
+    of chi square with n of them is :math:`(1 - 2/9n)^3` times its mean (Wilson and Hilferty).
+    """
+    freedom = 2.0 * max((2.0 * seconds - 1.0) / 1.06, 1.0)
+    return float(np.median(density)) / (1.0 - 2.0 / (9.0 * freedom)) ** 3
