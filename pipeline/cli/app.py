@@ -129,6 +129,7 @@ def run(given: Given, progress: Progress | None = None) -> Outcome:
 
 demo = app.command()(bench_side.demo)
 watch = app.command()(bench_side.watch)
+next_test = app.command("next")(bench_side.next_test)
 simulate = app.command()(studies.simulate)
 validate = app.command()(studies.validate)
 residuals = app.command()(studies.residuals)

@@ -1,4 +1,4 @@
-"""Commands at the bench: the example, recordings watched as they land."""
+"""Commands at the bench: the example, recordings watched as they land, the next test as a sheet."""
 
 from __future__ import annotations
 
@@ -67,3 +67,18 @@ def watch(
     served = (port or 0) if page or port is not None else None
     chosen = WatchOptions(settle, served, None if idle is None else idle * MINUTE, model, machine)
     return run_watch(folder, store, chosen, lambda line: say(printable(line)))
+
+
+@command("next", example="next --store store --out next-test")
+def next_test(
+    store: Annotated[Path, typer.Option("--store", help="Take the analysed campaign of this store."), checks.STORE],
+    out: Annotated[
+        Path,
+        typer.Option("--out", help="Write next.html, a sheet to print and tick, and next.csv to this folder."),
+        checks.FOLDER_OUT,
+    ],
+) -> Outcome:
+    """Write the next test as a sheet for the bench. Each point has the torque to expect under every open cause."""
+    from pmg.pipeline.commands.at_bench.next_sheet import run_next
+
+    return run_next(store, out)

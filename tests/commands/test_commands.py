@@ -208,6 +208,15 @@ TABLE: dict[str, Row] = {
             Wrong("{sound} --store {tmp}/s --model {notes}", "notes"),
         ),
     ),
+    "next": Row(
+        "commands.at_bench.next_sheet.run_next",
+        "--store {analysed} --out {tmp}/o",
+        (
+            Wrong(f"--store {NO_STORE} --out {{tmp}}/o", "pmg ingest"),
+            Wrong("--store {analysed}", "--out"),
+            Wrong("--store {analysed} --out {notes}", "notes"),
+        ),
+    ),
     "prove": Row(
         "trials.score.stage.run_prove",
         "--out {tmp}/o --campaigns 1 --strata clean --workers 1",

@@ -20,7 +20,7 @@ from pmg.sim.grid import Grid
 from pmg.sim.mechanisms import Experiment
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Collection
 
     from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
     from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
@@ -166,12 +166,17 @@ def form_test(
 
 
 def _best_test(
-    problem: GridProblem, floor: NoiseFloor, ids: tuple[str, ...], apart: Callable[[GridProblem], float]
+    problem: GridProblem,
+    floor: NoiseFloor,
+    ids: tuple[str, ...],
+    apart: Callable[[GridProblem], float],
+    kinds: Collection[Experiment] = tuple(Experiment),
 ) -> NextTest | None:
-    """The shortest plan with enough power, else the one with most; `apart` is a noncentrality with its points in."""
+    """The shortest plan of these kinds with enough power, else the one with most; `apart` is its noncentrality."""
     found = [
         NextTest(plan, ids, power_to_separate(apart(longer_problem(problem, plan, floor))))
         for plan in possible_plans(problem.readings.grid.points, problem.bench)
+        if plan.experiment in kinds
     ]
     if not found:
         return None
@@ -179,3 +184,16 @@ def _best_test(
     if strong:
         return min(strong, key=lambda test: test.plan.seconds)
     return max(found, key=lambda test: test.power)
+
+
+def confirming_test(problem: GridProblem, fits: tuple[CandidateFit, ...], floor: NoiseFloor) -> NextTest | None:
+    """The test that would show a named cause once more, of the kinds that its mechanisms say reveal them."""
+    kinds = {reveals.experiment for fit in fits for reveals in fit.candidate.kind.revealed_by}
+
+    def apart(whole: GridProblem) -> float:
+        effect = np.sum([whole.effect(fit.candidate, fit.values) for fit in fits], axis=0)
+        left = _free_beside(whole, ()).beyond_baseline(effect)
+        return float(left @ left)
+
+    ids = tuple(sorted({fit.candidate.identifier for fit in fits}))
+    return _best_test(problem, floor, ids, apart, kinds) or _best_test(problem, floor, ids, apart)

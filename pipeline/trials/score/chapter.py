@@ -21,6 +21,7 @@ from pmg.pipeline.report.document import (
 )
 from pmg.pipeline.trials.score.figures import ABOUT_ONE
 from pmg.pipeline.trials.score.summary import time_document
+from pmg.pipeline.wording.plurals import counted
 from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 
 if TYPE_CHECKING:
@@ -40,14 +41,15 @@ WHICH = {"steady": "", "motion": " of runs in motion"}
 
 def proof_page(trial: Trial, facts: Mapping[str, Any]) -> Report:
     """The page of a trial; `facts` holds seed, strata, laws, route and the digest of the program."""
-    aimed = [figure for figure in trial.figures if figure.met is not None]
-    met = sum(bool(figure.met) for figure in aimed)
+    aimed = [figure for figure in trial.figures if figure.aim is not None]
+    met, open_ = (sum(figure.met is state for figure in aimed) for state in (True, None))
+    untold = f"; {open_} cannot be told from so few" if open_ else ""
     return Report(
         title="Proof of the diagnosis",
         subtitle=f"{len(trial.scores)} synthetic campaigns{WHICH[facts['track']]} with sealed truths, "
         "from a bench that shares no formula with the models",
         verdict=Headline(
-            f"{met} of {len(aimed)} aims are met over {len(trial.scores)} campaigns.",
+            f"{met} of {counted(len(aimed), 'aim')} met at 95 % over {counted(len(trial.scores), 'campaign')}{untold}.",
             "good" if met == len(aimed) else "attention",
         ),
         sections=(_proof_section(trial), _cases_section(trial)),
@@ -93,11 +95,15 @@ def _proof_section(trial: Trial) -> Section:
 
 
 def _figures(trial: Trial) -> Table:
-    missed = [figure.what for figure in trial.figures if figure.met is False]
+    aimed = [figure for figure in trial.figures if figure.aim is not None]
+    missed, open_ = ([figure.what for figure in aimed if figure.met is state] for state in (False, None))
+    told = [f"Not met: {'; '.join(missed)}."] if missed else []
+    told += [f"Cannot tell, as the interval allows either: {'; '.join(open_)}."] if open_ else []
+    rule = "An aim is met where the whole interval lies in it."
     return Table(
         "proof-figures",
         "Figures and aims",
-        f"Not met: {'; '.join(missed)}." if missed else "Every aim is met.",
+        " ".join([rule, *(told or ["Every aim is met."])]),
         (
             Column("figure", "Figure"),
             Column("value", "Value, interval"),

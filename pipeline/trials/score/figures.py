@@ -36,10 +36,6 @@ class Aim:
             return f"at most {high:g}{unit}"
         return f"at least {low:g}{unit}" if self.high == math.inf else f"{low:g} to {high:g}{unit}"
 
-    def holds(self, value: float) -> bool:
-        """Whether a value lies in it."""
-        return self.low <= value <= self.high
-
 
 @dataclass(frozen=True)
 class Figured:
@@ -93,27 +89,20 @@ class Figured:
 
     @property
     def met(self) -> bool | None:
-        """Whether the aim is met; None without one, or without a value."""
-        return None if self.aim is None or self.value is None else self.aim.holds(self.value)
-
-    @property
-    def sure(self) -> bool | None:
-        """Whether the interval says the same of the aim throughout; None without one."""
-        if self.aim is None or self.interval is None or self.met is None:
+        """Whether the aim is met: what the whole interval says; None without an aim, or where it allows either."""
+        if self.aim is None or self.value is None or self.interval is None:
             return None
         low, high = self.interval
-        inside = self.aim.low <= low and high <= self.aim.high
-        return inside if self.met else high < self.aim.low or low > self.aim.high
+        if self.aim.low <= low and high <= self.aim.high:
+            return True
+        return False if high < self.aim.low or low > self.aim.high else None
 
     @property
     def state(self) -> str:
         """Whether the aim is met, in words; empty without one."""
         if self.aim is None:
             return ""
-        if self.met is None:
-            return "cannot tell"
-        word = "met" if self.met else "not met"
-        return f"{word}, though the interval allows otherwise" if self.sure is False else word
+        return {True: "met", False: "not met", None: "cannot tell"}[self.met]
 
     @property
     def document(self) -> dict[str, Any]:
@@ -128,7 +117,6 @@ class Figured:
             "of": self.of,
             "aim": None if self.aim is None else [_finite(self.aim.low), _finite(self.aim.high)],
             "met": self.met,
-            "sure": self.sure,
         }
 
 

@@ -1,0 +1,160 @@
+"""The stage behind ``pmg next``: the next test of a campaign as a plan for the bench and as a sheet to tick off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pmg.pipeline.analysis.outputs import analysed_campaign, read_analysis
+from pmg.pipeline.commands.at_bench.sheet_page import BenchSheet, SheetRow, sheet_csv, sheet_page
+from pmg.pipeline.commands.compare_and_diagnose import SEED, compare_and_diagnose
+from pmg.pipeline.commands.motion import campaign_in_motion
+from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.commands.stored_analysis import analysed
+from pmg.pipeline.diagnosis.design.expected_readings import expected_readings
+from pmg.pipeline.diagnosis.design.next_test import confirming_test
+from pmg.pipeline.diagnosis.design.plans import A_POINT
+from pmg.pipeline.diagnosis.grid.candidates import grid_problem
+from pmg.pipeline.diagnosis.grid.statement import causes, phrase
+from pmg.pipeline.files.atomic import write_together
+from pmg.pipeline.fit.whitening import whitener
+from pmg.pipeline.wording.plurals import counted
+from pmg.sim.errors import FitError
+from pmg.sim.signals import MINUTE, SPEED_RING, SPEED_SUN
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pmg.pipeline.commands.stored_analysis import StoredAnalysis
+    from pmg.pipeline.diagnosis.design.next_test import NextTest
+    from pmg.pipeline.diagnosis.grid.candidates import CandidateFit, GridProblem
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
+
+SHEET, POINTS = "next.html", "next.csv"
+WITHOUT = "the simulation as it is"
+"""What is expected where no cause is in the model."""
+
+
+def run_next(store: Path, out: Path) -> Outcome:
+    """Write the next test of an analysed campaign.
+
+    Parameters
+    ----------
+    store : Path
+        Holds the analysis.
+    out : Path
+        Receives the sheet and its points.
+
+    Raises
+    ------
+    PmgError
+        The store holds no analysis, or one that reached no calibration.
+    """
+    moving = campaign_in_motion(store, analysed_campaign(store))
+    if moving is not None:
+        do = "Run 'pmg compare': its chapter on next runs lists them with the references of the drives."
+        raise FitError(str(store), "a campaign of runs in motion", "steady points", do)
+    whole = analysed(store, *read_analysis(store))
+    judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, np.random.default_rng(SEED))
+    if judged is None or whole.analysis.calibration is None:
+        raise FitError(str(store), "no calibration", "a campaign that can be compared", "See 'pmg doctor' for why.")
+    found = _question(whole, judged.diagnosis)
+    if found is None:
+        differs = judged.diagnosis.mismatch.found
+        why = "no cause to predict readings from; repeat the points that lie furthest out" if differs else "no question"
+        line = f"{phrase(judged.diagnosis)}: {why}; there is no sheet."
+        return Outcome({"verdict": str(judged.diagnosis.verdict), "files": []}, (line,))
+    sheet = _sheet(whole, judged.diagnosis, found)
+    files = {out / SHEET: sheet_page(sheet).encode(), out / POINTS: sheet_csv(sheet).encode()}
+    write_together(files)
+    telling = sum(row.tells for row in sheet.rows)
+    lines = [
+        f"{phrase(judged.diagnosis)}. {sheet.question}",
+        f"{counted(len(sheet.rows), 'point')}, {sheet.minutes:.0f} min; {counted(telling, 'point')} alone can tell",
+        *(f"{name}" for name in map(str, files)),
+    ]
+    data: dict[str, Any] = {
+        "verdict": str(judged.diagnosis.verdict),
+        "files": [str(path) for path in files],
+        "test": found.test.plan.description,
+        "minutes": sheet.minutes,
+        "points": len(sheet.rows),
+        "causes": list(sheet.causes),
+        "telling": telling,
+    }
+    return Outcome(data, tuple(lines))
+
+
+@dataclass(frozen=True)
+class _Question:
+    """What a test is to tell: the causes that may be there, by their words, and the test."""
+
+    words: str
+    causes: dict[str, tuple[CandidateFit, ...]]
+    test: NextTest
+    problem: GridProblem
+
+
+def _question(whole: StoredAnalysis, diagnosis: Diagnosis) -> _Question | None:
+    """The open question of a diagnosis, or how a named cause is confirmed; None where nothing can be asked."""
+    assert whole.analysis.calibration is not None
+    readings, floor = diagnosis.mismatch.readings, diagnosis.floor
+    model = whole.analysis.calibration.model
+    problem = grid_problem(readings, whole.bench, model, whitener(readings, whole.bench, floor))
+    if diagnosis.naming is None or not diagnosis.verdict.names:
+        if diagnosis.lifting is None:
+            return None
+        words = "Repeats tell whether anything changed slowly during the test: then readings leave the band."
+        return _Question(words, {"nothing changed slowly": ()}, diagnosis.lifting, problem)
+    best = diagnosis.naming.best
+    open_ = {causes(diagnosis, best): best.fits}
+    if not diagnosis.rivals:
+        test = confirming_test(problem, best.fits, floor)
+        words = "The cause is named; this test confirms it on new readings."
+        return None if test is None else _Question(words, open_ | {WITHOUT: ()}, test, problem)
+    open_ |= {causes(diagnosis, rival.explanation): rival.explanation.fits for rival in diagnosis.rivals}
+    tests = [rival.test for rival in diagnosis.rivals if rival.test is not None]
+    if not tests:
+        return None
+    words = "Each point says which cause its reading speaks for."
+    return _Question(words, open_, max(tests, key=lambda each: (each.power, -each.plan.seconds)), problem)
+
+
+def _sheet(whole: StoredAnalysis, diagnosis: Diagnosis, question: _Question) -> BenchSheet:
+    """The sheet of a question: of each point the torque that tells most."""
+    plan, at = question.test.plan, question.test.plan.points
+    expected = expected_readings(question.problem, plan, question.causes, diagnosis.floor)
+    apart = expected.apart
+    rows: list[SheetRow] = []
+    for i in range(len(at)):
+        mine = np.flatnonzero(expected.point == i)
+        if not len(mine):
+            continue
+        k = int(mine[np.argmax(apart[mine])])
+        bands = tuple((float(expected.low(c)[k]), float(expected.high(c)[k])) for c in question.causes)
+        rows.append(
+            SheetRow(
+                after=(float(at.started_at[i]) - float(at.started_at[0])) / MINUTE,
+                seconds=A_POINT,
+                configuration=str(at.configuration[i]),
+                drive=str(at.drive[i]) if at.engaged[i] else "both",
+                gear=int(at.gear[i]),
+                sun=float(SPEED_SUN.display(float(at.speed_sun[i]))),
+                ring=float(SPEED_RING.display(float(at.speed_ring[i]))),
+                load=float(at.load_set[i]) if at.engaged[i] else None,
+                signal="sun torque" if expected.sun[k] else "ring torque",
+                bands=bands,
+                tells=bool(apart[k] > 0.0),
+            )
+        )
+    return BenchSheet(
+        campaign=whole.analysis.grid.campaign,
+        title=plan.description,
+        question=question.words,
+        causes=tuple(question.causes),
+        power=question.test.power,
+        minutes=plan.seconds / MINUTE,
+        rows=tuple(rows),
+    )

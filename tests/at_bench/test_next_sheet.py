@@ -1,0 +1,100 @@
+"""The next test: readings to be expected cover what is then read, and the sheet says it in order."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.trials.strata_by_name import find_stratum
+
+from pmg.pipeline.commands.at_bench.sheet_page import BenchSheet, SheetRow, sheet_csv, sheet_page
+from pmg.pipeline.diagnosis.design.expected_readings import ExpectedReadings, expected_readings
+from pmg.pipeline.diagnosis.design.next_test import confirming_test
+from pmg.pipeline.diagnosis.design.plans import Plan
+from pmg.pipeline.diagnosis.grid.candidates import GridProblem, candidates, grid_problem
+from pmg.pipeline.diagnosis.grid.fitting import fit_candidate
+from pmg.pipeline.fit.analysis import analyse
+from pmg.pipeline.fit.noise import NoiseFloor
+from pmg.pipeline.fit.options import AnalysisOptions
+from pmg.pipeline.fit.whitening import whitener
+from pmg.pipeline.grid.readings import take_readings
+from pmg.pipeline.trials.nature import draw_case, measure_case
+from pmg.sim.bench import BenchParameters
+from pmg.sim.grid import Grid, OperatingPoints
+from pmg.sim.mechanisms import Experiment
+
+BANDS = ((0.25, 0.26), (0.3, 0.31))
+
+
+@pytest.fixture(scope="module")
+def halved(bench: BenchParameters) -> tuple[GridProblem, NoiseFloor, Grid, Plan]:
+    """The problem of every other point of a clean campaign, and the points left out as a plan."""
+    rng = np.random.default_rng(5)
+    grid = measure_case(draw_case(find_stratum("clean"), rng), rng)
+    out = np.arange(len(grid)) % 2 == 1
+    out &= ~grid.points.zero
+    analysis = analyse(replace(grid, accepted=grid.accepted & ~out), AnalysisOptions(), bench)
+    assert analysis.floor is not None
+    assert analysis.calibration is not None
+    readings = take_readings(analysis.grid, bench)
+    problem = grid_problem(readings, bench, analysis.calibration.model, whitener(readings, bench, analysis.floor))
+    at = grid.points
+    columns = {name: getattr(at, name)[out] for name in OperatingPoints.__annotations__}
+    plan = Plan(Experiment.REPEATS, "the points left out", OperatingPoints(**columns), 60.0)
+    return problem, analysis.floor, grid, plan
+
+
+def test_bands_hold_what_is_read_at_points_that_took_no_part(
+    halved: tuple[GridProblem, NoiseFloor, Grid, Plan],
+) -> None:
+    problem, floor, grid, plan = halved
+    (cause,) = [one for one in candidates() if (one.identifier, one.shaft) == ("windage", "sun")]
+    fit = fit_candidate(problem, cause)
+    expected = expected_readings(problem, plan, {"without": (), "windage": (fit,)}, floor)
+    rows = np.flatnonzero((np.arange(len(grid)) % 2 == 1) & ~grid.points.zero)[expected.point]
+    read = np.where(expected.sun, grid.torque_sun[rows], grid.torque_ring[rows])
+    inside = (expected.low("without") <= read) & (read <= expected.high("without"))
+    assert np.mean(inside) > 0.85
+    assert np.median(expected.u["without"]) < 3.0 * max(floor.sun.u, floor.ring.u)
+    assert np.all(expected.u["windage"] >= 0.9 * expected.u["without"])  # a further parameter does not narrow a band
+
+
+def test_a_named_cause_is_confirmed_by_an_experiment_that_reveals_it(
+    halved: tuple[GridProblem, NoiseFloor, Grid, Plan],
+) -> None:
+    problem, floor, _, _ = halved
+    (cause,) = [one for one in candidates() if (one.identifier, one.shaft) == ("windage", "sun")]
+    fit = replace(fit_candidate(problem, cause), values=np.array([p.typical for p in cause.parameters]))
+    test = confirming_test(problem, (fit,), floor)
+    assert test is not None
+    known = {reveals.experiment for reveals in cause.kind.revealed_by}
+    assert test.plan.experiment in known or not known & set(Experiment)
+
+
+def test_a_reading_tells_where_no_two_bands_meet() -> None:
+    value = {"A": np.array([0.0, 0.0]), "B": np.array([1.0, 0.3])}
+    u = {"A": np.array([0.1, 0.1]), "B": np.array([0.2, 0.1])}
+    expected = ExpectedReadings(np.array([0, 1]), np.array([True, True]), value, u)
+    assert expected.apart == pytest.approx([0.4, -0.1])
+
+
+def test_the_sheet_and_its_csv_hold_every_point_in_order() -> None:
+    row = SheetRow(
+        0.0, 45.0, "neutral", "both", 1, 936.0, 480.0, None, "ring torque", ((0.25, 0.26), (0.3, 0.31)), True
+    )
+    loaded = replace(row, after=0.75, configuration="engaged", drive="sun", load=1.56, tells=False)
+    sheet = BenchSheet("a <b>", "some points", "Which?", ("one", "other"), 0.97, 12.0, (row, loaded))
+    lines = list(csv.DictReader(io.StringIO(sheet_csv(sheet))))
+    assert [line["point"] for line in lines] == ["1", "2"]
+    assert (lines[0]["low_A_Nm"], lines[0]["high_B_Nm"], lines[0]["load_Nm"]) == ("0.25000", "0.31000", "")
+    assert [line["tells_alone"] for line in lines] == ["yes", "no"]
+    page = sheet_page(sheet)
+    assert "250.0 … 260.0" in page
+    assert page.count("<tr class=tells>") == 1
+    assert page.count('class="box"') == 6
+    assert "a &lt;b&gt;" in page
+    assert "<script" not in page
+    assert "1 point where the bands lie apart" in page
