@@ -19,7 +19,7 @@ from pmg.pipeline.diagnosis.engine.problem import freed
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming, TermSet
     from pmg.pipeline.diagnosis.balance.library.term import Motion, Term
-    from pmg.pipeline.diagnosis.balance.mismatch import NoiseModel
+    from pmg.pipeline.diagnosis.balance.noise_model import NoiseModel
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.pipeline.diagnosis.engine.adequacy import AdequacyTest
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut

@@ -13,7 +13,8 @@ from pmg.pipeline.diagnosis.balance.estimate import design_of, for_search, impos
 from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem, tabulate, term_problem
 from pmg.pipeline.diagnosis.balance.free_run import free_run, of_fit, of_published
 from pmg.pipeline.diagnosis.balance.library.term import RECORDING
-from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, noise_of, record_evidence
+from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, record_evidence
+from pmg.pipeline.diagnosis.balance.noise_model import noise_of
 from pmg.pipeline.diagnosis.balance.proof import FurtherDecoys, surrogate_decoys, try_decoys, withheld_samples
 from pmg.pipeline.diagnosis.balance.structure import families_of
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
@@ -31,7 +32,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.estimate import Estimate
     from pmg.pipeline.diagnosis.balance.free_run import FreeRun
     from pmg.pipeline.diagnosis.balance.library.term import Motion, Term
-    from pmg.pipeline.diagnosis.balance.mismatch import NoiseModel, Place
+    from pmg.pipeline.diagnosis.balance.mismatch import Place
+    from pmg.pipeline.diagnosis.balance.noise_model import NoiseModel
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.pipeline.diagnosis.engine.evidence import Evidence
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
@@ -165,8 +167,8 @@ def _search(case: Case, recorded: Recorded, rng: np.random.Generator) -> _Search
     found: TermNaming | None = None
     named: tuple[TermFit, ...] = ()
     for turn in range(2):
-        noise = noise_of(recorded.force, structured, rng, recorded.starts[1:])
-        null = noise.whitened_draws(len(recorded.force), DRAWS, rng)
+        noise = noise_of(recorded.force, structured, recorded.starts[1:])
+        null = noise.whitened_draws(DRAWS, rng)
         problem = term_problem(recorded, tables, noise.noise, plain)
         evidence = record_evidence(noise, problem, looked, null)
         mismatch = find_mismatch(evidence, looked)

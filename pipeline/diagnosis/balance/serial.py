@@ -22,6 +22,9 @@ SAMPLES_PER_LAG = 100
 """Samples that each lag calls for: structure that is projected out leaves a hole at low frequency, which a long memory
 fitted to a short record would take for the noise."""
 
+FLOOR = 0.01
+"""White part of the noise, over all of it: beyond a low-pass nothing is left, and whitening would weigh that most."""
+
 ANDREWS_MONAHAN = Source(
     "andrews-monahan",
     "D. W. K. Andrews, J. C. Monahan, 'An improved heteroskedasticity and autocorrelation consistent covariance matrix "
@@ -60,10 +63,26 @@ class SerialNoise:
 
         The first p rows are lost; those of each further recording are zero.
         """
-        white = lfilter(np.r_[1.0, -self.coefficients], [1.0], columns, axis=0)[self.lags :] / self.sigma
+        return self.without_joins(
+            lfilter(np.r_[1.0, -self.coefficients], [1.0], columns, axis=0)[self.lags :] / self.sigma
+        )
+
+    def without_joins(self, white: Array) -> Array:
+        """Whitened rows (n - p, c), those that mix two recordings zero."""
+        white = np.array(white)
         for start in self.starts:
             white[max(start - self.lags, 0) : start] = 0.0
-        return np.asarray(white)
+        return white
+
+    def innovations(self, columns: Array) -> Array:
+        """Columns freed from what the past tells (n, c), the past of each recording taken as zero."""
+        parts = np.split(columns, self.starts)
+        return np.concatenate([lfilter(np.r_[1.0, -self.coefficients], [self.sigma], part, axis=0) for part in parts])
+
+    def coloured(self, innovations: Array) -> Array:
+        """What has these innovations (n, c): `innovations` undone."""
+        parts = np.split(innovations, self.starts)
+        return np.concatenate([lfilter([self.sigma], np.r_[1.0, -self.coefficients], part, axis=0) for part in parts])
 
     def new_in(self, residual: Array) -> Array:
         """What is new in the samples of a residual (m,), where the past of all lags is known."""
@@ -112,7 +131,7 @@ def fit_noise(residual: Array, lags: int | None = None, spent: int = 0, starts: 
     covariance = np.array([float(residual[: n - k] @ residual[k:]) / n for k in range(most + 1)])
     if covariance[0] <= 0.0:
         return SerialNoise(np.zeros(0), 1e-12, np.zeros(n), starts)
-    covariance[0] *= 1.0 + 1e-9
+    covariance[0] *= 1.0 + FLOOR
     best: tuple[float, Array] | None = None
     for order in range(most + 1) if lags is None else (most,):
         a = np.zeros(0)

@@ -20,6 +20,9 @@ OUT, OUT_ANGLE, TEMPERATURE, ELAPSED, KNOWN = "output_torque", "output_angle", "
 """Channels of `Motion.besides`: torque of the output as the input sees it [N m], its angle [rad], a temperature [K],
 time since the recording began [s], force of the terms whose amplitude is known [N, N m]."""
 
+NOISY = "noisy"
+"""Channel of `Motion.besides`: what is noise in the acceleration."""
+
 RECORDING, OF_NONE = "recording", -1.0
 """Channel of `Motion.besides` where no angle was recorded: the fitted recording that a sample is of, or none of them.
 Each recording then begins at an angle of its own."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.library.term import ELAPSED, OUT, OUT_ANGLE, TEMPERATURE, Motion
+from pmg.pipeline.diagnosis.balance.library.term import ELAPSED, NOISY, OUT, OUT_ANGLE, TEMPERATURE, Motion
 from pmg.pipeline.diagnosis.balance.records.clock_of import clock_of
 from pmg.pipeline.diagnosis.balance.records.consistency import check_limits, check_motion
 from pmg.pipeline.diagnosis.balance.records.lags import with_lags
@@ -166,6 +166,8 @@ def _moved(path: Path, stretch: EvenStretch, clock: Clock, case: Case, findings:
         came = f"a speed of {np.abs(speed[inner]).max():.3g} {case.axis.speed} at most, which may be noise"
         raise RecordingError(str(path), came, "a machine that moves", "Check the channels and their units.")
     acceleration = smoother.slope(speed)[inner]
+    besides[NOISY] = np.zeros_like(time)
+    besides[NOISY][inner] = smoother.noise_in(acceleration, noise[1], of_position="velocity" not in values)
     force = _acting(values.get("force", np.zeros_like(time))[inner], acceleration, case, findings)
     return Motion(
         time[inner],

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.signal import butter, cheby1, sosfiltfilt
 
 from pmg.pipeline.diagnosis.balance.case import OUTPUT
-from pmg.pipeline.diagnosis.balance.library.term import KNOWN, OF_NONE, OUT, RECORDING, Motion
+from pmg.pipeline.diagnosis.balance.library.term import KNOWN, NOISY, OF_NONE, OUT, RECORDING, Motion
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -196,16 +196,14 @@ def _referred(motion: Motion, case: Case, of: Recorded | None) -> Motion:
 
 
 def _noisy_part(recorded: Recorded) -> Array:
-    """What is noise in the fast part of the acceleration (n,): a part of it, as Wiener's filter takes it out.
+    """What is noise in the acceleration (n,).
 
-    Between two torques all of it: what acts there unrecorded moves the machine, too.
+    Between two torques all of its fast part: what acts there unrecorded moves the machine, too.
     """
     m = recorded.motion
-    fast = m.acceleration - recorded.slow(m.acceleration, thinned=False)
-    square = float(np.mean(fast**2))
-    if OUT in m.besides or square == 0.0:
-        return fast
-    return fast * min((m.even_acceleration / REST) ** 2 / square, 1.0)
+    if OUT in m.besides:
+        return m.acceleration - recorded.slow(m.acceleration, thinned=False)
+    return m.besides.get(NOISY, np.zeros_like(m.acceleration))
 
 
 def with_known(

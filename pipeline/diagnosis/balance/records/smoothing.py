@@ -23,6 +23,13 @@ DECIMATION = 2
 """Thinned samples at either end that the decimation spoils."""
 
 
+STRETCHES = 12
+"""Stretches, half overlapping, over which a spectrum is averaged."""
+
+NOISE_BEYOND = 10.0
+"""Signal over noise, in power, from which a frequency of an acceleration is kept whole."""
+
+
 class Smoother:
     """The low-pass of a recording, its derivatives, and what they make of noise.
 
@@ -68,6 +75,39 @@ class Smoother:
         assert position is not None  # a case has one of them
         path = self.smooth(position)
         return path, self.slope(path), self._noise(position - path, self.slope(self._weights))
+
+    def noise_in(self, acceleration: Array, deviation: float, *, of_position: bool) -> Array:
+        r"""What may be noise in an acceleration (n,), as a filter after Wiener takes it out.
+
+        Parameters
+        ----------
+        acceleration : (n,) array
+            Made of a speed or a position [m/s2, rad/s2].
+        deviation : float
+            Standard deviation of its noise, as `moved` gives it.
+        of_position : bool
+            Whether it was made of a position.
+
+        Notes
+        -----
+        White noise of the reading goes through low-pass and slope, so its spectrum is known but for its size. Each
+        frequency gives up the part :math:`\min(10 S_\mathrm{noise} / S_\mathrm{acceleration}, 1)`, ten times what is
+        best for the acceleration itself: what is left of the noise stands on both sides of the balance.
+        """
+        reach = len(acceleration)
+        width = min(max(reach // STRETCHES, 16), reach)
+        stretches = np.lib.stride_tricks.sliding_window_view(acceleration, width)[:: max(width // 2, 1)]
+        window = np.hanning(width)
+        at = np.fft.rfftfreq(width, self.step)
+        spectra = np.abs(np.fft.rfft(window * (stretches - stretches.mean(axis=1)[:, None]), axis=1)) ** 2
+        whole = 2.0 * self.step * spectra.mean(axis=0) / float(window @ window)
+        weights = self.slope(self.slope(self._weights) if of_position else self._weights)
+        own = np.interp(at, np.fft.rfftfreq(len(weights), self.step), np.abs(np.fft.rfft(weights)) ** 2)
+        own *= deviation**2 / max(float(np.trapezoid(own, at)), 1e-300)
+        part = np.minimum(NOISE_BEYOND * own / np.maximum(whole, 1e-300), 1.0)
+        mirrored = np.r_[acceleration, acceleration[::-1]]
+        shares = np.interp(np.fft.rfftfreq(2 * reach, self.step), at, part)
+        return np.asarray(np.fft.irfft(shares * np.fft.rfft(mirrored), 2 * reach)[:reach])
 
     def _noise(self, taken: Array, weights: Array) -> tuple[float, float]:
         """What weights and their slope make of white noise, of which the low-pass took a part."""
