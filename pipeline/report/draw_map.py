@@ -98,7 +98,7 @@ def _relief(chart: SpeedMap, box: SubFigure, sheet: Sheet) -> None:
         axis._axinfo["grid"] |= {"color": paint["rule"], "linewidth": 0.6}
     ax.tick_params(labelsize=sheet.small - 1.0, labelcolor=paint["ink"], color=paint["muted"], pad=0.0)
     ax.view_init(*mapgrid.VIEW)
-    ax.set_box_aspect((1.0, 1.0, 0.8), zoom=0.95)
+    ax.set_box_aspect((1.0, 1.0, 0.8), zoom=0.86)
     if chart.title:
         ax.set_title(chart.title, loc="left", size=sheet.letters + 1.0, weight="bold", color=paint["ink"], pad=0.0)
 

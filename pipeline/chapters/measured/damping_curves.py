@@ -71,13 +71,14 @@ def _plausible(fits: tuple[DampingFit, ...]) -> str:
 
 def _fits(fits: tuple[DampingFit, ...], published: bool) -> Figure:
     printed = " Figures 6.2 to 6.5 of the source." if published else ""
+    robust = any((fit.weights < 1.0).any() for fit in fits)
+    outliers = " Half weight or less: points that the fit holds for outliers." if robust else ""
     best = max(fits, key=lambda fit: fit.r_squared)
     return Figure(
         "damping-fits",
         "Damping fits over speed",
         f"Of these K_corr, {best.correction:.3g} is followed best (R² = {best.r_squared:.4f}). Points: magnetic loss, "
-        "mean over the loads; line: the fit, with U = 2u by the scatter about it. Half weight or less: points that the "
-        f"fit holds for outliers.{printed}",
+        f"mean over the loads; line: the fit, with U = 2u by the scatter about it.{outliers}{printed}",
         tuple(_fit(fit) for fit in fits),
         columns=2,
     )

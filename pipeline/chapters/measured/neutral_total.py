@@ -42,7 +42,7 @@ def total_torque_figure(grid: Grid, fits: LossFits) -> tuple[Figure, ...]:
     x = SPEED_SUN.display(speed)
     total = sun + ring
     chart = Chart(
-        f"sun speed [rpm]; ring at 1/{ratio:g} of it",
+        f"sun speed [rpm]; ring at 1/{ratio:.4g} of it",
         "neutral loss torque [N m]",
         (
             *_readings(grid, fits, ratio),
@@ -59,7 +59,7 @@ def total_torque_figure(grid: Grid, fits: LossFits) -> tuple[Figure, ...]:
             "Total neutral torque",
             f"At {x[-1]:.0f} rpm of the sun both shafts together take {numerals.number(float(total[-1]), 3)} N m: "
             f"{numerals.number(float(sun[-1]), 3)} on the sun and {numerals.number(float(ring[-1]), 3)} on the ring, "
-            f"which the sun feels by 1/{ratio:g}. Lines: fits with U = 2u by their scatter; markers: points of the "
+            f"which the sun feels by 1/{ratio:.4g}. Lines: fits with U = 2u by their scatter; markers: points of the "
             f"neutral grid at this ratio of speeds.{printed}",
             (chart,),
         ),

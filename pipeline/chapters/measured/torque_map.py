@@ -52,7 +52,12 @@ def torque_map_sections(gearbox: Gearbox, grid: Grid) -> tuple[Section, ...]:
         most = float(np.abs(carried[rows]).max())
         share = f"{numerals.number(100.0 * most / limit.torque_high, 1)} %"
         facts.append((f"Gear {stage}: pull-out torque of the sun [N m]", numerals.number(limit.torque_high, 2)))
-        facts.append((f"Gear {stage}: largest torque carried [N m]", f"{numerals.number(most, 3)}, {share} of it"))
+        facts.append(
+            (
+                f"Gear {stage}: largest torque carried by the sun [N m]",
+                f"{numerals.number(most, 3)}, {share} of the pull-out",
+            )
+        )
         panels.extend(
             _panels(
                 torque_map, grid, np.asarray(within), carried, f"Gear {stage}: " if len(np.unique(at.gear)) > 1 else ""
@@ -107,8 +112,11 @@ def _panels(torque_map: TorqueMap, grid: Grid, within: Mask, carried: Array, tit
         *points,
     )
     labels = "electrical angle [degrees]", "torque on the sun [N m]"
-    across, up = _around([s.x for s in points]), _around([s.y for s in points])
-    detail = Chart(*labels, (curve, *points), (("", 0.0),), "Load", f"{title}working points", across, up)
+    across = _around([s.x for s in points])
+    low, high = (limit.phase_low, limit.phase_high) if across is None else np.clip(np.radians(across), *ends)
+    near = np.linspace(float(low), float(high), DRAWN)
+    shown_part = Series("stable", np.degrees(near), torque_map.mean_torque(near)[0], None, "line", 0)
+    detail = Chart(*labels, (shown_part, *points), (("", 0.0),), "Load", f"{title}working points", across)
     return Chart(*labels, whole, (("", 0.0),), title=f"{title}whole map"), detail
 
 

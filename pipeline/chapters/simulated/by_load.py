@@ -112,5 +112,5 @@ def _panel(
         y = signal.display(simulated[signal.name][rows])[order]
         lines.append(Series(signal.meaning, x, y, None, "line", i, "simulated"))
     reference = (("", 100.0),) if of is EFFICIENCIES else (("", 0.0),)
-    x_label = f"sun speed [rpm]; ring at 1/{ratio:g} of it"
+    x_label = f"sun speed [rpm]; ring at 1/{ratio:.4g} of it"
     return Chart(x_label, label, (*read, *lines), reference, title=f"Load {name}")

@@ -9,7 +9,7 @@ import numpy as np
 from pmg.pipeline.chapters.simulated.motion import MOST_DRAWN, NO_UNCERTAINTY, TIME
 from pmg.pipeline.report.document import Chart, Column, Figure, Section, Series, Table
 from pmg.sim import sources
-from pmg.sim.shafts import SIDES
+from pmg.sim.shafts import SIDES, PerShaft
 from pmg.sim.signals import SPEED_SUN, TORQUES
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def _figure(id_: str, title: str, traces: list[tuple[str, Trace]]) -> Figure:
 def _field(trace: Trace, side: str) -> Array:
     """Torque that a rotor takes up from its shaft and passes on [N m]."""
     m = trace.drivetrain.motion(trace.state, trace.asked)
-    return -np.asarray(m.magnetic_sun if side == SIDES[0] else m.magnetic_ring)
+    return -np.asarray(PerShaft(m.magnetic_sun, m.magnetic_ring)[side])
 
 
 def _panel(traces: list[tuple[str, Trace]], label: str, values: Callable[[Trace, str], Array], title: str) -> Chart:
