@@ -47,6 +47,9 @@ FIGURES_FOLDED = frozenset(
 )
 """Figures that are folded; all others stand open."""
 
+ONE_FIGURE = frozenset({"runs"})
+"""Sections of many like figures: the first stands open."""
+
 
 def arranged(sections: tuple[Section, ...]) -> tuple[Section, ...]:
     """The sections by question, each with what only a specialist reads in a fold at its end."""
@@ -61,8 +64,13 @@ def _folded(section: Section) -> Section:
     """The section with its open items first; as it is where nothing would stand open or nothing is to be folded."""
     plain = section.unfolded
     shown = [_stands_open(item) for item in plain]
+    if section.id in ONE_FIGURE:
+        first = next((k for k, item in enumerate(plain) if isinstance(item, Figure)), 0)
+        shown = [yes and (k <= first or not isinstance(plain[k], Figure)) for k, yes in enumerate(shown)]
     if not any(shown):
         shown = [isinstance(item, Text) and item.kind == "note" for item in plain]
+    if not any(shown) and not any(isinstance(item, Table | Figure) for item in plain):
+        return section
     open_items, rest = (tuple(i for i, yes in zip(plain, shown, strict=True) if yes is of) for of in (True, False))
     if not rest:
         return section

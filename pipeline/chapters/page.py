@@ -25,7 +25,7 @@ from pmg.pipeline.chapters.measured.torque_map import torque_map_sections
 from pmg.pipeline.chapters.simulated.by_load import by_load_figures
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
 from pmg.pipeline.chapters.studies.printed_simulation import printed_simulation_sections
-from pmg.pipeline.chapters.with_cause import behind_points, simulate_twice, switched
+from pmg.pipeline.chapters.with_cause import behind_points, simulate_twice, with_switch
 from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.crosschecks.contradiction import CrossCheckRemark
@@ -34,16 +34,17 @@ from pmg.pipeline.model.apply_model import lead
 from pmg.pipeline.report.document import Caution, Facts, Headline, Report, Section, Signals, Table, Text
 from pmg.pipeline.thesis_figures.printed_simulation import oddities
 from pmg.pipeline.wording.plurals import counted
-from pmg.sim.steady.gearbox import Gearbox
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pmg.pipeline.analysis.power_flow import Flow
     from pmg.pipeline.analysis.tolerance import Agreements, Tolerance
+    from pmg.pipeline.chapters.with_cause import SimulatedTwice
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.pipeline.fit.budget import Budget
+    from pmg.pipeline.fit.losses import PowerBalance
     from pmg.pipeline.grid.conditions import Conditions
     from pmg.pipeline.model.compared_campaign import ComparedCampaign
     from pmg.pipeline.model.sensor_fault_correction import CorrectedLosses
@@ -121,18 +122,12 @@ def build_report(
     faults : tuple of CorrectedLosses
         The losses without a fault of a reading, under each explanation that has one.
     """
-    residuals, diagnosis, carried, ends = (
-        (None, None, None, ()) if judged is None else (judged.residuals, judged.diagnosis, judged.carried, judged.ends)
-    )
-    behind_each = ""
-    sheet, signals, before = None, recorded.signals, "" if carried is None else lead(carried)
-    twice = (
-        None if judged is None or analysis.calibration is None else simulate_twice(judged, analysis.calibration, bench)
-    )
-    caused = None if twice is None else twice.caused
+    diagnosis, carried, ends = (None, None, ()) if judged is None else (judged.diagnosis, judged.carried, judged.ends)
+    sheet, before = None, "" if carried is None else lead(carried)
+    twice = simulate_twice(judged, analysis.calibration, bench)
     sections: list[Section] = [
         conditions_section(recorded.conditions or conditions(()), note),
-        grids_section(analysis.grid, opens=signals is not None),
+        grids_section(analysis.grid, opens=recorded.signals is not None),
     ]
     left = analysis if carried is None else carried.analysis
     corrected = () if analysis.balance is None else sensor_fault_items(faults, analysis.balance)
@@ -140,20 +135,19 @@ def build_report(
         sections.append(neutral_section(analysis, analysis.fits))
     if analysis.balance is not None and analysis.calibration is not None:
         sections.append(_behind(losses_section(analysis, analysis.balance, analysis.calibration), corrected))
-        of_cause = None if caused is None else efficiency_section(analysis.balance, caused)
-        sections.append(_behind(switched(efficiency_section(analysis.balance, residuals), of_cause), corrected[:1]))
+        sections.append(_behind(_efficiency(analysis.balance, twice), corrected[:1]))
         if analysis.grid.origin != "published":  # its speeds are those that were set
             sections.append(speed_ratio_section(analysis.balance, bench))
-    gearbox, flows = _flows(analysis, judged, bench)
-    sections.extend(torque_map_sections(gearbox, flows[0].grid) if flows else ())
-    agreed = None if residuals is None else agreements(residuals, bench, tolerances)
-    if residuals is not None and agreed is not None and analysis.calibration is not None:
+    flows = _flows(analysis, twice, bench)
+    if twice is not None and flows:
+        sections.extend(torque_map_sections(twice.boxes[0][1], flows[0].grid))
+    agreed = None if twice is None else agreements(twice.plain, bench, tolerances)
+    if twice is not None:
         more = (() if carried is None else (prediction_table(carried),)) + ((ends_table(ends),) if ends else ())
-        set_beside = () if analysis.balance is None or not flows else by_load_figures(analysis.balance, flows)
-        of_cause = None if caused is None else comparison_section(caused, agreements(caused, bench, tolerances))
-        sections.append(switched(comparison_section(residuals, agreed, more, set_beside), of_cause))
-        if signals is not None and twice is not None:
-            behind_each = behind_points(twice, agreed)
+        beside = () if analysis.balance is None or not flows else by_load_figures(analysis.balance, flows)
+        sections.append(
+            with_switch(lambda of: comparison_section(of, agreements(of, bench, tolerances), more, beside), twice)
+        )
     sections.extend(printed_simulation_sections(analysis.grid))
     if diagnosis is not None and left.calibration is not None:
         readings = diagnosis.mismatch.readings
@@ -162,9 +156,10 @@ def build_report(
         sections.append(diagnosis_section(diagnosis, residual))
         if diagnosis.audit is not None:
             sections.append(audit_section(diagnosis.audit))
-    if flows:
-        sections.append(_behind(flow_section(flows, (loss_parts_figure(gearbox, flows[0]),)), corrected[:1]))
-    sections.extend(() if recorded.orders is None else (recorded.orders,))
+    if twice is not None and flows:
+        parts = (loss_parts_figure(twice.boxes[0][1], flows[0]),)
+        sections.append(_behind(flow_section(flows, parts), corrected[:1]))
+    sections += () if recorded.orders is None else (recorded.orders,)
     if analysis.grid.origin == "published":
         from pmg.pipeline.chapters.studies.validation import published_sections
 
@@ -176,22 +171,33 @@ def build_report(
         verdict=_verdict(analysis, diagnosis, before, agreed, faults, recorded),
         sections=arranged(tuple(sections)),
         provenance=Facts((*provenance, ("Versions", versions(PACKAGES)))),
-        signals=None if signals is None else Signals(signals.index_json, signals.base64, behind_each),
+        signals=_signals(recorded.signals, twice, agreed),
         sheet=sheet,
+        switch="" if twice is None else f"Simulate {twice.boxes[-1][0]}",
     )
 
 
-def _flows(
-    analysis: Analysis, judged: ComparedCampaign | None, bench: BenchParameters
-) -> tuple[Gearbox, tuple[Flow, ...]]:
-    """The simulator, and the power flows that it gives; none where nothing was compared."""
-    if judged is None or analysis.calibration is None or analysis.causes is None:
-        return Gearbox(bench, ()), ()
-    gearbox = (
-        Gearbox.calibrated(bench, analysis.calibration.model) if judged.carried is None else judged.carried.gearbox
-    )
-    residuals, behind = judged.residuals, (analysis.calibration, analysis.causes)
-    return gearbox, power_flows(gearbox, residuals.grid, residuals.simulated, bench, *behind)
+def _flows(analysis: Analysis, twice: SimulatedTwice | None, bench: BenchParameters) -> tuple[Flow, ...]:
+    """The power flows; none where nothing was compared."""
+    if twice is None or analysis.calibration is None or analysis.causes is None:
+        return ()
+    behind = twice.plain.simulated, bench, analysis.calibration, analysis.causes
+    return power_flows(twice.boxes[0][1], twice.plain.grid, *behind)
+
+
+def _efficiency(balance: PowerBalance, twice: SimulatedTwice | None) -> Section:
+    """The chapter on efficiency, with the simulated ones where there are any."""
+    if twice is None:
+        return efficiency_section(balance, None)
+    return with_switch(lambda of: efficiency_section(balance, of), twice)
+
+
+def _signals(signals: Encoded | None, twice: SimulatedTwice | None, agreed: Agreements | None) -> Signals | None:
+    """The signals behind the points, with what is simulated there."""
+    if signals is None:
+        return None
+    simulated = "" if twice is None or agreed is None else behind_points(twice, agreed)
+    return Signals(signals.index_json, signals.base64, simulated)
 
 
 def _contradictions(findings: tuple[Remark, ...]) -> list[str]:

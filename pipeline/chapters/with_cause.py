@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.analysis.comparison import compare
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.report.document import Figure, Section
 from pmg.sim.steady.baseline import baseline_mechanisms
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import steady
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pmg.pipeline.analysis.comparison import Residuals
     from pmg.pipeline.analysis.tolerance import Agreements
     from pmg.pipeline.fit.calibration import FittedBaseline
@@ -22,7 +25,7 @@ if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
 
-DIGITS = 6
+POINT_DIGITS = 6
 """Significant digits of a value behind a point."""
 
 
@@ -45,23 +48,37 @@ class SimulatedTwice:
     caused: Residuals | None
 
 
-def simulate_twice(judged: ComparedCampaign, calibration: FittedBaseline, bench: BenchParameters) -> SimulatedTwice:
-    """The comparison that was made, and the same with the mechanisms of the model that came of it.
+def simulate_twice(
+    judged: ComparedCampaign | None, calibration: FittedBaseline | None, bench: BenchParameters
+) -> SimulatedTwice | None:
+    """The comparison that was made, and the same with the mechanisms of the model that came of it; None without one.
 
     Where a model was given, the comparison is with it already, and there is no second one.
     """
+    if judged is None or calibration is None:
+        return None
     if judged.carried is not None:
         return SimulatedTwice(judged.residuals, (("simulated", judged.carried.gearbox),), None)
     plain = Gearbox.calibrated(bench, calibration.model)
     if not judged.model.parts:
         return SimulatedTwice(judged.residuals, (("simulated", plain),), None)
     mechanisms = (*baseline_mechanisms(judged.model.baseline, bench), *judged.model.mechanisms(bench))
+    name = "with the cause" if judged.diagnosis.verdict is Verdict.NAMED else "with the first possible cause"
     box, grid = Gearbox(bench, mechanisms), judged.residuals.grid
     caused = compare(grid, steady(box, grid.points, grid.campaign), bench, calibration)
-    return SimulatedTwice(judged.residuals, (("plain model", plain), ("with the cause", box)), caused)
+    return SimulatedTwice(
+        judged.residuals,
+        (("plain model", plain), (name, box)),
+        caused,
+    )
 
 
-def switched(section: Section, caused: Section | None) -> Section:
+def with_switch(make: Callable[[Residuals], Section], twice: SimulatedTwice) -> Section:
+    """A section made of residuals, whose figures can be switched to those made of the residuals with the cause."""
+    return _switched(make(twice.plain), None if twice.caused is None else make(twice.caused))
+
+
+def _switched(section: Section, caused: Section | None) -> Section:
     """The section whose figures can be switched to those of the same section made with the cause."""
     if caused is None:
         return section
@@ -94,4 +111,6 @@ def behind_points(twice: SimulatedTwice, agreed: Agreements) -> str:
 
 
 def _numbers(values: Array) -> list[float | None]:
-    return [float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for value in np.asarray(values, dtype=float)]
+    return [
+        float(f"{value:.{POINT_DIGITS}g}") if np.isfinite(value) else None for value in np.asarray(values, dtype=float)
+    ]

@@ -105,15 +105,7 @@ Plain: TypeAlias = Text | Facts | Table | Figure
 
 @dataclass(frozen=True)
 class Fold:
-    """What only a specialist reads: closed until asked for, on the screen and in print.
-
-    Parameters
-    ----------
-    title : str
-        What is inside.
-    items : tuple of Plain
-        In the order shown.
-    """
+    """What only a specialist reads, under its title: closed until asked for, on the screen and in print."""
 
     title: str
     items: tuple[Plain, ...]
@@ -166,15 +158,7 @@ STATES = {"good": "Good", "attention": "Needs attention", "neutral": "Result"}
 
 @dataclass(frozen=True)
 class Caution:
-    """A warning at the head of a report.
-
-    Parameters
-    ----------
-    text : str
-        What to keep in mind.
-    where : str
-        Anchor of what it holds for; empty for the whole report.
-    """
+    """A warning at the head of a report, and the anchor of what it holds for; empty for the whole report."""
 
     text: str
     where: str = ""
@@ -239,6 +223,8 @@ class Report:
         What the page opens behind the points of its figures.
     sheet : ActionSheet, optional
         What to do; the page then shows it instead of the words of the verdict.
+    switch : str
+        Words beside the switch of figures.
 
     Raises
     ------
@@ -253,10 +239,10 @@ class Report:
     provenance: Facts
     signals: Signals | None = None
     sheet: ActionSheet | None = None
+    switch: str = "Simulate with the cause"
 
     def __post_init__(self) -> None:
-        named: tuple[Section | Table | Figure, ...] = (*self.sections, *self.tables, *self.figures)
-        ids = [item.id for item in named]
+        ids = [item.id for item in self._named]
         twice = sorted(name for name, count in Counter((*ids, *RESERVED)).items() if count > 1)
         if twice:
             raise ValueError(f"Report {self.title!r}: ids used twice or reserved: {', '.join(twice)}")
@@ -264,6 +250,15 @@ class Report:
         grounds |= {warning.where for warning in self.verdict.warnings}
         if lost := sorted(grounds - {"", *ids}):
             raise ValueError(f"Report {self.title!r}: grounds that are nowhere: {', '.join(lost)}")
+
+    @property
+    def _named(self) -> tuple[Section | Table | Figure, ...]:
+        return (*self.sections, *self.tables, *self.figures)
+
+    @property
+    def titles(self) -> dict[str, str]:
+        """Title of each section, table and figure by its anchor."""
+        return {item.id: item.title for item in self._named}
 
     @property
     def tables(self) -> tuple[Table, ...]:
@@ -277,10 +272,13 @@ class Report:
         return first + tuple(item for section in self.sections for item in section.unfolded if isinstance(item, Figure))
 
     @property
-    def warnings(self) -> tuple[Caution, ...]:
-        """All that a reader must keep in mind, each once: of the head, then of the sections in order."""
+    def warnings(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
+        """Each warning once, of the head, then of the sections, with the anchors of all that it holds for."""
+        found: dict[str, list[str]] = {}
         of_sections = (Caution(text.body, section.id) for section in self.sections for text in section.warned)
-        return tuple(dict.fromkeys((*self.verdict.warnings, *of_sections)))
+        for one in (*self.verdict.warnings, *of_sections):
+            found.setdefault(one.text, []).extend([one.where] if one.where else [])
+        return tuple((text, tuple(dict.fromkeys(places))) for text, places in found.items())
 
     @property
     def bibliography(self) -> tuple[Source, ...]:

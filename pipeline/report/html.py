@@ -65,7 +65,7 @@ def html(report: Report, drawings: Mapping[str, str] | None = None) -> str:
             section.id: sorted({report.bibliography.index(source) + 1 for source in section.sources})
             for section in report.sections
         },
-        placed={item.id: item.title for item in (*report.sections, *report.tables, *report.figures)},
+        placed=report.titles,
         switchable=any(figure.switched for figure in report.figures),
         states=_STATES,
         marks=MARKS,

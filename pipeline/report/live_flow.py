@@ -40,6 +40,7 @@ def _trace(flow: PowerFlow) -> dict[str, Any]:
     for (label, watts, stretch), expanded in zip(widths.stages, widths.expanded, strict=True):
         labels[stretch] = _label(widths, label, watts, expanded)
     links: list[tuple[int, int, float, str, str]] = []
+    gains: list[tuple[int, int]] = []
     for index, (branch, before, after) in enumerate(
         zip(widths.places, widths.trunk[:-1], widths.trunk[1:], strict=True)
     ):
@@ -55,8 +56,14 @@ def _trace(flow: PowerFlow) -> dict[str, Any]:
         for stretch, width in ((index, branch.left), (index + 1, branch.right)):
             pair = (leaf, stretch) if branch.gain else (stretch, leaf)
             links.append((*pair, width, f"@{role}/0.7", labels[leaf]))
+        if branch.gain and branch.through > 0.0:
+            gains.append((index - 1 if ends[0] < ends[1] else index + 2, leaf))
+    if widths.trunk[0] > 0.0 > widths.trunk[-1]:  # both ends supply: the other one stands a column further
+        gains.append((0, len(widths.trunk) - 1))
     kept = [link for link in links if link[2] > 0.0]
     thread = _THREAD * max((link[2] for link in kept), default=0.0)
+    # A gain stands in the column before the stretch it flows into, not in the first one, across all others.
+    kept += [(before, leaf, thread, _UNSEEN, "") for before, leaf in gains if 0 <= before < len(widths.trunk)]
     kept += [(leaf, len(labels), thread, _UNSEEN, "") for leaf in _last(kept)]
     labels.append("")
     colours.append(_UNSEEN)

@@ -172,5 +172,6 @@ def test_residuals_that_scatter_as_stated_follow_the_line_and_lie_in_their_bands
     assert np.allclose(scores.y, scores.x)
     assert isinstance(bands[0], Chart)
     tolerance, expanded, points = bands[0].series
+    assert expanded.u is not None
     assert np.allclose(expanded.u, 1.0)  # mN m; a band is drawn at twice that
     assert len(points.x) == len(tolerance.x) == 40

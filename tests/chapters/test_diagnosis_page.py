@@ -233,7 +233,7 @@ def test_the_sheet_answers_where_why_how_sure_what_to_do_and_at_what_cost(judged
     assert band.u is not None
 
 
-def test_a_sheet_without_a_cause_says_so_and_never_what_it_costs(judged: ComparedCampaign) -> None:
+def test_a_sheet_without_a_cause_says_so_and_costs_what_the_places_cost(judged: ComparedCampaign) -> None:
     quiet = replace(
         judged.diagnosis,
         verdict=Verdict.CONSISTENT,
@@ -246,10 +246,14 @@ def test_a_sheet_without_a_cause_says_so_and_never_what_it_costs(judged: Compare
     said = answers_of(quiet, residual)
     assert said["What differs"].startswith("Nothing beyond repeatability")
     assert said["On the bench"] == "Nothing."
-    assert "If ignored" not in said
+    assert said["If ignored"].startswith("Nothing")
     assert {part.mark for part in action_sheet(quiet, residual).parts} == {""}
     unknown = replace(judged.diagnosis, verdict=Verdict.NOT_IN_LIBRARY, refit=None)
     assert "We can show where, not why." in answers_of(unknown, residual)["Cause"]
+    place, readings = unknown.mismatch.locations[0], unknown.mismatch.readings
+    one = replace(unknown, mismatch=replace(unknown.mismatch, locations=(place,)))
+    loss = np.bincount(readings.row, place.effect * readings.speed_own * (readings.configuration != "zero"))
+    assert f"up to {np.abs(loss).max():.2g} W" in answers_of(one, residual)["If ignored"]
     blind = replace(quiet, verdict=Verdict.CONFOUNDED, blind=("sun",))
     assert "in the order of the sun speed" in answers_of(blind, residual)["What differs"]
     assert "random order" in answers_of(blind, residual)["On the bench"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,9 @@ import numpy as np
 import pytest
 
 from pmg.pipeline.analysis.power_flow import Flow, power_flows
+from pmg.pipeline.analysis.comparison import compare
+from pmg.pipeline.analysis.tolerance import agreements
+from pmg.pipeline.chapters.arrange import arranged
 from pmg.pipeline.chapters.measured.efficiency import efficiency_section
 from pmg.pipeline.chapters.measured.loss_parts import loss_parts_figure
 from pmg.pipeline.chapters.measured.losses import losses_section
@@ -16,13 +20,14 @@ from pmg.pipeline.chapters.measured.torque_map import torque_map_sections
 from pmg.pipeline.chapters.page import RecordedFacts, build_report
 from pmg.pipeline.chapters.simulated.by_load import by_load_figures
 from pmg.pipeline.chapters.studies import validation
+from pmg.pipeline.chapters.with_cause import SimulatedTwice, behind_points
 from pmg.pipeline.fit.analysis import Analysis, analyse
 from pmg.pipeline.fit.loss_fit import LossFits
 from pmg.pipeline.fit.losses import power_balance
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.levels import by_load
 from pmg.pipeline.grid.tables import read_published
-from pmg.pipeline.report.document import Chart, Figure
+from pmg.pipeline.report.document import Chart, Column, Figure, Fold, Section, Table, Text
 from pmg.sim.bench import load_bench
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import steady
@@ -114,3 +119,30 @@ def test_working_points_lie_on_the_torque_map(flows: tuple[Gearbox, tuple[Flow, 
     assert sum(len(series.x) for series in points) == len(flow.grid)
     for series in points:
         assert series.y == pytest.approx(peak * np.sin(np.radians(series.x)))
+
+
+def test_the_losses_behind_a_point_are_those_between_its_simulated_torques(analysed: Analysis) -> None:
+    assert analysed.calibration is not None
+    box, grid = Gearbox.calibrated(BENCH, analysed.calibration.model), analysed.grid
+    residuals = compare(grid, steady(box, grid.points), BENCH, analysed.calibration)
+    twice = SimulatedTwice(residuals, (("simulated", box),), None)
+    (model,) = json.loads(behind_points(twice, agreements(residuals, BENCH)))["models"]
+    at, rows = grid.points, grid.points.engaged & grid.accepted
+    losses = np.array(list(model["loss"].values()), dtype=np.float64).sum(axis=0)
+    between = np.array(model["torque"][0], dtype=np.float64) * at.speed_sun + at.torque_ring * at.speed_ring
+    assert np.allclose(losses[rows], between[rows], rtol=1e-4, atol=1e-3)
+
+
+def test_chapters_stand_by_question_and_specialists_matters_are_folded() -> None:
+    table = Table("t", "Coefficients", "C.", (Column("x"),), ((1,),))
+    losses = Section("losses", "Losses", (Text("How it is reckoned."), Text("Mind.", "warning"), table))
+    diagnosis = Section("diagnosis", "Diagnosis", (Text("It differs."),))
+    other = Section("more", "More", (Text("As it stands."),))
+    first, second, last = arranged((losses, other, diagnosis))
+    assert (first.id, second.id, last.id) == ("diagnosis", "losses", "more")
+    assert first.question == "What is wrong?"
+    warning, fold = second.items
+    assert isinstance(warning, Text)
+    assert isinstance(fold, Fold)
+    assert fold.title == "Coefficients"
+    assert second.unfolded[2] is table

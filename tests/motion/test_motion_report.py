@@ -168,7 +168,7 @@ def test_the_page_draws_its_runs(told: tuple[MotionCase, Outcome, Path], tmp_pat
     with chromium.tab(tmp_path) as tab:
         tab.show(1280)
         tab.open(told[2] / "report.html")
-        tab.ask("document.getElementById('run-02').scrollIntoView() ?? 1")
-        tab.wait("document.getElementById('run-02').dataset.drawn === 'yes'")
-        assert tab.ask("document.querySelectorAll('#run-02 .plot').length") == 3
+        tab.ask("document.getElementById('run-01').scrollIntoView() ?? 1")
+        tab.wait("document.getElementById('run-01').dataset.drawn === 'yes'")
+        assert tab.ask("document.querySelectorAll('#run-01 .plot').length") == 3
         assert tab.noise() == []

@@ -13,6 +13,7 @@ from PIL import Image
 
 from pmg.pipeline.report import live_chart, live_map
 from pmg.pipeline.report.document import Chart, Column, Figure, PowerFlow, Section, Series, SpeedMap, Table
+from pmg.pipeline.report.live import live_figure
 from pmg.pipeline.report.write import write_report
 
 from . import chromium, example
@@ -259,6 +260,41 @@ def darkest(tab: chromium.Tab) -> float:
     shot = tab.call("Page.captureScreenshot", format="png", clip=clip)["data"]
     with Image.open(io.BytesIO(base64.b64decode(shot))) as picture:
         return float(np.asarray(picture.convert("L"), dtype=np.float64).min())
+
+
+def test_one_switch_changes_what_differs_with_the_cause_and_nothing_else(tmp_path: Path) -> None:
+    x, grid = np.array([1.0, 2.0]), example.speed_map()
+    plain, caused = (
+        Chart("x", "y", (Series("measured", x, x), Series("simulated", x, y, None, "line", 1)))
+        for y in (np.array([3.0, 4.0]), np.array([1.1, 2.1]))
+    )
+    other = replace(grid, z=0.5 * grid.z)
+    figure = Figure("one", "One", "Far off.", (plain, grid), switched=(caused, other), switched_caption="Close.")
+    chart, cells = live_figure(figure)["panels"]
+    assert chart["changed"][0] == {}
+    assert set(chart["changed"][1]) == {"y", "text"}
+    assert "zmin" not in cells["changed"][0]  # one scale for both
+    write_report(replace(example.report(), sections=(Section("only", "Only", (figure,)),)), tmp_path)
+    with chromium.tab(tmp_path / "profile") as tab:
+        tab.show(1280)
+        tab.open(tmp_path / "report.html")
+        drawn(tab)
+        simulated, words = "document.querySelector('#one .plot').data[1].y", "document.querySelector('#one .caption')"
+        limits = "document.querySelector('#one .plot')._fullLayout.yaxis.range"
+        assert tab.ask(simulated) == [3, 4]
+        before = tab.ask(limits)
+        tab.ask("(document.getElementById('with-cause').click(), 1)")
+        tab.wait(f"{simulated}[0] === 1.1")
+        assert tab.ask(f"{words}.textContent") == "Close."
+        assert tab.ask(limits) == before
+        tab.ask("(document.getElementById('with-cause').click(), 1)")
+        tab.wait(f"{simulated}[0] === 3")
+        assert tab.ask(f"{words}.textContent") == "Far off."
+
+
+def test_a_figure_switches_to_panels_of_its_own_kinds_alone() -> None:
+    with pytest.raises(ValueError, match="switched"):
+        Figure("one", "One", "C.", (example.chart(),), switched=(example.speed_map(),))
 
 
 def test_the_legend_says_how_its_groups_are_drawn() -> None:

@@ -65,7 +65,7 @@ class Outline(HTMLParser):
             self.text += data
 
 
-def report(*items: Text | Facts | Table | Figure, title: str = "Title") -> Report:
+def report(*items: Text | Facts | Table | Figure | Fold, title: str = "Title") -> Report:
     return Report(title, "", Headline("Fine.", "good"), (Section("one", "One", items),), Facts(()))
 
 

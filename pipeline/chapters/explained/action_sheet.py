@@ -99,10 +99,9 @@ def _answers(diagnosis: Diagnosis, residual: Array, before: str) -> Iterator[She
     if sure := tuple(_sureness(diagnosis)):
         yield SheetAnswer("How sure", sure, GROUNDS)
     yield SheetAnswer("On the bench", tuple(_actions(diagnosis)), "next-tests" * bool(diagnosis.next_tests))
-    if verdict in (Verdict.NAMED, Verdict.CONSISTENT):
-        yield SheetAnswer("In the model", (IN_THE_MODEL[verdict],))
-    if diagnosis.refit is not None:
-        yield SheetAnswer("If ignored", tuple(_cost(diagnosis, residual)))
+    yield SheetAnswer("In the model", (IN_THE_MODEL[verdict],))
+    if cost := tuple(_cost(diagnosis, residual) if diagnosis.refit is not None else _cost_of_places(diagnosis)):
+        yield SheetAnswer("If ignored", cost)
 
 
 def _difference(diagnosis: Diagnosis) -> Iterator[str]:
@@ -195,12 +194,31 @@ def _cost(diagnosis: Diagnosis, residual: Array) -> Iterator[str]:
 
 IN_THE_MODEL = {
     Verdict.NAMED: "`model.toml` holds the cause: compare with it (`pmg compare --model model.toml`).",
+    Verdict.AMBIGUOUS: "`model.toml` holds the first possible cause: do not rely on it before the next test.",
+    Verdict.NOT_IN_LIBRARY: "`model.toml` holds the fitted losses alone: there is no known term to add.",
+    Verdict.CONFOUNDED: "`model.toml` may hold a drift in its losses: do not simulate with it yet.",
     Verdict.CONSISTENT: "`model.toml` is the calibrated bench: simulate with it (`pmg simulate --model model.toml`).",
 }
 """What to do with the model that a comparison leaves."""
 
 LOADED = 0.2
 """Part of the largest power carried from which on a point counts as loaded."""
+
+
+def _cost_of_places(diagnosis: Diagnosis) -> Iterator[str]:
+    """Loss by which a model is wrong where a difference was found and no cause; nothing to pay where none was."""
+    mismatch, readings = diagnosis.mismatch, diagnosis.mismatch.readings
+    if diagnosis.verdict is Verdict.CONFOUNDED:
+        yield "Cannot be told: a drift would be taken for losses of the gear."
+    elif mismatch.locations:
+        effect = np.sum([place.effect for place in mismatch.locations], axis=0)
+        moving = (readings.configuration != "zero") & (effect != 0.0)
+        loss = np.bincount(readings.row[moving], (effect * readings.speed_own)[moving], len(readings.grid))
+        of = loss[np.unique(readings.row[moving])]
+        rms, most = float(np.sqrt(np.mean(of**2))), float(np.abs(of).max())
+        yield f"The model is wrong by {rms:.2g} W rms, up to {most:.2g} W, at the points where it differs."
+    elif not mismatch.found:
+        yield "Nothing: no difference beyond repeatability."
 
 
 def _picture(diagnosis: Diagnosis, residual: Array) -> Figure | None:

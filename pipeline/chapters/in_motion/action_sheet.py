@@ -111,6 +111,8 @@ def _answers(
         yield SheetAnswer("In the model", ("Predict other runs with it: `pmg compare --model model.toml`.",))
     if costs := tuple(_costs(named, effects, traces)):
         yield SheetAnswer("If ignored", costs)
+    elif not diagnosis.mismatch.found:
+        yield SheetAnswer("If ignored", ("Nothing: no difference beyond the noise.",))
 
 
 def _difference(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> Iterator[str]:

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from pmg.pipeline.analysis.comparison import Difference, Residuals
     from pmg.pipeline.analysis.tolerance import Agreements
 
-FEWEST = 3
+FEWEST_DRAWN = 3
 """Residuals of a shaft below which their distribution is not drawn."""
 
 
 def residual_plots(residuals: Residuals, agreed: Agreements) -> list[Figure]:
     """Residuals of both torques in bands, point after point, and against normal quantiles; none of too few points."""
     shafts = (("sun", residuals.torque_sun), ("ring", residuals.torque_ring))
-    drawn = [(side, of) for side, of in shafts if int(of.compared.sum()) >= FEWEST]
+    drawn = [(side, of) for side, of in shafts if int(of.compared.sum()) >= FEWEST_DRAWN]
     if not drawn:
         return []
     panels = [_bands(residuals, agreed, side, of) for side, of in drawn]

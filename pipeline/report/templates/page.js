@@ -68,7 +68,7 @@ const pmg = {
   const show = () => {
     const all = folds.every((fold) => fold.open);
     button.setAttribute("aria-pressed", String(all));
-    button.textContent = all ? "Close all details" : "Open all details, also in print";
+    button.textContent = all ? "Close details" : "Open details, also in print";
   };
   button.hidden = !folds.length;
   button.addEventListener("click", () => {
