@@ -31,7 +31,7 @@ from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.crosschecks.contradiction import CrossCheckRemark
 from pmg.pipeline.grid.readings import predict
 from pmg.pipeline.model.apply_model import lead
-from pmg.pipeline.report.document import Caution, Facts, Headline, Report, Section, Signals, Table, Text
+from pmg.pipeline.report.document import Caution, Facts, Figure, Headline, Report, Section, Signals, Table, Text
 from pmg.pipeline.thesis_figures.printed_simulation import oddities
 from pmg.pipeline.wording.plurals import counted
 
@@ -143,11 +143,10 @@ def build_report(
         sections.extend(torque_map_sections(twice.boxes[0][1], flows[0].grid))
     agreed = None if twice is None else agreements(twice.plain, bench, tolerances)
     if twice is not None:
-        more = (() if carried is None else (prediction_table(carried),)) + ((ends_table(ends),) if ends else ())
-        beside = () if analysis.balance is None or not flows else by_load_figures(analysis.balance, flows)
-        sections.append(
-            with_switch(lambda of: comparison_section(of, agreements(of, bench, tolerances), more, beside), twice)
-        )
+        more: tuple[Table | Figure, ...] = () if carried is None else (prediction_table(carried),)
+        more += (ends_table(ends),) if ends else ()
+        more += () if analysis.balance is None or not flows else by_load_figures(analysis.balance, flows)
+        sections.append(with_switch(lambda of: comparison_section(of, agreements(of, bench, tolerances), more), twice))
     sections.extend(printed_simulation_sections(analysis.grid))
     if diagnosis is not None and left.calibration is not None:
         readings = diagnosis.mismatch.readings

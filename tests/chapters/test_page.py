@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pmg.pipeline.analysis.power_flow import Flow, power_flows
 from pmg.pipeline.analysis.comparison import compare
+from pmg.pipeline.analysis.power_flow import Flow, power_flows
 from pmg.pipeline.analysis.tolerance import agreements
 from pmg.pipeline.chapters.arrange import arranged
 from pmg.pipeline.chapters.measured.efficiency import efficiency_section

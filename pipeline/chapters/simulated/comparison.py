@@ -28,10 +28,8 @@ WORST = 10
 """Most points of the table of those furthest out of tolerance."""
 
 
-def comparison_section(
-    residuals: Residuals, agreed: Agreements, more: tuple[Table, ...] = (), beside: tuple[Figure, ...] = ()
-) -> Section:
-    """Agreement of simulator and measurement, point by point; `more` tables stand behind the facts, then `beside`."""
+def comparison_section(residuals: Residuals, agreed: Agreements, more: tuple[Table | Figure, ...] = ()) -> Section:
+    """Agreement of simulator and measurement, point by point; `more` stands behind the facts."""
     facts = []
     for name, signal in COMPARED:
         shown = _SHOWN_DIFFERENCE.get(name, signal)
@@ -60,7 +58,7 @@ def comparison_section(
     ]
     if (worst := _worst(residuals, agreed)) is not None:
         items.append(worst)
-    items += [*more, *beside]
+    items += more
     if (residuals.grid.points.engaged & residuals.torque_sun.compared).any():
         items.append(_engaged_figure(residuals))
     items += [*_maps(residuals), *residual_plots(residuals, agreed), *_followed(residuals), _table(residuals, agreed)]
