@@ -27,7 +27,7 @@ FREE = 0.15
 """Part of the power of a band that structure must have left, for the noise in it to be known; else it goes with its
 neighbours."""
 
-LEAST_KNOWN = 3.0
+LEAST_KNOWN = 1.0
 """Frequencies by which the power of any band is known at least: a spectrum is smooth, so neighbours tell it too."""
 
 SILENT = 1e-12
