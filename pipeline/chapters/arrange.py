@@ -18,6 +18,7 @@ QUESTIONS = (
             "efficiency-by-load",
             "speed-ratio-kept",
             "power-flow",
+            "torque-map-points",
             "bench-constants",
             "pole-angle-chapter",
             "response-chapter",
@@ -43,7 +44,20 @@ TABLES_SHOWN = frozenset(
 """Tables that stand open; all others are folded."""
 
 FIGURES_FOLDED = frozenset(
-    {"engaged-map", "loss-map", "correction-ellipse", "speed-ratio", "order-spectrum", "order-turn"}
+    {
+        "engaged-map",
+        "loss-map",
+        "loss-map-surface",
+        "neutral-maps-surface",
+        "correction-ellipse",
+        "losses-by-correction",
+        "losses-by-load",
+        "efficiencies-by-load",
+        "loss-parts",
+        "speed-ratio",
+        "order-spectrum",
+        "order-turn",
+    }
 )
 """Figures that are folded; all others stand open."""
 
