@@ -31,7 +31,7 @@ from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.crosschecks.contradiction import CrossCheckRemark
 from pmg.pipeline.grid.readings import predict
 from pmg.pipeline.model.apply_model import lead
-from pmg.pipeline.report.document import Caution, Facts, Figure, Headline, Report, Section, Signals, Table, Text
+from pmg.pipeline.report.document import Caution, Facts, Headline, Report, Section, Signals, Table, Text
 from pmg.pipeline.thesis_figures.printed_simulation import oddities
 from pmg.pipeline.wording.plurals import counted
 
@@ -140,12 +140,13 @@ def build_report(
             sections.append(speed_ratio_section(analysis.balance, bench))
     flows = _flows(analysis, twice, bench)
     if twice is not None and flows:
-        sections.extend(torque_map_sections(twice.boxes[0][1], flows[0].grid))
+        gearbox = twice.boxes[0][1]
+        sections.extend(torque_map_sections(gearbox, flows[0].grid))
+        sections.append(_behind(flow_section(flows, (loss_parts_figure(gearbox, flows[0]),)), corrected[:1]))
     agreed = None if twice is None else agreements(twice.plain, bench, tolerances)
     if twice is not None:
-        more: tuple[Table | Figure, ...] = () if carried is None else (prediction_table(carried),)
-        more += (ends_table(ends),) if ends else ()
-        more += () if analysis.balance is None or not flows else by_load_figures(analysis.balance, flows)
+        of_model = (() if carried is None else (prediction_table(carried),)) + ((ends_table(ends),) if ends else ())
+        more = (*of_model, *(by_load_figures(analysis.balance, flows) if analysis.balance and flows else ()))
         sections.append(with_switch(lambda of: comparison_section(of, agreements(of, bench, tolerances), more), twice))
     sections.extend(printed_simulation_sections(analysis.grid))
     if diagnosis is not None and left.calibration is not None:
@@ -155,9 +156,6 @@ def build_report(
         sections.append(diagnosis_section(diagnosis, residual))
         if diagnosis.audit is not None:
             sections.append(audit_section(diagnosis.audit))
-    if twice is not None and flows:
-        parts = (loss_parts_figure(twice.boxes[0][1], flows[0]),)
-        sections.append(_behind(flow_section(flows, parts), corrected[:1]))
     sections += () if recorded.orders is None else (recorded.orders,)
     if analysis.grid.origin == "published":
         from pmg.pipeline.chapters.studies.validation import published_sections

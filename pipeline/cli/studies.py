@@ -34,7 +34,9 @@ def simulate(
     switched: WithOption = None,
     machine: MachineOption = None,
     beside: Annotated[
-        Path | None, typer.Option("--beside", help="A second scenario; the page draws its run over that of the first.")
+        Path | None,
+        typer.Option("--beside", help="A second scenario; the page draws its run over that of the first."),
+        checks.FILE,
     ] = None,
 ) -> Outcome:
     """Simulate a scenario without recordings. It may ask for steady points, a run in time or a frequency response."""

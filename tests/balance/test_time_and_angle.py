@@ -94,7 +94,7 @@ def test_the_moment_of_a_reversal_is_not_taken_for_a_cause(tmp_path: Path) -> No
 
 def test_a_machine_that_turns_one_way_has_no_reversals() -> None:
     t = np.arange(4000) * 1e-3
-    for position, columns in ((3.0 * t + 0.1 * np.sin(t), 0), (np.sin(3.0 * t), 2)):
+    for position, columns in ((3.0 * t + 0.1 * np.sin(t), 0), (np.sin(3.0 * t), 3)):
         motion = moving(position, {})
         recorded = Recorded(("made",), motion, 4, motion.force, motion.force)
         assert reversals(recorded).shape == (1000, columns)

@@ -405,6 +405,7 @@ def test_a_call_that_makes_no_sense_is_one_line_and_code_2(
 ) -> None:
     csv(tmp_path, {"t [s]": T, "M_1 [Nm]": noise(2)})
     (tmp_path / "E1.xyz").touch()
+    (tmp_path / "map.toml").touch()
     monkeypatch.chdir(tmp_path)
     code, _, errors = call("import", *words)
     assert code == 2

@@ -356,7 +356,8 @@ def test_a_campaign_is_judged_with_the_model_and_leaves_it_as_it_was(tmp_path: P
 
 def test_a_model_that_cannot_be_read_ends_the_command_in_one_line(tmp_path: Path) -> None:
     path = written(tmp_path, Model(BASELINE_HERE), "schema = 3\n")
+    report = str(tmp_path / "report")
     for command in ("compare", "design"):
-        done = RUNNER.invoke(app, [command, "--store", str(tmp_path), "--report", str(tmp_path), "--model", str(path)])
+        done = RUNNER.invoke(app, [command, "--store", str(tmp_path), "--report", report, "--model", str(path)])
         assert done.exit_code == 2
         assert f"{path}: line 1, schema: 3" in done.stderr.replace("\n", "")

@@ -128,7 +128,8 @@ def sheet_page(sheet: BenchSheet) -> str:
 whole test {100.0 * sheet.power:.0f} %.</p>
 <ul>{listed}</ul>
 <p>Set the points in this order. Read the torque named: the mean of a steady window of 5 s, tare subtracted.
-Tick the band that holds the reading; a band is the prediction ± U = 2u of one reading.
+Tick the band that holds the reading; a band is the prediction ± U = 2u of one reading
+in the set-up of the campaign: zeros that moved since are not in it, so repeat one of its points first.
 {_telling(telling, len(letters))}</p>
 <p>Date <span class="line"></span> Name <span class="line"></span> Room temperature <span class="line"></span>
 Tare sun, ring <span class="line"></span></p>

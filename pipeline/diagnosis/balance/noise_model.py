@@ -21,7 +21,10 @@ ROUNDS = 2
 """Times that the structure is taken out of whitened rows, and the noise fitted to what that leaves."""
 
 NARROWEST, WIDENING, WIDE = 12, 1.3, 1.0 / 30.0
-"""Frequencies of the lowest band of a spectrum, growth from band to band, and widest band as part of the spectrum."""
+"""Frequencies of the lowest band of a spectrum, growth from band to band, and widest band as part of the spectrum.
+
+Chosen on 80 clean campaigns of other machines and 40 clean drives of the tests: with them 4 and 1 lie below 5 %.
+"""
 
 FREE = 0.15
 """Part of the power of a band that structure must have left, for the noise in it to be known; else it goes with its

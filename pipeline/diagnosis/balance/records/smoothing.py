@@ -27,7 +27,7 @@ STRETCHES = 12
 """Stretches, half overlapping, over which a spectrum is averaged."""
 
 NOISE_BEYOND = 10.0
-"""Signal over noise, in power, from which a frequency of an acceleration is kept whole."""
+"""Signal and noise over noise, in power, up to which all that an acceleration holds of a frequency is taken out."""
 
 
 class Smoother:
