@@ -148,7 +148,7 @@ def build_report(
         of_model = (() if carried is None else (prediction_table(carried),)) + ((ends_table(ends),) if ends else ())
         more = (*of_model, *(by_load_figures(analysis.balance, flows) if analysis.balance and flows else ()))
         sections.append(with_switch(lambda of: comparison_section(of, agreements(of, bench, tolerances), more), twice))
-    sections.extend(printed_simulation_sections(analysis.grid))
+    sections += (*printed_simulation_sections(analysis.grid), *(() if recorded.orders is None else (recorded.orders,)))
     if diagnosis is not None and left.calibration is not None:
         readings = diagnosis.mismatch.readings
         residual = readings.torque - predict(readings, bench, left.calibration.model)
@@ -156,7 +156,6 @@ def build_report(
         sections.append(diagnosis_section(diagnosis, residual))
         if diagnosis.audit is not None:
             sections.append(audit_section(diagnosis.audit))
-    sections += () if recorded.orders is None else (recorded.orders,)
     if analysis.grid.origin == "published":
         from pmg.pipeline.chapters.studies.validation import published_sections
 

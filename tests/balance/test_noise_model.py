@@ -43,7 +43,7 @@ def _coloured(rng: np.random.Generator) -> Array:
 
 
 def test_a_test_of_five_percent_alarms_in_five_percent_of_coloured_records() -> None:
-    """Twelve of 120 or fewer come in 99.5 % of such tests at a rate of 5 %, one or more in 99.8 %."""
+    """Twelve of 120 or fewer come in 99.3 % of such tests at a rate of 5 %, one or more in 99.8 %."""
     baseline, slow, fine = np.ones((ROWS, 1)), _waves(1, 8)[:, ::2], _waves(9, 60)[:, ::2]
     families = tuple(ResidualStructure("force", "all", (name,), c) for name, c in (("slow", slow), ("fine", fine)))
     found = 0

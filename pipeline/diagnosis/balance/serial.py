@@ -25,7 +25,7 @@ fitted to a short record would take for the noise."""
 FLOOR = 0.01
 """White part of the noise, over all of it: beyond a low-pass nothing is left, and whitening would weigh that most.
 
-A record low-passed at a third of its thinned rate holds 40 dB less there; 20 dB below the mean keep what is in the band.
+A record low-passed at a third of its thinned rate holds 40 dB less there; 20 dB below the mean keep the rest.
 """
 
 ANDREWS_MONAHAN = Source(
