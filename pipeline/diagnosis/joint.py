@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnosis.engine.conclusion import KNOWN
 from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE
@@ -11,15 +11,15 @@ from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.candidates import candidates
 from pmg.pipeline.diagnosis.grid.rivals import NONE_KNOWN
 from pmg.pipeline.diagnosis.grid.statement import PHRASES, SHAFT_WORDS
+from pmg.pipeline.diagnosis.joint_evidence import evidence_of, of_most_evidence
+from pmg.pipeline.diagnosis.motion.catalogue import FORM_MARGIN
 from pmg.pipeline.diagnosis.motion.library import library
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pmg.pipeline.diagnosis.engine.conclusion import Conclusion
-
-Causes: TypeAlias = "dict[str, str]"
-"""A set of mechanisms: the shaft of each by its id."""
+    from pmg.pipeline.diagnosis.joint_evidence import Causes
 
 ANYWHERE = "either"
 """A shaft that another kind of evidence may make definite."""
@@ -74,8 +74,10 @@ def join(steady: Conclusion[Any, Any], moving: Conclusion[Any, Any], p_values: t
     -----
     The readings are independent, so a set is allowed by both where both allow it: on mechanisms that both libraries
     have the sets must be the same, on shafts that do not exclude each other; a mechanism of one library alone cannot be
-    asked of the other. A kind that does not differ is not held against what the other names: whether it would have seen
-    it is not asked. The p-value is Bonferroni's.
+    asked of the other. Logarithms of likelihoods of independent readings add up: of the sets that both allow, those go
+    whose evidence in both kinds together is less than that of the best by the margin by which one kind would name it.
+    Sizes are free in each kind. A kind that does not differ is not held against what the other names: whether it would
+    have seen it is not asked. The p-value is Bonferroni's.
     """
     p_value = min(1.0, 2.0 * min(p_values))
     verdicts = {steady.verdict, moving.verdict}
@@ -93,10 +95,15 @@ def join(steady: Conclusion[Any, Any], moving: Conclusion[Any, Any], p_values: t
         by = BY_STEADY if ours else BY_MOTION
         return JointDiagnosis(verdict, p_value, ours or theirs, by, other or one.weak)
     shared = _ids_of_steady() & _ids_in_motion()
-    both = tuple(each for a in ours for b in theirs if (each := _joined(a, b, shared)) is not None)
+
+    def joined(a: int, b: int) -> Causes | None:
+        return _joined(ours[a], theirs[b], shared)
+
+    pairs = ((each, a, b) for a in range(len(ours)) for b in range(len(theirs)) if (each := joined(a, b)) is not None)
+    both = {frozenset(each.items()): (each, a, b) for each, a, b in pairs}
     if not both:
         return JointDiagnosis(Verdict.AMBIGUOUS, p_value, (ours[0], theirs[0]), APART)
-    distinct = tuple({frozenset(each.items()): each for each in both}.values())
+    distinct = of_most_evidence(list(both.values()), evidence_of(steady, 0.0), evidence_of(moving, FORM_MARGIN))
     weak = steady.weak and moving.weak
     verdict = Verdict.NAMED if len(distinct) == 1 and not weak else Verdict.AMBIGUOUS
     return JointDiagnosis(verdict, p_value, distinct, BY_BOTH, weak)

@@ -23,13 +23,25 @@ FOUND = (0.002, 0.002)
 QUIET: Conclusion[Any, Any] = Conclusion(verdict=Verdict.CONSISTENT)
 
 
-def concluded(*sets: dict[str, str], verdict: Verdict | None = None, weak: bool = False) -> Conclusion[Any, Any]:
-    """A conclusion that leaves some sets of causes, each the shaft by the id."""
+def concluded(
+    *sets: dict[str, str],
+    verdict: Verdict | None = None,
+    weak: bool = False,
+    scores: tuple[float, ...] = (),
+    by_parts: int = 0,
+) -> Conclusion[Any, Any]:
+    """A conclusion that leaves some sets of causes, each the shaft by the id, of even evidence where none is given."""
     each = [
-        SimpleNamespace(fits=[SimpleNamespace(identifier=name, place=place) for name, place in one.items()])
-        for one in sets
+        SimpleNamespace(
+            fits=[SimpleNamespace(identifier=name, place=place) for name, place in one.items()], score=score
+        )
+        for one, score in zip(sets, scores or [100.0] * len(sets), strict=True)
     ]
-    naming: Any = SimpleNamespace(best=each[0], rivals=each[1:], shafts=sets[0]) if sets else None
+    naming: Any = (
+        SimpleNamespace(best=each[0], rivals=each[1:], shafts=sets[0], evidence_scale=1.0, by_parts=by_parts)
+        if sets
+        else None
+    )
     found = Verdict.NAMED if len(sets) == 1 else Verdict.AMBIGUOUS
     return Conclusion(verdict=verdict or found, naming=naming, weak=weak)
 
@@ -42,6 +54,28 @@ def test_what_one_leaves_open_the_other_settles() -> None:
     still = join(steady, concluded({GAIN: "ring"}, {LOAD: "sun"}), FOUND)
     assert still.verdict is Verdict.AMBIGUOUS
     assert still.sets == ({LOAD: "sun"}, {GAIN: "ring"})
+
+
+@pytest.mark.parametrize(
+    ("steady", "moving", "named"),
+    [
+        ((100.0, 93.0), (50.0, 43.0), GAIN),  # odds of e^7 are no proof; those of e^14 are
+        ((100.0, 93.0), (50.0, 49.0), None),
+        ((100.0, 93.0), (28.0, 50.0), LOAD),  # the clearer of both leads
+        ((100.0, 93.0), (43.0, 50.0), None),
+        ((100.0, 93.0), (950.0, 940.0), None),  # an error of form is worth as much
+    ],
+)
+def test_evidence_of_both_kinds_adds_up(
+    steady: tuple[float, float], moving: tuple[float, float], named: str | None
+) -> None:
+    ours = concluded({GAIN: "sun"}, {LOAD: "sun"}, scores=steady)
+    theirs = concluded({GAIN: "sun"}, {LOAD: "sun"}, scores=moving)
+    found = join(ours, theirs, FOUND)
+    assert found.verdict is (Verdict.AMBIGUOUS if named is None else Verdict.NAMED)
+    assert len(found.sets) == 2 if named is None else found.sets == ({named: "sun"},)
+    by_parts = concluded({GAIN: "sun"}, {LOAD: "sun"}, scores=moving, by_parts=1)
+    assert join(ours, by_parts, FOUND).verdict is Verdict.AMBIGUOUS
 
 
 def test_a_cause_that_only_one_kind_knows_stands_beside_the_shared_one() -> None:

@@ -149,9 +149,9 @@ def _mixing(baseline: MotionBaseline, places: list[int], rate: Spectrum, heard: 
         own = state.stretch.side
         of_motor: dict[str, Spectrum] = {own: float(values[sheet.at(f"inertia_{own}")]) * rate**2}
         if state.stretch.coupled:
-            stiff = peak * float(np.mean(np.cos(state.pole_angle))) * sheet.poles[own]
+            stiff = peak * float(np.mean(np.cos(state.pole_angle))) + float(values[sheet.at("slip_damping")]) * rate
             for side in SIDES:
-                of_motor[side] = of_motor.get(side, 0.0 * rate) + stiff * sheet.poles[side]
+                of_motor[side] = of_motor.get(side, 0.0 * rate) + sheet.poles[own] * sheet.poles[side] * stiff
         for side, torque in of_motor.items():
             at = SIDES.index(side)
             mixing[row, at] += give[side] * torque
