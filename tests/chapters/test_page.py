@@ -29,6 +29,7 @@ from pmg.pipeline.grid.levels import by_load
 from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.report.document import Chart, Column, Figure, Fold, Section, Table, Text
 from pmg.sim.bench import load_bench
+from pmg.sim.signals import LOSS_TOTAL
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import steady
 
@@ -86,6 +87,27 @@ def test_bars_of_bearings_and_gear_add_up_to_the_simulated_loss(
         of_sun = bars[0].y + bars[1].y
         assert bars[0].y / of_sun == pytest.approx(float(BENCH.bearings.share_sun_1) / BENCH.bearings.sun)
         assert sum(series.y for series in bars) == pytest.approx(flow.chain.loss_between[rows][order])
+
+
+def test_the_measured_total_loss_stands_with_the_uncertainty_of_the_power_balance(
+    analysed: Analysis, flows: tuple[Gearbox, tuple[Flow, ...]]
+) -> None:
+    """Transducers are common to both powers: their errors add up with their signs, not as squares."""
+    gearbox, (flow, *_) = flows
+    balance = analysed.balance
+    assert balance is not None
+    figure = loss_parts_figure(gearbox, flow)
+    for panel, (_, rows) in zip(figure.panels, by_load(flow.grid.points), strict=True):
+        assert isinstance(panel, Chart)
+        total = panel.series[-1]
+        assert total.name == "measured total"
+        assert total.y == pytest.approx(balance.values[LOSS_TOTAL.name][rows])
+        assert total.u == pytest.approx(balance.u(LOSS_TOTAL.name)[rows], rel=1e-6)
+    spread, nothing = flow.spread, np.zeros_like(flow.spread.own)
+    together = replace(spread, own=nothing, pull=nothing, shared={"transducers": np.ones((*nothing.shape[:2], 1))})
+    for panel in loss_parts_figure(gearbox, replace(flow, spread=together)).panels:
+        assert isinstance(panel, Chart)
+        assert panel.series[-1].u == pytest.approx(0.0)
 
 
 def test_simulated_losses_by_load_follow_the_formulas_of_the_measured_ones(

@@ -166,6 +166,11 @@ def test_a_place_is_right_on_the_right_component_and_shaft(
     assert (judge(ONE, document("named", (GAIN, "sun"))).located, judge(SUN_ROTOR, None).located) == (None, None)
 
 
+def test_an_alarm_without_any_place_is_not_located_right() -> None:
+    said = {**document("not_in_library"), "mechanisms": [], "locations": []}
+    assert judge(SUN_ROTOR, said).located is False
+
+
 def test_every_effect_of_the_trials_has_a_place() -> None:
     components = [form.components.values() for form in FORMS] + [
         form.components.values() for form in IN_MOTION.values()

@@ -105,6 +105,6 @@ def _panel(flow: Flow, parts: dict[str, Array], name: str, rows: Mask) -> Chart:
         for part, watts in parts.items()
     ]
     measured = (flow.chain.mechanical_in - flow.chain.mechanical_out)[rows]
-    u = np.hypot(flow.spread.u("mechanical_in"), flow.spread.u("mechanical_out"))[rows]
+    u = flow.spread.total({"mechanical_in": 1.0, "mechanical_out": -1.0})[rows]
     series.append(Series("measured total", x, measured, u, "markers", 0, points=names_of(at.name)))
     return Chart(SPEED_SUN.label, f"{LOSS_TOTAL.meaning} [W]", tuple(series), title=name)

@@ -169,7 +169,7 @@
     return pmg.make("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": caption }, made);
   };
 
-  /** Two cursors, and what each channel does between them: means of the bins, which lie within the cursors whole. */
+  /** Two cursors, and what each channel does between them, by the least and the largest value of each bin. */
   const ranged = ({ cell, numbers }, element, [data, layout]) => {
     const shaded = layout.shapes.length;
     const { edges } = cell.channels[0];
@@ -187,11 +187,10 @@
         const [low, high] = [numbers(channel.low), numbers(channel.high)].map((values) => inside.map((k) => values[k]).filter((value) => value !== null));
         const middles = low.map((value, k) => (value + high[k]) / 2);
         const mean = middles.reduce((sum, value) => sum + value, 0) / middles.length;
-        const spread = Math.sqrt(middles.reduce((sum, value) => sum + (value - mean) ** 2, 0) / (middles.length - 1));
         const tell = (value) => (Number.isFinite(value) ? short(value, 6) : "–");
-        return { cells: [index.channels[at].label, index.channels[at].unit, tell(mean), tell(spread), tell(Math.min(...low)), tell(Math.max(...high)), String(inside.length)] };
+        return { cells: [index.channels[at].label, index.channels[at].unit, tell(mean), tell(Math.min(...low)), tell(Math.max(...high)), String(inside.length)] };
       });
-      place.replaceChildren(table("Between the cursors, from the bins drawn", ["signal", "unit", "mean", "standard deviation", "least", "largest", "bins"], lines));
+      place.replaceChildren(table("Between the cursors, from the bins drawn", ["signal", "unit", "mean of bin middles", "least", "largest", "bins"], lines));
       return [start, stop];
     };
     const move = () => {

@@ -32,7 +32,8 @@ def located(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> boo
     """Whether the first place told is that of a single effect, on its shaft; None where there is no single effect.
 
     The first place is that of the cause that is named, or that leads a set; where none is, of the clearest difference.
-    A place that is told without its shaft counts, and a mismatch that is not claimed has no place.
+    A place that is told without its shaft counts. A mismatch that is not claimed has no place, nor has one that is
+    claimed without any.
     """
     if document is None or len(truth["effects"]) != 1 or "component" not in truth["effects"][0]:
         return None
@@ -40,7 +41,8 @@ def located(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> boo
     if document["verdict"] in SILENT:
         return False
     rows = document["mechanisms"] if document["verdict"] == "named" else document["mechanisms"][:1]
-    return all(_same(row, true) for row in rows or document["locations"][:1])
+    places = rows or document["locations"][:1]
+    return bool(places) and all(_same(row, true) for row in places)
 
 
 def _same(row: Mapping[str, Any], true: str) -> bool:
