@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import http.client
 import shutil
-from threading import Thread
 from typing import TYPE_CHECKING
 
 import pytest
@@ -21,11 +20,28 @@ from pmg.sim.bench import load_bench
 from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
 EXAMPLE = ROOT / "raw" / "example"
 MODEL = ROOT / "reports" / "example" / "model.toml"
-QUICK = WatchOptions(settle=0.02, idle=0.3)
+OPTIONS = WatchOptions(settle=1.0, idle=60.0)
+
+
+class BenchTime:
+    """A clock that goes on only while the watch sleeps; then, once, further files land."""
+
+    def __init__(self, land: Callable[[], None] | None = None) -> None:
+        self.now, self._land = 0.0, land
+
+    def clock(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+        if self._land is not None and self.now >= 5.0:
+            self._land()
+            self._land = None
 
 
 def names(paths: tuple[Path, ...]) -> list[str]:
@@ -71,12 +87,8 @@ def watched(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], dict[s
         data[3000:9000] = bytes(6000)
         (folder / "0004.mcap").write_bytes(data)
 
-    def say(line: str) -> None:
-        lines.append(line)
-        if line.startswith("0000.mcap"):
-            Thread(target=land).start()
-
-    outcome = run_watch(folder, store, QUICK, say)
+    time = BenchTime(land)
+    outcome = run_watch(folder, store, OPTIONS, lines.append, clock=time.clock, sleep=time.sleep)
     return lines, outcome.data, store
 
 
@@ -105,13 +117,12 @@ def test_a_given_model_is_compared_from_the_first_points_on(
     assert {point.state for point in compared.points} & {PointState.AGREES, PointState.DIFFERS}
 
 
-def test_an_interrupt_ends_the_watch_with_its_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupt_ends_the_watch_with_its_result(tmp_path: Path) -> None:
     def interrupted(_: float) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pmg.pipeline.commands.at_bench.watch.time.sleep", interrupted)
     lines: list[str] = []
-    outcome = run_watch(tmp_path, tmp_path / "s", WatchOptions(), lines.append)
+    outcome = run_watch(tmp_path, tmp_path / "s", WatchOptions(), lines.append, sleep=interrupted)
     assert outcome.data["recordings"] == 0
     assert lines[-1].startswith("ended")
 

@@ -59,7 +59,15 @@ class WatchOptions:
     machine: str | None = None
 
 
-def run_watch(folder: Path, store: Path, options: WatchOptions, say: Callable[[str], None]) -> Outcome:
+def run_watch(
+    folder: Path,
+    store: Path,
+    options: WatchOptions,
+    say: Callable[[str], None],
+    *,
+    clock: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> Outcome:
     """Decode recordings as they land in a folder, until interrupted.
 
     Parameters
@@ -72,6 +80,8 @@ def run_watch(folder: Path, store: Path, options: WatchOptions, say: Callable[[s
         Choices.
     say : callable
         Told each change, in a line.
+    clock, sleep : callable
+        Give a time that never goes back [s], and wait for a time [s].
 
     Raises
     ------
@@ -87,17 +97,17 @@ def run_watch(folder: Path, store: Path, options: WatchOptions, say: Callable[[s
         if options.port is not None:
             say(f"page: {page.address} (this machine alone)")
         say(f"watching {folder}; Ctrl-C ends it")
-        landings, last = Landings(folder, options.settle), time.monotonic()
+        landings, last = Landings(folder, options.settle), clock()
         try:
-            while options.idle is None or time.monotonic() - last < options.idle:
-                whole, waiting = landings.look(time.monotonic())
+            while options.idle is None or clock() - last < options.idle:
+                whole, waiting = landings.look(clock())
                 if whole:
                     watch.take(whole)
                 if whole or waiting:
-                    last = time.monotonic()
+                    last = clock()
                 watch.waiting = tuple(path.name for path in waiting)
                 page.html = watch.page()
-                time.sleep(LOOK if options.settle >= LOOK else options.settle / 2.0)
+                sleep(LOOK if options.settle >= LOOK else options.settle / 2.0)
         except KeyboardInterrupt:
             say("ended; what was decoded is kept")
     return watch.outcome()
