@@ -41,13 +41,13 @@ def located(truth: Mapping[str, Any], document: Mapping[str, Any] | None) -> boo
     if document["verdict"] in SILENT:
         return False
     rows = document["mechanisms"] if document["verdict"] == "named" else document["mechanisms"][:1]
-    places = rows or document["locations"][:1]
+    places = rows or document.get("locations", ())[:1]
     return bool(places) and all(_same(row, true) for row in places)
 
 
 def _same(row: Mapping[str, Any], true: str) -> bool:
     """Whether a mechanism or a location has the place of a component, and its shaft where it tells one."""
-    told = row["component"]
+    told = row.get("component")
     if told is None or place_of(told) != place_of(true):
         return False
     sides = {name for name in ("sun", "ring") if true.startswith(name)}
