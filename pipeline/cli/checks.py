@@ -137,7 +137,9 @@ def _can_be_written(called: str, path: Path, _: Mapping[str, Any]) -> None:
 
 
 def _can_write(called: str, folder: Path) -> None:
-    there = next(place for place in (folder.absolute(), *folder.absolute().parents) if place.exists())
+    there = next((place for place in (folder.absolute(), *folder.absolute().parents) if place.exists()), None)
+    if there is None:
+        raise StoreError(str(folder), "no such drive", f"a folder for {called}", "Name another place.")
     if not there.is_dir():
         raise StoreError(str(there), "a file", f"a folder on the way to {called}", "Name another place.")
     if not os.access(there, os.W_OK | os.X_OK):

@@ -61,7 +61,10 @@ class AnswersInJson(TyperGroup):
 
 def _told_here(as_json: bool) -> bool:
     """Whether this folder holds recordings; then what pmg would do with them is printed."""
-    found = look_around(Path.cwd())
+    try:
+        found = look_around(Path.cwd())
+    except OSError:  # a folder that was deleted, or that may not be read
+        return False
     if found is None:
         return False
     for line in [as_text("", 0, found, None)] if as_json else found.lines:

@@ -8,6 +8,7 @@ import numpy as np
 
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.simulate.simulation import ABOVE_ONE, recordable
+from pmg.pipeline.wording.plurals import counted
 from pmg.sim.dynamics.limits import limits_reached
 from pmg.sim.grid import Configuration
 
@@ -25,7 +26,7 @@ def findings_of(simulation: Simulation, scenario: Scenario, inputs: Inputs) -> t
         name = points.grid.points.name
         above = np.flatnonzero(points.values["efficiency_magnetic"] > 1.0 + ABOVE_ONE)
         if len(above):
-            message = f"magnetic efficiency above 1 at {len(above)} points: {', '.join(name[above[:5]])}"
+            message = f"magnetic efficiency above 1 at {counted(len(above), 'point')}: {', '.join(name[above[:5]])}"
             found.append(("warning", "efficiency", message))
         several = np.flatnonzero(points.balances > 1)
         if len(several):
@@ -36,7 +37,11 @@ def findings_of(simulation: Simulation, scenario: Scenario, inputs: Inputs) -> t
             found.append(("error", run.trace.stopped.where, f"{run.trace.stopped.came}. {run.trace.stopped.do}"))
         elif run.slipped:
             found.append(
-                ("warning", "transient", f"{len(run.trace.slips)} poles slipped, first at {run.trace.slips[0]:.4g} s")
+                (
+                    "warning",
+                    "transient",
+                    f"{counted(len(run.trace.slips), 'pole')} slipped, first at {run.trace.slips[0]:.4g} s",
+                )
             )
         elif np.isnan(run.trace.locked_at) and scenario.bench.configuration is Configuration.ENGAGED:
             found.append(("info", "transient", "the gear still swings at the end of the run"))

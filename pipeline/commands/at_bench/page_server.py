@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import contextmanager
 from dataclasses import dataclass
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from socketserver import TCPServer
 from threading import Thread
 from typing import TYPE_CHECKING
 
@@ -38,6 +40,17 @@ class ServedPage:
     def address(self) -> str:
         """Address of the page on this machine."""
         return f"http://{HOST}:{self.port}/"
+
+
+class _LoopbackServer(ThreadingHTTPServer):
+    """A server that takes no port in use from another program, and looks up no name."""
+
+    allow_reuse_address = os.name == "posix"  # elsewhere it would share a port that is taken
+
+    def server_bind(self) -> None:
+        """Bind without asking for the name of this machine, as `http.server` does."""
+        TCPServer.server_bind(self)
+        self.server_name, self.server_port = HOST, self.server_address[1]
 
 
 @contextmanager
@@ -87,7 +100,7 @@ def serving(page: ServedPage) -> Iterator[ServedPage]:
             """Nothing: the terminal shows the campaign."""
 
     try:
-        server = ThreadingHTTPServer((HOST, page.port), PageAnswer)
+        server = _LoopbackServer((HOST, page.port), PageAnswer)
     except OSError as fault:
         came = fault.strerror or str(fault)
         raise StoreError(f"--port {page.port}", came, "a free port", "Name another, or 0 for any.") from fault

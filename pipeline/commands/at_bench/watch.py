@@ -19,7 +19,7 @@ from pmg.pipeline.settings.bench_in_force import settle_bench
 from pmg.pipeline.store.sources import Named
 from pmg.pipeline.store.store import Store
 from pmg.pipeline.wording.plurals import counted
-from pmg.sim.errors import RecordingError
+from pmg.sim.errors import PmgError, RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -126,8 +126,13 @@ class _Watch:
 
     def take(self, whole: tuple[Path, ...]) -> None:
         """Decode recordings and say what is new."""
-        ingest(self._folder, self._store, workers=1, shard=Named(frozenset(whole)))
-        self.state = state = watched_campaign(self._store, self._bench, self._given)
+        try:
+            ingest(self._folder, self._store, workers=1, shard=Named(frozenset(whole)))
+            self.state = watched_campaign(self._store, self._bench, self._given)
+        except PmgError as fault:  # the test goes on, and so does its watch
+            self._say(f"cannot be judged yet: {fault}")
+            return
+        state = self.state
         names = whole[0].name if len(whole) == 1 else f"{whole[0].name} to {whole[-1].name}"
         self._say(f"{names}: {counted(state.recordings, 'recording')}, {counted(len(state.points), 'point')}")
         news = [f"cannot be used: {name}: {why}" for name, why in state.unusable]
