@@ -148,6 +148,8 @@ def _actions(diagnosis: Diagnosis) -> Iterator[str]:
     if diagnosis.verdict is Verdict.NAMED and naming is not None:
         words = advice(naming).removeprefix("Do: ").removesuffix(f"{EXTENDED}.").removesuffix(", or ").rstrip(".")
         yield f"{words[0].upper()}{words[1:]}." if words else "Nothing to repair: this is physics the model lacks."
+        if not any(issubclass(fit.candidate.kind, Instrument) for fit in naming.best.fits):
+            yield "To confirm it, run the points of `pmg next --store STORE --out DIR`."
     elif diagnosis.verdict is Verdict.CONFOUNDED:
         yield lifting(diagnosis).removeprefix(" Do: ")
     elif tests:
@@ -161,7 +163,7 @@ def _actions(diagnosis: Diagnosis) -> Iterator[str]:
         yield (
             "Repeat points spread over the grid, in random order."
             if diagnosis.blind
-            else ("Look at the place below; compare with a campaign of the same bench (`pmg report A B`).")
+            else ("Look at the places under Diagnosis; compare with a campaign of the same bench (`pmg report A B`).")
         )
 
 
