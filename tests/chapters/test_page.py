@@ -28,6 +28,7 @@ from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.levels import by_load
 from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.report.document import Chart, Column, Figure, Fold, Section, Table, Text
+from pmg.pipeline.report.theme import SERIES
 from pmg.sim.bench import load_bench
 from pmg.sim.signals import LOSS_TOTAL
 from pmg.sim.steady.gearbox import Gearbox
@@ -81,6 +82,7 @@ def test_bars_of_bearings_and_gear_add_up_to_the_simulated_loss(
     figure = loss_parts_figure(gearbox, flow)
     for panel, (_, rows) in zip(figure.panels, by_load(flow.grid.points), strict=True):
         assert isinstance(panel, Chart)
+        assert len({series.colour % SERIES for series in panel.series}) == len(panel.series)
         bars = [series for series in panel.series if series.style == "bars"]
         assert [series.name for series in bars] == [*(f"bearing {n}" for n in range(1, 8)), "magnetic gear"]
         order = np.argsort(flow.grid.points.speed_sun[rows])
