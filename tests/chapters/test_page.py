@@ -30,7 +30,7 @@ from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.report.document import Chart, Column, Figure, Fold, Section, Table, Text
 from pmg.pipeline.report.theme import SERIES
 from pmg.sim.bench import load_bench
-from pmg.sim.mechanisms import Windage
+from pmg.sim.mechanisms.friction import Windage
 from pmg.sim.signals import LOSS_TOTAL, Array
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import steady
