@@ -11,6 +11,7 @@ import numpy as np
 from pmg.pipeline.analysis.comparison import compare
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.report.document import Figure, Section
+from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 from pmg.sim.steady.baseline import baseline_mechanisms
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import steady
@@ -94,20 +95,24 @@ def _switched(section: Section, caused: Section | None) -> Section:
 
 
 def behind_points(twice: SimulatedTwice, agreed: Agreements) -> str:
-    """What is simulated at each row of the grid, as JSON for the page: torques, tolerances, losses by mechanism."""
+    """What is simulated at each row of the grid, as JSON for the page: torques, tolerances, losses by mechanism.
+
+    Mechanisms of one title, as one on each shaft, are added up.
+    """
     at, runs = twice.plain.grid.points, [twice.plain] + ([] if twice.caused is None else [twice.caused])
     models = []
     for (name, box), residuals in zip(twice.boxes, runs, strict=True):
-        losses = {
-            mechanism.title: _numbers(-(part.sun * at.speed_sun + part.ring * at.speed_ring))
-            for mechanism, part in zip(box.mechanisms, box.contributions(at), strict=True)
-        }
-        torques = [_numbers(one.simulated) for one in (residuals.torque_sun, residuals.torque_ring)]
-        models.append({"name": name, "torque": torques, "loss": losses})
+        losses: dict[str, Array] = {}
+        for mechanism, torques in zip(box.mechanisms, box.contributions(at), strict=True):
+            losses[mechanism.title] = losses.get(mechanism.title, np.zeros(len(at))) - torques.power(at)
+        simulated = [_numbers(one.simulated) for one in (residuals.torque_sun, residuals.torque_ring)]
+        shown = {title: _numbers(loss) for title, loss in losses.items()}
+        models.append({"name": name, "torque": simulated, "loss": shown})
     compared = (("torque_sun", twice.plain.torque_sun), ("torque_ring", twice.plain.torque_ring))
     tolerance = [_numbers(np.where(agreed.of[name].compared, agreed.of[name].bound, np.nan)) for name, _ in compared]
-    told = {"models": models, "tolerance": tolerance, "expanded": [_numbers(2.0 * one.u) for _, one in compared]}
-    return json.dumps(told, allow_nan=False, ensure_ascii=True, separators=(",", ":")).replace("<", "\\u003c")
+    expanded = [_numbers(COVERAGE_FACTOR * one.u) for _, one in compared]
+    behind = {"models": models, "tolerance": tolerance, "expanded": expanded}
+    return json.dumps(behind, allow_nan=False, ensure_ascii=True, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _numbers(values: Array) -> list[float | None]:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.signal import csd, fftconvolve, welch
 
+from pmg.sim.signals import REVOLUTION
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -79,7 +81,7 @@ def angle_density(
 
 def _kept(variance: float, count: float) -> float:
     """Part of the power of steps that keeps its shape beside a noise of some variance [rad2]."""
-    waves = np.exp(-variance * (2.0 * np.pi * HARMONICS / count) ** 2)
+    waves = np.exp(-variance * (REVOLUTION * HARMONICS / count) ** 2)
     return float(np.sum(waves / HARMONICS**2) / np.sum(1.0 / HARMONICS**2))
 
 

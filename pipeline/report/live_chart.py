@@ -8,6 +8,7 @@ import numpy as np
 
 from pmg.pipeline.report.figure import stacked
 from pmg.pipeline.report.live_axes import axis, layout, numbers, plain
+from pmg.pipeline.report.theme import SERIES
 from pmg.pipeline.wording import numerals
 from pmg.pipeline.wording.probability import COVERAGE_FACTOR
 
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
 
 _MARKERS = ("circle", "square", "diamond", "triangle-down", "triangle-up", "pentagon", "x", "star")
 _DASHES = ("solid", "dash", "dot", "dashdot")
-_SERIES = 8
-"""Colours of series in the palette."""
 
 
 def plot(chart: Chart) -> dict[str, Any]:
@@ -115,7 +114,7 @@ def _note(label: str, value: float, logarithmic: bool) -> dict[str, Any]:
 
 def _traces(chart: Chart, series: Series, group: int, *, first: bool) -> list[dict[str, Any]]:
     """The series and, for a band or a line with uncertainty, the area around it."""
-    colour = f"@series-{series.colour % _SERIES}"
+    colour = f"@series-{series.colour % SERIES}"
     x, y = _positive(series.x, chart.x_log), _positive(series.y, chart.y_log)
     family = {
         "legendgroup": series.name or f"unnamed {series.colour}",

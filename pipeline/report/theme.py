@@ -1,6 +1,6 @@
 """The colours, once: what each role looks like on a light and on a dark page.
 
-Series colours follow the Okabe-Ito set, darkened or lightened until they stand out from the page.
+Series colours follow the Okabe-Ito set, darkened or lightened until they stand out from the page, and two more.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ ROLES: dict[str, tuple[str, str]] = {
     "series-5": ("#7b3f00", "#cfa98c"),
     "series-6": ("#5c4fa3", "#ab9ff0"),
     "series-7": ("#555e68", "#b4bcc4"),
+    "series-8": ("#0f6f80", "#6ccbd9"),
+    "series-9": ("#a01c3c", "#ff9aa8"),
 }
 """Role -> colour on a light page, colour on a dark page."""
 

@@ -28,8 +28,10 @@ from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.grid.levels import by_load
 from pmg.pipeline.grid.tables import read_published
 from pmg.pipeline.report.document import Chart, Column, Figure, Fold, Section, Table, Text
+from pmg.pipeline.report.theme import SERIES
 from pmg.sim.bench import load_bench
-from pmg.sim.signals import LOSS_TOTAL
+from pmg.sim.mechanisms.friction import Windage
+from pmg.sim.signals import LOSS_TOTAL, Array
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import steady
 
@@ -81,6 +83,7 @@ def test_bars_of_bearings_and_gear_add_up_to_the_simulated_loss(
     figure = loss_parts_figure(gearbox, flow)
     for panel, (_, rows) in zip(figure.panels, by_load(flow.grid.points), strict=True):
         assert isinstance(panel, Chart)
+        assert len({series.colour % SERIES for series in panel.series}) == len(panel.series)
         bars = [series for series in panel.series if series.style == "bars"]
         assert [series.name for series in bars] == [*(f"bearing {n}" for n in range(1, 8)), "magnetic gear"]
         order = np.argsort(flow.grid.points.speed_sun[rows])
@@ -153,6 +156,21 @@ def test_the_losses_behind_a_point_are_those_between_its_simulated_torques(analy
     losses = np.array(list(model["loss"].values()), dtype=np.float64).sum(axis=0)
     between = np.array(model["torque"][0], dtype=np.float64) * at.speed_sun + at.torque_ring * at.speed_ring
     assert np.allclose(losses[rows], between[rows], rtol=1e-4, atol=1e-3)
+
+
+def test_losses_of_one_kind_on_both_shafts_are_both_behind_a_point(analysed: Analysis) -> None:
+    assert analysed.calibration is not None
+    grid, plain = analysed.grid, Gearbox.calibrated(BENCH, analysed.calibration.model)
+    residuals = compare(grid, steady(plain, grid.points), BENCH, analysed.calibration)
+    agreed = agreements(residuals, BENCH)
+
+    def of(*more: Windage) -> Array:
+        box = Gearbox(BENCH, (*plain.mechanisms, *more))
+        (model,) = json.loads(behind_points(SimulatedTwice(residuals, (("simulated", box),), None), agreed))["models"]
+        return np.array(model["loss"][Windage.title])
+
+    sun, ring = Windage(k_sun=1e-6), Windage(k_ring=5e-6)
+    assert of(sun, ring) == pytest.approx(of(sun) + of(ring), rel=1e-5)
 
 
 def test_chapters_stand_by_question_and_specialists_matters_are_folded() -> None:

@@ -83,8 +83,8 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[Shee
         yield SheetAnswer("What differs", (f"Nothing beyond the noise; {noise}.",), MODELS)
     if causes:
         several = any(cause.group for cause in causes)
-        told = (_told(cause, push, numbered=several) for cause in causes)
-        yield SheetAnswer("Possible causes" if several else "Cause", tuple(told), CAUSES)
+        sentences = (_cause_sentence(cause, push, numbered=several) for cause in causes)
+        yield SheetAnswer("Possible causes" if several else "Cause", tuple(sentences), CAUSES)
     elif d.impossible:
         yield SheetAnswer("Cause", (headline(d),))
     elif d.verdict is Verdict.NOT_IN_LIBRARY:
@@ -102,7 +102,7 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[Shee
         yield SheetAnswer("If ignored", tuple(_costs(d, first, last)))
 
 
-def _told(cause: NamedCause, push: str, *, numbered: bool) -> str:
+def _cause_sentence(cause: NamedCause, push: str, *, numbered: bool) -> str:
     title = cause.title[0].upper() + cause.title[1:]
     remark = f"; {cause.remark}" if cause.remark else ""
     return f"{f'{cause.group + 1}. ' if numbered else ''}{title}: {cause.size}{remark} ({cause.effect:.3g} {push} rms)."

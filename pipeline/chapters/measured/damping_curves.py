@@ -73,12 +73,13 @@ def _fits(fits: tuple[DampingFit, ...], published: bool) -> Figure:
     printed = " Figures 6.2 to 6.5 of the source." if published else ""
     robust = any((fit.weights < 1.0).any() for fit in fits)
     outliers = " Half weight or less: points that the fit holds for outliers." if robust else ""
-    best = max(fits, key=lambda fit: fit.r_squared)
+    misses = ", ".join(f"{fit.correction:.3g}: {fit.rmse:.3g} W" for fit in fits)
     return Figure(
         "damping-fits",
         "Damping fits over speed",
-        f"Of these K_corr, {best.correction:.3g} is followed best (R² = {best.r_squared:.4f}). Points: magnetic loss, "
-        f"mean over the loads; line: the fit, with U = 2u by the scatter about it.{outliers}{printed}",
+        f"Root mean square error by K_corr: {misses}. Each K_corr has points of its own, so that R² ranks none of "
+        f"them. Points: magnetic loss, mean over the loads; line: the fit, with U = 2u by the scatter about it."
+        f"{outliers}{printed}",
         tuple(_fit(fit) for fit in fits),
         columns=2,
     )

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 
 _OTHER = "other effects of the model"
 _PARTS = (*(f"bearing {number}" for number in range(1, 8)), "magnetic gear", _OTHER)
-_COLOURS = dict(zip(_PARTS, (0, 2, 3, 4, 5, 6, 7, 1, 2), strict=True))
+_MEASURED = "measured total"
+_COLOURS = dict(zip((*_PARTS, _MEASURED), (0, 2, 3, 4, 5, 6, 7, 1, 8, 9), strict=True))
 _GEAR = (HysteresisDamping, EddyDamping, ExcessDamping, NeutralRemainder)
 
 
@@ -106,5 +107,5 @@ def _panel(flow: Flow, parts: dict[str, Array], name: str, rows: Mask) -> Chart:
     ]
     measured = (flow.chain.mechanical_in - flow.chain.mechanical_out)[rows]
     u = flow.spread.total({"mechanical_in": 1.0, "mechanical_out": -1.0})[rows]
-    series.append(Series("measured total", x, measured, u, "markers", 0, points=names_of(at.name)))
+    series.append(Series(_MEASURED, x, measured, u, "markers", _COLOURS[_MEASURED], points=names_of(at.name)))
     return Chart(SPEED_SUN.label, f"{LOSS_TOTAL.meaning} [W]", tuple(series), title=name)
