@@ -69,7 +69,7 @@ def test_a_recording_that_is_never_closed_is_waited_for_longer_and_read_all_the_
     (tmp_path / "notes.txt").write_bytes(b"x")
     assert names(landings.look(0.0)[1]) == ["empty.mcap", "half.mcap"]
     assert names(landings.look(3.0 * PATIENCE - 0.1)[1]) == ["empty.mcap", "half.mcap"]
-    assert [names(part) for part in landings.look(3.0 * PATIENCE)] == [["half.mcap"], ["empty.mcap"]]
+    assert [names(part) for part in landings.look(3.0 * PATIENCE)] == [["empty.mcap", "half.mcap"], []]
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +115,15 @@ def test_a_given_model_is_compared_from_the_first_points_on(
     model = read_model(MODEL)
     compared = watched_campaign(store, load_bench(), model)
     assert {point.state for point in compared.points} & {PointState.AGREES, PointState.DIFFERS}
+
+
+def test_an_empty_recording_is_named_and_the_watch_ends(tmp_path: Path) -> None:
+    folder, time, lines = tmp_path / "runs", BenchTime(), list[str]()
+    folder.mkdir()
+    (folder / "empty.mcap").write_bytes(b"")
+    outcome = run_watch(folder, tmp_path / "s", OPTIONS, lines.append, clock=time.clock, sleep=time.sleep)
+    assert outcome.data["unusable"] == ["empty.mcap"]
+    assert time.now < 100.0
 
 
 def test_an_interrupt_ends_the_watch_with_its_result(tmp_path: Path) -> None:

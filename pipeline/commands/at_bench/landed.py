@@ -36,7 +36,8 @@ class Landings:
         The folder; folders below it count.
     settle : float
         Time for which a closed recording must not change [s]. One without its end is waited for `PATIENCE` times as
-        long, then given out all the same: its recorder stopped, and what it holds can be saved.
+        long, then given out all the same: its recorder stopped. What it holds can be saved; an
+        empty one is named.
     """
 
     def __init__(self, folder: Path, settle: float) -> None:
@@ -66,7 +67,7 @@ class Landings:
                 seen = _Seen(facts.st_size, facts.st_mtime_ns, now)
             if not seen.given:
                 wait = self._settle * (1.0 if closed else PATIENCE)
-                ready = facts.st_size > 0 and now - seen.since >= wait
+                ready = now - seen.since >= wait
                 seen = _Seen(seen.size, seen.changed, seen.since, ready)
                 (whole if ready else open_).append(path)
             there[path] = seen
