@@ -73,5 +73,5 @@ def _untouched() -> str:
 
 
 def _quoted(word: str) -> str:
-    """A word as every shell takes it."""
+    """A word as shells take it, in quotes where it holds a space."""
     return f'"{word}"' if " " in word else word

@@ -35,7 +35,10 @@ def simulate(
     machine: MachineOption = None,
     beside: Annotated[
         Path | None,
-        typer.Option("--beside", help="A second scenario; the page draws its run over that of the first."),
+        typer.Option(
+            "--beside",
+            help="A second scenario; the page draws its run over that of the first. Models act on the first.",
+        ),
         checks.FILE,
     ] = None,
 ) -> Outcome:

@@ -135,7 +135,7 @@ def _judged(known: WatchedCampaign, grid: Grid, bench: BenchParameters, given: M
     calibration: FittedBaseline | None = None
     if given is not None:
         gearbox = Gearbox(bench, (*baseline_mechanisms(given.baseline, bench), *given.mechanisms(bench)))
-        words = f"Compared with the given model: {given.description}."
+        words = f"Compared with the given model: {given.description}. U leaves the uncertainty of that model out."
     else:
         analysis = analyse(grid, AnalysisOptions(), bench)
         calibration = analysis.calibration
