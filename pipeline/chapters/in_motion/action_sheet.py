@@ -16,7 +16,6 @@ from pmg.pipeline.diagnosis.motion.statement import (
     advice,
     causes,
     effect_size,
-    fitted_sentence,
     largest_place,
     phrase,
     proof_sentence,
@@ -87,7 +86,7 @@ def _answers(
     )
     if naming is not None and diagnosis.verdict is Verdict.NAMED:
         cause = causes(naming.best, naming.shafts)
-        fitted = (fitted_sentence(diagnosis, i) for i in range(len(named)))
+        fitted = (size.sentence for size in diagnosis.fitted_sizes)
         yield SheetAnswer("Cause", (f"{cause[0].upper()}{cause[1:]}.", *fitted), "mechanisms")
     elif naming is not None and diagnosis.verdict is Verdict.AMBIGUOUS:
         sets = [causes(each) for each in (naming.best, *naming.rivals)]

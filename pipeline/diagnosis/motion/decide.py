@@ -21,6 +21,7 @@ from pmg.pipeline.diagnosis.motion.design.next_runs import runs_to_see, runs_to_
 from pmg.pipeline.diagnosis.motion.design.unseen import unseen
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
 from pmg.pipeline.diagnosis.motion.fitted import fit_beside, fit_constants, slow_noise_beside_drift
+from pmg.pipeline.diagnosis.motion.fitted_size import error_of_law, fitted_size
 from pmg.pipeline.diagnosis.motion.library import library
 from pmg.pipeline.diagnosis.motion.withheld import by_kind, by_run
 from pmg.pipeline.files.progress import Steps
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun
     from pmg.pipeline.diagnosis.motion.design.unseen import Unseen
     from pmg.pipeline.diagnosis.motion.evidence import Family, MotionEvidence
+    from pmg.pipeline.diagnosis.motion.fitted_size import FittedSize
     from pmg.pipeline.diagnosis.motion.noise import RowNoise
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.pipeline.files.progress import Progress
@@ -92,6 +94,8 @@ class MotionDiagnosis(Conclusion[TermFit, TermProblem]):
         Constants of the baseline beside what was named, and their standard errors.
     sizes, size_errors : tuple of (p,) array
         Parameters of each named mechanism, amplitudes then shape, and their standard errors.
+    fitted_sizes : tuple of FittedSize
+        The size of each as one number.
     unseen : tuple of Unseen
         Mechanisms that the runs excite too little to tell.
     next_runs : tuple of NextRun
@@ -107,6 +111,7 @@ class MotionDiagnosis(Conclusion[TermFit, TermProblem]):
     errors: Array
     sizes: tuple[Array, ...]
     size_errors: tuple[Array, ...]
+    fitted_sizes: tuple[FittedSize, ...]
     unseen: tuple[Unseen, ...]
     next_runs: tuple[NextRun, ...] = ()
 
@@ -152,8 +157,8 @@ def diagnose_motion(
             conclusion = replace(conclusion, verdict=Verdict.CONFOUNDED)
         named = conclusion.naming.best.fits if conclusion.verdict.names and conclusion.naming is not None else ()
         together = _together(found, named)
-    alone = before.values, np.sqrt(np.diag(covariance)), (), ()
-    constants, errors, sizes, size_errors = together or alone
+    alone = before.values, np.sqrt(np.diag(covariance)), (), (), ()
+    constants, errors, sizes, size_errors, fitted_sizes = together or alone
     next_runs: tuple[NextRun, ...] = ()
     if conclusion.verdict is Verdict.CONFOUNDED:
         next_runs = runs_to_see(found, blind, slow_noise_beside_drift(before, noise))
@@ -173,6 +178,7 @@ def diagnose_motion(
         errors=errors,
         sizes=sizes,
         size_errors=size_errors,
+        fitted_sizes=fitted_sizes,
         unseen=blind,
         next_runs=next_runs,
     )
@@ -250,24 +256,30 @@ def _proof(
 
 def _together(
     found: MotionEvidence, fits: tuple[TermFit, ...]
-) -> tuple[Array, Array, tuple[Array, ...], tuple[Array, ...]]:
+) -> tuple[Array, Array, tuple[Array, ...], tuple[Array, ...], tuple[FittedSize, ...]]:
     """Constants and parameters fitted together about those of the evidence, each with its standard errors."""
     slopes = [found.problem.slopes(fit) for fit in fits]
     columns = np.hstack([found.columns, *slopes])
     effect = sum((s[:, : len(f.amplitudes)] @ f.amplitudes for s, f in zip(slopes, fits, strict=True)), 0.0 * found.y)
     length = np.linalg.norm(columns, axis=0)
     length[length == 0.0] = 1.0
-    inverse = np.linalg.pinv(columns / length, rcond=1e-9)
-    moved = inverse @ (found.y - effect) / length
-    errors = np.linalg.norm(inverse, axis=1) / length
+    inverse = np.linalg.pinv(columns / length, rcond=1e-9) / length[:, None]
+    moved = inverse @ (found.y - effect)
+    errors = np.linalg.norm(inverse, axis=1)
     ends = np.cumsum([found.columns.shape[1], *(s.shape[1] for s in slopes)])
     values = [np.r_[fit.amplitudes, [fit.shape] if fit.candidate.shape is not None else []] for fit in fits]
     sizes = [v + m for v, m in zip(values, np.split(moved, ends)[1:], strict=False)]
+    of_fits = np.split(inverse, ends)[1 : 1 + len(fits)]
+    wholes = tuple(
+        fitted_size(fit, value, part @ part.T, error_of_law(found.problem, fits, place, library()))
+        for place, (fit, value, part) in enumerate(zip(fits, sizes, of_fits, strict=True))
+    )
     return (
         found.baseline.values + moved[: ends[0]],
         errors[: ends[0]],
         tuple(sizes),
         tuple(np.split(errors, ends)[1 : 1 + len(fits)]),
+        wholes,
     )
 
 

@@ -13,6 +13,7 @@ from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.document import SCHEMA, form_of, legible, near_ties
 from pmg.pipeline.diagnosis.grid.rivals import CLOSE, NONE_KNOWN, nearest_share, rival_row, why_open
 from pmg.pipeline.diagnosis.motion.design.next_runs import LEAST_POWER, merged
+from pmg.pipeline.diagnosis.motion.fitted_size import IN_ALL, FittedSize
 from pmg.pipeline.diagnosis.motion.statement import (
     effect_size,
     follows,
@@ -118,8 +119,10 @@ def _mechanisms(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ..
         return []
     weights, named = probabilities(diagnosis), named_fits(diagnosis)
     rows = [
-        _mechanism(fit, naming.shafts[fit.identifier], weights[0], values, errors)
-        for fit, values, errors in zip(named, diagnosis.sizes, diagnosis.size_errors, strict=True)
+        _mechanism(fit, naming.shafts[fit.identifier], weights[0], values, errors, size)
+        for fit, values, errors, size in zip(
+            named, diagnosis.sizes, diagnosis.size_errors, diagnosis.fitted_sizes, strict=True
+        )
     ]
     others = [
         (fit, weight)
@@ -136,21 +139,32 @@ def _mechanisms(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ..
     return [row | {"rms_effect_Nm": rms, "peak_effect_Nm": peak} for row, (rms, peak) in zip(rows, sizes, strict=True)]
 
 
-def _mechanism(fit: TermFit, shaft: str, probability: float, values: Array, errors: Array) -> dict[str, Any]:
+def _mechanism(
+    fit: TermFit, shaft: str, probability: float, values: Array, errors: Array, size: FittedSize | None = None
+) -> dict[str, Any]:
+    parameters = [
+        _parameter(quantity.name, float(value), float(error), quantity.unit)
+        for quantity, value, error in zip(fit.candidate.parameters, values, errors, strict=True)
+    ]
+    if size is not None and size.name == IN_ALL:
+        parameters.insert(0, _parameter("in_all", size.value, size.error, size.unit))
+    elif size is not None and size.of_law:
+        parameters[0] = _parameter(size.name, size.value, size.error, size.unit)
     return {
         "id": fit.identifier,
         "component": str(term_of(fit).component),
         "shaft": shaft,
         "probability": probability,
-        "parameters": [
-            {
-                "name": quantity.name,
-                "value": float(value),
-                "standard_error": float(error) if math.isfinite(error) else None,
-                "unit": quantity.unit,
-            }
-            for quantity, value, error in zip(fit.candidate.parameters, values, errors, strict=True)
-        ],
+        "parameters": parameters,
+    }
+
+
+def _parameter(name: str, value: float, error: float, unit: str) -> dict[str, Any]:
+    return {
+        "name": name,
+        "value": value,
+        "standard_error": error if math.isfinite(error) else None,
+        "unit": unit,
     }
 
 

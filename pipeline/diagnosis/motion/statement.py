@@ -15,7 +15,6 @@ from pmg.pipeline.diagnosis.motion.design.next_runs import LEAST_POWER, merged
 from pmg.pipeline.diagnosis.motion.evidence import OF_SHEET
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.motion.smooth import BAND
-from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.units import MILLI
 from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 
@@ -55,9 +54,6 @@ REMEDIES = {
     "direction_dependent_friction": "inspect the {shaft} bearings and seals",
 }
 """What to do about a mechanism; the others belong into the model."""
-
-IN_MILLI, TENTH = {" N m": " mN m", " s": " ms", " rad": " mrad"}, 0.1
-"""Units of which small sizes are told in thousandths, and how small."""
 
 INTO_MODEL = "put the law with its fitted parameters (see `diagnosis.json`) into the model of the drive"
 
@@ -197,31 +193,8 @@ def _size(diagnosis: MotionDiagnosis, i: int, effect: tuple[Array, ...]) -> str:
     subject = "It changes" if len(named_fits(diagnosis)) == 1 else f"{named_fits(diagnosis)[i].candidate.title} changes"
     return (
         f"{subject} the {side} torque by {rms / MILLI:.1f} mN m rms, up to {peak / MILLI:.0f} mN m; the noise is "
-        f"{noise[side] / MILLI:.1f} mN m. {fitted_sentence(diagnosis, i)}"
+        f"{noise[side] / MILLI:.1f} mN m. {diagnosis.fitted_sizes[i].sentence}"
     )
-
-
-def fitted_sentence(diagnosis: MotionDiagnosis, i: int) -> str:
-    """The size of a named mechanism: of several, the one known best, or all together."""
-    fit, values, errors = named_fits(diagnosis)[i], diagnosis.sizes[i], diagnosis.size_errors[i]
-    sizes, off = values[: len(fit.amplitudes)], errors[: len(fit.amplitudes)]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        best = int(np.nanargmin(np.abs(off / np.where(sizes, sizes, np.nan)))) if np.any(sizes) else 0
-    quantity = fit.candidate.parameters[best]
-    unit = "" if quantity.unit == "1" else f" {quantity.unit}"
-    name, beyond = f"{quantity.name.replace('_', ' ')} ", ""
-    value, error = float(values[best]), float(errors[best])
-    if quantity.name == "more" and term_of(fit).constants:
-        name, beyond = "", " more than in the data sheet"
-    if [each.name for each in fit.candidate.parameters[:2]] == ["cosine", "sine"]:
-        name, unit = "amplitude ", f" {fit.candidate.parameters[0].unit}"
-        value = float(np.hypot(*values[:2]))
-        error = float(np.hypot(*(values[:2] * errors[:2]))) / max(value, 1e-30)
-    elif len(sizes) > 1 and all(each.bounds[0] >= 0.0 for each in fit.candidate.amplitudes):
-        name, value, error = "in all ", float(sizes.sum()), float(np.linalg.norm(off))
-    if unit in IN_MILLI and abs(value) < TENTH:
-        value, error, unit = value / MILLI, error / MILLI, IN_MILLI[unit]
-    return f"Fitted: {name}{measured(value, error)}{unit}{beyond}."
 
 
 def effect_size(diagnosis: MotionDiagnosis, effect: tuple[Array, ...]) -> tuple[float, float, str]:

@@ -1,0 +1,136 @@
+"""The size of a named mechanism as one number, with what its law adds to its uncertainty."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.fitting import fit_term
+from pmg.pipeline.wording.numerals import measured
+from pmg.pipeline.wording.units import MILLI
+from pmg.sim.shafts import SIDES
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
+    from pmg.pipeline.diagnosis.balance.library.term import Term
+    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.sim.signals import Array
+
+LIKELY_LAW = 0.5
+"""Part of a cause's gain that another law of the same mechanism must have for its size to count as possible."""
+
+IN_ALL = "in all"
+"""Name of a size that is a sum."""
+
+IN_MILLI, TENTH = {"N m": "mN m", "s": "ms", "rad": "mrad"}, 0.1
+"""Units of which small sizes are told in thousandths, and how small."""
+
+
+@dataclass(frozen=True)
+class FittedSize:
+    """The size of a mechanism.
+
+    Parameters
+    ----------
+    name : str
+        What it is the size of; empty where the mechanism has no other.
+    value, error : float
+        Size and its standard error, in SI units; of the error, `of_law` is what comes from the law not being known.
+    unit : str
+        SI unit; 1 without one.
+    of_law : float
+        Range of the sizes by the laws that the mechanism may have: the true one may lie outside of both.
+    of_sheet : bool
+        Whether it is by how much a constant lies off its data sheet.
+    """
+
+    name: str
+    value: float
+    error: float
+    unit: str
+    of_law: float = 0.0
+    of_sheet: bool = False
+
+    @property
+    def sentence(self) -> str:
+        """As people read it."""
+        small = self.unit in IN_MILLI and abs(self.value) < TENTH
+        scale, unit = (MILLI, IN_MILLI[self.unit]) if small else (1.0, self.unit)
+        parts = [self.name, measured(self.value / scale, self.error / scale), "" if unit == "1" else unit]
+        beyond = " more than in the data sheet" if self.of_sheet else ""
+        law = f" ({self.of_law / scale:.2g} of it as its law is known to a form only)" if self.of_law else ""
+        return f"Fitted: {' '.join(part for part in parts if part)}{beyond}{law}."
+
+
+def fitted_size(fit: TermFit, values: Array, covariance: Array, of_law: float = 0.0) -> FittedSize:
+    """The size of a fitted mechanism: of several parameters the amplitude of a wave, the sum, or the one known best.
+
+    Parameters
+    ----------
+    fit : TermFit
+        The mechanism.
+    values, covariance : (p,) and (p, p) array
+        Its parameters, amplitudes then shape, and their covariance.
+    of_law : float
+        What its law adds to the standard error of a sum.
+    """
+    term, count = fit.candidate, len(fit.amplitudes)
+    sizes, among = values[:count], covariance[:count, :count]
+    names = [quantity.name for quantity in term.amplitudes]
+    if names[:2] == ["cosine", "sine"]:
+        value = float(np.hypot(*sizes[:2]))
+        along = sizes[:2] / max(value, 1e-30)
+        return FittedSize("amplitude", value, math.sqrt(along @ among[:2, :2] @ along), term.amplitudes[0].unit)
+    if _adds_up(term):
+        error = math.hypot(math.sqrt(max(float(among.sum()), 0.0)), of_law)
+        name = IN_ALL if count > 1 else names[0].replace("_", " ")
+        return FittedSize(name, float(sizes.sum()), error, term.amplitudes[0].unit, of_law)
+    errors = np.sqrt(np.diag(among))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        best = int(np.nanargmin(np.abs(errors / np.where(sizes, sizes, np.nan)))) if np.any(sizes) else 0
+    of_sheet = names[best] == "more" and bool(cast("MotionTerm", term).constants)
+    name = "" if of_sheet else names[best].replace("_", " ")
+    return FittedSize(name, float(sizes[best]), float(errors[best]), term.amplitudes[best].unit, of_sheet=of_sheet)
+
+
+def error_of_law(problem: TermProblem, fits: tuple[TermFit, ...], place: int, terms: tuple[MotionTerm, ...]) -> float:
+    """The range of a mechanism's size over the laws that it may have, the rest of a set beside it [unit of the size].
+
+    Parameters
+    ----------
+    problem : TermProblem
+        Before anything was taken out.
+    fits : tuple of TermFit
+        What is named.
+    place : int
+        Which of it.
+    terms : tuple of MotionTerm
+        The library.
+
+    Notes
+    -----
+    A drag that rises over an angle in one way or in another has another size where it never rises to the end. What the
+    runs exclude by far, with less than `LIKELY_LAW` of the gain, does not count.
+    """
+    fit = fits[place]
+    if not _adds_up(fit.candidate):
+        return 0.0
+    for other in (*fits[:place], *fits[place + 1 :]):
+        problem = problem.take_out(other)
+    sizes = [float(fit.amplitudes.sum())]
+    for term in terms:
+        same = term.identifier == fit.identifier and term.place == fit.place and term.key != fit.candidate.key
+        if same and _adds_up(term) and term.amplitudes[0].unit == fit.candidate.amplitudes[0].unit:
+            other = fit_term(problem, term)
+            if other.gain > LIKELY_LAW * fit.gain:
+                sizes.append(float(other.amplitudes.sum()))
+    return max(sizes) - min(sizes)
+
+
+def _adds_up(term: Term[Any]) -> bool:
+    """Whether the amplitudes of a mechanism are amounts of one thing, whose sum is its size: not one on each shaft."""
+    amounts = all(each.bounds[0] >= 0.0 and each.unit == term.amplitudes[0].unit for each in term.amplitudes)
+    return amounts and not {each.name for each in term.amplitudes} & set(SIDES)

@@ -1,0 +1,92 @@
+"""The size of a named mechanism in motion as one number, and what its law adds to its uncertainty."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermFit, TermProblem, fit_term
+from pmg.pipeline.diagnosis.motion.fitted_size import FittedSize, error_of_law, fitted_size
+from pmg.pipeline.diagnosis.motion.terms import MotionTerm, amount, signed, stack, term
+from pmg.sim.mechanisms.base import Component
+
+
+def _term(identifier: str, variant: str, *sizes: str, signs: bool = False) -> MotionTerm:
+    amplitudes = signed(*sizes, unit="N m", most=100.0) if signs else sum((amount(s, "N m", 100.0) for s in sizes), ())
+    return term(
+        identifier,
+        identifier,
+        "x",
+        amplitudes,
+        lambda *_: stack(np.zeros(1)),
+        component=Component("magnetic_gear"),
+        shaft="both",
+        variant=variant,
+    )
+
+
+def _fit(law: MotionTerm, values: list[float]) -> TermFit:
+    return TermFit(law, 1.0, 1.0, np.zeros(4), (), np.array(values), math.nan)
+
+
+@given(st.floats(-2.9, 2.9), st.lists(st.floats(-0.5, 0.5), min_size=4, max_size=4))
+def test_the_error_of_a_wave_is_that_of_its_amplitude(phase: float, mixed: list[float]) -> None:
+    factor = 1e-3 * np.reshape(mixed, (2, 2))
+    values = np.array([math.cos(phase), math.sin(phase)])
+    size = fitted_size(_fit(_term("w", "", "cosine", "sine", signs=True), [*values]), values, factor @ factor.T)
+    assert size.value == pytest.approx(1.0)
+    moved = np.hypot(*(values[:, None] + factor)) - 1.0  # what each independent error moves the amplitude by
+    assert size.error == pytest.approx(float(np.linalg.norm(moved)), abs=2e-6)
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=9, max_size=9), st.floats(0.0, 1.0))
+def test_the_error_of_a_sum_knows_that_its_parts_hang_together(mixed: list[float], of_law: float) -> None:
+    """Of what moves one part up and another down, the sum knows nothing."""
+    factor = np.reshape(mixed, (3, 3))
+    values = np.array([1.0, 2.0, 3.0])
+    size = fitted_size(_fit(_term("h", "", "a", "b", "c"), [*values]), values, factor @ factor.T, of_law)
+    assert size.value == pytest.approx(6.0)
+    assert size.error == pytest.approx(math.hypot(float(np.linalg.norm(factor.sum(axis=0))), of_law), abs=1e-7)
+    assert size.name == "in all"
+
+
+def _problem(columns: dict[str, np.ndarray], terms: dict[str, MotionTerm], left: np.ndarray) -> TermProblem:
+    tables = {law.key: Tabled(law, np.array([math.nan]), columns[name][:, None, None]) for name, law in terms.items()}
+    by_key = {law.key: columns[name][:, None] for name, law in terms.items()}
+    return TermProblem(np.zeros((len(left), 0)), left, lambda law, _: by_key[law.key], tables)
+
+
+def test_a_size_that_depends_on_the_law_is_known_no_better_than_that() -> None:
+    """Two laws of one mechanism explain nearly the same with other sizes; a third explains little."""
+    rows = np.eye(20)
+    columns = {
+        "one": rows[:, 0],
+        "two": 0.74 * rows[:, 0] + 0.1 * rows[:, 1],
+        "far": 0.1 * rows[:, 0] + rows[:, 2],
+        "beside": rows[:, 5],
+    }
+    terms = {name: _term("gear_hysteresis", name, "drag") for name in ("one", "two", "far")}
+    terms["beside"] = _term("other", "", "more")
+    problem = _problem(columns, terms, 3.0 * rows[:, 0] + 7.0 * rows[:, 5])
+    named = (fit_term(problem, terms["beside"]), fit_term(problem, terms["one"]))
+    other = 3.0 * 0.74 / (0.74**2 + 0.1**2)
+    assert error_of_law(problem, named, 1, tuple(terms.values())) == pytest.approx(other - 3.0)
+    assert error_of_law(problem, named, 0, tuple(terms.values())) == 0.0
+    assert error_of_law(problem, named, 1, (terms["one"], terms["far"])) == 0.0
+
+
+def test_a_size_of_either_sign_or_on_each_shaft_is_no_sum() -> None:
+    values, errors = np.array([1.0, 4.0]), np.diag([1.0, 1.0])
+    for law in (_term("t", "", "sun", "ring"), _term("t", "", "constant", "rate", signs=True)):
+        size = fitted_size(_fit(law, [*values]), values, errors)
+        assert (size.value, size.error, size.name) == (4.0, 1.0, law.amplitudes[1].name)
+
+
+def test_people_read_what_of_an_error_is_the_law() -> None:
+    size = FittedSize("in all", 3.45e-3, 3.4e-4, "N m", of_law=3.2e-4)
+    assert size.sentence == "Fitted: in all 3.45 ± 0.34 mN m (0.32 of it as its law is known to a form only)."
+    assert FittedSize("", 0.02, 0.001, "kg m2", of_sheet=True).sentence.endswith("kg m2 more than in the data sheet.")
