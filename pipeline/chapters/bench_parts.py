@@ -73,9 +73,9 @@ def bench_parts(
 def parts_of(document: Mapping[str, Any]) -> tuple[MachinePart, ...]:
     """The parts of the bench as a ``diagnosis.json`` marks them."""
     causes = ((Component(row["component"]), row["shaft"]) for row in document["mechanisms"])
-    first = next(iter(document["locations"]), {"component": None, "signal": ""})
-    place = None if first["component"] is None else Component(first["component"])
-    return bench_parts(causes, sure=document["verdict"] == "named", place=place, signal=first["signal"])
+    seen, signal = next(((row["component"], row["signal"]) for row in document["locations"]), (None, ""))
+    place = None if seen is None else Component(seen)
+    return bench_parts(causes, sure=document["verdict"] == "named", place=place, signal=signal)
 
 
 def _opposite(component: Component) -> Component:
