@@ -28,7 +28,7 @@ from pmg.pipeline.thesis_figures.tables import LOADS, SPEEDS, TORQUE_RING, TORQU
 from pmg.pipeline.thesis_figures.verdict import FigureVerdict, JudgedFigure, _judge, _with_other_constant, validate
 from pmg.pipeline.wording.option_words import DampingMethod
 from pmg.sim.bench import BenchParameters
-from pmg.sim.errors import FitError, GridError
+from pmg.sim.errors import BenchError, FitError, GridError, PmgError, UnsettledFitError, UnsettledRunError
 from pmg.sim.grid import Grid
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import SPEED_SUN
@@ -159,17 +159,32 @@ def test_a_draw_that_does_not_settle_is_counted_and_left_out(
     def sometimes(*_: object) -> dict[str, float]:
         call = next(calls)
         if call == 3:
-            raise FitError("bisquare weights", "no end", "one", "Take other weights.")
+            raise UnsettledFitError("bisquare weights", "no end", "one", "Take other weights.")
+        if call == 5:
+            raise UnsettledRunError("transient", "a slipped pole", "none", "Ask for less.")
         return {"any": float(call)}
 
     monkeypatch.setattr(rounding, "replicate", sometimes)
-    spread = spreads(printed(grid), bench, FEWEST_DRAWS + 1, np.random.default_rng(SEED))["any"]
-    assert (spread.ours, spread.failed) == (0.0, 1)
+    spread = spreads(printed(grid), bench, FEWEST_DRAWS + 2, np.random.default_rng(SEED))["any"]
+    assert (spread.ours, spread.failed) == (0.0, 2)
     judged = _judge(PLAIN, replace(spread, ours=10.0))
-    assert failed_draws((judged,)) == "1 draw gave no figures, as a fit or a run did not settle."
-    monkeypatch.setattr(rounding, "replicate", lambda *_: (_ for _ in ()).throw(FitError("a", "b", "c", "d")))
-    with pytest.raises(FitError):
-        spreads(printed(grid), bench, FEWEST_DRAWS, np.random.default_rng(SEED))
+    assert failed_draws((judged,)) == "2 draws gave no figures, as a fit or a run did not settle."
+
+
+@pytest.mark.parametrize("fault", [FitError, BenchError, GridError])
+def test_any_other_fault_of_a_draw_is_not_passed_over(
+    grid: Grid, bench: BenchParameters, monkeypatch: pytest.MonkeyPatch, fault: type[PmgError]
+) -> None:
+    calls = iter(range(1000))
+
+    def once(*_: object) -> dict[str, float]:
+        if next(calls) == 3:
+            raise fault("curves", "fewer points than terms", "more", "Check the grid.")
+        return {"any": 1.0}
+
+    monkeypatch.setattr(rounding, "replicate", once)
+    with pytest.raises(fault, match="fewer points than terms"):
+        spreads(printed(grid), bench, 2 * FEWEST_DRAWS, np.random.default_rng(SEED))
 
 
 def test_distance_is_in_half_widths_of_the_interval() -> None:
