@@ -7,7 +7,9 @@
     ├── StoreError           the store lacks something, or holds something unreadable
     ├── GridError            a grid has holes, wrong columns, or values out of range
     ├── BenchError           a bench parameter or scenario is out of its range
+    │   └── UnsettledRunError    a run in time ends at a slipped pole, or at a step that does not converge
     └── FitError             a fit cannot be made from these points
+        └── UnsettledFitError    its weights do not settle
 
 Anything else that reaches the command line is a defect of pmg.
 """
@@ -66,8 +68,16 @@ class BenchError(PmgError):
     """A bench parameter or scenario is out of its range."""
 
 
+class UnsettledRunError(BenchError):
+    """A run in time ends before its time: at a slipped pole, or at a step that does not converge."""
+
+
 class FitError(PmgError):
     """A fit cannot be made from these points."""
+
+
+class UnsettledFitError(FitError):
+    """The weights of a fit do not settle."""
 
 
 def closest(word: str, known: Iterable[str]) -> str:

@@ -34,7 +34,7 @@ ON_THE_OTHER = {"sun": "ring", "ring": "sun"}
 
 
 def bench_parts(
-    causes: Iterable[tuple[Component, str]], *, sure: bool, place: Component | None
+    causes: Iterable[tuple[Component, str]], *, sure: bool, place: Component | None, signal: str = ""
 ) -> tuple[MachinePart, ...]:
     """The parts of the bench, those that a diagnosis names marked.
 
@@ -46,6 +46,9 @@ def bench_parts(
         Whether they are named, not merely possible.
     place : Component or None
         Place of the difference, marked where there is no cause.
+    signal : str
+        Reading that shows the difference, such as ``torque_ring``: its transducer is marked where the place is not
+        known either.
     """
     known = list(causes)
     certain = {component for component, shaft in known if sure and shaft != "either"}
@@ -53,10 +56,16 @@ def bench_parts(
     possible = {component for component, _ in known}
     possible |= {_opposite(component) for component, shaft in known if shaft in ("both", "either")}
 
-    def mark(component: Component) -> Literal["cause", "possible", "seen", ""]:
+    reading = signal.replace("torque_", "") + "_torque_transducer"
+
+    def mark(component: Component) -> Literal["cause", "possible", "seen", "read", ""]:
         if component in possible:
             return "cause" if component in certain else "possible"
-        return "seen" if not known and component is place else ""
+        if known:
+            return ""
+        if component is place:
+            return "seen"
+        return "read" if place is None and component == reading else ""
 
     return tuple(MachinePart(name, group, mark(component)) for component, group, name in CHAIN)
 
@@ -64,8 +73,9 @@ def bench_parts(
 def parts_of(document: Mapping[str, Any]) -> tuple[MachinePart, ...]:
     """The parts of the bench as a ``diagnosis.json`` marks them."""
     causes = ((Component(row["component"]), row["shaft"]) for row in document["mechanisms"])
-    seen = next((row["component"] for row in document["locations"]), None)
-    return bench_parts(causes, sure=document["verdict"] == "named", place=None if seen is None else Component(seen))
+    seen, signal = next(((row["component"], row["signal"]) for row in document["locations"]), (None, ""))
+    place = None if seen is None else Component(seen)
+    return bench_parts(causes, sure=document["verdict"] == "named", place=place, signal=signal)
 
 
 def _opposite(component: Component) -> Component:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.chapters.simulated.simulation import simulation_report
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.commands.provenance import Clock
+    from pmg.pipeline.recording.remark import Remark
+    from pmg.pipeline.simulate.inputs import Inputs
+    from pmg.pipeline.simulate.scenario import Scenario
     from pmg.pipeline.simulate.scenario_file import ScenarioFile
     from pmg.pipeline.simulate.simulation import Run, Simulation
     from pmg.sim.bench import BenchParameters
@@ -73,6 +77,7 @@ def run_simulate(
     else:
         scenario = file.table
     inputs = gather_inputs(file, bench, model, switch_on_by_words(switched))
+    second = None if beside is None else _read_beside(file, beside, bench)  # its faults are told before a long run
     simulation = simulate(scenario, inputs)
     files, missing = simulation_files(simulation, scenario, bench)
     findings = findings_of(simulation, scenario, inputs) + missing
@@ -86,11 +91,14 @@ def run_simulate(
         provenance.append((f"SHA-256 of {model.name}", source["model_sha256"]))
     if switched:
         source["with"] = "; ".join(switched)
-    other = None if beside is None else _run_beside(simulation, path, beside, bench)
+    other = None if second is None else second.run()
     if beside is not None:
         source["beside"], source["beside_sha256"] = beside.name, sha256_of(beside)
         provenance.append((f"SHA-256 of {beside.name}", source["beside_sha256"]))
-    report = simulation_report(simulation, scenario, inputs, findings, tuple(provenance), path.stem, other)
+    if other is not None:
+        findings += other.findings
+    overlaid = None if other is None else (other.name, other.run)
+    report = simulation_report(simulation, scenario, inputs, findings, tuple(provenance), path.stem, overlaid)
     summary = summary_document(simulation, scenario, inputs, findings, source)
     written = write_simulation(out, files, report, summary)
     taken = (path, *(given for given in (model, beside) if given is not None))
@@ -99,7 +107,7 @@ def run_simulate(
         data={"out": str(out), "report": str(out / PAGE), "files": list(map(str, written)), "summary": summary},
         lines=(*_lines(simulation), f"report, tables, recordings: {out / PAGE}"),
         findings=findings,
-        partial=simulation.partial or bool(missing),
+        partial=simulation.partial or bool(missing) or (other is not None and other.partial),
     )
 
 
@@ -112,10 +120,38 @@ def _read(path: Path, bench: BenchParameters) -> ScenarioFile:
     return file
 
 
-def _run_beside(simulation: Simulation, path: Path, beside: Path, bench: BenchParameters) -> tuple[str, Run]:
-    """The run of a second scenario, and its name."""
-    file = _read(beside, bench)
-    for where, asked in ((path, simulation.run), (beside, file.table.transient)):
+@dataclass(frozen=True)
+class _Overlaid:
+    """The run of a second scenario: its name, itself, what is to be said of it, and whether it ended early."""
+
+    name: str
+    run: Run
+    findings: tuple[Remark, ...]
+    partial: bool
+
+
+@dataclass(frozen=True)
+class _Second:
+    """A second scenario, read and checked: its file, its run in time alone, its inputs, what is known beforehand."""
+
+    path: Path
+    scenario: Scenario
+    inputs: Inputs
+    findings: tuple[Remark, ...]
+
+    def run(self) -> _Overlaid:
+        """The run; each remark on it names the file."""
+        simulation = simulate(self.scenario, self.inputs)
+        assert simulation.run is not None  # its [transient] was asked for
+        found = (*findings_of(simulation, self.scenario, self.inputs), *self.findings)
+        named = tuple(replace(remark, file=self.path.name) for remark in found)
+        return _Overlaid(self.path.stem, simulation.run, named, simulation.partial)
+
+
+def _read_beside(first: ScenarioFile, path: Path, bench: BenchParameters) -> _Second:
+    """The scenario whose run is to be drawn over that of the first."""
+    file = _read(path, bench)
+    for where, asked in ((first.path, first.table.transient), (path, file.table.transient)):
         if asked is None:
             do = "Add [transient], or leave --beside out."
             raise BenchError(str(where), "no run in time", "a [transient] in both scenarios", do)
@@ -123,9 +159,7 @@ def _run_beside(simulation: Simulation, path: Path, beside: Path, bench: BenchPa
     alone = file.table.model_copy(
         update={"output": output, "point": None, "grid": None, "pairs": None, "response": None}
     )
-    run = simulate(alone, gather_inputs(file, bench)).run
-    assert run is not None  # its [transient] was asked for
-    return beside.stem, run
+    return _Second(path, alone, gather_inputs(file, bench), unproven_losses(file))
 
 
 def _lines(simulation: Simulation) -> tuple[str, ...]:

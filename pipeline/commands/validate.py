@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from pmg.pipeline.chapters.page import PACKAGES, versions
-from pmg.pipeline.chapters.studies.transient import transient_section
-from pmg.pipeline.chapters.studies.validation import validation_section
+from pmg.pipeline.chapters.studies.validation import sections_of
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.files.digest import sha256_of
@@ -18,15 +15,16 @@ from pmg.pipeline.report.document import Facts, Headline, Report
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.store.sources import PUBLISHED
 from pmg.pipeline.thesis_figures import verdict
+from pmg.pipeline.thesis_figures.compared import compared_figures
 from pmg.pipeline.thesis_figures.listing import documents, failed_draws, judged_words, summary, table_lines
 from pmg.pipeline.thesis_figures.rounding import DRAWS, ROUNDING_SEED
-from pmg.pipeline.thesis_figures.transient import transient_documents, transient_lines, transient_options
+from pmg.pipeline.thesis_figures.transient import transient_documents, transient_lines
 from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pmg.pipeline.thesis_figures.transient import TransientResult
+    from pmg.pipeline.thesis_figures.compared import ComparedFigures
     from pmg.pipeline.thesis_figures.verdict import JudgedFigure
 
 
@@ -48,7 +46,8 @@ def run_validate(grids: Path, draws: int | None = None, seed: int | None = None,
     draws, seed = DRAWS if draws is None else draws, ROUNDING_SEED if seed is None else seed
     bench = load_bench()
     grid = read_published(grids, bench)
-    judged = verdict.validate(grid, bench, draws, np.random.default_rng(seed))
+    figures = compared_figures(grid, bench, draws, seed)
+    judged, runs = figures.judged, figures.runs
     counts = verdict.count(judged)
     digests = {name: sha256_of(grids / name) for name in PUBLISHED}
     data: dict[str, Any] = {
@@ -60,12 +59,11 @@ def run_validate(grids: Path, draws: int | None = None, seed: int | None = None,
         "figures": documents(judged),
         "report": None,
     }
-    runs = transient_options(grid, bench, judged, np.random.default_rng(seed))
     data["transient"] = transient_documents(runs)
     lines = [*table_lines(judged), *transient_lines(runs), "", f"{summary(judged)} ({draws} draws, seed {seed})"]
     lines += [failed] if (failed := failed_draws(judged)) else []
     if report is not None:
-        files = write_report(_page(judged, runs, draws, seed, digests), report)
+        files = write_report(_page(figures, digests), report)
         leave_crate_of_files(report, "pmg validate", tuple(grids / name for name in PUBLISHED), files, began)
         data |= {"report": str(files[0]), "files": [str(path) for path in files]}
         lines.append(f"report: {files[0]}")
@@ -92,18 +90,12 @@ def _findings(judged: tuple[JudgedFigure, ...]) -> tuple[Remark, ...]:
     )
 
 
-def _page(
-    judged: tuple[JudgedFigure, ...],
-    runs: tuple[TransientResult, ...],
-    draws: int,
-    seed: int,
-    digests: dict[str, str],
-) -> Report:
+def _page(figures: ComparedFigures, digests: dict[str, str]) -> Report:
     return Report(
         title="Published figures",
         subtitle="Planetary magnetic gearbox: the thesis's figures, computed anew from its rounded grids",
-        verdict=Headline(f"{summary(judged)}.", "neutral"),
-        sections=(validation_section(judged, draws, seed), transient_section(runs)),
+        verdict=Headline(f"{summary(figures.judged)}.", "neutral"),
+        sections=sections_of(figures),
         provenance=Facts(
             (*((f"SHA-256 of {name}", d) for name, d in digests.items()), ("Versions", versions(PACKAGES)))
         ),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.sim.errors import FitError
+from pmg.sim.errors import FitError, UnsettledFitError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -156,6 +156,8 @@ def bisquare_weights(
     Raises
     ------
     FitError
+        There are no more readings than constants.
+    UnsettledFitError
         The weights do not settle.
 
     Notes
@@ -203,7 +205,8 @@ def bisquare_weights(
         if float(np.abs(new - weights).max()) < SETTLED:
             return BisquareWeights(new, scale, _sigma(u, leverage, BISQUARE * scale, k))
         weights = new
-    raise FitError("bisquare weights", f"no rest after {MOST} turns", "weights that settle", "Use least squares.")
+    came = f"no rest after {MOST} turns"
+    raise UnsettledFitError("bisquare weights", came, "weights that settle", "Use least squares.")
 
 
 def _sigma(u: Array, leverage: Array, unit: float, k: int) -> float:
@@ -212,7 +215,8 @@ def _sigma(u: Array, leverage: Array, unit: float, k: int) -> float:
     psi = np.where(inside, u * (1.0 - u**2) ** 2, 0.0)
     slope = float(np.mean(np.where(inside, (1.0 - u**2) * (1.0 - 5.0 * u**2), 0.0)))
     if slope <= 0.0:
-        raise FitError("bisquare weights", "readings that lie in two groups", "one group", "Use least squares.")
+        came = "readings that lie in two groups"
+        raise UnsettledFitError("bisquare weights", came, "one group", "Use least squares.")
     m = len(u)
     spread = math.sqrt(float(np.sum((1.0 - leverage) * psi**2)) / (m - k))
     return (1.0 + k / m * (1.0 - slope) / slope) * spread * unit / slope

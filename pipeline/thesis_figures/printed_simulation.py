@@ -155,13 +155,14 @@ def _ring_follows_sun(grid: Grid) -> str:
 def _pattern_sentence(found: PrintedSimulation) -> str:
     mean, speed = RESIDUAL.display(found.difference.mean(axis=0)), SPEED_RING.display(found.speed_ring)
     low = int(np.argmin(mean))
-    told = ", ".join(f"{mean[i]:+.0f} at {speed[i]:.0f} rpm".replace("-", "−") for i in (0, low, -1))
+    shown = (0, low, -1)
+    sizes = ", ".join(f"{mean[i]:+.0f}" for i in shown).replace("-", "−")
     _, of_load = found.pattern()
     same = of_load.p >= PATTERN_LEVEL
     alike = "one pattern over speed, the same at all loads" if same else "a pattern over speed and load"
     return (
-        f"The source's simulation misses its measured loss by {alike}: "
-        f"{told} of the ring (mN m at the sun, measured − simulated). Its R² of {found.r_squared:.3f} hides it."
+        f"The source's simulation misses its loss by {alike}: measured − simulated {sizes} mN m at the sun "
+        f"at {', '.join(f'{speed[i]:.0f}' for i in shown)} rpm of the ring. Its R² of {found.r_squared:.3f} hides it."
     )
 
 

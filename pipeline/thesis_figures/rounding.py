@@ -11,7 +11,7 @@ import numpy.typing as npt
 from pmg.pipeline.grid.tables import ROUNDING_FINE, ROUNDING_PUBLISHED
 from pmg.pipeline.thesis_figures.replicate import THESIS, Choices, replicate
 from pmg.pipeline.thesis_figures.tables import Sample, with_ring_torque
-from pmg.sim.errors import FitError, PmgError
+from pmg.sim.errors import FitError, UnsettledFitError, UnsettledRunError
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ def spreads(
     for _ in range(draws):
         try:
             drawn.append(replicate(_draw(sample, rng), bench, choices))
-        except PmgError:
+        except (UnsettledFitError, UnsettledRunError):
             failed += 1
     if len(drawn) < FEWEST_DRAWS:
         came = f"{failed} of {draws} that did not settle"

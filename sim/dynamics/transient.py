@@ -20,7 +20,7 @@ from pmg.sim.dynamics.run_values import NO_STEP, STOPPED, TOO_MANY, Settings
 from pmg.sim.dynamics.segments import Legs, make_legs
 from pmg.sim.dynamics.state import STATES, SetPoints, State
 from pmg.sim.dynamics.trace import Trace
-from pmg.sim.errors import BenchError
+from pmg.sim.errors import BenchError, UnsettledRunError
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
@@ -223,8 +223,8 @@ def _start(drivetrain: Drivetrain, start: Array | None) -> Array:
     return y
 
 
-def _no_step(time: float, message: str, rtol: float) -> BenchError:
-    return BenchError(
+def _no_step(time: float, message: str, rtol: float) -> UnsettledRunError:
+    return UnsettledRunError(
         f"transient at t = {time:.6g} s",
         f"the step does not converge ({message.rstrip('.')})",
         f"a step that meets the tolerance {rtol:g}",
@@ -232,7 +232,7 @@ def _no_step(time: float, message: str, rtol: float) -> BenchError:
     )
 
 
-def _slipped(task: Task, time: float) -> BenchError:
+def _slipped(task: Task, time: float) -> UnsettledRunError:
     sun, ring = float(task.sun.value(time)), float(task.ring.value(time))
     units = (
         "N m" if side.by_speed is False else "rad/s"
@@ -243,7 +243,7 @@ def _slipped(task: Task, time: float) -> BenchError:
     )
     coupling = task.drivetrain.coupling
     assert coupling is not None  # nothing else slips
-    return BenchError(
+    return UnsettledRunError(
         f"transient at t = {time:.4g} s",
         f"a pole slipped at {asked}",
         f"a torque on the sun rotor below its pull-out of {coupling.pull_out.torque_high:.3g} N m, swings included",

@@ -12,6 +12,7 @@ import jsonschema
 import pytest
 from tests.conftest import ROOT
 from tests.recording.writer import Bench, write
+from tests.report import chromium
 from typer.testing import CliRunner
 
 from pmg.pipeline.analysis.outputs import read_analysis
@@ -62,6 +63,25 @@ def test_published_grids_end_in_a_report(published: tuple[dict[str, Any], Path, 
     assert document["verdict"] != "consistent"
     assert len(list((report / "figures").glob("*.png"))) >= 6
     assert (report / "tables" / "power-flow-table.csv").read_text().count("\n") == 1 + 48 * 4
+
+
+@chromium.needed
+def test_the_oddities_of_the_tables_stand_on_the_first_screen(
+    published: tuple[dict[str, Any], Path, Path], tmp_path: Path
+) -> None:
+    with chromium.tab(tmp_path / "profile") as tab:
+        tab.show(1366)
+        tab.open(published[2] / "report.html")
+        found = tab.ask(
+            "Array.from(document.querySelectorAll('.cautions li'), li => [li.textContent,"
+            " li.getBoundingClientRect().bottom, parseFloat(getComputedStyle(li).fontSize)])"
+        )
+        marked = tab.ask("Array.from(document.querySelectorAll('.part.marked'), part => part.textContent)")
+    for words in ("two measured ring torques", "follows the sun's speed", "one pattern over speed"):
+        ((bottom, letters),) = ((low, size) for text, low, size in found if words in text)
+        assert bottom <= 768
+        assert letters >= 14
+    assert [text.replace("\n", "").endswith("Read here") for text in marked] == [True]
 
 
 def test_grids_go_in_by_their_bytes_and_the_report_comes_out_by_its(

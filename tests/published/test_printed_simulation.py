@@ -91,7 +91,7 @@ def test_the_oddities_of_the_tables_are_told_for_the_thesis_s_grids_only(grid: G
     assert "1248 rpm and 1.56 N m" in twice
     assert "1.57 N m in table A.5 and 1.5500 N m in table 6.3" in twice
     assert "36 mN m higher with the sun at rest, and 23 at 1872 rpm, than at 1092 rpm" in ring
-    assert "+8 at 60 rpm, −4 at 240 rpm, +7 at 720 rpm" in pattern
+    assert "measured − simulated +8, −4, +7 mN m at the sun at 60, 240, 720 rpm of the ring" in pattern
     (section,) = printed_simulation_sections(grid)
     assert section.id == "printed-simulation"
     other = replace(grid, origin="measured"), grid[np.arange(len(grid) - 1)]

@@ -17,8 +17,9 @@ from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.crate import FILE as CRATE
 from pmg.pipeline.commands.validate import run_validate
 from pmg.pipeline.grid.tables import read_published
-from pmg.pipeline.thesis_figures import rounding
+from pmg.pipeline.thesis_figures import compared, rounding
 from pmg.pipeline.thesis_figures.claim import Other, PublishedFigure, Unit
+from pmg.pipeline.thesis_figures.compared import compared_figures
 from pmg.pipeline.thesis_figures.figures import FIGURES, WATT
 from pmg.pipeline.thesis_figures.listing import documents, failed_draws, table_lines
 from pmg.pipeline.thesis_figures.remarks import GEAR_CONSTANT
@@ -28,7 +29,7 @@ from pmg.pipeline.thesis_figures.tables import LOADS, SPEEDS, TORQUE_RING, TORQU
 from pmg.pipeline.thesis_figures.verdict import FigureVerdict, JudgedFigure, _judge, _with_other_constant, validate
 from pmg.pipeline.wording.option_words import DampingMethod
 from pmg.sim.bench import BenchParameters
-from pmg.sim.errors import FitError, GridError
+from pmg.sim.errors import BenchError, FitError, GridError, PmgError, UnsettledFitError, UnsettledRunError
 from pmg.sim.grid import Grid
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import SPEED_SUN
@@ -159,17 +160,32 @@ def test_a_draw_that_does_not_settle_is_counted_and_left_out(
     def sometimes(*_: object) -> dict[str, float]:
         call = next(calls)
         if call == 3:
-            raise FitError("bisquare weights", "no end", "one", "Take other weights.")
+            raise UnsettledFitError("bisquare weights", "no end", "one", "Take other weights.")
+        if call == 5:
+            raise UnsettledRunError("transient", "a slipped pole", "none", "Ask for less.")
         return {"any": float(call)}
 
     monkeypatch.setattr(rounding, "replicate", sometimes)
-    spread = spreads(printed(grid), bench, FEWEST_DRAWS + 1, np.random.default_rng(SEED))["any"]
-    assert (spread.ours, spread.failed) == (0.0, 1)
+    spread = spreads(printed(grid), bench, FEWEST_DRAWS + 2, np.random.default_rng(SEED))["any"]
+    assert (spread.ours, spread.failed) == (0.0, 2)
     judged = _judge(PLAIN, replace(spread, ours=10.0))
-    assert failed_draws((judged,)) == "1 draw gave no figures, as a fit or a run did not settle."
-    monkeypatch.setattr(rounding, "replicate", lambda *_: (_ for _ in ()).throw(FitError("a", "b", "c", "d")))
-    with pytest.raises(FitError):
-        spreads(printed(grid), bench, FEWEST_DRAWS, np.random.default_rng(SEED))
+    assert failed_draws((judged,)) == "2 draws gave no figures, as a fit or a run did not settle."
+
+
+@pytest.mark.parametrize("fault", [FitError, BenchError, GridError])
+def test_any_other_fault_of_a_draw_is_not_passed_over(
+    grid: Grid, bench: BenchParameters, monkeypatch: pytest.MonkeyPatch, fault: type[PmgError]
+) -> None:
+    calls = iter(range(1000))
+
+    def once(*_: object) -> dict[str, float]:
+        if next(calls) == 3:
+            raise fault("curves", "fewer points than terms", "more", "Check the grid.")
+        return {"any": 1.0}
+
+    monkeypatch.setattr(rounding, "replicate", once)
+    with pytest.raises(fault, match="fewer points than terms"):
+        spreads(printed(grid), bench, 2 * FEWEST_DRAWS, np.random.default_rng(SEED))
 
 
 def test_distance_is_in_half_widths_of_the_interval() -> None:
@@ -260,10 +276,10 @@ def test_a_planted_wrong_value_is_called_out(id_: str, found: dict[str, Rounding
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(published_folder: Path, tmp_path: Path) -> None:
-    runs = [run_validate(published_folder, FEWEST_DRAWS, seed, tmp_path / str(i)) for i, seed in enumerate((1, 1, 2))]
+    runs = [run_validate(published_folder, FEWEST_DRAWS, seed, tmp_path / str(i)) for i, seed in enumerate((1, 2, 1))]
     told = [json.dumps(run.data["figures"]) + "\n".join(run.lines[:-2]) for run in runs]
-    assert told[0] == told[1] != told[2]
-    files = [sorted(p for p in (tmp_path / str(i)).rglob("*") if p.is_file()) for i in range(2)]
+    assert told[0] == told[2] != told[1]
+    files = [sorted(p for p in (tmp_path / str(i)).rglob("*") if p.is_file()) for i in (0, 2)]
     assert [p.name for p in files[0]] == [p.name for p in files[1]]
     same = {one.name for one, other in zip(*files, strict=True) if one.read_bytes() == other.read_bytes()}
     assert {p.name for p in files[0]} - same <= {CRATE}  # which holds the time of day
@@ -320,6 +336,27 @@ def test_the_report_of_the_published_grids_has_the_chapter(grid: Grid, bench: Be
     assert run.id == "published-run"
     assert section.id == "published-figures"
     assert {type(item).__name__ for item in section.items} == {"Text", "Facts", "Figure", "Table"}
+
+
+def test_command_and_report_share_the_draws_of_the_same_grid_and_of_no_other(
+    grid: Grid, bench: BenchParameters, judged: dict[str, JudgedFigure], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[tuple[int, float]] = []
+
+    def counting(grid: Grid, _: BenchParameters, draws: int, __: np.random.Generator) -> tuple[JudgedFigure, ...]:
+        drawn.append((draws, float(grid.torque_sun[0])))
+        return tuple(judged.values())
+
+    monkeypatch.setattr(compared, "validate", counting)
+    monkeypatch.setattr(compared, "transient_options", lambda *_: ())
+    for _ in range(2):
+        first = compared_figures(replace(grid, torque_sun=grid.torque_sun.copy()), bench, 1234)
+        assert compared_figures(grid, bench, 1234) is first
+    other = replace(grid, torque_sun=grid.torque_sun + 0.01)
+    assert compared_figures(other, bench, 1234) is not first
+    compared_figures(other, bench, 1235)
+    compared_figures(other, bench, 1235, 2)
+    assert drawn == [(1234, grid.torque_sun[0]), *((n, other.torque_sun[0]) for n in (1234, 1235, 1235))]
 
 
 def test_the_damping_constants_of_the_source_come_out_with_bisquare_weights_only(

@@ -73,10 +73,12 @@ def test_a_narrow_figure_is_narrower_with_letters_as_large() -> None:
     assert size(narrow)[0] < 0.6 * size(wide)[0]
 
 
-def diagnosis(verdict: str, *mechanisms: tuple[str, str], place: str | None = None) -> dict[str, object]:
+def diagnosis(
+    verdict: str, *mechanisms: tuple[str, str], place: str | None = None, signal: str = "torque_ring"
+) -> dict[str, object]:
     """What of a diagnosis.json the drawing of the bench needs."""
     rows = [{"component": component, "shaft": shaft} for component, shaft in mechanisms]
-    return {"verdict": verdict, "mechanisms": rows, "locations": [{"component": place}]}
+    return {"verdict": verdict, "mechanisms": rows, "locations": [{"component": place, "signal": signal}]}
 
 
 def marked(document: dict[str, object]) -> dict[str, set[str]]:
@@ -103,4 +105,12 @@ def test_the_bench_marks_what_is_named_and_what_it_may_be() -> None:
 
 def test_without_a_cause_the_bench_marks_the_place_if_it_is_known() -> None:
     assert marked(diagnosis("not_in_library", place="sun_bearings"))["seen"] == {"sun_bearings"}
-    assert set(marked(diagnosis("not_in_library", place=None))) == {""}
+    assert "read" not in marked(diagnosis("not_in_library", place="sun_bearings"))
+
+
+def test_where_the_place_is_not_known_either_the_transducer_that_shows_it_is_marked() -> None:
+    for side in ("sun", "ring"):
+        found = marked(diagnosis("not_in_library", place=None, signal=f"torque_{side}"))
+        assert found["read"] == {f"{side}_torque_transducer"}
+        assert set(found) == {"read", ""}
+    assert set(marked({"verdict": "consistent", "mechanisms": [], "locations": []})) == {""}

@@ -201,8 +201,34 @@ def test_a_second_run_is_drawn_over_the_first(tmp_path: Path, undrawn: None) -> 
     row = pl.read_csv(text.encode()).row(1)
     assert row[0] == "unsigned"
     assert row[2] == pytest.approx(float(SPEED_SUN.display(alone.trace["speed_sun"][-1])), rel=1e-9)
-    second.write_text(SMALL)
-    call("simulate", first, "--out", tmp_path / "p", "--beside", second, expect=2)
+
+
+def test_what_is_to_be_said_of_the_second_run_is_said_with_its_file(tmp_path: Path, undrawn: None) -> None:
+    first = scenario(tmp_path, SHORT + "[output]\nformats = []\n")
+    second = tmp_path / "slipping.toml"
+    sun = "[transient.sun]\nhold_Nm = 3.5\n[transient.ring]\nhold_Nm = 30.0\n"
+    second.write_text(SHORT + sun + "[output]\nformats = []\n")
+    alone = call("simulate", second, "--out", tmp_path / "a", expect=3)["findings"]
+    both = call("simulate", first, "--out", tmp_path / "o", "--beside", second, expect=3)["findings"]
+    told = [{key: value for key, value in each.items() if key != "file"} for each in both if each.get("file")]
+    assert alone
+    assert told == alone
+    assert {each["file"] for each in both if each.get("file")} == {"slipping.toml"}
+    page = (tmp_path / "o" / "report.html").read_text()
+    assert all(f"slipping.toml: {each['where']}: " in page for each in alone)
+
+
+def test_a_fault_of_the_second_scenario_is_told_before_the_first_is_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def not_yet(*_: object) -> Simulation:
+        pytest.fail("the first was run")
+
+    monkeypatch.setattr("pmg.pipeline.commands.simulate.simulate", not_yet)
+    first, second = scenario(tmp_path, SHORT), tmp_path / "second.toml"
+    for text in (SMALL, SHORT + "[bench]\ngear = 3\n", SHORT.replace("published", "nowhere")):
+        second.write_text(text)
+        call("simulate", first, "--out", tmp_path / "p", "--beside", second, expect=2)
 
 
 # --- bench and simulation make the same grid -----------------------------------------------------------

@@ -65,7 +65,10 @@ def action_sheet(diagnosis: Diagnosis, residual: Array, before: str = "") -> Act
     )
     places = diagnosis.mismatch.locations
     parts = bench_parts(
-        named, sure=diagnosis.verdict is Verdict.NAMED, place=component_of(places[0]) if places else None
+        named,
+        sure=diagnosis.verdict is Verdict.NAMED,
+        place=component_of(places[0]) if places else None,
+        signal=places[0].signal if places else "",
     )
     return ActionSheet(tuple(_answers(diagnosis, residual, before)), parts, _picture(diagnosis, residual))
 
@@ -95,7 +98,9 @@ def _answers(diagnosis: Diagnosis, residual: Array, before: str) -> Iterator[She
         yield SheetAnswer("Possible causes", (*listed, *unknown), "rivals" * bool(diagnosis.rivals))
     elif verdict is Verdict.NOT_IN_LIBRARY:
         none = f"No mechanism of the catalogue explains it{nearest(diagnosis)}. We can show where, not why."
-        yield SheetAnswer("Cause", (faint(diagnosis) or none, shape_sentence(diagnosis)))
+        yield SheetAnswer(
+            "Cause", (faint(diagnosis) or none, _shape(diagnosis)), "shape-constants" * bool(diagnosis.shape)
+        )
     if sure := tuple(_sureness(diagnosis)):
         yield SheetAnswer("How sure", sure, GROUNDS)
     yield SheetAnswer("On the bench", tuple(_actions(diagnosis)), "next-tests" * bool(diagnosis.next_tests))
@@ -128,6 +133,15 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"{where[0].upper()}{where[1:]}"
     if diagnosis.outliers:
         yield f"{counted(len(diagnosis.outliers), 'outlier')} excluded first."
+
+
+def _shape(diagnosis: Diagnosis) -> str:
+    """What the short form gains; the formula itself stands in its grounds."""
+    if diagnosis.shape is None:
+        return shape_sentence(diagnosis)
+    label, proof = diagnosis.shape.label, diagnosis.shape.held_out
+    before, after = (f"{rmse / RESIDUAL.scale:.2f}" for rmse in (proof.rmse_before, proof.rmse_after))
+    return f"A formula ({label}) takes the error on data not used for the fit from {before} to {after} mN m."
 
 
 def _sureness(diagnosis: Diagnosis) -> Iterator[str]:

@@ -132,7 +132,7 @@ def _scenario_section(
         unit = RANGES[f.name][2] if f.name in RANGES and value is not None else ""
         rows.append((f.name, shown, "" if unit == "1" else unit, "default" if value == f.default else "chosen"))
     chosen = sum(row[-1] == "chosen" for row in rows)
-    text = "".join(f"{f.severity}: {f.where}: {f.message}\n\n" for f in findings)
+    text = "".join(f"{f.severity}: {f.place}: {f.message}\n\n" for f in findings)
     items = (
         Text("Everything on this page is simulated. Nothing of it was measured.", kind="note"),
         Facts(facts),

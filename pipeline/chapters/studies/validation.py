@@ -8,17 +8,18 @@ import numpy as np
 
 from pmg.pipeline.chapters.studies.transient import transient_section
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, Table, Text
+from pmg.pipeline.thesis_figures.compared import compared_figures
 from pmg.pipeline.thesis_figures.figures import MANY
 from pmg.pipeline.thesis_figures.listing import failed_draws, summary
-from pmg.pipeline.thesis_figures.rounding import DRAWS, ROUNDING_SEED
+from pmg.pipeline.thesis_figures.rounding import DRAWS
 from pmg.pipeline.thesis_figures.tables import printed
-from pmg.pipeline.thesis_figures.transient import transient_options
-from pmg.pipeline.thesis_figures.verdict import FigureVerdict, JudgedFigure, count, validate
+from pmg.pipeline.thesis_figures.verdict import FigureVerdict, JudgedFigure, count
 from pmg.sim import sources
 from pmg.sim.errors import GridError
 
 if TYPE_CHECKING:
     from pmg.pipeline.report.table import Cell
+    from pmg.pipeline.thesis_figures.compared import ComparedFigures
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
 
@@ -34,13 +35,17 @@ def published_sections(grid: Grid, bench: BenchParameters, draws: int = DRAWS) -
         printed(grid)
     except GridError:
         return ()
-    judged = validate(grid, bench, draws, np.random.default_rng(ROUNDING_SEED))
-    runs = transient_options(grid, bench, judged, np.random.default_rng(ROUNDING_SEED))
-    return validation_section(judged, draws, ROUNDING_SEED), transient_section(runs)
+    return sections_of(compared_figures(grid, bench, draws))
 
 
-def validation_section(judged: tuple[JudgedFigure, ...], draws: int, seed: int) -> Section:
+def sections_of(figures: ComparedFigures) -> tuple[Section, ...]:
+    """The figures, and the run in time under each choice."""
+    return _figures_section(figures), transient_section(figures.runs)
+
+
+def _figures_section(figures: ComparedFigures) -> Section:
     """The table of all figures, and how far each lies from what is printed."""
+    judged = figures.judged
     return Section(
         "published-figures",
         "Published figures",
@@ -62,9 +67,9 @@ def validation_section(judged: tuple[JudgedFigure, ...], draws: int, seed: int) 
             Facts(
                 (
                     *((str(verdict), float(n)) for verdict, n in count(judged).items()),
-                    ("Draws within the rounding", float(draws)),
+                    ("Draws within the rounding", float(figures.draws)),
                     *((("Left out", failed),) if (failed := failed_draws(judged)) else ()),
-                    ("Seed of the draws", str(seed)),
+                    ("Seed of the draws", str(figures.seed)),
                 )
             ),
             _drawing(judged),

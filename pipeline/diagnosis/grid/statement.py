@@ -242,10 +242,9 @@ def nearest(diagnosis: Diagnosis) -> str:
     naming = diagnosis.naming
     if naming is None or (share := nearest_share(naming)) < NEAREST_FROM:
         return ""
-    titles = " with ".join(fit.candidate.kind.title for fit in naming.best.fits)
-    others = [" with ".join(fit.candidate.kind.title for fit in rival.fits) for rival in naming.rivals[:1]]
-    rival = f", or {others[0]}," if others else ""
-    return f" (the closest, {titles[0].lower()}{titles[1:]}{rival} explains {share:.0%} of it)"
+    sets = (" with ".join(fit.candidate.kind.title for fit in each.fits) for each in (naming.best, *naming.rivals[:1]))
+    closest = ", or ".join(f"{title[0].lower()}{title[1:]}" for title in sets)
+    return f" (the closest, {closest}, explains {share:.0%} of it)"
 
 
 def faint(diagnosis: Diagnosis) -> str:
