@@ -122,12 +122,12 @@ def _factor(identifier: str, gain: float) -> str:
     if identifier not in GAINS:
         return ""
     factor = GAINS[identifier](gain)
-    told = f"it reads {factor:.4g} times the torque"
+    reading = f"it reads {factor:.4g} times the torque"
     far = {words: abs(factor / known - 1.0) for known, words in CONVERSIONS.items()}
     near = sorted((words for words in far if far[words] < NEAR_FACTOR), key=far.__getitem__)
     if identifier.startswith("input"):
-        told += " (and so do inertia and friction as found)"
-    return f"{told}, {' or '.join(near)}" if near and abs(factor - 1.0) > CONVERTED else told
+        reading += " (and so do inertia and friction as found)"
+    return f"{reading}, {' or '.join(near)}" if near and abs(factor - 1.0) > CONVERTED else reading
 
 
 def nearest_lines(diagnosis: TermsDiagnosis) -> tuple[str, ...]:
