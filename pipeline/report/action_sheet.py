@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from pmg.pipeline.report.figure import Figure
 
-MARKS = {"cause": "Cause", "possible": "Possible", "seen": "Seen here", "": ""}
+MARKS = {"cause": "Cause", "either": "One of two", "possible": "Possible", "seen": "Seen here", "": ""}
 """Mark of a part -> the word below it."""
 
 
@@ -42,12 +42,12 @@ class MachinePart:
     group : str
         Which part of the chain it belongs to, such as a shaft.
     mark : str
-        ``cause``, ``possible``, ``seen`` or empty.
+        ``cause``, ``either`` of two, ``possible``, ``seen`` or empty.
     """
 
     name: str
     group: str = ""
-    mark: Literal["cause", "possible", "seen", ""] = ""
+    mark: Literal["cause", "either", "possible", "seen", ""] = ""
 
 
 @dataclass(frozen=True)
