@@ -211,6 +211,21 @@ def test_the_desk_explains_itself_without_installing(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["pmgw"]
 
 
+def test_the_desk_hands_the_arguments_of_the_demo_on(tmp_path: Path) -> None:
+    desk = (ROOT / "pmgw").read_text(encoding="utf-8")
+    of_demo = re.search(r"^demo\(\) \{\n.*?^\}\n", desk, re.DOTALL | re.MULTILINE)
+    called = re.search(r"^    demo\)\n(.*?);;", desk, re.DOTALL | re.MULTILINE)
+    assert of_demo is not None
+    assert called is not None
+    pmg = tmp_path / "bin" / "pmg"
+    pmg.parent.mkdir()
+    pmg.write_text('#!/bin/sh\necho "$@"\n')
+    pmg.chmod(0o755)
+    script = f"venv={tmp_path} root=/r; prepare() {{ :; }}\n{of_demo[0]}{called[1]}"
+    done = subprocess.run(["sh", "-c", script, "pmgw", "demo", "--json"], capture_output=True, text=True, check=False)
+    assert done.stdout == "demo --store /r/reports/demo-store --report /r/reports/demo --json\n"
+
+
 def test_ci_calls_the_desk_and_nothing_else() -> None:
     lines = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
     commands = [line for line in lines if line and not line.startswith("#")]

@@ -34,7 +34,7 @@ ON_THE_OTHER = {"sun": "ring", "ring": "sun"}
 
 
 def bench_parts(
-    causes: Iterable[tuple[Component, str]], *, sure: bool, place: Component | None, signal: str = ""
+    causes: Iterable[tuple[Component, str]], *, sure: bool, places: Iterable[Component] = (), signal: str = ""
 ) -> tuple[MachinePart, ...]:
     """The parts of the bench, those that a diagnosis names marked.
 
@@ -44,13 +44,13 @@ def bench_parts(
         Where each cause sits, and its shaft: ``sun``, ``ring``, ``both``, or ``either`` where that cannot be told.
     sure : bool
         Whether they are named, not merely possible.
-    place : Component or None
-        Place of the difference, marked where there is no cause.
+    places : iterable of Component
+        Where the difference may sit, marked where there is no cause.
     signal : str
         Reading that shows the difference, such as ``torque_ring``: its transducer is marked where the place is not
         known either.
     """
-    known = list(causes)
+    known, where = list(causes), tuple(places)
     certain = {component for component, shaft in known if sure and shaft != "either"}
     certain |= {_opposite(component) for component, shaft in known if sure and shaft == "both"}
     possible = {component for component, _ in known}
@@ -58,24 +58,29 @@ def bench_parts(
 
     reading = signal.replace("torque_", "") + "_torque_transducer"
 
-    def mark(component: Component) -> Literal["cause", "possible", "seen", "read", ""]:
+    def mark(component: Component) -> Literal["cause", "either", "possible", "seen", "read", ""]:
         if component in possible:
-            return "cause" if component in certain else "possible"
+            return "cause" if component in certain else "either" if sure else "possible"
         if known:
             return ""
-        if component is place:
-            return "seen"
-        return "read" if place is None and component == reading else ""
+        if component in where:
+            return "seen" if len(where) == 1 else "possible"
+        return "read" if not where and component == reading else ""
 
     return tuple(MachinePart(name, group, mark(component)) for component, group, name in CHAIN)
+
+
+def part_words(component: Component) -> str:
+    """A part of the bench in words, such as ``sun torque transducer``."""
+    return next(f"{group} {name}".strip() for each, group, name in CHAIN if each is component)
 
 
 def parts_of(document: Mapping[str, Any]) -> tuple[MachinePart, ...]:
     """The parts of the bench as a ``diagnosis.json`` marks them."""
     causes = ((Component(row["component"]), row["shaft"]) for row in document["mechanisms"])
     seen, signal = next(((row["component"], row["signal"]) for row in document["locations"]), (None, ""))
-    place = None if seen is None else Component(seen)
-    return bench_parts(causes, sure=document["verdict"] == "named", place=place, signal=signal)
+    places = () if seen is None else (Component(seen),)
+    return bench_parts(causes, sure=document["verdict"] == "named", places=places, signal=signal)
 
 
 def _opposite(component: Component) -> Component:

@@ -14,6 +14,11 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
 
+def sun_speed_label(ratio: float) -> str:
+    """Label of an axis of the sun's speed along which the ring turns with it."""
+    return f"sun speed [rpm]; ring at 1/{ratio:.4g} of it"
+
+
 def lay_out(x: Array, y: Array, values: Array) -> tuple[Array, Array, Array]:
     """Levels of x and of y, and the mean of the finite values in each cell (m, n); NaN where there is none."""
     levels_x, levels_y = np.unique(x), np.unique(y)

@@ -35,7 +35,7 @@ def demo(
 @command("watch", example="watch recordings --store store --page")
 def watch(
     folder: Annotated[
-        Path, typer.Argument(help="Watch this folder, to which the recorder writes.", metavar="FOLDER"), checks.PLACE
+        Path, typer.Argument(help="Watch this folder, to which the recorder writes.", metavar="FOLDER"), checks.WATCHED
     ],
     store: Annotated[
         Path, typer.Option("--store", help="Keep decoded runs in this folder; it is made if absent."), checks.FOLDER_OUT

@@ -175,6 +175,8 @@ FILE = OptionCheck(_is_file, reads=True)
 """A file that is read."""
 PLACE = OptionCheck(_is_there)
 """A file or folder that is read."""
+WATCHED = OptionCheck(_is_there, reads=True)
+"""A folder to which recordings come."""
 RECORDINGS = OptionCheck(_holds_recordings, reads=True)
 """A folder of recordings, or one."""
 GRIDS = OptionCheck(_holds_grids, reads=True)

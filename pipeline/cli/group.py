@@ -44,7 +44,7 @@ class AnswersInJson(TyperGroup):
             return super().main(args, prog_name, complete_var, standalone_mode, windows_expand_args, **extra)
         words = list(sys.argv[1:] if args is None else args)
         try:
-            if set(words) <= {"--json"} and "_PMG_COMPLETE" not in os.environ and _told_here("--json" in words):
+            if set(words) <= {"--json"} and "_PMG_COMPLETE" not in os.environ and _printed_here("--json" in words):
                 sys.exit(0)
             code = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
         except typer.Abort:
@@ -59,7 +59,7 @@ class AnswersInJson(TyperGroup):
         sys.exit(code)
 
 
-def _told_here(as_json: bool) -> bool:
+def _printed_here(as_json: bool) -> bool:
     """Whether this folder holds recordings; then what pmg would do with them is printed."""
     try:
         found = look_around(Path.cwd())

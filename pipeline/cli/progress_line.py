@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.wording.safe_text import printable
+from pmg.sim.signals import MINUTE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 
 FEWEST_STEPS = 10
 """Steps from which on the time left is estimated: a few steps of a stage take very different times."""
+
+IN_SECONDS = 1.5 * MINUTE
+"""Time left up to which it is given in seconds [s]."""
 
 
 def say(text: str, end: str = "\n") -> None:
@@ -44,7 +48,7 @@ class _TimeLeft:
         self._began = 0.0
 
     def words(self, done: int, total: int) -> str:
-        """The time left in words, such as ``, 12 s left``; empty where it cannot be told yet."""
+        """The time left in words, such as ``, 12 s left``; empty where it is not known yet."""
         now = self._clock()
         if total != self._total or done < self._first:
             self._total, self._first, self._began = total, done, now
@@ -52,7 +56,7 @@ class _TimeLeft:
         if total < FEWEST_STEPS or gone < 1 or done >= total:
             return ""
         left = (now - self._began) / gone * (total - done)
-        return f", {left:.0f} s left" if left < 90.0 else f", {left / 60.0:.0f} min left"
+        return f", {left:.0f} s left" if left < IN_SECONDS else f", {left / MINUTE:.0f} min left"
 
 
 @contextmanager
@@ -62,7 +66,7 @@ def progress_line(quiet: bool, what: str, clock: Callable[[], float] = time.mono
     Parameters
     ----------
     quiet : bool
-        Whether only a terminal is told.
+        Whether only a terminal is written to.
     what : str
         The command.
     clock : callable

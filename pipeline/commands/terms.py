@@ -15,7 +15,7 @@ from pmg.pipeline.commands.compare_and_diagnose import SEED
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate_of_files, now
 from pmg.pipeline.diagnosis.balance.case_file import read_case
-from pmg.pipeline.diagnosis.balance.causes import cause_lines, named_causes, nearest_lines
+from pmg.pipeline.diagnosis.balance.causes import cause_lines, named_causes, near_causes, nearest_lines
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import headline, terms_document, terms_lines
 from pmg.pipeline.diagnosis.balance.machine.found_and_stated import found_and_stated
@@ -181,6 +181,7 @@ def _run(case: Case, file: Path, out: Path, seed: int | None, machine: Machine |
     digests = {label: sha256_of(path) for label, path in zip(labels, files, strict=True)}
     causes = named_causes(diagnosis)
     document = terms_document(diagnosis) | {"causes": [cause.document for cause in causes]}
+    document |= {"near": [cause.document for cause in near_causes(diagnosis)]}
     document |= {"seed": seed, "sha256": digests}
     sections: tuple[Section, ...] = ()
     if machine is not None:

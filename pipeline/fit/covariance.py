@@ -43,6 +43,19 @@ def free_covariance(design: Array, names: Sequence[str]) -> Array:
     return np.asarray((scaled @ scaled.T) / np.outer(length, length))
 
 
+def u_predicted(design: Array, covariance: Array) -> Array:
+    r"""Standard uncertainty (n,) of what fitted parameters predict, :math:`\sqrt{x_i^T C x_i}`.
+
+    Parameters
+    ----------
+    design : (n, k) array
+        Derivatives of the predictions by the parameters.
+    covariance : (k, k) array
+        Of the parameters.
+    """
+    return np.asarray(np.sqrt(np.einsum("ni,ij,nj->n", design, covariance, design)))
+
+
 def covariance_at_bounds(
     design: Array, left: Array, inside: npt.NDArray[np.intp], upward: Array, conditional: Array
 ) -> Array:

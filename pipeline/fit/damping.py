@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import nnls
 
+from pmg.pipeline.fit.covariance import u_predicted
 from pmg.pipeline.fit.losses import power_balance
 from pmg.pipeline.fit.robust import bisquare_weights
 from pmg.pipeline.grid.levels import speed_levels
@@ -161,7 +162,7 @@ def fit_damping(
         speed=mean(np.abs(at.speed_sun)),
         measured=measured,
         fitted=fitted,
-        u_fitted=np.sqrt(np.einsum("ni,ij,nj->n", design, covariance, design)),
+        u_fitted=u_predicted(design, covariance),
         weights=weights,
         smallest=float(loss.min()),
         negative=int((loss < 0.0).sum()),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.fit.covariance import u_predicted
 from pmg.pipeline.fit.robust import huber_weights, sandwich
 from pmg.pipeline.wording.option_words import check_powers
 from pmg.pipeline.wording.plurals import counted
@@ -118,6 +119,10 @@ class LossFit:
     def standard_errors(self) -> Array:
         """Standard errors of the coefficients [N m]."""
         return np.sqrt(np.diag(self.covariance))
+
+    def u_curve(self, speed: Array) -> Array:
+        """Standard uncertainty of the curve at some speeds [N m] by the scatter about it."""
+        return u_predicted(self.curve.terms(speed), self.covariance)
 
     @property
     def dof(self) -> int:

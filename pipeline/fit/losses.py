@@ -107,6 +107,25 @@ def _formulas(inputs: Sequence[AnyArray], w_s: Array, w_r: Array, forward: Mask)
     power_sun, power_ring = torque_sun * w_s, torque_ring * w_r
     power_in, power_out = np.where(forward, power_sun, power_ring), np.where(forward, power_ring, power_sun)
     loss_in, loss_out = np.where(forward, sun * w_s, ring * w_r), np.where(forward, ring * w_r, sun * w_s)
+    return losses_and_efficiencies(power_in, power_out, loss_in, loss_out)
+
+
+def losses_and_efficiencies(power_in: AnyArray, power_out: AnyArray, loss_in: AnyArray, loss_out: AnyArray) -> AnyArray:
+    r"""The quantities of `QUANTITIES` (8, n): powers and losses [W], efficiencies.
+
+    Parameters
+    ----------
+    power_in, power_out : (n,) array
+        Mechanical power at the driving and at the driven shaft [W].
+    loss_in, loss_out : (n,) array
+        Losses in the bearings of either [W].
+
+    Notes
+    -----
+    :math:`P_{tot} = P_{in} - P_{out}`, :math:`P_m = P_{tot} - P_b`, :math:`\eta_{tot} = P_{out}/P_{in}`,
+    :math:`\eta_m = (P_{out} + P_{b,out})/(P_{in} - P_{b,in})`, :math:`\eta_b = \eta_{tot}/\eta_m` (thesis, equations
+    4.2 to 4.7).
+    """
     total, bearings = power_in - power_out, loss_in + loss_out
     eta_total = power_out / power_in
     eta_magnetic = (power_out + loss_out) / (power_in - loss_in)

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from pmg.pipeline.report.figure import Figure
 
-MARKS = {"cause": "Cause", "possible": "Possible", "seen": "Seen here", "read": "Read here", "": ""}
+MARKS = {
+    "cause": "Cause",
+    "either": "One of two",
+    "possible": "Possible",
+    "seen": "Seen here",
+    "read": "Read here",
+    "": "",
+}
 """Mark of a part -> the word below it."""
 
 
@@ -42,12 +49,12 @@ class MachinePart:
     group : str
         Which part of the chain it belongs to, such as a shaft.
     mark : str
-        ``cause``, ``possible``, ``seen``, ``read`` or empty.
+        ``cause``, ``either`` of two, ``possible``, ``seen``, ``read`` or empty.
     """
 
     name: str
     group: str = ""
-    mark: Literal["cause", "possible", "seen", "read", ""] = ""
+    mark: Literal["cause", "either", "possible", "seen", "read", ""] = ""
 
 
 @dataclass(frozen=True)

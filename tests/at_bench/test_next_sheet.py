@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 import io
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from tests.report import chromium
 from tests.trials.strata_by_name import find_stratum
 
 from pmg.pipeline.commands.at_bench.sheet_page import BenchSheet, SheetRow, sheet_csv, sheet_page
@@ -25,6 +27,9 @@ from pmg.pipeline.trials.nature import draw_case, measure_case
 from pmg.sim.bench import BenchParameters
 from pmg.sim.grid import Grid, OperatingPoints
 from pmg.sim.mechanisms import Experiment
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 BANDS = ((0.25, 0.26), (0.3, 0.31))
 
@@ -98,3 +103,35 @@ def test_the_sheet_and_its_csv_hold_every_point_in_order() -> None:
     assert "a &lt;b&gt;" in page
     assert "<script" not in page
     assert "1 point where the bands lie apart" in page
+
+
+def many(causes: int, rows: int) -> BenchSheet:
+    """A sheet of so many causes and points, with bands as wide as they come."""
+    bands = tuple((-0.1 - 0.01 * i, -0.1 + 0.01 * i) for i in range(causes))
+    row = SheetRow(100.75, 45.0, "engaged", "ring", 1, 1936.0, 480.0, -1.56, "ring torque", bands, True)
+    words = tuple(f"the load-dependent friction of the ring bearings together with cause {i}" for i in range(causes))
+    return BenchSheet("campaign", "repeats over the grid", "Which?", words, 0.9, 30.0, (row,) * rows)
+
+
+def test_every_cause_has_its_band_in_the_csv_and_the_page_says_which_it_leaves_out() -> None:
+    sheet = many(30, 2)
+    (line, _) = csv.DictReader(io.StringIO(sheet_csv(sheet)))
+    assert float(line["low_AD_Nm"]) == pytest.approx(sheet.rows[0].bands[-1][0])
+    page = sheet_page(sheet)
+    assert "24 further possible causes: see the bands in next.csv." in page
+    assert page.count('class="box"') == 2 * 7
+
+
+@chromium.needed
+def test_a_sheet_of_thirty_points_or_of_many_causes_fits_one_page(tmp_path: Path) -> None:
+    width, height = (round((side - 2 * 11) / 25.4 * 96) for side in (297, 210))
+    place = tmp_path / "next.html"
+    with chromium.tab(tmp_path / "profile") as tab:
+        tab.call("Emulation.setEmulatedMedia", media="print")
+        tab.call("Emulation.setDeviceMetricsOverride", width=width, height=100, deviceScaleFactor=1, mobile=False)
+        for causes, rows in ((2, 30), (30, 24)):
+            place.write_text(sheet_page(many(causes, rows)), encoding="utf-8")
+            tab.events.clear()
+            tab.open(place)
+            size = tab.ask("[document.documentElement.scrollWidth, document.documentElement.scrollHeight]")
+            assert (size[0] <= width, size[1] <= height) == (True, True), (causes, rows, size)

@@ -73,17 +73,18 @@ def test_the_head_leads_with_what_is_left_to_see_and_says_what_the_whole_is_coun
     assert fit.size > 2.0 * visible
     repeatability = diagnosis.floor.ring.u * 1e3
     said = statement(diagnosis)
-    assert f"({visible * 1e3:.1f} mN m rms; repeatability is {repeatability:.1f} mN m)" in said
-    assert f"Against bearings at room temperature, its full effect is {fit.size * 1e3:.1f} mN m rms" in said
+    assert f"mN m beyond the fitted losses (repeatability is {repeatability:.1f} mN m)" in said
+    full = f"Against bearings at room temperature, its full effect is {fit.size * 1e3:.1f} mN m rms"
+    assert f"{full}; the fitted losses absorb all but {visible * 1e3:.1f}." in said
 
 
 def test_the_drag_that_a_cause_changes_has_the_size_that_is_said(judged: ComparedCampaign) -> None:
     diagnosis = judged.diagnosis
     assert diagnosis.naming is not None
     (fit,) = diagnosis.naming.best.fits
-    found = re.search(r"It changes the ring drag by ([-+][\d.]+) to ([-+][\d.]+) mN m", statement(diagnosis))
+    found = re.search(r"It changes the ring drag by ([−+][\d.]+) to ([−+][\d.]+) mN m", statement(diagnosis))
     assert found is not None
-    low, high = (float(found[i]) for i in (1, 2))
+    low, high = (float(found[i].replace("−", "-")) for i in (1, 2))
     assert low < 0.0 < high
     assert high - low < 4.0 * fit.size * 1e3
     assert max(-low, high) > diagnosis.naming.best.problem.visible(fit) * 1e3
@@ -219,8 +220,12 @@ def test_the_sheet_answers_where_why_how_sure_what_to_do_and_at_what_cost(judged
     sheet = action_sheet(diagnosis, readings.torque - diagnosis.refit.prediction + off)
     assert [part.group for part in sheet.parts if part.mark == "cause"] == ["ring"]
     said = {each.question: " ".join(each.sentences) for each in sheet.answers}
-    assert [*said] == ["Verdict", "What differs", "Cause", "How sure", "On the bench", "In the model", "If ignored"]
-    assert said["Verdict"] == "Cause named."
+    asked = ["Verdict", "What differs", "How sure", "On the bench", "Next test", "In the model", "If ignored"]
+    assert [*said] == asked
+    name = "Cause named: lubricant viscosity falling with temperature on the ring shaft. Fitted: "
+    assert said["Verdict"].startswith(name)
+    assert "`pmg next --store STORE --out DIR`" in said["Next test"]
+    assert len(re.findall("rms", " ".join(said.values()))) == 0
     assert said["What differs"].startswith("The ring drag is off: ")
     assert "`pmg compare --model model.toml`" in said["In the model"]
     loss = np.bincount(readings.row, off * readings.speed_own)
@@ -256,7 +261,8 @@ def test_a_sheet_without_a_cause_says_so_and_costs_what_the_places_cost(judged: 
     assert f"up to {np.abs(loss).max():.2g} W" in answers_of(one, residual)["If ignored"]
     blind = replace(quiet, verdict=Verdict.CONFOUNDED, blind=("sun",))
     assert "in the order of the sun speed" in answers_of(blind, residual)["What differs"]
-    assert "random order" in answers_of(blind, residual)["On the bench"]
+    assert "random order" in answers_of(blind, residual)["Next test"]
+    assert "Slow changes stay open" in answers_of(blind, residual)["How sure"]
 
 
 def test_an_ambiguous_sheet_marks_every_possible_part_and_speaks_of_no_sure_cause(judged: ComparedCampaign) -> None:

@@ -42,7 +42,13 @@ def no_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     def called(*_: object, **__: object) -> None:
         raise AssertionError("the stage was called")
 
-    for stage in ("compare.run_all", "ingest.ingest_chosen", "analyse.run_analyse", "exchange.run_export"):
+    for stage in (
+        "compare.run_all",
+        "ingest.ingest_chosen",
+        "analyse.run_analyse",
+        "exchange.run_export",
+        "at_bench.watch.run_watch",
+    ):
         monkeypatch.setattr(f"pmg.pipeline.commands.{stage}", called)
 
 
@@ -60,6 +66,7 @@ def no_stage(monkeypatch: pytest.MonkeyPatch) -> None:
         (f"{RUN} --limits {{tmp}}", "a folder; expected the file that --limits names"),
         (f"{RUN} --grids {{tmp}}", "neutral_grid.csv: no such file"),
         (f"run {EXAMPLE} --store {EXAMPLE}/s --report {{tmp}}/r", "inside RECORDINGS, which is read"),
+        ("watch {tmp} --store {tmp}/s", "inside FOLDER, which is read"),
         (f"run {EXAMPLE} --store {{tmp}}/s --report {EXAMPLE}", "inside RECORDINGS, which is read"),
         (f"run {EXAMPLE} --store {{tmp}}/s --report {{tmp}}/s", "the folder of"),
         (f"run {EXAMPLE} --store {{tmp}}/s --report {{tmp}}/file", "a file; expected a folder for --report"),

@@ -13,6 +13,9 @@ from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermFit, TermProblem,
 from pmg.pipeline.diagnosis.motion.fitted_size import FittedSize, error_of_law, fitted_size
 from pmg.pipeline.diagnosis.motion.terms import MotionTerm, amount, signed, stack, term
 from pmg.sim.mechanisms.base import Component
+from pmg.sim.shafts import PerShaft
+
+POLES = PerShaft(3, 10)
 
 
 def _term(identifier: str, variant: str, *sizes: str, signs: bool = False) -> MotionTerm:
@@ -37,7 +40,7 @@ def _fit(law: MotionTerm, values: list[float]) -> TermFit:
 def test_the_error_of_a_wave_is_that_of_its_amplitude(phase: float, mixed: list[float]) -> None:
     factor = 1e-3 * np.reshape(mixed, (2, 2))
     values = np.array([math.cos(phase), math.sin(phase)])
-    size = fitted_size(_fit(_term("w", "", "cosine", "sine", signs=True), [*values]), values, factor @ factor.T)
+    size = fitted_size(_fit(_term("w", "", "cosine", "sine", signs=True), [*values]), values, factor @ factor.T, POLES)
     assert size.value == pytest.approx(1.0)
     moved = np.hypot(*(values[:, None] + factor)) - 1.0  # what each independent error moves the amplitude by
     assert size.error == pytest.approx(float(np.linalg.norm(moved)), abs=2e-6)
@@ -48,7 +51,7 @@ def test_the_error_of_a_sum_knows_that_its_parts_hang_together(mixed: list[float
     """Of what moves one part up and another down, the sum knows nothing."""
     factor = np.reshape(mixed, (3, 3))
     values = np.array([1.0, 2.0, 3.0])
-    size = fitted_size(_fit(_term("h", "", "a", "b", "c"), [*values]), values, factor @ factor.T, of_law)
+    size = fitted_size(_fit(_term("h", "", "a", "b", "c"), [*values]), values, factor @ factor.T, POLES, of_law)
     assert size.value == pytest.approx(6.0)
     assert size.error == pytest.approx(math.hypot(float(np.linalg.norm(factor.sum(axis=0))), of_law), abs=1e-7)
     assert size.name == "in all"
@@ -82,11 +85,13 @@ def test_a_size_that_depends_on_the_law_is_known_no_better_than_that() -> None:
 def test_a_size_of_either_sign_or_on_each_shaft_is_no_sum() -> None:
     values, errors = np.array([1.0, 4.0]), np.diag([1.0, 1.0])
     for law in (_term("t", "", "sun", "ring"), _term("t", "", "constant", "rate", signs=True)):
-        size = fitted_size(_fit(law, [*values]), values, errors)
+        size = fitted_size(_fit(law, [*values]), values, errors, POLES)
         assert (size.value, size.error, size.name) == (4.0, 1.0, law.amplitudes[1].name)
 
 
 def test_people_read_what_of_an_error_is_the_law() -> None:
     size = FittedSize("in all", 3.45e-3, 3.4e-4, "N m", of_law=3.2e-4)
     assert size.sentence == "Fitted: in all 3.45 ± 0.34 mN m (0.32 of it as its law is known to a form only)."
-    assert FittedSize("", 0.02, 0.001, "kg m2", of_sheet=True).sentence.endswith("kg m2 more than in the data sheet.")
+    assert FittedSize("", 0.02, 0.001, "kg m2", remark=" more than in the data sheet").sentence.endswith(
+        "kg m2 more than in the data sheet."
+    )

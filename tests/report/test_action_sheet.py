@@ -98,7 +98,7 @@ def test_the_bench_marks_what_is_named_and_what_it_may_be() -> None:
     both = marked(diagnosis("named", ("sun_bearings", "both")))
     assert both["cause"] == {"sun_bearings", "ring_bearings"}
     either = marked(diagnosis("named", ("sun_torque_transducer", "either")))
-    assert either["possible"] == {"sun_torque_transducer", "ring_torque_transducer"}
+    assert either["either"] == {"sun_torque_transducer", "ring_torque_transducer"}
     several = marked(diagnosis("ambiguous", ("sun_coupling", "sun"), ("ring_encoder", "ring")))
     assert several["possible"] == {"sun_coupling", "ring_encoder"}
 

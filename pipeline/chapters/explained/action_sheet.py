@@ -6,38 +6,34 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.bench_parts import GROUNDS, bench_parts
+from pmg.pipeline.chapters.bench_parts import GROUNDS, ON_THE_OTHER, bench_parts, part_words
+from pmg.pipeline.chapters.explained.before_after import before_and_after
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
-from pmg.pipeline.diagnosis.grid.diagnosis import component_of
+from pmg.pipeline.diagnosis.grid.diagnosis import possible_components
+from pmg.pipeline.diagnosis.grid.remedy import bench_action, best_test, lifting, words_of_test
 from pmg.pipeline.diagnosis.grid.statement import (
-    EXTENDED,
-    advice,
     beyond,
     by_chance,
     causes,
-    drag_change,
     faint,
     fitted,
     held_out,
     largest,
-    lifting,
     near,
     nearest,
     phrase,
     shape_sentence,
+    torque_change,
 )
 from pmg.pipeline.diagnosis.grid.track_record import track_record
 from pmg.pipeline.report.action_sheet import ActionSheet, SheetAnswer
-from pmg.pipeline.report.document import Chart, Figure, Series
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.shafts import SIDES
-from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_RING, SPEED_SUN
+from pmg.sim.signals import RESIDUAL
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    import numpy.typing as npt
 
     from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
@@ -67,10 +63,10 @@ def action_sheet(diagnosis: Diagnosis, residual: Array, before: str = "") -> Act
     parts = bench_parts(
         named,
         sure=diagnosis.verdict is Verdict.NAMED,
-        place=component_of(places[0]) if places else None,
+        places=possible_components(places[0]) if places else (),
         signal=places[0].signal if places else "",
     )
-    return ActionSheet(tuple(_answers(diagnosis, residual, before)), parts, _picture(diagnosis, residual))
+    return ActionSheet(tuple(_answers(diagnosis, residual, before)), parts, before_and_after(diagnosis, residual))
 
 
 def _possible(diagnosis: Diagnosis) -> tuple[GridExplanation, ...]:
@@ -83,15 +79,16 @@ def _possible(diagnosis: Diagnosis) -> tuple[GridExplanation, ...]:
 def _answers(diagnosis: Diagnosis, residual: Array, before: str) -> Iterator[SheetAnswer]:
     naming, verdict = diagnosis.naming, diagnosis.verdict
     title = phrase(diagnosis)
-    yield SheetAnswer("Verdict", (f"{title[0].upper()}{title[1:]}.",), GROUNDS)
+    title = f"{title[0].upper()}{title[1:]}"
+    if naming is not None and verdict is Verdict.NAMED:
+        sizes = (fitted(diagnosis, i) for i in range(len(naming.best.fits)))
+        yield SheetAnswer("Verdict", (f"{title}: {causes(diagnosis, naming.best)}.", *sizes), "mechanisms")
+    else:
+        yield SheetAnswer("Verdict", (f"{title}.",), GROUNDS)
     if before:
         yield SheetAnswer("About", (f"What is left {before[0].lower()}{before[1:].rstrip(': ')}.",))
     yield SheetAnswer("What differs", tuple(_difference(diagnosis)), "locations" * bool(diagnosis.mismatch.locations))
-    if naming is not None and verdict is Verdict.NAMED:
-        cause = causes(diagnosis, naming.best)
-        sizes = (fitted(diagnosis, i) for i in range(len(naming.best.fits)))
-        yield SheetAnswer("Cause", (f"{cause[0].upper()}{cause[1:]}.", *sizes), "mechanisms")
-    elif naming is not None and verdict is Verdict.AMBIGUOUS:
+    if naming is not None and verdict is Verdict.AMBIGUOUS:
         sets = [causes(diagnosis, each) for each in _possible(diagnosis)]
         listed = tuple(f"{i}. {each[0].upper()}{each[1:]}." for i, each in enumerate(sets, 1))
         unknown = ("Or one that the catalogue does not have.",) if diagnosis.weak else ()
@@ -102,8 +99,10 @@ def _answers(diagnosis: Diagnosis, residual: Array, before: str) -> Iterator[She
             "Cause", (faint(diagnosis) or none, _shape(diagnosis)), "shape-constants" * bool(diagnosis.shape)
         )
     if sure := tuple(_sureness(diagnosis)):
-        yield SheetAnswer("How sure", sure, GROUNDS)
-    yield SheetAnswer("On the bench", tuple(_actions(diagnosis)), "next-tests" * bool(diagnosis.next_tests))
+        hidden = diagnosis.audit is not None and verdict is Verdict.CONSISTENT
+        yield SheetAnswer("How sure", sure, "visibility" if hidden else GROUNDS)
+    yield SheetAnswer("On the bench", (_action(diagnosis),))
+    yield SheetAnswer("Next test", (_next(diagnosis),), "next-tests" * bool(diagnosis.next_tests))
     yield SheetAnswer("In the model", (IN_THE_MODEL[verdict],))
     if cost := tuple(_cost(diagnosis, residual) if diagnosis.refit is not None else _cost_of_places(diagnosis)):
         yield SheetAnswer("If ignored", cost)
@@ -117,20 +116,18 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
         yield "A drift of any size would look like part of the loss curve."
     elif not diagnosis.mismatch.found:
         points = counted(int(diagnosis.mismatch.readings.grid.accepted.sum()), "point")
-        yield f"Nothing beyond repeatability: the model predicts the torques of {points}."
+        u = " and ".join(f"{diagnosis.floor[side].u * 1e3:.1f} ({side})" for side in SIDES)
+        yield f"Nothing beyond repeatability: the model predicts the torques of {points} to {u} mN m."
     elif diagnosis.refit is not None and diagnosis.naming is not None:
         fits = diagnosis.naming.best.fits
         for fit in fits:
-            side, size = drag_change(diagnosis, fit)
-            why = (
-                ""
-                if len(fits) == 1
-                else f" because of {fit.candidate.kind.title[0].lower()}{fit.candidate.kind.title[1:]}"
-            )
-            yield f"The {side} drag is off{why}: {size}"
+            side, what, size = torque_change(diagnosis, fit)
+            title = fit.candidate.kind.title
+            why = "" if len(fits) == 1 else f" because of {title[0].lower()}{title[1:]}"
+            yield f"The {side} {what} is off{why}: {size}"
     else:
-        where = largest(diagnosis)
-        yield f"{where[0].upper()}{where[1:]}"
+        where, side = largest(diagnosis), diagnosis.mismatch.locations[0].signal.removeprefix("torque_")
+        yield f"{where[0].upper()}{where[1:]} Repeatability is {diagnosis.floor[side].u * 1e3:.1f} mN m."
     if diagnosis.outliers:
         yield f"{counted(len(diagnosis.outliers), 'outlier')} excluded first."
 
@@ -150,35 +147,59 @@ def _sureness(diagnosis: Diagnosis) -> Iterator[str]:
         yield proof
     if (record := track_record(diagnosis)) is not None:
         yield record.sentence
-    if not mismatch.found:
-        yield f"{counted(mismatch.tested, 'kind')} of dependence tested."
-        yield f"{mismatch.false_alarm_rate:.0%} of campaigns without a difference raise an alarm."
+    if diagnosis.verdict is Verdict.CONFOUNDED:
+        yield "Differences that no drift could make were looked for: none was found. Slow changes stay open."
+    elif not mismatch.found:
+        alarms = f"{mismatch.false_alarm_rate:.0%} of campaigns without a difference raise an alarm."
+        yield f"{counted(mismatch.tested, 'kind')} of dependence tested; {alarms}"
+        yield from _hidden(diagnosis)
     yield from (sentence for sentence in (near(diagnosis), by_chance(diagnosis)) if sentence)
 
 
-def _actions(diagnosis: Diagnosis) -> Iterator[str]:
-    """What to do on the bench and in the model; the test that would tell, where a question is open."""
-    naming, tests = diagnosis.naming, diagnosis.next_tests
-    if diagnosis.verdict is Verdict.NAMED and naming is not None:
-        words = advice(naming).removeprefix("Do: ").removesuffix(f"{EXTENDED}.").removesuffix(", or ").rstrip(".")
-        yield f"{words[0].upper()}{words[1:]}." if words else "Nothing to repair: this is physics the model lacks."
-        if not any(issubclass(fit.candidate.kind, Instrument) for fit in naming.best.fits):
-            yield "To confirm it, run the points of `pmg next --store STORE --out DIR`."
-    elif diagnosis.verdict is Verdict.CONFOUNDED:
-        yield lifting(diagnosis).removeprefix(" Do: ")
-    elif tests:
-        best = max(tests, key=lambda test: (test.power, -test.plan.seconds))
-        first = best.plan.description
-        minutes = f"{best.plan.seconds / MINUTE:.0f} min"
-        yield f"{first[0].upper()}{first[1:]} ({minutes}; it tells with a probability of {best.power:.0%})."
-    elif diagnosis.verdict is Verdict.CONSISTENT:
-        yield "Nothing."
-    else:
-        yield (
-            "Repeat points spread over the grid, in random order."
-            if diagnosis.blind
-            else ("Look at the places under Diagnosis; compare with a campaign of the same bench (`pmg report A B`).")
-        )
+def _hidden(diagnosis: Diagnosis) -> Iterator[str]:
+    """How large a fault could still hide: the largest sizes that are found with 95 % power, and what never is."""
+    largest_by: dict[str, float] = {}
+    for row in () if diagnosis.audit is None else diagnosis.audit.visible:
+        title = row.candidate.kind.title
+        size = np.inf if row.unseen else row.size_95 * 1e3
+        largest_by[title] = max(size, largest_by.get(title, 0.0))
+    seen = sorted(((size, title) for title, size in largest_by.items() if np.isfinite(size)), reverse=True)
+    if not seen:
+        return
+    listed = ", ".join(f"{title[0].lower()}{title[1:]} {size:.1f}" for size, title in seen[:HIDDEN_LISTED])
+    others = f"; {counted(len(seen) - HIDDEN_LISTED, 'other kind')} less" if len(seen) > HIDDEN_LISTED else ""
+    yield f"A fault below these sizes can still hide (95 % power, mN m rms): {listed}{others}."
+    if never := [f"{title[0].lower()}{title[1:]}" for title, size in largest_by.items() if not np.isfinite(size)]:
+        yield f"Not detectable at any size: {', '.join(never)}."
+
+
+def _action(diagnosis: Diagnosis) -> str:
+    """What to do on the bench."""
+    if diagnosis.verdict is Verdict.NAMED:
+        action = bench_action(diagnosis)
+        return f"{action[0].upper()}{action[1:]}." if action else "Nothing to repair: this is physics the model lacks."
+    if diagnosis.verdict is Verdict.CONSISTENT:
+        return "Nothing."
+    if diagnosis.verdict is not Verdict.NOT_IN_LIBRARY:
+        return "Repair nothing yet: the next test tells." if diagnosis.next_tests else "Repair nothing yet."
+    parts = [part_words(each) for place in diagnosis.mismatch.locations[:1] for each in possible_components(place)]
+    if not parts:
+        return "Look at the places under Diagnosis."
+    return f"Inspect the {', the '.join(parts[:-1])}{' and the ' if parts[1:] else ''}{parts[-1]}."
+
+
+def _next(diagnosis: Diagnosis) -> str:
+    """Which test is next, and the command that writes its sheet."""
+    verdict, tests = diagnosis.verdict, diagnosis.next_tests
+    if verdict is Verdict.NAMED:
+        return f"To confirm the cause on new points: {SHEET}."
+    if verdict is Verdict.CONFOUNDED:
+        return f"{lifting(diagnosis)} {f'Its sheet: {SHEET}.' if tests else ''}".rstrip()
+    if verdict is Verdict.CONSISTENT:
+        return "None is needed. `pmg design PLAN.toml` shows which plan of points would find smaller faults."
+    if tests:
+        return f"{words_of_test(best_test(tests))} Its sheet: {SHEET}."
+    return "No test of those known tells them apart: compare with a campaign of the same bench (`pmg report A B`)."
 
 
 def _cost(diagnosis: Diagnosis, residual: Array) -> Iterator[str]:
@@ -186,27 +207,45 @@ def _cost(diagnosis: Diagnosis, residual: Array) -> Iterator[str]:
     naming, found, readings = diagnosis.naming, diagnosis.refit, diagnosis.mismatch.readings
     assert naming is not None
     assert found is not None
-    at, moving = readings.grid.points, readings.configuration != "zero"
     faults = [fit for fit in naming.best.fits if issubclass(fit.candidate.kind, Instrument)]
     of_readings = np.sum([fit.effect for fit in faults], axis=0) if faults else np.zeros(len(residual))
-    parts = [("Losses from these readings are", of_readings)]
+    acting = np.sum([fit.effect for fit in naming.best.fits], axis=0) != 0.0
     if len(faults) < len(naming.best.fits):
         missing = residual - (readings.torque - found.prediction) - of_readings
-        parts.insert(0, ("A model without this is", missing))
-    for what, wrong in parts:
-        acting = moving & (np.sum([fit.effect for fit in naming.best.fits], axis=0) != 0.0) & (wrong != 0.0)
-        if not acting.any():
-            continue
-        loss = np.bincount(readings.row[acting], (wrong * readings.speed_own)[acting], len(at))
-        of = np.unique(readings.row[acting])
-        rms, most = float(np.sqrt(np.mean(loss[of] ** 2))), float(np.abs(loss[of]).max())
-        yield f"{what} wrong by {rms:.2g} W rms, up to {most:.2g} W."
-        carried = np.abs(at.torque_ring * at.speed_ring)[of]
-        loaded = at.engaged[of] & (carried > LOADED * np.max(carried, where=at.engaged[of], initial=0.0))
-        if loaded.any():
-            points = 100.0 * np.abs(loss[of][loaded]) / carried[loaded]
-            yield f"At loaded points that is up to {points.max():.2g} points of efficiency."
+        yield from _power(diagnosis, "A model without this is wrong", np.where(acting, missing, 0.0))
+    on_the_other = [naming.on_the_other_shaft(fit) for fit in faults]
+    if any(on_the_other):
+        pairs = zip(faults, on_the_other, strict=True)
+        swapped = np.sum([fit.effect if other is None else other.effect for fit, other in pairs], axis=0)
+        sides = {fit.candidate.shaft for fit, other in zip(faults, on_the_other, strict=True) if other is not None}
+        first = "sun" if sides == {"sun"} else "ring"
+        for shaft, wrong in ((first, of_readings), (ON_THE_OTHER[first], swapped)):
+            yield from _power(diagnosis, f"If it is the {shaft}'s, losses from these readings are wrong", wrong)
+    else:
+        yield from _power(diagnosis, "Losses from these readings are wrong", of_readings)
 
+
+def _power(diagnosis: Diagnosis, what: str, wrong: Array) -> Iterator[str]:
+    """What an error of the torques (m,) [N m] makes of the losses, and of the efficiency; nothing without one."""
+    readings, at = diagnosis.mismatch.readings, diagnosis.mismatch.readings.grid.points
+    acting = (readings.configuration != "zero") & (wrong != 0.0)
+    if not acting.any():
+        return
+    loss = np.bincount(readings.row[acting], (wrong * readings.speed_own)[acting], len(at))
+    of = np.unique(readings.row[acting])
+    most = float(np.abs(loss[of]).max())
+    carried = np.abs(at.torque_ring * at.speed_ring)[of]
+    loaded = at.engaged[of] & (carried > LOADED * np.max(carried, where=at.engaged[of], initial=0.0))
+    points = float((100.0 * np.abs(loss[of][loaded]) / carried[loaded]).max()) if loaded.any() else 0.0
+    share = f", and {points:.2g} points of efficiency under load" if loaded.any() else ""
+    yield f"{what} by up to {most:.2g} W{share}."
+
+
+SHEET = "`pmg next --store STORE --out DIR`"
+"""Command that writes the sheet of the next test."""
+
+HIDDEN_LISTED = 3
+"""Mechanisms whose detectable size is given."""
 
 IN_THE_MODEL = {
     Verdict.NAMED: "`model.toml` holds the cause: compare with it (`pmg compare --model model.toml`).",
@@ -231,60 +270,6 @@ def _cost_of_places(diagnosis: Diagnosis) -> Iterator[str]:
         moving = (readings.configuration != "zero") & (effect != 0.0)
         loss = np.bincount(readings.row[moving], (effect * readings.speed_own)[moving], len(readings.grid))
         of = loss[np.unique(readings.row[moving])]
-        rms, most = float(np.sqrt(np.mean(of**2))), float(np.abs(of).max())
-        yield f"The model is wrong by {rms:.2g} W rms, up to {most:.2g} W, at the points where it differs."
+        yield f"The model is wrong by up to {np.abs(of).max():.2g} W at the points where it differs."
     elif not mismatch.found:
         yield "Nothing: no difference beyond repeatability."
-
-
-def _picture(diagnosis: Diagnosis, residual: Array) -> Figure | None:
-    """Residual with the plain model and with the cause, where the cause acts or the difference sits."""
-    naming, found, readings = diagnosis.naming, diagnosis.refit, diagnosis.mismatch.readings
-    places = diagnosis.mismatch.locations
-    if naming is not None and found is not None:
-        effect = np.sum([fit.effect for fit in naming.best.fits], axis=0)
-    else:
-        effect = places[0].effect if places else residual
-    shaft = max(SIDES, key=lambda side: float(np.sum(effect[readings.of_shaft[side]] ** 2)))
-    rows = np.flatnonzero(readings.of_shaft[shaft] & (effect != 0.0))
-    if not len(rows):
-        return None
-    x, label = _abscissa(diagnosis, rows, effect)
-    order = np.argsort(x, kind="stable")
-    u = float(np.median(readings.u[rows])) / RESIDUAL.scale
-    ends = x[order][[0, -1]]
-    series = [Series("repeatability, 95 %", ends, 0.0 * ends, np.array([u, u]), "band", 7)]
-    stages = [("model", residual, 1)]
-    if found is not None:
-        sure = "with the cause" if diagnosis.verdict is Verdict.NAMED else "with the first possible cause"
-        stages.append((sure, readings.torque - found.prediction, 0))
-    for name, part, colour in stages:
-        series.append(Series(name, x[order], RESIDUAL.display(part[rows])[order], None, "markers", colour))
-    sizes = ", ".join(f"{n} {np.sqrt(np.mean(p[rows] ** 2)) / RESIDUAL.scale:.2f} mN m rms" for n, p, _ in stages)
-    return Figure(
-        "before-and-after",
-        "Measured less simulated torque",
-        f"{shaft.capitalize()} torque, {counted(len(rows), 'reading')}: {sizes}.",
-        (Chart(label, "torque [mN m]", tuple(series), references=(("", 0.0),)),),
-        narrow=True,
-    )
-
-
-def _abscissa(diagnosis: Diagnosis, rows: npt.NDArray[np.intp], effect: Array) -> tuple[Array, str]:
-    """What the readings are drawn over: time where the cause remembers, load where it acts under load, else speed."""
-    readings, naming = diagnosis.mismatch.readings, diagnosis.naming
-    points = readings.grid.points
-    at = points[readings.row[rows]]
-    places = diagnosis.mismatch.locations
-    follows = places[0].depends_on[0] if places and places[0].depends_on else ""
-    if diagnosis.refit is not None and naming is not None:
-        remembers = any(fit.candidate.kind.memory for fit in naming.best.fits)
-        under_load = 2.0 * float(np.sum(effect[rows][at.engaged] ** 2)) > float(np.sum(effect[rows] ** 2))
-        follows = "run_history" if remembers else "load" if under_load else "speed_sun"
-    if follows in ("load", "power_flow"):
-        return at.torque_ring, "ring torque [N m]"
-    if follows == "speed_ring":
-        return np.asarray(SPEED_RING.display(np.abs(at.speed_ring))), SPEED_RING.label
-    if follows in ("speed_sun", "") or not points.ordered:
-        return np.asarray(SPEED_SUN.display(np.abs(at.speed_sun))), SPEED_SUN.label
-    return np.asarray((at.started_at - points.started_at.min()) / MINUTE), "time since the first point [min]"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.causes import named_causes, nearest_lines
+from pmg.pipeline.diagnosis.balance.causes import named_causes, near_causes
 from pmg.pipeline.diagnosis.balance.document import headline, percent
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.report.action_sheet import ActionSheet, MachinePart, SheetAnswer
@@ -72,7 +72,10 @@ def _parts(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> tuple[MachinePa
 
 def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[SheetAnswer]:
     first, last, push = d.steps[0], d.steps[-1], d.case.axis.push
-    yield SheetAnswer("Verdict", (f"{TITLES.get(d.verdict, headline(d)).rstrip('.')}.",), GROUNDS)
+    title = TITLES.get(d.verdict, headline(d)).rstrip(".")
+    if d.verdict is Verdict.NAMED:
+        title += f": {' together with '.join(cause.title for cause in causes)}"
+    yield SheetAnswer("Verdict", (f"{title}.",), GROUNDS)
     noise = f"noise is {d.noise.noise.standard_deviation:.3g} {push}"
     if d.mismatch.found:
         rms = float(np.sqrt(np.mean(_missing(d, first) ** 2)))
@@ -84,14 +87,15 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[Shee
     if causes:
         several = any(cause.group for cause in causes)
         sentences = (_cause_sentence(cause, push, numbered=several) for cause in causes)
-        yield SheetAnswer("Possible causes" if several else "Cause", tuple(sentences), CAUSES)
+        yield SheetAnswer("Possible causes" if several else "Its size", tuple(sentences), CAUSES)
     elif d.impossible:
         yield SheetAnswer("Cause", (headline(d),))
     elif d.verdict is Verdict.NOT_IN_LIBRARY:
-        near = (f"{line.strip().rstrip('.:')}." for line in nearest_lines(d) if line and "on the bench" not in line)
+        near = (f"The closest, {each.title}, explains {each.share:.0%} of it." for each in near_causes(d)[:1])
         yield SheetAnswer("Cause", ("No set of terms explains it. We can show where, not why.", *near))
     yield SheetAnswer("How sure", tuple(_sureness(d, first, last)), GROUNDS)
-    yield SheetAnswer("On the bench", tuple(_actions(d, causes)), CAUSES * bool(causes))
+    yield SheetAnswer("On the bench", (_action(d),))
+    yield SheetAnswer("Next test", tuple(_tests(d, causes)), CAUSES * bool(causes))
     if d.verdict is Verdict.CONSISTENT:
         yield SheetAnswer("In the model", ("The fitted constants describe the machine; `terms.json` holds them.",))
     elif causes:
@@ -123,19 +127,24 @@ def _sureness(d: TermsDiagnosis, first: ModelStep, last: ModelStep) -> Iterator[
         yield f"What is left still follows {d.left_over.locations[0].name}."
 
 
-def _actions(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[str]:
-    tests = tuple(dict.fromkeys(cause.test for cause in causes if cause.test))
+def _action(d: TermsDiagnosis) -> str:
     if d.impossible:
-        yield "Check sign, unit and filter of the channels."
+        return "Check sign, unit and filter of the channels."
+    return "Nothing." if d.verdict is Verdict.CONSISTENT else "Repair nothing before the next test has confirmed it."
+
+
+def _tests(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[str]:
+    """The tests that would confirm what is named, or the nearest of what is not."""
+    near = near_causes(d)[:1]
+    tests = [each.test for each in (*causes, *near) if each.test]
+    if d.impossible:
+        yield "The same record again, with the channels checked."
     elif tests:
-        yield from (f"{test[0].upper()}{test[1:].rstrip('.')}." for test in tests[:2])
+        yield from (f"{test[0].upper()}{test[1:].rstrip('.')}." for test in list(dict.fromkeys(tests))[:2])
     elif d.verdict is Verdict.CONSISTENT:
-        yield "Nothing."
+        yield "None is needed."
     else:
-        near = [line.strip().removeprefix("on the bench: ") for line in nearest_lines(d) if "on the bench:" in line]
-        yield from (f"{test[0].upper()}{test[1:].rstrip('.')}." for test in near[:1] if test)
-        if not near:
-            yield "Look at what the residual follows (residuals.csv), and record a run that sweeps it."
+        yield "Look at what the residual follows (residuals.csv), and record a run that sweeps it."
 
 
 def _missing(d: TermsDiagnosis, step: ModelStep) -> Array:

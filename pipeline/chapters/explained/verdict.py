@@ -11,21 +11,17 @@ from pmg.pipeline.chapters.explained.grounds import cannot_tell, decoy_items, no
 from pmg.pipeline.chapters.explained.next_tests import next_test_items
 from pmg.pipeline.chapters.explained.shape import shape_items
 from pmg.pipeline.diagnosis.grid.diagnosis import component_of
+from pmg.pipeline.diagnosis.grid.remedy import warmth
 from pmg.pipeline.diagnosis.grid.statement import phrase, statement
 from pmg.pipeline.diagnosis.grid.track_record import track_record
 from pmg.pipeline.report.document import Chart, Column, Facts, Figure, Section, Series, Table, Text
 from pmg.pipeline.wording.numerals import number
 from pmg.sim import sources
-from pmg.sim.mechanisms.thermal import MagnetTemperature
-from pmg.sim.mechanisms.warmed import WarmingBearings
 from pmg.sim.signals import MINUTE, RESIDUAL, SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.pipeline.diagnosis.grid.locate import CampaignMismatch, Location
-    from pmg.sim.grid import OperatingPoints
-    from pmg.sim.mechanisms import Mechanism
-    from pmg.sim.signals import Array
 
 
 def diagnosis_section(diagnosis: Diagnosis, residual: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Section:
@@ -185,7 +181,7 @@ def _memory(diagnosis: Diagnosis) -> tuple[str, tuple[Chart, ...]]:
     zero = " Zero is the baseline's fit to the whole campaign, not the state at its first point"
     at = diagnosis.mismatch.readings.grid.points
     for mechanism in found.mechanisms(naming.best.problem) if at.ordered else ():
-        what, rise = _rise(mechanism, diagnosis.mismatch.locations[0], at)
+        what, rise = warmth(mechanism, diagnosis.mismatch.locations[0].signal.removeprefix("torque_"), at)
         known = np.isfinite(rise)
         if not known.any():
             continue
@@ -200,17 +196,6 @@ def _memory(diagnosis: Diagnosis) -> tuple[str, tuple[Chart, ...]]:
         series = Series("", time, rise, None, "both", 2)
         return text, (Chart("time since the first point [min]", f"{what} above the room, fitted [K]", (series,)),)
     return f"{zero}, from which the mechanism counts.", ()
-
-
-def _rise(mechanism: Mechanism, place: Location, at: OperatingPoints) -> tuple[str, Array]:
-    """Part that a mechanism warms, and its rise above the room at each point [K]; NaN where it warms nothing."""
-    if isinstance(mechanism, WarmingBearings):
-        shaft = place.signal.removeprefix("torque_")
-        rise = mechanism.rises(at)[shaft]
-        return f"{shaft} bearings", rise if rise.any() else np.full(len(at), np.nan)
-    if isinstance(mechanism, MagnetTemperature):
-        return "magnets", mechanism.rise(at)
-    return "", np.full(len(at), np.nan)
 
 
 def _covariate(

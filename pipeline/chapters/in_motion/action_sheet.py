@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,14 +11,16 @@ from pmg.pipeline.chapters.simulated.motion import TIME
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
 from pmg.pipeline.diagnosis.grid.track_record import IN_MOTION, track_record
+from pmg.pipeline.diagnosis.motion.design.remedy import bench_actions, next_run, where_to_look
 from pmg.pipeline.diagnosis.motion.statement import (
-    advice,
     causes,
     effect_size,
+    largest_of,
     largest_place,
     phrase,
     proof_sentence,
     row_noise_of,
+    signal_of,
 )
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.report.action_sheet import ActionSheet, SheetAnswer
@@ -72,7 +73,9 @@ def action_sheet(
     traces : tuple of TorqueTrace
         Measured and predicted torque of each stretch.
     """
-    return ActionSheet(tuple(_answers(diagnosis, effects, traces)), parts_of(document), _picture(diagnosis, traces))
+    return ActionSheet(
+        tuple(_answers(diagnosis, effects, traces)), parts_of(document), _picture(diagnosis, effects, traces)
+    )
 
 
 def _answers(
@@ -80,15 +83,16 @@ def _answers(
 ) -> Iterator[SheetAnswer]:
     naming, named = diagnosis.naming, named_fits(diagnosis)
     title = phrase(diagnosis)
-    yield SheetAnswer("Verdict", (f"{title[0].upper()}{title[1:]}.",), GROUNDS)
+    title = f"{title[0].upper()}{title[1:]}"
+    if naming is not None and diagnosis.verdict is Verdict.NAMED:
+        fitted = (size.sentence for size in diagnosis.fitted_sizes)
+        yield SheetAnswer("Verdict", (f"{title}: {causes(naming.best, naming.shafts)}.", *fitted), "mechanisms")
+    else:
+        yield SheetAnswer("Verdict", (f"{title}.",), GROUNDS)
     yield SheetAnswer(
         "What differs", tuple(_difference(diagnosis, effects)), "locations" * bool(diagnosis.mismatch.locations)
     )
-    if naming is not None and diagnosis.verdict is Verdict.NAMED:
-        cause = causes(naming.best, naming.shafts)
-        fitted = (size.sentence for size in diagnosis.fitted_sizes)
-        yield SheetAnswer("Cause", (f"{cause[0].upper()}{cause[1:]}.", *fitted), "mechanisms")
-    elif naming is not None and diagnosis.verdict is Verdict.AMBIGUOUS:
+    if naming is not None and diagnosis.verdict is Verdict.AMBIGUOUS:
         sets = [causes(each) for each in (naming.best, *naming.rivals)]
         listed = tuple(f"{i}. {each[0].upper()}{each[1:]}." for i, each in enumerate(sets, 1))
         unknown = ("Or one that the catalogue does not have.",) if diagnosis.weak else ()
@@ -99,19 +103,49 @@ def _answers(
     if diagnosis.unseen:
         spots = (f"{spot.words}{SHAFT_WORDS[spot.term.shaft]}" for spot in diagnosis.unseen)
         yield SheetAnswer("Not visible", (f"These runs could not have shown: {'; '.join(spots)}.",))
-    if diagnosis.mismatch.found or diagnosis.unseen:
-        words = advice(diagnosis).removeprefix("Do: ")
-        yield SheetAnswer(
-            "On the bench", (f"{words[0].upper()}{words[1:]}",), "next-tests" if diagnosis.next_runs else ""
-        )
-    else:
-        yield SheetAnswer("On the bench", ("Nothing.",), CONSTANTS)
-    if diagnosis.verdict in (Verdict.NAMED, Verdict.CONSISTENT):
-        yield SheetAnswer("In the model", ("Predict other runs with it: `pmg compare --model model.toml`.",))
+    yield SheetAnswer("On the bench", (_action(diagnosis),))
+    yield SheetAnswer("Next test", (_next(diagnosis, effects, traces),), "next-tests" if diagnosis.next_runs else "")
+    yield SheetAnswer("In the model", (IN_THE_MODEL[diagnosis.verdict],), CONSTANTS)
     if costs := tuple(_costs(named, effects, traces)):
         yield SheetAnswer("If ignored", costs)
     elif not diagnosis.mismatch.found:
         yield SheetAnswer("If ignored", ("Nothing: no difference beyond the noise.",))
+
+
+IN_THE_MODEL = {
+    Verdict.NAMED: "`model.toml` holds the cause: predict other runs with it (`pmg compare --model model.toml`).",
+    Verdict.AMBIGUOUS: "Add none of the causes before the next test.",
+    Verdict.NOT_IN_LIBRARY: "There is no known term to add; the fitted constants stand under Grounds.",
+    Verdict.CONFOUNDED: "The fitted constants may hold a fault that these runs cannot show.",
+    Verdict.CONSISTENT: "`model.toml` holds the fitted constants: predict with it (`pmg compare --model model.toml`).",
+}
+"""What to do with the model that a comparison leaves."""
+
+
+def _action(diagnosis: MotionDiagnosis) -> str:
+    """What to do on the bench."""
+    if diagnosis.verdict is Verdict.NAMED:
+        words = "; ".join(bench_actions(diagnosis))
+        return f"{words[0].upper()}{words[1:]}." if words else "Nothing to repair: this is physics the model lacks."
+    if not diagnosis.mismatch.found:
+        return "Nothing."
+    if diagnosis.next_runs:
+        return "Repair nothing yet: the next test tells."
+    return f"Inspect {where_to_look(diagnosis)}."
+
+
+def _next(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], traces: tuple[TorqueTrace, ...]) -> str:
+    """Which run is next."""
+    if diagnosis.next_runs:
+        words = next_run(diagnosis)
+        return f"{words[0].upper()}{words[1:]}. The references of its drives stand under Grounds."
+    if diagnosis.verdict is Verdict.NAMED:
+        return "To confirm the cause, record a further run and compare it with `model.toml`."
+    if not diagnosis.mismatch.found:
+        return "None is needed."
+    clearest = _clearest(diagnosis, effects, traces)
+    again = "" if clearest is None else f" {clearest[0].stretch.run.run.point}, in which most torque is missing,"
+    return f"Record the run{again} again: what comes again belongs to the bench, the rest to the hour."
 
 
 def _difference(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> Iterator[str]:
@@ -185,33 +219,48 @@ def _loses(term: MotionTerm) -> bool:
     return drags or term.identifier in GEAR_LOSSES
 
 
-def _picture(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ...]) -> Figure | None:
+def _picture(
+    diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], traces: tuple[TorqueTrace, ...]
+) -> Figure | None:
     """Missing torque where the cause explains most of it, or where the difference is largest."""
-    turning = [trace for trace in traces if not trace.stretch.at_rest]
-    if not turning:
+    if (found := _clearest(diagnosis, effects, traces)) is None:
         return None
+    trace, began = found
     named = bool(named_fits(diagnosis))
-    found: tuple[float, TorqueTrace, float] = (-np.inf, turning[0], 0.0)
-    for trace in turning:
-        before, after = ((trace.stretch.torque - p) / trace.row_spread for p in (trace.before, trace.after))
-        clear = np.cumsum(np.r_[0.0, before**2 - after**2 if named else after**2])
-        width = min(round(SHOWN * trace.stretch.run.row_rate), len(clear) - 1)
-        first = int(np.argmax(clear[width:] - clear[: len(clear) - width]))
-        found = max(
-            found, (float(clear[first + width] - clear[first]), trace, float(trace.time[first])), key=itemgetter(0)
-        )
-    _, trace, began = found
     cause = "the cause" if diagnosis.verdict is Verdict.NAMED else "the first possible cause"
-    what = f"before and after {cause} was put in" if named else "with the fitted constants"
+    what = f"without and with {cause} in the model" if named else "with the fitted constants"
     of = trace.stretch.run.run
     side = trace.stretch.side
     return Figure(
         "missing-torque",
-        "Missing torque",
-        f"Measured less predicted {side} torque, {what}, in run {of.point} ({of.manoeuvre}).",
+        f"{side.capitalize()} torque, measured less predicted",
+        f"{what[0].upper()}{what[1:]}, in run {of.point} ({of.manoeuvre}).",
         (_excerpt(trace, began, named=named),),
         narrow=True,
     )
+
+
+def _clearest(
+    diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], traces: tuple[TorqueTrace, ...]
+) -> tuple[TorqueTrace, float] | None:
+    """Stretch and time from which on `SHOWN` seconds show most, on the shaft that the sheet speaks of."""
+    named, of = bool(named_fits(diagnosis)), ""
+    if effects:
+        _, _, of = effect_size(diagnosis, effects[0])
+    elif diagnosis.mismatch.locations:
+        of = signal_of(largest_of(diagnosis))
+    found: tuple[float, TorqueTrace, float] | None = None
+    for trace in traces:
+        if trace.stretch.at_rest or of not in ("", trace.stretch.side):
+            continue
+        before, after = ((trace.stretch.torque - p) / trace.row_spread for p in (trace.before, trace.after))
+        clear = np.cumsum(np.r_[0.0, before**2 - after**2 if named else after**2])
+        width = min(round(SHOWN * trace.stretch.run.row_rate), len(clear) - 1)
+        first = int(np.argmax(clear[width:] - clear[: len(clear) - width]))
+        shown = float(clear[first + width] - clear[first])
+        if found is None or shown > found[0]:
+            found = shown, trace, float(trace.time[first])
+    return None if found is None else found[1:]
 
 
 def _excerpt(trace: TorqueTrace, began: float, *, named: bool) -> Chart:
@@ -219,8 +268,11 @@ def _excerpt(trace: TorqueTrace, began: float, *, named: bool) -> Chart:
     shown = (trace.time >= began) & (trace.time <= began + SHOWN)
     time = trace.time[shown]
     series = [Series("noise, 95 %", time, 0.0 * time, trace.row_spread[shown] / MILLI, "band", 7)]
-    for words, predicted, colour in (("before", trace.before, 1), ("after" if named else "missing", trace.after, 0)):
+    for words, predicted, colour in (
+        ("without the cause", trace.before, 1),
+        ("with the cause" if named else "with the fitted constants", trace.after, 0),
+    ):
         if named or colour == 0:
             missing = (trace.stretch.torque - predicted)[shown] / MILLI
             series.append(Series(words, time, missing, None, "line", colour))
-    return Chart(TIME, "torque [mN m]", tuple(series), title=f"Missing, {trace.stretch.side}")
+    return Chart(TIME, "torque [mN m]", tuple(series))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.cells import names_of
+from pmg.pipeline.chapters.cells import names_of, sun_speed_label
 from pmg.pipeline.grid.levels import APART_RPM
 from pmg.pipeline.report.document import Chart, Figure, Series
 from pmg.pipeline.wording import numerals
@@ -14,9 +14,8 @@ from pmg.sim.shafts import PerShaft
 from pmg.sim.signals import SPEED_RING, SPEED_SUN
 
 if TYPE_CHECKING:
-    from pmg.pipeline.fit.loss_fit import LossFit, LossFits
+    from pmg.pipeline.fit.loss_fit import LossFits
     from pmg.sim.grid import Grid
-    from pmg.sim.signals import Array
 
 DRAWN = 41
 """Speeds at which the curves are drawn."""
@@ -37,12 +36,12 @@ def total_torque_figure(grid: Grid, fits: LossFits) -> tuple[Figure, ...]:
         return ()
     ratio = float(np.median(np.abs(at.speed_sun[engaged] / at.speed_ring[engaged])))
     speed = np.linspace(0.0, min(fits.sun.curve.speed_limit, ratio * fits.ring.curve.speed_limit), DRAWN)
-    u = PerShaft(_u_of_curve(fits.sun, speed), _u_of_curve(fits.ring, speed / ratio))
+    u = PerShaft(fits.sun.u_curve(speed), fits.ring.u_curve(speed / ratio))
     sun, ring = fits.sun.curve.torque(speed), fits.ring.curve.torque(speed / ratio)
     x = SPEED_SUN.display(speed)
     total = sun + ring
     chart = Chart(
-        f"sun speed [rpm]; ring at 1/{ratio:.4g} of it",
+        sun_speed_label(ratio),
         "neutral loss torque [N m]",
         (
             *_readings(grid, fits, ratio),
@@ -64,12 +63,6 @@ def total_torque_figure(grid: Grid, fits: LossFits) -> tuple[Figure, ...]:
             (chart,),
         ),
     )
-
-
-def _u_of_curve(fit: LossFit, speed: Array) -> Array:
-    """Standard uncertainty of a curve [N m] by its scatter."""
-    terms = fit.curve.terms(speed)
-    return np.asarray(np.sqrt(np.einsum("ni,ij,nj->n", terms, fit.covariance, terms)))
 
 
 def _readings(grid: Grid, fits: LossFits, ratio: float) -> tuple[Series, ...]:

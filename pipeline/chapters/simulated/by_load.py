@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.cells import names_of
+from pmg.pipeline.chapters.cells import names_of, sun_speed_label
+from pmg.pipeline.fit.losses import QUANTITIES, losses_and_efficiencies
 from pmg.pipeline.grid.levels import by_load
 from pmg.pipeline.report.document import Chart, Figure, Series
 from pmg.pipeline.wording import numerals
@@ -63,21 +64,12 @@ def by_load_figures(balance: PowerBalance, flows: tuple[Flow, ...]) -> tuple[Fig
 
 
 def _quantities(chain: PowerChain) -> dict[str, Array]:
-    """Losses [W] and efficiencies of a chain, by signal name: those of `power_balance`, from its branches."""
+    """Powers, losses [W] and efficiencies of a chain by signal name, from its branches."""
     sun = chain.loss_sun_bearings + chain.loss_relative_sun
     ring = chain.loss_ring_bearings + chain.loss_relative_ring
     into, out = np.where(chain.drive_ring, (ring, sun), (sun, ring))
-    total = chain.mechanical_in - chain.mechanical_out
-    efficiency = chain.mechanical_out / chain.mechanical_in
-    magnetic = (chain.mechanical_out + out) / (chain.mechanical_in - into)
-    return {
-        signals.LOSS_TOTAL.name: total,
-        signals.LOSS_BEARINGS.name: sun + ring,
-        signals.LOSS_MAGNETIC.name: total - sun - ring,
-        signals.EFFICIENCY_TOTAL.name: efficiency,
-        signals.EFFICIENCY_MAGNETIC.name: magnetic,
-        signals.EFFICIENCY_BEARINGS.name: efficiency / magnetic,
-    }
+    values = losses_and_efficiencies(chain.mechanical_in, chain.mechanical_out, into, out)
+    return {signal.name: row for signal, row in zip(QUANTITIES, values, strict=True)}
 
 
 def _differences(balance: PowerBalance, simulated: dict[str, Array], of: tuple[Signal, ...]) -> str:
@@ -112,5 +104,4 @@ def _panel(
         y = signal.display(simulated[signal.name][rows])[order]
         lines.append(Series(signal.meaning, x, y, None, "line", i, "simulated"))
     reference = (("", 100.0),) if of is EFFICIENCIES else (("", 0.0),)
-    x_label = f"sun speed [rpm]; ring at 1/{ratio:.4g} of it"
-    return Chart(x_label, label, (*read, *lines), reference, title=f"Load {name}")
+    return Chart(sun_speed_label(ratio), label, (*read, *lines), reference, title=f"Load {name}")

@@ -62,8 +62,7 @@ def run_next(store: Path, out: Path) -> Outcome:
         raise FitError(str(store), "no calibration", "a campaign that can be compared", "See 'pmg doctor' for why.")
     found = _question(whole, judged.diagnosis)
     if found is None:
-        differs = judged.diagnosis.mismatch.found
-        why = "no cause to predict readings from; repeat the points that lie furthest out" if differs else "no question"
+        why = "no test of those known would tell" if judged.diagnosis.mismatch.found else "no question"
         line = f"{phrase(judged.diagnosis)}: {why}; there is no sheet."
         return Outcome({"verdict": str(judged.diagnosis.verdict), "files": []}, (line,))
     sheet = _sheet(whole, judged.diagnosis, found)
@@ -104,10 +103,13 @@ def _question(whole: StoredAnalysis, diagnosis: Diagnosis) -> _Question | None:
     model = whole.analysis.calibration.model
     problem = grid_problem(readings, whole.bench, model, whitener(readings, whole.bench, floor))
     if diagnosis.naming is None or not diagnosis.verdict.names:
-        if diagnosis.lifting is None:
+        if diagnosis.lifting is not None:
+            words = "Repeats tell whether anything changed slowly during the test: then readings leave the band."
+            return _Question(words, {"nothing changed slowly": ()}, diagnosis.lifting, problem)
+        if diagnosis.repeated is None:
             return None
-        words = "Repeats tell whether anything changed slowly during the test: then readings leave the band."
-        return _Question(words, {"nothing changed slowly": ()}, diagnosis.lifting, problem)
+        words = "Readings that leave the band again belong to their points; those that return changed with time."
+        return _Question(words, {WITHOUT: ()}, diagnosis.repeated, problem)
     best = diagnosis.naming.best
     open_ = {causes(diagnosis, best): best.fits}
     if not diagnosis.rivals:

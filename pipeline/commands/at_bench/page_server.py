@@ -11,7 +11,7 @@ from socketserver import TCPServer
 from threading import Thread
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.commands.at_bench.watch_page import POLICY
+from pmg.pipeline.commands.at_bench.page_frame import POLICY
 from pmg.sim.errors import StoreError
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def serving(page: ServedPage) -> Iterator[ServedPage]:
             for name, value in (
                 ("Content-Type", f"{kind}; charset=utf-8"),
                 ("Content-Length", str(len(data))),
-                ("Content-Security-Policy", POLICY),
+                ("Content-Security-Policy", f"{POLICY}; frame-ancestors 'none'"),
                 ("Cache-Control", "no-store"),
                 ("X-Content-Type-Options", "nosniff"),
                 ("Cross-Origin-Resource-Policy", "same-origin"),

@@ -5,28 +5,33 @@ from __future__ import annotations
 import csv
 import io
 from dataclasses import dataclass
-from html import escape
+from string import ascii_uppercase
 
-from pmg.pipeline.report.theme import DARK, FONTS, LIGHT, variables
+from pmg.pipeline.commands.at_bench.page_frame import as_html, framed
 from pmg.pipeline.wording.numerals import number
 from pmg.pipeline.wording.plurals import counted
-from pmg.pipeline.wording.safe_text import printable
 from pmg.sim.signals import RESIDUAL
 
-SHEET_POLICY = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
-LETTERS = "ABCDEFGH"
-"""Names of the causes in the columns."""
+MOST_CAUSES = 6
+"""Causes whose bands the width of a page holds; those of the others are in the CSV."""
+
+USUAL, SMALLEST = 9.5, 7.5
+"""Sizes of printed letters [px]."""
+
+HIGH, ABOVE, WIDE, BESIDE, OF_CAUSE = 37.0, 9.0, 1034.0, 530.0, 128.0
+"""At the usual size: lines of a page and of what stands above the points; width of a page, of what stands beside the
+bands, and of a cause with its band and box [px]."""
 
 STYLE = """
-body{font:13px/1.4 var(--fonts);color:var(--ink);background:var(--paper);margin:0 auto;max-width:72rem;padding:1rem}
-h1{font-size:1.3rem;margin:0 0 .2rem}p,ul{margin:.25rem 0}ul{padding-left:1.2rem}.muted{color:var(--muted)}
-table{border-collapse:collapse;width:100%;margin-top:.5rem}th,td{border:1px solid var(--rule);padding:.16rem .4rem}
+body{font-size:13px;line-height:1.4;max-width:72rem}
+h1{font-size:1.3rem;margin:0 0 .2rem}p,ul{margin:.25rem 0}ul{padding-left:1.2rem;columns:30rem auto}
+table{width:100%;margin-top:.5rem}th,td{border:1px solid var(--rule);padding:.16rem .4rem}
 th{font-weight:600;text-align:right;vertical-align:bottom;background:var(--soft)}td{text-align:right;white-space:nowrap}
 th.words,td.words{text-align:left}td.write{min-width:4.5rem}tr.tells td{font-weight:700}tr{break-inside:avoid}
 .box{display:inline-block;width:.8em;height:.8em;border:1px solid var(--ink);vertical-align:-.08em;margin:0 .1em 0 .4em}
 .line{display:inline-block;min-width:9rem;border-bottom:1px solid var(--ink)}thead{display:table-header-group}
 @page{size:A4 landscape;margin:11mm}
-@media print{body{font-size:9.5px;padding:0;max-width:none}h1{font-size:14px}th,td{padding:.1rem .3rem}}
+@media print{body{font-size:var(--letters);padding:0;max-width:none}h1{font-size:14px}th,td{padding:.2em .45em}}
 """
 
 
@@ -98,7 +103,7 @@ def sheet_csv(sheet: BenchSheet) -> str:
     """The points as CSV, units in the headings, torques in N m."""
     text = io.StringIO()
     write = csv.writer(text, lineterminator="\n")
-    bands = [f"{end}_{letter}_Nm" for letter, _ in zip(LETTERS, sheet.causes, strict=False) for end in ("low", "high")]
+    bands = [f"{end}_{letter}_Nm" for letter in _letters(len(sheet.causes)) for end in ("low", "high")]
     head = ["point", "after_min", "duration_s", "configuration", "gear", "drive", "sun_rpm", "ring_rpm", "load_Nm"]
     write.writerow([*head, "read", *bands, "tells_alone"])
     for i, row in enumerate(sheet.rows, start=1):
@@ -112,33 +117,47 @@ def sheet_csv(sheet: BenchSheet) -> str:
 
 def sheet_page(sheet: BenchSheet) -> str:
     """The sheet as a page to print: it loads nothing and holds no script."""
-    letters = LETTERS[: len(sheet.causes)]
-    listed = "".join(f"<li><b>{x}</b>: {_text(words)}</li>" for x, words in zip(letters, sheet.causes, strict=True))
+    shown = sheet.causes[:MOST_CAUSES]
+    letters = _letters(len(shown))
+    listed = "".join(f"<li><b>{x}</b>: {as_html(words)}</li>" for x, words in zip(letters, shown, strict=True))
+    more = len(sheet.causes) - len(shown)
+    further = f"<p>{counted(more, 'further possible cause')}: see the bands in next.csv.</p>" if more else ""
     heads = "".join(f"<th>{x}: {RESIDUAL.display_unit}<br>from … to</th>" for x in letters)
     rows = "".join(_row(i, row, letters) for i, row in enumerate(sheet.rows, start=1))
     telling = sum(row.tells for row in sheet.rows)
-    return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="{SHEET_POLICY}">
-<meta name="viewport" content="width=device-width, initial-scale=1"><title>Next test: {_text(sheet.campaign)}</title>
-<style>:root{{{variables(LIGHT)} --fonts:{FONTS};color-scheme:light dark}}
-@media screen and (prefers-color-scheme:dark){{:root{{{variables(DARK)}}}}}{STYLE}</style></head><body>
-<h1>Next test of {_text(sheet.campaign)}: {_text(sheet.title)}</h1>
-<p>{_text(sheet.question)} {counted(len(sheet.rows), "point")}, {sheet.minutes:.0f} min of bench time; power of the
+    body = f"""
+<h1>Next test of {as_html(sheet.campaign)}: {as_html(sheet.title)}</h1>
+<p>{as_html(sheet.question)} {counted(len(sheet.rows), "point")}, {sheet.minutes:.0f} min of bench time; power of the
 whole test {100.0 * sheet.power:.0f} %.</p>
-<ul>{listed}</ul>
+<ul>{listed}</ul>{further}
 <p>Set the points in this order. Read the torque named: the mean of a steady window of 5 s, tare subtracted.
 Tick the band that holds the reading; a band is the prediction ± U = 2u of one reading
 in the set-up of the campaign: zeros that moved since are not in it, so repeat one of its points first.
-{_telling(telling, len(letters))}</p>
+{_telling(telling, len(sheet.causes))}</p>
 <p>Date <span class="line"></span> Name <span class="line"></span> Room temperature <span class="line"></span>
 Tare sun, ring <span class="line"></span></p>
 <table><thead><tr><th>#</th><th>After<br>min</th><th>Takes<br>s</th><th class="words">Configuration</th>
 <th class="words">Driving</th><th>Sun<br>rpm</th><th>Ring<br>rpm</th><th>Load<br>N m</th><th class="words">Read</th>
 {heads}<th>Reading<br>{RESIDUAL.display_unit}</th><th class="words">Inside</th></tr></thead>
 <tbody>{rows}</tbody></table>
-</body></html>
 """
+    size = f":root{{--letters:{_letter_size(len(sheet.rows), len(shown)):.2f}px}}"
+    return framed(f"Next test: {sheet.campaign}", body, f"{size}{STYLE}")
+
+
+def _letters(causes: int) -> list[str]:
+    """Names of the causes in the columns: A to Z, then AA and so on."""
+
+    def name(i: int) -> str:
+        return (name(i // 26 - 1) if i >= 26 else "") + ascii_uppercase[i % 26]
+
+    return [name(i) for i in range(causes)]
+
+
+def _letter_size(rows: int, causes: int) -> float:
+    """Size of printed letters [px] at which a page holds the points with their bands; more points go on overleaf."""
+    down, across = HIGH / (ABOVE + rows + 0.4 * causes), WIDE / (BESIDE + OF_CAUSE * causes)
+    return max(SMALLEST, USUAL * min(1.0, down, across))
 
 
 def _telling(count: int, causes: int) -> str:
@@ -149,21 +168,17 @@ def _telling(count: int, causes: int) -> str:
     return f"Bold: {counted(count, 'point')} where the bands lie apart; each of them can tell alone."
 
 
-def _row(place: int, row: SheetRow, letters: str) -> str:
+def _row(place: int, row: SheetRow, letters: list[str]) -> str:
     def torque(value: float) -> str:
         return number(float(RESIDUAL.display(value)), 1)
 
-    bands = "".join(f"<td>{torque(low)} … {torque(high)}</td>" for low, high in row.bands)
+    bands = "".join(f"<td>{torque(low)} … {torque(high)}</td>" for low, high in row.bands[: len(letters)])
     boxes = "".join(f'<span class="box"></span>{x}' for x in letters) + '<span class="box"></span>none'
     load = "–" if row.load is None else number(row.load, 2)
     gear = f"{row.configuration}, gear {row.gear}" if row.load is not None else row.configuration
     return (
         f"<tr{' class=tells' if row.tells else ''}><td>{place}</td><td>{number(row.after, 1)}</td>"
-        f'<td>{row.seconds:.0f}</td><td class="words">{_text(gear)}</td><td class="words">{_text(row.drive)}</td>'
+        f'<td>{row.seconds:.0f}</td><td class="words">{as_html(gear)}</td><td class="words">{as_html(row.drive)}</td>'
         f"<td>{number(row.sun, 0)}</td><td>{number(row.ring, 0)}</td><td>{load}</td>"
-        f'<td class="words">{_text(row.signal)}</td>{bands}<td class="write"></td><td class="words">{boxes}</td></tr>'
+        f'<td class="words">{as_html(row.signal)}</td>{bands}<td class="write"></td><td class="words">{boxes}</td></tr>'
     )
-
-
-def _text(words: object) -> str:
-    return escape(printable(str(words)))

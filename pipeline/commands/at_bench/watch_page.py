@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.commands.at_bench.page_frame import as_html, framed
 from pmg.pipeline.commands.at_bench.watched import PointState
-from pmg.pipeline.report.theme import DARK, FONTS, LIGHT, variables
 from pmg.pipeline.wording.numerals import number
 from pmg.pipeline.wording.plurals import counted
-from pmg.pipeline.wording.safe_text import printable
 from pmg.sim.grid import Configuration
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from pmg.pipeline.commands.at_bench.watched import WatchedCampaign, WatchedPoint
-
-POLICY = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-"""What a browser may load for the page: nothing but the page itself."""
 
 SIGNS = {
     PointState.MEASURED: ("measured", "●"),
@@ -32,11 +27,11 @@ MOST = 12
 """Findings that are listed; the others are counted."""
 
 STYLE = """
-body{font:15px/1.5 var(--fonts);color:var(--ink);background:var(--paper);margin:0 auto;max-width:76rem;padding:1rem}
+body{font-size:15px;line-height:1.5;max-width:76rem}
 h1{font-size:1.35rem;margin:0}h2{font-size:1.05rem;margin:1.4rem 0 .4rem}p{margin:.3rem 0}
-.muted{color:var(--muted)}.state{padding:.7rem 1rem;border-left:.35rem solid var(--good);background:var(--good-soft)}
+.state{padding:.7rem 1rem;border-left:.35rem solid var(--good);background:var(--good-soft)}
 .state.attention{border-color:var(--attention);background:var(--attention-soft)}
-.grids{display:flex;flex-wrap:wrap;gap:0 2.5rem}table{border-collapse:collapse}
+.grids{display:flex;flex-wrap:wrap;gap:0 2.5rem}
 th{font-weight:400;color:var(--muted);font-size:.8rem;padding:.1rem .35rem;text-align:right}
 td{width:2.1rem;height:1.7rem;text-align:center;border:1px solid var(--rule);color:var(--muted)}
 td.measured{background:var(--soft);color:var(--ink)}td.agrees{background:var(--good-soft);color:var(--good)}
@@ -61,9 +56,9 @@ def watch_page(state: WatchedCampaign, waiting: Sequence[str], at: str, every: i
     """
     title = f"{state.name or 'No campaign yet'}: {counted(len(state.points), 'point')}"
     parts = [
-        f"<h1>{_text(title)}</h1>",
-        f'<p class="muted">{_text(counted(state.recordings, "recording"))}, as of {_text(at)}; '
-        f"this page asks again every {every} s. {_text(state.simulation)}</p>",
+        f"<h1>{as_html(title)}</h1>",
+        f'<p class="muted">{as_html(counted(state.recordings, "recording"))}, as of {as_html(at)}; '
+        f"this page asks again every {every} s. {as_html(state.simulation)}</p>",
         _verdict(state),
         _grids(state.points),
         _list("Still being written", waiting),
@@ -72,14 +67,7 @@ def watch_page(state: WatchedCampaign, waiting: Sequence[str], at: str, every: i
         _list("Cross-checks", (f"{one.place}: {one.message}" for one in state.remarks)),
         _list("Beyond tolerance", (f"{p.name}: {p.why}" for p in state.points if p.state is PointState.DIFFERS)),
     ]
-    return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta http-equiv="refresh" content="{every}">
-<meta http-equiv="Content-Security-Policy" content="{POLICY.replace("; frame-ancestors 'none'", "")}">
-<meta name="viewport" content="width=device-width, initial-scale=1"><title>{_text(title)}</title>
-<link rel="icon" href="data:,"><style>:root{{{variables(LIGHT)} --fonts:{FONTS};color-scheme:light dark}}
-@media (prefers-color-scheme:dark){{:root{{{variables(DARK)}}}}}{STYLE}</style></head>
-<body>{"".join(parts)}</body></html>
-"""
+    return framed(title, "".join(parts), STYLE, every)
 
 
 def _verdict(state: WatchedCampaign) -> str:
@@ -92,12 +80,12 @@ def _verdict(state: WatchedCampaign) -> str:
         words = f"Look at {counted(bad, 'finding')} below before the test goes on."
     else:
         words = "Nothing needs attention so far."
-    return f'<p class="state{" attention" if state.first_mismatch or bad else ""}">{_text(words)}</p>'
+    return f'<p class="state{" attention" if state.first_mismatch or bad else ""}">{as_html(words)}</p>'
 
 
 def _grids(points: Sequence[WatchedPoint]) -> str:
     kinds = [kind for kind in Configuration if any(point.kind == kind for point in points)]
-    key = " ".join(f'<span class="cell">{sign}</span>{_text(state)}&ensp;' for state, (_, sign) in SIGNS.items())
+    key = " ".join(f'<span class="cell">{sign}</span>{as_html(state)}&ensp;' for state, (_, sign) in SIGNS.items())
     drawn = "".join(_grid(kind, [point for point in points if point.kind == kind]) for kind in kinds)
     return f'<div class="grids">{drawn}</div><p class="muted">{key}</p>' if drawn else ""
 
@@ -116,25 +104,20 @@ def _grid(kind: str, points: Sequence[WatchedPoint]) -> str:
     rows = "".join(f"<tr><th>{number(y)}</th>{''.join(_cell(cells.get((x, y))) for x in across)}</tr>" for y in along)
     what = "load [N m]" if kind == Configuration.ENGAGED else "ring [rpm]"
     table = f"<table><tr><th>{what} \\ sun [rpm]</th>{head}</tr>{rows}</table>"
-    return f"<section><h2>{_text(kind.capitalize())}</h2>{table}</section>"
+    return f"<section><h2>{as_html(kind.capitalize())}</h2>{table}</section>"
 
 
 def _cell(point: WatchedPoint | None) -> str:
     if point is None:
         return "<td></td>"
     name, sign = SIGNS[point.state]
-    return f'<td class="{name}" title="{_text(f"{point.name}: {point.why or point.state}")}">{sign}</td>'
+    return f'<td class="{name}" title="{as_html(f"{point.name}: {point.why or point.state}")}">{sign}</td>'
 
 
 def _list(title: str, entries: Iterable[str]) -> str:
     found = list(entries)
     if not found:
         return ""
-    shown = "".join(f"<li>{_text(entry)}</li>" for entry in found[-MOST:])
+    shown = "".join(f"<li>{as_html(entry)}</li>" for entry in found[-MOST:])
     more = f'<p class="muted">The last {MOST} of {len(found)}.</p>' if len(found) > MOST else ""
-    return f"<h2>{_text(title)}</h2><ul>{shown}</ul>{more}"
-
-
-def _text(words: object) -> str:
-    """Text that is no markup, with no sign that steers a terminal or the page."""
-    return escape(printable(str(words)))
+    return f"<h2>{as_html(title)}</h2><ul>{shown}</ul>{more}"

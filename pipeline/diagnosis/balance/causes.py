@@ -122,12 +122,58 @@ def _factor(identifier: str, gain: float) -> str:
     if identifier not in GAINS:
         return ""
     factor = GAINS[identifier](gain)
-    told = f"it reads {factor:.4g} times the torque"
+    reading = f"it reads {factor:.4g} times the torque"
     far = {words: abs(factor / known - 1.0) for known, words in CONVERSIONS.items()}
     near = sorted((words for words in far if far[words] < NEAR_FACTOR), key=far.__getitem__)
     if identifier.startswith("input"):
-        told += " (and so do inertia and friction as found)"
-    return f"{told}, {' or '.join(near)}" if near and abs(factor - 1.0) > CONVERTED else told
+        reading += " (and so do inertia and friction as found)"
+    return f"{reading}, {' or '.join(near)}" if near and abs(factor - 1.0) > CONVERTED else reading
+
+
+@dataclass(frozen=True)
+class NearCause:
+    """A term that comes near where none is named.
+
+    Parameters
+    ----------
+    identifier, title : str
+        The term, and in words.
+    share : float
+        Part of the mismatch that it takes up.
+    test : str
+        What on the bench would confirm it; empty where nothing is known.
+    """
+
+    identifier: str
+    title: str
+    share: float
+    test: str
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """As JSON."""
+        return {"id": self.identifier, "share": self.share, "test": self.test}
+
+
+def near_causes(diagnosis: TermsDiagnosis) -> tuple[NearCause, ...]:
+    """The terms that come nearest where nothing is named.
+
+    None where something is named, nothing differs, or a parameter stands first that no machine has.
+    """
+    naming = diagnosis.naming
+    if diagnosis.verdict is not Verdict.NOT_IN_LIBRARY or naming is None or diagnosis.impossible:
+        return ()
+    whole = naming.rounds[0].remainder.excess
+    near = [fit for fit in naming.ranking if fit.admissible and fit.gain > NEAREST * whole][:MOST_NEAR]
+    return tuple(
+        NearCause(
+            fit.identifier,
+            title_of(diagnosis, fit.identifier),
+            min(fit.gain / whole, 1.0),
+            separating_test(diagnosis, (fit.identifier,)),
+        )
+        for fit in near
+    )
 
 
 def nearest_lines(diagnosis: TermsDiagnosis) -> tuple[str, ...]:
@@ -135,18 +181,16 @@ def nearest_lines(diagnosis: TermsDiagnosis) -> tuple[str, ...]:
 
     Empty where something is named, nothing differs, or a parameter stands first that no machine has.
     """
-    naming = diagnosis.naming
-    if diagnosis.verdict is not Verdict.NOT_IN_LIBRARY or naming is None or diagnosis.impossible:
+    if diagnosis.verdict is not Verdict.NOT_IN_LIBRARY or diagnosis.naming is None or diagnosis.impossible:
         return ()
-    whole = naming.rounds[0].remainder.excess
-    near = [fit for fit in naming.ranking if fit.admissible and fit.gain > NEAREST * whole][:MOST_NEAR]
+    near = near_causes(diagnosis)
     if not near:
         place = diagnosis.mismatch.locations[0].name if diagnosis.mismatch.locations else "nothing in particular"
         return (f"No term of the library comes near. Look at what the residual does with {place} (residuals.csv).", "")
     lines = ["Nearest in the library, none of them named:"]
-    for fit in near:
-        lines.append(f"{title_of(diagnosis, fit.identifier)}: {min(fit.gain / whole, 1.0):.0%} of the mismatch")
-        lines.append(f"  on the bench: {separating_test(diagnosis, (fit.identifier,))}")
+    for each in near:
+        lines.append(f"{each.title}: {each.share:.0%} of the mismatch")
+        lines.append(f"  on the bench: {each.test}")
     return (*lines, "")
 
 

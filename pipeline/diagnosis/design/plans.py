@@ -14,6 +14,8 @@ from pmg.sim.signals import RPM
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    import numpy.typing as npt
+
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
 
@@ -31,6 +33,9 @@ PAUSE = 7200.0
 
 AGAIN = 6
 """Rounds of the longer test in stage 2, which is to tell small errors."""
+
+EXTREMES = 6
+"""Points that differ most, and as many that agree, in a test whether a difference comes again."""
 
 LOW_SPEEDS = (20.0, 40.0, 80.0, 120.0, 200.0)
 """Low sun speeds of a Stribeck test [rpm]; the ring's are those divided by the ratio of the gear."""
@@ -109,6 +114,31 @@ def possible_plans(at: OperatingPoints, bench: BenchParameters) -> tuple[Plan, .
         *_neutral_plans(at, bench, sun, begin),
         Plan(Experiment.ZERO_CHECKS, words, checks, ZERO_CHECKS_OVER),
     )
+
+
+def whole_again(at: OperatingPoints) -> Plan:
+    """Every point of a campaign once more, in random order."""
+    order = np.random.default_rng(SEED).permutation(len(at))
+    return Plan(
+        Experiment.REPEATS, f"The whole campaign again in random order: {len(at)} points", *_once_more(at, order)
+    )
+
+
+def some_again(at: OperatingPoints, effect: Array) -> Plan:
+    """The points at which an effect (n,) [N m] is largest once more, and as many where it is least, in random order."""
+    order = np.argsort(-np.abs(effect), kind="stable")
+    half = min(EXTREMES, len(at) // 2)
+    chosen = np.random.default_rng(SEED).permutation(np.r_[order[:half], order[len(order) - half :]])
+    words = f"The {half} points that differ most and {half} that agree, once more in random order"
+    return Plan(Experiment.REPEATS, words, *_once_more(at, chosen))
+
+
+def _once_more(at: OperatingPoints, order: npt.NDArray[np.intp]) -> tuple[OperatingPoints, float]:
+    """Points of a campaign in another order, after its last one, and the time they take [s]."""
+    n, begin = len(order), float(at.started_at.max()) if at.ordered and len(at) else 0.0
+    started = begin + A_POINT * (1.0 + np.arange(n))
+    again = at[order]
+    return replace(again, torque_ring=again.load_set, started_at=np.asarray(started)), n * A_POINT
 
 
 ENGAGED = {

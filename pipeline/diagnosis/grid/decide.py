@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.design.blind import confounded_shafts, slow_changes
-from pmg.pipeline.diagnosis.design.next_test import form_test, lifting_test, next_test
+from pmg.pipeline.diagnosis.design.next_test import form_test, lifting_test, next_test, repeated_test
 from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
 from pmg.pipeline.diagnosis.engine.catalogue import ENTRY
 from pmg.pipeline.diagnosis.engine.conclusion import conclude
@@ -111,6 +111,9 @@ def diagnose(
             held_out=prove_structure(whole, beyond.locations, rng),
             absorbed=_absorbed(beyond, calibration, bench),
             shape=find_shape(first, beyond.locations, rng),
+            repeated=repeated_test(problem, np.sum([place.effect for place in beyond.locations], axis=0), floor)
+            if beyond.locations
+            else None,
         )
     assert conclusion.naming is not None
     best, rivals, further = conclusion.naming.best, conclusion.naming.rivals, conclusion.naming.further

@@ -69,6 +69,8 @@ class Diagnosis(Conclusion[CandidateFit, GridProblem]):
         Powers by which the law of what was named differs from the library's form, where it does.
     form_test : NextTest or None
         The test that would tell an error of that form from a further cause, where either takes up what is left.
+    repeated : NextTest or None
+        The test that shows whether a difference comes again, where no mechanism explains it.
     """
 
     campaign: str
@@ -83,12 +85,23 @@ class Diagnosis(Conclusion[CandidateFit, GridProblem]):
     shape: Shape | None = None
     law: tuple[LawPower, ...] = ()
     form_test: NextTest | None = None
+    repeated: NextTest | None = None
 
     @property
     def next_tests(self) -> tuple[NextTest, ...]:
         """Tests that would settle what is open, those of the rivals first."""
-        wanted = (*(rival.test for rival in self.rivals), self.lifting, self.form_test)
+        wanted = (*(rival.test for rival in self.rivals), self.lifting, self.form_test, self.repeated)
         return tuple(test for test in wanted if test is not None)
+
+
+def possible_components(place: Location) -> tuple[Component, ...]:
+    """Components that the evidence may point to: one, or those that act on a torque under load."""
+    if (component := component_of(place)) is not None:
+        return (component,)
+    if set(place.depends_on) - set(place.covariates):
+        return ()
+    shaft = place.signal.removeprefix("torque_")
+    return Component(f"{shaft}_torque_transducer"), Component(f"{shaft}_bearings"), Component.MAGNETIC_GEAR
 
 
 def component_of(place: Location) -> Component | None:

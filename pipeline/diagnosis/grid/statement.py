@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.design.next_test import HIDDEN
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.law_words import form_sentences
+from pmg.pipeline.diagnosis.grid.remedy import advice, lifting, words_of_test
 from pmg.pipeline.diagnosis.grid.rivals import is_faint, near_causes, nearest_share
 from pmg.pipeline.wording import numerals
 from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.shafts import SIDES
-from pmg.sim.signals import MINUTE
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.grid.candidates import CandidateFit
@@ -29,7 +28,7 @@ SHAFT_WORDS = {
     "sun": " on the sun shaft",
     "ring": " on the ring shaft",
     "both": "",
-    "either": " (sun or ring: the opposite error on the other shaft reads the same)",
+    "either": " (sun or ring: both read the same)",
 }
 
 PHRASES = {
@@ -61,9 +60,9 @@ def _without_outliers(diagnosis: Diagnosis) -> str:
     mismatch = diagnosis.mismatch
     if diagnosis.verdict is Verdict.CONFOUNDED:
         return (
-            f"{beyond(mismatch)} This campaign cannot tell. The points were run in the order of the "
-            f"{' and '.join(diagnosis.blind)} speed, and none was repeated. A drift of any size would look like part "
-            f"of the loss curve.{lifting(diagnosis)}"
+            f"{beyond(mismatch)} (p {'≤' if mismatch.found else '='} {mismatch.p_value:.2g}) This campaign cannot "
+            f"tell. The points were run in the order of the {' and '.join(diagnosis.blind)} speed, and none was "
+            f"repeated. A drift of any size would look like part of the loss curve. Do: {lifting(diagnosis)}"
         )
     if diagnosis.verdict is Verdict.CONSISTENT:
         return (
@@ -80,7 +79,7 @@ def _without_outliers(diagnosis: Diagnosis) -> str:
         sentences += [_size(diagnosis, fit) for fit in diagnosis.naming.best.fits]
         sentences += [fitted(diagnosis, i) for i in range(len(diagnosis.naming.best.fits))]
         sentences.append(form_sentences(diagnosis))
-        sentences.append(advice(diagnosis.naming))
+        sentences.append(advice(diagnosis))
     else:
         sets = [causes(diagnosis, diagnosis.naming.best)]
         sets += [causes(diagnosis, rival.explanation) for rival in diagnosis.rivals]
@@ -94,10 +93,7 @@ def _without_outliers(diagnosis: Diagnosis) -> str:
         tests = [rival.test for rival in diagnosis.rivals if rival.test is not None]
         if tests:
             test = max(tests, key=lambda test: test.power)
-            sentences.append(
-                f"Do: {test.plan.description} ({test.plan.seconds / MINUTE:.0f} min; it tells with a probability of "
-                f"{test.power:.0%})."
-            )
+            sentences.append(f"Do: {words_of_test(test)}")
     sentences += [near(diagnosis), held_out(diagnosis), by_chance(diagnosis)]
     return " ".join(sentence for sentence in sentences if sentence)
 
@@ -140,23 +136,34 @@ def _size(diagnosis: Diagnosis, fit: CandidateFit) -> str:
     naming = diagnosis.naming
     assert naming is not None
     subject = "It changes" if len(naming.best.fits) == 1 else f"{fit.candidate.kind.title} changes"
-    side, size = drag_change(diagnosis, fit)
+    side, what, size = torque_change(diagnosis, fit)
+    left = f"{naming.best.problem.visible(fit) * 1e3:.1f}"
     full = f"Against {fit.candidate.kind.without}, its full effect is {fit.size * 1e3:.1f} mN m rms"
-    return f"{subject} the {side} drag by {size} {full}; the fitted losses absorb the rest."
+    return f"{subject} the {side} {what} by {size} {full}; the fitted losses absorb all but {left}."
 
 
-def drag_change(diagnosis: Diagnosis, fit: CandidateFit) -> tuple[str, str]:
-    """Shaft on which a mechanism leaves most in the residual, and how much against the repeatability, in words."""
-    naming = diagnosis.naming
+def torque_change(diagnosis: Diagnosis, fit: CandidateFit) -> tuple[str, str, str]:
+    """Shaft on which a mechanism leaves most in the residual; drag or reading; the change against the repeatability."""
+    naming, readings = diagnosis.naming, diagnosis.mismatch.readings
     assert naming is not None
-    problem, readings = naming.best.problem, diagnosis.mismatch.readings
-    left, touched = problem.unabsorbed(fit), fit.effect != 0.0
-    side = max(SIDES, key=lambda side: float(np.sum(left[touched & readings.of_shaft[side]] ** 2)))
-    drag = (readings.direction * left)[touched & readings.of_shaft[side]] * 1e3
-    return side, (
-        f"{drag.min():+.1f} to {drag.max():+.1f} mN m beyond the fitted losses "
-        f"({problem.visible(fit) * 1e3:.1f} mN m rms; repeatability is {diagnosis.floor[side].u * 1e3:.1f} mN m)."
+    left, side = naming.best.problem.unabsorbed(fit), shaft_of(diagnosis, fit)
+    read = issubclass(fit.candidate.kind, Instrument)
+    at = (fit.effect != 0.0) & readings.of_shaft[side]
+    change = (left if read else readings.direction * left)[at] * 1e3
+    low, high = (numerals.number(float(end), spec="+.1f") for end in (change.min(), change.max()))
+    return (
+        side,
+        "reading" if read else "drag",
+        f"{low} to {high} mN m beyond the fitted losses (repeatability is {diagnosis.floor[side].u * 1e3:.1f} mN m).",
     )
+
+
+def shaft_of(diagnosis: Diagnosis, fit: CandidateFit) -> str:
+    """Shaft on which a mechanism leaves most in the residual."""
+    naming, readings = diagnosis.naming, diagnosis.mismatch.readings
+    assert naming is not None
+    left = np.where(fit.effect != 0.0, naming.best.problem.unabsorbed(fit), 0.0)
+    return max(SIDES, key=lambda side: float(np.sum(left[readings.of_shaft[side]] ** 2)))
 
 
 def fitted(diagnosis: Diagnosis, i: int) -> str:
@@ -182,21 +189,6 @@ def fitted(diagnosis: Diagnosis, i: int) -> str:
     return f"Fitted: {first.meaning} {number}{unit}{instead}{''.join(powers)}."
 
 
-EXTENDED = "compare with the extended model (`pmg compare --model model.toml`)"
-
-
-def advice(naming: GridNaming) -> str:
-    """Remedy for the named mechanisms."""
-    faults = [fit for fit in naming.best.fits if issubclass(fit.candidate.kind, Instrument)]
-    if any(naming.on_the_other_shaft(fit) for fit in faults):
-        return "Do: calibrate one of the two transducers, or exchange them and repeat loaded points; that tells which."
-    if faults:
-        return "Do: check the zero and the calibration of the torque transducers."
-    if any(fit.candidate.kind.memory for fit in naming.best.fits):
-        return f"Do: log the temperature and warm up first, or {EXTENDED}."
-    return f"Do: {EXTENDED}."
-
-
 def _surest(values: Array, errors: Array, sizes: int) -> int:
     """The size that is known best, by its standard error over its value; the first where none has one."""
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -207,30 +199,17 @@ def _surest(values: Array, errors: Array, sizes: int) -> int:
 def beyond(mismatch: CampaignMismatch) -> str:
     """Whether the readings follow the order of the test."""
     if mismatch.found:
-        return f"The readings follow the order of the test (p ≤ {mismatch.p_value:.2g}). Drift may be the reason."
-    return f"No difference found beyond repeatability (p = {mismatch.p_value:.3g})."
-
-
-def lifting(diagnosis: Diagnosis) -> str:
-    """The test that a blind design lacks."""
-    test = diagnosis.lifting
-    if test is None:
-        return " Do: repeat points spread over the grid, in random order."
-    power = f"It shows a drift of {HIDDEN:g} times the repeatability with a probability of {test.power:.0%}."
-    return f" Do: {test.plan.description} ({test.plan.seconds / MINUTE:.0f} min). {power}"
+        return "The readings follow the order of the test. Drift may be the reason."
+    return "No difference found beyond repeatability."
 
 
 def shape_sentence(diagnosis: Diagnosis) -> str:
-    """The short form and its error on withheld readings, or that none holds up."""
+    """The short form of what no mechanism explains, or that none holds up."""
     shape = diagnosis.shape
     if shape is None:
         return "No short formula predicts data not used for the fit."
     names = ", ".join(f"{c.symbol} {c.meaning}" for c in shape.covariates)
-    return (
-        f"An empirical formula describes it ({shape.label}): {shape.text}{f', with {names}' if names else ''}. "
-        f"With it, the error on data not used for the fit drops from {shape.held_out.rmse_before * 1e3:.2f} to "
-        f"{shape.held_out.rmse_after * 1e3:.2f} mN m."
-    )
+    return f"An empirical formula describes it ({shape.label}): {shape.text}{f', with {names}' if names else ''}."
 
 
 NEAREST_FROM = 0.2
@@ -270,7 +249,7 @@ def largest(diagnosis: Diagnosis) -> str:
     special = {"all": "in every configuration", "zero": "at the zero checks"}
     where = special.get(place.configuration, f"in {place.configuration} points")
     shaft = place.signal.replace("torque_", "")
-    return f"the {shaft} torque {where} depends on {follows} ({place.size * 1e3:.1f} mN m rms)."
+    return f"the {shaft} torque {where} depends on {follows} (a pattern of {place.size * 1e3:.1f} mN m rms)."
 
 
 def by_chance(diagnosis: Diagnosis) -> str:
@@ -285,15 +264,18 @@ def by_chance(diagnosis: Diagnosis) -> str:
 
 
 def held_out(diagnosis: Diagnosis) -> str:
-    """What the cause is worth on readings that took no part in the fit."""
+    """What the cause, or the short form, is worth on readings that took no part in the fit."""
+    if (shape := diagnosis.shape) is not None:
+        before, after = (rmse * 1e3 for rmse in (shape.held_out.rmse_before, shape.held_out.rmse_after))
+        return f"With the formula, the error on data not used for the fit drops from {before:.2f} to {after:.2f} mN m."
     held = diagnosis.held_out
-    if held is None or diagnosis.shape is not None:  # the short form has its own error
+    if held is None:
         return ""
     low, high = held.gain_interval
     change = "drops" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly drop:")
     what = "this effect" if diagnosis.refit is not None else "this dependence"
     return (
         f"With {what} in the model, the error on data not used for the fit {change} from "
-        f"{held.rmse_before * 1e3:.2f} to {held.rmse_after * 1e3:.2f} mN m; "
-        f"repeatability is {held.noise_floor * 1e3:.2f} mN m."
+        f"{held.rmse_before * 1e3:.2f} to {held.rmse_after * 1e3:.2f} mN m; noise alone makes "
+        f"{held.noise_floor * 1e3:.2f} mN m."
     )

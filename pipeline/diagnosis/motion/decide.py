@@ -271,7 +271,13 @@ def _together(
     sizes = [v + m for v, m in zip(values, np.split(moved, ends)[1:], strict=False)]
     of_fits = np.split(inverse, ends)[1 : 1 + len(fits)]
     wholes = tuple(
-        fitted_size(fit, value, part @ part.T, error_of_law(found.problem, fits, place, library()))
+        fitted_size(
+            fit,
+            value,
+            part @ part.T,
+            found.baseline.sheet.poles,
+            error_of_law(found.problem, fits, place, library()),
+        )
         for place, (fit, value, part) in enumerate(zip(fits, sizes, of_fits, strict=True))
     )
     return (

@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.sim.signals import Array, Mask
 
+OFF_SHEET = "data sheet"
+"""Configuration of a place that is a constant far from its data sheet."""
+
 OF_SHEET = {
     **{f"{name}_{side}": (f"{name}_{side}",) for side in SIDES for name in ("inertia", "compliance", "skew", "zero")},
     "pull_out": ("pull_out",),
@@ -186,7 +189,7 @@ def motion_evidence(
     unit = np.where(block < len(parts), 1.0 / scatter, 1.0)
     y, columns, found = unit * y, unit[:, None] * columns, [unit[:, None] * each for each in found]
     for name, names in OF_SHEET.items():
-        families = (*families, Family("both", "data sheet", name))
+        families = (*families, Family("both", OFF_SHEET, name))
         found.append(_units_of_sheet(baseline.sheet, names, len(y)))
     tables = {}
     for term in terms:

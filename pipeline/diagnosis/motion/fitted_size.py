@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
     from pmg.pipeline.diagnosis.balance.library.term import Term
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.sim.shafts import PerShaft
     from pmg.sim.signals import Array
 
 LIKELY_LAW = 0.5
@@ -43,8 +44,8 @@ class FittedSize:
         SI unit; 1 without one.
     of_law : float
         Range of the sizes by the laws that the mechanism may have: the true one may lie outside of both.
-    of_sheet : bool
-        Whether it is by how much a constant lies off its data sheet.
+    remark : str
+        What follows the number.
     """
 
     name: str
@@ -52,7 +53,7 @@ class FittedSize:
     error: float
     unit: str
     of_law: float = 0.0
-    of_sheet: bool = False
+    remark: str = ""
 
     @property
     def sentence(self) -> str:
@@ -60,12 +61,13 @@ class FittedSize:
         small = self.unit in IN_MILLI and abs(self.value) < TENTH
         scale, unit = (MILLI, IN_MILLI[self.unit]) if small else (1.0, self.unit)
         parts = [self.name, measured(self.value / scale, self.error / scale), "" if unit == "1" else unit]
-        beyond = " more than in the data sheet" if self.of_sheet else ""
         law = f" ({self.of_law / scale:.2g} of it as its law is known to a form only)" if self.of_law else ""
-        return f"Fitted: {' '.join(part for part in parts if part)}{beyond}{law}."
+        return f"Fitted: {' '.join(part for part in parts if part)}{self.remark}{law}."
 
 
-def fitted_size(fit: TermFit, values: Array, covariance: Array, of_law: float = 0.0) -> FittedSize:
+def fitted_size(
+    fit: TermFit, values: Array, covariance: Array, poles: PerShaft[int], of_law: float = 0.0
+) -> FittedSize:
     """The size of a fitted mechanism: of several parameters the amplitude of a wave, the sum, or the one known best.
 
     Parameters
@@ -74,26 +76,33 @@ def fitted_size(fit: TermFit, values: Array, covariance: Array, of_law: float = 
         The mechanism.
     values, covariance : (p,) and (p, p) array
         Its parameters, amplitudes then shape, and their covariance.
+    poles : PerShaft of int
+        Pole pairs of the rotors.
     of_law : float
         What its law adds to the standard error of a sum.
     """
-    term, count = fit.candidate, len(fit.amplitudes)
+    term, count = cast("MotionTerm", fit.candidate), len(fit.amplitudes)
+    remark = f" on the pole angle; a rotor feels it times its pole pairs ({poles.sun} sun, {poles.ring} ring)"
+    remark = remark if term.of_pole_angle else ""
     sizes, among = values[:count], covariance[:count, :count]
     names = [quantity.name for quantity in term.amplitudes]
     if names[:2] == ["cosine", "sine"]:
         value = float(np.hypot(*sizes[:2]))
         along = sizes[:2] / max(value, 1e-30)
-        return FittedSize("amplitude", value, math.sqrt(along @ among[:2, :2] @ along), term.amplitudes[0].unit)
+        return FittedSize(
+            "amplitude", value, math.sqrt(along @ among[:2, :2] @ along), term.amplitudes[0].unit, remark=remark
+        )
     if _adds_up(term):
         error = math.hypot(math.sqrt(max(float(among.sum()), 0.0)), of_law)
         name = IN_ALL if count > 1 else names[0].replace("_", " ")
-        return FittedSize(name, float(sizes.sum()), error, term.amplitudes[0].unit, of_law)
+        return FittedSize(name, float(sizes.sum()), error, term.amplitudes[0].unit, of_law, remark)
     errors = np.sqrt(np.diag(among))
     with np.errstate(divide="ignore", invalid="ignore"):
         best = int(np.nanargmin(np.abs(errors / np.where(sizes, sizes, np.nan)))) if np.any(sizes) else 0
-    of_sheet = names[best] == "more" and bool(cast("MotionTerm", term).constants)
-    name = "" if of_sheet else names[best].replace("_", " ")
-    return FittedSize(name, float(sizes[best]), float(errors[best]), term.amplitudes[best].unit, of_sheet=of_sheet)
+    if names[best] == "more" and term.constants:
+        names[best], remark = "", " more than in the data sheet"
+    unit = term.amplitudes[best].unit
+    return FittedSize(names[best].replace("_", " "), float(sizes[best]), float(errors[best]), unit, remark=remark)
 
 
 def error_of_law(problem: TermProblem, fits: tuple[TermFit, ...], place: int, terms: tuple[MotionTerm, ...]) -> float:

@@ -15,6 +15,7 @@ from pmg.pipeline.diagnosis.motion.constants import (
     form_names,
     passage_names,
 )
+from pmg.pipeline.fit.covariance import u_predicted
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
@@ -72,8 +73,8 @@ def loss_curve(sheet: DataSheet, values: Array, covariance: Array, side: str, sp
     """
     found = drag_columns(side, speed)
     columns, at = np.stack(list(found.values()), 1), [sheet.at(name) for name in found]
-    variance = np.einsum("ni,ij,nj->n", columns, covariance[np.ix_(at, at)], columns) + _between(speed) ** 2
-    return np.asarray(columns @ values[at]), np.sqrt(variance)
+    u = np.hypot(u_predicted(columns, covariance[np.ix_(at, at)]), _between(speed))
+    return np.asarray(columns @ values[at]), u
 
 
 def _between(speed: Array) -> Array:

@@ -11,8 +11,8 @@ from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.law_words import bent_sentence
 from pmg.pipeline.diagnosis.grid.rivals import nearest_share
 from pmg.pipeline.diagnosis.grid.statement import NEAREST_FROM, PHRASES, SHAFT_WORDS
-from pmg.pipeline.diagnosis.motion.design.next_runs import LEAST_POWER, merged
-from pmg.pipeline.diagnosis.motion.evidence import OF_SHEET
+from pmg.pipeline.diagnosis.motion.design.remedy import advice
+from pmg.pipeline.diagnosis.motion.evidence import OF_SHEET, OFF_SHEET
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.motion.smooth import BAND
 from pmg.pipeline.wording.units import MILLI
@@ -31,31 +31,6 @@ OF_TURN = {
     "map": "torque against pole angle",
 }
 """Constants of several parts, by how their names begin, in words."""
-
-OFF_SHEET = "data sheet"
-"""Configuration of a place that is a constant far from its data sheet."""
-
-REMEDIES = {
-    "rotor_inertia": "check the drawing of the {shaft} rotor for parts it lacks",
-    "coupling_compliance": "inspect the {shaft} coupling, its clamping and its elastomer",
-    "coupling_backlash": "inspect the {shaft} coupling and take out its play",
-    "pull_out_torque": "put the fitted pull-out torque into the bench file",
-    "lubricant_viscosity": "log the temperature of the {shaft} bearings and warm up first",
-    "magnet_temperature": "log the temperature of the magnets and warm up first",
-    "torque_zero_drift": "take the zero of the {shaft} transducer before and after each run",
-    "torque_gain_error": "calibrate the {shaft} torque transducer",
-    "torque_crosstalk": "calibrate both torque transducers against each other",
-    "transducer_bandwidth": "check the filter of the {shaft} torque transducer",
-    "channel_delay": "check the filters and the clock of the {shaft} torque and angle channels",
-    "encoder_eccentricity": "check the seat of the {shaft} encoder",
-    "shaft_unbalance": "balance the {shaft} shaft",
-    "coupling_misalignment": "align the {shaft} coupling",
-    "presliding_friction": "inspect the {shaft} bearings and seals",
-    "direction_dependent_friction": "inspect the {shaft} bearings and seals",
-}
-"""What to do about a mechanism; the others belong into the model."""
-
-INTO_MODEL = "put the law with its fitted parameters (see `diagnosis.json`) into the model of the drive"
 
 
 def phrase(diagnosis: MotionDiagnosis) -> str:
@@ -168,14 +143,19 @@ def _place(diagnosis: MotionDiagnosis) -> str:
     return f"{differ} Most of it: {where}" if (where := largest_place(diagnosis)) else differ
 
 
+def largest_of(diagnosis: MotionDiagnosis) -> MotionPlace:
+    """The place where the difference is largest, of a rotor's torque where there is one."""
+    places = diagnosis.mismatch.locations
+    of_rotors = [place for place in places if place.family.configuration != OFF_SHEET]
+    return max(of_rotors or places, key=lambda place: size_of(diagnosis, place))
+
+
 def largest_place(diagnosis: MotionDiagnosis) -> str:
     """Where the difference is largest, as a sentence that begins with an article; empty where no place is clear."""
-    places = diagnosis.mismatch.locations
-    if not places:
+    if not diagnosis.mismatch.locations:
         return ""
-    of_rotors = [place for place in places if place.family.configuration != OFF_SHEET]
-    place = max(of_rotors or places, key=lambda place: size_of(diagnosis, place))
-    size = f"{size_of(diagnosis, place) / MILLI:.1f} mN m rms"
+    place = largest_of(diagnosis)
+    size = f"{size_of(diagnosis, place) / MILLI:.1f} mN m rms beyond the fitted constants"
     if place.family.configuration != OFF_SHEET:
         where = f"the {place.family.side} torque in {place.family.configuration} runs"
         return f"{where} follows the {follows(place)} ({size})."
@@ -198,14 +178,13 @@ def _size(diagnosis: MotionDiagnosis, i: int, effect: tuple[Array, ...]) -> str:
 
 
 def effect_size(diagnosis: MotionDiagnosis, effect: tuple[Array, ...]) -> tuple[float, float, str]:
-    """Root mean square and peak [N m] of an effect over the rows on which it acts, and the side where it is larger."""
+    """Root mean square and peak [N m] of an effect on the side where it is larger, over its rows there; that side."""
     stretches = diagnosis.before.stretches
     of = {side: [e for e, s in zip(effect, stretches, strict=True) if s.side == side and e.any()] for side in SIDES}
     joined = {side: np.concatenate([np.zeros(1), *parts]) for side, parts in of.items()}
-    power = {side: float(values @ values) for side, values in joined.items()}
-    count = sum(len(values) - 1 for values in joined.values())
-    peak = max(float(np.abs(values).max()) for values in joined.values())
-    return float(np.sqrt(sum(power.values()) / max(count, 1))), peak, max(SIDES, key=lambda side: power[side])
+    side = max(SIDES, key=lambda side: float(joined[side] @ joined[side]))
+    values = joined[side]
+    return float(np.sqrt(values @ values / max(len(values) - 1, 1))), float(np.abs(values).max()), side
 
 
 def held_out_in_torque(diagnosis: MotionDiagnosis) -> HeldOut | None:
@@ -240,25 +219,6 @@ def proof_sentence(diagnosis: MotionDiagnosis) -> str:
     change = "drops" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly drop:")
     return (
         f"With it in the model, the error on runs not used for the fit {change} from "
-        f"{held.rmse_before / MILLI:.1f} to {held.rmse_after / MILLI:.1f} mN m; the noise is "
+        f"{held.rmse_before / MILLI:.1f} to {held.rmse_after / MILLI:.1f} mN m; noise alone makes "
         f"{held.noise_floor / MILLI:.1f} mN m."
     )
-
-
-def advice(diagnosis: MotionDiagnosis) -> str:
-    """What to do: of a cause, its remedy; of several, the run that would tell; of none, where to look."""
-    if diagnosis.verdict is Verdict.NAMED and diagnosis.naming is not None:
-        remedies = []
-        for fit in diagnosis.naming.best.fits:
-            shaft = diagnosis.naming.shafts[fit.identifier]
-            text = REMEDIES.get(fit.identifier, INTO_MODEL)
-            remedies.append(text.format(shaft={"either": "sun or ring", "both": "sun and ring"}.get(shaft, shaft)))
-        return f"Do: {'; '.join(dict.fromkeys(remedies))}."
-    if diagnosis.next_runs:
-        best = max(merged(diagnosis.next_runs), key=lambda run: run.power)
-        if best.power >= LEAST_POWER:
-            return f"Do: {best.words}."
-        return f"Do: look for the cause on the bench; no run that was tried would tell, at best {best.words}."
-    seen = [place for place in diagnosis.mismatch.locations if place.family.configuration != OFF_SHEET]
-    where = f"the {seen[0].family.side} shaft in {seen[0].family.configuration} runs" if seen else "the data sheet"
-    return f"Do: inspect {where}; the chapter on the runs shows when the torque is missing."

@@ -44,6 +44,8 @@ class MotionTerm(Term[RotorView]):
         Quantities along which its law may be another one.
     mixes : bool
         Whether its law may be one of several shapes at once, as of bristles of several lengths.
+    of_pole_angle : bool
+        Whether its sizes are torques on the pole angle, of which a rotor feels as many times as it has pole pairs.
     """
 
     component: Component = field(kw_only=True)
@@ -55,6 +57,7 @@ class MotionTerm(Term[RotorView]):
     hears: Callable[[Spectrum, float], tuple[Spectrum | float, Spectrum | float]] | None = None
     follows: tuple[LawCovariate, ...] = ()
     mixes: bool = False
+    of_pole_angle: bool = False
 
     @property
     def place(self) -> str:
@@ -85,7 +88,7 @@ def term(
     *,
     source: Source = sources.BALANCE,
     shape: Quantity | None = None,
-    **where: Any,  # noqa: ANN401 - component, shaft, variant, spreads, constants, mimicked_by, hears, follows, mixes, at_rest
+    **where: Any,  # noqa: ANN401 - component, shaft, variant, spreads, constants, mimicked_by, hears, follows, mixes, of_pole_angle, at_rest
 ) -> MotionTerm:
     """A candidate; one that does not act `at_rest` says nothing of a rotor at rest."""
     acting = law if where.pop("at_rest", False) else _turning(law)

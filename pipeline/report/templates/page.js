@@ -138,7 +138,7 @@ const pmg = {
     const heads = [...table.tHead.rows[0].cells].map((head) => head.querySelector(".heading").textContent);
     const bar = pmg.make("div", { class: "filter" });
     const field = pmg.make("input", { type: "search", placeholder: "Search rows", "aria-label": `Search rows of ${figure.dataset.title}` });
-    const told = pmg.make("span", { class: "found" });
+    const tally = pmg.make("span", { class: "found" });
     bar.append(field);
     const kept = [(row) => field.value.toLowerCase().split(/\s+/).every((word) => row.textContent.toLowerCase().includes(word))];
     const numbered = heads.map((name, column) => [name, column]).filter(([, column]) => rows.some((row) => row.cells[column]?.classList.contains("number")));
@@ -163,14 +163,14 @@ const pmg = {
       });
       bar.append(list, bound);
     }
-    bar.append(told);
+    bar.append(tally);
     bar.addEventListener("input", () => {
       let count = 0;
       for (const row of rows) {
         row.hidden = !kept.every((keep) => keep(row));
         count += row.hidden ? 0 : 1;
       }
-      told.textContent = count < rows.length ? `${count} of ${rows.length} rows` : "";
+      tally.textContent = count < rows.length ? `${count} of ${rows.length} rows` : "";
       pmg.announce(`${count} of ${rows.length} rows`);
     });
     figure.querySelector(".scroll").before(bar);

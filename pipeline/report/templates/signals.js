@@ -1,5 +1,5 @@
 // The signals behind a point: opened by a click or by Enter on a cell, by the list, or by an address that ends in
-// #point=NAME. Each point is unpacked when it is opened; the layout of its bytes is told where they are packed.
+// #point=NAME. Each point is unpacked when it is opened; the layout of its bytes is described where they are packed.
 
 (() => {
   const listing = document.getElementById("signals-index");
@@ -27,9 +27,9 @@
   const list = () => {
     const words = search.value.toLowerCase().split(/\s+/);
     const shown = current;
-    const told = (name) => (index.cells[rows.get(name)].accepted ? name : `${name}, rejected`);
-    const found = names.filter((name) => name === shown || words.every((word) => told(name).toLowerCase().includes(word)));
-    select.replaceChildren(...found.map((name) => pmg.make("option", { value: name }, told(name))));
+    const label = (name) => (index.cells[rows.get(name)].accepted ? name : `${name}, rejected`);
+    const found = names.filter((name) => name === shown || words.every((word) => label(name).toLowerCase().includes(word)));
+    select.replaceChildren(...found.map((name) => pmg.make("option", { value: name }, label(name))));
     select.value = shown;
     return found.filter((name) => name !== shown || words.every((word) => name.toLowerCase().includes(word)));
   };
@@ -71,8 +71,8 @@
   const measured = (value, expanded) => {
     if (typeof value !== "number" || !(expanded > 0) || expanded === Infinity) return short(value, 6);
     const places = Math.min(Math.max(1 - Math.floor(Math.log10(Number(expanded.toPrecision(2)))), 0), 20);
-    const told = value.toFixed(places);
-    return `${(Number(told) ? told : (0).toFixed(places)).replace("-", "−")} ± ${expanded.toFixed(places)} (95 %)`;
+    const text = value.toFixed(places);
+    return `${(Number(text) ? text : (0).toFixed(places)).replace("-", "−")} ± ${expanded.toFixed(places)} (95 %)`;
   };
 
   /** Middles of the bins before, within and after the window. */
@@ -177,11 +177,11 @@
       const given = { type: "range", min: edges[0], max: edges[3], step: (edges[3] - edges[0]) / 500, value: edges[end + 1], "aria-label": `${name} [s]` };
       return pmg.make("input", given);
     });
-    const told = pmg.make("output");
+    const span = pmg.make("output");
     const place = pmg.make("div");
     const count = () => {
       const [start, stop] = [Number(from.value), Number(to.value)].sort((a, b) => a - b);
-      told.textContent = `${short(start, 4)} to ${short(stop, 4)} s`;
+      span.textContent = `${short(start, 4)} to ${short(stop, 4)} s`;
       const lines = cell.channels.map((channel, at) => {
         const inside = times(channel).map((time, k) => [time, k]).filter(([time]) => time >= start && time <= stop).map(([, k]) => k);
         const [low, high] = [numbers(channel.low), numbers(channel.high)].map((values) => inside.map((k) => values[k]).filter((value) => value !== null));
@@ -202,7 +202,7 @@
       cursor.addEventListener("change", move);
     }
     count();
-    const bar = pmg.make("div", { class: "cursors" }, pmg.make("label", {}, "From ", from), pmg.make("label", {}, "to ", to), told);
+    const bar = pmg.make("div", { class: "cursors" }, pmg.make("label", {}, "From ", from), pmg.make("label", {}, "to ", to), span);
     return [bar, place];
   };
 
@@ -298,13 +298,13 @@
   };
   /** Says that there is no such point; the list above is there to choose another. */
   const lacking = (name) => {
-    const told = `This report holds no signals of a point named ${name}.`;
+    const missing = `This report holds no signals of a point named ${name}.`;
     shown += 1;
     pmg.forget(body);
-    body.replaceChildren(pmg.make("p", { class: "lacking" }, told));
+    body.replaceChildren(pmg.make("p", { class: "lacking" }, missing));
     current = "";
     list();
-    pmg.announce(told);
+    pmg.announce(missing);
   };
   const step = (by) => {
     const at = names.indexOf(current);

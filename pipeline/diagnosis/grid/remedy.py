@@ -1,0 +1,96 @@
+"""What to do about a diagnosis: on the bench, in the model, and which test is next."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.design.next_test import HIDDEN
+from pmg.sim.mechanisms.base import Instrument
+from pmg.sim.mechanisms.thermal import MagnetTemperature
+from pmg.sim.mechanisms.warmed import WarmingBearings
+from pmg.sim.signals import MINUTE
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.design.next_test import NextTest
+    from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
+    from pmg.sim.grid import OperatingPoints
+    from pmg.sim.mechanisms import Mechanism
+    from pmg.sim.signals import Array
+
+EXTENDED = "compare with the extended model (`pmg compare --model model.toml`)"
+
+
+def advice(diagnosis: Diagnosis) -> str:
+    """Remedy for the named mechanisms, on the bench or in the model."""
+    action = bench_action(diagnosis)
+    if is_fault(diagnosis):
+        return f"Do: {action}."
+    return f"Do: {action}, or {EXTENDED}." if action else f"Do: {EXTENDED}."
+
+
+def is_fault(diagnosis: Diagnosis) -> bool:
+    """Whether a fault of a reading is among what was named."""
+    naming = diagnosis.naming
+    return naming is not None and any(issubclass(fit.candidate.kind, Instrument) for fit in naming.best.fits)
+
+
+def bench_action(diagnosis: Diagnosis) -> str:
+    """What to do on the bench about the named mechanisms; empty where nothing is to be done there."""
+    naming = diagnosis.naming
+    if naming is None:
+        return ""
+    if is_fault(diagnosis):
+        if any(naming.on_the_other_shaft(fit) for fit in naming.best.fits):
+            return "calibrate one of the two transducers, or exchange them and repeat loaded points; that tells which"
+        return "check the zero and the calibration of the torque transducers"
+    if any(fit.candidate.kind.memory for fit in naming.best.fits):
+        if warm := begins_warm(diagnosis):
+            return f"log the temperature, and wait until the drag stands still: the {warm} begin warm"
+        return "log the temperature, and warm up first"
+    return ""
+
+
+def begins_warm(diagnosis: Diagnosis) -> str:
+    """The part that a named mechanism warms where it begins warmer than it is on average; else empty."""
+    naming, found, at = diagnosis.naming, diagnosis.refit, diagnosis.mismatch.readings.grid.points
+    if naming is None or found is None or not at.ordered:
+        return ""
+    for mechanism, fit in zip(found.mechanisms(naming.best.problem), naming.best.fits, strict=True):
+        for shaft in ("sun", "ring") if fit.candidate.shaft == "both" else (fit.candidate.shaft,):
+            what, rise = warmth(mechanism, shaft, at)
+            known = np.isfinite(rise)
+            if known.any() and rise[known][np.argmin(at.started_at[known])] > np.mean(rise[known]):
+                return what
+    return ""
+
+
+def warmth(mechanism: Mechanism, shaft: str, at: OperatingPoints) -> tuple[str, Array]:
+    """Part that a mechanism warms, and its rise above the room at each point [K]; empty and NaN where there is none."""
+    if isinstance(mechanism, WarmingBearings) and (rise := mechanism.rises(at)[shaft]).any():
+        return f"{shaft} bearings", rise
+    if isinstance(mechanism, MagnetTemperature):
+        return "magnets", mechanism.rise(at)
+    return "", np.full(len(at), np.nan)
+
+
+def lifting(diagnosis: Diagnosis) -> str:
+    """The test that a blind design lacks, as a sentence or two."""
+    test = diagnosis.lifting
+    if test is None:
+        return "Repeat points spread over the grid, in random order."
+    power = f"It shows a drift of {HIDDEN:g} times the repeatability with a probability of {test.power:.0%}."
+    return f"{test.plan.description} ({test.plan.seconds / MINUTE:.0f} min). {power}"
+
+
+def words_of_test(test: NextTest) -> str:
+    """A test with its bench time and its power, as a sentence."""
+    plan = test.plan
+    minutes, power = f"{plan.seconds / MINUTE:.0f} min", f"{test.power:.0%}"
+    return f"{plan.description} ({minutes}; it tells with a probability of {power})."
+
+
+def best_test(tests: tuple[NextTest, ...]) -> NextTest:
+    """The most powerful of some tests, the shortest of those that are as powerful."""
+    return max(tests, key=lambda test: (test.power, -test.plan.seconds))

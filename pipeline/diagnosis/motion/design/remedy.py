@@ -1,0 +1,71 @@
+"""What to do about a diagnosis of runs in motion: on the bench, and which run is next."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.motion.design.next_runs import LEAST_POWER, merged
+from pmg.pipeline.diagnosis.motion.evidence import OFF_SHEET
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
+
+REMEDIES = {
+    "rotor_inertia": "check the drawing of the {shaft} rotor for parts it lacks",
+    "coupling_compliance": "inspect the {shaft} coupling, its clamping and its elastomer",
+    "coupling_backlash": "inspect the {shaft} coupling and take out its play",
+    "pull_out_torque": "put the fitted pull-out torque into the bench file",
+    "lubricant_viscosity": "log the temperature of the {shaft} bearings and warm up first",
+    "magnet_temperature": "log the temperature of the magnets and warm up first",
+    "torque_zero_drift": "take the zero of the {shaft} transducer before and after each run",
+    "torque_gain_error": "calibrate the {shaft} torque transducer",
+    "torque_crosstalk": "calibrate both torque transducers against each other",
+    "transducer_bandwidth": "check the filter of the {shaft} torque transducer",
+    "channel_delay": "check the filters and the clock of the {shaft} torque and angle channels",
+    "encoder_eccentricity": "check the seat of the {shaft} encoder",
+    "shaft_unbalance": "balance the {shaft} shaft",
+    "coupling_misalignment": "align the {shaft} coupling",
+    "presliding_friction": "inspect the {shaft} bearings and seals",
+    "direction_dependent_friction": "inspect the {shaft} bearings and seals",
+}
+"""What to do about a mechanism; the others belong into the model."""
+
+INTO_MODEL = "put the law with its fitted parameters (see `diagnosis.json`) into the model of the drive"
+
+
+def advice(diagnosis: MotionDiagnosis) -> str:
+    """What to do: of a cause, its remedy; of several, the run that would tell; of none, where to look."""
+    if diagnosis.verdict is Verdict.NAMED and diagnosis.naming is not None:
+        remedies = bench_actions(diagnosis)
+        every = remedies if len(remedies) == len(diagnosis.naming.best.fits) else (*remedies, INTO_MODEL)
+        return f"Do: {'; '.join(every)}."
+    if diagnosis.next_runs:
+        return f"Do: {next_run(diagnosis)}."
+    return f"Do: inspect {where_to_look(diagnosis)}; the chapter on the runs shows when the torque is missing."
+
+
+def bench_actions(diagnosis: MotionDiagnosis) -> tuple[str, ...]:
+    """What to do on the bench about each named mechanism that can be mended there."""
+    if diagnosis.naming is None or diagnosis.verdict is not Verdict.NAMED:
+        return ()
+    actions = []
+    for fit in diagnosis.naming.best.fits:
+        shaft = diagnosis.naming.shafts[fit.identifier]
+        where = {"either": "sun or ring", "both": "sun and ring"}.get(shaft, shaft)
+        actions.append(REMEDIES.get(fit.identifier, "").format(shaft=where))
+    return tuple(dict.fromkeys(filter(None, actions)))
+
+
+def next_run(diagnosis: MotionDiagnosis) -> str:
+    """The run that tells most, or that none would tell, to go on after a colon."""
+    best = max(merged(diagnosis.next_runs), key=lambda run: run.power)
+    if best.power >= LEAST_POWER:
+        return best.words
+    return f"look for the cause on the bench; no run that was tried would tell, at best {best.words}"
+
+
+def where_to_look(diagnosis: MotionDiagnosis) -> str:
+    """Shaft and runs in which the difference is clearest."""
+    seen = [place for place in diagnosis.mismatch.locations if place.family.configuration != OFF_SHEET]
+    return f"the {seen[0].family.side} shaft in {seen[0].family.configuration} runs" if seen else "the data sheet"
