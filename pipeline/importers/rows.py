@@ -14,6 +14,8 @@ from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import numpy.typing as npt
 
     from pmg.pipeline.importers.channel_map import Timing
@@ -31,6 +33,10 @@ LONGEST_GAP = 50_000_000
 """Samples that a gap may hold."""
 
 
+class UnevenTimesError(RecordingError):
+    """Times that grow, though not by whole samples."""
+
+
 @dataclass
 class Rows:
     """Places of rows on the sample clock, block after block.
@@ -45,6 +51,8 @@ class Rows:
         Receives gaps, and rows without a time.
     rate_hz : float, optional
         Sample rate [Hz]; known after the first block.
+    read : int
+        Rows that came by so far.
 
     Notes
     -----
@@ -59,6 +67,7 @@ class Rows:
     place: str
     findings: Findings
     rate_hz: float | None = None
+    read: int = field(default=0, init=False)
     _next: int = field(default=0, init=False)
     _begun: tuple[int, float] | None = field(default=None, init=False)
     _last: tuple[int, float] | None = field(default=None, init=False)
@@ -68,15 +77,38 @@ class Rows:
     _wrap: float | None = field(default=None, init=False)
     _wraps: int = field(default=0, init=False)
 
+    def placed(self, blocks: Iterator[Block]) -> Iterator[tuple[npt.NDArray[np.int64], Block]]:
+        """Each block with the sample index of its rows, as `of` and `finish` have it."""
+        for block in blocks:
+            index = self.of(block)
+            if self.rate_hz is not None:
+                yield index, block
+        self.finish()
+
+    def seconds_of(self, block: Block) -> Array:
+        """Times of a block's rows as they are (n,) [s]; those of a counter go on where it wraps, NaN where none is."""
+        assert self.timing.column is not None  # rows without times are even
+        values = np.asarray(block.columns[self.timing.column], dtype=np.float64)
+        self.read += len(values)
+        if self.timing.bits is None:
+            return np.asarray(values * self.timing.scale)
+        seconds, known = np.full(len(values), np.nan), np.isfinite(values)
+        if known.any():
+            seconds[known] = self._seconds(values[known], block.places[known])
+        return seconds
+
     def of(self, block: Block) -> npt.NDArray[np.int64]:
         """Sample index of each row of the next block; -1 for rows that have no place.
 
         Raises
         ------
+        UnevenTimesError
+            When times grow, and not by whole samples.
         RecordingError
-            When times stand still, run backward, or are not evenly spaced.
+            When times stand still or run backward.
         """
         count = len(block.places)
+        self.read += count
         if self.timing.column is None:
             first, self._next = self._next, self._next + count
             return np.arange(first, first + count)
@@ -197,7 +229,8 @@ class Rows:
             if samples[row] < -UNEVEN
             else "Where the computer made the times, give rate_Hz in [time] instead of `source`; else correct rate_Hz."
         )
-        raise RecordingError(self._at(places[row]), came, "steps forward by whole samples", do)
+        fault = UnevenTimesError if step > 0.0 and whole[row] < LONGEST_GAP else RecordingError
+        raise fault(self._at(places[row]), came, "steps forward by whole samples", do)
 
     def _found_rate(self, seconds: Array, places: npt.NDArray[np.int64]) -> float:
         """Sample rate that the times of the first block show [Hz]."""
