@@ -1,4 +1,4 @@
-"""Rows whose times scatter, brought to an even sample clock by the times as they were recorded."""
+"""Rows whose times scatter or begin anew, brought to an even sample clock by their times as recorded."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.importers.clocks.clock import even_stretches
+from pmg.pipeline.importers.rows import LONGEST_GAP
 from pmg.pipeline.importers.source import Block
 from pmg.sim.errors import RecordingError
 
@@ -45,10 +46,6 @@ def even_rows(
     or evenly and stamped late, the signals decide; only the former are resampled.
     """
     whole = list(blocks)
-    for topic in (topic for topic, conversion in conversions.items() if not conversion.continuous):
-        do = "Leave the channel out, or give rate_Hz in [time] instead of `source` where samples are even."
-        where = f"{rows.file}: {topic}"
-        raise RecordingError(where, "rows at uneven times", "a signal that can be resampled, or even rows", do)
     places = np.concatenate([block.places for block in whole])
     signals = {
         topic: conversion.counted_on(np.concatenate([block.columns[conversion.mapped.wanted] for block in whole]))
@@ -56,8 +53,19 @@ def even_rows(
     }
     seconds = np.concatenate([rows.seconds_of(block) for block in whole])
     clock = even_stretches(seconds, rows.timing.rate_hz, signals, f"{rows.file}: time column", rows.findings)
-    rows.rate_hz = clock.rate_hz
+    rows.rate_hz, last = clock.rate_hz, clock.stretches[0].start
     for stretch in clock.stretches:
+        if (stretch.start - last) * clock.rate_hz > LONGEST_GAP:
+            came, do = f"a pause of {stretch.start - last:.6g} s", "Split the file there."
+            raise RecordingError(f"{rows.file}: time column", came, f"at most {LONGEST_GAP} samples", do)
+        last = float(stretch.time[-1])
+        for topic, values in stretch.channels.items():
+            if not (
+                conversions[topic].continuous or np.array_equal(values, signals[topic][stretch.rows], equal_nan=True)
+            ):
+                do = "Leave the channel out, or give rate_Hz in [time] instead of `source` where samples are even."
+                came = "rows at uneven times, or rows missing"
+                raise RecordingError(f"{rows.file}: {topic}", came, "even rows of what cannot be resampled", do)
         first = round((stretch.start - clock.stretches[0].start) * clock.rate_hz)
         row = np.minimum(stretch.rows.start + np.arange(len(stretch.time)), stretch.rows.stop - 1)
         found: dict[Wanted, npt.NDArray[Any]] = {

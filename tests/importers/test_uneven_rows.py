@@ -1,4 +1,4 @@
-"""Rows at uneven times come onto the sample clock by those times, and what cannot is refused."""
+"""Rows at uneven times, or times that begin anew, come onto the sample clock by these; what cannot is refused."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 import pytest
+from polars.testing import assert_frame_equal
 
 from pmg.pipeline.importers.channel_map import read_map
 from pmg.pipeline.importers.import_recording import import_recording
@@ -87,6 +88,16 @@ def test_the_signals_decide_whether_uneven_rows_are_resampled(
         assert np.ptp(angle - SPEED * at) < 3.0 * size, "counts and angles go on where they begin anew"
 
 
+@pytest.mark.parametrize(("wrap", "start"), [(60.0, 57.3), (2**16 * 1e-3, 62.0)])
+def test_seconds_that_begin_anew_are_counted_on_and_told(tmp_path: Path, wrap: float, start: float) -> None:
+    even = np.arange(N) / written.RATE
+    sound, whole = brought(tmp_path, even, taken_at(even), "parquet")
+    done, found = brought(tmp_path, (start + even) % wrap, taken_at(even), "parquet")
+    assert sum("it begins anew 1 time" in f.message for f in done.findings) == 1
+    assert (done.rate_hz, done.written) == (sound.rate_hz, sound.written)
+    assert_frame_equal(found.samples, whole.samples, abs_tol=2.0 * COUNT)
+
+
 def test_even_rows_are_not_resampled_and_out_of_order_is_refused(tmp_path: Path) -> None:
     even = np.arange(N) / written.RATE
     done, _ = brought(tmp_path, even, taken_at(even), "parquet")
@@ -96,11 +107,19 @@ def test_even_rows_are_not_resampled_and_out_of_order_is_refused(tmp_path: Path)
         brought(tmp_path, even[order], taken_at(even[order]), "parquet")
 
 
-def test_edges_at_uneven_times_are_refused_with_the_way_out(tmp_path: Path, rng: np.random.Generator) -> None:
-    late = (np.arange(N) + rng.uniform(0.0, 0.8, N)) / written.RATE
-    pl.DataFrame({"t": late, "e": np.arange(N) * 20}).write_parquet(tmp_path / "E1.parquet")
-    channels = written.channel("/daq/torque_sun/edges", "e", bits=32)
+def test_edges_are_counted_on_and_not_resampled(tmp_path: Path, rng: np.random.Generator) -> None:
+    channels = written.channel("/daq/torque_sun/edges", "e") + written.channel(
+        "/daq/torque_ring/frequency", "f", unit="Hz"
+    )
     chart = read_map(written.write_map(tmp_path, written.map_text(channels, "source = 't'")))
+    even = np.arange(N) / written.RATE
+    late = even + rng.uniform(0.0, 0.8, N) / written.RATE
+    frequency = 10_000.0 + 100.0 * torque(late)
+    for name, stamps in (("wrapped", (even + 57.3) % 60.0), ("uneven", late)):
+        table = pl.DataFrame({"t": stamps, "e": np.floor(1e4 * late), "f": frequency})
+        table.write_parquet(tmp_path / f"{name}.parquet")
+    done = import_recording(tmp_path / "wrapped.parquet", chart, tmp_path / "a.mcap")
+    assert set(done.written.values()) == {N}
     with pytest.raises(RecordingError, match=r"edges: rows at uneven times.*rate_Hz in \[time\]"):
-        import_recording(tmp_path / "E1.parquet", chart, tmp_path / "a.mcap")
-    assert not (tmp_path / "a.mcap").exists()
+        import_recording(tmp_path / "uneven.parquet", chart, tmp_path / "b.mcap")
+    assert not (tmp_path / "b.mcap").exists()
