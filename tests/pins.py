@@ -11,14 +11,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 REQUIREMENTS = ROOT / "requirements.txt"
-SECTIONS = {"run": (), "dev": ("dev",), "all": ("dev", "tdms", "mf4", "hdf5", "dask")}
+SECTIONS = {"run": (), "dev": ("dev",)}
 """Sections of requirements.txt, each with the extras whose packages it adds to those of the sections before."""
 MARK = "# --- "
 HEAD = f"""\
 # Every package that pmg installs, at the version of constraints.txt, with the SHA-256 of every file of that version:
 # wheels for all systems and Pythons, and the source. An installer that is told to require them (pip and uv:
-# --require-hashes) takes no other bytes. pmgw installs up to '{MARK}dev', or up to '{MARK}all' with the tools of the
-# desk; the last section is for the optional formats. Made by './pmgw pins' (needs uv); not written by hand.
+# --require-hashes) takes no other bytes. pmgw installs up to '{MARK}dev', or all with the tools of the desk, which
+# read every optional format. Made by './pmgw pins' (needs uv); not written by hand.
 """
 BLOCK = re.compile(
     r"^(?P<name>[a-z0-9][a-z0-9.-]*)==(?P<version>\S+)(?P<marker> ; .*?)?(?P<hashes>(?: \\\n    --hash=\S+)+)\n", re.M

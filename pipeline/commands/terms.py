@@ -18,7 +18,7 @@ from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.causes import cause_lines, named_causes, near_causes, nearest_lines
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import headline, terms_document, terms_lines
-from pmg.pipeline.diagnosis.balance.machine.found_and_stated import found_and_stated
+from pmg.pipeline.diagnosis.balance.machine.found_and_stated import found_and_stated, not_compared
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.machine.machine_document import machine_document
 from pmg.pipeline.diagnosis.balance.machine.power import steady_points
@@ -148,7 +148,7 @@ def check_machine(machine: str, recordings: Path | None) -> Outcome:
     if bare:
         lines.append(f"without an uncertainty: {', '.join(bare)}")
     data: dict[str, Any] = {"machine": described.title, "without_uncertainty": bare, "recordings": []}
-    findings = remarks_on_bench(described) if usual(described) else ()
+    findings = remarks_on_bench(described) if usual(described) else not_compared(described)
     if recordings is not None and usual(described):
         survey = "pmg doctor RECORDINGS --machine FILE"
         raise BenchError(str(recordings), "recordings in layout pmg.v1", "none", f"Look at them by '{survey}'.")
@@ -205,7 +205,7 @@ def _run(case: Case, file: Path, out: Path, seed: int | None, machine: Machine |
             *nearest_lines(diagnosis),
             f"report: {page[0]}",
         ),
-        (*_findings(recorded), *_findings(withheld), *((OF_A_CASE,) if machine is None else ())),
+        (*_findings(recorded), *_findings(withheld), *((OF_A_CASE,) if machine is None else not_compared(machine))),
         mismatch=diagnosis.verdict is not Verdict.CONSISTENT,
     )
 

@@ -108,6 +108,24 @@ class Conversion:
             self.mapped.bits if encoder and self.kind == "count" and self.mapped.bits < DEFAULT_BITS else DEFAULT_BITS
         )
 
+    @property
+    def continuous(self) -> bool:
+        """Whether what lies between two samples lies between their values; not so of ticks, edges and lines."""
+        return self.mapped.topic.endswith(("/frequency", "/count"))
+
+    def counted_on(self, values: npt.NDArray[Any]) -> Array:
+        """Values in their own unit without the steps at which they begin anew (n,); NaN where one is missing."""
+        found = np.asarray(values, dtype=np.float64).copy()
+        period = 2.0**self.mapped.bits if self.kind == "count" else self.mapped.wraps_at
+        if period is not None and self.kind in ("count", "angle"):
+            known = np.isfinite(found)
+            found[known] = np.unwrap(found[known], period=period)
+        return found
+
+    def as_recorded(self, values: Array) -> Array:
+        """Values of `counted_on` as `samples` takes them (n,): counts whole, and of their width."""
+        return np.asarray(np.rint(values) % 2.0**self.mapped.bits if self.kind == "count" else values)
+
     def metadata(self, rate_hz: float) -> dict[str, str]:
         """Metadata of the channel in the recording."""
         spec = SPECS[self.mapped.topic]

@@ -14,8 +14,9 @@ from pmg.pipeline.importers.block_file import BlockFile, block_file
 from pmg.pipeline.importers.channel_map import Lookup, Timing
 from pmg.pipeline.importers.convert import Conversion
 from pmg.pipeline.importers.open_source import open_source
-from pmg.pipeline.importers.rows import Rows
+from pmg.pipeline.importers.rows import Rows, UnevenTimesError
 from pmg.pipeline.importers.source import Wanted, channel_of
+from pmg.pipeline.importers.uneven_rows import even_rows
 from pmg.pipeline.recording.calibration import ATTACHMENT, read_calibration
 from pmg.pipeline.recording.channels import edge_ticks, edges, encoder, frequency
 from pmg.pipeline.recording.findings import Code, Findings
@@ -98,12 +99,24 @@ def import_recording(
     ------
     PmgError
         When the file cannot be read as the map says. Nothing is written then.
+
+    Notes
+    -----
+    Rows whose times miss whole samples are brought to an even clock by `even_rows`, for which the file is read again.
     """
+    try:
+        return _imported(path, channel_map, out, words or {}, even=True)
+    except UnevenTimesError:
+        return _imported(path, channel_map, out, words or {}, even=False)
+
+
+def _imported(path: Path, channel_map: ChannelMap, out: Path, words: Mapping[str, str], *, even: bool) -> Imported:
+    """The import, with rows by their places on the sample clock, or by their times."""
     findings = Findings(path.name)
     stat = path.stat()
     sha256 = sha256_of(path)
     source = open_source(path, channel_map.table.csv, findings)
-    run, entries = _run(channel_map, source, words or {})
+    run, entries = _run(channel_map, source, words)
     _tell_unasked(run, channel_map, findings)
     calibration, attachment = _calibration(channel_map)
     conversions = {
@@ -114,14 +127,13 @@ def import_recording(
     asked = [mapped.wanted for mapped in channel_map.table.channel]
     timing = _timing(channel_map.table.time.timing, source, asked)
     wanted = list(dict.fromkeys([*asked, *([timing.column] if timing.column else [])]))
-    rows, count = Rows(timing, path.name, source.place, findings, timing.rate_hz), 0
+    rows = Rows(timing, path.name, source.place, findings, timing.rate_hz)
+    blocks = source.blocks(wanted)
     with ExitStack() as stack:
         file: BlockFile | None = None
-        for block in source.blocks(wanted):
-            index = rows.of(block)
-            if rows.rate_hz is None:
-                continue
+        for index, block in rows.placed(blocks) if even else even_rows(blocks, rows, conversions):
             if file is None:
+                assert rows.rate_hz is not None  # rows have places
                 file = stack.enter_context(block_file(out, run.started_at, rows.rate_hz))
                 _head(file, entries, attachment, channel_map, conversions)
             file.write(
@@ -130,11 +142,9 @@ def import_recording(
                     for t, c in conversions.items()
                 }
             )
-            count += len(block.places)
         if file is None:
             raise RecordingError(str(path), "no row with data", "samples", "Look into the file.")
-        rows.finish()
-        _finish(path, count, file, conversions)
+        _finish(path, rows.read, file, conversions)
         if (path.stat().st_size, path.stat().st_mtime_ns) != (stat.st_size, stat.st_mtime_ns):
             do = "Wait until the recorder is done, and import it again."
             raise RecordingError(str(path), "it changed while it was read", "a file that is whole", do)
@@ -145,7 +155,7 @@ def import_recording(
             "source_bytes": str(stat.st_size),
             "source_format": source.format,
             "source_reader": source.reader,
-            "source_rows": str(count),
+            "source_rows": str(rows.read),
             **{f"source_{name}": word for name, word in source.reading.items()},
             "map": channel_map.path.name,
             "findings": json.dumps([finding.to_dict() for finding in found], ensure_ascii=False),
@@ -154,7 +164,7 @@ def import_recording(
         file.writer.add_metadata(ORIGIN, origin)
         rate, written = file.rate_hz, dict(file.written)
     kind, reader, reading = source.format, source.reader, source.reading
-    return Imported(path, out, kind, reader, sha256, reading, stat.st_size, count, rate, written, found)
+    return Imported(path, out, kind, reader, sha256, reading, stat.st_size, rows.read, rate, written, found)
 
 
 def _finish(path: Path, rows: int, file: BlockFile, conversions: Mapping[str, Conversion]) -> None:

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.importers.clocks.time_column import KNOWN_WRAPS, LONGEST_BACK
 from pmg.pipeline.recording.channels import LARGEST_RATE
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import numpy.typing as npt
 
     from pmg.pipeline.importers.channel_map import Timing
@@ -31,6 +32,10 @@ LONGEST_GAP = 50_000_000
 """Samples that a gap may hold."""
 
 
+class UnevenTimesError(RecordingError):
+    """Times that do not go on by whole samples: they scatter, stand still, begin anew, or are out of order."""
+
+
 @dataclass
 class Rows:
     """Places of rows on the sample clock, block after block.
@@ -45,6 +50,8 @@ class Rows:
         Receives gaps, and rows without a time.
     rate_hz : float, optional
         Sample rate [Hz]; known after the first block.
+    read : int
+        Rows that came by so far.
 
     Notes
     -----
@@ -59,24 +66,42 @@ class Rows:
     place: str
     findings: Findings
     rate_hz: float | None = None
+    read: int = field(default=0, init=False)
     _next: int = field(default=0, init=False)
     _begun: tuple[int, float] | None = field(default=None, init=False)
     _last: tuple[int, float] | None = field(default=None, init=False)
     _tick: tuple[int, int] | None = field(default=None, init=False)
-    _shown: float | None = field(default=None, init=False)
-    _passed: float = field(default=0.0, init=False)
-    _wrap: float | None = field(default=None, init=False)
-    _wraps: int = field(default=0, init=False)
+
+    def placed(self, blocks: Iterator[Block]) -> Iterator[tuple[npt.NDArray[np.int64], Block]]:
+        """Each block with the sample index of its rows, as `of` and `finish` have it."""
+        for block in blocks:
+            index = self.of(block)
+            if self.rate_hz is not None:
+                yield index, block
+        self.finish()
+
+    def seconds_of(self, block: Block) -> Array:
+        """Times of a block's rows as they are (n,) [s]; those of a counter go on where it wraps, NaN where none is."""
+        assert self.timing.column is not None  # rows without times are even
+        values = np.asarray(block.columns[self.timing.column], dtype=np.float64)
+        self.read += len(values)
+        seconds, known = np.full(len(values), np.nan), np.isfinite(values)
+        if known.any():
+            seconds[known] = self._seconds(values[known], block.places[known])
+        return seconds
 
     def of(self, block: Block) -> npt.NDArray[np.int64]:
         """Sample index of each row of the next block; -1 for rows that have no place.
 
         Raises
         ------
+        UnevenTimesError
+            When times do not go on by whole samples.
         RecordingError
-            When times stand still, run backward, or are not evenly spaced.
+            When a counter goes back, or time goes on by more than any pause.
         """
         count = len(block.places)
+        self.read += count
         if self.timing.column is None:
             first, self._next = self._next, self._next + count
             return np.arange(first, first + count)
@@ -98,9 +123,6 @@ class Rows:
         RecordingError
             When they differ by more than `DRIFT_REFUSED`.
         """
-        if self._wrap is not None:
-            message = f"it begins anew {counted(self._wraps, 'time')}, after {self._wrap:g} s each, and is counted on"
-            self.findings.info(Code.CLOCK_JUMP, f"{self.file}: time column", message, "Nothing to do.")
         if self._begun is None or self._last is None or self.rate_hz is None or self._last[0] == self._begun[0]:
             return
         samples, seconds = self._last[0] - self._begun[0], self._last[1] - self._begun[1]
@@ -122,7 +144,7 @@ class Rows:
         """Times [s]; those of a counter go on where it wraps."""
         bits = self.timing.bits
         if bits is None:
-            return self._counted_on(np.asarray(values, dtype=np.float64) * self.timing.scale)
+            return np.asarray(values, dtype=np.float64) * self.timing.scale
         ticks = np.asarray(values).astype(np.int64)
         low, high = -(1 << (bits - 1)), 1 << bits
         odd = (ticks != values) | (ticks < low) | (ticks >= high)
@@ -144,26 +166,6 @@ class Rows:
         passed = total + np.cumsum(steps)
         self._tick = int(ticks[-1]), int(passed[-1])
         return np.asarray(passed * self.timing.scale)
-
-    def _counted_on(self, seconds: Array) -> Array:
-        """Times that begin anew, as at each full minute, counted on; other steps back are left to be refused."""
-        before = seconds[0] if self._shown is None else self._shown
-        self._shown = float(seconds[-1])
-        steps = np.diff(seconds, prepend=before)
-        back = np.flatnonzero(steps < 0.0)
-        if len(back):
-            usual = float(np.median(np.abs(steps[steps != 0.0])))
-            for row in back:
-                turned = [wrap for wrap in KNOWN_WRAPS if 0.0 < steps[row] + wrap < LONGEST_BACK * usual]
-                if turned and self._wrap in (None, turned[0]):
-                    self._wrap = turned[0]
-                    self._wraps += 1
-                    steps[row] += turned[0]
-        passed = self._passed + np.cumsum(steps)
-        if self._begun is None:
-            passed = passed + seconds[0]
-        self._passed = float(passed[-1])
-        return np.asarray(seconds if not self._wraps else passed)
 
     def _placed(self, seconds: Array, places: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
         if self.rate_hz is None:
@@ -197,7 +199,8 @@ class Rows:
             if samples[row] < -UNEVEN
             else "Where the computer made the times, give rate_Hz in [time] instead of `source`; else correct rate_Hz."
         )
-        raise RecordingError(self._at(places[row]), came, "steps forward by whole samples", do)
+        fault = UnevenTimesError if whole[row] < LONGEST_GAP else RecordingError
+        raise fault(self._at(places[row]), came, "steps forward by whole samples", do)
 
     def _found_rate(self, seconds: Array, places: npt.NDArray[np.int64]) -> float:
         """Sample rate that the times of the first block show [Hz]."""

@@ -61,6 +61,13 @@ def in_si(channel: Channel, known: Mapping[str, float]) -> tuple[Channel, float]
     return channel, channel.sign * known[channel.unit]
 
 
+def with_constant(channel: Channel, axis: Axis, constant: float | None) -> Channel:
+    """A current with the motor's constant as its factor [N/A, N m/A], where it has none; any other as it is."""
+    if constant is None or channel.unit != "A" or getattr(channel, axis.factor) is not None:
+        return channel
+    return channel.model_copy(update={axis.factor: constant})
+
+
 def check_factor(channel: Channel, axis: Axis, *, drives: bool) -> None:
     """Refuse a command without its factor, and a factor where none belongs.
 
@@ -76,7 +83,8 @@ def check_factor(channel: Channel, axis: Axis, *, drives: bool) -> None:
         if given == 0.0:
             refuse("0", "a factor other than zero", "Correct the value.", key)
     if channel.unit in COMMANDS and getattr(channel, axis.factor) is None:
-        refuse("missing", f"{axis.push} of one {channel.unit}", f"Add {axis.factor}.", axis.factor)
+        motor = " or, of a current, motor.constant of the shaft" if channel.unit == "A" else ""
+        refuse("missing", f"{axis.push} of one {channel.unit}", f"Add {axis.factor}{motor}.", axis.factor)
 
 
 class PrepareTable(Strict):

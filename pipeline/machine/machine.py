@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from pmg.pipeline.machine.quantity import Stated
+from pmg.pipeline.machine.quantity import summed
 from pmg.sim.bench import speed_ratio
 
 if TYPE_CHECKING:
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.files.table_file import TableFile
     from pmg.pipeline.machine.axis import Axis
     from pmg.pipeline.machine.channel import Channel
+    from pmg.pipeline.machine.quantity import Stated
     from pmg.pipeline.machine.tables import ModelTable, Published, RecordsTable
 
 SHAFT_NUMBERS = {
@@ -95,16 +95,11 @@ class MachineShaft:
     numbers: Mapping[str, Stated]
     channels: Mapping[str, tuple[Channel, float]]
 
-    @property
-    def total_inertia(self) -> Stated | None:
-        """Inertia of all that moves with it, where any is stated; its uncertainty where all have one."""
-        parts = [self.numbers[key] for key in ("inertia", "rotor_inertia", "motor.inertia") if key in self.numbers]
-        if not parts:
-            return None
-        spread = [part.u for part in parts if part.u is not None]
-        u = math.hypot(*spread) if len(spread) == len(parts) else None
-        sources = "; ".join(dict.fromkeys(part.source for part in parts if part.source))
-        return Stated(sum(part.value for part in parts), parts[0].unit, u, sources)
+    def total(self, key: str) -> Stated | None:
+        """A number of it, where it is stated; ``inertia`` is that of all that moves with it."""
+        keys = ("inertia", "rotor_inertia", "motor.inertia") if key == "inertia" else (key,)
+        parts = [(self.numbers[each], 1.0) for each in keys if each in self.numbers]
+        return summed(parts) if parts else None
 
 
 @dataclass(frozen=True)
@@ -186,20 +181,14 @@ class Machine:
         key : str
             ``inertia`` (all that moves with a shaft), ``friction.coulomb`` or ``friction.viscous``.
         """
-        parts = [end.total_inertia if key == "inertia" else end.numbers.get(key) for end in self.ends]
+        parts = [end.total(key) for end in self.ends]
         stated = [part for part in parts if part is not None]
         if len(stated) < len(parts):
             return None
         ratio = 1.0 if self.gear is None else abs(self.gear.ratio)
         faster = [1.0 if end is shaft else 1.0 / ratio if shaft is self.ends[0] else ratio for end in self.ends]
         factors = [f if key == "friction.coulomb" else f**2 for f in faster]
-        spread = [part.u * factor for part, factor in zip(stated, factors, strict=True) if part.u is not None]
-        return Stated(
-            sum(part.value * factor for part, factor in zip(stated, factors, strict=True)),
-            stated[0].unit,
-            math.hypot(*spread) if len(spread) == len(stated) else None,
-            "; ".join(dict.fromkeys(part.source for part in stated if part.source)),
-        )
+        return summed(list(zip(stated, factors, strict=True)))
 
     @property
     def ends(self) -> tuple[MachineShaft, ...]:

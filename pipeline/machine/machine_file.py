@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from pmg.pipeline.files.strict_tables import Strict, one_of, refuse, refusing, word_of
 from pmg.pipeline.files.table_file import read_table_file
 from pmg.pipeline.machine.axis import LINEAR, ROTARY
-from pmg.pipeline.machine.channel import TEMPERATURES, TIMES, check_factor, in_si
+from pmg.pipeline.machine.channel import TEMPERATURES, TIMES, in_si
 from pmg.pipeline.machine.machine import GEAR_NUMBERS, SHAFT_NUMBERS, Machine, MachineGear, MachineShaft
 from pmg.pipeline.machine.quantity import stated
 from pmg.pipeline.machine.tables import GearTable, ModelTable, Published, PublishedErrors, RecordsTable, ShaftTable
@@ -118,16 +118,9 @@ def _shafts_of(table: _MachineTable) -> dict[str, MachineShaft]:
     for name, shaft in table.shaft.items():
         axis = _axis_of(shaft)
         numbers = _numbers(shaft, SHAFT_NUMBERS, table.source, axis is LINEAR, "shaft", name)
-        other = "torque" if axis.pushes == "force" else "force"
-        if getattr(shaft.channel, other) is not None:
-            refuse(other, axis.pushes, "Rename the channel.", "shaft", name, "channel", other)
-        channels = {}
-        for kind, units in {"position": axis.positions, "velocity": axis.speeds, axis.pushes: axis.forces}.items():
-            channel = getattr(shaft.channel, kind)
-            if channel is not None:
-                with refusing("shaft", name, "channel", kind):
-                    channels["force" if kind == axis.pushes else kind] = in_si(channel, units)
-                    check_factor(channel, axis, drives=kind == axis.pushes)
+        constant = numbers.get("motor.constant")
+        with refusing("shaft", name, "channel"):
+            channels = shaft.channel.of(axis, None if constant is None else constant.value)
         found[name] = MachineShaft(name, axis, numbers, channels)
     return found
 

@@ -11,7 +11,7 @@ from pmg.pipeline.machine.axis import DEGREE
 from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
 MOST_STATED = 1e13
 """Largest value of a number about a machine."""
@@ -88,6 +88,14 @@ class Stated:
         unit = "" if self.unit == "1" else f" {self.unit}"
         spread = " (no uncertainty stated)" if self.u is None else f" ± {self.u:.2g}"
         return f"{self.value:.6g}{spread}{unit}" if self.u is not None else f"{self.value:.6g}{unit}{spread}"
+
+
+def summed(parts: Sequence[tuple[Stated, float]]) -> Stated:
+    """Sum of numbers, each times a factor; its uncertainty where all have one, and their sources."""
+    spread = [one.u * factor for one, factor in parts if one.u is not None]
+    sources = "; ".join(dict.fromkeys(one.source for one, _ in parts if one.source))
+    u = math.hypot(*spread) if len(spread) == len(parts) else None
+    return Stated(sum(one.value * factor for one, factor in parts), parts[0][0].unit, u, sources)
 
 
 def stated(table: QuantityTable, kind: str, source: str, slides: bool = False, *, signed: bool = False) -> Stated:

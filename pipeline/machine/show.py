@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.files.atomic import write_atomic
+from pmg.pipeline.machine.channel import COMMANDS
 from pmg.pipeline.machine.gear_page import gear_lines, gears_document
 from pmg.pipeline.machine.machine_file import read_machine
 from pmg.pipeline.machine.magnetic import bench_of, remarks_on_bench, usual
@@ -105,7 +106,8 @@ def _lines(machine: Machine) -> Iterator[str]:
         for kind, (channel, _) in shaft.channels.items():
             word = shaft.axis.pushes if kind == "force" else kind
             turned = ", counted the other way" if channel.sign < 0 else ""
-            yield f"  {word} = channel '{channel.name}' in {channel.unit}{turned}"
+            each = f", {channel.factor} {shaft.axis.push} each" if channel.unit in COMMANDS else ""
+            yield f"  {word} = channel '{channel.name}' in {channel.unit}{each}{turned}"
     records = machine.records
     yield ""
     if records is None:

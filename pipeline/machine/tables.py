@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from pmg.pipeline.files.strict_tables import EACH_ONCE, Strict, one_of, within
+from pmg.pipeline.files.strict_tables import EACH_ONCE, Strict, one_of, refuse, refusing, within
 from pmg.pipeline.importers.csv_dialect import CsvForm
-from pmg.pipeline.machine.channel import Channel, PrepareTable
+from pmg.pipeline.machine.channel import Channel, PrepareTable, check_factor, in_si, with_constant
 from pmg.pipeline.machine.quantity import QuantityTable
+
+if TYPE_CHECKING:
+    from pmg.pipeline.machine.axis import Axis
 
 GEAR_KINDS = ("magnetic", "rigid", "none")
 """What lies between two shafts: poles that may slip, teeth or a belt, or a shaft that goes through."""
@@ -61,6 +64,35 @@ class ShaftChannels(Strict):
     velocity: Channel | None = None
     force: Channel | None = None
     torque: Channel | None = None
+
+    def of(self, axis: Axis, constant: float | None = None) -> dict[str, tuple[Channel, float]]:
+        """Channels that are there, and what one unit of each is in SI; what drives the machine is ``force``.
+
+        Parameters
+        ----------
+        axis : Axis
+            What moves.
+        constant : float, optional
+            Force or torque of one ampere [N/A, N m/A], where the motor's is stated.
+
+        Raises
+        ------
+        RefusalError
+            A channel or its unit is that of the other axis, or a command lacks what one unit of it makes.
+        """
+        other = "torque" if axis.pushes == "force" else "force"
+        if getattr(self, other) is not None:
+            refuse(other, axis.pushes, "Rename the channel, or correct what the axis does.", other)
+        found = {}
+        for kind, known in {"position": axis.positions, "velocity": axis.speeds, axis.pushes: axis.forces}.items():
+            channel: Channel | None = getattr(self, kind)
+            if channel is not None:
+                with refusing(kind):
+                    drives = kind == axis.pushes
+                    channel = with_constant(channel, axis, constant) if drives else channel
+                    found["force" if drives else kind] = in_si(channel, known)
+                    check_factor(channel, axis, drives=drives)
+        return found
 
 
 class ShaftTable(Strict):

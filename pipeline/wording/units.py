@@ -16,7 +16,7 @@ FREQUENCY = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6}
 TORQUE = {"N m": 1.0, "mN m": 1e-3, "kN m": 1e3}
 ELECTRIC = {"V": 1.0, "mV": 1e-3, "A": 1.0, "mA": 1e-3}
 COUNT = {"1": 1.0}
-ANGLE = {"rad": 1.0, "deg": math.pi / 180.0, "rev": REVOLUTION}
+ANGLE = {"rad": 1.0, "mrad": MILLI, "deg": math.pi / 180.0, "rev": REVOLUTION}
 SPEED = {"rpm": RPM, "rad/s": 1.0, "deg/s": math.pi / 180.0}
 
 KINDS = {

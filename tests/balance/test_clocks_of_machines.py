@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from tests.balance import gearbox
 from tests.balance.test_machine import changed
+from tests.bench.clocks import FAULTS, mf4, parquet, told
 
 from pmg.pipeline.commands.terms import check_machine
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
@@ -109,6 +110,29 @@ def test_rows_out_of_order_and_another_rate_are_refused(tmp_path: Path, sound: t
         machine = changed(tmp_path, ('withheld = ["withheld*"]', ""))
         with pytest.raises(RecordingError, match=words):
             read_recordings(case_of(read_machine(machine), path))
+
+
+@pytest.fixture(scope="module")
+def machines(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """The gearbox with every record to fit: its times in a channel, and left to the file's own clock."""
+    home = tmp_path_factory.mktemp("machines")
+    named = changed(home, ('withheld = ["withheld*"]', ""))
+    unnamed = home / "unnamed.toml"
+    unnamed.write_text(named.read_text().replace('time = { name = "t", unit = "s" }\n', ""))
+    return named, unnamed
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_mf4_keeps_and_says_of_its_own_clock_what_other_formats_do_of_a_channel(
+    tmp_path: Path, sound: tuple[Path, Recorded], machines: tuple[Path, Path], fault: str
+) -> None:
+    values = FAULTS[fault](np.loadtxt(sound[0], delimiter=",", skiprows=1)[:12000])
+    for folder, write, name in (("others", parquet, "log.parquet"), ("mdf", mf4, "log.mf4")):
+        (tmp_path / folder).mkdir()
+        write(tmp_path / folder / name, values)
+    expected, found = (told(tmp_path / f, m) for f, m in zip(("others", "mdf"), machines, strict=True))
+    assert found == expected
+    assert (fault == "none") == (found[1] == "nothing")
 
 
 def test_files_on_clocks_of_their_own_are_brought_together(tmp_path: Path, sound: tuple[Path, Recorded]) -> None:

@@ -18,12 +18,14 @@ from pmg.pipeline.commands.terms import check_machine, run_machine
 from pmg.pipeline.diagnosis.balance.causes import named_causes
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import headline
+from pmg.pipeline.diagnosis.balance.machine.found_and_stated import not_compared
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.machine.power import steady_points
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.machine.machine_file import read_machine
 from pmg.pipeline.machine.shipped import shipped
+from pmg.pipeline.machine.show import shown_machine
 from pmg.sim.errors import PmgError
 
 if TYPE_CHECKING:
@@ -143,7 +145,7 @@ def test_an_efficiency_above_one_is_shown_and_flagged(tmp_path: Path) -> None:
 def test_a_ratio_that_the_speeds_contradict_and_a_sign_are_told(tmp_path: Path) -> None:
     records = gearbox.make_records(tmp_path / "records", names=("first.csv", "withheld.csv"))
     sound = check_machine(str(gearbox.SHIPPED), records)
-    assert not sound.findings
+    assert [f.where for f in sound.findings] == ["shaft.motor.inertia"], "which is stated of one shaft alone"
     odd = check_machine(str(changed(tmp_path, ("value = 12.25", "value = 12.0"))), records)
     assert any("12.25 times as fast" in str(f.message) for f in odd.findings)
     turned = check_machine(str(changed(tmp_path, (", sign = -1 }", " }"))), records)
@@ -332,3 +334,38 @@ def test_the_numbers_of_the_file_stand_beside_those_that_are_found(tmp_path: Pat
     assert rows["inertia"]["found"] == pytest.approx(wheel.INERTIA, rel=0.02)
     assert not rows["Coulomb friction"]["differs"]
     assert rows["viscous friction"]["apart"] is None
+
+
+def test_a_number_that_is_stated_of_one_shaft_alone_is_told(tmp_path: Path) -> None:
+    """The two-stage gearbox that ships states the inertia of its motor, and none of its brake."""
+    found = check_machine(str(gearbox.SHIPPED), None).findings
+    assert [f.where for f in found] == ["shaft.motor.inertia"]
+    assert "stated of motor alone, and so not compared" in found[0].message
+    both = '[shaft.brake]\ninertia = { value = 0.1, unit = "kg m2" }\n\n[shaft.brake.transducer]'
+    whole = read_machine(changed(tmp_path, ("[shaft.brake.transducer]", both)))
+    assert not not_compared(whole)
+    seen = whole.seen_by(whole.shafts["motor"], "inertia")
+    assert seen is not None
+    assert seen.value == pytest.approx(0.004 + 0.1 / gearbox.RATIO**2)
+    assert not_compared(read_machine(shipped()["rotary-drive"])) == ()
+
+
+def test_a_current_is_a_torque_by_the_constant_of_its_motor(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    records = tmp_path / "records"
+    records.mkdir()
+    m = wheel.turning(rng, 20.0)
+    wheel.record(records / "a.csv", m, wheel.plain(m) / 0.11, rng)
+    drive = shipped()["rotary-drive"]
+    plain, alone = 'torque = { name = "T", unit = "N m" }', 'torque = { name = "T", unit = "A" }'
+    whole = ('withheld = ["withheld*"]', "")
+    with pytest.raises(PmgError, match=r"newton_metre_per_unit or, of a current, motor\.constant"):
+        read_machine(changed(tmp_path, (plain, alone), whole, of=drive))
+    motor = '[shaft.motor.motor]\nconstant = { value = 110, unit = "mN m/A" }\n\n[records]'
+    by_motor = changed(tmp_path, (plain, alone), whole, ("[records]", motor), of=drive)
+    found, _ = read_recordings(case_of(read_machine(by_motor), records))
+    assert "  torque = channel 'T' in A, 0.11 N m each" in shown_machine(str(by_motor))[1]
+    stated = alone.replace('"A"', '"A", newton_metre_per_unit = 0.11')
+    by_factor, _ = read_recordings(case_of(read_machine(changed(tmp_path, (plain, stated), whole, of=drive)), records))
+    np.testing.assert_allclose(found.force, by_factor.force, rtol=1e-12)
+    assert np.corrcoef(found.force, found.thin(found.motion.acceleration[:, None])[:, 0])[0, 1] > 0.5

@@ -81,7 +81,7 @@ def _mat(path: Path, values: Array) -> None:
     savemat(path, {name: column[:, None] for name, column in zip(NAMES, values.T, strict=True)})
 
 
-def _parquet(path: Path, values: Array) -> None:
+def parquet(path: Path, values: Array) -> None:
     pl.DataFrame(dict(zip(NAMES, values.T, strict=True))).write_parquet(path)
 
 
@@ -100,12 +100,13 @@ def _hdf5(path: Path, values: Array) -> None:
             file[name] = column
 
 
-def _mf4(path: Path, values: Array) -> None:
+def mf4(path: Path, values: Array) -> None:
+    """The times are those of the file's own clock, the master of the group."""
     from asammdf import MDF, Signal
 
     with MDF() as file:
-        times = np.arange(len(values)) * H
-        file.append([Signal(column, times, name=name) for name, column in zip(NAMES, values.T, strict=True)])
+        signals = zip(NAMES[1:], values.T[1:], strict=True)
+        file.append([Signal(column, values[:, 0], name=name) for name, column in signals], common_timebase=True)
         file.save(path, overwrite=True)
 
 
@@ -113,15 +114,15 @@ FORMATS: dict[str, tuple[str, str, Callable[[Path, Array], None]]] = {
     "CSV": ("csv", "polars", _csv),
     "CSV, decimal comma": ("csv", "polars", _german),
     "MAT": ("mat", "scipy", _mat),
-    "Parquet": ("parquet", "polars", _parquet),
+    "Parquet": ("parquet", "polars", parquet),
     "TDMS": ("tdms", "nptdms", _tdms),
     "HDF5": ("h5", "h5py", _hdf5),
-    "MF4": ("mf4", "asammdf", _mf4),
+    "MF4": ("mf4", "asammdf", mf4),
 }
 """Ending, library and writer of each format."""
 
 
-def _told(folder: Path, machine: Path) -> tuple[str, str]:
+def told(folder: Path, machine: Path) -> tuple[str, str]:
     """Samples that are kept, in how many stretches, and what is said about times."""
     try:
         found, _ = read_recordings(case_of(read_machine(machine), folder))
@@ -140,8 +141,9 @@ def main() -> None:
         gearbox.record(home / "sound.csv", m, gearbox.read(m, gearbox.plain(m)), rng)
         sound = np.loadtxt(home / "sound.csv", delimiter=",", skiprows=1)
         text = gearbox.SHIPPED.read_text().replace('withheld = ["withheld*"]', "")
-        machines = {"": home / "plain.toml", "TDMS": home / "tdms.toml"}
+        machines = {"": home / "plain.toml", "TDMS": home / "tdms.toml", "MF4": home / "mf4.toml"}
         machines[""].write_text(text)
+        machines["MF4"].write_text(text.replace('time = { name = "t", unit = "s" }\n', ""))
         for name in NAMES:
             text = text.replace(f'name = "{name}"', f'name = "log/{name}"')
         machines["TDMS"].write_text(text)
@@ -156,7 +158,7 @@ def main() -> None:
                 folder = home / f"{fault} {title}"
                 folder.mkdir()
                 write(folder / f"log.{ending}", change(sound))
-                rows.setdefault(_told(folder, machines.get(title, machines[""])), []).append(title)
+                rows.setdefault(told(folder, machines.get(title, machines[""])), []).append(title)
             for (kept, said), titles in rows.items():
                 where = "" if len(rows) == 1 else f" ({', '.join(titles)})"
                 print(f"| {fault}{where} | {kept} | {said} |")
@@ -171,7 +173,7 @@ def _kept(home: Path, machine: Path, sound: Array) -> str:
     folder = home / "whole"
     folder.mkdir()
     _csv(folder / "log.csv", sound)
-    return _told(folder, machine)[0].split()[0]
+    return told(folder, machine)[0].split()[0]
 
 
 if __name__ == "__main__":

@@ -112,18 +112,6 @@ def test_a_rate_that_the_column_contradicts_is_refused_and_a_small_drift_is_told
     assert "-50.0 ppm" in rows.findings.listed()[0].message
 
 
-@pytest.mark.parametrize("parts", [1, 3])
-@pytest.mark.parametrize(("wrap", "start"), [(60.0, 55.3), (60.0, 0.0), (3600.0, 3590.0), (2**16 * 1e-3, 60.0)])
-def test_seconds_that_begin_anew_are_counted_on_and_told(wrap: float, start: float, parts: int) -> None:
-    time = (start + np.arange(70_000) / 500.0) % wrap
-    index, rows = placed(time, Timing(500.0, TIME), parts=parts)
-    assert index.tolist() == list(range(len(time)))
-    told = [f for f in rows.findings.listed() if f.code is Code.CLOCK_JUMP]
-    turns = int((start + (len(time) - 1) / 500.0) // wrap)
-    assert len(told) == (turns > 0)
-    assert all(f"begins anew {turns} time" in f.message for f in told)
-
-
 # --- a counter that wraps ------------------------------------------------------------------------------
 
 

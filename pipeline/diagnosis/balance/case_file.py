@@ -11,8 +11,8 @@ from pmg.pipeline.diagnosis.balance.library.drive import LIBRARIES
 from pmg.pipeline.files.strict_tables import EACH_ONCE, Strict, one_of, refuse, refusing
 from pmg.pipeline.files.table_file import read_table_file
 from pmg.pipeline.importers.csv_dialect import CsvForm
-from pmg.pipeline.machine.channel import TIMES, Channel, PrepareTable, check_factor, in_si
-from pmg.pipeline.machine.tables import Published, PublishedErrors
+from pmg.pipeline.machine.channel import TIMES, Channel, PrepareTable, in_si
+from pmg.pipeline.machine.tables import Published, PublishedErrors, ShaftChannels
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,31 +23,19 @@ SCHEMA = "pmg.terms/1"
 """Schema of the case file."""
 
 
-class _ChannelsTable(Strict):
+class _ChannelsTable(ShaftChannels):
     """Table ``[channels]``: position or speed, or both; force or torque, none of a machine that coasts."""
 
     time: Channel
-    position: Channel | None = None
-    velocity: Channel | None = None
-    force: Channel | None = None
-    torque: Channel | None = None
 
-    def of(self, axis: Axis) -> dict[str, tuple[Channel, float]]:
-        """Channels that are there, and what one unit of each is in SI; what drives the machine is ``force``."""
+    def with_time(self, axis: Axis) -> dict[str, tuple[Channel, float]]:
+        """The times among those of the axis."""
         if self.position is None and self.velocity is None:
             refuse("neither position nor velocity", "one of them", "Name a channel that moves.", "channels")
-        other = "torque" if axis.pushes == "force" else "force"
-        if getattr(self, other) is not None:
-            refuse(other, axis.pushes, "Choose the library of the axis, or rename the channel.", "channels", other)
-        found = {}
-        units = {"time": TIMES, "position": axis.positions, "velocity": axis.speeds, axis.pushes: axis.forces}
-        for kind, known in units.items():
-            channel: Channel | None = getattr(self, kind)
-            if channel is not None:
-                with refusing("channels", kind):
-                    found["force" if kind == axis.pushes else kind] = in_si(channel, known)
-                    check_factor(channel, axis, drives=kind == axis.pushes)
-        return found
+        with refusing("channels", "time"):
+            time = in_si(self.time, TIMES)
+        with refusing("channels"):
+            return {"time": time, **self.of(axis)}
 
 
 class _RecordTable(Strict):
@@ -83,7 +71,7 @@ class _CaseTable(Strict):
     def _fits_the_library(self) -> _CaseTable:
         axis, library = LIBRARIES[self.library]
         self.prepare.check_axis(axis, "prepare")
-        if "force" not in self.channels.of(axis) and self.baseline.fixed.get("inertia", 0.0) <= 0.0:
+        if "force" not in self.channels.with_time(axis) and self.baseline.fixed.get("inertia", 0.0) <= 0.0:
             do = "Coasting shows friction as part of the inertia only: fix that, or name the channel."
             refuse("missing", f"a {axis.pushes}, or baseline.fixed.inertia", do, "channels", axis.pushes)
         check_model(library, self.baseline.terms, self.baseline.fixed, ("baseline",), "terms")
@@ -116,7 +104,7 @@ def read_case(path: Path, data: Path | None = None) -> Case:
         library=library,
         fit=(folder / record.fit,),
         withheld=(folder / record.withheld,) if record.withheld else (),
-        channels=given.channels.of(axis),
+        channels=given.channels.with_time(axis),
         form=given.csv,
         prepare=given.prepare,
         baseline=tuple(given.baseline.terms),

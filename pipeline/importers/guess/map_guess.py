@@ -15,7 +15,7 @@ from pmg.pipeline.importers.guess.signal_kinds import (
 from pmg.pipeline.importers.guess.signal_look import SMALLEST_COUNTER
 from pmg.pipeline.importers.guess.time_guess import TimeGuess, guess_time
 from pmg.pipeline.recording.channels import encoder, frequency
-from pmg.pipeline.wording.units import ANGLE, ELECTRIC, declared
+from pmg.pipeline.wording.units import ANGLE, ELECTRIC, MILLI, declared
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import REVOLUTION
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.importers.guess.signal_look import SeenSignal
     from pmg.pipeline.importers.source import ForeignSource
 
-TURNS = {"deg": 360.0, "rad": REVOLUTION, "rev": 1.0}
+TURNS = {"deg": 360.0, "rad": REVOLUTION, "mrad": REVOLUTION / MILLI, "rev": 1.0}
 """A turn in each unit of `ANGLE`."""
 UNMAPPED = {
     "temperature": "a temperature, which layout pmg.v1 holds no topic for",

@@ -12,6 +12,7 @@ import numpy as np
 from pmg.pipeline.importers.rows import UNEVEN
 from pmg.pipeline.importers.source import ROWS, SourceChannel, Wanted
 from pmg.pipeline.wording.plurals import counted
+from pmg.pipeline.wording.units import MILLI
 from pmg.sim.errors import RecordingError
 from pmg.sim.signals import REVOLUTION
 
@@ -29,7 +30,16 @@ STEADY = 10
 """Steps that must all go one way beside a wrap of a signal that travels little."""
 SMALLEST_COUNTER = 256.0
 """Values of the narrowest counter."""
-PERIODS = (1.0, REVOLUTION, 60.0, 360.0, 3600.0, 86400.0, *(float(1 << bits) for bits in range(8, 63)))
+PERIODS = (
+    1.0,
+    REVOLUTION,
+    REVOLUTION / MILLI,
+    60.0,
+    360.0,
+    3600.0,
+    86400.0,
+    *(float(1 << bits) for bits in range(8, 63)),
+)
 """Values at which signals begin anew: a turn in its units, a minute, an hour, a day, a counter."""
 JUMP, SMOOTH = 0.5, 0.25
 """Parts of the range: a step beyond the first may be a wrap, if all others are below the second."""

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.recording.remark import Remark
+
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.machine.machine import Machine
@@ -48,6 +50,25 @@ class FoundAndStated:
         return self.apart > APART
 
 
+COMPARED = {
+    "inertia": ("inertia", "inertia"),
+    "coulomb": ("Coulomb friction", "friction.coulomb"),
+    "viscous": ("viscous friction", "friction.viscous"),
+}
+"""Numbers that records tell as well: by the term, what they are called and their key."""
+
+
+def not_compared(machine: Machine) -> tuple[Remark, ...]:
+    """Numbers that are stated of one shaft alone: what the records tell is that of both together."""
+    found = []
+    for words, key in COMPARED.values():
+        having, lacking = ([e.name for e in machine.ends if (e.total(key) is None) == none] for none in (False, True))
+        if having and lacking:
+            message = f"stated of {having[0]} alone, and so not compared: records tell the {words} of both shafts"
+            found.append(Remark("info", f"shaft.{having[0]}.{key}", f"{message}. State it of {lacking[0]} too"))
+    return tuple(found)
+
+
 def found_and_stated(diagnosis: TermsDiagnosis, machine: Machine) -> tuple[FoundAndStated, ...]:
     """Inertia and friction as stated and as found, as far as both exist.
 
@@ -60,9 +81,7 @@ def found_and_stated(diagnosis: TermsDiagnosis, machine: Machine) -> tuple[Found
     """
     last = {e.term: e for e in diagnosis.steps[-1].fitted.estimates}
     shaft = machine.shafts[diagnosis.case.shaft]
-    keys = {"inertia": "inertia", "coulomb": "friction.coulomb", "viscous": "friction.viscous"}
-    words = {"inertia": "inertia", "coulomb": "Coulomb friction", "viscous": "viscous friction"}
-    known = {term: (words[term], machine.seen_by(shaft, key)) for term, key in keys.items()}
+    known = {term: (words, machine.seen_by(shaft, key)) for term, (words, key) in COMPARED.items()}
     return tuple(
         FoundAndStated(name, value, last[term].value, last[term].standard_error)
         for term, (name, value) in known.items()

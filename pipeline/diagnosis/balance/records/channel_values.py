@@ -74,10 +74,13 @@ def channels_in_si(
         raise RecordingError(str(path), "no such file", "a recording", do)
     source = open_source(path, case.form, findings)
     _check_units(source, channels, findings)
-    found = whole_channels(source, [channel.name for channel, _ in channels.values()])
+    own_clock = "" if "time" in channels else _own_clock(source, channels)
+    found = whole_channels(source, [*(channel.name for channel, _ in channels.values()), *filter(None, [own_clock])])
     values = {}
     for kind, (channel, unit) in channels.items():
         values[kind] = found[channel.name] * unit * _factor(source, channel, case)
+    if own_clock:
+        values["time"] = found[own_clock]
     lengths = {len(value) for value in values.values()}
     if len(lengths) > 1:
         came = ", ".join(f"{kind}: {len(value)}" for kind, value in values.items())
@@ -99,6 +102,14 @@ def channels_in_si(
     for kind in (kind for kind in ("position", f"{OUTPUT}position") if kind in values and case.axis.turn):
         values[kind] = _unwrapped(values[kind], case.axis.turn, findings)
     return values
+
+
+def _own_clock(source: ForeignSource, channels: Mapping[str, tuple[Channel, float]]) -> str:
+    """Channel in which the file itself gives the times of these [s]; empty where it gives none, or several."""
+    clocks = {
+        channel_of(source, channel.name, f"{source.path}: {channel.name}").clock for channel, _ in channels.values()
+    }
+    return clocks.pop() if len(clocks) == 1 else ""
 
 
 def _by_rate(

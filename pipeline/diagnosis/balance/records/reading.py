@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
-    from pmg.pipeline.importers.clocks.clock import Clock, EvenStretch
+    from pmg.pipeline.importers.clocks.clock import EvenStretch
     from pmg.pipeline.recording.findings import Finding
     from pmg.sim.signals import Array
 
@@ -107,7 +107,8 @@ def _read(path: Path, case: Case) -> list[_Read]:
     findings = Findings(path.name)
     clock = clock_of(path, case, findings)
     _tell_band(case, clock.rate_hz, findings)
-    fewest = _fewest(case, clock.rate_hz)
+    smoother = Smoother(case.prepare, 1.0 / clock.rate_hz)
+    fewest = _fewest(smoother, case)
     whole = [stretch for stretch in clock.stretches if len(stretch.time) >= fewest]
     if not whole:
         most = max(len(stretch.time) for stretch in clock.stretches)
@@ -116,7 +117,8 @@ def _read(path: Path, case: Case) -> list[_Read]:
         message = f"the {len(short.time)} samples from {short.start:g} s are left out: filters need {fewest}"
         findings.info(Code.SAMPLES_GAP, "time", message, "Nothing to do, or record without pauses.")
     names = [path.name if len(whole) == 1 else f"{path.name} ({k})" for k in range(1, len(whole) + 1)]
-    motions = [_moved(path, stretch, clock, case, findings) for stretch in whole]
+    begun = clock.stretches[0].start
+    motions = [_moved(path, stretch, begun, smoother, case, findings) for stretch in whole]
     told = findings.listed()
     pairs = zip(names, motions, strict=True)
     return [_Read(name, motion, told if k == 0 else ()) for k, (name, motion) in enumerate(pairs)]
@@ -132,9 +134,9 @@ def _tell_band(case: Case, rate_hz: float, findings: Findings) -> None:
     findings.warning(Code.CHANNEL_VALUE, "low_pass_Hz", message, do)
 
 
-def _fewest(case: Case, rate_hz: float) -> int:
+def _fewest(smoother: Smoother, case: Case) -> int:
     """Samples in a row that filters need."""
-    ends = 8 * case.prepare.order + 2 * _dropped(Smoother(case.prepare, 1.0 / rate_hz), case) + 2
+    ends = 8 * case.prepare.order + 2 * _dropped(smoother, case) + 2
     return ends + LEAST * case.prepare.keep_every
 
 
@@ -145,10 +147,11 @@ def _dropped(smoother: Smoother, case: Case) -> int:
     return smoother.settles if case.ratio is None else smoother.settles_further
 
 
-def _moved(path: Path, stretch: EvenStretch, clock: Clock, case: Case, findings: Findings) -> Motion:
-    """Position, speed, acceleration and force of one stretch."""
+def _moved(
+    path: Path, stretch: EvenStretch, begun: float, smoother: Smoother, case: Case, findings: Findings
+) -> Motion:
+    """Position, speed, acceleration and force of one stretch of a recording that began at a time [s]."""
     values, time, given = dict(stretch.channels), stretch.time, case.prepare
-    smoother = Smoother(given, 1.0 / clock.rate_hz)
     drop = _dropped(smoother, case)
     check_motion(values, smoother, findings)
     check_limits(values, findings)
@@ -159,7 +162,7 @@ def _moved(path: Path, stretch: EvenStretch, clock: Clock, case: Case, findings:
     position, speed, noise = smoother.moved(values.get("position"), values.get("velocity"))
     if case.ratio is not None:
         besides[OUT_ANGLE] = position / case.ratio
-    besides[ELAPSED] = time - clock.stretches[0].start
+    besides[ELAPSED] = time - begun
     inner = slice(drop, -drop)
     rest_speed = REST * noise[0] if given.rest_speed is None else given.rest_speed
     if given.rest_speed is None and float(np.abs(speed[inner]).max()) <= rest_speed:
