@@ -54,10 +54,10 @@ def _contradictions(scenario: Scenario) -> Iterator[tuple[str, str, str, str]]:
     if bench.held is not Member.CARRIER and not scenario.assumptions.carrier_in_map:
         yield "assumptions.carrier_in_map", f"false, with the {bench.held} held", "true", "Take one of them out."
     if bench.held is Member.SUN:
-        steady = [name for name in ("point", "grid", "pairs", "response") if getattr(scenario, name) is not None]
-        if steady or (scenario.transient is not None and scenario.transient.start == "steady"):
-            came, do = "sun, and a steady state", "Run it in time from rest, or hold another member."
-            yield "bench.held", came, "a [transient] from rest alone", do
+        steady = [name for name in ("point", "grid", "pairs") if getattr(scenario, name) is not None]
+        if steady:
+            came, do = f"sun, with [{steady[0]}], whose speeds are the sun's", 'Begin a run with start = "steady".'
+            yield "bench.held", came, "[transient] and [response]", do
     if point is not None:
         given = point.model_fields_set
         allowed = ({"speed_sun_rpm", "speed_ring_rpm"},) if neutral else _ENGAGED_POINTS

@@ -12,7 +12,7 @@ from pmg.sim.dynamics.jacobian import STEP, active, dense
 from pmg.sim.dynamics.state import STATES, SetPoints, State
 from pmg.sim.errors import BenchError
 from pmg.sim.roots import ROUNDING, rising_root
-from pmg.sim.shafts import SIDES, Member
+from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -67,9 +67,9 @@ def equilibrium(drivetrain: Drivetrain, sun: Number, ring: Number) -> Equilibriu
 
     Notes
     -----
-    The start is the rigid, locked gear. With the pole numbers :math:`p_s` and :math:`p_o` of sun and turned member
-    (the ring, or :math:`-Q` for a free carrier), :math:`\omega_o = -\omega_s p_s/p_o` and
-    :math:`(T_s + \tau_s)/p_s = (T_o + \tau_o)/p_o`.
+    The start is the rigid, locked gear. With the pole numbers :math:`p_i` and :math:`p_o` of the members that the sun
+    motor and the ring motor turn (:math:`p_s` or :math:`p_r`, and :math:`-Q` for a free carrier),
+    :math:`\omega_o = -\omega_i p_i/p_o` and :math:`(T_i + \tau_i)/p_i = (T_o + \tau_o)/p_o`.
     """
     asked = SetPoints(
         *(value.astype(np.float64) for value in np.broadcast_arrays(np.atleast_1d(sun), np.atleast_1d(ring)))
@@ -100,9 +100,6 @@ def _refuse_beyond(q: Constants, asked: SetPoints, state: Array) -> None:
 
 def _without_limits(drivetrain: Drivetrain, asked: SetPoints) -> Equilibrium:
     """Steady states of a bench whose motors have no limits."""
-    if drivetrain.held is Member.SUN:
-        do = "Run it in time to its end."
-        raise BenchError("steady state of the drivetrain", "the sun held", "the carrier or the ring held", do)
     coupling = drivetrain.coupling
     if coupling is None:
         return _apart(drivetrain, asked)
@@ -116,7 +113,8 @@ def _without_limits(drivetrain: Drivetrain, asked: SetPoints) -> Equilibrium:
     if q.sun.by_speed and q.ring.by_speed:
         came, do = "both motors follow speed", "Let one of them follow torque."
         raise BenchError("steady state of the drivetrain", came, "one speed, as the gear ties the other to it", do)
-    leverage = q.p_s / (-q.Q if q.ring_held else q.p_r)
+    p_in, p_out, _ = drivetrain.coupled(q.p_s, q.p_r, -q.Q)
+    leverage = float(p_in / p_out)
     if q.sun.by_speed:
         speed, balances = asked.sun, np.ones(asked.sun.size, dtype=np.int64)
     elif q.ring.by_speed:
@@ -129,7 +127,8 @@ def _without_limits(drivetrain: Drivetrain, asked: SetPoints) -> Equilibrium:
         torque_sun = leverage * (asked.ring + drag_out) - drag_sun if q.sun.by_speed else asked.sun
         torque_out = (asked.sun + drag_sun) / leverage - drag_out if q.ring.by_speed else asked.ring
         load = torque_out if not q.ring_held else q.ratio * (torque_sun + drag_sun)
-    state = _locked(drivetrain, coupling, speed, leverage, torque_sun, torque_out, torque_sun + drag_sun)
+    through = q.p_s / p_in * (torque_sun + drag_sun)
+    state = _locked(drivetrain, coupling, speed, leverage, torque_sun, torque_out, through)
     return Equilibrium(_polish(drivetrain, asked, state), balances)
 
 
@@ -185,16 +184,19 @@ def _at(asked: SetPoints, wrong: Mask) -> str:
 
 
 def _drags(drivetrain: Drivetrain, speed: Array, leverage: float, load: Array) -> tuple[Array, Array]:
-    """Drag on the sun and on the turned member of the locked gear with that torque on the ring [N m]."""
+    """Drag on the members of the locked gear that the motors turn, with that torque on the ring [N m]."""
     q = drivetrain.constants
-    turned, held = -leverage * speed, q.ring_held
-    zero = np.zeros_like(speed)
-    loaded = {"angle_block": -load / q.k} if held else {"twist_ring": load / q.k, "speed_ring_motor": turned}
-    x = State(*[zero] * len(STATES))
-    x = x._replace(speed_sun=speed, **{"speed_carrier" if held else "speed_ring": turned}, **loaded)
-    drags = drivetrain.drags(x)
-    on_sun = sum((sun for sun, _, _ in drags), zero)
-    return on_sun, sum((carrier if held else ring for _, ring, carrier in drags), zero)
+    turned, zero = -leverage * speed, np.zeros_like(speed)
+    loaded = {"angle_block": -load / q.k} if q.ring_held else {"twist_ring": load / q.k, "speed_ring_motor": turned}
+    x = State(*[zero] * len(STATES))._replace(**_turning(drivetrain, speed, turned), **loaded)
+    drags = [drivetrain.coupled(*drag) for drag in drivetrain.drags(x)]
+    return sum((drag[0] for drag in drags), zero), sum((drag[1] for drag in drags), zero)
+
+
+def _turning(drivetrain: Drivetrain, speed: Array, turned: Array) -> dict[str, Array]:
+    """States of the speeds of the three members, by those that the motors turn [rad/s]."""
+    members = drivetrain.coupled(speed, turned, np.zeros_like(speed))
+    return dict(zip(("speed_sun", "speed_ring", "speed_carrier"), members, strict=True))
 
 
 def _locked_speed(drivetrain: Drivetrain, asked: SetPoints, leverage: float) -> tuple[Array, npt.NDArray[np.int64]]:
@@ -241,17 +243,16 @@ def _locked(
     """States (20, n) of the rigid, locked gear at that sun speed, in closed form."""
     q, zero = drivetrain.constants, np.zeros_like(speed)
     turned = -leverage * speed
-    on_block = -q.ratio if q.ring_held else q.Q / q.p_s
+    on_block = -drivetrain.coupled(q.p_s, q.p_r, -q.Q)[2] / q.p_s
     x = State(*[zero] * len(STATES))._replace(
         phase=coupling.load_angle(transmitted),
         angle_block=on_block * transmitted / q.k,
         speed_sun_motor=speed,
-        speed_sun=speed,
         speed_ring_motor=turned,
         **_motor_states(q, q.sun, "sun", torque_sun, speed),
         **_motor_states(q, q.ring, "ring", torque_out, turned),
     )
-    return np.array(x._replace(**{"speed_carrier" if q.ring_held else "speed_ring": turned}))
+    return np.array(x._replace(**_turning(drivetrain, speed, turned)))
 
 
 def _motor_states(q: Constants, side: MotorConstants, name: str, torque: Array, speed: Array) -> dict[str, Array]:

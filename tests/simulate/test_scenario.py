@@ -95,7 +95,7 @@ def test_each_scenario_that_ships_is_sound_and_explained(path: Path) -> None:
         ("gear = 1", 'control_sun = "sped"', "bench.control_sun", "Did you mean 'speed'?"),
         ("gear = 1", 'configuration = "zero"', "bench.configuration", '"engaged" or "neutral"'),
         ("gear = 1", 'held = "sum"', "bench.held", "Did you mean 'sun'?"),
-        ("gear = 1", 'held = "sun"', "bench.held", "a [transient] from rest alone"),
+        ("gear = 1", 'held = "sun"', "bench.held", "expected [transient] and [response]"),
         ('side = "sun"', 'side = "son"', "response.side", "Did you mean 'sun'?"),
         ("none = true", "", "losses", "exactly one of grids, analysis, model, none"),
         ("none = true", 'grids = "a"\nanalysis = "b"', "losses", "exactly one of grids, analysis, model, none"),

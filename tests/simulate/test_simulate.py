@@ -231,6 +231,18 @@ def test_a_fault_of_the_second_scenario_is_told_before_the_first_is_run(
         call("simulate", first, "--out", tmp_path / "p", "--beside", second, expect=2)
 
 
+def test_a_run_with_the_sun_held_begins_at_steady_state_and_stays_there(tmp_path: Path) -> None:
+    held = '[bench]\nheld = "sun"\n' + SHORT.replace('"radau"', '"compiled"') + 'start = "steady"\n'
+    motors = "[transient.sun]\nhold_Nm = -1.3\n[transient.ring]\nhold_Nm = 1.0\n[response]\npoints = 20\n"
+    found = done(tmp_path, held + motors + "[output]\nformats = []\n")
+    assert found.run is not None
+    assert found.answer is not None
+    ring, carrier = (found.run.trace[f"speed_{member}"] for member in ("ring", "carrier"))
+    assert np.ptp(ring) < 1e-6 * abs(ring[0])
+    q = found.run.trace.drivetrain.constants
+    assert carrier[-1] == pytest.approx(q.p_r / q.Q * ring[-1], rel=1e-9)
+
+
 # --- bench and simulation make the same grid -----------------------------------------------------------
 
 

@@ -92,8 +92,8 @@ def _speeds(trace: Trace, rows: Rows, engaged: bool) -> Figure:
     ends = ", ".join(f"{name} {values[-1]:.1f} rpm" for name, values in speeds.items())
     peak = max(float(np.abs(values).max()) for values in speeds.values())
     caption = f"Speeds at {trace.time[-1]:g} s: {ends}; the highest on the way is {peak:.1f} rpm."
-    chart = _chart(trace.time[rows], "speed [rpm]", [(name, values[rows]) for name, values in speeds.items()])
-    return Figure("run-speeds", "Speeds", caption.replace("-", "−"), (chart,))
+    panels = tuple(_chart(trace.time[rows], "speed [rpm]", [("", v[rows])], name) for name, v in speeds.items())
+    return Figure("run-speeds", "Speeds", caption.replace("-", "−"), panels, columns=2)
 
 
 def _torques(trace: Trace, rows: Rows, engaged: bool) -> Figure:
@@ -163,8 +163,8 @@ def _opening(trace: Trace, engaged: bool) -> Figure:
     """The first second of a run: speeds, torques and powers."""
     rows = np.arange(len(trace.time))
     panels = [
-        replace(panel, title=panel.title or title)
-        for title, draw in (("speeds", _speeds), ("torques", _torques), ("powers", _powers))
+        replace(panel, title=f"{panel.title}: {title}".removeprefix(": "))
+        for title, draw in (("speed", _speeds), ("torques", _torques), ("powers", _powers))
         for panel in draw(trace, rows, engaged).panels
         if isinstance(panel, Chart)
     ]

@@ -46,12 +46,16 @@ def two_runs_section(first: Named, second: Named) -> Section:
 
 def _figure(id_: str, title: str, traces: list[tuple[str, Trace]]) -> Figure:
     panels = (
-        _panel(traces, "speed [rpm]", lambda trace, side: SPEED_SUN.display(trace[f"speed_{side}"]), "speeds"),
-        _panel(traces, "torque [N m]", _field, "torques of the field, sign turned"),
+        *(_panel(traces, "speed [rpm]", _speed, f"{side}: speed", (side,)) for side in SIDES),
+        _panel(traces, "torque [N m]", _field, "torques of the field, sign turned", SIDES),
     )
     apart = _apart(traces)
     caption = f"{apart} {NO_UNCERTAINTY}"
     return Figure(id_, title, caption, panels, columns=2)
+
+
+def _speed(trace: Trace, side: str) -> Array:
+    return np.asarray(SPEED_SUN.display(trace[f"speed_{side}"]))
 
 
 def _field(trace: Trace, side: str) -> Array:
@@ -60,13 +64,19 @@ def _field(trace: Trace, side: str) -> Array:
     return -np.asarray(PerShaft(m.magnetic_sun, m.magnetic_ring)[side])
 
 
-def _panel(traces: list[tuple[str, Trace]], label: str, values: Callable[[Trace, str], Array], title: str) -> Chart:
+def _panel(
+    traces: list[tuple[str, Trace]],
+    label: str,
+    values: Callable[[Trace, str], Array],
+    title: str,
+    sides: tuple[str, ...],
+) -> Chart:
     series = []
     for name, trace in traces:
         rows = np.unique(np.linspace(0, len(trace.time) - 1, min(len(trace.time), MOST_DRAWN)).round().astype(np.int64))
-        for i, side in enumerate(SIDES):
+        for side in sides:
             y = np.broadcast_to(values(trace, side), trace.time.shape)[rows]
-            series.append(Series(side, trace.time[rows], y, None, "line", i, name))
+            series.append(Series(side, trace.time[rows], y, None, "line", SIDES.index(side), name))
     return Chart(TIME, label, tuple(series), title=title)
 
 

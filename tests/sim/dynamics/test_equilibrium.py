@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,10 +12,12 @@ from tests.points import points
 from tests.sim.dynamics.bench_in_motion import BENCH, MODEL, choices, drivetrain
 
 from pmg.sim.dynamics.assumptions import Assumptions
+from pmg.sim.dynamics.constants import Control
 from pmg.sim.dynamics.equilibrium import equilibrium
 from pmg.sim.dynamics.power import powers
-from pmg.sim.dynamics.state import STATES, SetPoints
+from pmg.sim.dynamics.state import STATES, SetPoints, State
 from pmg.sim.errors import BenchError
+from pmg.sim.shafts import Member
 from pmg.sim.signals import RPM
 from pmg.sim.steady.gearbox import Gearbox
 from pmg.sim.steady.solve import steady
@@ -42,6 +46,25 @@ def test_energy_closes_in_steady_state(torque: float, surplus: float, chosen: As
     assert abs(sum(balance.stored.values())) <= 1e-9 * moved
     rates = np.array(train.rates(x.tolist(), asked))[:-1]
     assert np.abs(rates[[2, 6, 7]]).max() < 1e-5
+
+
+@pytest.mark.parametrize("surplus", [-0.4, 0.1, 0.3])
+def test_with_the_sun_held_the_steady_state_rests_keeps_the_ratio_and_closes(surplus: float) -> None:
+    train = replace(drivetrain(), held=Member.SUN)
+    q = train.constants
+    asked = SetPoints(surplus - q.Q / q.p_r, 1.0)
+    x = equilibrium(train, asked.sun, asked.ring).state[:, 0]
+    state, balance = State(*x), powers(train, x, asked)
+    assert state.speed_ring * surplus > 1.0
+    assert state.speed_carrier == pytest.approx(q.p_r / q.Q * state.speed_ring, rel=1e-9)
+    assert state.speed_sun == pytest.approx(0.0, abs=1e-9)
+    assert np.abs(np.array(train.rates(x.tolist(), asked))[:-1]).max() < 1e-9
+    moved = np.sum([np.abs(v) for v in (*balance.supplied.values(), *balance.dissipated.values())])
+    assert abs(balance.residual) <= 1e-9 * moved
+    by_sun = equilibrium(replace(train, control_sun=Control.SPEED), float(state.speed_carrier), 1.0).state[:, 0]
+    by_ring = equilibrium(replace(train, control_ring=Control.SPEED), asked.sun, float(state.speed_ring)).state[:, 0]
+    for other in (by_sun, by_ring):
+        np.testing.assert_allclose(other[4:9], x[4:9], rtol=1e-7, atol=1e-9)
 
 
 def test_a_load_above_pull_out_is_refused_by_name() -> None:
