@@ -72,6 +72,7 @@ MAY_ASK: dict[str, tuple[str, ...]] = {
     "pmg.pipeline.report": (
         "pmg.pipeline.report",
         "pmg.pipeline.files.atomic",
+        "pmg.pipeline.files.parallel",
         "pmg.pipeline.wording",
         "pmg.sim.errors",
         "pmg.sim.signals",

@@ -90,14 +90,16 @@ def check(
 
 def run_of(given: Given) -> Outcome | None:
     """The way of another machine through ``pmg run``; None of a magnetic gear, which goes the way of the thesis's."""
+    given = dict(given)
+    which = given.pop("machine")
+    if which is None:
+        return None
     from pmg.pipeline.commands.terms import run_machine
     from pmg.pipeline.machine.machine_file import read_machine
     from pmg.pipeline.machine.magnetic import usual
     from pmg.pipeline.machine.shipped import machine_path
 
-    given = dict(given)
-    which = given.pop("machine")
-    if which is None or usual(read_machine(machine_path(which))):
+    if usual(read_machine(machine_path(which))):
         return None
     recordings, report = given.pop("recordings"), given.pop("report")
     useless = [name for name, value in given.items() if value is not None]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,10 +33,11 @@ from pmg.pipeline.commands.motion import (
 )
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.commands.provenance import leave_crate, now
-from pmg.pipeline.commands.stored_analysis import analysed
+from pmg.pipeline.commands.stored_analysis import analysed, recorded_part
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document
 from pmg.pipeline.diagnosis.grid.statement import phrase
 from pmg.pipeline.files.digest import sha256_of
+from pmg.pipeline.files.parallel import begin, keeping_workers
 from pmg.pipeline.files.progress import Steps, named
 from pmg.pipeline.fit.budget import budget_of
 from pmg.pipeline.grid.conditions import conditions
@@ -46,9 +47,9 @@ from pmg.pipeline.model.model_file import FILE as MODEL
 from pmg.pipeline.model.read_model import read_model
 from pmg.pipeline.model.sensor_fault_correction import correct_sensor_fault
 from pmg.pipeline.recording.remark import Remark
+from pmg.pipeline.report.draw import draw_all
 from pmg.pipeline.report.write import write_report
 from pmg.pipeline.settings.bench_in_force import bench_in_force
-from pmg.pipeline.store.store import Store
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -56,12 +57,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.commands.provenance import Clock
-    from pmg.pipeline.commands.stored_analysis import StoredAnalysis
+    from pmg.pipeline.commands.stored_analysis import RecordedPart, StoredAnalysis
     from pmg.pipeline.files.progress import Progress
-    from pmg.pipeline.fit.budget import Budget
     from pmg.pipeline.model.compared_campaign import ComparedCampaign
-    from pmg.pipeline.point_signals.encoded import Encoded
-    from pmg.pipeline.report.document import Report, Section
+    from pmg.pipeline.report.document import Report
     from pmg.pipeline.settings.chosen import Chosen
 
 COMPARED = "simulation and diagnosis", "report"
@@ -101,13 +100,20 @@ def run_compare(
     steps.begin(COMPARED[0])
     given = None if model is None else read_model(model)
     whole = analysed(store, *read_analysis(store), unproven_analysis(store))
+    recorded = begin(recorded_part, whole)
+    begin(draw_all, ())  # a worker loads the drawing library meanwhile
     judged = compare_and_diagnose(whole.analysis, whole.options, whole.bench, np.random.default_rng(SEED), given)
     hashed = () if model is None else ((f"SHA-256 of {model.name}", sha256_of(model)),)
     grid = whole.analysis.grid
     mixed, about_motion = diagnose_mixed(store, report, grid, judged, note, clock, progress)
     steps.begin(COMPARED[1])
     page, remarks = campaign_page(
-        whole, judged, note, tolerances, (*hashed, seeded(SEED), ("Command", _command_words(note, model)))
+        whole,
+        judged,
+        recorded(),
+        note,
+        tolerances,
+        (*hashed, seeded(SEED), ("Command", _command_words(note, model))),
     )
     if mixed is None:
         remove_motion_report(report, grid.campaign)
@@ -138,6 +144,7 @@ def run_compare(
     )
 
 
+@keeping_workers()
 def compare_chosen(chosen: Chosen, campaign: str | None = None, progress: Progress | None = None) -> Outcome:
     """Simulate, compare and report the analysed campaign that file and options name, or the runs in motion of one.
 
@@ -167,12 +174,13 @@ def run_all(chosen: Chosen, progress: Progress | None) -> Outcome:
         raise RecordingError("pmg run", came, "one of them", "Name a folder of recordings, or one of published grids.")
     check_choices(chosen)
     parts: dict[str, Outcome] = {}
-    if recordings is not None:
-        parts["ingest"] = ingest_chosen(chosen, named(progress, "ingest"))
-        ingested = parts["ingest"].data["campaigns"]
-        campaign = campaign or (ingested[0] if len(ingested) == 1 else None)
-    parts["analyse"] = run_analyse(store, options, grids=grids, campaign=campaign, machine=chosen.text("machine"))
-    parts["compare"] = compare_chosen(chosen, campaign, named(progress, "compare"))
+    with keeping_workers(chosen.workers):
+        if recordings is not None:
+            parts["ingest"] = ingest_chosen(chosen, named(progress, "ingest"))
+            ingested = parts["ingest"].data["campaigns"]
+            campaign = campaign or (ingested[0] if len(ingested) == 1 else None)
+        parts["analyse"] = run_analyse(store, options, grids=grids, campaign=campaign, machine=chosen.text("machine"))
+        parts["compare"] = compare_chosen(chosen, campaign, named(progress, "compare"))
     return Outcome(
         data={name: part.data for name, part in parts.items()},
         lines=tuple(line for part in parts.values() for line in part.lines),
@@ -214,6 +222,7 @@ def write_results(
 def campaign_page(
     whole: StoredAnalysis,
     judged: ComparedCampaign | None,
+    recorded: RecordedPart | None,
     note: str,
     tolerances: Mapping[str, tuple[float, float]] | None,
     provenance: tuple[tuple[str, str], ...],
@@ -226,6 +235,8 @@ def campaign_page(
         The analysed campaign.
     judged : ComparedCampaign or None
         What it says about the simulator.
+    recorded : RecordedPart or None
+        What only recordings give, where there are any.
     note : str
         Told at the head of the report.
     tolerances : mapping or None
@@ -237,7 +248,6 @@ def campaign_page(
     diagnosis = None if judged is None else judged.diagnosis
     carried = None if judged is None else judged.carried
     budget = budget_of(analysis.grid, analysis.floor, bench, sources.facts)
-    recorded = None if analysis.grid.origin == "published" else _of_recordings(whole, budget)
     remarks = sources.remarks + (() if recorded is None else recorded.findings)
     faults = correct_sensor_fault(diagnosis, analysis, bench, () if carried is None else carried.here.parts)
     page = build_report(
@@ -260,27 +270,6 @@ def campaign_page(
     if faults and analysis.balance is not None:
         remarks += (Remark("warning", "losses", sensor_fault_warning(faults, analysis.balance)),)
     return page, remarks
-
-
-@dataclass(frozen=True)
-class _RecordedPart:
-    """The part of a page that only recordings give: the order chapter, the signals of each point, and remarks."""
-
-    orders: Section | None
-    signals: Encoded
-    findings: tuple[Remark, ...]
-
-
-def _of_recordings(whole: StoredAnalysis, budget: Budget) -> _RecordedPart:
-    """Chapter, signals and remarks of a recorded campaign; their rooms are loaded for no other."""
-    from pmg.pipeline.commands.orders import orders_chapter
-    from pmg.pipeline.point_signals.campaign import campaign_signals
-    from pmg.pipeline.point_signals.encoded import encode
-
-    store, grid = Store(whole.store), whole.analysis.grid
-    behind = campaign_signals(store, grid, budget)
-    orders, left_out = orders_chapter(store, whole.sources.used, whole.bench)
-    return _RecordedPart(orders, encode(behind.cells), behind.findings + left_out)
 
 
 def seeded(seed: int) -> tuple[str, str]:

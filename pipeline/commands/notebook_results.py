@@ -13,6 +13,7 @@ import polars as pl
 from pmg.pipeline.analysis.outputs import balance_frame
 from pmg.pipeline.commands.compare import campaign_page, seeded
 from pmg.pipeline.commands.compare_and_diagnose import SEED
+from pmg.pipeline.commands.stored_analysis import recorded_part
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document, mechanism_facts
 from pmg.pipeline.grid.tables import grid_frame
 from pmg.pipeline.model.model_file import model_text
@@ -225,7 +226,8 @@ class CampaignDiagnosis:
             By quantity (``torque_sun``, ``torque_ring``, ``loss``, ``efficiency``): absolute [SI] and relative.
         """
         made = (seeded(self.seed), ("Command", "from Python, pmg.pipeline"))
-        return campaign_page(self.analysis.whole, self.judged, note, tolerances, made)[0]
+        whole = self.analysis.whole
+        return campaign_page(whole, self.judged, recorded_part(whole), note, tolerances, made)[0]
 
     @property
     def figures(self) -> dict[str, str]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from pmg.pipeline.commands.analyse import failed_sources
 from pmg.pipeline.fit.analysis import analyse
+from pmg.pipeline.fit.budget import budget_of
 from pmg.pipeline.grid.crosschecks.checked import checked_campaign
 from pmg.pipeline.grid.transducer_remarks import transducer_remarks
 from pmg.pipeline.grid.window_facts import marked_as_simulated, rated, window_facts
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from pmg.pipeline.fit.analysis import Analysis
     from pmg.pipeline.fit.options import AnalysisOptions
     from pmg.pipeline.grid.window_facts import WindowFacts
+    from pmg.pipeline.point_signals.encoded import Encoded
+    from pmg.pipeline.report.document import Section
     from pmg.pipeline.store.manifest import Manifest
     from pmg.sim.bench import BenchParameters
     from pmg.sim.grid import Grid
@@ -122,3 +125,27 @@ def _read_sources(
     remarks += tuple(transducer_remarks(facts, bench))
     known = facts if len(facts.sun.dof) == len(grid) else None
     return SourceFacts(remarks, tuple(inputs), known, failed, manifests)
+
+
+@dataclass(frozen=True)
+class RecordedPart:
+    """The part of a page that only recordings give: the order chapter, the signals of each point, and remarks."""
+
+    orders: Section | None
+    signals: Encoded
+    findings: tuple[Remark, ...]
+
+
+def recorded_part(whole: StoredAnalysis) -> RecordedPart | None:
+    """Chapter, signals and remarks of a recorded campaign; their rooms are loaded for no other, which has None."""
+    if whole.analysis.grid.origin == "published":
+        return None
+    from pmg.pipeline.commands.orders import orders_chapter
+    from pmg.pipeline.point_signals.campaign import campaign_signals
+    from pmg.pipeline.point_signals.encoded import encode
+
+    store, grid = Store(whole.store), whole.analysis.grid
+    budget = budget_of(grid, whole.analysis.floor, whole.bench, whole.sources.facts)
+    behind = campaign_signals(store, grid, budget)
+    orders, left_out = orders_chapter(store, whole.sources.used, whole.bench)
+    return RecordedPart(orders, encode(behind.cells), behind.findings + left_out)

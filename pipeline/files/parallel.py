@@ -8,7 +8,10 @@ import re
 import signal
 from concurrent.futures import CancelledError, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import wait
 from threading import Thread
 from typing import TYPE_CHECKING, TypeVar
@@ -28,6 +31,94 @@ ADDRESS = re.compile(r"(?:(?:tcp|tls|ucx|wss?)://)?(?:\[[^\]\s]+\]|[^\s/:]+):\d+
 
 PATIENCE = 30.0
 """Time within which a cluster has to answer and to show a worker [s]."""
+
+
+@dataclass
+class _Workers:
+    """Processes that stay until their block ends; `pool` is made when it is first needed."""
+
+    count: int
+    until: ExitStack
+    pool: Executor | None = None
+
+    def started(self) -> Executor:
+        """The processes."""
+        if self.pool is None:
+            self.pool = self.until.enter_context(_processes(self.count))
+        return self.pool
+
+
+_KEPT: ContextVar[_Workers | None] = ContextVar("workers", default=None)
+
+
+@contextmanager
+def keeping_workers(count: int | None = None) -> Iterator[None]:
+    """Within the block, one set of processes does the work of `map_over`, `map_in_order` and `begin`.
+
+    They are started when first needed, and end with the block. To start one takes longer than many a piece of work.
+
+    Parameters
+    ----------
+    count : int, optional
+        How many; as many as there are cores by default; with 1 all is done in this process.
+
+    Raises
+    ------
+    StoreError
+        A worker process was killed.
+    """
+    if _KEPT.get() is not None:
+        yield
+        return
+    with ExitStack() as until:
+        before = _KEPT.set(_Workers(count or os.cpu_count() or 1, until))
+        try:
+            yield
+        finally:
+            _KEPT.reset(before)
+
+
+def begin(work: Callable[[Item], Result], item: Item) -> Callable[[], Result]:
+    """Begin work in a process that `keeping_workers` keeps; what this gives waits for its result.
+
+    Where none is running the work is done here, when its result is asked for.
+    """
+    kept = _KEPT.get()
+    if kept is None or kept.pool is None:
+        return partial(work, item)
+    notes = notes_taken()
+    if notes is None:
+        return kept.pool.submit(work, item).result
+    future = kept.pool.submit(Noting(work), item)
+
+    def noted() -> Result:
+        result, others = future.result()
+        notes.add(others)
+        return result
+
+    return noted
+
+
+def map_in_order(work: Callable[[Item], Result], items: Sequence[Item], worth: int) -> Iterator[tuple[Item, Result]]:
+    """Results in the order of the items, each with its item.
+
+    Parameters
+    ----------
+    work, items
+        As for `map_over`.
+    worth : int
+        So many items are worth the start of the processes that `keeping_workers` keeps; running ones serve fewer.
+
+    Raises
+    ------
+    StoreError
+        A worker process was killed.
+    """
+    kept = _KEPT.get()
+    if kept is not None and kept.count > 1 and len(items) >= worth:
+        kept.started()
+    for item, result in [(item, begin(work, item)) for item in items]:
+        yield item, result()
 
 
 def map_over(
@@ -59,6 +150,8 @@ def map_over(
     elif workers <= 1 or len(items) <= 1:
         for item in items:
             yield item, work(item)
+    elif (kept := _KEPT.get()) is not None:
+        yield from _spread(kept.started(), work, items)
     else:
         with _processes(min(workers, len(items))) as executor:
             yield from _spread(executor, work, items)
@@ -176,7 +269,8 @@ def _cluster(address: str) -> Iterator[Executor]:
 
 
 def _follow_parent() -> None:
-    """Leave an interrupt from the keyboard to the parent, and end when the parent is gone."""
+    """Leave an interrupt from the keyboard to the parent, keep to one thread, and end when the parent is gone."""
+    os.environ["POLARS_MAX_THREADS"] = "1"  # read when polars is loaded; there is a process for every core
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:

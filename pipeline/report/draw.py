@@ -9,22 +9,30 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
+import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure as MatplotlibFigure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.transforms import Bbox
 
+from pmg.pipeline.files.parallel import map_in_order
 from pmg.pipeline.report import draw_chart, draw_flow, draw_map
 from pmg.pipeline.report.figure import Chart, Figure, Panel, SpeedMap
-from pmg.pipeline.report.sheet import Sheet, wrapped
+from pmg.pipeline.report.sheet import POINTS, Sheet, wrapped
 from pmg.pipeline.report.spelled import spelled
+from pmg.pipeline.report.stills.compact import compact
+from pmg.pipeline.report.stills.png import png_file
+from pmg.pipeline.report.stills.strokes import Recorder, RecordingCanvas, Redrawn
 from pmg.pipeline.report.theme import LIGHT, alone, themed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from typing import TextIO
 
     from matplotlib.figure import SubFigure
+
+    from pmg.pipeline.report.stills.strokes import Stroke
 
 PAPER = Sheet(width=8.4, letters=9.5, palette=LIGHT)
 NARROW = 4.4
@@ -33,6 +41,9 @@ RESOLUTION = 200
 """Dots per inch of the PNG files."""
 MARGIN = 0.25
 """Between a figure and its caption, and around both, on a page of the PDF [in]."""
+
+SEVERAL = 8
+"""So many figures are worth the start of other processes."""
 
 _NO_METADATA = dict.fromkeys(("Date", "Creator", "Format", "Type"))
 _STYLE: dict[Any, Any] = {
@@ -56,12 +67,6 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-def draw_png(figure: Figure) -> bytes:
-    """A figure as PNG on white; the same figure gives the same bytes."""
-    with _our_style():
-        return _dots(_canvas(figure))
-
-
 @dataclass(frozen=True)
 class Drawings:
     """Figures drawn in every way.
@@ -81,10 +86,23 @@ class Drawings:
     inline: dict[str, str]
 
 
+def draw_png(figure: Figure) -> bytes:
+    """A figure as PNG on white; the same figure gives the same bytes."""
+    with _our_style():
+        return _dots(_drawing_of(figure))
+
+
+def draw_svg(figure: Figure) -> str:
+    """A figure as an SVG element whose colours are the CSS variables of `theme.variables`."""
+    with _our_style():
+        return themed(_drawing_of(figure).svg, figure.id)
+
+
 def draw_all(figures: Sequence[Figure], title: str = "") -> Drawings:
     """Every figure as PNG, as SVG for a page and for itself, and all of them as one PDF, a page each.
 
-    Each is laid out once, in the colours of paper. The same figures give the same bytes.
+    Each is laid out once, in the colours of paper. The same figures give the same bytes, drawn here or, where
+    `keeping_workers` keeps some, in other processes.
 
     Parameters
     ----------
@@ -94,25 +112,68 @@ def draw_all(figures: Sequence[Figure], title: str = "") -> Drawings:
         Title of the PDF.
 
     """
-    made = Drawings({}, b"", {})
-    book = io.BytesIO()
     if not figures:
-        return made
+        return Drawings({}, b"", {})
+    files: dict[str, bytes] = {}
+    inline: dict[str, str] = {}
+    book = io.BytesIO()
     metadata = {"CreationDate": None, "Creator": None, "Producer": None, "Title": spelled(title) or None}
     with _our_style(), PdfPages(book, metadata=metadata) as pages:
-        for count, figure in enumerate(figures, 1):
-            canvas = _canvas(figure)
-            made.files[figure.file] = _dots(canvas)
-            svg = _vectors(canvas)
-            pages.savefig(canvas, bbox_inches=_captioned(canvas, figure, count))
-            made.files[figure.vector_file] = alone(svg, figure.title, figure.caption).encode()
-            made.inline[figure.id] = themed(svg, figure.id)
-    return replace(made, pdf=book.getvalue())
+        for count, (figure, drawn) in enumerate(map_in_order(_drawn, figures, SEVERAL), 1):
+            files |= {figure.file: drawn.png, figure.vector_file: drawn.svg}
+            inline[figure.id] = drawn.inline
+            canvas, box = _captioned(drawn.drawing, figure, count)
+            pages.savefig(canvas, bbox_inches=box)
+    return Drawings(files, book.getvalue(), inline)
 
 
-def _captioned(canvas: MatplotlibFigure, figure: Figure, count: int) -> Bbox:
-    """The page [in] that holds a figure and, below it, its caption, which is added here."""
+@dataclass(frozen=True)
+class _Drawing:
+    """A figure laid out and drawn: its width and height [in], its strokes, and the SVG file that they made."""
+
+    size: tuple[float, float]
+    strokes: list[Stroke]
+    svg: str
+
+    def again(self, resolution: float, paper: str) -> MatplotlibFigure:
+        """The same drawing for another renderer."""
+        canvas = MatplotlibFigure(self.size, resolution, facecolor=paper)
+        canvas.add_artist(Redrawn(self.strokes, *self.size))
+        return canvas
+
+
+def _drawing_of(figure: Figure) -> _Drawing:
+    """A figure laid out for every output, which takes as long as drawing it, and drawn."""
+    file = io.StringIO()
+    canvas, recorder = _laid_out(figure, file)
+    canvas.draw(recorder)
+    recorder.finalize()  # type: ignore[no-untyped-call]
     width, height = canvas.get_size_inches()
+    return _Drawing((float(width), float(height)), recorder.strokes, compact(file.getvalue()))
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """One figure in every way but as PDF, for which all of them are needed."""
+
+    png: bytes
+    svg: bytes
+    inline: str
+    drawing: _Drawing
+
+
+def _drawn(figure: Figure) -> _Drawn:
+    with _our_style():
+        drawing = _drawing_of(figure)
+        png = _dots(drawing)
+    svg = alone(drawing.svg, figure.title, figure.caption).encode()
+    return _Drawn(png, svg, themed(drawing.svg, figure.id), replace(drawing, svg=""))
+
+
+def _captioned(drawing: _Drawing, figure: Figure, count: int) -> tuple[MatplotlibFigure, Bbox]:
+    """A drawing with its caption below, and the page [in] that holds both."""
+    canvas = drawing.again(POINTS, "none")
+    width, height = drawing.size
     lines = [
         (line, weight)
         for text, weight in ((f"Figure {count}. {figure.title}.", "bold"), (figure.caption, "normal"))
@@ -130,27 +191,18 @@ def _captioned(canvas: MatplotlibFigure, figure: Figure, count: int) -> Bbox:
             color=PAPER.palette["ink"],
         )
     depth = MARGIN + len(lines) * PAPER.line
-    return Bbox.from_extents(-MARGIN, -depth - MARGIN, width + MARGIN, height + MARGIN)
+    return canvas, Bbox.from_extents(-MARGIN, -depth - MARGIN, width + MARGIN, height + MARGIN)
 
 
-def draw_svg(figure: Figure) -> str:
-    """A figure as an SVG element whose colours are the CSS variables of `theme.variables`."""
-    with _our_style():
-        return themed(_vectors(_canvas(figure)), figure.id)
+def _dots(drawing: _Drawing) -> bytes:
+    """A drawing as a PNG file on white."""
+    canvas: Any = FigureCanvasAgg(drawing.again(RESOLUTION, PAPER.palette["paper"]))
+    canvas.draw()
+    return png_file(np.asarray(canvas.buffer_rgba())[..., :3], RESOLUTION)
 
 
-def _dots(canvas: MatplotlibFigure) -> bytes:
-    """A laid out figure as a PNG file on white."""
-    return _saved(canvas, format="png", metadata={"Software": None})
-
-
-def _vectors(canvas: MatplotlibFigure) -> str:
-    """A laid out figure as an SVG file on nothing."""
-    return _saved(canvas, format="svg", facecolor="none", metadata=_NO_METADATA).decode()
-
-
-def _canvas(figure: Figure) -> MatplotlibFigure:
-    """A figure laid out for every output: that takes as long as drawing it."""
+def _laid_out(figure: Figure, file: TextIO) -> tuple[MatplotlibFigure, Recorder]:
+    """A figure with all that it shows at its place, and what draws it into a file."""
     sheet = replace(PAPER, width=NARROW) if figure.narrow else PAPER
     columns = min(figure.columns, len(figure.panels))
     column = sheet.shared(columns)
@@ -158,8 +210,9 @@ def _canvas(figure: Figure) -> MatplotlibFigure:
     heights = [max(_height(panel, column) for panel in row) for row in rows]
     layout = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.06, wspace=0.0, hspace=0.0)
     size = (sheet.width, sum(heights))
-    canvas = MatplotlibFigure(size, RESOLUTION, layout=layout, facecolor=sheet.palette["paper"])
-    FigureCanvasAgg(canvas)
+    canvas = MatplotlibFigure(size, POINTS, layout=layout, facecolor="none")
+    recorder = Recorder(size[0] * POINTS, size[1] * POINTS, file, _NO_METADATA)
+    RecordingCanvas(canvas, recorder)
     boxes = canvas.subfigures(len(rows), columns, squeeze=False, height_ratios=heights, wspace=0, hspace=0)
     for row, height, places in zip(rows, heights, boxes, strict=True):
         for panel, box in zip(row, places, strict=False):
@@ -167,7 +220,7 @@ def _canvas(figure: Figure) -> MatplotlibFigure:
             _draw(panel, box, height, column)
     layout.execute(canvas)
     canvas.set_layout_engine(None)
-    return canvas
+    return canvas, recorder
 
 
 def _height(panel: Panel, sheet: Sheet) -> float:
@@ -184,12 +237,6 @@ def _draw(panel: Panel, box: SubFigure, height: float, sheet: Sheet) -> None:
         draw_map.draw(panel, box, sheet)
     else:
         draw_flow.draw(panel, box, height, sheet)
-
-
-def _saved(canvas: MatplotlibFigure, **how: Any) -> bytes:  # noqa: ANN401 - handed on to matplotlib as they are
-    file = io.BytesIO()
-    canvas.savefig(file, **how)
-    return file.getvalue()
 
 
 @contextmanager

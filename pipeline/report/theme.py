@@ -45,14 +45,14 @@ FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto S
 _ROLE = {light: role for role, (light, _) in ROLES.items()}
 """Role of a colour in a drawing made with `LIGHT`: each has its own, and no map uses them."""
 _COLOUR = rf"#(?:{'|'.join(light.removeprefix('#') for light in _ROLE)})\b"
-_FAMILY = re.compile(r"'DejaVu Sans'(?:, sans-serif)?")
+_FAMILY = re.compile(r"font-family: 'DejaVu Sans'(?:, sans-serif)?(?:; )?")
 _ATTRIBUTE = re.compile(rf'\b(fill|stroke)="({_COLOUR})"')
 _STYLED = re.compile(_COLOUR)
 _OUTSIDE = "'DejaVu Sans', Verdana, sans-serif"
 """Fonts of a drawing that stands alone: the one it was laid out with, and one of the same width."""
-_PROLOGUE = re.compile(r"<!DOCTYPE.*?>|<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
+_PROLOGUE = re.compile(r"<!DOCTYPE.*?>", re.DOTALL)
 _IDENTIFIER = re.compile(r'(\bid="|href="#|url\(#)')
-_LEFT_OUT = re.compile(r"^.*?(?=<svg)|<!--.*?-->|<metadata>.*?</metadata>|<style.*?</style>", re.DOTALL)
+_LEFT_OUT = re.compile(r"^.*?(?=<svg)|<style.*?</style>", re.DOTALL)
 _SIZE = re.compile(r' (?:width|height)="[^"]*"')
 _TAG = re.compile(r"<[^>]*>")
 
@@ -91,21 +91,23 @@ def themed(svg: str, prefix: str) -> str:
     """A drawing made with `LIGHT`, ready to stand inside a page.
 
     Colours become CSS variables, fonts the page's own, and identifiers get a prefix so that several drawings
-    can share the page; size, comments and metadata are left out. Text between the tags is left as it is.
+    can share the page; its size is left out. Text between the tags is left as it is.
 
     Parameters
     ----------
     svg : str
-        A whole SVG file.
+        A whole SVG file, compact.
     prefix : str
         Distinguishes this drawing from all others on the page.
     """
 
     def tag(found: re.Match[str]) -> str:
-        text = _SIZE.sub("", found[0]) if found[0].startswith("<svg") else found[0]
+        text = found[0]
+        if text.startswith("<svg"):
+            text = _SIZE.sub("", text).replace("<svg", f'<svg style="font-family: {FONTS}"', 1)
         text = _ATTRIBUTE.sub(r'style="\1: \2"', text)
         text = _STYLED.sub(lambda colour: f"var(--{_ROLE[colour[0]]})", text)
-        return _IDENTIFIER.sub(rf"\g<1>{prefix}-", _FAMILY.sub(FONTS, text))
+        return _IDENTIFIER.sub(rf"\g<1>{prefix}-", _FAMILY.sub("", text).replace("xlink:href=", "href="))
 
     return _TAG.sub(tag, _LEFT_OUT.sub("", svg)).strip()
 
@@ -116,14 +118,15 @@ def alone(svg: str, title: str, caption: str) -> str:
     Parameters
     ----------
     svg : str
-        A whole SVG file made with `LIGHT`.
+        A whole SVG file made with `LIGHT`, compact.
     title, caption : str
         What it is, and what it shows.
     """
     words = f"<title>{escape(spelled(title))}</title>\n<desc>{escape(spelled(caption))}</desc>\n"
     paper = f'<rect width="100%" height="100%" fill="{LIGHT["paper"]}"/>\n'
 
-    drawn = _TAG.sub(lambda found: _FAMILY.sub(_OUTSIDE, found[0]), _PROLOGUE.sub("", svg))
+    drawn = _TAG.sub(lambda found: _FAMILY.sub("", found[0]), _PROLOGUE.sub("", svg))
     head, opening, rest = drawn.partition("<svg ")
     tag, end, body = rest.partition(">")
-    return f'{head.strip()}\n{opening}role="img" {tag}{end}\n{words}{paper}{body.strip()}\n'
+    root = f'{opening}role="img" style="font-family: {_OUTSIDE}" {tag}{end}'
+    return f"{head.strip()}\n{root}\n{words}{paper}{body.strip()}\n"

@@ -32,9 +32,10 @@ if TYPE_CHECKING:
 
 PARTS: dict[str, str] = {
     "html": "page, without its drawings",
-    "draw_all": "figures, laid out twice: for paper, for the page",
-    "png": "figures as PNG",
-    "svg": "figures as SVG, for the page and alone",
+    "draw_all": "captions, and the end of the PDF",
+    "of": "figures laid out, and drawn as SVG",
+    "themed": "their SVG for the page",
+    "dots": "figures as PNG",
     "pdf": "figures as PDF, but for its end",
     "workbook": "workbook",
     "summary": "summary",
@@ -57,12 +58,12 @@ class Clock:
         self._since = now
 
     def timed(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
-        """The same function, its time booked under a name, or under that of the format it is asked for."""
+        """The same function, its time booked under a name."""
 
         @wraps(call)
         def booked(*given: Any, **named: Any) -> Any:  # noqa: ANN401 - whatever the function takes
             self._book()
-            self._open.append(name or named["format"])
+            self._open.append(name)
             try:
                 return call(*given, **named)
             finally:
@@ -109,7 +110,8 @@ def main() -> None:
             with ExitStack() as patched:
                 for part in ("html", "draw_all", "workbook", "summary", "write_aside"):
                     patched.enter_context(patch.object(write, part, clock.timed(part, getattr(write, part))))
-                patched.enter_context(patch.object(draw, "_saved", clock.timed("", draw._saved)))
+                for name, made in (("dots", "_dots"), ("of", "_drawing_of"), ("themed", "themed")):
+                    patched.enter_context(patch.object(draw, made, clock.timed(name, getattr(draw, made))))
                 patched.enter_context(patch.object(PdfPages, "savefig", clock.timed("pdf", PdfPages.savefig)))
                 whole = timed(lambda: write.write_report(page, out, *rest, **named)).cpu
             if best is None or whole < best[0]:

@@ -1,0 +1,1 @@
+"""Still drawings: their strokes, and the files they become."""
