@@ -12,6 +12,7 @@ from pmg.pipeline.cli.frame import command
 from pmg.pipeline.cli.options import LimitsOption
 from pmg.pipeline.commands.outcome import Outcome
 from pmg.pipeline.files.progress import Progress
+from pmg.sim.errors import BenchError
 
 
 @command("import", example="import log.csv --map map.toml --out recordings")
@@ -41,13 +42,18 @@ def bring(
     guess: Annotated[
         bool, typer.Option("--guess", help="Propose a channel map for a file, to be completed; import nothing.")
     ] = False,
+    machine: Annotated[
+        bool, typer.Option("--machine", help="With --guess, propose the file of a machine of one's own instead.")
+    ] = False,
     progress: Progress | None = None,
 ) -> Outcome:
     """Convert recordings of other formats to MCAP. A channel map says which column is which signal of layout pmg.v1."""
     from pmg.pipeline.commands.exchange import run_guess, run_import
 
-    if guess:
-        return run_guess(source, chart, out, words or ())
+    if guess or machine:
+        if not guess:
+            raise BenchError("--machine", "without --guess", "both", "A machine's own recordings need no import.")
+        return run_guess(source, chart, out, words or (), machine=machine)
     return run_import(source, chart, out, words or (), progress)
 
 

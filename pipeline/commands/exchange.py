@@ -13,6 +13,8 @@ from pmg.pipeline.importers.guess.map_text import map_text
 from pmg.pipeline.importers.guess.signal_look import look_at
 from pmg.pipeline.importers.import_recording import import_recording
 from pmg.pipeline.importers.open_source import FORMATS, KINDS_OF_FILE, open_source
+from pmg.pipeline.machine.machine_guess import guess_machine
+from pmg.pipeline.machine.machine_text import machine_text
 from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.windows.limits_file import chosen_limits
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.importers.import_recording import Imported
+    from pmg.pipeline.importers.source import ForeignSource
 
 
 def run_import(
@@ -81,8 +84,10 @@ def run_import(
     return Outcome(data, (head, *_readings(done)), tuple(findings), partial=bool(failed))
 
 
-def run_guess(place: Path, chart: Path | None, out: Path | None, words: Iterable[str]) -> Outcome:
-    """Propose a channel map for a file.
+def run_guess(
+    place: Path, chart: Path | None, out: Path | None, words: Iterable[str], *, machine: bool = False
+) -> Outcome:
+    """Propose a channel map for a file, or the file of a machine that it is a recording of.
 
     Parameters
     ----------
@@ -94,6 +99,8 @@ def run_guess(place: Path, chart: Path | None, out: Path | None, words: Iterable
         TOML file to write; one that is there is never overwritten.
     words : iterable of str
         ``key=value`` for the run; the call is refused with one.
+    machine : bool
+        Whether a machine file is proposed.
 
     Raises
     ------
@@ -108,8 +115,7 @@ def run_guess(place: Path, chart: Path | None, out: Path | None, words: Iterable
     (source,) = _sources(place)
     findings = Findings(source.name)
     opened = open_source(source, CsvForm(), findings)
-    guess = guess_map(opened, look_at(opened))
-    text = map_text(guess)
+    proposed, share, text = _machine_of(opened) if machine else _map_of(opened)
     if out is not None:
         try:
             with out.open("x", encoding="utf-8", newline="\n") as stream:
@@ -117,19 +123,36 @@ def run_guess(place: Path, chart: Path | None, out: Path | None, words: Iterable
         except FileExistsError as there:
             do = "Name another file, or remove that one."
             raise BenchError(str(out), "it is there already", "a new file; none is overwritten", do) from there
-    chosen = sum(each.chosen is not None for each in guess.topics)
-    share = f"{chosen} of {counted(len(guess.topics), 'topic')} chosen, what is open is marked"
-    told = text.rstrip("\n") if out is None else f"wrote a proposed map to {out}: {share}"
+    kind = "machine file" if machine else "map"
+    told = (
+        text.rstrip("\n")
+        if out is None
+        else f"wrote a proposed {kind} to {out}: {share} chosen, what is open is marked"
+    )
     data = {
         "source": source.name,
         "format": opened.format,
         "reader": opened.reader,
         "reading": dict(opened.reading),
         "out": None if out is None else str(out),
-        **guess.document(),
-        "map": text,
+        **proposed,
+        "machine" if machine else "map": text,
     }
     return Outcome(data, (told,), findings.listed())
+
+
+def _map_of(opened: ForeignSource) -> tuple[dict[str, Any], str, str]:
+    """A channel map: as JSON, how much of it is chosen, as TOML."""
+    guess = guess_map(opened, look_at(opened))
+    chosen = sum(each.chosen is not None for each in guess.topics)
+    return guess.document(), f"{chosen} of {counted(len(guess.topics), 'topic')}", map_text(guess)
+
+
+def _machine_of(opened: ForeignSource) -> tuple[dict[str, Any], str, str]:
+    """The same of a machine file."""
+    guess = guess_machine(opened)
+    chosen = sum(guess.chosen(*key) is not None for key in guess.channels)
+    return guess.document(), f"{chosen} of {counted(len(guess.channels), 'channel')}", machine_text(guess)
 
 
 def _place(fault: PmgError, source: Path) -> str:

@@ -37,7 +37,7 @@ def map_text(guess: MapGuess) -> str:
     return "\n".join(_lines(guess)) + "\n"
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
     """A string of TOML on one line, with every sign that does not print as its code."""
     plain = json.dumps(text, ensure_ascii=False)
     return "".join(sign if sign.isprintable() else f"\\U{ord(sign):08X}" for sign in plain)
@@ -54,7 +54,7 @@ def _lines(guess: MapGuess) -> Iterator[str]:
     lengths = {one.seen.channel.length for each in guess.topics for one in each.candidates}
     if len(lengths) > 1:
         yield "# The channels differ in length: those of one map must have as many rows."
-    yield f"schema = {_quoted(SCHEMA)}"
+    yield f"schema = {quoted(SCHEMA)}"
     yield f'{OPEN}calibration = ""  # TOML file next to the map; raw/LAYOUT.md shows one'
     yield ""
     yield "[run]"
@@ -100,7 +100,7 @@ def _option(option: TimeOption, mark: str) -> Iterator[str]:
     if option.doubt:
         yield f"# but: {printable(option.doubt)}"
     for key, value in option.keys.items():
-        yield f"{mark}{key} = {_quoted(value) if isinstance(value, str) else repr(value)}"
+        yield f"{mark}{key} = {quoted(value) if isinstance(value, str) else repr(value)}"
     for key in option.missing:
         yield _open_key(key, f": {', '.join(TIME)}" if key == "unit" else "")
 
@@ -128,10 +128,10 @@ def _block(
 ) -> Iterator[str]:
     """A table of a channel; every line of it is marked where something is open."""
     yield f"{mark}[[channel]]"
-    yield f"{mark}topic = {_quoted(topic)}"
-    yield f"{mark}source = {_quoted(name)}"
+    yield f"{mark}topic = {quoted(topic)}"
+    yield f"{mark}source = {quoted(name)}"
     if unit:
-        yield f"{mark}unit = {_quoted(unit)}"
+        yield f"{mark}unit = {quoted(unit)}"
     for key, value in keys.items():
         yield f"{mark}{key} = {value}"
     for key in missing:
@@ -146,12 +146,12 @@ def _open_key(key: str, more: str = "") -> str:
 
 def _left(guess: SignalGuess) -> Iterator[str]:
     yield ""
-    yield f"# {_quoted(guess.name)}: {printable(guess.reason)}"
+    yield f"# {quoted(guess.name)}: {printable(guess.reason)}"
     if not guess.seen.fault:
         yield f"#   seen: {printable(guess.seen.description())}"
     if guess.kind in PLACELESS or guess.seen.fault:
         return
     yield f"{OPEN}[[channel]]"
     yield _open_key("topic")
-    yield f"{OPEN}source = {_quoted(guess.name)}"
-    yield f"{OPEN}unit = {_quoted(guess.unit)}" if guess.unit else _open_key("unit")
+    yield f"{OPEN}source = {quoted(guess.name)}"
+    yield f"{OPEN}unit = {quoted(guess.unit)}" if guess.unit else _open_key("unit")

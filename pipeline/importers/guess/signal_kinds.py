@@ -9,7 +9,7 @@ from pmg.pipeline.importers.source import BRACKETED
 from pmg.pipeline.wording.units import ANGLE, COUNT, ELECTRIC, FREQUENCY, SPEED, TIME, TORQUE, declared
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
 WORD = re.compile(r"[A-ZÄÖÜ]?[a-zäöüß]+|[A-ZÄÖÜ]+(?![a-zäöüß])|\d+|[φθω]")
 """A word of a name, by case and digits."""
@@ -43,7 +43,7 @@ SET_WORDS = ["set", "setpoint", "soll", "sollwert", "cmd", "command", "ref", "re
 """Words of what was asked for and not measured."""
 
 
-def _words_of(name: str) -> list[str]:
+def words_of(name: str) -> list[str]:
     """Words of a name in small letters; single letters stay as they are."""
     return [word if len(word) == 1 else word.lower() for word in WORD.findall(COLUMN.sub("", name))]
 
@@ -56,12 +56,12 @@ def _parts(name: str) -> tuple[str, str, str]:
     return above, last, unit
 
 
-def side_of(name: str) -> str:
+def side_of(name: str, known_words: tuple[Mapping[str, str], ...] = SIDE_WORDS) -> str:
     """Shaft that a name speaks of: its last part decides, then the groups above; empty where none or both are named."""
     above, last, _ = _parts(name)
     for part in (last, above):
-        words = set(_words_of(part))
-        for rank in SIDE_WORDS:
+        words = set(words_of(part))
+        for rank in known_words:
             sides = [side for side, known in rank.items() if words & set(known.split())]
             if sides:
                 return sides[0] if len(sides) == 1 else ""
@@ -70,12 +70,12 @@ def side_of(name: str) -> str:
 
 def is_set_point(name: str) -> bool:
     """Whether a name speaks of what was asked for."""
-    return bool(set(_words_of(_parts(name)[1])) & set(SET_WORDS))
+    return bool(set(words_of(_parts(name)[1])) & set(SET_WORDS))
 
 
 def kinds_by_name(name: str) -> tuple[tuple[str, ...], bool]:
     """Kinds that a name may speak of, and whether words say so; a single letter is a weak sign."""
-    words = _words_of(_parts(name)[1])
+    words = words_of(_parts(name)[1])
     found = tuple(kind for kind, known in KIND_WORDS.items() if set(words) & set(known.split()))
     if found:
         return found, True
@@ -83,10 +83,10 @@ def kinds_by_name(name: str) -> tuple[tuple[str, ...], bool]:
     return (LETTERS[letters[0]], False) if letters else ((), False)
 
 
-def unit_by_name(name: str) -> str:
+def unit_by_name(name: str, more: Iterable[str] = ()) -> str:
     """Unit in brackets behind a name, or at its end, as in ``M_Nm``, where it has more than one letter; else empty."""
     _, plain, bracketed = _parts(name)
-    known = {*TORQUE, *SPEED, *ANGLE, *ELECTRIC, *FREQUENCY, *TIME, *TEMPERATURE}
+    known = {*TORQUE, *SPEED, *ANGLE, *ELECTRIC, *FREQUENCY, *TIME, *TEMPERATURE, *more}
     if declared(bracketed) in known:
         return declared(bracketed)
     last = re.split(r"[\s_\-.]", plain)[-1]

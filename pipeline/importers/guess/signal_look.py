@@ -66,8 +66,6 @@ class SeenSignal:
         wraps taken out.
     step : float
         Typical step, wraps taken out.
-    single_steps : bool
-        Whether no typical step is left out between two values.
     wraps : int
         How often it begins anew.
     wraps_at : float, optional
@@ -87,7 +85,6 @@ class SeenSignal:
     rising: bool = False
     even: bool = False
     step: float = math.nan
-    single_steps: bool = False
     wraps: int = 0
     wraps_at: float | None = None
     jumps: int = 0
@@ -166,11 +163,10 @@ def _seen_signal(channel: SourceChannel, values: Array, whole_file: bool) -> See
         steps = np.where(jumps, steps - np.copysign(period, steps), steps)
     step = float(np.median(steps)) if len(steps) else math.nan
     rising = len(steps) > 0 and bool((steps > 0.0).all()) and (period is not None or not jumps.any())
-    even = single = False
+    even = False
     if rising:
         samples = steps / step
         even = bool((np.abs(samples - np.rint(samples)) <= UNEVEN).all() and (np.rint(samples) >= 1.0).all())
-        single = even and bool((np.rint(samples) == 1.0).all())
         step = float(steps.sum() / np.rint(samples).sum()) if even else step
     return SeenSignal(
         channel,
@@ -184,7 +180,6 @@ def _seen_signal(channel: SourceChannel, values: Array, whole_file: bool) -> See
         rising,
         even,
         step,
-        single,
         int(np.count_nonzero(jumps)),
         period,
         beyond - int(np.count_nonzero(jumps)),

@@ -112,7 +112,7 @@ def _option(seen: SeenSignal) -> TimeOption | None:
         return None
     name = seen.channel.name
     unit = declared(seen.channel.unit) or unit_by_name(name)
-    doubt = "" if seen.even else "its steps are not even: pmg import would refuse them"
+    doubt = "" if seen.even else "its steps are not even: the import asks the signals whether samples are"
     if unit not in TIME and seen.whole_numbers and (seen.wraps or unit == "1"):
         bits = 0 if seen.wraps_at is None else int(seen.wraps_at).bit_length() - 1
         keys: dict[str, str | int | float] = {"ticks": name}
@@ -121,24 +121,12 @@ def _option(seen: SeenSignal) -> TimeOption | None:
         width: tuple[str, ...] = () if "bits" in keys else ("bits",)
         return TimeOption(name, keys, (*width, "frequency_Hz"), seen.description(), doubt)
     known = unit if unit in TIME else ""
-    if seen.wraps:
-        return _wrapped(seen, known, doubt)
     missing = () if known else ("unit",)
     keys = {"source": name, **({"unit": known} if known else {})}
     rate = f", {_rate(seen, known):.9g} Hz" if known else ""
     if known and not SMALLEST_RATE < _rate(seen, known) < LARGEST_RATE:
         doubt = doubt or f"its rate would be {_rate(seen, known):.6g} Hz"
     return TimeOption(name, keys, missing, f"{seen.description()}{rate}", doubt)
-
-
-def _wrapped(seen: SeenSignal, unit: str, doubt: str) -> TimeOption:
-    """Times that begin anew, which no import takes: their rate instead."""
-    if not unit:
-        return TimeOption("", {}, ("rate_Hz",), f"'{seen.channel.name}' begins anew, and its unit is not known", doubt)
-    reason = f"'{seen.channel.name}' begins anew at {seen.wraps_at:.9g} {unit}, so its rate is taken and not its times"
-    if not doubt and not (seen.single_steps and seen.whole_file):
-        doubt = "pauses are then not seen: look whether there are any"
-    return TimeOption(seen.channel.name, {"rate_Hz": _rate(seen, unit)}, (), reason, doubt)
 
 
 def _rate(seen: SeenSignal, unit: str) -> float:

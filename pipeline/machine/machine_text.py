@@ -1,0 +1,127 @@
+"""A proposed machine file as TOML: what was guessed with its reason, what is open as lines that the user completes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pmg.pipeline.importers.guess.map_text import OPEN, quoted
+from pmg.pipeline.machine.channel import COMMANDS, TIMES
+from pmg.pipeline.machine.machine_file import MACHINE_SCHEMA
+from pmg.pipeline.wording.safe_text import printable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pmg.pipeline.machine.machine_guess import ChannelGuess, MachineGuess
+
+THINNED_HZ = 50.0
+"""Rate to which a proposed file thins the samples [Hz]."""
+BAND = 0.4
+"""Low-pass over that rate."""
+MOST_LEFT_OUT = 100
+"""Largest decimation that a machine file takes."""
+
+
+def machine_text(guess: MachineGuess) -> str:
+    """The TOML of a proposed machine."""
+    return "\n".join(_lines(guess)) + "\n"
+
+
+def _lines(guess: MachineGuess) -> Iterator[str]:
+    source, mark = guess.source, OPEN.strip()
+    yield f"# Proposed for {printable(source.path.name)} ({source.format}) by pmg import --guess --machine."
+    yield f"# Look at each line. Those that begin with '{mark}' are open: take '{mark}' away and complete them."
+    if source.reading:
+        read = ", ".join(f"{key.replace('_', ' ')} {word}" for key, word in source.reading.items())
+        yield f"# Read with {printable(read)}."
+    yield f"schema = {quoted(MACHINE_SCHEMA)}"
+    yield f"title = {quoted(source.path.stem)}"
+    yield f'{OPEN}source = ""  # of every number that names no other'
+    shafts = guess.shafts
+    if len(shafts) > 1:
+        yield from (
+            "",
+            "[gear]",
+            'kind = "rigid"  # or "none", where one shaft goes through; "magnetic": with pole pairs',
+        )
+        yield from (f'{end} = "{end}"' for end in ("input", "output"))
+        if guess.ratio is None:
+            yield f'{OPEN}ratio = {{ value = , unit = "1", source = "" }}  # the speeds do not show it'
+        else:
+            told = f'{{ value = {guess.ratio!r}, unit = "1", source = {quoted("speeds of " + source.path.name)} }}'
+            yield f"ratio = {told}  # by the slope of one speed over the other: put that of the teeth"
+    for shaft in shafts or ("shaft",):
+        yield from _shaft(guess, shaft)
+    yield from _records(guess)
+    if guess.left:
+        yield from ("", "# --- not proposed ---")
+    for one in guess.left:
+        yield f"# {quoted(one.name)}: {printable(one.reason)}"
+        if not one.seen.fault:
+            yield f"#   seen: {printable(one.seen.description())}"
+
+
+def _shaft(guess: MachineGuess, shaft: str) -> Iterator[str]:
+    axis = guess.axis
+    yield from ("", f"[shaft.{shaft}]", f'moves = "{"turns" if axis.turn else "slides"}"')
+    yield f'{OPEN}inertia = {{ value = , unit = "{axis.mass}", u = , source = "" }}  # needed if it coasts'
+    of_current = any(one.unit == "A" for one in guess.channels.get((shaft, "force"), ()))
+    if of_current:
+        unit = f"{axis.push}/A"
+        yield from ("", f"[shaft.{shaft}.motor]")
+        yield f'{OPEN}constant = {{ value = , unit = "{unit}", source = "" }}  # makes a {axis.pushes} of its current'
+    yield from ("", f"[shaft.{shaft}.channel]")
+    found = False
+    for kind in ("position", "velocity", "force"):
+        fitting = guess.channels.get((shaft, kind), ())
+        word = axis.pushes if kind == "force" else kind
+        if len(fitting) > 1:
+            yield f"# {word}: {len(fitting)} candidates, none chosen: take one"
+        for one in fitting:
+            found = True
+            turned = ", sign = -1" if kind == "force" and guess.against and shaft == guess.shafts[-1] else ""
+            yield from _channel(word, one, "" if guess.chosen(shaft, kind) is one else OPEN, axis.factor, turned)
+            if turned:
+                yield "# sign: both torques would put power in most of the time, so one counts what comes out"
+    if not found:
+        known = (*axis.positions, *axis.speeds)
+        yield f'{OPEN}velocity = {{ name = "", unit = "" }}  # no channel fits: one of {", ".join(known)}'
+    if (shaft, "force") not in guess.channels:
+        yield f"# no {axis.pushes}: if none is recorded of any shaft the machine coasts"
+
+
+def _channel(word: str, one: ChannelGuess, mark: str, factor: str = "", more: str = "") -> Iterator[str]:
+    yield f"# why: {printable(one.reason)}"
+    if one.seen.constant:
+        yield "# but: it is constant: a set value, or nothing was connected"
+    yield f"# seen: {printable(one.seen.description())}"
+    if one.unit in COMMANDS:
+        other = " or state motor.constant above and leave that out" if one.unit == "A" else ""
+        yield f"# one {one.unit} makes how much: complete {factor}{other}"
+        more = f", {factor} = {more}"
+    yield f"{mark}{word} = {{ name = {quoted(one.name)}, unit = {quoted(one.unit)}{more} }}"
+
+
+def _records(guess: MachineGuess) -> Iterator[str]:
+    yield from ("", "[records]")
+    if len(guess.time) > 1:
+        yield f"# time: {len(guess.time)} candidates, none chosen: take one"
+    for one in guess.time:
+        told = len(guess.time) == 1 and one.unit in TIMES and one.reason.startswith("unit")
+        yield from _channel("time", one, "" if told else OPEN)
+    if not guess.time:
+        yield "# no column that is a time and rises: the file's own clock is used where it has one, else rate_Hz"
+    for one in guess.temperature:
+        told = len(guess.temperature) == 1 and bool(one.unit)
+        yield from _channel("temperature", one, "" if told else OPEN)
+    rate = guess.rate_hz
+    if rate is None:
+        yield f"{OPEN}rate_Hz =   # samples per second"
+        yield f"{OPEN}low_pass_Hz =   # at least {BAND} rate_Hz / keep_every, below the first resonance"
+        yield f"{OPEN}keep_every = "
+    else:
+        keep = min(max(round(rate / THINNED_HZ), 1), MOST_LEFT_OUT)
+        yield f"rate_Hz = {rate!r}"
+        yield f"low_pass_Hz = {BAND * rate / keep:.4g}  # {BAND} rate_Hz / keep_every; below the first resonance"
+        yield f"keep_every = {keep}"
+    yield f'{OPEN}withheld = [""]  # recordings that take part in no fit, by name; or withheld_part = 0.3'

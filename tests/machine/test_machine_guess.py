@@ -1,0 +1,114 @@
+"""A machine file proposed from one recording: what is taken, what is left open, and that it is read again."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from tests.balance import gearbox
+
+from pmg.pipeline.commands.exchange import run_guess
+from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
+from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
+from pmg.pipeline.importers.guess.map_text import OPEN
+from pmg.pipeline.machine.machine_file import read_machine
+from pmg.sim.signals import REVOLUTION
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pmg.sim.signals import Array
+
+T = np.arange(3000) / 500.0
+
+
+def proposed(path: Path, out: Path | None = None) -> tuple[dict[str, Any], str]:
+    """What is proposed as tables, and as it stands in the file."""
+    text = run_guess(path, None, out, (), machine=True).data["machine"]
+    return tomllib.loads(text), text
+
+
+def csv(path: Path, columns: dict[str, Array], delimiter: str = ";") -> Path:
+    rows = "\n".join(delimiter.join(f"{value:.6f}" for value in row) for row in zip(*columns.values(), strict=True))
+    path.write_text(f"{delimiter.join(columns)}\n{rows}\n", encoding="utf-8")
+    return path
+
+
+def wave(frequency: float) -> Array:
+    return np.asarray(np.sin(REVOLUTION * frequency * T))
+
+
+def test_a_gearbox_with_units_is_proposed_whole_and_its_file_is_read_as_it_is(tmp_path: Path) -> None:
+    records = gearbox.make_records(tmp_path / "records", seconds=40.0, names=("first.csv",))
+    first = records / "first.csv"
+    head, rows = first.read_text().split("\n", 1)
+    first.write_text("t [s],n_motor [rpm],T_motor [Nm],n_brake [1/min],T_brake [Nm]\n" + rows)
+    table, _ = proposed(first, tmp_path / "machine.toml")
+    assert table["gear"]["ratio"]["value"] == pytest.approx(gearbox.RATIO, rel=1e-3)
+    assert table["shaft"]["output"]["channel"]["torque"]["sign"] == -1, "which counts what comes out"
+    found, _ = read_recordings(case_of(read_machine(tmp_path / "machine.toml"), records))
+    first.write_text(f"{head}\n{rows}")
+    shipped = tmp_path / "shipped.toml"
+    shipped.write_text(gearbox.SHIPPED.read_text().replace('withheld = ["withheld*"]', ""))
+    expected, _ = read_recordings(case_of(read_machine(shipped), records))
+    np.testing.assert_allclose(found.force, expected.force, atol=1e-2 * float(np.std(expected.force)))
+
+
+def test_what_has_no_unit_is_shown_and_left_open(tmp_path: Path) -> None:
+    columns = {"t": T, "n_motor": 100.0 * wave(0.5), "M_motor": wave(1.0), "n_brake": 20.0 * wave(0.5)}
+    table, text = proposed(csv(tmp_path / "a.csv", columns))
+    assert set(table["shaft"]) == {"input", "output"}
+    assert table["gear"]["ratio"]["value"] == pytest.approx(5.0), "by the shape of both speeds"
+    assert table["shaft"]["input"]["channel"] == {}
+    for line in ('velocity = { name = "n_motor", unit = "" }', 'torque = { name = "M_motor", unit = "" }'):
+        assert f"\n{OPEN}{line}\n" in text
+    assert f'\n{OPEN}time = {{ name = "t", unit = "s" }}\n' in text, "the unit that gives a likely rate"
+
+
+@pytest.mark.parametrize(
+    ("columns", "moves", "channel", "opened"),
+    [
+        (
+            {"Zeit [ms]": 1e3 * T, "Weg [mm]": wave(0.3), "Kraft [N]": wave(2.0), "T_Spindel [°C]": 20.0 + T},
+            "slides",
+            {"position": {"name": "Weg", "unit": "mm"}, "force": {"name": "Kraft", "unit": "N"}},
+            "inertia",
+        ),
+        (
+            {"Zeit [ms]": 1e3 * T, "phi [mrad]": wave(0.3), "Strom [A]": wave(2.0), "temp [°C]": 20.0 + T},
+            "turns",
+            {"position": {"name": "phi", "unit": "mrad"}},
+            'torque = { name = "Strom", unit = "A", newton_metre_per_unit =  }',
+        ),
+        (
+            {"Zeit [ms]": 1e3 * T, "n_1 [rpm]": wave(0.3), "n_2 [rpm]": wave(2.0), "temp [°C]": 20.0 + T},
+            "turns",
+            {"velocity": {"name": "n_1", "unit": "rpm"}},
+            'ratio = { value = , unit = "1", source = "" }',
+        ),
+    ],
+    ids=["slide", "current", "two speeds that go apart"],
+)
+def test_axis_temperature_and_time_are_told_by_units(
+    tmp_path: Path, columns: dict[str, Array], moves: str, channel: dict[str, Any], opened: str
+) -> None:
+    table, text = proposed(csv(tmp_path / "a.csv", columns))
+    shaft = next(iter(table["shaft"].values()))
+    assert shaft["moves"] == moves
+    assert shaft["channel"] == channel
+    assert table["records"]["time"] == {"name": "Zeit", "unit": "ms"}
+    assert table["records"]["temperature"]["unit"] == "degC"
+    assert (table["records"]["rate_Hz"], table["records"]["keep_every"]) == (500.0, 10)
+    assert f"\n{OPEN}{opened}" in text
+
+
+def test_two_candidates_a_set_point_and_what_stands_still_are_not_chosen(tmp_path: Path) -> None:
+    columns = {"n [rpm]": wave(1.0), "drehzahl [rpm]": wave(1.0), "M_soll [Nm]": wave(2.0), "M [Nm]": 0.0 * T}
+    table, text = proposed(csv(tmp_path / "a.csv", columns))
+    assert table["shaft"]["shaft"]["channel"] == {}
+    assert "# velocity: 2 candidates, none chosen" in text
+    assert '# "M_soll": a set-point by its name' in text
+    assert "# but: it is constant" in text
+    assert f"{OPEN}rate_Hz = " in text
