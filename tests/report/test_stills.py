@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 import struct
 import zlib
@@ -18,13 +19,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as MatplotlibFigure
 from PIL import Image
 
-from pmg.pipeline.files.parallel import keeping_workers
+from pmg.pipeline.files.parallel import keeping_workers, map_in_order
 from pmg.pipeline.report import draw
 from pmg.pipeline.report.document import Figure
 from pmg.pipeline.report.draw import draw_all
 from pmg.pipeline.report.stills.compact import compact
 from pmg.pipeline.report.stills.png import png_file
 from pmg.pipeline.report.stills.strokes import Recorder, Redrawn
+from pmg.sim.errors import StoreError
 
 from . import example
 
@@ -40,6 +42,11 @@ def test_figures_have_the_same_bytes_from_other_processes(monkeypatch: pytest.Mo
     monkeypatch.setattr(draw, "SEVERAL", 2)
     with keeping_workers(2):
         assert draw_all(figures, "Two") == here
+
+
+def test_a_worker_that_dies_is_told_of() -> None:
+    with pytest.raises(StoreError, match="worker"), keeping_workers(2):
+        list(map_in_order(os._exit, [1, 1], 2))
 
 
 @given(arrays.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 9), st.just(3))), st.integers(1, 600))

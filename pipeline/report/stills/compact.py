@@ -9,7 +9,7 @@ DECIMALS = 2
 
 _LEFT_OUT = re.compile(r"<!--.*?-->|<metadata>.*?</metadata>", re.DOTALL)
 _BETWEEN = re.compile(r">\s+<")
-_PLACED = re.compile(r' (?:d|x|y|transform)="[^"]*"')
+_PLACED = re.compile(r' (?:d|x|y|width|height|transform)="[^"]*"')
 _LONG = re.compile(rf"-?\d+\.\d{{{DECIMALS + 1},}}(?!e)")
 _SPACE = re.compile(r"\s*([MLQCz])\s*")
 _UNTURNED = re.compile(r' transform="rotate\(-?0 [^"]*"')
@@ -38,13 +38,17 @@ def compact(svg: str) -> str:
         A whole SVG file.
     """
     svg = _BETWEEN.sub("><", _LEFT_OUT.sub("", svg))
-    svg = _UNTURNED.sub("", _PLACED.sub(_rounded, svg))
+    svg = _TAG.sub(lambda tag: _UNTURNED.sub("", _PLACED.sub(_rounded, tag[0])), svg)
     svg = _grouped(_UNSEEN.sub("", _GROUP_NAME.sub("", svg)))
     own_stroke = set(_STYLED_SHAPE.findall(svg))
     svg = _USE.sub(lambda use: _use(use, own_stroke), svg)
     svg = _LINES.sub(_one_path, _USES.sub(_one_style, svg))
     names: dict[str, str] = {}
-    return _NAME.sub(lambda found: found[1] + names.setdefault(found[2], f"d{len(names)}"), svg)
+
+    def named(found: re.Match[str]) -> str:
+        return found[1] + names.setdefault(found[2], f"d{len(names)}")
+
+    return _TAG.sub(lambda tag: _NAME.sub(named, tag[0]), svg)
 
 
 def _rounded(found: re.Match[str]) -> str:
@@ -61,6 +65,8 @@ def _grouped(svg: str) -> str:
     ended = ""
     """Opening tag of the group whose end was kept last."""
     for part in filter(None, _TAG.split(svg)):
+        if part == "<g/>" or (part.startswith("<g ") and part.endswith("/>")):
+            continue
         if part == "</g>":
             opening = groups.pop()
             if opening != "<g>":
