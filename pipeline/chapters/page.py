@@ -20,7 +20,7 @@ from pmg.pipeline.chapters.measured.loss_parts import loss_parts_figure
 from pmg.pipeline.chapters.measured.losses import losses_section
 from pmg.pipeline.chapters.measured.neutral import neutral_section
 from pmg.pipeline.chapters.measured.quality import data_section
-from pmg.pipeline.chapters.measured.sensor_fault import sensor_fault_items
+from pmg.pipeline.chapters.measured.sensor_fault import highest_loss, sensor_fault_items
 from pmg.pipeline.chapters.measured.torque_map import torque_map_sections
 from pmg.pipeline.chapters.simulated.by_load import by_load_figures
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
@@ -152,7 +152,7 @@ def build_report(
     if diagnosis is not None and left.calibration is not None:
         readings = diagnosis.mismatch.readings
         residual = readings.torque - predict(readings, bench, left.calibration.model)
-        sheet = action_sheet(diagnosis, residual, before)
+        sheet = action_sheet(diagnosis, residual, before, highest_loss(faults, analysis.balance))
         sections.append(diagnosis_section(diagnosis, residual))
         if diagnosis.audit is not None:
             sections.append(audit_section(diagnosis.audit))

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
 
 _THREAD = 1e-6
 """Width of a link that only keeps a place, in parts of the widest."""
+LETTERS = 11
+"""Size of the letters [px]."""
+LONGEST = 18
+"""Letters of a name that stand in one line."""
 _UNSEEN = "rgba(0,0,0,0)"
 
 
@@ -87,7 +91,7 @@ def _trace(flow: PowerFlow) -> dict[str, Any]:
             "label": [link[4] for link in kept],
             "hovertemplate": "%{label}<br>%{value:.3f} W<extra></extra>",
         },
-        "textfont": {"color": "@ink", "size": 12, "shadow": "none"},
+        "textfont": {"color": "@ink", "size": LETTERS, "shadow": "none"},
     }
 
 
@@ -111,4 +115,13 @@ def _label(widths: Balance, name: str, watts: float, expanded: float, *, gain: b
     text = numerals.measured(watts, expanded) if known else numerals.number(watts, 2)
     share = f"{numerals.number(100 * widths.share(watts), 1)} %"
     more = "<br>a gain, not a loss" if gain and not abs(watts) <= expanded else ""
-    return f"{plain(name)}<br>{text} W<br>{share}{more}"
+    return f"{'<br>'.join(map(plain, _broken(name)))}<br>{text} W<br>{share}{more}"
+
+
+def _broken(name: str) -> tuple[str, ...]:
+    """A name in one line, or in two about as long: columns stand close, and a value with its U is as wide."""
+    spaces = [i for i, letter in enumerate(name) if letter == " "]
+    if len(name) <= LONGEST or not spaces:
+        return (name,)
+    at = min(spaces, key=lambda i: abs(2 * i - len(name)))
+    return name[:at], name[at + 1 :]

@@ -14,10 +14,11 @@ from tests.trials.strata_by_name import find_stratum
 
 from pmg.pipeline.commands.at_bench.sheet_page import BenchSheet, SheetRow, sheet_csv, sheet_page
 from pmg.pipeline.diagnosis.design.expected_readings import ExpectedReadings, expected_readings
-from pmg.pipeline.diagnosis.design.next_test import confirming_test
+from pmg.pipeline.diagnosis.design.next_test import confirming_test, repeated_test
 from pmg.pipeline.diagnosis.design.plans import Plan
 from pmg.pipeline.diagnosis.grid.candidates import GridProblem, candidates, grid_problem
 from pmg.pipeline.diagnosis.grid.fitting import fit_candidate
+from pmg.pipeline.diagnosis.grid.locate import Location
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.noise import NoiseFloor
 from pmg.pipeline.fit.options import AnalysisOptions
@@ -77,6 +78,28 @@ def test_a_named_cause_is_confirmed_by_an_experiment_that_reveals_it(
     assert test is not None
     known = {reveals.experiment for reveals in cause.kind.revealed_by}
     assert test.plan.experiment in known or not known & set(Experiment)
+
+
+def test_a_difference_that_nothing_explains_is_looked_for_again_where_it_is_largest(
+    halved: tuple[GridProblem, NoiseFloor, Grid, Plan],
+) -> None:
+    problem, floor, grid, _ = halved
+    readings = problem.readings
+    bump = np.exp(-(((readings.speed_own - 100.0) / 30.0) ** 2))
+    hump = np.where(readings.sun & (readings.configuration == "neutral"), bump, 0.0)
+    found = []
+    for size in (0.1 * floor.sun.u, 30.0 * floor.sun.u):
+        place = Location("torque_sun", "neutral", (), (), {}, size, size, 0.01, size * hump)
+        found.append(repeated_test(problem, (place,), floor))
+    faint, clear = found
+    assert faint is not None
+    assert clear is not None
+    assert faint.power < 0.5 < 0.95 < clear.power
+    assert repeated_test(problem, (), floor) is None
+    largest = readings.grid.points.name[readings.row[int(np.argmax(hump))]]
+    assert largest in clear.plan.points.name
+    assert set(clear.plan.points.name) <= set(grid.points.name)
+    assert np.all(np.diff(clear.plan.points.started_at) > 0.0)
 
 
 def test_a_reading_tells_where_no_two_bands_meet() -> None:

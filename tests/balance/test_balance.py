@@ -18,9 +18,10 @@ from tests.balance.reading import read_one
 from tests.balance.slide import make_case, plain
 from tests.conftest import ROOT
 
+from pmg.pipeline.chapters.explained.machine_sheet import machine_sheet
 from pmg.pipeline.commands.terms import run_terms
 from pmg.pipeline.diagnosis.balance.case_file import read_case
-from pmg.pipeline.diagnosis.balance.causes import nearest_lines
+from pmg.pipeline.diagnosis.balance.causes import near_causes, nearest_lines
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import terms_document
 from pmg.pipeline.diagnosis.balance.estimate import T_95, fit_together
@@ -145,8 +146,16 @@ def test_a_force_outside_the_library_is_said_to_be_so(tmp_path: Path) -> None:
     )
     assert found.verdict is Verdict.NOT_IN_LIBRARY
     assert any(place.name.startswith("position") for place in found.mismatch.locations)
-    next_to_do = nearest_lines(found)
-    assert next_to_do[0].startswith("No term") or any("on the bench: " in line for line in next_to_do)
+    near, lines = near_causes(found), nearest_lines(found)
+    assert [line for line in lines if "of the mismatch" in line] == [
+        f"{each.title}: {each.share:.0%} of the mismatch" for each in near
+    ]
+    assert bool(near) is not lines[0].startswith("No term")
+    said = {each.question: " ".join(each.sentences) for each in machine_sheet(found).answers}
+    for each in near[:1]:
+        assert f"The closest, {each.title}, explains {each.share:.0%} of it." in said["Cause"]
+        assert each.test.rstrip(".")[1:] in said["Next test"]
+    assert said["Next test"]
 
 
 def test_a_ripple_is_named_with_its_period(tmp_path: Path) -> None:

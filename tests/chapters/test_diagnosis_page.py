@@ -254,7 +254,7 @@ def test_a_sheet_without_a_cause_says_so_and_costs_what_the_places_cost(judged: 
     assert said["If ignored"].startswith("Nothing")
     assert {part.mark for part in action_sheet(quiet, residual).parts} == {""}
     unknown = replace(judged.diagnosis, verdict=Verdict.NOT_IN_LIBRARY, refit=None)
-    assert "We can show where, not why." in answers_of(unknown, residual)["Cause"]
+    assert "we can show where, not why. The closest, " in answers_of(unknown, residual)["Cause"]
     place, readings = unknown.mismatch.locations[0], unknown.mismatch.readings
     one = replace(unknown, mismatch=replace(unknown.mismatch, locations=(place,)))
     loss = np.bincount(readings.row, place.effect * readings.speed_own * (readings.configuration != "zero"))
@@ -263,6 +263,61 @@ def test_a_sheet_without_a_cause_says_so_and_costs_what_the_places_cost(judged: 
     assert "in the order of the sun speed" in answers_of(blind, residual)["What differs"]
     assert "random order" in answers_of(blind, residual)["Next test"]
     assert "Slow changes stay open" in answers_of(blind, residual)["How sure"]
+
+
+def test_a_consistent_sheet_says_how_large_a_fault_could_still_hide(judged: ComparedCampaign) -> None:
+    quiet = replace(
+        judged.diagnosis,
+        verdict=Verdict.CONSISTENT,
+        naming=None,
+        refit=None,
+        held_out=None,
+        mismatch=replace(judged.diagnosis.mismatch, p_value=0.5, locations=()),
+    )
+    audit = quiet.audit
+    assert audit is not None
+    residual = np.zeros(len(quiet.mismatch.readings.torque))
+    said = answers_of(quiet, residual)["How sure"]
+    seen = [row for row in audit.visible if not row.unseen]
+    never = {row.candidate.kind.title for row in audit.visible if row.unseen}
+    largest = max((row for row in seen if row.candidate.kind.title not in never), key=lambda row: row.size_95)
+    assert f"{largest.candidate.kind.title.lower()} {largest.size_95 * 1e3:.1f}" in said.lower()
+    assert all(title.lower() in said.lower() for title in never)
+    assert "Not detectable" not in answers_of(replace(quiet, audit=None), residual)["How sure"]
+
+
+def test_what_begins_warm_is_not_to_be_warmed_up(judged: ComparedCampaign) -> None:
+    diagnosis = judged.diagnosis
+    assert diagnosis.naming is not None
+    assert diagnosis.refit is not None
+    (fit,) = diagnosis.naming.best.fits
+    names = [parameter.name for parameter in fit.candidate.parameters]
+    cold, warm = (
+        np.where([name == "start_ring" for name in names], start, diagnosis.refit.values[0]) for start in (0.0, 40.0)
+    )
+    for values, words in ((cold, "Log the temperature, and warm up first."), (warm, "the ring bearings begin warm")):
+        moved = replace(diagnosis, refit=replace(diagnosis.refit, values=(values,)))
+        assert words in answers_of(moved, np.zeros(len(diagnosis.mismatch.readings.torque)))["On the bench"]
+        assert ("warm up first" in statement(moved)) is (values is cold)
+
+
+def test_what_a_fault_of_a_reading_costs_is_what_the_warning_says(judged: ComparedCampaign) -> None:
+    diagnosis = judged.diagnosis
+    assert diagnosis.naming is not None
+    (fit,) = diagnosis.naming.best.fits
+    fault = next(each for each in diagnosis.naming.ranking if each.identifier == "torque_gain_error")
+    assert diagnosis.refit is not None
+    best = replace(diagnosis.naming.best, fits=(fault,))
+    naming = replace(diagnosis.naming, best=best, shafts={fault.identifier: "either"})
+    found = replace(
+        diagnosis.refit, candidates=(fault.candidate,), values=(fault.values,), standard_errors=(0.0 * fault.values,)
+    )
+    misread = replace(diagnosis, naming=naming, refit=found)
+    residual = np.zeros(len(fit.effect))
+    sheet = action_sheet(misread, residual, "", "At P1 the total loss is 5 W as read.")
+    said = {each.question: " ".join(each.sentences) for each in sheet.answers}
+    assert said["If ignored"] == "At P1 the total loss is 5 W as read."
+    assert {part.mark for part in sheet.parts} == {"", "either"}
 
 
 def test_an_ambiguous_sheet_marks_every_possible_part_and_speaks_of_no_sure_cause(judged: ComparedCampaign) -> None:

@@ -7,20 +7,25 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
+from tests.trials.strata_by_name import find_stratum
 
 from pmg.pipeline.chapters.explained.grounds import cannot_tell, decoy_items, noise_words, on_bound, withheld_items
 from pmg.pipeline.chapters.explained.next_tests import next_test_items
-from pmg.pipeline.diagnosis.design.next_test import NextTest
-from pmg.pipeline.diagnosis.design.plans import make_points, possible_plans
+from pmg.pipeline.diagnosis.design.next_test import NextTest, lifting_test
+from pmg.pipeline.diagnosis.design.plans import make_points, possible_plans, whole_again
 from pmg.pipeline.diagnosis.engine.decoys import Decoys
 from pmg.pipeline.diagnosis.engine.held_out import HeldOut
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
 from pmg.pipeline.diagnosis.grid.document import _set_points
+from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.calibration import CONSTANTS
 from pmg.pipeline.fit.noise import GROWTHS, NO_CORRELATION, Growth, NoiseFloor, ShaftNoise
+from pmg.pipeline.fit.options import AnalysisOptions
+from pmg.pipeline.grid.readings import take_readings
 from pmg.pipeline.report.document import Facts, Measured, Table
-from pmg.sim.bench import load_bench
+from pmg.pipeline.trials.nature import draw_case, measure_case
+from pmg.sim.bench import BenchParameters, load_bench
 from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
@@ -111,3 +116,20 @@ def test_the_points_of_a_lifting_test_are_all_listed_in_order() -> None:
         assert minutes[0] == 0.0
         assert minutes == sorted(minutes)
     assert next_test_items(diagnosis()) == []
+
+
+def test_a_blind_design_is_run_again_as_a_whole_where_ten_points_tell_too_little(bench: BenchParameters) -> None:
+    rng = np.random.default_rng(1000)
+    grid = measure_case(draw_case(find_stratum("rising order, torque_zero_drift ring 2"), rng), rng)
+    found = analyse(grid, AnalysisOptions(), bench)
+    assert found.calibration is not None
+    assert found.floor is not None
+    readings = take_readings(found.grid, bench)
+    test = lifting_test(readings, bench, found.calibration.model, found.floor, ("ring",))
+    assert test is not None
+    again = whole_again(found.grid.points)
+    assert test.plan.description == again.description
+    assert test.power > 0.5
+    assert sorted(again.points.name) == sorted(found.grid.points.name)
+    assert list(again.points.name) != list(found.grid.points.name)
+    assert float(again.points.started_at.min()) > float(found.grid.points.started_at.max())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from importlib.resources import files
@@ -122,8 +123,11 @@ def test_the_page_and_its_stills_are_whole(told: tuple[MotionCase, Outcome, Path
     assert len(page) < LARGEST_PAGE
     assert document(report)["phrase"] in page
     first = page[page.index('id="verdict"') : page.index('id="diagnosis"')]
-    for words in ("Cause named.", "rotor", "By chance, fewer than 1 in ", ">Cause</strong>"):
+    for words in ("Cause named: ", ">Cause</strong>", "<dt>Next test</dt>", "Check the drawing of the ring rotor"):
         assert words in first, words
+    side = re.search(r"in the (sun|ring) torque of", first)
+    assert side is not None
+    assert f"{side[1].capitalize()} torque, measured less predicted" in first
     assert "If ignored" not in first  # a mass takes no power
     rows = (report / "tables" / "constants.csv").read_text(encoding="utf-8")
     assert "inertia ring" in rows

@@ -99,6 +99,26 @@ def test_no_label_of_a_power_flow_covers_another(tmp_path: Path, width: int, sig
         assert tab.ask(COVERING) == []
 
 
+def test_labels_of_a_flow_that_nearly_stops_keep_apart(tmp_path: Path) -> None:
+    """Both motors feed the losses of such a point: its columns are narrow at the end."""
+    stages = (("electric supply", 47.33), ("into the gearbox", 43.69), ("out of the gearbox", 16.19))
+    losses = (("ring bearings", 10.02, 1), ("magnetic gear", 3.7, 1), ("sun bearings", 10.16, 1))
+    more = (("relative bearing", 3.82, 1), ("unexplained", -0.2, 1), ("loading motor", 17.08, 2))
+    flow = PowerFlow(
+        "",
+        (*stages, ("useful electric power", -0.89)),
+        (("driving motor", 3.637, 0), *losses, *more),
+        (0.64, 0.61, 0.81, 0.81, 0.029, 0.87, 2.0, 0.90, 0.32, 1.6, 0.00011),
+    )
+    figure = Figure("flow", "Power flow", "All of it.", (flow,))
+    write_report(replace(example.report(), sections=(Section("only", "Only", (figure,)),)), tmp_path)
+    with chromium.tab(tmp_path / "profile") as tab:
+        tab.show(1366)
+        tab.open(tmp_path / "report.html")
+        drawn(tab)
+        assert tab.ask(COVERING) == []
+
+
 def test_figures_follow_the_colours_of_the_page(tab: chromium.Tab) -> None:
     ink = "getComputedStyle(document.querySelector('#efficiency .plot .xtick text')).fill"
     tab.ask("document.querySelector('#efficiency').scrollIntoView()")

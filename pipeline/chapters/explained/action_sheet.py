@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.chapters.bench_parts import GROUNDS, ON_THE_OTHER, bench_parts, part_words
+from pmg.pipeline.chapters.bench_parts import GROUNDS, bench_parts, part_words
 from pmg.pipeline.chapters.explained.before_after import before_and_after
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.diagnosis import possible_components
@@ -22,7 +22,6 @@ from pmg.pipeline.diagnosis.grid.statement import (
     near,
     nearest,
     phrase,
-    shape_sentence,
     torque_change,
 )
 from pmg.pipeline.diagnosis.grid.track_record import track_record
@@ -35,12 +34,13 @@ from pmg.sim.signals import RESIDUAL
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from pmg.pipeline.diagnosis.form.shape import Shape
     from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.sim.signals import Array
 
 
-def action_sheet(diagnosis: Diagnosis, residual: Array, before: str = "") -> ActionSheet:
+def action_sheet(diagnosis: Diagnosis, residual: Array, before: str = "", as_read: str = "") -> ActionSheet:
     """The sheet of a campaign of steady points.
 
     Parameters
@@ -51,6 +51,8 @@ def action_sheet(diagnosis: Diagnosis, residual: Array, before: str = "") -> Act
         Measured minus simulated at the readings of the test [N m].
     before : str
         Which model was given, where one was, as a phrase that ends in a colon; may be empty.
+    as_read : str
+        What a fault of a reading makes of the losses, where there is one, as a sentence; may be empty.
     """
     naming = diagnosis.naming
     named = tuple(
@@ -66,7 +68,9 @@ def action_sheet(diagnosis: Diagnosis, residual: Array, before: str = "") -> Act
         places=possible_components(places[0]) if places else (),
         signal=places[0].signal if places else "",
     )
-    return ActionSheet(tuple(_answers(diagnosis, residual, before)), parts, before_and_after(diagnosis, residual))
+    return ActionSheet(
+        tuple(_answers(diagnosis, residual, before, as_read)), parts, before_and_after(diagnosis, residual)
+    )
 
 
 def _possible(diagnosis: Diagnosis) -> tuple[GridExplanation, ...]:
@@ -76,7 +80,7 @@ def _possible(diagnosis: Diagnosis) -> tuple[GridExplanation, ...]:
     return (diagnosis.naming.best, *(rival.explanation for rival in diagnosis.rivals))
 
 
-def _answers(diagnosis: Diagnosis, residual: Array, before: str) -> Iterator[SheetAnswer]:
+def _answers(diagnosis: Diagnosis, residual: Array, before: str, as_read: str) -> Iterator[SheetAnswer]:
     naming, verdict = diagnosis.naming, diagnosis.verdict
     title = phrase(diagnosis)
     title = f"{title[0].upper()}{title[1:]}"
@@ -94,17 +98,21 @@ def _answers(diagnosis: Diagnosis, residual: Array, before: str) -> Iterator[She
         unknown = ("Or one that the catalogue does not have.",) if diagnosis.weak else ()
         yield SheetAnswer("Possible causes", (*listed, *unknown), "rivals" * bool(diagnosis.rivals))
     elif verdict is Verdict.NOT_IN_LIBRARY:
-        none = f"No mechanism of the catalogue explains it{nearest(diagnosis)}. We can show where, not why."
-        yield SheetAnswer(
-            "Cause", (faint(diagnosis) or none, _shape(diagnosis)), "shape-constants" * bool(diagnosis.shape)
-        )
+        none = "No mechanism of the catalogue explains it: we can show where, not why."
+        closest = f"{words[0].upper()}{words[1:]}." if (words := nearest(diagnosis)) else ""
+        said = faint(diagnosis)
+        cause = (said,) if said else tuple(filter(None, (none, closest)))
+        shape = () if diagnosis.shape is None else (_shape(diagnosis.shape),)
+        yield SheetAnswer("Cause", (*cause, *shape), "shape-constants" * bool(shape))
     if sure := tuple(_sureness(diagnosis)):
         hidden = diagnosis.audit is not None and verdict is Verdict.CONSISTENT
         yield SheetAnswer("How sure", sure, "visibility" if hidden else GROUNDS)
     yield SheetAnswer("On the bench", (_action(diagnosis),))
     yield SheetAnswer("Next test", (_next(diagnosis),), "next-tests" * bool(diagnosis.next_tests))
     yield SheetAnswer("In the model", (IN_THE_MODEL[verdict],))
-    if cost := tuple(_cost(diagnosis, residual) if diagnosis.refit is not None else _cost_of_places(diagnosis)):
+    if cost := tuple(
+        _cost(diagnosis, residual, as_read) if diagnosis.refit is not None else _cost_of_places(diagnosis)
+    ):
         yield SheetAnswer("If ignored", cost)
 
 
@@ -132,13 +140,10 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"{counted(len(diagnosis.outliers), 'outlier')} excluded first."
 
 
-def _shape(diagnosis: Diagnosis) -> str:
+def _shape(shape: Shape) -> str:
     """What the short form gains; the formula itself stands in its grounds."""
-    if diagnosis.shape is None:
-        return shape_sentence(diagnosis)
-    label, proof = diagnosis.shape.label, diagnosis.shape.held_out
-    before, after = (f"{rmse / RESIDUAL.scale:.2f}" for rmse in (proof.rmse_before, proof.rmse_after))
-    return f"A formula ({label}) takes the error on data not used for the fit from {before} to {after} mN m."
+    before, after = (f"{rmse / RESIDUAL.scale:.2f}" for rmse in (shape.held_out.rmse_before, shape.held_out.rmse_after))
+    return f"A formula ({shape.label}) takes the error on data not used for the fit from {before} to {after} mN m."
 
 
 def _sureness(diagnosis: Diagnosis) -> Iterator[str]:
@@ -202,7 +207,7 @@ def _next(diagnosis: Diagnosis) -> str:
     return "No test of those known tells them apart: compare with a campaign of the same bench (`pmg report A B`)."
 
 
-def _cost(diagnosis: Diagnosis, residual: Array) -> Iterator[str]:
+def _cost(diagnosis: Diagnosis, residual: Array, as_read: str) -> Iterator[str]:
     """Loss by which a model without the cause is wrong, or the readings with it, and the same in efficiency."""
     naming, found, readings = diagnosis.naming, diagnosis.refit, diagnosis.mismatch.readings
     assert naming is not None
@@ -213,14 +218,8 @@ def _cost(diagnosis: Diagnosis, residual: Array) -> Iterator[str]:
     if len(faults) < len(naming.best.fits):
         missing = residual - (readings.torque - found.prediction) - of_readings
         yield from _power(diagnosis, "A model without this is wrong", np.where(acting, missing, 0.0))
-    on_the_other = [naming.on_the_other_shaft(fit) for fit in faults]
-    if any(on_the_other):
-        pairs = zip(faults, on_the_other, strict=True)
-        swapped = np.sum([fit.effect if other is None else other.effect for fit, other in pairs], axis=0)
-        sides = {fit.candidate.shaft for fit, other in zip(faults, on_the_other, strict=True) if other is not None}
-        first = "sun" if sides == {"sun"} else "ring"
-        for shaft, wrong in ((first, of_readings), (ON_THE_OTHER[first], swapped)):
-            yield from _power(diagnosis, f"If it is the {shaft}'s, losses from these readings are wrong", wrong)
+    if as_read:
+        yield as_read
     else:
         yield from _power(diagnosis, "Losses from these readings are wrong", of_readings)
 

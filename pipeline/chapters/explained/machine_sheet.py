@@ -135,8 +135,8 @@ def _action(d: TermsDiagnosis) -> str:
 
 def _tests(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[str]:
     """The tests that would confirm what is named, or the nearest of what is not."""
-    near = near_causes(d)[:1]
-    tests = [each.test for each in (*causes, *near) if each.test]
+    near = [each.test for each in near_causes(d)[:1]]
+    tests = [test for test in (*(each.test for each in causes), *near) if test]
     if d.impossible:
         yield "The same record again, with the channels checked."
     elif tests:

@@ -38,9 +38,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.traces import TorqueTrace
     from pmg.sim.signals import Array
 
-CONSTANTS = "constants"
-"""Section that holds the fitted constants."""
-
 GEAR_LOSSES = (
     "gear_hysteresis",
     "load_dependent_iron_loss",
@@ -105,7 +102,7 @@ def _answers(
         yield SheetAnswer("Not visible", (f"These runs could not have shown: {'; '.join(spots)}.",))
     yield SheetAnswer("On the bench", (_action(diagnosis),))
     yield SheetAnswer("Next test", (_next(diagnosis, effects, traces),), "next-tests" if diagnosis.next_runs else "")
-    yield SheetAnswer("In the model", (IN_THE_MODEL[diagnosis.verdict],), CONSTANTS)
+    yield SheetAnswer("In the model", (IN_THE_MODEL[diagnosis.verdict],))
     if costs := tuple(_costs(named, effects, traces)):
         yield SheetAnswer("If ignored", costs)
     elif not diagnosis.mismatch.found:
@@ -115,7 +112,7 @@ def _answers(
 IN_THE_MODEL = {
     Verdict.NAMED: "`model.toml` holds the cause: predict other runs with it (`pmg compare --model model.toml`).",
     Verdict.AMBIGUOUS: "Add none of the causes before the next test.",
-    Verdict.NOT_IN_LIBRARY: "There is no known term to add; the fitted constants stand under Grounds.",
+    Verdict.NOT_IN_LIBRARY: "There is no known term to add; the fitted constants stand in the chapter on the bench.",
     Verdict.CONFOUNDED: "The fitted constants may hold a fault that these runs cannot show.",
     Verdict.CONSISTENT: "`model.toml` holds the fitted constants: predict with it (`pmg compare --model model.toml`).",
 }
@@ -176,10 +173,9 @@ def _sureness(diagnosis: MotionDiagnosis) -> tuple[str, ...]:
     if not mismatch.found:
         alarms = f"{mismatch.false_alarm_rate:.0%} of sound campaigns would raise an alarm."
         return (f"{mismatch.tested} kinds of dependence were tested.", alarms)
-    chance = f"By chance, fewer than 1 in {int(1.0 / mismatch.p_value)} sound campaigns differ as much."
     record = track_record(diagnosis, IN_MOTION)
     held = "" if record is None else record.sentence
-    return tuple(sentence for sentence in (proof_sentence(diagnosis), held, chance) if sentence)
+    return tuple(sentence for sentence in (proof_sentence(diagnosis), held) if sentence)
 
 
 def _costs(
@@ -205,12 +201,10 @@ def _costs(
             continue
         side = max(joined, key=lambda side: float(np.mean(joined[side][0] ** 2)))
         power, carried = joined[side]
-        rms, peak = float(np.sqrt(np.mean(power**2))), float(np.abs(power).max())
-        yield f"{what} is wrong by {rms:.2g} W rms, up to {peak:.2g} W, on the {side} shaft."
         loaded = carried != 0.0
-        if loaded.any():
-            share = np.sqrt(np.mean(power[loaded] ** 2) / np.mean(carried[loaded] ** 2))
-            yield f"In loaded runs that is {share:.1%} of the power carried."
+        share = np.sqrt(np.mean(power[loaded] ** 2) / np.mean(carried[loaded] ** 2)) if loaded.any() else 0.0
+        under_load = f", {share:.1%} of the power carried under load" if loaded.any() else ""
+        yield f"{what} is wrong by up to {np.abs(power).max():.2g} W on the {side} shaft{under_load}."
 
 
 def _loses(term: MotionTerm) -> bool:

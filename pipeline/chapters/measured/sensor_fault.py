@@ -19,6 +19,16 @@ if TYPE_CHECKING:
 
 def sensor_fault_warning(found: tuple[CorrectedLosses, ...], balance: PowerBalance) -> str:
     """The warning in a sentence or two, with the highest loss as read and without the fault."""
+    return (
+        "Losses and efficiencies are as the transducers read, and the diagnosis finds a fault in a reading: its error "
+        f"is in them, and their U does not cover it. {highest_loss(found, balance)}"
+    )
+
+
+def highest_loss(found: tuple[CorrectedLosses, ...], balance: PowerBalance | None) -> str:
+    """The highest loss as read and without the fault, under each explanation that has one; empty without a fault."""
+    if not found or balance is None:
+        return ""
     loss_name = signals.LOSS_TOTAL.name
     i = int(np.argmax(balance.values[loss_name]))
     u = float(balance.u(loss_name)[i])
@@ -27,11 +37,7 @@ def sensor_fault_warning(found: tuple[CorrectedLosses, ...], balance: PowerBalan
     others = "; ".join(
         f"{numerals.measured(float(v), 2.0 * float(w))} W with {fault} taken out" for v, w, fault in without
     )
-    return (
-        "Losses and efficiencies are as the transducers read, and the diagnosis finds a fault in a reading: its error "
-        f"is in them, and their U does not cover it. At {balance.grid.points.name[i]} the total loss is {as_read} W as "
-        f"read (U = 2u); {others}."
-    )
+    return f"At {balance.grid.points.name[i]} the total loss is {as_read} W as read (U = 2u); {others}."
 
 
 def sensor_fault_items(found: tuple[CorrectedLosses, ...], balance: PowerBalance) -> tuple[Text | Table, ...]:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.grid.candidates import Candidate, CandidateFit
     from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
+    from pmg.pipeline.diagnosis.grid.locate import Location
     from pmg.pipeline.fit.noise import NoiseFloor
     from pmg.pipeline.grid.readings import Readings
     from pmg.sim.bench import BenchParameters
@@ -148,19 +149,22 @@ def _least_power(problem: GridProblem, kinds: list[Candidate], floor: NoiseFloor
     return min(powers, default=None)
 
 
-def repeated_test(problem: GridProblem, effect: Array, floor: NoiseFloor) -> NextTest:
+def repeated_test(problem: GridProblem, places: tuple[Location, ...], floor: NoiseFloor) -> NextTest | None:
     """The test that shows whether a difference that nothing explains comes again at its points.
 
     Parameters
     ----------
     problem : GridProblem
         The readings of the campaign.
-    effect : (m,) array
-        The difference at its readings [N m].
+    places : tuple of Location
+        Where simulation and recordings differ; None is given where there are none.
     floor : NoiseFloor
         Noise of one point.
     """
+    if not places:
+        return None
     readings, grid = problem.readings, problem.readings.grid
+    effect = np.sum([place.effect for place in places], axis=0)
     of_point = np.zeros(len(grid))
     np.maximum.at(of_point, readings.row, np.abs(effect))
     usable = np.flatnonzero(grid.accepted)

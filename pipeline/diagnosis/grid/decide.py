@@ -111,9 +111,7 @@ def diagnose(
             held_out=prove_structure(whole, beyond.locations, rng),
             absorbed=_absorbed(beyond, calibration, bench),
             shape=find_shape(first, beyond.locations, rng),
-            repeated=repeated_test(problem, np.sum([place.effect for place in beyond.locations], axis=0), floor)
-            if beyond.locations
-            else None,
+            repeated=repeated_test(problem, beyond.locations, floor),
         )
     assert conclusion.naming is not None
     best, rivals, further = conclusion.naming.best, conclusion.naming.rivals, conclusion.naming.further

@@ -10,6 +10,7 @@ from pmg.pipeline.diagnosis.design.next_test import HIDDEN
 from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.mechanisms.thermal import MagnetTemperature
 from pmg.sim.mechanisms.warmed import WarmingBearings
+from pmg.sim.shafts import SIDES
 from pmg.sim.signals import MINUTE
 
 if TYPE_CHECKING:
@@ -25,12 +26,12 @@ EXTENDED = "compare with the extended model (`pmg compare --model model.toml`)"
 def advice(diagnosis: Diagnosis) -> str:
     """Remedy for the named mechanisms, on the bench or in the model."""
     action = bench_action(diagnosis)
-    if is_fault(diagnosis):
+    if _is_fault(diagnosis):
         return f"Do: {action}."
     return f"Do: {action}, or {EXTENDED}." if action else f"Do: {EXTENDED}."
 
 
-def is_fault(diagnosis: Diagnosis) -> bool:
+def _is_fault(diagnosis: Diagnosis) -> bool:
     """Whether a fault of a reading is among what was named."""
     naming = diagnosis.naming
     return naming is not None and any(issubclass(fit.candidate.kind, Instrument) for fit in naming.best.fits)
@@ -41,24 +42,24 @@ def bench_action(diagnosis: Diagnosis) -> str:
     naming = diagnosis.naming
     if naming is None:
         return ""
-    if is_fault(diagnosis):
+    if _is_fault(diagnosis):
         if any(naming.on_the_other_shaft(fit) for fit in naming.best.fits):
             return "calibrate one of the two transducers, or exchange them and repeat loaded points; that tells which"
         return "check the zero and the calibration of the torque transducers"
     if any(fit.candidate.kind.memory for fit in naming.best.fits):
-        if warm := begins_warm(diagnosis):
+        if warm := _begins_warm(diagnosis):
             return f"log the temperature, and wait until the drag stands still: the {warm} begin warm"
         return "log the temperature, and warm up first"
     return ""
 
 
-def begins_warm(diagnosis: Diagnosis) -> str:
+def _begins_warm(diagnosis: Diagnosis) -> str:
     """The part that a named mechanism warms where it begins warmer than it is on average; else empty."""
     naming, found, at = diagnosis.naming, diagnosis.refit, diagnosis.mismatch.readings.grid.points
     if naming is None or found is None or not at.ordered:
         return ""
     for mechanism, fit in zip(found.mechanisms(naming.best.problem), naming.best.fits, strict=True):
-        for shaft in ("sun", "ring") if fit.candidate.shaft == "both" else (fit.candidate.shaft,):
+        for shaft in SIDES if fit.candidate.shaft == "both" else (fit.candidate.shaft,):
             what, rise = warmth(mechanism, shaft, at)
             known = np.isfinite(rise)
             if known.any() and rise[known][np.argmin(at.started_at[known])] > np.mean(rise[known]):

@@ -71,9 +71,10 @@ def _without_outliers(diagnosis: Diagnosis) -> str:
         )
     sentences = [_place(diagnosis)]
     if diagnosis.naming is None or diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
-        none = f"No mechanism of the catalogue explains it{nearest(diagnosis)}. We can show where, not why."
+        closest = f" ({words})" if (words := nearest(diagnosis)) else ""
+        none = f"No mechanism of the catalogue explains it{closest}. We can show where, not why."
         sentences.append(faint(diagnosis) or none)
-        sentences.append(shape_sentence(diagnosis))
+        sentences.append(_shape_sentence(diagnosis))
     elif diagnosis.verdict is Verdict.NAMED:
         sentences.append(f"Cause: {causes(diagnosis, diagnosis.naming.best)}.")
         sentences += [_size(diagnosis, fit) for fit in diagnosis.naming.best.fits]
@@ -143,7 +144,7 @@ def _size(diagnosis: Diagnosis, fit: CandidateFit) -> str:
 
 
 def torque_change(diagnosis: Diagnosis, fit: CandidateFit) -> tuple[str, str, str]:
-    """Shaft on which a mechanism leaves most in the residual; drag or reading; the change against the repeatability."""
+    """Shaft on which a mechanism leaves most; ``drag``, or ``torque`` of a fault; its change beside repeatability."""
     naming, readings = diagnosis.naming, diagnosis.mismatch.readings
     assert naming is not None
     left, side = naming.best.problem.unabsorbed(fit), shaft_of(diagnosis, fit)
@@ -153,7 +154,7 @@ def torque_change(diagnosis: Diagnosis, fit: CandidateFit) -> tuple[str, str, st
     low, high = (numerals.number(float(end), spec="+.1f") for end in (change.min(), change.max()))
     return (
         side,
-        "reading" if read else "drag",
+        "torque" if read else "drag",
         f"{low} to {high} mN m beyond the fitted losses (repeatability is {diagnosis.floor[side].u * 1e3:.1f} mN m).",
     )
 
@@ -180,7 +181,7 @@ def fitted(diagnosis: Diagnosis, i: int) -> str:
     instead, other = "", naming.on_the_other_shaft(fit)
     if other is not None:
         there = other.candidate.parameters[best]
-        instead = f", or {there.meaning} {numerals.number(float(other.values[best]), spec='.3g')}{unit}"
+        instead = f", or {there.meaning} {numerals.number(float(other.values[best]))}{unit}"
     powers = [
         f"; {p.meaning} {measured(float(value), float(error))}"
         for p, value, error in zip(fit.candidate.parameters, values, errors, strict=True)
@@ -203,7 +204,7 @@ def beyond(mismatch: CampaignMismatch) -> str:
     return "No difference found beyond repeatability."
 
 
-def shape_sentence(diagnosis: Diagnosis) -> str:
+def _shape_sentence(diagnosis: Diagnosis) -> str:
     """The short form of what no mechanism explains, or that none holds up."""
     shape = diagnosis.shape
     if shape is None:
@@ -223,7 +224,7 @@ def nearest(diagnosis: Diagnosis) -> str:
         return ""
     sets = (" with ".join(fit.candidate.kind.title for fit in each.fits) for each in (naming.best, *naming.rivals[:1]))
     closest = ", or ".join(f"{title[0].lower()}{title[1:]}" for title in sets)
-    return f" (the closest, {closest}, explains {share:.0%} of it)"
+    return f"the closest, {closest}, explains {share:.0%} of it"
 
 
 def faint(diagnosis: Diagnosis) -> str:
@@ -267,7 +268,8 @@ def held_out(diagnosis: Diagnosis) -> str:
     """What the cause, or the short form, is worth on readings that took no part in the fit."""
     if (shape := diagnosis.shape) is not None:
         before, after = (rmse * 1e3 for rmse in (shape.held_out.rmse_before, shape.held_out.rmse_after))
-        return f"With the formula, the error on data not used for the fit drops from {before:.2f} to {after:.2f} mN m."
+        drop = f"drops from {before:.2f} to {after:.2f} mN m"
+        return f"With an empirical formula, the error on data not used for the fit {drop}."
     held = diagnosis.held_out
     if held is None:
         return ""
@@ -275,7 +277,7 @@ def held_out(diagnosis: Diagnosis) -> str:
     change = "drops" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly drop:")
     what = "this effect" if diagnosis.refit is not None else "this dependence"
     return (
-        f"With {what} in the model, the error on data not used for the fit {change} from "
+        f"With {what}, the error on data not used for the fit {change} from "
         f"{held.rmse_before * 1e3:.2f} to {held.rmse_after * 1e3:.2f} mN m; noise alone makes "
         f"{held.noise_floor * 1e3:.2f} mN m."
     )

@@ -38,7 +38,7 @@ class TrackRecord:
     @property
     def sentence(self) -> str:
         """Counts in a sentence."""
-        return f"Such answers held the truth in {self.held} of {self.of} concealed synthetic campaigns."
+        return f"Such answers held the truth in {self.held} of {self.of} synthetic trials."
 
     @property
     def words(self) -> str:

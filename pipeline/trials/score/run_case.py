@@ -16,7 +16,7 @@ from pmg.pipeline.commands.compare import run_compare
 from pmg.pipeline.commands.compare_and_diagnose import SEED
 from pmg.pipeline.commands.ingest import ALONE, run_ingest
 from pmg.pipeline.commands.motion import compare_motion
-from pmg.pipeline.diagnosis.design.plans import join_points, possible_plans
+from pmg.pipeline.diagnosis.design.plans import join_points, possible_plans, whole_again
 from pmg.pipeline.diagnosis.grid.decide import diagnose
 from pmg.pipeline.diagnosis.grid.document import diagnosis_document
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
@@ -176,7 +176,7 @@ def _extended(
     if not tests:
         return None
     best = max(tests, key=lambda test: float(test["power"]))
-    plans = {plan.description: plan for plan in possible_plans(points, load_bench())}
+    plans = {plan.description: plan for plan in (*possible_plans(points, load_bench()), whole_again(points))}
     if best["description"] not in plans:
         return None
     longer = join_points(case.design.at, plans[best["description"]].points)
