@@ -289,6 +289,7 @@ def _manifest(source: StoredSource, recording: Recording, windows: Sequence[Wind
         reduction=REDUCTION,
         limits=job.limits.document(),
         moving=moving,
+        temperatures=recording.auxiliary.temperatures,
     )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from pmg.pipeline.recording.run_records import RunRecord
     from pmg.pipeline.store.manifest import Manifest, StoredWindow
@@ -52,9 +52,20 @@ def conditions(manifests: Sequence[Manifest]) -> Conditions:
         ("Encoders", _encoders(manifests)),
         ("Sampling rate", _each(f"{manifest.rate_hz:g} Hz" for manifest in manifests)),
         ("Length of a window", _lengths(windows)),
+        *_temperatures(manifests),
         ("Notes of the recorder", _each(run.note for run in runs if run.note)),
     ]
-    return Conditions((*rows, *((label, NOT_RECORDED) for label in UNRECORDED)))
+    told = {label.replace("Temperature, ", "").capitalize() + " temperature" for label, _ in rows}
+    return Conditions((*rows, *((label, NOT_RECORDED) for label in UNRECORDED if label not in told)))
+
+
+def _temperatures(manifests: Sequence[Manifest]) -> Iterator[tuple[str, str]]:
+    """Range of each temperature that was recorded, over all recordings."""
+    for place in sorted({place for manifest in manifests for place in manifest.temperatures}):
+        ends = [manifest.temperatures[place] for manifest in manifests if place in manifest.temperatures]
+        low, high = min(low for low, _ in ends), max(high for _, high in ends)
+        part = "" if len(ends) == len(manifests) else f", in {len(ends)} of {len(manifests)} recordings"
+        yield f"Temperature, {place}", f"{low:.1f} to {high:.1f} °C{part}"
 
 
 def _each(values: Iterable[str]) -> str:

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, Field, InstanceOf, model_validator
 
-from pmg.pipeline.files.strict_tables import Strict, one_of, refuse, refuse_twice, refuse_unknown, refusing, within
+from pmg.pipeline.files.strict_tables import (
+    Strict,
+    one_of,
+    refuse,
+    refuse_twice,
+    refuse_unknown,
+    refusing,
+    within,
+    word_of,
+)
 from pmg.pipeline.files.table_file import TableFile, read_table_file
 from pmg.pipeline.importers.csv_dialect import CsvForm
 from pmg.pipeline.importers.source import Wanted
-from pmg.pipeline.recording.channels import LARGEST_RATE, SPECS
+from pmg.pipeline.recording.channels import LARGEST_RATE, SPECS, TEMPERATURE_TOPICS
 from pmg.pipeline.recording.run import OPTIONAL, REQUIRED
 from pmg.pipeline.wording.units import TIME, kind_of
 
@@ -38,7 +48,15 @@ BESIDE = {
 }
 """Keys of ``[time]`` that others give a meaning: which ones, and whether these need it."""
 
-Topic = Annotated[str, one_of(*SPECS)]
+
+def _topic(value: object) -> str:
+    """A topic of the layout; of a temperature its place is free."""
+    if isinstance(value, str) and re.fullmatch(f"{TEMPERATURE_TOPICS}[A-Za-z0-9_]+", value):
+        return value
+    return word_of(value, (*SPECS, f"{TEMPERATURE_TOPICS}PLACE"))
+
+
+Topic = Annotated[str, BeforeValidator(_topic)]
 Bits = Annotated[int, within(1, WIDEST)]
 Rate = Annotated[float, within(1e-6, LARGEST_RATE)]
 Clock = Annotated[float, within(1e-6, LARGEST)]

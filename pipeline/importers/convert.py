@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.recording.channels import SPECS
+from pmg.pipeline.recording.channels import TEMPERATURE_TOPICS, spec_of
 from pmg.pipeline.recording.findings import Code
 from pmg.pipeline.recording.frequency import DEFAULT_BITS
 from pmg.pipeline.wording.plurals import counted
-from pmg.pipeline.wording.units import KINDS, declared, kind_of
+from pmg.pipeline.wording.units import KINDS, ZERO_CELSIUS, declared, kind_of
 from pmg.sim.errors import BenchError, RecordingError
 from pmg.sim.signals import REVOLUTION
 
@@ -73,10 +73,11 @@ class Conversion:
     def __post_init__(self) -> None:
         mapped = self.mapped
         file_unit = declared(self.file_unit)
-        counter = SPECS[mapped.topic].unit == "1"
+        spec = spec_of(mapped.topic)
+        counter = spec.unit == "1"
         self.unit = declared(mapped.unit) or file_unit or ("1" if counter else "")
         if not self.unit:
-            do = f"Add `unit` to [[channel]], such as '{SPECS[mapped.topic].unit}'."
+            do = f"Add `unit` to [[channel]], such as '{spec.unit}'."
             raise BenchError(self.in_map, "no unit, neither in the map nor in the file", "one of them", do)
         if file_unit not in ("", self.unit, declared(mapped.file_unit)):
             came = f"unit '{mapped.unit}', but '{self.file_unit}' in the file"
@@ -86,9 +87,9 @@ class Conversion:
         if self.kind == "electric" and not mapped.torque_per_unit:
             do = "Add the sensitivity of the analogue output."
             raise BenchError(f"{self.in_map}: Nm_per_unit", "missing or 0", "N m of one unit", do)
-        if self.kind == "frequency" and mapped.sign < 0:
-            do = "Turn the sign of span_Hz in the calibration."
-            raise BenchError(f"{self.in_map}: sign", "-1 for a frequency", "1", do)
+        if self.kind in ("frequency", "temperature") and mapped.sign < 0:
+            do = "Turn the sign of span_Hz in the calibration." if self.kind == "frequency" else "Leave it out."
+            raise BenchError(f"{self.in_map}: sign", f"-1 for a {self.kind}", "1", do)
 
     @property
     def side(self) -> str:
@@ -98,7 +99,7 @@ class Conversion:
     @property
     def dtype(self) -> str:
         """Type of the samples."""
-        return SPECS[self.mapped.topic].dtypes[0]
+        return spec_of(self.mapped.topic).dtypes[0]
 
     @property
     def bits(self) -> int:
@@ -111,7 +112,7 @@ class Conversion:
     @property
     def continuous(self) -> bool:
         """Whether what lies between two samples lies between their values; not so of ticks, edges and lines."""
-        return self.mapped.topic.endswith(("/frequency", "/count"))
+        return self.mapped.topic.startswith(TEMPERATURE_TOPICS) or self.mapped.topic.endswith(("/frequency", "/count"))
 
     def counted_on(self, values: npt.NDArray[Any]) -> Array:
         """Values in their own unit without the steps at which they begin anew (n,); NaN where one is missing."""
@@ -128,7 +129,7 @@ class Conversion:
 
     def metadata(self, rate_hz: float) -> dict[str, str]:
         """Metadata of the channel in the recording."""
-        spec = SPECS[self.mapped.topic]
+        spec = spec_of(self.mapped.topic)
         found = {"quantity": spec.quantity, "unit": spec.unit, "dtype": self.dtype, "rate_hz": repr(rate_hz)}
         found |= {"clock_id": "0", "imported_from": self.mapped.wanted.name, "imported_unit": self.unit}
         if self.mapped.topic.endswith("/count"):
@@ -164,6 +165,8 @@ class Conversion:
         si = np.asarray(values, dtype=np.float64) * KINDS[self.kind][self.unit]
         if self.kind == "frequency":
             return index, si
+        if self.kind == "temperature":
+            return index, si - (ZERO_CELSIUS if self.unit == "K" else 0.0)
         if self.kind in ("torque", "electric"):
             return index, self.calibration[self.side].frequency(self._torque(values, si))
         angle = self._angle(si, index, rate_hz)

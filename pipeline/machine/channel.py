@@ -19,9 +19,6 @@ TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 COMMANDS = ("V", "A")
 """Units of a command, of which a factor makes a force or a torque."""
 
-TEMPERATURES = {"degC": 1.0, "K": 1.0}
-"""Units of a temperature; only its changes are used."""
-
 
 def _newton(value: object) -> object:
     return value if isinstance(value, str) else number_within(value, -1e9, 1e9, "N or N m")

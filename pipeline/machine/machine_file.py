@@ -9,10 +9,11 @@ from pydantic import Field, model_validator
 from pmg.pipeline.files.strict_tables import Strict, one_of, refuse, refusing, word_of
 from pmg.pipeline.files.table_file import read_table_file
 from pmg.pipeline.machine.axis import LINEAR, ROTARY
-from pmg.pipeline.machine.channel import TEMPERATURES, TIMES, in_si
+from pmg.pipeline.machine.channel import TIMES, in_si
 from pmg.pipeline.machine.machine import GEAR_NUMBERS, SHAFT_NUMBERS, Machine, MachineGear, MachineShaft
 from pmg.pipeline.machine.quantity import stated
 from pmg.pipeline.machine.tables import GearTable, ModelTable, Published, PublishedErrors, RecordsTable, ShaftTable
+from pmg.pipeline.wording.units import TEMPERATURE_UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -63,7 +64,7 @@ class _MachineTable(Strict):
                     in_si(self.records.time, TIMES)
             if self.records.temperature is not None:
                 with refusing("records", "temperature"):
-                    in_si(self.records.temperature, TEMPERATURES)
+                    in_si(self.records.temperature, TEMPERATURE_UNITS)
             if self.records.second is not None:
                 if self.gear is None:
                     refuse("files of a second shaft", "one shaft", "Leave them out.", "records", "second")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pmg.pipeline.importers.guess.signal_kinds import (
-    TEMPERATURE,
+    SPELLED_TEMPERATURES,
     is_set_point,
     kinds_by_name,
     side_of,
@@ -203,7 +203,7 @@ def _guess_channel(seen: SeenSignal) -> ChannelGuess:
     if not kind:
         reason = f"the unit {unit} does not tell" if unit else "no unit"
         return ChannelGuess(seen, "", end, unit, f"{reason}, and neither does its name")
-    if kind == "temperature" and unit in TEMPERATURE:
+    if kind == "temperature" and unit in SPELLED_TEMPERATURES:
         unit = "K" if unit == "K" else "degC"
     reason = f"unit {unit}" if unit else "by its name alone"
     if kind == "time" and not unit:
@@ -216,7 +216,7 @@ def _kind(unit: str, named: tuple[str, ...], words: set[str]) -> str:
     """Kind of a channel; empty where neither unit nor name tells."""
     if unit in TIMES:
         return "time"
-    if unit in TEMPERATURE:
+    if unit in SPELLED_TEMPERATURES:
         return "temperature"
     if unit in COMMANDS:
         return "force" if "torque" in named or words & set(PUSH_WORDS) else "current" if unit == "A" else ""

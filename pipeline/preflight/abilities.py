@@ -11,7 +11,8 @@ from pmg.pipeline.fit.calibration import CONSTANTS
 from pmg.pipeline.fit.drift import MINIMUM_DOF
 from pmg.pipeline.grid.readings import take_readings
 from pmg.pipeline.orders.load_angle import FEWEST_POINTS
-from pmg.pipeline.preflight.survey import INDEX, TEMPERATURES
+from pmg.pipeline.preflight.survey import INDEX
+from pmg.pipeline.recording.channels import TEMPERATURE_TOPICS
 from pmg.pipeline.windows.steadiness import REST_SPEED
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.errors import FitError
@@ -231,8 +232,8 @@ def _load_angle(found: Survey, points: tuple[Asked, ...], design: Design, named:
 
 
 def _thermal(found: Survey, rehearsed: Analysis | None, design: Design) -> Ability:
-    """Ability to see changes with time: repeats; temperatures are not read so far."""
-    unread = "; temperatures were recorded, pmg does not read them" if found.recorded(TEMPERATURES) else ""
+    """Ability to see changes with time: repeats; temperatures are told, and are in no fit."""
+    unread = "; temperatures were recorded, and are in no fit" if found.recorded(TEMPERATURE_TOPICS) else ""
     chapter = "warming and drift"
     if rehearsed is None:
         return Ability(chapter, UNKNOWN, "the recordings name no set-points" + unread)

@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from pmg.sim.bench import BenchParameters
 
 STEPS = "/test/step"
-TEMPERATURES = "/daq/temperature/"
 INDEX = "/index"
 NEEDED = {
     **{f"torque of the {side}": ((f"/daq/torque_{side}/frequency", f"/daq/torque_{side}/edges"),) for side in SIDES},

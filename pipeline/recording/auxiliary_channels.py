@@ -1,4 +1,4 @@
-"""Auxiliary channels of a recording: voltages of the coils, index pulses, width of the counters."""
+"""Auxiliary channels of a recording: voltages of the coils, temperatures, index pulses, width of the counters."""
 
 from __future__ import annotations
 
@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.recording.channels import ChannelSpec, check_channel, encoder
+from pmg.pipeline.recording.channels import (
+    SAMPLE_SCHEMA,
+    TEMPERATURE_TOPICS,
+    ChannelSpec,
+    check_channel,
+    encoder,
+    temperature,
+)
 from pmg.pipeline.recording.events import read_events
 from pmg.pipeline.recording.findings import Findings
 from pmg.pipeline.recording.frequency import DEFAULT_BITS
@@ -26,6 +33,8 @@ if TYPE_CHECKING:
 
 COILS = "/daq/emf/"
 """Where the topics of the coils begin."""
+BESIDES = (COILS, TEMPERATURE_TOPICS)
+"""Where the topics begin whose samples are read only where they are asked for."""
 INDEX = "/daq/encoder_{}/index"
 
 
@@ -67,21 +76,24 @@ class AuxiliaryChannels:
     ----------
     coils : tuple of Coil
         By name.
+    temperatures : mapping of str to tuple of float
+        Lowest and highest of each place [degC].
     pulses : mapping of str to tuple of IndexPulse
         By shaft, in file order.
     bits : mapping of str to int
         Width of the counters.
     findings : tuple of Finding
-        What is wrong with the coils.
+        What is wrong with the coils and temperatures.
     """
 
     coils: tuple[Coil, ...]
+    temperatures: Mapping[str, tuple[float, float]]
     pulses: Mapping[str, tuple[IndexPulse, ...]]
     bits: Mapping[str, int]
     findings: tuple[Finding, ...]
 
 
-NO_AUXILIARY = AuxiliaryChannels((), dict.fromkeys(SIDES, ()), dict.fromkeys(SIDES, DEFAULT_BITS), ())
+NO_AUXILIARY = AuxiliaryChannels((), {}, dict.fromkeys(SIDES, ()), dict.fromkeys(SIDES, DEFAULT_BITS), ())
 """Of a recording that was not asked."""
 
 
@@ -99,7 +111,9 @@ def counter_bits(topics: Mapping[str, Topic]) -> dict[str, int]:
 
 
 def read_auxiliary_channels(topics: Mapping[str, Topic], bits: Mapping[str, int], file: str) -> AuxiliaryChannels:
-    """Coils and index pulses among the topics of a recording.
+    """Coils, temperatures and index pulses among the topics of a recording.
+
+    A temperature in messages of another kind than blocks of samples is left unread.
 
     Parameters
     ----------
@@ -117,7 +131,22 @@ def read_auxiliary_channels(topics: Mapping[str, Topic], bits: Mapping[str, int]
         if name.startswith(COILS) and (coil := _coil(topics[name], findings)) is not None
     ]
     pulses = {side: read_events(topics, INDEX.format(side), wire.index_pulse, elsewhere) for side in SIDES}
-    return AuxiliaryChannels(tuple(coils), pulses, bits, findings.listed())
+    warm = {
+        name.removeprefix(TEMPERATURE_TOPICS): extremes
+        for name in sorted(topics)
+        if name.startswith(TEMPERATURE_TOPICS) and (extremes := _extremes(topics[name], findings)) is not None
+    }
+    return AuxiliaryChannels(tuple(coils), warm, pulses, bits, findings.listed())
+
+
+def _extremes(topic: Topic, findings: Findings) -> tuple[float, float] | None:
+    """Lowest and highest temperature [degC]; None, with findings, where its channel does not keep to the layout."""
+    if topic.schema != SAMPLE_SCHEMA:
+        return None
+    terms = check_channel(topic, temperature(topic.name), findings)
+    track = None if terms is None else join_blocks(topic, terms, findings)
+    known = np.zeros(0) if track is None else track.values[track.present & np.isfinite(track.values)]
+    return (float(known.min()), float(known.max())) if len(known) else None
 
 
 def _coil(topic: Topic, findings: Findings) -> Coil | None:

@@ -91,8 +91,20 @@ SPECS = {
 }
 """Sampled channels that are read, by topic."""
 
-KNOWN_PREFIXES = ("/daq/emf/", "/daq/temperature/", "/drive/")
-"""Topics of the layout that the decoder leaves unread."""
+TEMPERATURE_TOPICS = "/daq/temperature/"
+"""Where the topics of temperatures begin; the place follows."""
+KNOWN_PREFIXES = ("/daq/emf/", TEMPERATURE_TOPICS, "/drive/")
+"""Topics of the layout that are read beside torque and angle, or left unread."""
+
+
+def temperature(topic: str) -> ChannelSpec:
+    """A temperature, on the clock of the samples."""
+    return ChannelSpec(topic, "temperature", "degC", ("f64", "f32"))
+
+
+def spec_of(topic: str) -> ChannelSpec:
+    """The spec of a topic that `SPECS` has, or of a temperature."""
+    return temperature(topic) if topic.startswith(TEMPERATURE_TOPICS) else SPECS[topic]
 
 
 SCAN = "/daq/scan"

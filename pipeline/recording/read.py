@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from pmg.pipeline.recording.auxiliary_channels import (
-    COILS,
+    BESIDES,
     NO_AUXILIARY,
     AuxiliaryChannels,
     counter_bits,
@@ -94,7 +94,7 @@ class Recording:
     supplied : mapping or None
         What it lacked and was stated next to it, with names and hashes.
     auxiliary : AuxiliaryChannels
-        Coils and index pulses, where they were asked for.
+        Coils, temperatures and index pulses, where they were asked for.
     """
 
     file: str
@@ -152,7 +152,7 @@ def read_recording(
     supplied : Supplied, optional
         What is stated next to the file, used where the file does not say it.
     coils : bool
-        Whether the voltages of the coils and the index pulses are read too.
+        Whether the voltages of the coils, the index pulses and the temperatures are read too.
     bench : BenchParameters, optional
         The machine whose ratios the speeds are held against; that of the thesis by default.
 
@@ -164,7 +164,7 @@ def read_recording(
     """
     findings, machine = Findings(name or path.name), bench or load_bench()
     supply = Supply(supplied, findings)
-    container = open_container(path, lambda t: supplied.wanted(t) or (coils and t.startswith(COILS)), findings)
+    container = open_container(path, lambda t: supplied.wanted(t) or (coils and t.startswith(BESIDES)), findings)
     report_unread((t for t in container.topics.values() if not supplied.maps(t.name)), findings)
     topics = supply.channel_metadata(convert_topics(supply.channels(container.topics), findings))
     container = replace(container, topics={})  # what is decoded is let go

@@ -94,6 +94,8 @@ class Manifest:
         Whether it was read from a file that holds the hash of itself.
     moving : tuple of MovingRecord
         Its runs in motion, in the order of their samples.
+    temperatures : mapping of str to tuple of float
+        Lowest and highest of each place [degC].
     """
 
     identifier: str
@@ -118,6 +120,7 @@ class Manifest:
     files: Mapping[str, str] = field(default_factory=dict)
     proven: bool = False
     moving: tuple[MovingRecord, ...] = ()
+    temperatures: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def ingested(self) -> bool:
@@ -165,6 +168,7 @@ class Manifest:
         plain |= {key: value for key, value in later.items() if value is not None}
         plain |= {"files": dict(self.files)} if self.files else {}
         plain |= {"moving": [record.document() for record in self.moving]} if self.moving else {}
+        plain |= {"temperatures": {k: list(ends) for k, ends in self.temperatures.items()}} if self.temperatures else {}
         return plain | {"windows": [_window_document(window) for window in self.windows]}
 
 
@@ -208,6 +212,9 @@ def manifest_of(identifier: str, document: Mapping[str, Any]) -> Manifest:
         files=dict(document.get("files", {})),
         proven=PROOF in document,
         moving=tuple(map(moving_record_of, document.get("moving", ()))),
+        temperatures={
+            place: (_number(low), _number(high)) for place, (low, high) in document.get("temperatures", {}).items()
+        },
     )
 
 

@@ -19,6 +19,11 @@ COUNT = {"1": 1.0}
 ANGLE = {"rad": 1.0, "mrad": MILLI, "deg": math.pi / 180.0, "rev": REVOLUTION}
 SPEED = {"rpm": RPM, "rad/s": 1.0, "deg/s": math.pi / 180.0}
 
+TEMPERATURE_UNITS = {"degC": 1.0, "K": 1.0}
+"""Units of a temperature, and what one step of each is in SI."""
+ZERO_CELSIUS = 273.15
+"""Zero of the Celsius scale [K]."""
+
 KINDS = {
     "frequency": FREQUENCY,
     "torque": TORQUE,
@@ -26,6 +31,7 @@ KINDS = {
     "count": COUNT,
     "angle": ANGLE,
     "speed": SPEED,
+    "temperature": TEMPERATURE_UNITS,
 }
 """Meaning of a unit for a channel."""
 
@@ -44,6 +50,7 @@ OTHER_WORDS = {
     "min^-1": "rpm",
     "U/min": "rpm",
     "°": "deg",
+    "°C": "degC",
     "degree": "deg",
     "degrees": "deg",
     "turns": "rev",
@@ -74,7 +81,8 @@ def kind_of(topic: str, unit: str, where: str) -> str:
         When the topic cannot be made from such a unit; near misses are named.
     """
     plain = declared(unit)
-    kinds = TAKEN.get(topic.rsplit("/", 1)[-1], ("count",))
+    warm = topic.split("/")[-2:-1] == ["temperature"]
+    kinds = ("temperature",) if warm else TAKEN.get(topic.rsplit("/", 1)[-1], ("count",))
     for kind in kinds:
         if plain in KINDS[kind]:
             return kind

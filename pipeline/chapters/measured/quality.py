@@ -88,7 +88,7 @@ def _overview(analysis: Analysis, note: str) -> Facts:
             ("Accepted", f"{int(grid.accepted.sum())} of {len(grid)}"),
             ("Holes in the grids", f"{len(analysis.lacking)}" if analysis.lacking else "none"),
             ("Order of the test", "known" if at.ordered else "not recorded"),
-            ("Bearing temperature", "not used: this version reads no temperature channel"),
+            ("Bearing temperature", "in no fit: what was recorded stands among the conditions"),
         )
     )
 

@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 TURNS = {"deg": 360.0, "rad": REVOLUTION, "mrad": REVOLUTION / MILLI, "rev": 1.0}
 """A turn in each unit of `ANGLE`."""
 UNMAPPED = {
-    "temperature": "a temperature, which layout pmg.v1 holds no topic for",
+    "temperature": "a temperature: its topic is /daq/temperature/ and a name of the place",
     "current": "a current, which layout pmg.v1 holds no topic for",
 }
-"""Kinds that are known and have no place in a map."""
+"""Kinds that are known and are no torque or angle of a shaft."""
 OF_SHAFTS = {"torque": frequency, "speed": encoder, "angle": encoder}
 """Kinds that become a topic of a shaft."""
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 OPEN = "#? "
 """Begin of a line that the user completes."""
-PLACELESS = ("temperature", "current", "time", "ticks")
+PLACELESS = ("current", "time", "ticks")
 """Kinds of signals that no table of a channel takes."""
 HINTS = {
     "topic": "its topic, as the others here; see pipeline/importers/README.md",

@@ -15,7 +15,7 @@ WORD = re.compile(r"[A-ZÄÖÜ]?[a-zäöüß]+|[A-ZÄÖÜ]+(?![a-zäöüß])|\d+
 """A word of a name, by case and digits."""
 COLUMN = re.compile(r"\((\d+,:|:,\d+)\)$|[@#]\d+$")
 """Number of a column, of a group or of a name that comes again: no word of the name."""
-TEMPERATURE = ("degC", "°C", "C", "K", "degF", "°F")
+SPELLED_TEMPERATURES = ("degC", "°C", "C", "K", "degF", "°F")
 """Units of temperatures."""
 
 KIND_WORDS = {
@@ -86,7 +86,7 @@ def kinds_by_name(name: str) -> tuple[tuple[str, ...], bool]:
 def unit_by_name(name: str, more: Iterable[str] = ()) -> str:
     """Unit in brackets behind a name, or at its end, as in ``M_Nm``, where it has more than one letter; else empty."""
     _, plain, bracketed = _parts(name)
-    known = {*TORQUE, *SPEED, *ANGLE, *ELECTRIC, *FREQUENCY, *TIME, *TEMPERATURE, *more}
+    known = {*TORQUE, *SPEED, *ANGLE, *ELECTRIC, *FREQUENCY, *TIME, *SPELLED_TEMPERATURES, *more}
     if declared(bracketed) in known:
         return declared(bracketed)
     last = re.split(r"[\s_\-.]", plain)[-1]
@@ -96,7 +96,7 @@ def unit_by_name(name: str, more: Iterable[str] = ()) -> str:
 def kind_by_unit(unit: str, named: tuple[str, ...]) -> str:
     """Kind that a unit stands for, with the kinds by name where the unit alone does not tell; else empty."""
     plain = declared(unit)
-    if plain in TEMPERATURE:
+    if plain in SPELLED_TEMPERATURES:
         return "temperature"
     for kind, known in (("torque", TORQUE), ("speed", SPEED), ("angle", ANGLE), ("time", TIME)):
         if plain in known:

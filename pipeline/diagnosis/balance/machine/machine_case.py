@@ -13,8 +13,9 @@ from pmg.pipeline.diagnosis.balance.library.warmth import warm_term
 from pmg.pipeline.files.strict_tables import RefusalError
 from pmg.pipeline.importers.open_source import FORMATS
 from pmg.pipeline.machine.axis import LINEAR
-from pmg.pipeline.machine.channel import TEMPERATURES, TIMES, in_si
+from pmg.pipeline.machine.channel import TIMES, in_si
 from pmg.pipeline.report.write import LISTING
+from pmg.pipeline.wording.units import TEMPERATURE_UNITS
 from pmg.sim.errors import BenchError, RecordingError, near_miss
 
 if TYPE_CHECKING:
@@ -126,7 +127,7 @@ def _channels(
     if output is not None:
         found |= {OUTPUT + kind: channel for kind, channel in output.channels.items()}
     if table.temperature is not None:
-        found["temperature"] = in_si(table.temperature, TEMPERATURES)
+        found["temperature"] = in_si(table.temperature, TEMPERATURE_UNITS)
     return found
 
 

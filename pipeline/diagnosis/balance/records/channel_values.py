@@ -10,9 +10,10 @@ from pmg.pipeline.diagnosis.balance.case import OUTPUT
 from pmg.pipeline.importers.open_source import open_source, whole_channels
 from pmg.pipeline.importers.source import channel_of
 from pmg.pipeline.machine.axis import LINEAR, ROTARY
-from pmg.pipeline.machine.channel import TEMPERATURES, TIMES
+from pmg.pipeline.machine.channel import TIMES
 from pmg.pipeline.recording.findings import Code, Findings
 from pmg.pipeline.wording.plurals import counted
+from pmg.pipeline.wording.units import TEMPERATURE_UNITS
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ SPELLINGS = {"·": "", "*": "", "°": "deg", "1/min": "rpm", "U/min": "rpm", "mi
 KNOWN_UNITS = frozenset(
     "".join(unit.split())
     for axis in (LINEAR, ROTARY)
-    for units in (TIMES, TEMPERATURES, axis.positions, axis.speeds, axis.forces)
+    for units in (TIMES, TEMPERATURE_UNITS, axis.positions, axis.speeds, axis.forces)
     for unit in units
 )
 """Units that a file may declare for a channel of a case, without spaces."""

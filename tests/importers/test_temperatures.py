@@ -1,0 +1,68 @@
+"""A temperature comes in by its topic, stands among the conditions of its campaign, and in no other channel."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import polars as pl
+import pytest
+
+from pmg.pipeline.commands.ingest_files import ingest
+from pmg.pipeline.grid.conditions import conditions
+from pmg.pipeline.importers.channel_map import read_map
+from pmg.pipeline.importers.import_recording import import_recording
+from pmg.pipeline.recording.read import read_recording
+from pmg.pipeline.store.manifest import manifest_of
+from pmg.pipeline.store.store import Store
+from pmg.sim.errors import BenchError
+
+from . import written
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+TOPIC = "/daq/temperature/bearing"
+
+
+def mapped(folder: Path, more: str) -> Path:
+    channels = "".join(written.channel(topic, name, unit=written.UNITS[name]) for name, topic in written.TOPICS.items())
+    return written.write_map(folder, written.map_text(channels + more))
+
+
+@pytest.mark.parametrize(("unit", "zero"), [("degC", 0.0), ("K", 273.15)])
+def test_temperatures_are_told_among_the_conditions(tmp_path: Path, unit: str, zero: float) -> None:
+    warm = 21.0 + 3.0 * np.linspace(0.0, 1.0, 2500)
+    warm[7] = np.nan
+    pl.DataFrame({**written.raw(), "pt100": warm + zero}).write_parquet(tmp_path / "E1.parquet")
+    chart = read_map(mapped(tmp_path, written.channel(TOPIC, "pt100", unit=unit)))
+    done = import_recording(tmp_path / "E1.parquet", chart, tmp_path / "recordings" / "E1.mcap")
+    assert done.written[TOPIC] == 2499
+    whole = read_recording(done.out, coils=True)
+    assert whole.auxiliary.temperatures == {"bearing": pytest.approx((21.0, 24.0))}
+    assert not read_recording(done.out).auxiliary.temperatures, "which only an ingest asks for"
+    store = Store(tmp_path / "store")
+    ingest(tmp_path / "recordings", store, workers=1)
+    (manifest,) = store.manifests()
+    assert manifest_of("again", manifest.document()).temperatures == manifest.temperatures
+    rows = dict(conditions([manifest]).rows)
+    assert rows["Temperature, bearing"] == "21.0 to 24.0 °C"
+    assert "Bearing temperature" not in rows
+    assert rows["Air temperature"] == "not recorded"
+
+
+@pytest.mark.parametrize(
+    ("topic", "more", "words"),
+    [
+        ("/daq/temperature/", {"unit": "degC"}, "topic"),
+        ("/daq/temperature/a b", {"unit": "degC"}, "topic"),
+        (TOPIC, {"unit": "rpm"}, "a unit of which /daq/temperature/bearing is made"),
+        (TOPIC, {"unit": "degC", "sign": -1}, "-1 for a temperature"),
+        (TOPIC, {}, "no unit"),
+    ],
+)
+def test_what_is_no_temperature_is_refused(tmp_path: Path, topic: str, more: dict[str, str | int], words: str) -> None:
+    pl.DataFrame({**written.raw(100), "pt100": np.full(100, 20.0)}).write_parquet(tmp_path / "E1.parquet")
+    chart = mapped(tmp_path, written.channel(topic, "pt100", **more))
+    with pytest.raises(BenchError, match=words):
+        import_recording(tmp_path / "E1.parquet", read_map(chart), tmp_path / "E1.mcap")
