@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
-import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure as MatplotlibFigure
@@ -22,7 +21,6 @@ from pmg.pipeline.report.figure import Chart, Figure, Panel, SpeedMap
 from pmg.pipeline.report.sheet import POINTS, Sheet, wrapped
 from pmg.pipeline.report.spelled import spelled
 from pmg.pipeline.report.stills.compact import compact
-from pmg.pipeline.report.stills.png import png_file
 from pmg.pipeline.report.stills.strokes import Recorder, RecordingCanvas, Redrawn
 from pmg.pipeline.report.theme import LIGHT, alone, themed
 
@@ -197,8 +195,9 @@ def _captioned(drawing: _Drawing, figure: Figure, count: int) -> tuple[Matplotli
 def _dots(drawing: _Drawing) -> bytes:
     """A drawing as a PNG file on white."""
     canvas: Any = FigureCanvasAgg(drawing.again(RESOLUTION, PAPER.palette["paper"]))
-    canvas.draw()
-    return png_file(np.asarray(canvas.buffer_rgba())[..., :3], RESOLUTION)
+    file = io.BytesIO()
+    canvas.print_png(file, metadata={"Software": None})
+    return file.getvalue()
 
 
 def _laid_out(figure: Figure, file: TextIO) -> tuple[MatplotlibFigure, Recorder]:

@@ -5,26 +5,19 @@ from __future__ import annotations
 import io
 import os
 import re
-import struct
-import zlib
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as MatplotlibFigure
-from PIL import Image
 
 from pmg.pipeline.files.parallel import keeping_workers, map_in_order
 from pmg.pipeline.report import draw
 from pmg.pipeline.report.document import Figure
 from pmg.pipeline.report.draw import draw_all
 from pmg.pipeline.report.stills.compact import compact
-from pmg.pipeline.report.stills.png import png_file
 from pmg.pipeline.report.stills.strokes import Recorder, Redrawn
 from pmg.sim.errors import StoreError
 
@@ -47,16 +40,6 @@ def test_figures_have_the_same_bytes_from_other_processes(monkeypatch: pytest.Mo
 def test_a_worker_that_dies_is_told_of() -> None:
     with pytest.raises(StoreError, match="worker"), keeping_workers(2):
         list(map_in_order(os._exit, [1, 1], 2))
-
-
-@given(arrays.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 9), st.just(3))), st.integers(1, 600))
-def test_a_png_gives_its_dots_back(dots: np.ndarray[tuple[int, ...], np.dtype[np.uint8]], resolution: int) -> None:
-    with Image.open(io.BytesIO(png_file(dots, resolution))) as opened:
-        assert (np.asarray(opened) == dots).all()
-        assert opened.info["dpi"] == pytest.approx((resolution, resolution), abs=0.02)
-    data = png_file(dots, resolution)
-    length = struct.unpack(">I", data[33:37])[0]
-    assert zlib.crc32(data[37 : 41 + length]) == struct.unpack(">I", data[41 + length : 45 + length])[0]
 
 
 def clipped() -> MatplotlibFigure:
