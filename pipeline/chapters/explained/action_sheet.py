@@ -29,12 +29,10 @@ from pmg.pipeline.report.action_sheet import ActionSheet, SheetAnswer
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.shafts import SIDES
-from pmg.sim.signals import RESIDUAL
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pmg.pipeline.diagnosis.form.shape import Shape
     from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
     from pmg.sim.signals import Array
@@ -101,9 +99,7 @@ def _answers(diagnosis: Diagnosis, residual: Array, before: str, as_read: str) -
         none = "No mechanism of the catalogue explains it: we can show where, not why."
         closest = f"{words[0].upper()}{words[1:]}." if (words := nearest(diagnosis)) else ""
         said = faint(diagnosis)
-        cause = (said,) if said else tuple(filter(None, (none, closest)))
-        shape = () if diagnosis.shape is None else (_shape(diagnosis.shape),)
-        yield SheetAnswer("Cause", (*cause, *shape), "shape-constants" * bool(shape))
+        yield SheetAnswer("Cause", (said,) if said else tuple(filter(None, (none, closest))))
     if sure := tuple(_sureness(diagnosis)):
         hidden = diagnosis.audit is not None and verdict is Verdict.CONSISTENT
         yield SheetAnswer("How sure", sure, "visibility" if hidden else GROUNDS)
@@ -138,12 +134,6 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"{where[0].upper()}{where[1:]} Repeatability is {diagnosis.floor[side].u * 1e3:.1f} mN m."
     if diagnosis.outliers:
         yield f"{counted(len(diagnosis.outliers), 'outlier')} excluded first."
-
-
-def _shape(shape: Shape) -> str:
-    """What the short form gains; the formula itself stands in its grounds."""
-    before, after = (f"{rmse / RESIDUAL.scale:.2f}" for rmse in (shape.held_out.rmse_before, shape.held_out.rmse_after))
-    return f"A formula ({shape.label}) takes the error on data not used for the fit from {before} to {after} mN m."
 
 
 def _sureness(diagnosis: Diagnosis) -> Iterator[str]:
