@@ -6,10 +6,10 @@ import os
 import sys
 import time
 from contextlib import contextmanager
+from datetime import timedelta
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.wording.safe_text import printable
-from pmg.sim.signals import MINUTE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 FEWEST_STEPS = 10
 """Steps from which on the time left is estimated: a few steps of a stage take very different times."""
 
-IN_SECONDS = 1.5 * MINUTE
+A_MINUTE = timedelta(minutes=1).total_seconds()
+"""[s]; the constant of `pmg.sim.signals` would load numpy for a help text."""
+
+IN_SECONDS = 1.5 * A_MINUTE
 """Time left up to which it is given in seconds [s]."""
 
 
@@ -56,7 +59,7 @@ class _TimeLeft:
         if total < FEWEST_STEPS or gone < 1 or done >= total:
             return ""
         left = (now - self._began) / gone * (total - done)
-        return f", {left:.0f} s left" if left < IN_SECONDS else f", {left / MINUTE:.0f} min left"
+        return f", {left:.0f} s left" if left < IN_SECONDS else f", {left / A_MINUTE:.0f} min left"
 
 
 @contextmanager
