@@ -42,7 +42,7 @@ PARTS: dict[str, str] = {
     "pdf": "figures as PDF, but for its end",
     "workbook": "workbook",
     "summary": "summary",
-    "write_aside": "written to disk",
+    "write_atomic": "written to disk",
 }
 
 
@@ -157,7 +157,7 @@ def main() -> None:
         for _ in range(asked.repeats):
             clock = Clock()
             with ExitStack() as patched:
-                for part in ("html", "draw_all", "workbook", "summary", "write_aside"):
+                for part in ("html", "draw_all", "workbook", "summary", "write_atomic"):
                     patched.enter_context(patch.object(write, part, clock.timed(part, getattr(write, part))))
                 for name, made in (("dots", "_dots"), ("of", "_drawing_of"), ("themed", "themed")):
                     patched.enter_context(patch.object(draw, made, clock.timed(name, getattr(draw, made))))
