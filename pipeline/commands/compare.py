@@ -144,7 +144,6 @@ def run_compare(
     )
 
 
-@keeping_workers()
 def compare_chosen(chosen: Chosen, campaign: str | None = None, progress: Progress | None = None) -> Outcome:
     """Simulate, compare and report the analysed campaign that file and options name, or the runs in motion of one.
 
@@ -160,9 +159,10 @@ def compare_chosen(chosen: Chosen, campaign: str | None = None, progress: Progre
     asked = campaign or chosen.text("campaign") or analysed_campaign(store)
     moving = campaign_in_motion(store, asked) if chosen.path("grids") is None else None
     report, model, tolerances = chosen.needed("report"), chosen.path("model"), chosen.tolerance
-    if moving is not None:
-        return compare_motion(store, moving, report, note, progress, model=model)
-    return run_compare(store, report, note, model, tolerances=tolerances, progress=progress)
+    with keeping_workers(chosen.workers):
+        if moving is not None:
+            return compare_motion(store, moving, report, note, progress, model=model)
+        return run_compare(store, report, note, model, tolerances=tolerances, progress=progress)
 
 
 def run_all(chosen: Chosen, progress: Progress | None) -> Outcome:

@@ -29,6 +29,9 @@ Result = TypeVar("Result")
 ADDRESS = re.compile(r"(?:(?:tcp|tls|ucx|wss?)://)?(?:\[[^\]\s]+\]|[^\s/:]+):\d+")
 """Form of a scheduler's address."""
 
+MOST_PROCESSES = 61
+"""Processes that Windows lets one wait for."""
+
 PATIENCE = 30.0
 """Time within which a cluster has to answer and to show a worker [s]."""
 
@@ -204,7 +207,8 @@ def _processes(workers: int) -> Iterator[Executor]:
         One of them was killed.
     """
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_follow_parent) as pool:
+    count = min(workers, MOST_PROCESSES)
+    with ProcessPoolExecutor(count, mp_context=context, initializer=_follow_parent) as pool:
         try:
             yield pool
         except BrokenProcessPool as error:
@@ -212,7 +216,7 @@ def _processes(workers: int) -> Iterator[Executor]:
                 "worker process",
                 "it ended before its work was done",
                 "workers that live",
-                "Run it again, it resumes; with --workers 1 if memory is short.",
+                "Run it again, it resumes; close other programs if memory is short.",
             ) from error
         except BaseException:
             pool.shutdown(wait=True, cancel_futures=True)

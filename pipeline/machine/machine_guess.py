@@ -45,6 +45,10 @@ KINDS = {"angle": "position", "speed": "velocity", "torque": "force"}
 """Kinds of channels of a shaft by those of signals; a force or a torque drives it."""
 LIKELY_RATES = 20.0, 2e5
 """Rates between which a column without a unit is likely a time [Hz]."""
+AS_TEMPERATURE = {"K": "K"} | dict.fromkeys(("degC", "°C", "C"), "degC")
+"""Units of temperatures that a machine file knows, by how they are spelled; another one is left open."""
+NEAR_WHOLE = 2e-5
+"""Relative distance from a whole number up to which a rate is taken to be that number."""
 SURE = 0.98
 """Correlation of two speeds from which on their ratio is that of a gear."""
 
@@ -204,7 +208,8 @@ def _guess_channel(seen: SeenSignal) -> ChannelGuess:
         reason = f"the unit {unit} does not tell" if unit else "no unit"
         return ChannelGuess(seen, "", end, unit, f"{reason}, and neither does its name")
     if kind == "temperature" and unit in SPELLED_TEMPERATURES:
-        unit = "K" if unit == "K" else "degC"
+        reason = f"unit {unit}"
+        return ChannelGuess(seen, kind, end, AS_TEMPERATURE.get(unit, ""), reason)
     reason = f"unit {unit}" if unit else "by its name alone"
     if kind == "time" and not unit:
         unit, reason = _likely_time(seen), "by its name alone; the unit is the one that gives a likely rate"
@@ -251,7 +256,8 @@ def _rate(source: ForeignSource, time: Iterable[ChannelGuess]) -> float | None:
     for one in time:
         if one.unit:
             rate = 1.0 / (one.seen.step * TIMES[one.unit])
-            return float(f"{rate:.4g}")
+            whole = abs(rate - round(rate)) <= NEAR_WHOLE * rate
+            return float(round(rate)) if whole else float(f"{rate:.9g}")
     declared_rates = {channel.rate_hz for channel in source.channels} - {None}
     return declared_rates.pop() if len(declared_rates) == 1 else None
 

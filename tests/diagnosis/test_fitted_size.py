@@ -90,8 +90,8 @@ def test_a_size_of_either_sign_or_on_each_shaft_is_no_sum() -> None:
 
 
 def test_people_read_what_of_an_error_is_the_law() -> None:
-    size = FittedSize("in all", 3.45e-3, 3.4e-4, "N m", of_law=3.2e-4)
-    assert size.sentence == "Fitted: in all 3.45 ± 0.34 mN m (0.32 of it as its law is known to a form only)."
+    size = FittedSize("in all", 3.45e-3, 5e-4, "N m", of_law=4e-4)
+    assert size.sentence == "Fitted: in all 3.45 ± 0.50 mN m (noise 0.3, not knowing its law 0.4)."
     assert FittedSize("", 0.02, 0.001, "kg m2", remark=" more than in the data sheet").sentence.endswith(
         "kg m2 more than in the data sheet."
     )

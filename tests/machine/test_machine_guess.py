@@ -112,3 +112,19 @@ def test_two_candidates_a_set_point_and_what_stands_still_are_not_chosen(tmp_pat
     assert '# "M_soll": a set-point by its name' in text
     assert "# but: it is constant" in text
     assert f"{OPEN}rate_Hz = " in text
+
+
+@pytest.mark.parametrize("name", ["temp [°F]", "temp_degF"])
+def test_a_temperature_in_another_unit_is_left_open(tmp_path: Path, name: str) -> None:
+    columns = {"t [s]": T, "phi [mrad]": wave(0.3), "M [N m]": wave(2.0), name: 70.0 + T}
+    table, text = proposed(csv(tmp_path / "record.csv", columns))
+    assert "temperature" not in table["records"]
+    assert f"{OPEN}temperature = {{ name = " in text
+
+
+@pytest.mark.parametrize("rate", [16_384.0, 65_536.0])
+def test_a_rate_of_many_digits_is_proposed_whole(tmp_path: Path, rate: float) -> None:
+    t = np.arange(3000) / rate
+    columns = {"t [us]": 1e6 * t, "phi [mrad]": np.sin(REVOLUTION * 20.0 * t), "M [N m]": np.cos(REVOLUTION * 9.0 * t)}
+    table, _ = proposed(csv(tmp_path / "record.csv", columns))
+    assert table["records"]["rate_Hz"] == rate

@@ -105,8 +105,10 @@ def _answers(
     yield SheetAnswer("In the model", (IN_THE_MODEL[diagnosis.verdict],))
     if costs := tuple(_costs(named, effects, traces)):
         yield SheetAnswer("If ignored", costs)
-    elif not diagnosis.mismatch.found:
+    elif diagnosis.verdict is Verdict.CONSISTENT:
         yield SheetAnswer("If ignored", ("Nothing: no difference beyond the noise.",))
+    elif not diagnosis.mismatch.found:
+        yield SheetAnswer("If ignored", ("Cannot be told: a fault that these runs cannot show has no known size.",))
 
 
 IN_THE_MODEL = {

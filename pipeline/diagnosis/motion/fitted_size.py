@@ -43,7 +43,8 @@ class FittedSize:
     unit : str
         SI unit; 1 without one.
     of_law : float
-        Range of the sizes by the laws that the mechanism may have: the true one may lie outside of both.
+        Range of the sizes by the laws that the mechanism may have, which counts as a standard uncertainty: the true law
+        may be none of them.
     remark : str
         What follows the number.
     """
@@ -61,7 +62,8 @@ class FittedSize:
         small = self.unit in IN_MILLI and abs(self.value) < TENTH
         scale, unit = (MILLI, IN_MILLI[self.unit]) if small else (1.0, self.unit)
         parts = [self.name, measured(self.value / scale, self.error / scale), "" if unit == "1" else unit]
-        law = f" ({self.of_law / scale:.2g} of it as its law is known to a form only)" if self.of_law else ""
+        noise = math.sqrt(max(self.error**2 - self.of_law**2, 0.0))
+        law = f" (noise {noise / scale:.2g}, not knowing its law {self.of_law / scale:.2g})" if self.of_law else ""
         return f"Fitted: {' '.join(part for part in parts if part)}{self.remark}{law}."
 
 
@@ -100,7 +102,7 @@ def fitted_size(
     with np.errstate(divide="ignore", invalid="ignore"):
         best = int(np.nanargmin(np.abs(errors / np.where(sizes, sizes, np.nan)))) if np.any(sizes) else 0
     if names[best] == "more" and term.constants:
-        names[best], remark = "", " more than in the data sheet"
+        names[best], remark = "", f" more than in the data sheet{remark}"
     unit = term.amplitudes[best].unit
     return FittedSize(names[best].replace("_", " "), float(sizes[best]), float(errors[best]), unit, remark=remark)
 
