@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ from tests.recording.foreign import scalar
 from tests.recording.writer import Bench, Other, block, write
 
 from pmg.pipeline.commands.ingest_files import ingest
+from pmg.pipeline.files.json_values import proven_json
 from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.importers.channel_map import read_map
 from pmg.pipeline.importers.import_recording import import_recording
@@ -108,6 +110,19 @@ def test_a_temperature_in_single_messages_is_left_unread_and_named_once(tmp_path
     (told,) = [finding for finding in manifest.findings if finding.where == TOPIC]
     assert told.severity is Severity.INFO
     assert told.message == "3 messages 'pmg.v1.Scalar'; expected 'pmg.v1.SampleBlock'. Not read"
+
+
+def test_a_store_from_before_temperatures_were_kept_is_read_anew(tmp_path: Path) -> None:
+    manifest = stored(tmp_path, Bench(extra={TOPIC: block(0, "f64", np.full(100, 21.5))}, channel={TOPIC: KEPT}))
+    assert manifest.temperatures == {"bearing": (21.5, 21.5)}
+    (path,) = (tmp_path / "store" / "sources").glob("*.json")
+    document = json.loads(path.read_text(encoding="utf-8"))
+    del document["temperatures"]
+    path.write_bytes(proven_json(document | {"reduction": 4}))
+    store = Store(tmp_path / "store")
+    assert not store.manifests()[0].temperatures
+    assert ingest(tmp_path / "recordings", store, workers=1).ingested == 1
+    assert store.manifests() == [manifest]
 
 
 @pytest.mark.parametrize(
