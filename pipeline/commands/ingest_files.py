@@ -216,7 +216,7 @@ def _failed(source: StoredSource, store: Store, findings: tuple[Finding, ...], r
 def _done(manifest: Manifest, limits: Steadiness, supplied: Supplied) -> bool:
     """Whether a source is in the store as it would come in now.
 
-    One that names no limits was judged by the defaults. One whose means were taken in an earlier way is read anew, one
+    One that names no limits was judged by the defaults. One that was reduced in an earlier way is read anew, one
     without a hash of itself, and one whose manoeuvre was not understood yet.
     What was supplied stays where nothing is supplied now; where something else is, or where a map may name channels
     that were not offered before, the source is read anew.

@@ -142,8 +142,8 @@ def stored_earlier(used: Sequence[Manifest]) -> tuple[Remark, ...]:
     again = "Run 'pmg ingest' on the recordings again."
     found = []
     if files := [m.file for m in used if m.ingested and m.reduction != REDUCTION]:
-        message = f"the means of {counted(len(files), 'recording')} were taken in an earlier way: {listed(files)}"
-        found.append(Remark("warning", "windows", f"{message}; expected today's. {again}"))
+        message = f"{counted(len(files), 'recording')} reduced in an earlier way: {listed(files)}"
+        found.append(Remark("warning", "windows", f"{message}; expected today's means and temperatures. {again}"))
     if files := [m.file for m in used if m.ingested and not m.proven]:
         message = f"what the store holds of {counted(len(files), 'recording')} is unproven: {listed(files)}"
         found.append(Remark("warning", "store", f"{message}; expected the hash of each file that was written. {again}"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING
@@ -23,6 +24,8 @@ UNRECORDED = (
     "Running-in before the test",
 )
 """Conditions that the layout of recordings has no field for, or the bench no sensor."""
+WORD_OF_PLACE = re.compile("[A-Z]?[a-z]+|[A-Z]+")
+"""A word of the place of a temperature, such as the bearing of `bearing_ring`."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,9 @@ def conditions(manifests: Sequence[Manifest]) -> Conditions:
         *_temperatures(manifests),
         ("Notes of the recorder", _each(run.note for run in runs if run.note)),
     ]
-    told = {label.replace("Temperature, ", "").capitalize() + " temperature" for label, _ in rows}
+    places = {place for manifest in manifests for place in manifest.temperatures}
+    words = {word.lower().removesuffix("s") for place in places for word in WORD_OF_PLACE.findall(place)}
+    told = {f"{word.capitalize()} temperature" for word in words}
     return Conditions((*rows, *((label, NOT_RECORDED) for label in UNRECORDED if label not in told)))
 
 

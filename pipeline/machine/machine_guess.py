@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,9 +17,11 @@ from pmg.pipeline.importers.guess.signal_kinds import (
 )
 from pmg.pipeline.importers.guess.signal_look import look_at
 from pmg.pipeline.importers.open_source import whole_channels
+from pmg.pipeline.importers.rows import WHOLE_RATE
 from pmg.pipeline.machine.axis import LINEAR, ROTARY
 from pmg.pipeline.machine.channel import COMMANDS, TIMES
 from pmg.pipeline.wording.units import declared
+from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -47,8 +49,6 @@ LIKELY_RATES = 20.0, 2e5
 """Rates between which a column without a unit is likely a time [Hz]."""
 AS_TEMPERATURE = {"K": "K"} | dict.fromkeys(("degC", "°C", "C"), "degC")
 """Units of temperatures that a machine file knows, by how they are spelled; another one is left open."""
-NEAR_WHOLE = 2e-5
-"""Relative distance from a whole number up to which a rate is taken to be that number."""
 SURE = 0.98
 """Correlation of two speeds from which on their ratio is that of a gear."""
 
@@ -121,6 +121,8 @@ class MachineGuess:
         Whether both torques put power in most of the time, so that one of them counts what comes out.
     left : tuple of ChannelGuess
         Channels that are taken for nothing.
+    apart : mapping of str to str
+        Kinds of channels that cannot be set side by side on both shafts, and why.
     """
 
     source: ForeignSource
@@ -132,6 +134,7 @@ class MachineGuess:
     ratio: float | None
     against: bool
     left: tuple[ChannelGuess, ...]
+    apart: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def shafts(self) -> tuple[str, ...]:
@@ -156,6 +159,7 @@ class MachineGuess:
             "temperature": [one.document() for one in self.temperature],
             "rate_hz": self.rate_hz,
             "ratio": self.ratio,
+            "apart": dict(self.apart),
             "left": [one.document() for one in self.left],
         }
 
@@ -207,10 +211,8 @@ def _guess_channel(seen: SeenSignal) -> ChannelGuess:
     if not kind:
         reason = f"the unit {unit} does not tell" if unit else "no unit"
         return ChannelGuess(seen, "", end, unit, f"{reason}, and neither does its name")
-    if kind == "temperature" and unit in SPELLED_TEMPERATURES:
-        reason = f"unit {unit}"
-        return ChannelGuess(seen, kind, end, AS_TEMPERATURE.get(unit, ""), reason)
     reason = f"unit {unit}" if unit else "by its name alone"
+    unit = AS_TEMPERATURE.get(unit, "") if kind == "temperature" else unit
     if kind == "time" and not unit:
         unit, reason = _likely_time(seen), "by its name alone; the unit is the one that gives a likely rate"
         return ChannelGuess(seen, kind, end, unit, reason)
@@ -256,32 +258,38 @@ def _rate(source: ForeignSource, time: Iterable[ChannelGuess]) -> float | None:
     for one in time:
         if one.unit:
             rate = 1.0 / (one.seen.step * TIMES[one.unit])
-            whole = abs(rate - round(rate)) <= NEAR_WHOLE * rate
-            return float(round(rate)) if whole else float(f"{rate:.9g}")
+            return float(round(rate) if abs(rate - round(rate)) <= WHOLE_RATE * rate else f"{rate:.9g}")
     declared_rates = {channel.rate_hz for channel in source.channels} - {None}
     return declared_rates.pop() if len(declared_rates) == 1 else None
 
 
 def _with_shapes(guess: MachineGuess) -> MachineGuess:
-    """The ratio that the speeds show, and whether the torques count against each other."""
+    """The ratio that the speeds show, and whether the torques count against each other; open where they stand apart."""
     single = {key: ones[0] for key, ones in guess.channels.items() if len(ones) == 1 and not ones[0].seen.constant}
-    values = whole_channels(guess.source, [one.name for one in single.values()])
     known = {**guess.axis.positions, **guess.axis.speeds, **guess.axis.forces}
-    si = {key: values[one.name] * known.get(one.unit, 1.0) for key, one in single.items()}
-
-    def pair(kind: str) -> tuple[Array, Array] | None:
-        """A channel of both shafts, where their units are known, or both left out."""
-        ends = [single.get((end, kind)) for end in ENDS]
-        units = {bool(one.unit) for one in ends if one is not None}
-        return (si["input", kind], si["output", kind]) if None not in ends and len(units) == 1 else None
-
-    pairs = (both for kind in ("velocity", "position") if (both := pair(kind)) is not None)
-    ratio = next((found for both in pairs if (found := _slope(*both)) is not None), None)
-    torques = pair("force")
-    if ratio is None or torques is None:
-        return replace(guess, ratio=ratio)
-    same = np.sign(torques[0] * torques[1] * ratio)
-    return replace(guess, ratio=ratio, against=float(np.nanmean(same)) > 0.0)
+    pairs: dict[str, tuple[Array, Array]] = {}
+    apart: dict[str, str] = {}
+    for kind in KINDS.values():
+        ends = [single[end, kind] for end in ENDS if (end, kind) in single]
+        if len(ends) < len(ENDS) or len({bool(one.unit) for one in ends}) > 1:
+            continue  # their units are known of both, or of none
+        rates = sorted({rate for one in ends if (rate := one.seen.channel.rate_hz) is not None})
+        try:
+            values = whole_channels(guess.source, [one.name for one in ends])
+        except RecordingError as fault:
+            apart[kind] = fault.came
+            continue
+        if len(rates) > 1:
+            apart[kind] = f"rates of {' and '.join(f'{rate:g}' for rate in rates)} Hz"
+            continue
+        one, other = (values[each.name] * known.get(each.unit, 1.0) for each in ends)
+        pairs[kind] = one, other
+    slopes = (_slope(*pairs[kind]) for kind in ("velocity", "position") if kind in pairs)
+    ratio = next((found for found in slopes if found is not None), None)
+    against = False
+    if ratio is not None and "force" in pairs:
+        against = float(np.nanmean(np.sign(pairs["force"][0] * pairs["force"][1] * ratio))) > 0.0
+    return replace(guess, ratio=ratio, against=against, apart=apart)
 
 
 def _slope(one: Array, other: Array) -> float | None:

@@ -46,7 +46,9 @@ def _lines(guess: MachineGuess) -> Iterator[str]:
         )
         yield from (f'{end} = "{end}"' for end in ("input", "output"))
         if guess.ratio is None:
-            yield f'{OPEN}ratio = {{ value = , unit = "1", source = "" }}  # the speeds do not show it'
+            apart = guess.apart.get("velocity", guess.apart.get("position", ""))
+            told = f"the speeds were not set side by side: {printable(apart)}" if apart else "the speeds do not show it"
+            yield f'{OPEN}ratio = {{ value = , unit = "1", source = "" }}  # {told}'
         else:
             told = f'{{ value = {guess.ratio!r}, unit = "1", source = {quoted("speeds of " + source.path.name)} }}'
             yield f"ratio = {told}  # by the slope of one speed over the other: put that of the teeth"
@@ -83,11 +85,19 @@ def _shaft(guess: MachineGuess, shaft: str) -> Iterator[str]:
             yield from _channel(word, one, "" if guess.chosen(shaft, kind) is one else OPEN, axis.factor, turned)
             if turned:
                 yield "# sign: both torques would put power in most of the time, so one counts what comes out"
+            elif kind == "force" and shaft == guess.shafts[-1] and (why := _sign_open(guess)):
+                yield f"# sign: open, as not set side by side ({printable(why)}): -1 if this counts what comes out"
     if not found:
         known = (*axis.positions, *axis.speeds)
         yield f'{OPEN}velocity = {{ name = "", unit = "" }}  # no channel fits: one of {", ".join(known)}'
     if (shaft, "force") not in guess.channels:
         yield f"# no {axis.pushes}: if none is recorded of any shaft the machine coasts"
+
+
+def _sign_open(guess: MachineGuess) -> str:
+    """Why both torques could not be set against each other; empty where nothing stood apart that this needs."""
+    needed = guess.apart if guess.ratio is None else {"force": guess.apart.get("force", "")}
+    return "; ".join(filter(None, needed.values()))
 
 
 def _channel(word: str, one: ChannelGuess, mark: str, factor: str = "", more: str = "") -> Iterator[str]:

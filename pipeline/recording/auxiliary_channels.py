@@ -16,7 +16,7 @@ from pmg.pipeline.recording.channels import (
     temperature,
 )
 from pmg.pipeline.recording.events import read_events
-from pmg.pipeline.recording.findings import Findings
+from pmg.pipeline.recording.findings import Code, Findings
 from pmg.pipeline.recording.frequency import DEFAULT_BITS
 from pmg.pipeline.recording.join import join_blocks
 from pmg.pipeline.recording.layouts import wire
@@ -83,7 +83,7 @@ class AuxiliaryChannels:
     bits : mapping of str to int
         Width of the counters.
     findings : tuple of Finding
-        What is wrong with the coils and temperatures.
+        What is wrong with the coils.
     """
 
     coils: tuple[Coil, ...]
@@ -110,10 +110,10 @@ def counter_bits(topics: Mapping[str, Topic]) -> dict[str, int]:
     return {side: declared(side) for side in SIDES}
 
 
-def read_auxiliary_channels(topics: Mapping[str, Topic], bits: Mapping[str, int], file: str) -> AuxiliaryChannels:
+def read_auxiliary_channels(
+    topics: Mapping[str, Topic], bits: Mapping[str, int], findings: Findings
+) -> AuxiliaryChannels:
     """Coils, temperatures and index pulses among the topics of a recording.
-
-    A temperature in messages of another kind than blocks of samples is left unread.
 
     Parameters
     ----------
@@ -121,14 +121,15 @@ def read_auxiliary_channels(topics: Mapping[str, Topic], bits: Mapping[str, int]
         By name, their messages not yet decoded.
     bits : mapping of str to int
         Width of the counters.
-    file : str
-        Name of the recording. What its index pulses lack was reported when the angles were decoded.
+    findings : Findings
+        Those of the recording, which receive what is wrong with a temperature. What its index pulses lack was reported
+        when the angles were decoded.
     """
-    elsewhere, findings = Findings(file), Findings(file)
+    elsewhere, of_coils = Findings(findings.file), Findings(findings.file)
     coils = [
         coil
         for name in sorted(topics)
-        if name.startswith(COILS) and (coil := _coil(topics[name], findings)) is not None
+        if name.startswith(COILS) and (coil := _coil(topics[name], of_coils)) is not None
     ]
     pulses = {side: read_events(topics, INDEX.format(side), wire.index_pulse, elsewhere) for side in SIDES}
     warm = {
@@ -136,12 +137,18 @@ def read_auxiliary_channels(topics: Mapping[str, Topic], bits: Mapping[str, int]
         for name in sorted(topics)
         if name.startswith(TEMPERATURE_TOPICS) and (extremes := _extremes(topics[name], findings)) is not None
     }
-    return AuxiliaryChannels(tuple(coils), warm, pulses, bits, findings.listed())
+    return AuxiliaryChannels(tuple(coils), warm, pulses, bits, of_coils.listed())
 
 
 def _extremes(topic: Topic, findings: Findings) -> tuple[float, float] | None:
     """Lowest and highest temperature [degC]; None, with findings, where its channel does not keep to the layout."""
     if topic.schema != SAMPLE_SCHEMA:
+        findings.info(
+            Code.TOPIC_UNKNOWN,
+            topic.name,
+            f"{topic.count} messages '{topic.schema}'; expected '{SAMPLE_SCHEMA}'. Not read",
+            "Record it in blocks of samples if it is to stand among the conditions of the campaign.",
+        )
         return None
     terms = check_channel(topic, temperature(topic.name), findings)
     track = None if terms is None else join_blocks(topic, terms, findings)

@@ -189,11 +189,11 @@ def read_recording(
     check_host(logged, decoded, run, first == 0, findings)
     marks = read_events(topics, "/sys/clock", wire.clock_mark, findings)
     marks = sound_marks(marks, run, (first, first + samples.height), decoded[0].rate_hz, findings)
-    changes = read_events(topics, "/events/lines", wire.line_event, findings)
-    events = tuple(sorted(changes, key=lambda event: event.sample))
+    events = sorted(read_events(topics, "/events/lines", wire.line_event, findings), key=lambda event: event.sample)
     steps = read_steps(topics, findings, run.manoeuvre)
     check_lines(lines, events, findings)
     check_wiring(_held(samples, first, decoded[0].rate_hz, run, steps), run, calibration, machine, findings)
+    auxiliary = read_auxiliary_channels(topics, bits, findings) if coils else NO_AUXILIARY
     spoilt = check_torques(tracks["torque_sun"], tracks["torque_ring"], calibration, findings)
     return Recording(
         file=findings.file,
@@ -205,14 +205,14 @@ def read_recording(
         first_sample=first,
         samples=samples,
         steps=steps,
-        line_events=events,
+        line_events=tuple(events),
         clock_marks=marks,
         blemishes=(*(b for track in decoded for b in track.blemishes), *spoilt),
         findings=(() if origin is None else origin.findings) + findings.listed(),
         origin=origin,
         lacking=lacking,
         supplied=supply.record(),
-        auxiliary=read_auxiliary_channels(topics, bits, findings.file) if coils else NO_AUXILIARY,
+        auxiliary=auxiliary,
     )
 
 

@@ -237,7 +237,7 @@ def test_the_means_of_an_earlier_reduction_are_told(tmp_path: Path) -> None:
     path.write_bytes(proven_json(json.loads(path.read_text().replace('"reduction": ', '"reduction": 9'))))
     for outcome in both(store, tmp_path / "report"):
         (told,) = [f.message for f in outcome.findings if f.where == "windows"]
-        assert told.startswith("the means of 1 recording were taken in an earlier way: b.mcap")
+        assert told.startswith("1 recording reduced in an earlier way: b.mcap")
 
 
 def test_a_stored_mean_that_was_changed_costs_its_recording_alone(tmp_path: Path) -> None:

@@ -128,3 +128,42 @@ def test_a_rate_of_many_digits_is_proposed_whole(tmp_path: Path, rate: float) ->
     columns = {"t [us]": 1e6 * t, "phi [mrad]": np.sin(REVOLUTION * 20.0 * t), "M [N m]": np.cos(REVOLUTION * 9.0 * t)}
     table, _ = proposed(csv(tmp_path / "record.csv", columns))
     assert table["records"]["rate_Hz"] == rate
+
+
+@pytest.mark.parametrize(
+    ("n_rows", "m_rows", "ratio", "turned"),
+    [(3000, 3000, 5.0, True), (2000, 3000, None, False), (3000, 2000, 5.0, False), (2000, 2000, None, False)],
+    ids=["alike", "speeds apart", "torques apart", "both apart"],
+)
+def test_channels_of_other_lengths_leave_ratio_and_sign_open(
+    tmp_path: Path, n_rows: int, m_rows: int, ratio: float | None, *, turned: bool
+) -> None:
+    """The output has as many rows as said, the input 3000; sampled at 500 Hz."""
+    nptdms = pytest.importorskip("nptdms")
+    speed, torque = wave(0.5), wave(0.5)
+    columns = {"n_motor": ("rpm", 100.0 * speed), "M_motor": ("Nm", torque)}
+    columns |= {"n_brake": ("rpm", 20.0 * speed[:n_rows]), "M_brake": ("Nm", 4.0 * torque[:m_rows])}
+    with nptdms.TdmsWriter(str(tmp_path / "a.tdms")) as writer:
+        for name, (unit, values) in columns.items():
+            words = {"wf_increment": 0.002, "unit_string": unit}
+            writer.write_segment([nptdms.ChannelObject("DAQ", name, values, words)])
+    table, text = proposed(tmp_path / "a.tdms")
+    assert [table["shaft"][end]["channel"]["velocity"]["name"] for end in ("input", "output")] == [
+        "DAQ/n_motor",
+        "DAQ/n_brake",
+    ]
+    assert table["gear"].get("ratio", {}).get("value") == (None if ratio is None else pytest.approx(ratio))
+    assert ("sign" in table["shaft"]["output"]["channel"]["torque"]) == turned
+    assert ("the speeds were not set side by side: rows of DAQ/n_motor: 3000, DAQ/n_brake: 2000" in text) == (not ratio)
+    assert ("# sign: open" in text) == (not turned)
+
+
+def test_channels_of_other_rates_are_not_set_side_by_side(tmp_path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(str(tmp_path / "a.tdms")) as writer:
+        for name, step in (("n_motor", 0.002), ("n_brake", 0.004)):
+            words = {"wf_increment": step, "unit_string": "rpm"}
+            writer.write_segment([nptdms.ChannelObject("DAQ", name, wave(0.5), words)])
+    table, text = proposed(tmp_path / "a.tdms")
+    assert "ratio" not in table["gear"]
+    assert "the speeds were not set side by side: rates of 250 and 500 Hz" in text
