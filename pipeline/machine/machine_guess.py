@@ -214,8 +214,8 @@ def _guess_channel(seen: SeenSignal) -> ChannelGuess:
     reason = f"unit {unit}" if unit else "by its name alone"
     unit = AS_TEMPERATURE.get(unit, "") if kind == "temperature" else unit
     if kind == "time" and not unit:
-        unit, reason = _likely_time(seen), "by its name alone; the unit is the one that gives a likely rate"
-        return ChannelGuess(seen, kind, end, unit, reason)
+        reason = "by its name alone; the unit is the one that gives a likely rate"
+        return ChannelGuess(seen, kind, end, _likely_time(seen), reason)
     return ChannelGuess(seen, kind, end, unit, reason + (f", {end} by its name" if end else ""))
 
 
@@ -249,8 +249,7 @@ def _fits(guess: ChannelGuess, axis: Axis) -> bool:
 
 def _likely_time(seen: SeenSignal) -> str:
     low, high = LIKELY_RATES
-    fits = (unit for unit, one in TIMES.items() if seen.step > 0.0 and low <= 1.0 / (seen.step * one) <= high)
-    return next(fits, "")
+    return next((u for u, one in TIMES.items() if seen.step > 0.0 and low <= 1.0 / (seen.step * one) <= high), "")
 
 
 def _rate(source: ForeignSource, time: Iterable[ChannelGuess]) -> float | None:
@@ -259,15 +258,15 @@ def _rate(source: ForeignSource, time: Iterable[ChannelGuess]) -> float | None:
         if one.unit:
             rate = 1.0 / (one.seen.step * TIMES[one.unit])
             return float(round(rate) if abs(rate - round(rate)) <= WHOLE_RATE * rate else f"{rate:.9g}")
-    declared_rates = {channel.rate_hz for channel in source.channels} - {None}
-    return declared_rates.pop() if len(declared_rates) == 1 else None
+    told = {channel.rate_hz for channel in source.channels} - {None}
+    return told.pop() if len(told) == 1 else None
 
 
 def _with_shapes(guess: MachineGuess) -> MachineGuess:
     """The ratio that the speeds show, and whether the torques count against each other; open where they stand apart."""
     single = {key: ones[0] for key, ones in guess.channels.items() if len(ones) == 1 and not ones[0].seen.constant}
     known = {**guess.axis.positions, **guess.axis.speeds, **guess.axis.forces}
-    pairs: dict[str, tuple[Array, Array]] = {}
+    pairs: dict[str, list[Array]] = {}
     apart: dict[str, str] = {}
     for kind in KINDS.values():
         ends = [single[end, kind] for end in ENDS if (end, kind) in single]
@@ -282,8 +281,7 @@ def _with_shapes(guess: MachineGuess) -> MachineGuess:
         if len(rates) > 1:
             apart[kind] = f"rates of {' and '.join(f'{rate:g}' for rate in rates)} Hz"
             continue
-        one, other = (values[each.name] * known.get(each.unit, 1.0) for each in ends)
-        pairs[kind] = one, other
+        pairs[kind] = [values[each.name] * known.get(each.unit, 1.0) for each in ends]
     slopes = (_slope(*pairs[kind]) for kind in ("velocity", "position") if kind in pairs)
     ratio = next((found for found in slopes if found is not None), None)
     against = False
