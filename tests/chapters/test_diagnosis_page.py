@@ -24,6 +24,7 @@ from pmg.pipeline.diagnosis.grid.decide import JUDGE_DRAWS
 from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis, Rival
 from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.fit.analysis import Analysis, analyse
+from pmg.pipeline.fit.losses import power_balance
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.model.compared_campaign import ComparedCampaign
 from pmg.pipeline.report.document import Chart, Figure, Measured, Section, Table
@@ -350,3 +351,30 @@ def test_a_point_without_a_ring_torque_takes_no_efficiency_away(judged: Compared
     residual = readings.torque - diagnosis.refit.prediction + 0.01 * readings.direction
     said = answers_of(unsure, residual)["If ignored"]
     assert ("points of efficiency" in said) is bool(points.engaged[readings.row].any())
+
+
+@pytest.mark.parametrize("drive", ["sun", "ring"])
+def test_points_of_efficiency_are_those_of_the_power_balance_in_either_flow(
+    analysed: Analysis, judged: ComparedCampaign, drive: str
+) -> None:
+    diagnosis, balance = judged.diagnosis, analysed.balance
+    assert diagnosis.naming is not None
+    assert diagnosis.refit is not None
+    assert analysed.fits is not None
+    assert balance is not None
+    readings = diagnosis.mismatch.readings
+    at, grid = readings.grid.points, readings.grid
+    k = int(np.flatnonzero(at.engaged[readings.row] & (at.drive[readings.row] == drive))[0])
+    wrong = np.where(np.arange(len(readings)) == k, 0.3 * readings.torque[k], 0.0)
+    best = diagnosis.naming.best
+    one = replace(
+        diagnosis, naming=replace(diagnosis.naming, best=replace(best, fits=(replace(best.fits[0], effect=wrong),)))
+    )
+    said = answers_of(one, readings.torque - diagnosis.refit.prediction + wrong)["If ignored"]
+    moved = grid.torque_sun.copy()
+    moved[readings.row[k]] -= wrong[k]
+    before, after = (
+        power_balance(each, analysed.fits, balance.correction).values["efficiency_total"]
+        for each in (grid, replace(grid, torque_sun=moved))
+    )
+    assert f", and {100.0 * np.abs(after - before).max():.2g} points of efficiency" in said
