@@ -202,9 +202,11 @@ def _costs(
         side = max(joined, key=lambda side: float(np.mean(joined[side][0] ** 2)))
         power, carried = joined[side]
         loaded = carried != 0.0
-        share = np.sqrt(np.mean(power[loaded] ** 2) / np.mean(carried[loaded] ** 2)) if loaded.any() else 0.0
-        under_load = f", {share:.1%} of the power carried under load" if loaded.any() else ""
-        yield f"{what} is wrong by up to {np.abs(power).max():.2g} W on the {side} shaft{under_load}."
+        rms = float(np.sqrt(np.mean(power[loaded] ** 2 if loaded.any() else power**2)))
+        size = f"{rms:.2g} W rms on the {side} shaft"
+        if loaded.any():
+            size += f" under load, {rms / np.sqrt(np.mean(carried[loaded] ** 2)):.1%} of the rms power carried there"
+        yield f"{what} is wrong by {size}; the largest error at any one time is {np.abs(power).max():.2g} W."
 
 
 def _loses(term: MotionTerm) -> bool:
