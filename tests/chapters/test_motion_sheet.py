@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pmg.pipeline.chapters.in_motion.action_sheet import _costs
+from pmg.pipeline.chapters.in_motion.action_sheet import _costs, _runs
 from pmg.sim.signals import Array
 
 DRAG: Any = SimpleNamespace(
@@ -58,3 +58,23 @@ def test_watts_and_share_are_both_rms_and_the_peak_stands_by_itself() -> None:
     assert said.endswith("the largest error at any one time is 12 W.")
     without_load = costs(neutral)
     assert f"is wrong by {np.sqrt((100.0 + 144.0) / 2.0):.2g} W rms on the sun shaft; the largest" in without_load
+
+
+def test_the_runs_in_which_an_effect_acts_are_counted_where_they_are_not_all() -> None:
+    none, some = np.zeros(2), np.ones(2)
+    stretches: Any = (
+        *(StretchOfRun(name, coupled=name[0] == "E", torque=none) for name in ("N1", "N2", "E1", "E2")),
+        StretchOfRun("N1", coupled=False, torque=none, side="ring"),
+        StretchOfRun("Z", coupled=False, torque=none, at_rest=True),
+    )
+
+    def said(*acting: int) -> str:
+        return _runs(stretches, tuple(some if i in acting else none for i in range(len(stretches))), "sun")
+
+    assert said(0, 1, 2, 3) == "all runs"
+    assert said(0, 1) == "all neutral runs"
+    assert said(2, 3, 4) == "all engaged runs"
+    assert said(3) == "1 of 2 engaged runs"
+    assert said(0, 3) == "2 of 4 runs"
+    assert said(5) == "the recordings at rest"
+    assert said() == said(4) == "no run"
