@@ -76,7 +76,7 @@ def test_the_head_leads_with_what_is_left_to_see_and_says_what_the_whole_is_coun
     said = statement(diagnosis)
     assert f"mN m beyond the fitted losses (repeatability is {repeatability:.1f} mN m)" in said
     full = f"Against bearings at room temperature, its full effect is {fit.size * 1e3:.1f} mN m rms"
-    assert f"{full}; the fitted losses absorb all but {visible * 1e3:.1f}." in said
+    assert f"{full}; the fitted losses absorb all but {visible * 1e3:.1f} mN m." in said
 
 
 def test_the_drag_that_a_cause_changes_has_the_size_that_is_said(judged: ComparedCampaign) -> None:
@@ -264,6 +264,9 @@ def test_a_sheet_without_a_cause_says_so_and_costs_what_the_places_cost(judged: 
     assert "in the order of the sun speed" in answers_of(blind, residual)["What differs"]
     assert "random order" in answers_of(blind, residual)["Next test"]
     assert "Slow changes stay open" in answers_of(blind, residual)["How sure"]
+    assert "beyond repeatability (p = 0.5). This campaign cannot tell." in statement(blind)
+    drifting = replace(blind, mismatch=judged.diagnosis.mismatch)
+    assert re.search(r"the order of the test \(p ≤ [\d.e-]+\)\. Drift may be the reason\.", statement(drifting))
 
 
 def test_a_consistent_sheet_says_how_large_a_fault_could_still_hide(judged: ComparedCampaign) -> None:
