@@ -143,6 +143,19 @@ def losses_and_efficiencies(power_in: AnyArray, power_out: AnyArray, loss_in: An
     )
 
 
+def total_loss_and_efficiency(at: OperatingPoints, torque_sun: Array, torque_ring: Array) -> Array:
+    r"""Total loss [W] and total efficiency (2, n) of engaged points, from signed torques (n,) [N m].
+
+    Notes
+    -----
+    :math:`P_{tot} = T_s\omega_s + T_r\omega_r`; :math:`\eta_{tot} = P_{out}/P_{in}`, where power goes in at the shaft
+    that drives (thesis, among equations 4.2 to 4.7).
+    """
+    sun, ring = torque_sun * at.speed_sun, torque_ring * at.speed_ring
+    forward = at.drive != "ring"
+    return np.stack([sun + ring, -np.where(forward, ring, sun) / np.where(forward, sun, ring)])
+
+
 def power_balance(
     grid: Grid, fits: LossFits, correction: float, causes: CommonErrorSources | None = None
 ) -> PowerBalance:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pmg.pipeline.fit.losses import total_loss_and_efficiency
 from pmg.pipeline.model.apply_model import fit_together
 from pmg.pipeline.model.model_file import fitted_model
 from pmg.pipeline.wording import numerals
@@ -124,19 +125,15 @@ def _without(faults: tuple[Part, ...], analysis: Analysis, bench: BenchParameter
             [kind for kind in kinds if isinstance(kind, Instrument)], at, grid.torque_sun, grid.torque_ring
         )
 
-    def losses(torques: tuple[Array, Array]) -> Array:
-        sun, ring = torques[0] * at.speed_sun, torques[1] * at.speed_ring
-        return np.stack([sun + ring, np.where(at.drive == "sun", -ring / sun, -sun / ring)])
-
     torques = taken(faults)
-    values = losses(torques)
+    values = total_loss_and_efficiency(at, *torques)
     variance = np.zeros_like(values)
     for place, part in enumerate(faults):
         for name, value in part.values.items():
             error = part.errors.get(name, np.nan)
             moved = replace(part, values={**part.values, name: value + error})
             other = taken((*faults[:place], moved, *faults[place + 1 :])) if np.isfinite(error) else None
-            variance += np.nan if other is None else (losses(other) - values) ** 2
+            variance += np.nan if other is None else (total_loss_and_efficiency(at, *other) - values) ** 2
     names = (signals.LOSS_TOTAL.name, signals.EFFICIENCY_TOTAL.name)
     return CorrectedLosses(
         faults, *torques, dict(zip(names, values, strict=True)), dict(zip(names, np.sqrt(variance), strict=True))

@@ -5,16 +5,18 @@ from __future__ import annotations
 import csv
 import io
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from tests.report import chromium
 from tests.trials.strata_by_name import find_stratum
 
+from pmg.pipeline.commands.at_bench.next_sheet import _question
 from pmg.pipeline.commands.at_bench.sheet_page import BenchSheet, SheetRow, sheet_csv, sheet_page
 from pmg.pipeline.diagnosis.design.expected_readings import ExpectedReadings, expected_readings
-from pmg.pipeline.diagnosis.design.next_test import confirming_test, repeated_test
+from pmg.pipeline.diagnosis.design.next_test import NextTest, confirming_test, repeated_test
 from pmg.pipeline.diagnosis.design.plans import Plan
 from pmg.pipeline.diagnosis.grid.candidates import GridProblem, candidates, grid_problem
 from pmg.pipeline.diagnosis.grid.fitting import fit_candidate
@@ -100,6 +102,25 @@ def test_a_difference_that_nothing_explains_is_looked_for_again_where_it_is_larg
     assert largest in clear.plan.points.name
     assert set(clear.plan.points.name) <= set(grid.points.name)
     assert np.all(np.diff(clear.plan.points.started_at) > 0.0)
+
+
+def test_repeated_points_are_said_to_point_to_a_cause_not_to_prove_it(
+    halved: tuple[GridProblem, NoiseFloor, Grid, Plan], bench: BenchParameters
+) -> None:
+    problem, floor, _, plan = halved
+    whole: Any = SimpleNamespace(
+        bench=bench, analysis=SimpleNamespace(calibration=SimpleNamespace(model=problem.model))
+    )
+    unknown: Any = SimpleNamespace(
+        mismatch=SimpleNamespace(readings=problem.readings),
+        floor=floor,
+        naming=None,
+        lifting=None,
+        repeated=NextTest(plan, (), 1.0),
+    )
+    asked = _question(whole, unknown)
+    assert asked is not None
+    assert asked.words.count("points to") == 2
 
 
 def test_a_reading_tells_where_no_two_bands_meet() -> None:

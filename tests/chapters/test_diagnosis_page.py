@@ -24,6 +24,7 @@ from pmg.pipeline.diagnosis.grid.decide import JUDGE_DRAWS
 from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis, Rival
 from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.fit.analysis import Analysis, analyse
+from pmg.pipeline.fit.losses import power_balance
 from pmg.pipeline.fit.options import AnalysisOptions
 from pmg.pipeline.model.compared_campaign import ComparedCampaign
 from pmg.pipeline.report.document import Chart, Figure, Measured, Section, Table
@@ -75,7 +76,7 @@ def test_the_head_leads_with_what_is_left_to_see_and_says_what_the_whole_is_coun
     said = statement(diagnosis)
     assert f"mN m beyond the fitted losses (repeatability is {repeatability:.1f} mN m)" in said
     full = f"Against bearings at room temperature, its full effect is {fit.size * 1e3:.1f} mN m rms"
-    assert f"{full}; the fitted losses absorb all but {visible * 1e3:.1f}." in said
+    assert f"{full}; the fitted losses absorb all but {visible * 1e3:.1f} mN m." in said
 
 
 def test_the_drag_that_a_cause_changes_has_the_size_that_is_said(judged: ComparedCampaign) -> None:
@@ -263,6 +264,9 @@ def test_a_sheet_without_a_cause_says_so_and_costs_what_the_places_cost(judged: 
     assert "in the order of the sun speed" in answers_of(blind, residual)["What differs"]
     assert "random order" in answers_of(blind, residual)["Next test"]
     assert "Slow changes stay open" in answers_of(blind, residual)["How sure"]
+    assert "beyond repeatability (p = 0.5). This campaign cannot tell." in statement(blind)
+    drifting = replace(blind, mismatch=judged.diagnosis.mismatch)
+    assert re.search(r"the order of the test \(p ≤ [\d.e-]+\)\. Drift may be the reason\.", statement(drifting))
 
 
 def test_a_consistent_sheet_says_how_large_a_fault_could_still_hide(judged: ComparedCampaign) -> None:
@@ -350,3 +354,30 @@ def test_a_point_without_a_ring_torque_takes_no_efficiency_away(judged: Compared
     residual = readings.torque - diagnosis.refit.prediction + 0.01 * readings.direction
     said = answers_of(unsure, residual)["If ignored"]
     assert ("points of efficiency" in said) is bool(points.engaged[readings.row].any())
+
+
+@pytest.mark.parametrize("drive", ["sun", "ring"])
+def test_points_of_efficiency_are_those_of_the_power_balance_in_either_flow(
+    analysed: Analysis, judged: ComparedCampaign, drive: str
+) -> None:
+    diagnosis, balance = judged.diagnosis, analysed.balance
+    assert diagnosis.naming is not None
+    assert diagnosis.refit is not None
+    assert analysed.fits is not None
+    assert balance is not None
+    readings = diagnosis.mismatch.readings
+    at, grid = readings.grid.points, readings.grid
+    k = int(np.flatnonzero(at.engaged[readings.row] & (at.drive[readings.row] == drive))[0])
+    wrong = np.where(np.arange(len(readings)) == k, 0.3 * readings.torque[k], 0.0)
+    best = diagnosis.naming.best
+    one = replace(
+        diagnosis, naming=replace(diagnosis.naming, best=replace(best, fits=(replace(best.fits[0], effect=wrong),)))
+    )
+    said = answers_of(one, readings.torque - diagnosis.refit.prediction + wrong)["If ignored"]
+    moved = grid.torque_sun.copy()
+    moved[readings.row[k]] -= wrong[k]
+    before, after = (
+        power_balance(each, analysed.fits, balance.correction).values["efficiency_total"]
+        for each in (grid, replace(grid, torque_sun=moved))
+    )
+    assert f", and {100.0 * np.abs(after - before).max():.2g} points of efficiency" in said

@@ -25,6 +25,7 @@ from pmg.pipeline.diagnosis.grid.statement import (
     torque_change,
 )
 from pmg.pipeline.diagnosis.grid.track_record import track_record
+from pmg.pipeline.fit.losses import total_loss_and_efficiency
 from pmg.pipeline.report.action_sheet import ActionSheet, SheetAnswer
 from pmg.pipeline.wording.plurals import counted
 from pmg.sim.mechanisms.base import Instrument
@@ -33,8 +34,11 @@ from pmg.sim.shafts import SIDES
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    import numpy.typing as npt
+
     from pmg.pipeline.diagnosis.grid.catalogue import GridExplanation
     from pmg.pipeline.diagnosis.grid.diagnosis import Diagnosis
+    from pmg.pipeline.grid.readings import Readings
     from pmg.sim.signals import Array
 
 
@@ -225,9 +229,22 @@ def _power(diagnosis: Diagnosis, what: str, wrong: Array) -> Iterator[str]:
     most = float(np.abs(loss[of]).max())
     carried = np.abs(at.torque_ring * at.speed_ring)[of]
     loaded = at.engaged[of] & (carried > LOADED * np.max(carried, where=at.engaged[of], initial=0.0))
-    points = float((100.0 * np.abs(loss[of][loaded]) / carried[loaded]).max()) if loaded.any() else 0.0
+    points = _efficiency(readings, wrong, of[loaded]) if loaded.any() else 0.0
     share = f", and {points:.2g} points of efficiency under load" if loaded.any() else ""
     yield f"{what} by up to {most:.2g} W{share}."
+
+
+def _efficiency(readings: Readings, wrong: Array, rows: npt.NDArray[np.int64]) -> float:
+    """Largest change of the efficiency, in points, at engaged rows of the grid that an error of the torques (m,) makes.
+
+    Engaged, the ring torque is the input: the whole error is one of the sun torque.
+    """
+    grid = readings.grid
+    of_sun = np.bincount(readings.row, np.where(readings.sun, wrong, 0.0), len(grid))
+    at, read, ring = grid.points[rows], grid.torque_sun[rows], grid.torque_ring[rows]
+    _, with_it = total_loss_and_efficiency(at, read, ring)
+    _, without = total_loss_and_efficiency(at, read - of_sun[rows], ring)
+    return float(100.0 * np.abs(with_it - without).max())
 
 
 SHEET = "`pmg next --store STORE --out DIR`"

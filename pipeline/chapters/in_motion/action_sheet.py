@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
+    from pmg.pipeline.diagnosis.motion.rows import RotorRows
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.traces import TorqueTrace
     from pmg.sim.signals import Array
@@ -144,7 +145,8 @@ def _next(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], tr
         return "None is needed."
     clearest = _clearest(diagnosis, effects, traces)
     again = "" if clearest is None else f" {clearest[0].stretch.run.run.point}, in which most torque is missing,"
-    return f"Record the run{again} again: what comes again belongs to the bench, the rest to the hour."
+    tells = "a difference that shows again points to the bench or its model, one that does not to a change with time"
+    return f"Record the run{again} again: {tells}."
 
 
 def _difference(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> Iterator[str]:
@@ -158,16 +160,24 @@ def _difference(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ..
     for fit, effect in zip(named_fits(diagnosis), effects, strict=True):
         rms, peak, side = effect_size(diagnosis, effect)
         subject = "The recordings are off" if len(effects) == 1 else f"{fit.candidate.title} puts the recordings off"
-        runs = _runs(diagnosis, effect)
+        runs = _runs(diagnosis.before.stretches, effect, side)
         size = f"by {rms / MILLI:.1f} mN m rms, up to {peak / MILLI:.0f} mN m, in the {side} torque of {runs}"
         yield f"{subject} {size}; noise is {noise[side] / MILLI:.1f} mN m."
 
 
-def _runs(diagnosis: MotionDiagnosis, effect: tuple[Array, ...]) -> str:
-    """Runs on which an effect acts, in words."""
-    stretches = zip(diagnosis.before.stretches, effect, strict=True)
-    coupled = {stretch.coupled for stretch, acts in stretches if acts.any() and not stretch.at_rest}
-    return "all runs" if len(coupled) != 1 else "engaged runs" if coupled == {True} else "neutral runs"
+def _runs(stretches: tuple[RotorRows, ...], effect: tuple[Array, ...], side: str) -> str:
+    """Runs in which an effect acts on the torque of a shaft, in words."""
+    of_side = [
+        (stretch, bool(acts.any())) for stretch, acts in zip(stretches, effect, strict=True) if stretch.side == side
+    ]
+    moving = [(stretch.run.run.name, stretch.coupled, acts) for stretch, acts in of_side if not stretch.at_rest]
+    acting = {name for name, _, acts in moving if acts}
+    if not acting:
+        return "the recordings at rest" if any(acts for _, acts in of_side) else "no run"
+    coupled = {each for _, each, acts in moving if acts}
+    kind = "" if len(coupled) == 2 else "engaged " if coupled == {True} else "neutral "
+    every = {name for name, each, _ in moving if each in coupled}
+    return f"all {kind}runs" if acting == every else f"{len(acting)} of {counted(len(every), f'{kind}run')}"
 
 
 def _sureness(diagnosis: MotionDiagnosis) -> tuple[str, ...]:
@@ -204,9 +214,11 @@ def _costs(
         side = max(joined, key=lambda side: float(np.mean(joined[side][0] ** 2)))
         power, carried = joined[side]
         loaded = carried != 0.0
-        share = np.sqrt(np.mean(power[loaded] ** 2) / np.mean(carried[loaded] ** 2)) if loaded.any() else 0.0
-        under_load = f", {share:.1%} of the power carried under load" if loaded.any() else ""
-        yield f"{what} is wrong by up to {np.abs(power).max():.2g} W on the {side} shaft{under_load}."
+        rms = float(np.sqrt(np.mean(power[loaded] ** 2 if loaded.any() else power**2)))
+        size = f"{rms:.2g} W rms on the {side} shaft"
+        if loaded.any():
+            size += f" under load, {rms / np.sqrt(np.mean(carried[loaded] ** 2)):.1%} of the rms power carried there"
+        yield f"{what} is wrong by {size}; the largest error at any one time is {np.abs(power).max():.2g} W."
 
 
 def _loses(term: MotionTerm) -> bool:

@@ -108,7 +108,10 @@ def _question(whole: StoredAnalysis, diagnosis: Diagnosis) -> _Question | None:
             return _Question(words, {"nothing changed slowly": ()}, diagnosis.lifting, problem)
         if diagnosis.repeated is None:
             return None
-        words = "Readings that leave the band again belong to their points; those that return changed with time."
+        words = (
+            "A reading that leaves the band again points to a cause at its operating point; one that returns to the "
+            "band points to a change with time."
+        )
         return _Question(words, {WITHOUT: ()}, diagnosis.repeated, problem)
     best = diagnosis.naming.best
     open_ = {causes(diagnosis, best): best.fits}

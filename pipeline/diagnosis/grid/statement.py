@@ -59,10 +59,11 @@ def statement(diagnosis: Diagnosis) -> str:
 def _without_outliers(diagnosis: Diagnosis) -> str:
     mismatch = diagnosis.mismatch
     if diagnosis.verdict is Verdict.CONFOUNDED:
+        bracket = f" (p {'≤' if mismatch.found else '='} {mismatch.p_value:.2g})"
         return (
-            f"{beyond(mismatch)} (p {'≤' if mismatch.found else '='} {mismatch.p_value:.2g}) This campaign cannot "
-            f"tell. The points were run in the order of the {' and '.join(diagnosis.blind)} speed, and none was "
-            f"repeated. A drift of any size would look like part of the loss curve. Do: {lifting(diagnosis)}"
+            f"{beyond(mismatch, bracket)} This campaign cannot tell. The points were run in the order of the "
+            f"{' and '.join(diagnosis.blind)} speed, and none was repeated. A drift of any size would look like part "
+            f"of the loss curve. Do: {lifting(diagnosis)}"
         )
     if diagnosis.verdict is Verdict.CONSISTENT:
         return (
@@ -140,7 +141,7 @@ def _size(diagnosis: Diagnosis, fit: CandidateFit) -> str:
     side, what, size = torque_change(diagnosis, fit)
     left = f"{naming.best.problem.visible(fit) * 1e3:.1f}"
     full = f"Against {fit.candidate.kind.without}, its full effect is {fit.size * 1e3:.1f} mN m rms"
-    return f"{subject} the {side} {what} by {size} {full}; the fitted losses absorb all but {left}."
+    return f"{subject} the {side} {what} by {size} {full}; the fitted losses absorb all but {left} mN m."
 
 
 def torque_change(diagnosis: Diagnosis, fit: CandidateFit) -> tuple[str, str, str]:
@@ -197,11 +198,11 @@ def _surest(values: Array, errors: Array, sizes: int) -> int:
     return int(np.argmin(np.where(np.isfinite(relative), relative, np.inf)))
 
 
-def beyond(mismatch: CampaignMismatch) -> str:
-    """Whether the readings follow the order of the test."""
+def beyond(mismatch: CampaignMismatch, p_value: str = "") -> str:
+    """Whether the readings follow the order of the test, with its p-value in brackets where that is given."""
     if mismatch.found:
-        return "The readings follow the order of the test. Drift may be the reason."
-    return "No difference found beyond repeatability."
+        return f"The readings follow the order of the test{p_value}. Drift may be the reason."
+    return f"No difference found beyond repeatability{p_value}."
 
 
 def _shape_sentence(diagnosis: Diagnosis) -> str:
