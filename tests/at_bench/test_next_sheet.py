@@ -104,6 +104,29 @@ def test_a_difference_that_nothing_explains_is_looked_for_again_where_it_is_larg
     assert np.all(np.diff(clear.plan.points.started_at) > 0.0)
 
 
+def test_the_points_that_agree_are_comparable_agree_best_and_spread_over_the_test(
+    halved: tuple[GridProblem, NoiseFloor, Grid, Plan],
+) -> None:
+    problem, floor, _, _ = halved
+    readings, grid = problem.readings, problem.readings.grid
+    own = np.flatnonzero(readings.sun & (readings.configuration == "neutral"))
+    effect = np.zeros(len(readings))
+    effect[own[:4]] = 30.0 * floor.sun.u
+    place = Location("torque_sun", "neutral", (), (), {}, 0.1, 0.1, 0.01, effect)
+    test = repeated_test(problem, (place,), floor)
+    assert test is not None
+    differ = set(grid.points.name[readings.row[own[:4]]])
+    agree = sorted(np.flatnonzero(np.isin(grid.points.name, [n for n in test.plan.points.name if n not in differ])))
+    assert differ <= set(test.plan.points.name)
+    assert test.plan.description.startswith("The 4 points that differ most and 4 that agree")
+    left = np.abs(readings.torque - problem.predicted)
+    others = own[4:][np.argsort(grid.points.started_at[readings.row[own[4:]]])]
+    best = [part[np.argmin(left[part])] for part in np.array_split(others, 4)]
+    assert agree == sorted(readings.row[best])
+    none = replace(place, effect=np.zeros(len(readings)))
+    assert repeated_test(problem, (none,), floor) is None
+
+
 def test_repeated_points_are_said_to_point_to_a_cause_not_to_prove_it(
     halved: tuple[GridProblem, NoiseFloor, Grid, Plan], bench: BenchParameters
 ) -> None:

@@ -167,8 +167,10 @@ def repeated_test(problem: GridProblem, places: tuple[Location, ...], floor: Noi
     effect = np.sum([place.effect for place in places], axis=0)
     of_point = np.zeros(len(grid))
     np.maximum.at(of_point, readings.row, np.abs(effect))
+    if not of_point.any():
+        return None
     usable = np.flatnonzero(grid.accepted)
-    plan = some_again(grid.points[usable], of_point[usable])
+    plan = some_again(grid.points[usable], of_point[usable], _residual_of_points(problem, places)[usable])
     whole = longer_problem(problem, plan, floor)
     place = {str(name): i for i, name in enumerate(grid.points.name)}
     rows = np.array([place[str(name)] for name in whole.readings.grid.points.name])
@@ -177,6 +179,19 @@ def repeated_test(problem: GridProblem, places: tuple[Location, ...], floor: Noi
     again = np.array([known.get((row, sun), 0.0) if new else 0.0 for row, sun, new in pairs])
     left = whole.beyond_baseline(again)
     return NextTest(plan, (), power_to_separate(float(left @ left)))
+
+
+def _residual_of_points(problem: GridProblem, places: tuple[Location, ...]) -> Array:
+    """Magnitude of the residual of each point in the signals and configurations of some places, infinite elsewhere."""
+    readings = problem.readings
+    comparable = np.zeros(len(readings), dtype=bool)
+    for place in places:
+        of = readings.sun if place.signal == "torque_sun" else ~readings.sun
+        comparable |= of & ((readings.configuration == place.configuration) | (place.configuration == "all"))
+    comparable &= readings.configuration != "zero"
+    largest = np.full(len(readings.grid), -np.inf)
+    np.maximum.at(largest, readings.row[comparable], np.abs(readings.torque - problem.predicted)[comparable])
+    return np.asarray(np.abs(largest))
 
 
 def next_test(

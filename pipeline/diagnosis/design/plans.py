@@ -35,7 +35,7 @@ AGAIN = 6
 """Rounds of the longer test in stage 2, which is to tell small errors."""
 
 EXTREMES = 6
-"""Points that differ most, and as many that agree, in a test whether a difference comes again."""
+"""At most so many points that differ, and as many that agree, in a test whether a difference comes again."""
 
 LOW_SPEEDS = (20.0, 40.0, 80.0, 120.0, 200.0)
 """Low sun speeds of a Stribeck test [rpm]; the ring's are those divided by the ratio of the gear."""
@@ -124,12 +124,30 @@ def whole_again(at: OperatingPoints) -> Plan:
     )
 
 
-def some_again(at: OperatingPoints, effect: Array) -> Plan:
-    """The points at which an effect (n,) [N m] is largest once more, and as many where it is least, in random order."""
-    order = np.argsort(-np.abs(effect), kind="stable")
-    half = min(EXTREMES, len(at) // 2)
-    chosen = np.random.default_rng(SEED).permutation(np.r_[order[:half], order[len(order) - half :]])
-    words = f"The {half} points that differ most and {half} that agree, once more in random order"
+def some_again(at: OperatingPoints, effect: Array, residual: Array) -> Plan:
+    """The points that differ most once more, and as many that agree, in random order.
+
+    Parameters
+    ----------
+    at : OperatingPoints
+        The n points of a campaign.
+    effect : (n,) array
+        Magnitude of the difference at each [N m]; those that differ are taken where it is not 0.
+    residual : (n,) array
+        Magnitude of what is left [N m] at the points comparable with them; infinite at others, which are not taken as
+        points that agree. Of each of as many parts of the test the one with the smallest is taken.
+    """
+    count = min(EXTREMES, int(np.count_nonzero(effect)))
+    differ = np.argsort(-np.abs(effect), kind="stable")[:count]
+    others = np.setdiff1d(np.flatnonzero(np.isfinite(residual)), differ)
+    if at.ordered:
+        others = others[np.argsort(at.started_at[others], kind="stable")]
+    parts = np.array_split(others, max(count, 1))
+    agree = np.array([part[np.argmin(residual[part])] for part in parts if len(part)], dtype=np.intp)
+    chosen = np.random.default_rng(SEED).permutation(np.r_[differ, agree])
+    controls = f" and {len(agree)} that agree{'s' * (len(agree) == 1)}" if len(agree) else ""
+    most = f"{count} points that differ" if count > 1 else "point that differs"
+    words = f"The {most} most{controls}, once more in random order"
     return Plan(Experiment.REPEATS, words, *_once_more(at, chosen))
 
 
