@@ -63,7 +63,7 @@ def action_sheet(diagnosis: Diagnosis, residual: Array, before: str = "", as_rea
         for fit in each.fits
         if naming is not None
     )
-    places = diagnosis.mismatch.locations
+    places = () if diagnosis.verdict is Verdict.CONFOUNDED else diagnosis.mismatch.locations
     parts = bench_parts(
         named,
         sure=diagnosis.verdict is Verdict.NAMED,

@@ -276,7 +276,8 @@ def held_out(diagnosis: Diagnosis) -> str:
         return ""
     low, high = held.gain_interval
     change = "drops" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly drop:")
-    what = "this effect" if diagnosis.refit is not None else "this dependence"
+    first = "the first of them" if diagnosis.verdict is Verdict.AMBIGUOUS else "this effect"
+    what = first if diagnosis.refit is not None else "this dependence"
     return (
         f"With {what}, the error on data not used for the fit {change} from "
         f"{held.rmse_before * 1e3:.2f} to {held.rmse_after * 1e3:.2f} mN m; noise alone makes "

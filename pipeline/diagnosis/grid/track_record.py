@@ -22,11 +22,14 @@ class TrackRecord:
     ----------
     answer : str
         The kind, in words.
+    claim : str
+        What holds the truth, as the beginning of a sentence.
     held, of : int
         Counts.
     """
 
     answer: str
+    claim: str
     held: int
     of: int
 
@@ -38,7 +41,7 @@ class TrackRecord:
     @property
     def sentence(self) -> str:
         """Counts in a sentence."""
-        return f"Such answers held the truth in {self.held} of {self.of} synthetic trials."
+        return f"{self.claim} in {self.held} of {self.of} synthetic trials."
 
     @property
     def words(self) -> str:
@@ -51,19 +54,23 @@ class TrackRecord:
 
 
 RECORD = {
-    "named": TrackRecord("a cause named", 148, 154),
-    "ambiguous": TrackRecord("several causes given", 30, 30),
-    "weak": TrackRecord("a difference too weak to name its cause", 68, 70),
-    "not_in_library": TrackRecord("no known cause given, with those that come near", 109, 114),
+    "named": TrackRecord("a cause named", "The cause named was right", 148, 154),
+    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 30, 30),
+    "weak": TrackRecord("a difference too weak to name its cause", "The truth was among those given", 68, 70),
+    "not_in_library": TrackRecord(
+        "no known cause given, with those that come near", "None known, or the closest, was right", 109, 114
+    ),
 }
 """From the trial of 600 campaigns in ``pipeline/trials/README.md``; sizes, causes and designs as drawn there."""
 
 
 IN_MOTION = {
-    "named": TrackRecord("a cause named", 63, 70),
-    "ambiguous": TrackRecord("several causes given", 9, 11),
-    "weak": TrackRecord("a difference too weak to name its cause", 9, 9),
-    "not_in_library": TrackRecord("no known cause given, with those that come near", 26, 33),
+    "named": TrackRecord("a cause named", "The cause named was right", 63, 70),
+    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 9, 11),
+    "weak": TrackRecord("a difference too weak to name its cause", "The truth was among those given", 9, 9),
+    "not_in_library": TrackRecord(
+        "no known cause given, with those that come near", "None known, or the closest, was right", 26, 33
+    ),
 }
 """The same of runs in motion, from the trial of 240 campaigns in ``pipeline/trials/motion/README.md``."""
 
