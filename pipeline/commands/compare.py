@@ -39,7 +39,6 @@ from pmg.pipeline.diagnosis.grid.statement import phrase
 from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.files.parallel import begin, keeping_workers
 from pmg.pipeline.files.progress import Steps, named
-from pmg.pipeline.fit.budget import budget_of
 from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.missing_points import unreached_findings
 from pmg.pipeline.model.apply_model import remark
@@ -247,7 +246,6 @@ def campaign_page(
     analysis, bench, sources = whole.analysis, whole.bench, whole.sources
     diagnosis = None if judged is None else judged.diagnosis
     carried = None if judged is None else judged.carried
-    budget = budget_of(analysis.grid, analysis.floor, bench, sources.facts)
     remarks = sources.remarks + (() if recorded is None else recorded.findings)
     faults = correct_sensor_fault(diagnosis, analysis, bench, () if carried is None else carried.here.parts)
     page = build_report(
@@ -258,7 +256,7 @@ def campaign_page(
             remarks + tuple(unreached_findings(sources.used)),
             tuple((m.file, m.origin) for m in sources.used if m.origin is not None),
             conditions(sources.used),
-            budget,
+            whole.budget,
             None if recorded is None else recorded.orders,
             None if recorded is None else recorded.signals,
         ),

@@ -124,7 +124,7 @@ def run_guess(
             do = "Name another file, or remove that one."
             raise BenchError(str(out), "it is there already", "a new file; none is overwritten", do) from there
     kind = "machine file" if machine else "map"
-    told = (
+    line = (
         text.rstrip("\n")
         if out is None
         else f"wrote a proposed {kind} to {out}: {share} chosen, what is open is marked"
@@ -138,7 +138,7 @@ def run_guess(
         **proposed,
         "machine" if machine else "map": text,
     }
-    return Outcome(data, (told,), findings.listed())
+    return Outcome(data, (line,), findings.listed())
 
 
 def _map_of(opened: ForeignSource) -> tuple[dict[str, Any], str, str]:

@@ -77,7 +77,7 @@ def run_simulate(
     else:
         scenario = file.table
     inputs = gather_inputs(file, bench, model, switch_on_by_words(switched))
-    second = None if beside is None else _read_beside(file, beside, bench)  # its faults are told before a long run
+    second = None if beside is None else _read_beside(file, beside, bench)  # its faults come before a long run
     simulation = simulate(scenario, inputs)
     files, missing = simulation_files(simulation, scenario, bench)
     findings = findings_of(simulation, scenario, inputs) + missing

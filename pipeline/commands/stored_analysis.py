@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.commands.analyse import failed_sources
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pmg.pipeline.fit.analysis import Analysis
+    from pmg.pipeline.fit.budget import Budget
     from pmg.pipeline.fit.options import AnalysisOptions
     from pmg.pipeline.grid.window_facts import WindowFacts
     from pmg.pipeline.point_signals.encoded import Encoded
@@ -76,6 +78,11 @@ class StoredAnalysis:
     bench: BenchParameters
     analysis: Analysis
     sources: SourceFacts
+
+    @cached_property
+    def budget(self) -> Budget:
+        """What the uncertainty of its points is made of."""
+        return budget_of(self.analysis.grid, self.analysis.floor, self.bench, self.sources.facts)
 
 
 def analysed(store: Path, grid: Grid, options: AnalysisOptions, remarks: tuple[Remark, ...] = ()) -> StoredAnalysis:
@@ -145,7 +152,6 @@ def recorded_part(whole: StoredAnalysis) -> RecordedPart | None:
     from pmg.pipeline.point_signals.encoded import encode
 
     store, grid = Store(whole.store), whole.analysis.grid
-    budget = budget_of(grid, whole.analysis.floor, whole.bench, whole.sources.facts)
-    behind = campaign_signals(store, grid, budget)
+    behind = campaign_signals(store, grid, whole.budget)
     orders, left_out = orders_chapter(store, whole.sources.used, whole.bench)
     return RecordedPart(orders, encode(behind.cells), behind.findings + left_out)

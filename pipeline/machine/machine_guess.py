@@ -258,8 +258,8 @@ def _rate(source: ForeignSource, time: Iterable[ChannelGuess]) -> float | None:
         if one.unit:
             rate = 1.0 / (one.seen.step * TIMES[one.unit])
             return float(round(rate) if abs(rate - round(rate)) <= WHOLE_RATE * rate else f"{rate:.9g}")
-    told = {channel.rate_hz for channel in source.channels} - {None}
-    return told.pop() if len(told) == 1 else None
+    rates = {channel.rate_hz for channel in source.channels} - {None}
+    return rates.pop() if len(rates) == 1 else None
 
 
 def _with_shapes(guess: MachineGuess) -> MachineGuess:

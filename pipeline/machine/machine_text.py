@@ -47,11 +47,11 @@ def _lines(guess: MachineGuess) -> Iterator[str]:
         yield from (f'{end} = "{end}"' for end in ("input", "output"))
         if guess.ratio is None:
             apart = guess.apart.get("velocity", guess.apart.get("position", ""))
-            told = f"the speeds were not set side by side: {printable(apart)}" if apart else "the speeds do not show it"
-            yield f'{OPEN}ratio = {{ value = , unit = "1", source = "" }}  # {told}'
+            why = f"the speeds were not set side by side: {printable(apart)}" if apart else "the speeds do not show it"
+            yield f'{OPEN}ratio = {{ value = , unit = "1", source = "" }}  # {why}'
         else:
-            told = f'{{ value = {guess.ratio!r}, unit = "1", source = {quoted("speeds of " + source.path.name)} }}'
-            yield f"ratio = {told}  # by the slope of one speed over the other: put that of the teeth"
+            value = f'{{ value = {guess.ratio!r}, unit = "1", source = {quoted("speeds of " + source.path.name)} }}'
+            yield f"ratio = {value}  # by the slope of one speed over the other: put that of the teeth"
     for shaft in shafts or ("shaft",):
         yield from _shaft(guess, shaft)
     yield from _records(guess)
@@ -117,13 +117,13 @@ def _records(guess: MachineGuess) -> Iterator[str]:
     if len(guess.time) > 1:
         yield f"# time: {len(guess.time)} candidates, none chosen: take one"
     for one in guess.time:
-        told = len(guess.time) == 1 and one.unit in TIMES and one.reason.startswith("unit")
-        yield from _channel("time", one, "" if told else OPEN)
+        sure = len(guess.time) == 1 and one.unit in TIMES and one.reason.startswith("unit")
+        yield from _channel("time", one, "" if sure else OPEN)
     if not guess.time:
         yield "# no column that is a time and rises: the file's own clock is used where it has one, else rate_Hz"
     for one in guess.temperature:
-        told = len(guess.temperature) == 1 and bool(one.unit)
-        yield from _channel("temperature", one, "" if told else OPEN)
+        sure = len(guess.temperature) == 1 and bool(one.unit)
+        yield from _channel("temperature", one, "" if sure else OPEN)
     rate = guess.rate_hz
     if rate is None:
         yield f"{OPEN}rate_Hz =   # samples per second"

@@ -239,8 +239,9 @@ def test_the_sheet_answers_where_why_how_sure_what_to_do_and_at_what_cost(judged
     assert band.u is not None
 
 
-def test_a_sheet_without_a_cause_says_so_and_costs_what_the_places_cost(judged: ComparedCampaign) -> None:
-    quiet = replace(
+def _consistent(judged: ComparedCampaign) -> Diagnosis:
+    """The same campaign as if nothing differed in it."""
+    return replace(
         judged.diagnosis,
         verdict=Verdict.CONSISTENT,
         naming=None,
@@ -248,6 +249,10 @@ def test_a_sheet_without_a_cause_says_so_and_costs_what_the_places_cost(judged: 
         held_out=None,
         mismatch=replace(judged.diagnosis.mismatch, p_value=0.5, locations=()),
     )
+
+
+def test_a_sheet_without_a_cause_says_so_and_costs_what_the_places_cost(judged: ComparedCampaign) -> None:
+    quiet = _consistent(judged)
     residual = np.zeros(len(quiet.mismatch.readings.torque))
     said = answers_of(quiet, residual)
     assert said["What differs"].startswith("Nothing beyond repeatability")
@@ -270,14 +275,7 @@ def test_a_sheet_without_a_cause_says_so_and_costs_what_the_places_cost(judged: 
 
 
 def test_a_consistent_sheet_says_how_large_a_fault_could_still_hide(judged: ComparedCampaign) -> None:
-    quiet = replace(
-        judged.diagnosis,
-        verdict=Verdict.CONSISTENT,
-        naming=None,
-        refit=None,
-        held_out=None,
-        mismatch=replace(judged.diagnosis.mismatch, p_value=0.5, locations=()),
-    )
+    quiet = _consistent(judged)
     audit = quiet.audit
     assert audit is not None
     residual = np.zeros(len(quiet.mismatch.readings.torque))
