@@ -8,7 +8,8 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import fftconvolve, firwin, upfirdn, welch
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.signal import fftconvolve, firwin, welch
 
 from pmg.pipeline.motion.angle_noise import angle_density, common_density, middle_density
 from pmg.sim.shafts import PerShaft, per_shaft
@@ -32,6 +33,9 @@ STENCIL = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0
 
 PER_ROW = 3
 """Fine samples for each row."""
+
+AT_ONCE = 16
+"""Rows that are made in one product of matrices."""
 
 MOST_COMMON = 0.9
 """Most of the noise of both angles that may be common to them."""
@@ -130,11 +134,14 @@ class SmoothRun:
 
     def rows(self, fine: Array) -> Array:
         """Rows (m,) or (m, k) of a quantity at the fine samples (n,) or (n, k), low-passed."""
-        weights = self.weights
-        early = -(len(weights) - 1) % PER_ROW
-        first = (len(weights) - 1 + early) // PER_ROW
-        whole = upfirdn(np.r_[np.zeros(early), weights], fine, down=PER_ROW, axis=0)
-        return np.asarray(whole[first : first - (len(weights) - 1 - len(fine)) // PER_ROW])
+        at_once, step = _of_many(BAND, HALF, self.fine_rate), PER_ROW * AT_ONCE
+        count = (len(fine) - len(self.weights)) // PER_ROW + 1
+        blocks = -(-count // AT_ONCE)
+        columns = np.zeros((at_once.shape[1] + step * (blocks - 1), math.prod(fine.shape[1:])))
+        used = min(len(fine), len(columns))
+        columns[:used] = fine[:used].reshape(used, -1)
+        windows = sliding_window_view(columns, at_once.shape[1], axis=0)[::step].swapaxes(1, 2)
+        return np.asarray(at_once @ windows).reshape(-1, *fine.shape[1:])[:count]
 
 
 def smooth(run: MovingRun) -> SmoothRun:
@@ -212,6 +219,16 @@ def derivative(values: Array, rate: float) -> Array:
         at = len(STENCIL) // 2
         found[at:-at] = np.correlate(values, STENCIL, "valid") * rate
     return np.asarray(found)
+
+
+@lru_cache(maxsize=4)
+def _of_many(cut_off: float, half_length: float, rate: float) -> Array:
+    """Weights (`AT_ONCE`, w) of the fine samples in rows one after the other: a product of matrices is the filter."""
+    weights = _low_pass(cut_off, half_length, rate)
+    found = np.zeros((AT_ONCE, len(weights) + PER_ROW * (AT_ONCE - 1)))
+    for row in range(AT_ONCE):
+        found[row, PER_ROW * row : PER_ROW * row + len(weights)] = weights
+    return found
 
 
 @lru_cache(maxsize=16)

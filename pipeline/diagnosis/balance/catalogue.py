@@ -40,8 +40,9 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
 
     def rank(self, problem: TermProblem, without: Collection[str] = ()) -> list[TermFit]:
         """All terms but some fitted, best score first."""
-        tables = [table for table in problem.tables.values() if table.term.identifier not in without]
-        fits = sorted((fit_term(problem, t.term, refine=False) for t in tables), key=lambda fit: -problem.score(fit))
+        searched = (table.term for table in problem.tables.values() if not table.term.only_compared)
+        terms = [term for term in searched if term.identifier not in without]
+        fits = sorted((fit_term(problem, term, refine=False) for term in terms), key=lambda fit: -problem.score(fit))
         first = FIRST_OF_PAIRS + 1 if self.refine else 0
         fits[:first] = [
             fit if fit.candidate.shape is None else fit_term(problem, fit.candidate) for fit in fits[:first]

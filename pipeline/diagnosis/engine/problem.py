@@ -139,8 +139,14 @@ def freed(columns: Array, y: Array) -> tuple[Array, Array]:
 
 
 def bounded_sizes(seen: Array, left: Array, bounds: Array) -> tuple[float, Array]:
-    """Sum of squares that columns (m, k) leave, and the sizes (k,) inside their bounds (2, k)."""
-    length = np.linalg.norm(seen, axis=0)
+    """Sum of squares that columns (m, k) leave, and the sizes (k,) inside their bounds (2, k); equal ones fix it."""
+    free, sizes = bounds[0] < bounds[1], bounds[0].copy()
+    rest = left - seen[:, ~free] @ sizes[~free]
+    if not free.any():
+        return float(rest @ rest), sizes
+    length = np.linalg.norm(seen[:, free], axis=0)
     length[length == 0.0] = 1.0
-    found = lsq_linear(seen / length, left, bounds=(bounds[0] * length, bounds[1] * length), method="bvls")
-    return 2.0 * float(found.cost), np.clip(found.x / length, *bounds)
+    low, high = bounds[:, free]
+    found = lsq_linear(seen[:, free] / length, rest, bounds=(low * length, high * length), method="bvls")
+    sizes[free] = np.clip(found.x / length, low, high)
+    return 2.0 * float(found.cost), sizes

@@ -1,14 +1,18 @@
-"""The catalogue in motion: candidates fitted beside the constants, and what an error of form is worth."""
+"""The catalogue in motion: candidates fitted beside the constants, what an error of form is worth, and look-alikes."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, cast
 
-from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
+from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, TermNaming, TermSet
+from pmg.pipeline.diagnosis.balance.fitting import fit_term
+from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
+    from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.sim.signals import Array
 
@@ -19,6 +23,13 @@ times its variance off its data sheet."""
 FORM_MARGIN = 0.02
 """Part of a cause's evidence by which another's may be less without being told from it: drag, damping and wander are
 known to a form, and look-alikes as a gain and a crosstalk differ by as little."""
+
+LATE_ALIKE = 0.1
+"""The same of what comes late: a delay, a lag of any order and a torque that is held differ in how sharp a change is
+left, of which the band of the rows shows little."""
+
+SMALL_REST = 0.01
+"""Part of the torque that a constant moves which it may leave over, and pass for the error of its form."""
 
 
 class MotionCatalogue(TermCatalogue):
@@ -35,3 +46,54 @@ class MotionCatalogue(TermCatalogue):
     def free_form(self, problem: TermProblem, fit: TermFit) -> Array:
         """Whitened columns (m, k) along which the law of a fit may bend smoothly by what it follows."""
         return bent_columns(problem, fit)
+
+
+def with_late_look_alikes(naming: TermNaming, problem: TermProblem, terms: tuple[MotionTerm, ...]) -> TermNaming:
+    """The answer where a torque comes late: another way to be late that explains nearly as much is a rival.
+
+    Parameters
+    ----------
+    naming : TermNaming
+        The answer of the search.
+    problem : TermProblem
+        Before anything was taken out.
+    terms : tuple of MotionTerm
+        The library.
+    """
+    best = naming.best
+    late = [place for place, fit in enumerate(best.fits) if cast("MotionTerm", fit.candidate).comes_late]
+    if not naming.explained or not late:
+        return naming
+    known, found, alike = {best.ids, *(rival.ids for rival in naming.rivals)}, list(naming.rivals), 0.0
+    for place in late:
+        fit, rest = best.fits[place], TermSet((), problem)
+        for other in (*best.fits[:place], *best.fits[place + 1 :]):
+            rest = rest.plus(other)
+        named = fit_term(rest.problem, fit.candidate)
+        for law in terms:
+            if not law.comes_late or law.place != fit.place or law.identifier == fit.identifier:
+                continue
+            other = fit_term(rest.problem, law)
+            rival = rest.plus(other)
+            if other.admissible and other.gain > (1.0 - LATE_ALIKE) * named.gain and rival.ids not in known:
+                found.append(rival)
+                known.add(rival.ids)
+                alike = LATE_ALIKE * named.gain
+    scale = min(naming.evidence_scale, MARGIN / (MARGIN + alike))
+    return replace(naming, rivals=tuple(found), evidence_scale=scale)
+
+
+def with_small_rest(naming: TermNaming, found: MotionEvidence) -> TermNaming:
+    """Constants off the data sheet explain what leaves less than `SMALL_REST` of the torque that they move.
+
+    The gain of such a cause is its distance from the data sheet, which is little of what its torque would be worth.
+    """
+    named = tuple(name for fit in naming.best.fits for name in cast("MotionTerm", fit.candidate).constants)
+    all_of_sheet = all(cast("MotionTerm", fit.candidate).constants for fit in naming.best.fits)
+    if naming.explained or not named or not all_of_sheet or not naming.best.needed:
+        return naming
+    at = [found.baseline.sheet.at(name) for name in named]
+    off = (found.baseline.values - found.baseline.sheet.expected)[at]
+    moved = found.columns[~found.of_sheet][:, at] @ off
+    small = naming.remainder.excess <= SMALL_REST**2 * float(moved @ moved)
+    return replace(naming, explained=True) if small else naming

@@ -16,7 +16,7 @@ from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, Mismatch, s
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
-from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue
+from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, with_late_look_alikes, with_small_rest
 from pmg.pipeline.diagnosis.motion.design.next_runs import runs_to_see, runs_to_tell
 from pmg.pipeline.diagnosis.motion.design.unseen import unseen
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
@@ -52,9 +52,6 @@ STEPS = (
     "proof on runs not used",
 )
 """Steps of a diagnosis, as its progress names them."""
-
-SMALL_REST = 0.01
-"""Part of the torque that a constant moves which it may leave over, and pass for the error of its form."""
 
 
 @dataclass(frozen=True)
@@ -202,23 +199,8 @@ def _named(
         found = motion_evidence(about, noise, library(), rng)
         naming = name_candidates(found.problem, MotionCatalogue(), adequacy_test(found.evidence))
     naming = with_free_laws(naming, found.problem, MotionCatalogue(), adequacy_test(found.evidence))
-    return found, _with_small_rest(with_look_alikes(naming, found.problem), found)
-
-
-def _with_small_rest(naming: TermNaming, found: MotionEvidence) -> TermNaming:
-    """Constants off the data sheet explain what leaves less than `SMALL_REST` of the torque that they move.
-
-    The gain of such a cause is its distance from the data sheet, which is little of what its torque would be worth.
-    """
-    named = tuple(name for fit in naming.best.fits for name in cast("MotionTerm", fit.candidate).constants)
-    all_of_sheet = all(cast("MotionTerm", fit.candidate).constants for fit in naming.best.fits)
-    if naming.explained or not named or not all_of_sheet or not naming.best.needed:
-        return naming
-    at = [found.baseline.sheet.at(name) for name in named]
-    off = (found.baseline.values - found.baseline.sheet.expected)[at]
-    moved = found.columns[~found.of_sheet][:, at] @ off
-    small = naming.remainder.excess <= SMALL_REST**2 * float(moved @ moved)
-    return replace(naming, explained=True) if small else naming
+    naming = with_late_look_alikes(with_look_alikes(naming, found.problem), found.problem, library())
+    return found, with_small_rest(naming, found)
 
 
 def _mismatch(found: MotionEvidence) -> Mismatch[MotionPlace]:
@@ -257,9 +239,13 @@ def _proof(
 def _together(
     found: MotionEvidence, fits: tuple[TermFit, ...]
 ) -> tuple[Array, Array, tuple[Array, ...], tuple[Array, ...], tuple[FittedSize, ...]]:
-    """Constants and parameters fitted together about those of the evidence, each with its standard errors."""
+    """Constants and parameters fitted together about those of the evidence, each with its standard errors.
+
+    What is known of a mechanism is not fitted: its error is zero.
+    """
     slopes = [found.problem.slopes(fit) for fit in fits]
-    columns = np.hstack([found.columns, *slopes])
+    known = [np.array([quantity.fixed for quantity in fit.candidate.parameters]) for fit in fits]
+    columns = np.hstack([_beside_delay(found, fits, slopes), *(s * ~k for s, k in zip(slopes, known, strict=True))])
     effect = sum((s[:, : len(f.amplitudes)] @ f.amplitudes for s, f in zip(slopes, fits, strict=True)), 0.0 * found.y)
     length = np.linalg.norm(columns, axis=0)
     length[length == 0.0] = 1.0
@@ -287,6 +273,17 @@ def _together(
         tuple(np.split(errors, ends)[1 : 1 + len(fits)]),
         wholes,
     )
+
+
+def _beside_delay(found: MotionEvidence, fits: tuple[TermFit, ...], slopes: list[Array]) -> Array:
+    """Columns (m, k) of the constants; a skew beside a delay is so much more of it: only its data sheet tells it."""
+    columns = found.columns.copy()
+    for fit, slope in zip(fits, slopes, strict=True):
+        term = cast("MotionTerm", fit.candidate)
+        if term.comes_late and term.whole:
+            for at in map(found.baseline.sheet.at, term.mimicked_by):
+                columns[~found.of_sheet, at] = slope[~found.of_sheet, -1]
+    return columns
 
 
 def _absorbed(before: MotionBaseline, constants: Array, errors: Array) -> tuple[Absorbed, ...]:

@@ -145,6 +145,7 @@ def _mechanism(
     parameters = [
         _parameter(quantity.name, float(value), float(error), quantity.unit)
         for quantity, value, error in zip(fit.candidate.parameters, values, errors, strict=True)
+        if not quantity.fixed
     ]
     if size is not None and size.name == IN_ALL:
         parameters.insert(0, _parameter("in_all", size.value, size.error, size.unit))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -158,11 +159,8 @@ def motion_evidence(
 ) -> MotionEvidence:
     """The evidence of a campaign about a fitted baseline, with the terms that may be named."""
     views = views_of(baseline.clean)
-    spans = {
-        (side, coupled): spans_of([v for v in views if (v.side, v.coupled) == (side, coupled)])
-        for side in SIDES
-        for coupled in (False, True)
-    }
+    kinds = itertools.product(SIDES, (False, True))
+    spans = {kind: spans_of([view for view in views if (view.side, view.coupled) == kind]) for kind in kinds}
     parts = [
         _compress(baseline, place, noise[place], view, terms, spans[view.side, view.coupled])
         for place, view in enumerate(views)
@@ -203,6 +201,8 @@ def motion_evidence(
     def columns_of(term: MotionTerm, shape: float) -> Array:
         if term.constants:
             return _of_sheet(baseline.sheet, term.constants, len(y))
+        if term.shape is None and term.key in tables and tables[term.key].term is term:
+            return tables[term.key].columns[:, 0]
         of_part = [
             part.basis.T @ noise[place].white(_of_term(view, term, np.array([shape]))) if term.acts(view) else None
             for place, (part, view) in enumerate(zip(parts, views, strict=True))
@@ -210,9 +210,8 @@ def motion_evidence(
         return unit[:, None] * stacked(of_part, len(term.amplitudes))
 
     problem = TermProblem(*freed(columns, y), columns_of, tables, ABSORBED_BY_SHEET)  # type: ignore[arg-type]
-    group = (np.ones(len(y), dtype=np.bool_),)
-    evidence = Evidence(problem.left, problem.baseline, found, group, rng.standard_normal((len(y), DRAWS)))
-    unexplained = np.array([part.unexplained for part in parts])
+    draws, unexplained = rng.standard_normal((len(y), DRAWS)), np.array([part.unexplained for part in parts])
+    evidence = Evidence(problem.left, problem.baseline, found, (np.ones(len(y), dtype=np.bool_),), draws)
     return MotionEvidence(evidence, problem, families, block, baseline, columns, y, scatter, unexplained)
 
 

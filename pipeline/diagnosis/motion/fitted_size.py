@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 LIKELY_LAW = 0.5
 """Part of a cause's gain that another law of the same mechanism must have for its size to count as possible."""
 
+LIKELY_WHEN_LATE = 0.98
+"""The same of what comes late, whose time the rows tell closely."""
+
 IN_ALL = "in all"
 """Name of a size that is a sum."""
 
@@ -86,6 +89,9 @@ def fitted_size(
     term, count = cast("MotionTerm", fit.candidate), len(fit.amplitudes)
     remark = f" on the pole angle; a rotor feels it times its pole pairs ({poles.sun} sun, {poles.ring} ring)"
     remark = remark if term.of_pole_angle else ""
+    if term.whole:
+        (quantity,), error = term.parameters[count:], math.sqrt(float(covariance[count, count]))
+        return FittedSize(quantity.name, float(values[count]), math.hypot(error, of_law), quantity.unit, of_law)
     sizes, among = values[:count], covariance[:count, :count]
     names = [quantity.name for quantity in term.amplitudes]
     if names[:2] == ["cosine", "sine"]:
@@ -127,18 +133,32 @@ def error_of_law(problem: TermProblem, fits: tuple[TermFit, ...], place: int, te
     runs exclude by far, with less than `LIKELY_LAW` of the gain, does not count.
     """
     fit = fits[place]
-    if not _adds_up(fit.candidate):
+    if (size := _one_size(fit)) is None:
         return 0.0
+    late = cast("MotionTerm", fit.candidate).comes_late
+    likely, unit = (LIKELY_WHEN_LATE if late else LIKELY_LAW) * fit.gain, _unit_of_size(fit.candidate)
     for other in (*fits[:place], *fits[place + 1 :]):
         problem = problem.take_out(other)
-    sizes = [float(fit.amplitudes.sum())]
+    sizes = [size]
     for term in terms:
         same = term.identifier == fit.identifier and term.place == fit.place and term.key != fit.candidate.key
-        if same and _adds_up(term) and term.amplitudes[0].unit == fit.candidate.amplitudes[0].unit:
+        if same and _unit_of_size(term) == unit:
             other = fit_term(problem, term)
-            if other.gain > LIKELY_LAW * fit.gain:
-                sizes.append(float(other.amplitudes.sum()))
+            if (size := _one_size(other)) is not None and other.gain > likely:
+                sizes.append(size)
     return max(sizes) - min(sizes)
+
+
+def _one_size(fit: TermFit) -> float | None:
+    """The shape of a fit whose amplitudes are known, the sum of amounts of one thing; None for another."""
+    if fit.candidate.whole:
+        return fit.shape
+    return float(fit.amplitudes.sum()) if _adds_up(fit.candidate) else None
+
+
+def _unit_of_size(term: Term[Any]) -> str:
+    """Unit of the size of a mechanism as one number."""
+    return term.shape.unit if term.whole and term.shape is not None else term.amplitudes[0].unit
 
 
 def _adds_up(term: Term[Any]) -> bool:

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cholesky_banded
-from scipy.linalg.lapack import dtbtrs
+from scipy.linalg import cholesky_banded, solve_triangular
 
 from pmg.pipeline.diagnosis.motion.constants import RIPPLE
 from pmg.pipeline.motion.smooth import row_weights
@@ -36,6 +35,9 @@ FILLED = 0.5
 
 LEAST_RIPPLE = 3e-4
 """Least standard deviation that is taken for the ripple of a turn [N m]."""
+
+BLOCK = 64
+"""Rows of a banded matrix that are solved for at once."""
 
 FLOOR = 0.1
 """Part of the variance that is added to it alone, so that the whitening of a band-limited noise stays bounded."""
@@ -66,32 +68,74 @@ USUAL = SlowNoise()
 
 
 @dataclass(frozen=True)
+class BandedFactor:
+    """A lower banded matrix, in blocks that hold its band: many columns at once are products of small matrices.
+
+    Parameters
+    ----------
+    band : (b + 1, n) array
+        Its diagonals, as LAPACK keeps them.
+    inverses : tuple of (r, r) array
+        Of its blocks of `BLOCK` rows on the diagonal; of the last one fewer.
+    links : tuple of (r, b) array
+        What each block takes of the b solved rows before it, solved; none of the first.
+    """
+
+    band: Array
+    inverses: tuple[Array, ...]
+    links: tuple[Array, ...]
+
+    @classmethod
+    def of(cls, band: Array) -> BandedFactor:
+        """A lower banded matrix by its diagonals (b + 1, n)."""
+        below, n = len(band) - 1, band.shape[1]
+        inverses, links = [], []
+        for first in range(0, n, max(BLOCK, below)):
+            last = min(first + max(BLOCK, below), n)
+            rows = np.zeros((last - first, below + last - first))
+            for down, diagonal in enumerate(band):
+                at = np.arange(max(first, down), last)
+                rows[at - first, at - down - first + below] = diagonal[at - down]
+            inverse = solve_triangular(rows[:, below:], np.eye(last - first), lower=True, check_finite=False)
+            inverses.append(np.asarray(inverse))
+            links.append(np.asarray(inverse @ rows[:, :below]))
+        return cls(band, tuple(inverses), tuple(links))
+
+    def solved(self, columns: Array) -> Array:
+        """Columns (n, j) by the inverse of the matrix."""
+        found = np.empty(columns.shape)
+        first = 0
+        for inverse, link in zip(self.inverses, self.links, strict=True):
+            last = first + len(inverse)
+            np.matmul(inverse, columns[first:last], out=found[first:last])
+            if first:
+                found[first:last] -= link @ found[first - link.shape[1] : first]
+            first = last
+        return found
+
+
+@dataclass(frozen=True)
 class RowNoise:
     """Noise of the rows of a stretch.
 
     Parameters
     ----------
-    factor : (b + 1, n) array
-        Lower banded factor of the covariance of what the filters leave, as LAPACK keeps it.
+    factor : BandedFactor
+        Of the covariance of what the filters leave.
     slow : (n, r) array
         Orthonormal directions of wander and ripple, in units of that noise.
     shrunk : (r,) array
         Part of a column along each of them that goes.
     """
 
-    factor: Array
+    factor: BandedFactor
     slow: Array
     shrunk: Array
 
     def white(self, columns: Array) -> Array:
         """Columns (n, j) in units of the noise, and freed from its correlation."""
-        white = _solved(self.factor, columns)
+        white = self.factor.solved(columns)
         return np.asarray(white - self.slow @ (self.shrunk[:, None] * (self.slow.T @ white)))
-
-
-def _solved(factor: Array, columns: Array) -> Array:
-    """Columns (n, j) by the inverse of a lower banded factor."""
-    return np.asarray(dtbtrs(factor, columns, uplo=b"L")[0])
 
 
 def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUAL) -> RowNoise:
@@ -129,8 +173,8 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
     for lag in range(length):
         apart = at[lag:] - at[: len(at) - lag]
         banded[lag, : len(at) - lag] = np.where(apart < length, correlation[np.minimum(apart, length - 1)], 0.0)
-    factor = cholesky_banded(banded, lower=True, check_finite=False)
-    white = _solved(factor, slow_spread(stretch, slow_noise))
+    factor = BandedFactor.of(cholesky_banded(banded, lower=True, check_finite=False))
+    white = factor.solved(slow_spread(stretch, slow_noise))
     slow, size, _ = np.linalg.svd(white, full_matrices=False)
     return RowNoise(factor, slow, 1.0 - 1.0 / np.sqrt(1.0 + size**2))
 
@@ -183,7 +227,7 @@ def slow_noise_of(baseline: MotionBaseline, noise: list[RowNoise]) -> SlowNoise:
     for place, stretch in enumerate(baseline.stretches):
         pieces, when = _pieces(stretch)
         rows = np.hstack([pieces, _turns(stretch), baseline.left(place)[:, None]])
-        white = _solved(noise[place].factor, rows)
+        white = noise[place].factor.solved(rows)
         found, waves = np.split(np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=1e-6)[0], [len(when)])
         told[stretch.side].append((when, np.asarray(found)))
         if len(waves):

@@ -21,8 +21,11 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 
-HELD_AT_MOST = 8e-3
+HELD_AT_MOST = 20e-3
 """Longest delay of a torque that is held [s]: beyond, its steps reach into the band of the rows."""
+
+WHOLE = (Quantity("part", "1", (1.0, 1.0)),)
+"""Amplitude of what comes late as a whole."""
 
 MOVES_IN = 10.0
 """Time in which a zero that moves at one time does so [s]."""
@@ -114,10 +117,26 @@ def time_terms(side: str) -> Iterator[MotionTerm]:
     )
 
     yield term(
+        "transducer_bandwidth",
+        "Second-order lag of the transducer, critically damped",
+        "-tau dT/dt - tau2/4 d2T/dt2",
+        WHOLE,
+        lambda v, lag: stack(-lag * v.shaft.torque_rate - 0.25 * lag**2 * v.shaft.torque_curvature),
+        hears=lambda rate, lag: (1.0 - (1.0 + 0.5 * rate * lag) ** 2, 0.0),
+        mimicked_by=(f"skew_{side}",),
+        source=sources.BALANCE,
+        shape=Quantity("lag", "s", (1e-3, 0.1)),
+        component=transducer,
+        shaft=side,
+        variant="second",
+        only_compared=True,
+    )
+
+    yield term(
         "channel_delay",
         "Delay between the channels of torque and angle",
         "T(t) - T(t + d)",
-        (Quantity("part", "1", (0.5, 1.5)),),
+        WHOLE,
         lambda v, delay: stack(_later(v, delay)),
         hears=lambda rate, delay: (1.0 - np.exp(rate * delay), 0.0),
         mimicked_by=(f"skew_{side}",),
@@ -131,7 +150,7 @@ def time_terms(side: str) -> Iterator[MotionTerm]:
         "channel_delay",
         "Torque that is renewed, or averaged, only now and then: held over twice the delay",
         "T(t) - (T - d2/6 d2T/dt2)(t + d)",
-        (Quantity("part", "1", (0.5, 1.5)),),
+        WHOLE,
         lambda v, delay: stack(_unheld(v, delay)),
         hears=lambda rate, delay: (1.0 - np.exp(rate * delay) * (1.0 - (rate * delay) ** 2 / 6.0), 0.0),
         mimicked_by=(f"skew_{side}",),

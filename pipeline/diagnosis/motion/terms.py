@@ -74,6 +74,11 @@ class MotionTerm(Term[RotorView]):
         """Whether it is what a transducer shows beyond the torque of its coupling."""
         return self.component.endswith("torque_transducer")
 
+    @property
+    def comes_late(self) -> bool:
+        """Whether it shows a torque later than it is, as a skew of the baseline does."""
+        return self.of_transducer and any(name.startswith("skew") for name in self.mimicked_by)
+
     def acts(self, view: RotorView) -> bool:
         """Whether it may act on that rotor."""
         return not self.constants and (self.spreads or self.shaft in (view.side, "both"))
@@ -88,7 +93,7 @@ def term(
     *,
     source: Source = sources.BALANCE,
     shape: Quantity | None = None,
-    **where: Any,  # noqa: ANN401 - component, shaft, variant, spreads, constants, mimicked_by, hears, follows, mixes, of_pole_angle, at_rest
+    **where: Any,  # noqa: ANN401 - component, shaft, variant, spreads, constants, mimicked_by, hears, follows, mixes, of_pole_angle, only_compared, at_rest
 ) -> MotionTerm:
     """A candidate; one that does not act `at_rest` says nothing of a rotor at rest."""
     acting = law if where.pop("at_rest", False) else _turning(law)

@@ -140,7 +140,7 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
                 of_constants,
                 of_constants + added,
                 *(
-                    _spread(stretch, noise[place].factor, slow_noise, width) * diagnosis.evidence.scatter
+                    _spread(stretch, noise[place].factor.band, slow_noise, width) * diagnosis.evidence.scatter
                     for width in (_width(stretch), 1)
                 ),
             )
@@ -148,13 +148,13 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
     return tuple(found)
 
 
-def _spread(stretch: RotorRows, factor: Array, slow_noise: SlowNoise, width: int) -> Array:
-    """Standard deviation of the torque of a stretch as the mean over `width` rows (n,); `factor` is of its noise."""
-    weights = np.zeros(factor.shape[1])
+def _spread(stretch: RotorRows, band: Array, slow_noise: SlowNoise, width: int) -> Array:
+    """Standard deviation of the torque of a stretch as the mean over `width` rows (n,); `band` is of its factor."""
+    weights = np.zeros(band.shape[1])
     width = min(width, len(weights))
     weights[(len(weights) - width) // 2 :][:width] = 1.0 / width
     white = np.zeros(len(weights))  # what the weights make of the factor's columns
-    for lag, diagonal in enumerate(factor):
+    for lag, diagonal in enumerate(band):
         white[: len(weights) - lag] += diagonal[: len(weights) - lag] * weights[lag:]
     slow = slow_spread(stretch, slow_noise)
     slow = slow if width == 1 else _smoothed(stretch, slow)

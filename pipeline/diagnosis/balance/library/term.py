@@ -166,6 +166,11 @@ class Quantity:
     bounds: tuple[float, float]
     cost: float = 1.0
 
+    @property
+    def fixed(self) -> bool:
+        """Whether it is known: its bounds are one value."""
+        return self.bounds[0] == self.bounds[1]
+
 
 M = TypeVar("M")
 
@@ -202,6 +207,8 @@ class Term(Generic[M]):
         Whether its amplitudes are of one recording where no angle was recorded.
     needs : tuple of str
         Channels of `Motion.besides` without which it cannot be looked for.
+    only_compared : bool
+        Whether it is compared with what is named, and not searched for: to little of it a plainer form comes close.
     """
 
     identifier: str
@@ -219,6 +226,7 @@ class Term(Generic[M]):
     both_ways: bool = False
     of_angle: bool = False
     needs: tuple[str, ...] = ()
+    only_compared: bool = False
 
     @property
     def place(self) -> str:
@@ -231,6 +239,11 @@ class Term(Generic[M]):
             return self
         own = [replace(q, name=f"{q.name}{k}") for k in range(1, recordings + 1) for q in self.amplitudes]
         return replace(self, amplitudes=tuple(own))
+
+    @property
+    def whole(self) -> bool:
+        """Whether its amplitudes are known, so that its shape is its size."""
+        return self.shape is not None and all(quantity.fixed for quantity in self.amplitudes)
 
     @property
     def single(self) -> bool:

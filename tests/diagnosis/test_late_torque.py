@@ -1,0 +1,122 @@
+"""A torque that is shown late: delays and lags of several orders, and what the filters of the rows make of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import cholesky_banded
+from scipy.signal import lfilter
+from tests.diagnosis.test_motion import RATE, _campaign, _dither, _run, _with_torque
+
+from pmg.pipeline.diagnosis.balance.fitting import TermFit
+from pmg.pipeline.diagnosis.engine.problem import bounded_sizes
+from pmg.pipeline.diagnosis.motion.constants import SKEW
+from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, diagnose_motion
+from pmg.pipeline.diagnosis.motion.document import motion_document
+from pmg.pipeline.diagnosis.motion.fitted_size import fitted_size
+from pmg.pipeline.diagnosis.motion.library import library
+from pmg.pipeline.diagnosis.motion.noise import BandedFactor
+from pmg.pipeline.motion.smooth import smooth
+from pmg.pipeline.recording.run_records import Manoeuvre
+from pmg.sim.bench import load_bench
+from pmg.sim.shafts import PerShaft
+from pmg.sim.signals import Array
+
+TERMS = {term.key: term for term in library()}
+NOISE = 0.012
+
+
+def _shown(late: str, time: float) -> MotionDiagnosis:
+    """The diagnosis of a campaign whose sun torque is shown late by a time [s]."""
+    rng = np.random.default_rng(5)
+
+    def shown(torque: Array) -> Array:
+        if late == "delay":
+            k = round(time * RATE)
+            return np.concatenate([np.full(k, torque[0]), torque[:-k]])
+        kept = math.exp(-2.0 / RATE / time)
+        twice = lfilter([1.0 - kept], [1.0, -kept], lfilter([1.0 - kept], [1.0, -kept], torque))
+        return np.asarray(twice + NOISE * rng.standard_normal(len(torque)))
+
+    runs = tuple(_with_torque(run, shown(run.torque.sun) - run.torque.sun) for run in _campaign(31))
+    return diagnose_motion(late, runs, load_bench(), np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("time", [0.005, 0.012])
+def test_a_delay_is_named_whole_with_its_time(time: float) -> None:
+    """Its one number is the time, with an error; that all of the torque is late is no finding."""
+    found = _shown("delay", time)
+    assert found.naming is not None
+    (fit,) = found.naming.best.fits
+    assert fit.identifier == "channel_delay"
+    (size,) = found.fitted_sizes
+    assert (size.name, size.unit) == ("delay", "s")
+    assert size.value == pytest.approx(time + 0.5 / RATE, abs=1e-4)  # angles of these runs are ahead by half a sample
+    assert SKEW < size.error < 0.2 * time  # what the data sheet leaves open between the channels is as good a delay
+    (mechanism, *_) = motion_document(found)["mechanisms"]
+    assert [each["name"] for each in mechanism["parameters"]] == ["delay"]
+
+
+def test_a_lag_of_second_order_is_not_taken_for_a_delay_alone() -> None:
+    found = _shown("second", 0.010)
+    assert found.verdict.names
+    assert found.naming is not None
+    sets = (found.naming.best, *found.naming.rivals)
+    assert "transducer_bandwidth" in {fit.identifier for each in sets for fit in each.fits}
+
+
+def test_the_size_of_what_is_late_as_a_whole_is_its_time() -> None:
+    law = TERMS["channel_delay/sun/"]
+    fit = TermFit(law, 1.0, 1.0, np.zeros(4), (), np.ones(1), 0.007)
+    size = fitted_size(fit, np.array([1.0, 0.0071]), np.diag([0.0, 4e-8]), PerShaft(3, 10), of_law=1.5e-4)
+    assert (size.name, size.value, size.unit) == ("delay", 0.0071, "s")
+    assert size.error == pytest.approx(2.5e-4)
+
+
+def test_what_is_only_compared_is_no_law_of_its_own() -> None:
+    """A lag of second order stands beside a plainer one of the same mechanism and shaft."""
+    compared = [term for term in TERMS.values() if term.only_compared]
+    assert compared
+    for term in compared:
+        assert any(t.identifier == term.identifier and t.shaft == term.shaft and t is not term for t in TERMS.values())
+
+
+@given(st.integers(1, 4), st.integers(0, 15), st.integers(0, 99))
+def test_sizes_that_are_known_are_kept_and_the_others_fit_the_rest(count: int, which: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    columns, rows = rng.standard_normal((12, count)), rng.standard_normal(12)
+    known = np.array([bool(which >> k & 1) for k in range(count)])
+    value = rng.standard_normal(count)
+    rest, sizes = bounded_sizes(columns, rows, np.where(known, value, np.array([[-1e3], [1e3]])))
+    free = np.linalg.lstsq(columns[:, ~known], rows - columns[:, known] @ value[known], rcond=None)[0]
+    np.testing.assert_allclose(sizes[known], value[known])
+    np.testing.assert_allclose(sizes[~known], free, atol=1e-8)
+    assert rest == pytest.approx(float(np.sum((rows - columns @ sizes) ** 2)))
+
+
+@given(st.integers(1, 150), st.integers(1, 90), st.integers(1, 3), st.integers(0, 99))
+def test_a_banded_matrix_is_solved_as_a_full_one(n: int, band: int, count: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    diagonals = 0.5 * rng.uniform(-1.0, 1.0, (min(band, n), n)) / band
+    diagonals[0] = 1.0
+    factor = cholesky_banded(diagonals, lower=True)
+    whole = np.zeros((n, n))
+    for k, row in enumerate(factor):
+        whole += np.diag(row[: n - k], -k)
+    columns = rng.standard_normal((n, count))
+    np.testing.assert_allclose(whole @ BandedFactor.of(factor).solved(columns), columns, atol=1e-9)
+
+
+@pytest.mark.parametrize("length", [700, 701, 702, 815])
+def test_rows_are_the_weighted_samples_about_each_of_them(length: int) -> None:
+    run = smooth(_run(1, Manoeuvre.DITHER, _dither(60.0), np.random.default_rng(1)))
+    fine = np.random.default_rng(2).standard_normal((length, 2, 3))
+    weights = run.weights
+    starts = range(0, length - len(weights) + 1, 3)
+    expected = np.stack([np.tensordot(weights, fine[k : k + len(weights)], (0, 0)) for k in starts])
+    np.testing.assert_allclose(replace(run, time=np.arange(length) / run.fine_rate).rows(fine), expected, atol=1e-12)
