@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.report.action_sheet import MachinePart
 from pmg.sim.mechanisms.base import Component
 
@@ -31,6 +32,20 @@ CHAIN = (
 """Components in the order of the power flow, with their shaft and name."""
 
 ON_THE_OTHER = {"sun": "ring", "ring": "sun"}
+
+
+ASKS = {
+    Verdict.CONSISTENT: "Check the warnings",
+    Verdict.AMBIGUOUS: "Test again",
+    Verdict.CONFOUNDED: "Test again",
+    Verdict.NOT_IN_LIBRARY: "Look for the cause",
+}
+"""What a verdict asks for that names no one cause, where not all is well."""
+
+
+def asked_of(verdict: Verdict, *, repair: bool = False) -> str:
+    """What a verdict asks for where not all is well; `repair`: whether something can be mended on the bench."""
+    return ASKS.get(verdict, "Act on the bench" if repair else "Extend the model")
 
 
 def bench_parts(

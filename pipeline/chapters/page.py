@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from pmg.pipeline.analysis.power_flow import power_flows
 from pmg.pipeline.analysis.tolerance import agreements
 from pmg.pipeline.chapters.arrange import arranged
+from pmg.pipeline.chapters.bench_parts import asked_of
 from pmg.pipeline.chapters.explained.action_sheet import action_sheet
 from pmg.pipeline.chapters.explained.detectability import audit_section
 from pmg.pipeline.chapters.explained.extended_model import ends_table, prediction_table
@@ -26,6 +27,7 @@ from pmg.pipeline.chapters.simulated.by_load import by_load_figures
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
 from pmg.pipeline.chapters.studies.printed_simulation import printed_simulation_sections
 from pmg.pipeline.chapters.with_cause import behind_points, simulate_twice, with_switch
+from pmg.pipeline.diagnosis.grid.remedy import bench_action
 from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.grid.conditions import conditions
 from pmg.pipeline.grid.crosschecks.contradiction import CrossCheckRemark
@@ -242,4 +244,5 @@ def _verdict(
     state: Literal["good", "attention"] = (
         "attention" if diagnosis.verdict != "consistent" or warnings or above or faults else "good"
     )
-    return Headline(before + statement(diagnosis), state, tuple(figures), tuple(warnings))
+    asks = "" if state == "good" else asked_of(diagnosis.verdict, repair=bool(bench_action(diagnosis)))
+    return Headline(before + statement(diagnosis), state, tuple(figures), tuple(warnings), asks)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.chapters.bench_parts import asked_of
 from pmg.pipeline.chapters.explained.balance import terms_sections
 from pmg.pipeline.chapters.explained.machine import machine_sections
 from pmg.pipeline.chapters.explained.machine_sheet import machine_sheet
@@ -237,10 +238,12 @@ def _residual_table(diagnosis: TermsDiagnosis) -> str:
 
 def _page(diagnosis: TermsDiagnosis, seed: int, digests: dict[str, str], own: tuple[Section, ...]) -> Report:
     first, *others = terms_sections(diagnosis)
+    good = diagnosis.verdict is Verdict.CONSISTENT
+    asks = "" if good else asked_of(diagnosis.verdict)
     return Report(
         title=diagnosis.case.title,
         subtitle=f"Terms of its {diagnosis.case.axis.pushes} balance: what the baseline lacks, and the proof",
-        verdict=Headline(headline(diagnosis), "good" if diagnosis.verdict is Verdict.CONSISTENT else "attention"),
+        verdict=Headline(headline(diagnosis), "good" if good else "attention", asks=asks),
         sections=(first, *own, *others),
         sheet=machine_sheet(diagnosis),
         provenance=Facts(

@@ -47,6 +47,8 @@ class CorrectedLosses:
     values, spread : dict of str to (n,) array
         Total loss [W] and total efficiency from them by signal name, and what the standard errors of the faults make
         of each; NaN where they have none.
+    doubtful : bool
+        Whether another explanation has no fault of a reading.
     """
 
     parts: tuple[Part, ...]
@@ -54,6 +56,7 @@ class CorrectedLosses:
     torque_ring: Array
     values: dict[str, Array]
     spread: dict[str, Array]
+    doubtful: bool = False
 
     @property
     def description(self) -> str:
@@ -87,14 +90,15 @@ def correct_sensor_fault(
     if diagnosis is None or analysis.balance is None or analysis.calibration is None or analysis.floor is None:
         return ()
     found = []
-    for fits in list(_explanations(diagnosis)) or [()]:
+    explanations = list(_explanations(diagnosis)) or [()]
+    for fits in explanations:
         kinds = [*(part.kind for part in parts), *(fit.candidate.kind for fit in fits)]
         if not any(issubclass(kind, Instrument) for kind in kinds):
             continue
         model = fitted_model(fit_together(parts, fits, analysis, bench), {})
         faults = tuple(part for part in model.parts if issubclass(part.kind, Instrument))
         found.append(_without(faults, analysis, bench))
-    return tuple(found)
+    return tuple(replace(each, doubtful=diagnosis.weak or len(found) < len(explanations)) for each in found)
 
 
 def _explanations(diagnosis: Diagnosis) -> Iterator[tuple[CandidateFit, ...]]:

@@ -178,12 +178,20 @@ class Headline:
         Figures that stand before the text.
     warnings : tuple of Caution
         What stands behind it, before the warnings of the sections.
+    asks : str
+        What it asks for, in two or three words, to stand above it; the word of its state where empty.
     """
 
     text: str
     state: Literal["good", "attention", "neutral"] = "neutral"
     counted: tuple[tuple[str, str], ...] = ()
     warnings: tuple[Caution, ...] = ()
+    asks: str = ""
+
+    @property
+    def label(self) -> str:
+        """What stands above it."""
+        return self.asks or STATES[self.state]
 
 
 @dataclass(frozen=True)

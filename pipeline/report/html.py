@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 _TEMPLATES = Path(__file__).with_name("templates")
 _SCRIPTS = ("page.js", "figures.js", "signals.js")
-_STATES = {"good": "Good", "attention": "Needs attention", "neutral": "Result"}
 
 
 def html(report: Report, drawings: Mapping[str, str] | None = None) -> str:
@@ -67,7 +66,6 @@ def html(report: Report, drawings: Mapping[str, str] | None = None) -> str:
         },
         placed=report.titles,
         switchable=any(figure.switched for figure in report.figures),
-        states=_STATES,
         marks=MARKS,
         light=variables(LIGHT),
         dark=variables(DARK),

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from xlsxwriter import Workbook
 
-from pmg.pipeline.report.document import STATES
 from pmg.pipeline.report.spelled import spelled
 from pmg.pipeline.report.table import Column, Measured, Table, lines, split
 from pmg.pipeline.report.theme import LIGHT
@@ -160,7 +159,7 @@ def _write_contents(sheet: Worksheet, report: Report, names: dict[str, str], sty
     verdict = styles(
         bold=True, font_color=LIGHT["good" if state == "good" else "ink"], bg_color=background, valign="top"
     )
-    _text(sheet, 2, 0, STATES[state], verdict)
+    _text(sheet, 2, 0, report.verdict.label, verdict)
     style = styles(text_wrap=True, valign="top", bg_color=background)
     sheet.merge_range(2, 1, 2, 4, "", style)
     _text(sheet, 2, 1, report.verdict.text, style)

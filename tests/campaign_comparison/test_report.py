@@ -20,11 +20,14 @@ from pmg.pipeline.campaign_comparison.difference import subtract
 from pmg.pipeline.campaign_comparison.matching import Reach
 from pmg.pipeline.campaign_comparison.side import TransducerIdentity, _transducers_of
 from pmg.pipeline.campaign_comparison.verdict import judge
+from pmg.pipeline.chapters.campaigns import tables
 from pmg.pipeline.chapters.campaigns.page import versus_report
+from pmg.pipeline.chapters.campaigns.tables import conditions_table
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.commands.analyse import run_analyse
 from pmg.pipeline.commands.report import _findings
 from pmg.pipeline.fit.options import THESIS_OPTIONS
+from pmg.pipeline.grid.conditions import NOT_RECORDED, Conditions
 from pmg.pipeline.recording.calibration import Calibration, Transducer
 from pmg.pipeline.store.manifest import Manifest
 from pmg.pipeline.store.store import Store
@@ -166,3 +169,11 @@ def test_a_transducer_is_known_only_where_every_recording_names_the_same() -> No
     assert _transducers_of([recording("s"), recording("s", 10.0)])["sun"] is None
     assert _transducers_of([recording("")])["sun"] is None
     assert _transducers_of([]) == {"sun": None, "ring": None}
+
+
+def test_what_one_campaign_alone_recorded_stands_among_the_conditions(monkeypatch: pytest.MonkeyPatch) -> None:
+    told = iter((Conditions((("Campaign", "a"),)), Conditions((("Campaign", "b"), ("Temperature, room", "20 °C")))))
+    monkeypatch.setattr(tables, "conditions", lambda _: next(told))
+    rows = conditions_table(subtract(side("A", 1), side("B", 2), Reach())).rows
+    assert ("Campaign", "a", "b", "differs") in rows
+    assert ("Temperature, room", NOT_RECORDED, "20 °C", "not known") in rows

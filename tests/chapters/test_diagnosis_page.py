@@ -261,6 +261,13 @@ def test_a_sheet_without_a_cause_says_so_and_costs_what_the_places_cost(judged: 
     assert {part.mark for part in action_sheet(quiet, residual).parts} == {""}
     unknown = replace(judged.diagnosis, verdict=Verdict.NOT_IN_LIBRARY, refit=None)
     assert "we can show where, not why. The closest, " in answers_of(unknown, residual)["Cause"]
+    assert unknown.naming is not None
+    for naming, why in (
+        (replace(unknown.naming, explained=True), "but it fails on readings not used for the fit."),
+        (replace(unknown.naming, explained=False), "but what it leaves is more than noise and an error of its form."),
+        (replace(unknown.naming, explained=False, against="it cannot be"), "but it cannot be."),
+    ):
+        assert answers_of(replace(unknown, naming=naming), residual)["Cause"].endswith(why)
     place, readings = unknown.mismatch.locations[0], unknown.mismatch.readings
     one = replace(unknown, mismatch=replace(unknown.mismatch, locations=(place,)))
     loss = np.bincount(readings.row, place.effect * readings.speed_own * (readings.configuration != "zero"))
@@ -332,6 +339,8 @@ def test_an_ambiguous_sheet_marks_every_possible_part_and_speaks_of_no_sure_caus
     marked = {part.group for part in sheet.parts if part.mark == "possible"}
     assert {"sun", "ring"} <= marked
     assert "cause" not in {part.mark for part in sheet.parts}
+    (cost,) = (each for each in sheet.answers if each.question == "If ignored")
+    assert cost.sentences[0].startswith("If the first is the cause, a model without it is wrong by up to ")
     (possible,) = (each for each in sheet.answers if each.question == "Possible causes")
     assert [sentence[:2] for sentence in possible.sentences] == ["1.", "2."]
     assert sheet.figure is not None

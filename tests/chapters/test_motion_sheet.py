@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pmg.pipeline.chapters.in_motion.action_sheet import _costs, _runs
+from pmg.pipeline.chapters.in_motion.action_sheet import _costs, _expected, _runs
 from pmg.sim.signals import Array
 
 DRAG: Any = SimpleNamespace(
@@ -58,6 +58,18 @@ def test_watts_and_share_are_both_rms_and_the_peak_stands_by_itself() -> None:
     assert said.endswith("the largest error at any one time is 12 W.")
     without_load = costs(neutral)
     assert f"is wrong by {np.sqrt((100.0 + 144.0) / 2.0):.2g} W rms on the sun shaft; the largest" in without_load
+
+
+def test_a_named_cause_is_confirmed_in_the_run_that_shows_most_of_it() -> None:
+    stretch_of: Any = SimpleNamespace(
+        torque=np.array([3.0, 4.0]), side="ring", run=SimpleNamespace(run=SimpleNamespace(point="E_steps"))
+    )
+    trace: Any = SimpleNamespace(stretch=stretch_of, before=np.array([0.0, 0.0]), after=np.array([2.9, 4.1]))
+    rms = np.sqrt(12.5) * 1e3
+    assert _expected((trace, 0.0)) == (
+        f" E_steps shows most: its ring torque was off by {rms:.1f} mN m rms without the cause and 100.0 with it."
+    )
+    assert _expected(None) == ""
 
 
 def test_the_runs_in_which_an_effect_acts_are_counted_where_they_are_not_all() -> None:

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from pmg.pipeline.chapters.bench_parts import CHAIN, parts_of
+from pmg.pipeline.chapters.bench_parts import CHAIN, asked_of, parts_of
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.report.action_sheet import MARKS, ActionSheet, MachinePart, SheetAnswer
-from pmg.pipeline.report.document import Figure
+from pmg.pipeline.report.document import Figure, Headline
 from pmg.pipeline.report.html import html
 from pmg.sim.mechanisms.base import Component
 
@@ -44,6 +45,17 @@ def test_a_mark_is_a_word_too() -> None:
     page = html(replace(example.report(), sheet=sheet()))
     assert f'class="mark">{MARKS["cause"]}<' in page
     assert page.count('class="mark"') == 1
+
+
+def test_the_word_above_a_verdict_says_what_it_asks_for() -> None:
+    """Each kind of work has its word; a cause that lies in the physics alone is no matter of the bench."""
+    words = [asked_of(verdict) for verdict in Verdict]
+    assert len(set(words)) == 4  # ambiguous and confounded both want a test
+    assert asked_of(Verdict.NAMED) == "Extend the model"
+    assert asked_of(Verdict.NAMED, repair=True) == "Act on the bench"
+    page = html(replace(example.report(), verdict=Headline("It is so.", "attention", asks=asked_of(Verdict.AMBIGUOUS))))
+    assert '<p class="state">Test again</p>' in page
+    assert "Needs attention" not in page
 
 
 def test_hostile_text_stays_text() -> None:

@@ -27,8 +27,8 @@ def conditions_table(versus: Versus) -> Table:
     """Conditions of both campaigns, and which differ."""
     rows: list[tuple[Cell, ...]] = []
     of_a, of_b = (dict(conditions(side.manifests).rows) for side in (versus.a, versus.b))
-    for label, value in of_a.items():
-        other = of_b.get(label, NOT_RECORDED)
+    for label in dict.fromkeys((*of_a, *of_b)):
+        value, other = (of_side.get(label, NOT_RECORDED) for of_side in (of_a, of_b))
         silent = NOT_RECORDED in (value, other)
         rows.append((label, value, other, "not known" if silent else "differs" if value != other else "same"))
     for label, words in (

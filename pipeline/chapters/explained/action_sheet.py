@@ -209,9 +209,10 @@ def _cost(diagnosis: Diagnosis, residual: Array, as_read: str) -> Iterator[str]:
     faults = [fit for fit in naming.best.fits if issubclass(fit.candidate.kind, Instrument)]
     of_readings = np.sum([fit.effect for fit in faults], axis=0) if faults else np.zeros(len(residual))
     acting = np.sum([fit.effect for fit in naming.best.fits], axis=0) != 0.0
+    first = "If the first is the cause, a" if diagnosis.verdict is Verdict.AMBIGUOUS else "A"
     if len(faults) < len(naming.best.fits):
         missing = residual - (readings.torque - found.prediction) - of_readings
-        yield from _power(diagnosis, "A model without this is wrong", np.where(acting, missing, 0.0))
+        yield from _power(diagnosis, f"{first} model without it is wrong", np.where(acting, missing, 0.0))
     if as_read:
         yield as_read
     else:

@@ -139,14 +139,25 @@ def _next(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], tr
     if diagnosis.next_runs:
         words = next_run(diagnosis)
         return f"{words[0].upper()}{words[1:]}. The references of its drives stand under Grounds."
-    if diagnosis.verdict is Verdict.NAMED:
-        return "To confirm the cause, record a further run and compare it with `model.toml`."
     if not diagnosis.mismatch.found:
         return "None is needed."
     clearest = _clearest(diagnosis, effects, traces)
+    if diagnosis.verdict is Verdict.NAMED:
+        return "To confirm the cause, record a further run and compare it with `model.toml`." + _expected(clearest)
     again = "" if clearest is None else f" {clearest[0].stretch.run.run.point}, in which most torque is missing,"
     tells = "a difference that shows again points to the bench or its model, one that does not to a change with time"
     return f"Record the run{again} again: {tells}."
+
+
+def _expected(clearest: tuple[TorqueTrace, float] | None) -> str:
+    """The run that shows most of a cause, and the errors that it had without and with it."""
+    if clearest is None:
+        return ""
+    trace, _ = clearest
+    torque, side = trace.stretch.torque, trace.stretch.side
+    without, with_it = (np.sqrt(np.mean((torque - each) ** 2)) / MILLI for each in (trace.before, trace.after))
+    size = f"its {side} torque was off by {without:.1f} mN m rms without the cause and {with_it:.1f} with it"
+    return f" {trace.stretch.run.run.point} shows most: {size}."
 
 
 def _difference(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> Iterator[str]:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.chapters.arrange import arranged
+from pmg.pipeline.chapters.bench_parts import asked_of
 from pmg.pipeline.chapters.in_motion.action_sheet import action_sheet
 from pmg.pipeline.chapters.in_motion.bench import constants_section, loss_curve_section, pole_angle_section
 from pmg.pipeline.chapters.in_motion.response import response_section
 from pmg.pipeline.chapters.in_motion.runs import runs_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
+from pmg.pipeline.diagnosis.motion.design.remedy import bench_actions
 from pmg.pipeline.diagnosis.motion.traces import effects_of, traces_of
 from pmg.pipeline.report.document import (
     Caution,
@@ -70,14 +72,16 @@ def motion_report(
         pole_angle_section(diagnosis, traces),
         response_section(diagnosis, traces),
     )
+    good = not (diagnosis.mismatch.found or diagnosis.unseen or warnings)
     return Report(
         title=f"Campaign {diagnosis.campaign}",
         subtitle=note or "Planetary magnetic gearbox: runs in motion, and what explains the difference to the model",
         verdict=Headline(
             document["statement"],
-            "attention" if diagnosis.mismatch.found or diagnosis.unseen or warnings else "good",
+            "good" if good else "attention",
             counted,
             tuple(map(Caution, warnings)),
+            "" if good else asked_of(diagnosis.verdict, repair=bool(bench_actions(diagnosis))),
         ),
         sections=arranged(tuple(section for section in sections if section is not None)),
         provenance=Facts((*provenance, ("Versions", versions(PACKAGES)))),

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 
 def sensor_fault_warning(found: tuple[CorrectedLosses, ...], balance: PowerBalance) -> str:
     """The warning in a sentence or two, with the highest loss as read and without the fault."""
+    fault = "a reading may have a fault, whose error would be" if found[0].doubtful else "a reading has a fault that is"
     return (
-        "Losses and efficiencies are as the transducers read, and the diagnosis finds a fault in a reading: its error "
-        f"is in them, and their U does not cover it. {highest_loss(found, balance)}"
+        f"Losses and efficiencies are as the transducers read: {fault} in them, and their U does not cover it. "
+        f"{highest_loss(found, balance)}"
     )
 
 

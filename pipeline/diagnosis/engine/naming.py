@@ -92,6 +92,8 @@ class Naming(Generic[F, P]):
         Sets of other candidates that miss the margin by less than `NEAR`, and by how much, best first.
     evidence_scale : float
         Factor on a difference of scores that counts as evidence; less than 1 where a part of it is an error of form.
+    against : str
+        Why a set is not good enough that leaves no more than it may; empty otherwise.
     """
 
     best: Explanation[F, P]
@@ -105,6 +107,7 @@ class Naming(Generic[F, P]):
     further: tuple[F, ...] = ()
     missed: tuple[tuple[Explanation[F, P], float], ...] = ()
     evidence_scale: float = 1.0
+    against: str = ""
 
     @property
     def level(self) -> tuple[Explanation[F, P], ...]:

@@ -57,6 +57,9 @@ ROUNDS = 3
 JUDGE_DRAWS = 300
 """Synthetic campaigns behind the adequacy of an explanation."""
 
+DRIVEN = "the bearings would have to drive a shaft at rest"
+"""Why a set that explains is not named: its baseline takes power from where there is none."""
+
 
 def diagnose(
     grid: Grid,
@@ -148,7 +151,7 @@ def _with_its_laws(problem: GridProblem, naming: GridNaming, floor: NoiseFloor, 
     judged = adequacy_test(campaign_evidence(problem, floor, JUDGE_DRAWS, rng))
     naming = with_look_alikes(with_free_laws(naming, problem, MECHANISMS, judged), problem)
     drives = naming.explained and drives_at_rest(problem, naming.best.fits)
-    return replace(naming, explained=False) if drives else naming
+    return replace(naming, explained=False, against=DRIVEN) if drives else naming
 
 
 def _withheld(problem: GridProblem, explanation: GridExplanation, rng: np.random.Generator) -> HeldOut | None:

@@ -63,8 +63,8 @@ def form_sentences(diagnosis: Diagnosis) -> str:
         test = diagnosis.form_test
         if test is not None:
             sentences.append(
-                f"To tell: {test.plan.description} ({test.plan.seconds / MINUTE:.0f} min; it tells with a probability "
-                f"of {test.power:.0%})."
+                f"To tell: {test.plan.description} ({test.plan.seconds / MINUTE:.0f} min). "
+                f"It tells {test.power:.0%} of the time."
             )
     return " ".join(sentences)
 

@@ -88,8 +88,9 @@ def lifting(diagnosis: Diagnosis) -> str:
 def words_of_test(test: NextTest) -> str:
     """A test with its bench time and its power, as a sentence."""
     plan = test.plan
-    minutes, power = f"{plan.seconds / MINUTE:.0f} min", f"{test.power:.0%}"
-    return f"{plan.description} ({minutes}; it tells with a probability of {power})."
+    return (
+        f"{plan.description} ({plan.seconds / MINUTE:.0f} min). It tells the causes apart {test.power:.0%} of the time."
+    )
 
 
 def best_test(tests: tuple[NextTest, ...]) -> NextTest:

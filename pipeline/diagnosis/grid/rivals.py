@@ -63,11 +63,15 @@ def near_causes(diagnosis: Diagnosis) -> tuple[list[tuple[CandidateFit, ...]], s
                 first.setdefault(fit.identifier, fit)
         return [(fit,) for fit in list(first.values())[:MAY_BE]], "the difference is too faint to exclude any"
     share = nearest_share(naming)
-    why = (
-        f"it explains {share:.0%} of the difference, but leaves more than noise, fails on data not used for the fit, "
-        "or would have the bearings drive a shaft at rest"
-    )
+    why = f"it explains {share:.0%} of the difference, but {why_not_named(naming)}"
     return ([naming.best.fits], why) if share >= CLOSE else ([], "")
+
+
+def why_not_named(naming: Naming[Any, Any], withheld: str = "readings") -> str:
+    """Why what comes nearest is not named, in words that go on after 'but'; `withheld`: what tested it."""
+    if naming.explained:
+        return f"it fails on {withheld} not used for the fit"
+    return naming.against or "what it leaves is more than noise and an error of its form"
 
 
 def nearest_share(naming: Naming[Any, Any]) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.law_words import form_sentences
 from pmg.pipeline.diagnosis.grid.remedy import advice, lifting, words_of_test
-from pmg.pipeline.diagnosis.grid.rivals import is_faint, near_causes, nearest_share
+from pmg.pipeline.diagnosis.grid.rivals import is_faint, near_causes, nearest_share, why_not_named
 from pmg.pipeline.wording import numerals
 from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.plurals import counted
@@ -225,7 +225,7 @@ def nearest(diagnosis: Diagnosis) -> str:
         return ""
     sets = (" with ".join(fit.candidate.kind.title for fit in each.fits) for each in (naming.best, *naming.rivals[:1]))
     closest = ", or ".join(f"{title[0].lower()}{title[1:]}" for title in sets)
-    return f"the closest, {closest}, explains {share:.0%} of it"
+    return f"the closest, {closest}, explains {share:.0%} of it, but {why_not_named(naming)}"
 
 
 def faint(diagnosis: Diagnosis) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from pmg.pipeline.diagnosis.engine.conclusion import probabilities
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.document import SCHEMA, form_of, legible, near_ties
-from pmg.pipeline.diagnosis.grid.rivals import CLOSE, NONE_KNOWN, nearest_share, rival_row, why_open
+from pmg.pipeline.diagnosis.grid.rivals import CLOSE, NONE_KNOWN, nearest_share, rival_row, why_not_named, why_open
 from pmg.pipeline.diagnosis.motion.design.next_runs import LEAST_POWER, merged
 from pmg.pipeline.diagnosis.motion.fitted_size import IN_ALL, FittedSize
 from pmg.pipeline.diagnosis.motion.statement import (
@@ -181,7 +181,7 @@ def _rivals(diagnosis: MotionDiagnosis) -> list[dict[str, Any]]:
         return []
     if diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
         share = nearest_share(naming)
-        why = f"it explains {share:.0%} of the difference, but leaves more than noise, or fails on runs not used"
+        why = f"it explains {share:.0%} of the difference, but {why_not_named(naming, 'runs')}"
         return [rival_row(naming.best.fits, why)] if share >= CLOSE else []
     if diagnosis.verdict is not Verdict.AMBIGUOUS:
         return []

@@ -9,7 +9,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.law_words import bent_sentence
-from pmg.pipeline.diagnosis.grid.rivals import nearest_share
+from pmg.pipeline.diagnosis.grid.rivals import nearest_share, why_not_named
 from pmg.pipeline.diagnosis.grid.statement import NEAREST_FROM, PHRASES, SHAFT_WORDS
 from pmg.pipeline.diagnosis.motion.design.remedy import advice
 from pmg.pipeline.diagnosis.motion.evidence import OF_SHEET, OFF_SHEET
@@ -50,8 +50,10 @@ def statement(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
     sentences = [_place(diagnosis)]
     if naming is None or not diagnosis.verdict.names:
         share = 0.0 if naming is None else nearest_share(naming)
-        nearest = f" (the closest, {causes(naming.best)}, explains {share:.0%} of it)" if naming is not None else ""
-        nearest = nearest if share >= NEAREST_FROM else ""
+        nearest = ""
+        if naming is not None and share >= NEAREST_FROM:
+            but = f"explains {share:.0%} of it, but {why_not_named(naming, 'runs')}"
+            nearest = f" (the closest, {causes(naming.best)}, {but})"
         sentences.append(f"No mechanism of the catalogue explains it{nearest}. We can show where, not why.")
     elif diagnosis.verdict is Verdict.NAMED:
         sentences.append(f"Cause: {causes(naming.best, naming.shafts)}.")
