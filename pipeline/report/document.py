@@ -170,16 +170,14 @@ class Headline:
 
     Parameters
     ----------
-    text : str
-        One or two short sentences.
-    state : str
-        ``good``, ``attention`` or ``neutral``.
+    text, state : str
+        One or two short sentences; ``good``, ``attention`` or ``neutral``.
     counted : tuple of (label, value)
         Figures that stand before the text.
     warnings : tuple of Caution
         What stands behind it, before the warnings of the sections.
     asks : str
-        What it asks for, in two or three words, to stand above it; the word of its state where empty.
+        What it asks for in two or three words; empty where the word of its state says it.
     """
 
     text: str

@@ -263,9 +263,9 @@ def test_a_sheet_without_a_cause_says_so_and_costs_what_the_places_cost(judged: 
     assert "we can show where, not why. The closest, " in answers_of(unknown, residual)["Cause"]
     assert unknown.naming is not None
     for naming, why in (
-        (replace(unknown.naming, explained=True), "but it fails on readings not used for the fit."),
-        (replace(unknown.naming, explained=False), "but what it leaves is more than noise and an error of its form."),
-        (replace(unknown.naming, explained=False, against="it cannot be"), "but it cannot be."),
+        (replace(unknown.naming, explained=True), "but fails on readings not used for the fit."),
+        (replace(unknown.naming, explained=False), "but leaves more than noise."),
+        (replace(unknown.naming, explained=False, against="cannot be"), "but cannot be."),
     ):
         assert answers_of(replace(unknown, naming=naming), residual)["Cause"].endswith(why)
     place, readings = unknown.mismatch.locations[0], unknown.mismatch.readings

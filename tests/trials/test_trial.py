@@ -514,8 +514,7 @@ def test_a_trial_resumes_and_makes_no_campaign_twice(
     again = run_prove(folder, TrialOptions(campaigns=FEW, seed=SEED, workers=1))
     assert made == [2]
     after = json.loads(lost.read_text())
-    assert after.pop("seconds") != before.pop("seconds")
-    assert after == before
+    assert after | {"seconds": 0.0} == before | {"seconds": 0.0}  # the time that it took may be the same or not
     first, second = copy.deepcopy(data["scores"]), again.data["scores"]
     assert first.pop("time_s")["aim"] == second.pop("time_s")["aim"]
     assert json.dumps(first) == json.dumps(second), "same seed, same bytes but for times"

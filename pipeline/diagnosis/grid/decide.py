@@ -57,7 +57,7 @@ ROUNDS = 3
 JUDGE_DRAWS = 300
 """Synthetic campaigns behind the adequacy of an explanation."""
 
-DRIVEN = "the bearings would have to drive a shaft at rest"
+DRIVEN = "would have the bearings drive a shaft at rest"
 """Why a set that explains is not named: its baseline takes power from where there is none."""
 
 

@@ -87,10 +87,8 @@ def lifting(diagnosis: Diagnosis) -> str:
 
 def words_of_test(test: NextTest) -> str:
     """A test with its bench time and its power, as a sentence."""
-    plan = test.plan
-    return (
-        f"{plan.description} ({plan.seconds / MINUTE:.0f} min). It tells the causes apart {test.power:.0%} of the time."
-    )
+    plan, minutes = test.plan, f"{test.plan.seconds / MINUTE:.0f} min"
+    return f"{plan.description} ({minutes}; it tells them apart {test.power:.0%} of the time)."
 
 
 def best_test(tests: tuple[NextTest, ...]) -> NextTest:

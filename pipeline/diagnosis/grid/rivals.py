@@ -69,9 +69,9 @@ def near_causes(diagnosis: Diagnosis) -> tuple[list[tuple[CandidateFit, ...]], s
 
 def why_not_named(naming: Naming[Any, Any], withheld: str = "readings") -> str:
     """Why what comes nearest is not named, in words that go on after 'but'; `withheld`: what tested it."""
-    if naming.explained:
-        return f"it fails on {withheld} not used for the fit"
-    return naming.against or "what it leaves is more than noise and an error of its form"
+    return (
+        f"fails on {withheld} not used for the fit" if naming.explained else naming.against or "leaves more than noise"
+    )
 
 
 def nearest_share(naming: Naming[Any, Any]) -> float:
