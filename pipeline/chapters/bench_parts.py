@@ -34,18 +34,30 @@ CHAIN = (
 ON_THE_OTHER = {"sun": "ring", "ring": "sun"}
 
 
+LOOK = "Look for the cause"
 ASKS = {
     Verdict.CONSISTENT: "Check the warnings",
     Verdict.AMBIGUOUS: "Test again",
     Verdict.CONFOUNDED: "Test again",
-    Verdict.NOT_IN_LIBRARY: "Look for the cause",
+    Verdict.NOT_IN_LIBRARY: LOOK,
 }
 """What a verdict asks for that names no one cause, where not all is well."""
 
 
-def asked_of(verdict: Verdict, *, repair: bool = False) -> str:
-    """What a verdict asks for where not all is well; `repair`: whether something can be mended on the bench."""
-    return ASKS.get(verdict, "Act on the bench" if repair else "Extend the model")
+def asked_of(verdict: Verdict, *, repair: bool = False, test: bool = True) -> str:
+    """What a verdict asks for where not all is well.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        The verdict.
+    repair : bool
+        Whether something can be mended on the bench.
+    test : bool
+        Whether a test is known that would tell.
+    """
+    asks = ASKS.get(verdict, "Act on the bench" if repair else "Extend the model")
+    return asks if test or asks != ASKS[Verdict.AMBIGUOUS] else LOOK
 
 
 def bench_parts(

@@ -27,6 +27,7 @@ from pmg.pipeline.chapters.simulated.by_load import by_load_figures
 from pmg.pipeline.chapters.simulated.comparison import comparison_section
 from pmg.pipeline.chapters.studies.printed_simulation import printed_simulation_sections
 from pmg.pipeline.chapters.with_cause import behind_points, simulate_twice, with_switch
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.remedy import bench_action
 from pmg.pipeline.diagnosis.grid.statement import statement
 from pmg.pipeline.grid.conditions import conditions
@@ -244,5 +245,6 @@ def _verdict(
     state: Literal["good", "attention"] = (
         "attention" if diagnosis.verdict != "consistent" or warnings or above or faults else "good"
     )
-    asks = "" if state == "good" else asked_of(diagnosis.verdict, repair=bool(bench_action(diagnosis)))
+    test = bool(diagnosis.next_tests) or diagnosis.verdict is Verdict.CONFOUNDED
+    asks = "" if state == "good" else asked_of(diagnosis.verdict, repair=bool(bench_action(diagnosis)), test=test)
     return Headline(before + statement(diagnosis), state, tuple(figures), tuple(warnings), asks)

@@ -98,7 +98,9 @@ def correct_sensor_fault(
         model = fitted_model(fit_together(parts, fits, analysis, bench), {})
         faults = tuple(part for part in model.parts if issubclass(part.kind, Instrument))
         found.append(_without(faults, analysis, bench))
-    return tuple(replace(each, doubtful=diagnosis.weak or len(found) < len(explanations)) for each in found)
+    given = any(issubclass(part.kind, Instrument) for part in parts)
+    doubtful = not given and (diagnosis.weak or len(found) < len(explanations))
+    return tuple(replace(each, doubtful=doubtful) for each in found)
 
 
 def _explanations(diagnosis: Diagnosis) -> Iterator[tuple[CandidateFit, ...]]:

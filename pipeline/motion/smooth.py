@@ -133,15 +133,17 @@ class SmoothRun:
         return _low_pass(BAND, HALF, self.fine_rate)
 
     def rows(self, fine: Array) -> Array:
-        """Rows (m,) or (m, k) of a quantity at the fine samples (n,) or (n, k), low-passed."""
+        """Rows (m, ...) of a quantity at the fine samples (n, ...), low-passed; all of it finite."""
         at_once, step = _of_many(BAND, HALF, self.fine_rate), PER_ROW * AT_ONCE
-        count = (len(fine) - len(self.weights)) // PER_ROW + 1
+        count = max((len(fine) - len(self.weights)) // PER_ROW + 1, 0)
+        if not count:
+            return np.zeros((0, *fine.shape[1:]))
         blocks = -(-count // AT_ONCE)
         columns = np.zeros((at_once.shape[1] + step * (blocks - 1), math.prod(fine.shape[1:])))
         used = min(len(fine), len(columns))
         columns[:used] = fine[:used].reshape(used, -1)
         windows = sliding_window_view(columns, at_once.shape[1], axis=0)[::step].swapaxes(1, 2)
-        return np.asarray(at_once @ windows).reshape(-1, *fine.shape[1:])[:count]
+        return np.asarray(at_once @ windows).reshape(blocks * AT_ONCE, *fine.shape[1:])[:count]
 
 
 def smooth(run: MovingRun) -> SmoothRun:

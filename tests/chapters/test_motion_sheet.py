@@ -64,10 +64,12 @@ def test_a_named_cause_is_confirmed_in_the_run_that_shows_most_of_it() -> None:
     stretch_of: Any = SimpleNamespace(
         torque=np.array([3.0, 4.0]), side="ring", run=SimpleNamespace(run=SimpleNamespace(point="E_steps"))
     )
-    trace: Any = SimpleNamespace(stretch=stretch_of, before=np.array([0.0, 0.0]), after=np.array([2.9, 4.1]))
+    trace: Any = SimpleNamespace(
+        stretch=stretch_of, time=np.array([0.0, 1.0]), before=np.array([0.0, 0.0]), after=np.array([2.9, 4.1])
+    )
     rms = np.sqrt(12.5) * 1e3
     assert _expected((trace, 0.0)) == (
-        f" E_steps shows most: its ring torque was off by {rms:.1f} mN m rms without the cause and 100.0 with it."
+        f" Best is a run like E_steps: there the ring torque was off by {rms:.1f} mN m rms, with the cause by 100.0."
     )
     assert _expected(None) == ""
 

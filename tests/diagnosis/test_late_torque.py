@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from scipy.linalg import cholesky_banded
 from scipy.signal import lfilter
 from tests.diagnosis.test_motion import RATE, _campaign, _dither, _run, _with_torque
 
-from pmg.pipeline.diagnosis.balance.fitting import TermFit
+from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermFit, TermProblem, fit_term
+from pmg.pipeline.diagnosis.balance.library.term import Term
 from pmg.pipeline.diagnosis.engine.problem import bounded_sizes
 from pmg.pipeline.diagnosis.motion.constants import SKEW
 from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, diagnose_motion
@@ -78,6 +80,21 @@ def test_the_size_of_what_is_late_as_a_whole_is_its_time() -> None:
     assert size.error == pytest.approx(2.5e-4)
 
 
+def test_a_law_whose_amplitude_is_known_costs_its_time_alone() -> None:
+    rows = np.linspace(0.0, 1.0, 50)
+    law = replace(TERMS["channel_delay/sun/"], columns=lambda _, d: np.sin(20.0 * (rows + d))[:, None])
+
+    def columns_of(term: Term[Any], shape: float) -> Array:
+        return np.asarray(term.columns(None, shape))
+
+    shapes = np.geomspace(1e-3, 0.05, 20)
+    tables = {law.key: Tabled(law, shapes, np.stack([columns_of(law, d) for d in shapes], axis=1))}
+    problem = TermProblem(np.zeros((50, 0)), columns_of(law, 0.0071)[:, 0], columns_of, tables)
+    fit = fit_term(problem, law)
+    assert fit.shape == pytest.approx(0.0071, rel=1e-3)
+    assert (fit.cost, list(fit.amplitudes), fit.on_bound) == (1.0, [1.0], ())
+
+
 def test_what_is_only_compared_is_no_law_of_its_own() -> None:
     """A lag of second order stands beside a plainer one of the same mechanism and shaft."""
     compared = [term for term in TERMS.values() if term.only_compared]
@@ -112,11 +129,11 @@ def test_a_banded_matrix_is_solved_as_a_full_one(n: int, band: int, count: int, 
     np.testing.assert_allclose(whole @ BandedFactor.of(factor).solved(columns), columns, atol=1e-9)
 
 
-@pytest.mark.parametrize("length", [700, 701, 702, 815])
+@pytest.mark.parametrize("length", [60, 61, 62, 700, 701, 702, 815])
 def test_rows_are_the_weighted_samples_about_each_of_them(length: int) -> None:
     run = smooth(_run(1, Manoeuvre.DITHER, _dither(60.0), np.random.default_rng(1)))
     fine = np.random.default_rng(2).standard_normal((length, 2, 3))
     weights = run.weights
     starts = range(0, length - len(weights) + 1, 3)
-    expected = np.stack([np.tensordot(weights, fine[k : k + len(weights)], (0, 0)) for k in starts])
+    expected = [np.tensordot(weights, fine[k : k + len(weights)], (0, 0)) for k in starts] or np.zeros((0, 2, 3))
     np.testing.assert_allclose(replace(run, time=np.arange(length) / run.fine_rate).rows(fine), expected, atol=1e-12)

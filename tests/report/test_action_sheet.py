@@ -53,6 +53,7 @@ def test_the_word_above_a_verdict_says_what_it_asks_for() -> None:
     assert len(set(words)) == 4  # ambiguous and confounded both want a test
     assert asked_of(Verdict.NAMED) == "Extend the model"
     assert asked_of(Verdict.NAMED, repair=True) == "Act on the bench"
+    assert asked_of(Verdict.AMBIGUOUS, test=False) == asked_of(Verdict.NOT_IN_LIBRARY, test=False)
     page = html(replace(example.report(), verdict=Headline("It is so.", "attention", asks=asked_of(Verdict.AMBIGUOUS))))
     assert '<p class="state">Test again</p>' in page
     assert "Needs attention" not in page

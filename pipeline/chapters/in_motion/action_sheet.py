@@ -11,7 +11,7 @@ from pmg.pipeline.chapters.simulated.motion import TIME
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
 from pmg.pipeline.diagnosis.grid.track_record import IN_MOTION, track_record
-from pmg.pipeline.diagnosis.motion.design.remedy import bench_actions, next_run, where_to_look
+from pmg.pipeline.diagnosis.motion.design.remedy import bench_actions, next_run, where_to_look, would_tell
 from pmg.pipeline.diagnosis.motion.statement import (
     causes,
     effect_size,
@@ -105,7 +105,8 @@ def _answers(
     yield SheetAnswer("Next test", (_next(diagnosis, effects, traces),), "next-tests" if diagnosis.next_runs else "")
     yield SheetAnswer("In the model", (IN_THE_MODEL[diagnosis.verdict],))
     if costs := tuple(_costs(named, effects, traces)):
-        yield SheetAnswer("If ignored", costs)
+        first = ("If it is the first:",) if diagnosis.verdict is Verdict.AMBIGUOUS else ()
+        yield SheetAnswer("If ignored", (*first, *costs))
     elif diagnosis.verdict is Verdict.CONSISTENT:
         yield SheetAnswer("If ignored", ("Nothing: no difference beyond the noise.",))
     elif not diagnosis.mismatch.found:
@@ -130,7 +131,7 @@ def _action(diagnosis: MotionDiagnosis) -> str:
     if not diagnosis.mismatch.found:
         return "Nothing."
     if diagnosis.next_runs:
-        return "Repair nothing yet: the next test tells."
+        return "Repair nothing yet: the next test tells." if would_tell(diagnosis) else "Repair nothing yet."
     return f"Inspect {where_to_look(diagnosis)}."
 
 
@@ -150,14 +151,15 @@ def _next(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], tr
 
 
 def _expected(clearest: tuple[TorqueTrace, float] | None) -> str:
-    """The run that shows most of a cause, and the errors that it had without and with it."""
+    """The run that shows most of a cause, and how far off it was where it does, without the cause and with it."""
     if clearest is None:
         return ""
-    trace, _ = clearest
-    torque, side = trace.stretch.torque, trace.stretch.side
-    without, with_it = (np.sqrt(np.mean((torque - each) ** 2)) / MILLI for each in (trace.before, trace.after))
-    size = f"its {side} torque was off by {without:.1f} mN m rms without the cause and {with_it:.1f} with it"
-    return f" {trace.stretch.run.run.point} shows most: {size}."
+    trace, began = clearest
+    shown = (trace.time >= began) & (trace.time <= began + SHOWN)
+    off = ((trace.stretch.torque - each)[shown] / MILLI for each in (trace.before, trace.after))
+    without, with_it = (float(np.sqrt(np.mean(each**2))) for each in off)
+    size = f"there the {trace.stretch.side} torque was off by {without:.1f} mN m rms, with the cause by {with_it:.1f}"
+    return f" Best is a run like {trace.stretch.run.run.point}: {size}."
 
 
 def _difference(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> Iterator[str]:

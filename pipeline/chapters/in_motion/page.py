@@ -11,7 +11,7 @@ from pmg.pipeline.chapters.in_motion.bench import constants_section, loss_curve_
 from pmg.pipeline.chapters.in_motion.response import response_section
 from pmg.pipeline.chapters.in_motion.runs import runs_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
-from pmg.pipeline.diagnosis.motion.design.remedy import bench_actions
+from pmg.pipeline.diagnosis.motion.design.remedy import can_be_mended, would_tell
 from pmg.pipeline.diagnosis.motion.traces import effects_of, traces_of
 from pmg.pipeline.report.document import (
     Caution,
@@ -81,7 +81,7 @@ def motion_report(
             "good" if good else "attention",
             counted,
             tuple(map(Caution, warnings)),
-            "" if good else asked_of(diagnosis.verdict, repair=bool(bench_actions(diagnosis))),
+            "" if good else asked_of(diagnosis.verdict, repair=can_be_mended(diagnosis), test=would_tell(diagnosis)),
         ),
         sections=arranged(tuple(section for section in sections if section is not None)),
         provenance=Facts((*provenance, ("Versions", versions(PACKAGES)))),

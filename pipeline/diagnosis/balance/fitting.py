@@ -126,7 +126,7 @@ class TermProblem(WhitenedProblem[TermFit]):
         return TermProblem(basis, left, lambda term, shape: self.columns_of(term, shape)[rows], tables, self.absorbed)
 
     def slopes(self, fit: TermFit) -> Array:
-        """Whitened columns of a fitted term, and the derivative to its shape."""
+        """Whitened columns of a fitted term, also of an amplitude that is known, and the derivative to its shape."""
         columns = self.columns_of(fit.candidate, fit.shape)
         if fit.candidate.shape is None:
             return columns
@@ -189,14 +189,13 @@ def fit_term(problem: TermProblem, term: Term[Any], *, refine: bool = True) -> T
     _, amplitudes = bounded_sizes(seen, problem.left, bounds)
     at_end = [np.isclose(amplitudes, end, rtol=1e-9, atol=0.0) for end in bounds]
     low = at_end[0] & (at_end[0].all() or not term.of_parts)
-    free = np.array([not q.fixed for q in term.amplitudes])
-    at = (low | at_end[1]) & free
+    at = (low | at_end[1]) & term.free
     on_bound = [q.name for q, hit in zip(term.amplitudes, at, strict=True) if hit]
     if term.shape is not None and not 1.001 * term.shape.bounds[0] < shape < 0.999 * term.shape.bounds[1]:
         on_bound.append(term.shape.name)
     effect = seen @ amplitudes
     gain = float(problem.left @ problem.left - np.sum((problem.left - effect) ** 2))
-    cost = float(orthonormal(seen[:, free], 1e-2).shape[1]) if free.any() else 0.0
+    cost = float(orthonormal(seen[:, term.free], 1e-2).shape[1])
     return TermFit(term, gain, cost + shape_cost, effect, tuple(on_bound), amplitudes, shape)
 
 

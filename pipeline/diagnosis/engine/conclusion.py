@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 KNOWN = 0.7
 """Part of weak differences whose cause was in the catalogue: of trials with gains from 80 to 160 noise variances."""
 
+UNTRIED = "cannot be tried on data not used for the fit: there are too few"
+"""Why a set that explains is not named where nothing could be withheld."""
+
 NOT_WORSE = 1.03
 """Withheld error with a weak candidate in, over that without, up to which it stays in the set of what may be."""
 
@@ -87,6 +90,8 @@ def conclude(
             naming = _with_parts(problem, catalogue, naming, held)
             verdict = Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
             return Conclusion(verdict=verdict, naming=naming, held_out=held)
+        if held is None:
+            naming = replace(naming, against=UNTRIED)
     if naming.weak:
         best, *others = naming.weak
         held = prove(best)

@@ -93,7 +93,7 @@ class Naming(Generic[F, P]):
     evidence_scale : float
         Factor on a difference of scores that counts as evidence; less than 1 where a part of it is an error of form.
     against : str
-        Why a set is not good enough that leaves no more than it may; empty otherwise.
+        Why a set is not named that leaves no more than it may, where it did not fail a proof; empty otherwise.
     """
 
     best: Explanation[F, P]

@@ -140,7 +140,7 @@ def freed(columns: Array, y: Array) -> tuple[Array, Array]:
 
 def bounded_sizes(seen: Array, left: Array, bounds: Array) -> tuple[float, Array]:
     """Sum of squares that columns (m, k) leave, and the sizes (k,) inside their bounds (2, k); equal ones fix it."""
-    free, sizes = bounds[0] < bounds[1], bounds[0].copy()
+    free, sizes = bounds[0] != bounds[1], bounds[0].astype(np.float64)
     rest = left - seen[:, ~free] @ sizes[~free]
     if not free.any():
         return float(rest @ rest), sizes

@@ -69,9 +69,8 @@ def near_causes(diagnosis: Diagnosis) -> tuple[list[tuple[CandidateFit, ...]], s
 
 def why_not_named(naming: Naming[Any, Any], withheld: str = "readings") -> str:
     """Why what comes nearest is not named, in words that go on after 'but'; `withheld`: what tested it."""
-    return (
-        f"fails on {withheld} not used for the fit" if naming.explained else naming.against or "leaves more than noise"
-    )
+    failed = f"fails on {withheld} not used for the fit" if naming.explained else "leaves more than noise"
+    return naming.against or failed
 
 
 def nearest_share(naming: Naming[Any, Any]) -> float:
@@ -112,7 +111,7 @@ def why_open(conclusion: Conclusion[Any, Any], place: int) -> str:
     if conclusion.weak:
         return "the difference is too weak to name its cause"
     if closer > MARGIN and naming.evidence_scale < 1.0:
-        return "the first fits better, but by less than an error in the form of drag or damping is worth"
+        return "the first fits better, but by less than an error in the form of its law is worth"
     if closer > MARGIN:
         return "the first fits better, but by less than what its own law leaves unexplained"
     if closer <= math.log(2.0):

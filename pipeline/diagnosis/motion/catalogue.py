@@ -32,6 +32,12 @@ SMALL_REST = 0.01
 """Part of the torque that a constant moves which it may leave over, and pass for the error of its form."""
 
 
+def form_margin(one: tuple[TermFit, ...], other: tuple[TermFit, ...]) -> float:
+    """Part of the evidence by which a set must beat another: more where both are late, which are told apart last."""
+    late = all(any(cast("MotionTerm", fit.candidate).comes_late for fit in fits) for fits in (one, other))
+    return LATE_ALIKE if late else FORM_MARGIN
+
+
 class MotionCatalogue(TermCatalogue):
     """The mechanisms that runs in motion may show."""
 
@@ -64,7 +70,7 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem, terms: tuple
     late = [place for place, fit in enumerate(best.fits) if cast("MotionTerm", fit.candidate).comes_late]
     if not naming.explained or not late:
         return naming
-    known, found, alike = {best.ids, *(rival.ids for rival in naming.rivals)}, list(naming.rivals), 0.0
+    found, alike = {rival.ids: rival for rival in naming.rivals}, 0.0
     for place in late:
         fit, rest = best.fits[place], TermSet((), problem)
         for other in (*best.fits[:place], *best.fits[place + 1 :]):
@@ -75,12 +81,25 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem, terms: tuple
                 continue
             other = fit_term(rest.problem, law)
             rival = rest.plus(other)
-            if other.admissible and other.gain > (1.0 - LATE_ALIKE) * named.gain and rival.ids not in known:
-                found.append(rival)
-                known.add(rival.ids)
-                alike = LATE_ALIKE * named.gain
-    scale = min(naming.evidence_scale, MARGIN / (MARGIN + alike))
-    return replace(naming, rivals=tuple(found), evidence_scale=scale)
+            near = other.admissible and other.gain > (1.0 - LATE_ALIKE) * named.gain
+            if near and (rival.ids not in found or rival.score > found[rival.ids].score):
+                found[rival.ids] = rival
+                alike = max(alike, LATE_ALIKE * named.gain)
+    by_evidence = sorted(found.values(), key=lambda rival: -rival.score)
+    return replace(
+        naming, rivals=tuple(by_evidence), evidence_scale=min(naming.evidence_scale, MARGIN / (MARGIN + alike))
+    )
+
+
+def columns_beside(found: MotionEvidence, fits: tuple[TermFit, ...]) -> Array:
+    """Columns (m, k) of the constants; a skew beside a delay is so much more of it: only its data sheet tells it."""
+    columns = found.columns.copy()
+    for fit in fits:
+        if cast("MotionTerm", fit.candidate).comes_late and fit.candidate.whole:
+            slope = found.problem.slopes(fit)[:, -1]
+            for at in map(found.baseline.sheet.at, cast("MotionTerm", fit.candidate).mimicked_by):
+                columns[~found.of_sheet, at] = slope[~found.of_sheet]
+    return columns
 
 
 def with_small_rest(naming: TermNaming, found: MotionEvidence) -> TermNaming:

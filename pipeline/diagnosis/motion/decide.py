@@ -16,7 +16,12 @@ from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, Mismatch, s
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
-from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, with_late_look_alikes, with_small_rest
+from pmg.pipeline.diagnosis.motion.catalogue import (
+    MotionCatalogue,
+    columns_beside,
+    with_late_look_alikes,
+    with_small_rest,
+)
 from pmg.pipeline.diagnosis.motion.design.next_runs import runs_to_see, runs_to_tell
 from pmg.pipeline.diagnosis.motion.design.unseen import unseen
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
@@ -37,7 +42,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.evidence import Family, MotionEvidence
     from pmg.pipeline.diagnosis.motion.fitted_size import FittedSize
     from pmg.pipeline.diagnosis.motion.noise import RowNoise
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
@@ -244,8 +248,8 @@ def _together(
     What is known of a mechanism is not fitted: its error is zero.
     """
     slopes = [found.problem.slopes(fit) for fit in fits]
-    known = [np.array([quantity.fixed for quantity in fit.candidate.parameters]) for fit in fits]
-    columns = np.hstack([_beside_delay(found, fits, slopes), *(s * ~k for s, k in zip(slopes, known, strict=True))])
+    free = [np.array([not quantity.fixed for quantity in fit.candidate.parameters]) for fit in fits]
+    columns = np.hstack([columns_beside(found, fits), *(s * f for s, f in zip(slopes, free, strict=True))])
     effect = sum((s[:, : len(f.amplitudes)] @ f.amplitudes for s, f in zip(slopes, fits, strict=True)), 0.0 * found.y)
     length = np.linalg.norm(columns, axis=0)
     length[length == 0.0] = 1.0
@@ -273,17 +277,6 @@ def _together(
         tuple(np.split(errors, ends)[1 : 1 + len(fits)]),
         wholes,
     )
-
-
-def _beside_delay(found: MotionEvidence, fits: tuple[TermFit, ...], slopes: list[Array]) -> Array:
-    """Columns (m, k) of the constants; a skew beside a delay is so much more of it: only its data sheet tells it."""
-    columns = found.columns.copy()
-    for fit, slope in zip(fits, slopes, strict=True):
-        term = cast("MotionTerm", fit.candidate)
-        if term.comes_late and term.whole:
-            for at in map(found.baseline.sheet.at, term.mimicked_by):
-                columns[~found.of_sheet, at] = slope[~found.of_sheet, -1]
-    return columns
 
 
 def _absorbed(before: MotionBaseline, constants: Array, errors: Array) -> tuple[Absorbed, ...]:

@@ -73,7 +73,7 @@ class FittedSize:
 def fitted_size(
     fit: TermFit, values: Array, covariance: Array, poles: PerShaft[int], of_law: float = 0.0
 ) -> FittedSize:
-    """The size of a fitted mechanism: of several parameters the amplitude of a wave, the sum, or the one known best.
+    """The size of a fitted mechanism: the amplitude of a wave, the time of a delay, the sum, or what is known best.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def fitted_size(
     poles : PerShaft of int
         Pole pairs of the rotors.
     of_law : float
-        What its law adds to the standard error of a sum.
+        What its law adds to the standard error of a sum or a delay.
     """
     term, count = cast("MotionTerm", fit.candidate), len(fit.amplitudes)
     remark = f" on the pole angle; a rotor feels it times its pole pairs ({poles.sun} sun, {poles.ring} ring)"
@@ -130,7 +130,7 @@ def error_of_law(problem: TermProblem, fits: tuple[TermFit, ...], place: int, te
     Notes
     -----
     A drag that rises over an angle in one way or in another has another size where it never rises to the end. What the
-    runs exclude by far, with less than `LIKELY_LAW` of the gain, does not count.
+    runs exclude by far, with less than `LIKELY_LAW` of the gain (`LIKELY_WHEN_LATE`), does not count.
     """
     fit = fits[place]
     if (size := _one_size(fit)) is None:

@@ -78,7 +78,7 @@ class BandedFactor:
     inverses : tuple of (r, r) array
         Of its blocks of `BLOCK` rows on the diagonal; of the last one fewer.
     links : tuple of (r, b) array
-        What each block takes of the b solved rows before it, solved; none of the first.
+        What each block takes of the b solved rows before it, solved; zero of the first.
     """
 
     band: Array

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 
 HELD_AT_MOST = 20e-3
-"""Longest delay of a torque that is held [s]: beyond, its steps reach into the band of the rows."""
+"""Longest delay of a torque that is held [s]. From 12 ms on, the series of its law is off by a tenth and more at 20 Hz;
+from 18 ms on, its steps reach into the band of the rows."""
 
 WHOLE = (Quantity("part", "1", (1.0, 1.0)),)
 """Amplitude of what comes late as a whole."""

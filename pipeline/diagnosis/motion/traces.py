@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.motion.catalogue import columns_beside
 from pmg.pipeline.diagnosis.motion.fitted import slow_noise_beside_drift
 from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_spread
 from pmg.pipeline.diagnosis.motion.view import views_of
@@ -104,7 +105,8 @@ def effects_of(diagnosis: MotionDiagnosis, others: tuple[TermFit, ...] = ()) -> 
 def constants_covariance(diagnosis: MotionDiagnosis) -> Array:
     """Covariance (k, k) of the constants, fitted together with the parameters of what is named."""
     found = diagnosis.evidence
-    columns = np.hstack([found.columns, *(found.problem.slopes(fit) for fit in named_fits(diagnosis))])
+    fits = named_fits(diagnosis)
+    columns = np.hstack([columns_beside(found, fits), *(found.problem.slopes(fit) for fit in fits)])
     length = np.linalg.norm(columns, axis=0)
     length[length == 0.0] = 1.0
     inverse = np.linalg.pinv(columns / length, rcond=1e-9)[: found.columns.shape[1]]

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from pmg.sim.signals import Array
+    from pmg.sim.signals import Array, Mask
     from pmg.sim.sources import Source
 
 
@@ -244,6 +244,11 @@ class Term(Generic[M]):
     def whole(self) -> bool:
         """Whether its amplitudes are known, so that its shape is its size."""
         return self.shape is not None and all(quantity.fixed for quantity in self.amplitudes)
+
+    @property
+    def free(self) -> Mask:
+        """Which of its amplitudes are not known (a,)."""
+        return np.array([not quantity.fixed for quantity in self.amplitudes])
 
     @property
     def single(self) -> bool:

@@ -11,7 +11,7 @@ from scipy import stats
 
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.engine.separation import power_to_separate, squares_beyond
-from pmg.pipeline.diagnosis.motion.catalogue import FORM_MARGIN, MotionCatalogue
+from pmg.pipeline.diagnosis.motion.catalogue import MotionCatalogue, form_margin
 from pmg.pipeline.diagnosis.motion.design.proposed_run import with_runs
 from pmg.pipeline.diagnosis.motion.design.unseen import TOLD, smallest_told, worth_knowing
 from pmg.pipeline.diagnosis.motion.noise import row_noise
@@ -100,7 +100,7 @@ class Foresight:
             beside = np.hstack([self.columns, *(self._problem.slopes(fit) for fit in sets[1 - k])])
             apart = squares_beyond((effects[k] - effects[1 - k])[:, None], beside)[0]
             whole = squares_beyond(effects[k][:, None], self.columns)[0]
-            powers.append(power_to_separate(float(apart), MARGIN + FORM_MARGIN * float(whole)))
+            powers.append(power_to_separate(float(apart), MARGIN + form_margin(*sets) * float(whole)))
             powers.append(power_to_separate(float(whole), MotionCatalogue().weak_below(sets[k])))
         return min(powers)
 

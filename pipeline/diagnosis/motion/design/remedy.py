@@ -31,6 +31,9 @@ REMEDIES = {
 }
 """What to do about a mechanism; the others belong into the model."""
 
+OF_FILE = ("pull_out_torque",)
+"""Mechanisms that are mended in the file of the bench, not on it."""
+
 INTO_MODEL = "put the law with its fitted parameters (see `diagnosis.json`) into the model of the drive"
 
 
@@ -55,6 +58,17 @@ def bench_actions(diagnosis: MotionDiagnosis) -> tuple[str, ...]:
         where = {"either": "sun or ring", "both": "sun and ring"}.get(shaft, shaft)
         actions.append(REMEDIES.get(fit.identifier, "").format(shaft=where))
     return tuple(dict.fromkeys(filter(None, actions)))
+
+
+def can_be_mended(diagnosis: MotionDiagnosis) -> bool:
+    """Whether something named can be mended on the bench: more than a figure of its file."""
+    fits = () if diagnosis.naming is None or diagnosis.verdict is not Verdict.NAMED else diagnosis.naming.best.fits
+    return any(fit.identifier in REMEDIES and fit.identifier not in OF_FILE for fit in fits)
+
+
+def would_tell(diagnosis: MotionDiagnosis) -> bool:
+    """Whether a run is known that would tell, more likely than not."""
+    return any(run.power >= LEAST_POWER for run in diagnosis.next_runs)
 
 
 def next_run(diagnosis: MotionDiagnosis) -> str:
