@@ -172,8 +172,8 @@ def test_a_transducer_is_known_only_where_every_recording_names_the_same() -> No
 
 
 def test_what_one_campaign_alone_recorded_stands_among_the_conditions(monkeypatch: pytest.MonkeyPatch) -> None:
-    told = iter((Conditions((("Campaign", "a"),)), Conditions((("Campaign", "b"), ("Temperature, room", "20 °C")))))
-    monkeypatch.setattr(tables, "conditions", lambda _: next(told))
+    recorded = iter((Conditions((("Campaign", "a"),)), Conditions((("Campaign", "b"), ("Temperature, room", "20 °C")))))
+    monkeypatch.setattr(tables, "conditions", lambda _: next(recorded))
     rows = conditions_table(subtract(side("A", 1), side("B", 2), Reach())).rows
     assert ("Campaign", "a", "b", "differs") in rows
     assert ("Temperature, room", NOT_RECORDED, "20 °C", "not known") in rows

@@ -96,7 +96,7 @@ def test_a_law_whose_amplitude_is_known_costs_its_time_alone() -> None:
 
 
 def test_what_is_only_compared_is_no_law_of_its_own() -> None:
-    """A lag of second order stands beside a plainer one of the same mechanism and shaft."""
+    """For each law that is only compared, the library can name a simpler one of the same mechanism and shaft."""
     compared = [term for term in TERMS.values() if term.only_compared]
     assert compared
     for term in compared:

@@ -58,7 +58,7 @@ JUDGE_DRAWS = 300
 """Synthetic campaigns behind the adequacy of an explanation."""
 
 DRIVEN = "would have the bearings drive a shaft at rest"
-"""Why a set that explains is not named: its baseline takes power from where there is none."""
+"""Reason against a set that explains: with it, the fitted bearings would supply power to a shaft at rest."""
 
 
 def diagnose(

@@ -1,4 +1,4 @@
-"""The catalogue in motion: candidates fitted beside the constants, what an error of form is worth, and look-alikes."""
+"""The catalogue in motion: candidates beside the constants, margins for errors of form, look-alikes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SMALL_REST = 0.01
 
 
 def form_margin(one: tuple[TermFit, ...], other: tuple[TermFit, ...]) -> float:
-    """Part of the evidence by which a set must beat another: more where both are late, which are told apart last."""
+    """Part of the evidence by which a set must beat another; larger where both delay a torque, as those look alike."""
     late = all(any(cast("MotionTerm", fit.candidate).comes_late for fit in fits) for fits in (one, other))
     return LATE_ALIKE if late else FORM_MARGIN
 
@@ -92,7 +92,7 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem, terms: tuple
 
 
 def columns_beside(found: MotionEvidence, fits: tuple[TermFit, ...]) -> Array:
-    """Columns (m, k) of the constants; a skew beside a delay is so much more of it: only its data sheet tells it."""
+    """Columns (m, k) of the constants. A skew adds to a named delay; only the data sheet separates the two."""
     columns = found.columns.copy()
     for fit in fits:
         if cast("MotionTerm", fit.candidate).comes_late and fit.candidate.whole:
