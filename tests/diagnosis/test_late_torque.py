@@ -22,7 +22,7 @@ from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, diagnose_motio
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.fitted_size import fitted_size
 from pmg.pipeline.diagnosis.motion.library import library
-from pmg.pipeline.diagnosis.motion.noise import BandedFactor
+from pmg.pipeline.diagnosis.motion.noise import BandedFactor, RowNoise
 from pmg.pipeline.motion.smooth import smooth
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.bench import load_bench
@@ -59,7 +59,8 @@ def test_a_delay_is_named_whole_with_its_time(time: float) -> None:
     (size,) = found.fitted_sizes
     assert (size.name, size.unit) == ("delay", "s")
     assert size.value == pytest.approx(time + 0.5 / RATE, abs=1e-4)  # angles of these runs are ahead by half a sample
-    assert SKEW < size.error < 0.2 * time  # what the data sheet leaves open between the channels is as good a delay
+    # What the data sheet leaves open between the channels is as good a delay; a torque that is held may stay possible.
+    assert SKEW < size.error < 0.25 * time
     (mechanism, *_) = motion_document(found)["mechanisms"]
     assert [each["name"] for each in mechanism["parameters"]] == ["delay"]
 
@@ -81,8 +82,8 @@ def test_the_size_of_what_is_late_as_a_whole_is_its_time() -> None:
 
 
 def test_a_law_whose_amplitude_is_known_costs_its_time_alone() -> None:
-    rows = np.linspace(0.0, 1.0, 50)
-    law = replace(TERMS["channel_delay/sun/"], columns=lambda _, d: np.sin(20.0 * (rows + d))[:, None])
+    rows, size = np.linspace(0.0, 1.0, 50), 1000.0  # of the wave, in units of the noise
+    law = replace(TERMS["channel_delay/sun/"], columns=lambda _, d: size * np.sin(20.0 * (rows + d))[:, None])
 
     def columns_of(term: Term[Any], shape: float) -> Array:
         return np.asarray(term.columns(None, shape))
@@ -127,6 +128,33 @@ def test_a_banded_matrix_is_solved_as_a_full_one(n: int, band: int, count: int, 
         whole += np.diag(row[: n - k], -k)
     columns = rng.standard_normal((n, count))
     np.testing.assert_allclose(whole @ BandedFactor.of(factor).solved(columns), columns, atol=1e-9)
+    np.testing.assert_allclose(whole.T @ BandedFactor.of(factor).adjoint(columns), columns, atol=1e-9)
+
+
+@given(st.integers(1, 150), st.integers(1, 3), st.integers(0, 99))
+def test_rows_weighted_before_they_are_whitened_give_the_same_products(n: int, count: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    slow = np.linalg.qr(rng.standard_normal((n, min(n, 4))))[0]
+    band = np.stack([np.full(n, 1.5), np.full(n, 0.6)])
+    noise = RowNoise(
+        BandedFactor.of(cholesky_banded(band, lower=True)), slow, np.asarray(rng.uniform(0.0, 1.0, slow.shape[1]))
+    )
+    one, other = rng.standard_normal((2, n, count))
+    np.testing.assert_allclose(noise.adjoint(one).T @ other, one.T @ noise.white(other), atol=1e-9)
+
+
+@given(st.floats(0.002, 0.028), st.floats(1.0, 60.0))
+def test_a_shape_between_those_tabled_is_found_to_less_than_the_noise(delay: float, rate: float) -> None:
+    rows, size = np.linspace(0.0, 1.0, 50), 30.0  # of the wave, in units of the noise
+    law = replace(TERMS["channel_delay/sun/"], columns=lambda _, d: size * np.sin(rate * (rows + d))[:, None])
+
+    def columns_of(term: Term[Any], shape: float) -> Array:
+        return np.asarray(term.columns(None, shape))
+
+    shapes = np.geomspace(1e-3, 0.05, 8)
+    tables = {law.key: Tabled(law, shapes, np.stack([columns_of(law, d) for d in shapes], axis=1))}
+    problem = TermProblem(np.zeros((50, 0)), columns_of(law, delay)[:, 0], columns_of, tables)
+    assert fit_term(problem, law).gain > problem.left @ problem.left - 2.0
 
 
 @pytest.mark.parametrize("length", [60, 61, 62, 700, 701, 702, 815])

@@ -26,7 +26,7 @@ from pmg.pipeline.diagnosis.motion.noise import SlowNoise, slow_noise_of
 from pmg.pipeline.diagnosis.motion.reading_terms import _unheld
 from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
 from pmg.pipeline.diagnosis.motion.terms import signed, stack, term
-from pmg.pipeline.diagnosis.motion.view import RotorView, waves_of
+from pmg.pipeline.diagnosis.motion.view import EVERY, RotorView, lagging, stopping, waves_of
 from pmg.pipeline.motion.run import MovingRun
 from pmg.pipeline.motion.smooth import FINE_RATE, fine_response, smooth
 from pmg.pipeline.recording.run_records import Manoeuvre
@@ -176,3 +176,17 @@ def test_a_loss_curve_is_less_sure_between_the_speeds_at_which_it_is_fitted() ->
     assert loss_curve(sheet, sheet.expected, known, "sun", at)[1] == pytest.approx(0.0, abs=1e-9)
     halfway = loss_curve(sheet, sheet.expected, known, "sun", between)[1]
     assert halfway == pytest.approx(np.array(BETWEEN), rel=1e-6)
+
+
+@given(st.floats(0.003, 3.0), st.integers(2, 400), st.integers(0, 99))
+def test_a_bristle_and_a_stop_follow_their_laws_step_by_step(over: float, count: int, seed: int) -> None:
+    angle = np.cumsum(0.1 * np.random.default_rng(seed).standard_normal(count))
+    bristle, stop, bristles, stops = 0.0, 0.0, [], []
+    for step in np.diff(angle[::EVERY], prepend=angle[0]) / over:
+        sense = np.sign(step)
+        bristle = sense + (bristle - sense) * np.exp(-abs(step)) if sense else bristle
+        stop = min(max(stop + step, -1.0), 1.0)
+        bristles.append(bristle)
+        stops.append(stop)
+    np.testing.assert_allclose(lagging(angle, over)[::EVERY], bristles, atol=1e-12)
+    np.testing.assert_allclose(stopping(angle, over)[::EVERY], stops, atol=1e-12)

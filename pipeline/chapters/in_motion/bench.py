@@ -166,6 +166,6 @@ def _joined(parts: list[Array]) -> Array:
 def _without(trace: TorqueTrace, names: tuple[str, ...], diagnosis: MotionDiagnosis) -> Array:
     """Measured torque less all that the constants make of it but some, (n,): the cause is not taken out."""
     baseline = final_baseline(diagnosis)
-    columns = linear_columns(trace.state, baseline.sheet, baseline.values)
+    columns = linear_columns(trace.state)
     kept = sum(diagnosis.constants[baseline.sheet.at(name)] * columns[name] for name in names)
     return np.asarray(trace.stretch.torque - trace.of_constants + trace.stretch.of_rows(np.asarray(kept)))

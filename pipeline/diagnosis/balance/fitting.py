@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from pmg.pipeline.diagnosis.balance.library.term import Term
 from pmg.pipeline.diagnosis.balance.periods import periods
@@ -27,6 +26,18 @@ SHAPES = 24
 
 AT_ONCE = 32
 """Values of a shape whose columns are filtered at once."""
+
+PARTS, TRIED = 1024, 12
+"""Parts of two steps of the grid between which the best shape is taken, and shapes tried on the way to it at most."""
+
+UNEVEN = 4
+"""Distance to the known shape on one side, over that on the other, up to which a parabola joins all three."""
+
+NEAR = 128
+"""Parts up to which the neighbours of the best must have come near for no other to be tried."""
+
+WORTH = 0.05
+"""Gain [noise variances] that another shape must promise to be tried."""
 
 
 @dataclass(frozen=True)
@@ -175,7 +186,7 @@ def fit_term(problem: TermProblem, term: Term[Any], *, refine: bool = True) -> T
     best = inner if untold else best
     shape = float(table.shapes[best])
     if term.shape is not None and refine and not untold:
-        shape = _refined(problem, term, table.shapes, best, float(gains[best]))
+        shape = _refined(problem, term, table.shapes, gains, best)
     tabled = term.shape is None or shape == table.shapes[best]
     whole = table.columns[:, best] if tabled else problem.columns_of(term, shape)
     seen = problem.project(whole)
@@ -212,18 +223,57 @@ def _gains(seen: Array, left: Array, term: Term[Any]) -> Array:
     return np.asarray(np.einsum("ga,ga->g", along, np.linalg.solve(square + ridge, along[:, :, None])[:, :, 0]))
 
 
-def _refined(problem: TermProblem, term: Term[Any], shapes: Array, best: int, gain: float) -> float:
-    """The shape between its neighbours on the grid that fits best."""
+def _refined(problem: TermProblem, term: Term[Any], shapes: Array, gains: Array, best: int) -> float:
+    """The shape between its neighbours on the grid that fits best: vertices of parabolas through the best three."""
     turn = (lambda x: 1.0 / x) if term.even_grid else math.exp
     back = (lambda s: 1.0 / s) if term.even_grid else math.log
-    ends = sorted(back(float(shapes[k])) for k in (max(best - 1, 0), min(best + 1, len(shapes) - 1)))
+    ends = max(best - 1, 0), min(best + 1, len(shapes) - 1)
+    start, stop = (back(float(shapes[k])) for k in ends)
 
-    def loss(x: float) -> float:
-        seen = problem.project(problem.columns_of(term, turn(x)))
-        return -float(_gains(seen[:, None, :], problem.left, term)[0])
+    def shape_at(part: int) -> float:
+        return turn(start + (stop - start) * part / PARTS)
 
-    found = minimize_scalar(loss, bounds=(ends[0], ends[1]), method="bounded", options={"maxiter": 16})
-    return float(turn(found.x)) if -found.fun > gain else float(shapes[best])
+    def gain_at(part: int) -> float:
+        seen = problem.project(problem.columns_of(term, shape_at(part)))
+        return float(_gains(seen[:, None, :], problem.left, term)[0])
+
+    known = {0: float(gains[ends[0]]), PARTS: float(gains[ends[1]])}
+    middle = round(PARTS * (back(float(shapes[best])) - start) / (stop - start)) if stop != start else 0
+    known[middle] = float(gains[best])
+    if len(known) < 3:  # the best is at an end of the grid
+        known[PARTS // 2] = gain_at(PARTS // 2)
+    for _ in range(TRIED):
+        part = _next_part(known)
+        if part in known:
+            break
+        known[part] = gain_at(part)
+    now = max(known, key=lambda part: known[part])
+    return float(shapes[best]) if now == middle else shape_at(now)
+
+
+def _next_part(known: dict[int, float]) -> int:
+    """Where the parabola through the best known value and its neighbours is highest; a known one where it is enough."""
+    parts, now = sorted(known), max(known, key=lambda part: known[part])
+    at = parts.index(now)
+    low, high = parts[max(at - 1, 0)], parts[min(at + 1, len(parts) - 1)]
+    if now in (low, high):  # an end is best so far: halve what is next to it
+        return (low + high) // 2
+    left, right = now - low, high - now
+    if left > UNEVEN * right:  # a parabola over such a gap is far from the gains
+        return now - 2 * right
+    if right > UNEVEN * left:
+        return now + 2 * left
+    fall_left, fall_right = known[now] - known[low], known[now] - known[high]
+    bend = right * fall_left + left * fall_right
+    if bend <= 0.0:  # three of one height
+        return now
+    away = 0.5 * (right**2 * fall_left - left**2 * fall_right) / bend
+    higher = away**2 * bend / (left * right * (left + right))
+    if higher > WORTH:
+        return min(max(round(now + away), low + 1), high - 1)
+    if max(left, right) <= NEAR:
+        return now
+    return now + right // 4 if right > left else now - left // 4
 
 
 def shape_step(term: Term[Any], shape: float) -> tuple[float, float]:

@@ -15,6 +15,8 @@ from pmg.pipeline.diagnosis.motion.stance import encoder_columns, stance_columns
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    import numpy.typing as npt
+
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
     from pmg.pipeline.diagnosis.motion.rows import RotorRows, RotorState
     from pmg.sim.signals import Array
@@ -24,6 +26,9 @@ ITERATIONS = 8
 
 SETTLED = 0.02
 """Step over standard error below which the constants are settled."""
+
+STRAIGHT = 10.0
+"""Step over standard error up to which the columns of the constants stay as they are: they change by a thousandth."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +70,7 @@ class MotionBaseline:
 
     def predicted(self, place: int) -> Array:
         """Torque that the transducer of a stretch should show [N m], (n,)."""
-        columns = linear_columns(self.states[place], self.sheet, self.values)
+        columns = linear_columns(self.states[place])
         fine = np.asarray(sum(self.values[self.sheet.at(name)] * column for name, column in columns.items()))
         return self.stretches[place].of_rows(fine)
 
@@ -81,8 +86,8 @@ class MotionBaseline:
     def columns(self, place: int) -> Array:
         """Change of a stretch's torque per change of each constant (n, k)."""
         state = self.states[place]
-        slopes = linear_columns(state, self.sheet, self.values)
-        slopes |= encoder_columns(state, self.sheet, self.values) | stance_columns(state, self.sheet, self.values)
+        slopes = linear_columns(state)
+        slopes |= encoder_columns(state) | stance_columns(state)
         found = np.zeros((len(state.stretch), len(self.sheet)))
         found[:, [self.sheet.at(name) for name in slopes]] = state.stretch.of_rows(np.stack(list(slopes.values()), 1))
         return found
@@ -116,30 +121,73 @@ def fit_baseline(
     extra : callable, optional
         Further columns (n, j) at the fine samples of each stretch of a baseline, whose amplitudes are free.
     """
-    found, covariance = start, np.zeros((0, 0))
+    found, at = start, None
     for _ in range(ITERATIONS):
-        others = [] if extra is None else extra(found.clean)
-        squares = _squares_of_sheet(found, others[0].shape[1] if others else 0)
-        for place in range(len(found.stretches)):
-            own = [found.stretches[place].of_rows(columns) for columns in others[place : place + 1]]
-            rows = white(place, np.hstack([found.clean.columns(place), *own, found.missing(place)[:, None]]))
-            squares += rows.T @ rows
-        k, length = len(found.sheet), np.sqrt(np.diag(squares)[:-1])
-        length[length == 0.0] = 1.0
-        scale = np.outer(length, length)
-        covariance = np.linalg.pinv(squares[:-1, :-1] / scale, rcond=1e-13, hermitian=True) / scale
-        moved = covariance @ squares[:-1, -1]
-        beside = tuple(columns @ moved[k:] for columns in others)
+        at = at or _linearised(found, white, extra)
+        k = len(found.sheet)
+        along = at.of_sheet.T @ _off_sheet(found)
+        for place, columns in enumerate(at.columns):
+            along += columns.T @ white(place, found.missing(place)[:, None])[:, 0]
+        moved = at.covariance @ along
+        beside = tuple(columns @ moved[k:] for columns in at.others)
         found = replace(found, values=found.values + moved[:k], beside=beside, amounts=moved[k:])
-        if np.all(np.abs(moved[:k]) <= SETTLED * np.sqrt(np.diag(covariance)[:k]) + 1e-12):
+        errors = np.sqrt(np.diag(at.covariance)[:k])
+        if np.all(np.abs(moved[:k]) <= SETTLED * errors + 1e-12):
             break
-    return found, covariance
+        if np.any(np.abs(moved[:k]) > STRAIGHT * errors):
+            at = None
+    return found, (at or _linearised(found, white, extra)).covariance
 
 
-def _squares_of_sheet(found: MotionBaseline, more: int) -> Array:
-    """Sums of squares and products of the rows of the data sheet, beside `more` columns, and of what they leave."""
-    known = np.flatnonzero(np.isfinite(found.sheet.spread))
-    rows = np.zeros((len(known), len(found.sheet) + more + 1))
-    rows[np.arange(len(known)), known] = 1.0 / found.sheet.spread[known]
-    rows[:, -1] = (found.sheet.expected - found.values)[known] / found.sheet.spread[known]
-    return rows.T @ rows
+@dataclass(frozen=True)
+class _Linearised:
+    """A baseline about some values of its constants, whitened.
+
+    Parameters
+    ----------
+    columns : tuple of (n, k + a) array
+        Of each stretch: change of its rows per change of the constants and of the amplitudes beside them.
+    of_sheet : (s, k + a) array
+        The same of what the data sheet says.
+    others : tuple of (n, a) array
+        Columns beside the constants at the fine samples; none where empty.
+    covariance : (k + a, k + a) array
+        Of constants and amplitudes.
+    """
+
+    columns: tuple[Array, ...]
+    of_sheet: Array
+    others: tuple[Array, ...]
+    covariance: Array
+
+
+def _linearised(
+    found: MotionBaseline,
+    white: Callable[[int, Array], Array],
+    extra: Callable[[MotionBaseline], list[Array]] | None,
+) -> _Linearised:
+    others = () if extra is None else tuple(extra(found.clean))
+    known = _known(found)
+    of_sheet = np.zeros((len(known), len(found.sheet) + (others[0].shape[1] if others else 0)))
+    of_sheet[np.arange(len(known)), known] = 1.0 / found.sheet.spread[known]
+    columns = []
+    for place, stretch in enumerate(found.stretches):
+        own = [stretch.of_rows(each) for each in others[place : place + 1]]
+        columns.append(white(place, np.hstack([found.clean.columns(place), *own])))
+    squares = of_sheet.T @ of_sheet + sum(each.T @ each for each in columns)
+    length = np.sqrt(np.diag(squares))
+    length[length == 0.0] = 1.0
+    scale = np.outer(length, length)
+    covariance = np.linalg.pinv(squares / scale, rcond=1e-13, hermitian=True) / scale
+    return _Linearised(tuple(columns), of_sheet, others, covariance)
+
+
+def _known(found: MotionBaseline) -> npt.NDArray[np.intp]:
+    """Places of the constants of which the data sheet says something."""
+    return np.flatnonzero(np.isfinite(found.sheet.spread))
+
+
+def _off_sheet(found: MotionBaseline) -> Array:
+    """What the data sheet says less the values, in its standard uncertainties (s,)."""
+    known = _known(found)
+    return np.asarray((found.sheet.expected - found.values)[known] / found.sheet.spread[known])

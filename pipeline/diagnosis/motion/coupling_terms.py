@@ -27,8 +27,8 @@ def _moved(view: RotorView, side: str, *moved: Array) -> Array:
 
     `moved` is that angle and its first two derivatives in time [rad, rad/s, rad/s2].
     """
-    baseline, (angle, rate, curvature) = view.history.baseline, moved
-    return torque_of_angle(view.state, baseline.sheet, baseline.values, side, (angle, rate, curvature))
+    angle, rate, curvature = moved
+    return torque_of_angle(view.state, side, (angle, rate, curvature))
 
 
 def _softer(side: str) -> Callable[[RotorView, float], Array]:

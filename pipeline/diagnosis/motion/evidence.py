@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,6 +59,9 @@ SHAPES = 8
 ABSORBED_BY_SHEET = 1e-4
 """Part of a candidate's columns that must survive the constants: their data sheet holds back what they would take up,
 and that is a small part of a column that thousands of samples tell."""
+
+REMEMBERED = 128
+"""Columns of terms at values of their shape that are kept: the same are asked for beside every other term."""
 
 KEPT = 1e-2
 """Length of a direction, over the longest, from which on it is kept: what all columns of a stretch span."""
@@ -138,14 +142,17 @@ class MotionEvidence:
 
 @dataclass(frozen=True)
 class _Compressed:
-    """One stretch in the coordinates of its columns: rows, constants, structures, and candidates by key."""
+    """One stretch in the coordinates of its columns: rows, constants, structures, and candidates by key.
+
+    `reading` (n, k) gives the coordinates of what is not whitened yet.
+    """
 
     y: Array
     left: Array
     constants: Array
     structures: dict[Family, Array]
     candidates: dict[str, Array]
-    basis: Array
+    reading: Array
     unexplained: float
 
 
@@ -198,18 +205,19 @@ def motion_evidence(
         if whole.any():
             tables[term.key] = Tabled(term, shapes, (unit[:, None] * whole).reshape(len(whole), len(shapes), a))
 
+    @lru_cache(maxsize=REMEMBERED)
     def columns_of(term: MotionTerm, shape: float) -> Array:
         if term.constants:
             return _of_sheet(baseline.sheet, term.constants, len(y))
         if term.shape is None and term.key in tables and tables[term.key].term is term:
             return tables[term.key].columns[:, 0]
         of_part = [
-            part.basis.T @ noise[place].white(_of_term(view, term, np.array([shape]))) if term.acts(view) else None
-            for place, (part, view) in enumerate(zip(parts, views, strict=True))
+            part.reading.T @ _of_term(view, term, np.array([shape])) if term.acts(view) else None
+            for part, view in zip(parts, views, strict=True)
         ]
         return unit[:, None] * stacked(of_part, len(term.amplitudes))
 
-    problem = TermProblem(*freed(columns, y), columns_of, tables, ABSORBED_BY_SHEET)  # type: ignore[arg-type]
+    problem = TermProblem(*freed(columns, y), columns_of, tables, ABSORBED_BY_SHEET)
     draws, unexplained = rng.standard_normal((len(y), DRAWS)), np.array([part.unexplained for part in parts])
     evidence = Evidence(problem.left, problem.baseline, found, (np.ones(len(y), dtype=np.bool_),), draws)
     return MotionEvidence(evidence, problem, families, block, baseline, columns, y, scatter, unexplained)
@@ -255,7 +263,11 @@ def _compress(
         Family(view.side, configuration, name): view.state.stretch.of_rows(columns)
         for name, columns in structures(view, spans).items()
     }
-    tried = {term.key: _of_term(view, term, _shapes_of(term)) for term in terms if term.acts(view)}
+    acting = [term for term in terms if term.acts(view)]
+    fine = [np.hstack([term.columns(view, float(shape)) for shape in _shapes_of(term)]) for term in acting]
+    ends = np.cumsum([each.shape[1] for each in fine])[:-1]
+    rows = np.split(view.state.stretch.of_rows(np.hstack(fine)), ends, axis=1)
+    tried = {term.key: columns for term, columns in zip(acting, rows, strict=True)}
     constants = baseline.clean.columns(place)
     blocks = [constants, *looked.values(), *tried.values()]
     white = noise.white(np.hstack([*blocks, baseline.missing(place)[:, None], baseline.left(place)[:, None]]))
@@ -271,7 +283,7 @@ def _compress(
         split[0],
         dict(zip(looked, split[1 : 1 + len(looked)], strict=True)),
         dict(zip(tried, split[1 + len(looked) :], strict=True)),
-        basis,
+        noise.adjoint(basis),
         float(rest @ rest) / max(len(left) - basis.shape[1], 1),
     )
 

@@ -86,5 +86,5 @@ def _between(speed: Array) -> Array:
 def _near(speed: Array) -> tuple[Array, ...]:
     """How near a speed is to each of `FORM_SPEEDS`: straight lines over its logarithm, 1 there and 0 at the next."""
     at = np.log(np.maximum(np.abs(speed), FORM_SPEEDS[0]))
-    knots = np.log(FORM_SPEEDS)
-    return tuple(np.interp(at, knots, unit) for unit in np.eye(len(knots)))
+    place = np.interp(at, np.log(FORM_SPEEDS), np.arange(len(FORM_SPEEDS)))
+    return tuple(np.maximum(1.0 - np.abs(place - k), 0.0) for k in range(len(FORM_SPEEDS)))

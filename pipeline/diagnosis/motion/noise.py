@@ -113,6 +113,18 @@ class BandedFactor:
             first = last
         return found
 
+    def adjoint(self, columns: Array) -> Array:
+        """Columns (n, j) by the inverse of the transposed matrix."""
+        found = columns.copy()
+        last = len(columns)
+        for inverse, link in zip(self.inverses[::-1], self.links[::-1], strict=True):
+            first = last - len(inverse)
+            if first:
+                found[first - link.shape[1] : first] -= link.T @ found[first:last]
+            found[first:last] = inverse.T @ found[first:last]
+            last = first
+        return found
+
 
 @dataclass(frozen=True)
 class RowNoise:
@@ -136,6 +148,11 @@ class RowNoise:
         """Columns (n, j) in units of the noise, and freed from its correlation."""
         white = self.factor.solved(columns)
         return np.asarray(white - self.slow @ (self.shrunk[:, None] * (self.slow.T @ white)))
+
+    def adjoint(self, columns: Array) -> Array:
+        """Weights (n, j) of rows in their products with whitened columns (n, j), before they are whitened."""
+        freed = columns - self.slow @ (self.shrunk[:, None] * (self.slow.T @ columns))
+        return self.factor.adjoint(freed)
 
 
 def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUAL) -> RowNoise:

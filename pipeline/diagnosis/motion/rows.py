@@ -118,29 +118,47 @@ class RotorState:
     ----------
     stretch : RotorRows
         Which.
+    sheet : DataSheet
+        What the constants are.
+    values : (k,) array
+        Constants for which it holds.
     speed, acceleration : (n,) array
         Of the rotor: that of the motor less what the coupling twists [rad/s, rad/s2].
     pole_angle, slip : (n,) array
         Angle of the rotors' poles against each other, and its rate [rad, rad/s]; zero in neutral.
-    drags : dict of str to float
-        Constants of the drag of the rotor in neutral.
     """
 
     stretch: RotorRows
+    sheet: DataSheet
+    values: Array
     speed: Array
     acceleration: Array
     pole_angle: Array
     slip: Array
-    drags: dict[str, float]
+
+    def value(self, name: str) -> float:
+        """A constant of the sheet."""
+        return float(self.values[self.sheet.at(name)])
 
     @cached_property
     def drag_slope(self) -> Array:
         """Change of the drag in neutral per change of speed [N m s/rad], (n,)."""
+        side = self.stretch.side
         ends = []
         for speed in (self.speed + SLOPE_STEP, self.speed - SLOPE_STEP):
-            columns = drag_columns(self.stretch.side, speed)
-            ends.append(np.asarray(sum(value * columns[name] for name, value in self.drags.items())))
+            columns = drag_columns(side, speed)
+            ends.append(np.asarray(sum(self.value(name) * columns[name] for name in loss_names(side))))
         return np.asarray((ends[0] - ends[1]) / (2.0 * SLOPE_STEP))
+
+    @cached_property
+    def spring(self) -> tuple[Array, Array]:
+        """Torque on the rotor per change of the pole angle [N m/rad], and per change of its rate [N m s/rad], (n,)."""
+        poles = self.sheet.poles[self.stretch.side]
+        peaks = {1: "pull_out"} | {wave: map_name(wave) for wave in MAP_WAVES}
+        turns = sum(wave * self.value(name) * np.cos(wave * self.pole_angle) for wave, name in peaks.items())
+        off = self.value(f"slip_damping_off_{self.stretch.side}") / SLIP_PASSAGE
+        damping = poles * self.value("slip_damping") + off / np.cosh(self.slip / SLIP_PASSAGE) ** 2
+        return np.asarray(poles * turns), np.asarray(damping)
 
     @cached_property
     def direction(self) -> Array:
@@ -174,8 +192,8 @@ def rotor_state(stretch: RotorRows, sheet: DataSheet, values: Array) -> RotorSta
         slip = _of_poles(sheet.poles, per_shaft(lambda s: turned[s][1] - compliance[s] * acting[s][1]))
     _, speed, acceleration = _true(own, stretch.side, sheet, values)
     _, torque_rate, curvature = acting[stretch.side]
-    drags = {name: float(values[sheet.at(name)]) for name in loss_names(stretch.side)}
-    return RotorState(stretch, speed - give * torque_rate, acceleration - give * curvature, pole_angle, slip, drags)
+    rotor_speed, rotor_acceleration = speed - give * torque_rate, acceleration - give * curvature
+    return RotorState(stretch, sheet, values, rotor_speed, rotor_acceleration, pole_angle, slip)
 
 
 def _true(shaft: SmoothShaft, side: str, sheet: DataSheet, values: Array) -> tuple[Array, Array, Array]:
@@ -197,7 +215,7 @@ def _of_poles(poles: PerShaft[int], values: PerShaft[Array]) -> Array:
     return np.asarray(sum(poles[side] * values[side] for side in SIDES))
 
 
-def linear_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[str, Array]:
+def linear_columns(state: RotorState) -> dict[str, Array]:
     r"""Torque that a transducer shows per unit of each constant that it is proportional to, at the fine samples.
 
     Notes
@@ -207,13 +225,13 @@ def linear_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[s
     with the torques of the gear when engaged only. A reading that comes later by a skew s is less by
     :math:`s\dot T + s^2 \ddot T/2`.
     """
-    side = state.stretch.side
+    side, sheet = state.stretch.side, state.sheet
     ones = np.ones(len(state.speed))
     columns = {f"zero_{side}": ones}
     if state.stretch.at_rest:
         return columns
     columns[f"inertia_{side}"] = state.acceleration
-    shaft, skew = state.stretch.shaft, 0.5 * float(values[sheet.at(f"skew_{side}")])
+    shaft, skew = state.stretch.shaft, 0.5 * state.value(f"skew_{side}")
     columns[f"skew_{side}"] = -shaft.torque_rate - skew * shaft.torque_curvature
     columns |= drag_columns(side, state.speed)
     for order in RIPPLE:

@@ -36,11 +36,7 @@ SHARP = 0.06
 def _eccentric(side: str) -> Callable[[RotorView, float], Array]:
     """An encoder that shows an angle too large by a wave of once a turn, for 1 rad."""
 
-    def law(view: RotorView, _: float) -> Array:
-        baseline = view.history.baseline
-        return stack(*eccentric(view.state, baseline.sheet, baseline.values, side))
-
-    return law
+    return lambda view, _: stack(*eccentric(view.state, side))
 
 
 def bearing_terms(side: str) -> Iterator[MotionTerm]:

@@ -6,18 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.motion.constants import MAP_WAVES, SLIP_PASSAGE, eccentricity_names, map_name, start_name
+from pmg.pipeline.diagnosis.motion.constants import eccentricity_names, start_name
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnosis.motion.constants import DataSheet
     from pmg.pipeline.diagnosis.motion.rows import RotorState
     from pmg.sim.signals import Array
 
 
-def torque_of_angle(
-    state: RotorState, sheet: DataSheet, values: Array, side: str, moved: tuple[Array, Array, Array]
-) -> Array:
+def torque_of_angle(state: RotorState, side: str, moved: tuple[Array, Array, Array]) -> Array:
     """Torque on the rotor of a state [N m], (n,), if that of a side stood ahead by an angle [rad].
 
     `moved` is that angle and its first two derivatives in time [rad, rad/s, rad/s2].
@@ -25,24 +22,14 @@ def torque_of_angle(
     own, (angle, rate, curvature) = state.stretch.side, moved
     found = np.zeros_like(angle)
     if own == side:
-        found = float(values[sheet.at(f"inertia_{own}")]) * curvature + state.drag_slope * rate
+        found = state.value(f"inertia_{own}") * curvature + state.drag_slope * rate
     if state.stretch.coupled:
-        stiffness, damping = _of_pole_angle(state, sheet, values)
-        found = found + sheet.poles[side] * (stiffness * angle + damping * rate)
+        stiffness, damping = state.spring
+        found = found + state.sheet.poles[side] * (stiffness * angle + damping * rate)
     return np.asarray(found)
 
 
-def _of_pole_angle(state: RotorState, sheet: DataSheet, values: Array) -> tuple[Array, Array]:
-    """Torque on a rotor per change of the pole angle [N m/rad], (n,), and per change of its rate [N m s/rad]."""
-    side = state.stretch.side
-    poles = sheet.poles[side]
-    peaks = {1: "pull_out"} | {wave: map_name(wave) for wave in MAP_WAVES}
-    turns = (wave * values[sheet.at(name)] * np.cos(wave * state.pole_angle) for wave, name in peaks.items())
-    off = float(values[sheet.at(f"slip_damping_off_{side}")]) / SLIP_PASSAGE / np.cosh(state.slip / SLIP_PASSAGE) ** 2
-    return np.asarray(poles * sum(turns)), poles * float(values[sheet.at("slip_damping")]) + off
-
-
-def stance_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[str, Array]:
+def stance_columns(state: RotorState) -> dict[str, Array]:
     """Torque that a transducer shows per unit of what says where the rotors stand, at the fine samples (n,).
 
     That is what each coupling gives, by which its rotor lags the motor, and the pole angle at the start of the run.
@@ -53,13 +40,13 @@ def stance_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[s
     found = {}
     for side in SIDES if stretch.coupled else (stretch.side,):
         angle, rate, curvature = shafts[side].acting(stretch.run.fine_rate)
-        found[f"compliance_{side}"] = torque_of_angle(state, sheet, values, side, (-angle, -rate, -curvature))
+        found[f"compliance_{side}"] = torque_of_angle(state, side, (-angle, -rate, -curvature))
     if stretch.coupled:
-        found[start_name(stretch.run.run.name)], _ = _of_pole_angle(state, sheet, values)
+        found[start_name(stretch.run.run.name)], _ = state.spring
     return found
 
 
-def eccentric(state: RotorState, sheet: DataSheet, values: Array, side: str) -> tuple[Array, Array]:
+def eccentric(state: RotorState, side: str) -> tuple[Array, Array]:
     """Torque on a rotor per radian by which the encoder of a side shows too large an angle [N m/rad], (n,) each.
 
     The first is of a cosine of the turn, the second of a sine.
@@ -77,12 +64,12 @@ def eccentric(state: RotorState, sheet: DataSheet, values: Array, side: str) -> 
         shaft.speed**2 * sine - shaft.acceleration * cosine,
     )
     return (
-        torque_of_angle(state, sheet, values, side, of_cosine),
-        torque_of_angle(state, sheet, values, side, of_sine),
+        torque_of_angle(state, side, of_cosine),
+        torque_of_angle(state, side, of_sine),
     )
 
 
-def encoder_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[str, Array]:
+def encoder_columns(state: RotorState) -> dict[str, Array]:
     """Torque that a transducer shows per unit of each wave of a turn in the angle of an encoder (n,)."""
     if state.stretch.at_rest:
         return {}
@@ -90,5 +77,5 @@ def encoder_columns(state: RotorState, sheet: DataSheet, values: Array) -> dict[
     return {
         name: column
         for side in sides
-        for name, column in zip(eccentricity_names(side), eccentric(state, sheet, values, side), strict=True)
+        for name, column in zip(eccentricity_names(side), eccentric(state, side), strict=True)
     }

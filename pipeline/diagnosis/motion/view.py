@@ -233,14 +233,18 @@ def lagging(angle: Array, over: float) -> Array:
 
     Notes
     -----
-    Dahl's solid friction with exponent 1, :math:`dz/d\theta = (1 - z\,\mathrm{sgn}(d\theta))/\theta_c`, solved step
-    by step. It does not depend on the rate.
+    Dahl's solid friction with exponent 1, :math:`dz/d\theta = (1 - z\,\mathrm{sgn}(d\theta))/\theta_c`, exact for each
+    step: :math:`z_k = m_k z_{k-1} + c_k`. It does not depend on the rate. Steps are joined two by two, then four by
+    four, as each joined step has the same form.
     """
     steps = np.diff(angle[::EVERY], prepend=angle[0]) / over
-    found, now = [], 0.0
-    for kept, sense in zip(np.exp(-np.abs(steps)).tolist(), np.sign(steps).tolist(), strict=True):
-        now = sense + (now - sense) * kept if sense else now
-        found.append(now)
+    kept = np.exp(-np.abs(steps))
+    found = np.sign(steps) * (1.0 - kept)
+    reach = 1
+    while reach < len(steps):
+        found[reach:] += kept[reach:] * found[:-reach]
+        kept[reach:] *= kept[:-reach].copy()
+        reach *= 2
     return _between(found, len(angle))
 
 
@@ -249,15 +253,19 @@ def stopping(angle: Array, over: float) -> Array:
 
     Notes
     -----
-    Prandtl's stop operator, :math:`z_k = \max(-1, \min(1, z_{k-1} + \Delta\theta_k/\theta_c))`.
+    Prandtl's stop operator, :math:`z_k = \max(-1, \min(1, z_{k-1} + \Delta\theta_k/\theta_c))`. Joined steps are of the
+    form :math:`\max(a, \min(b, z + s))` again.
     """
-    found, now = [], 0.0
-    for step in (np.diff(angle[::EVERY], prepend=angle[0]) / over).tolist():
-        now += step
-        now = 1.0 if now > 1.0 else -1.0 if now < -1.0 else now
-        found.append(now)
-    return _between(found, len(angle))
+    moved = np.diff(angle[::EVERY], prepend=angle[0]) / over
+    least, most = np.full(len(moved), -1.0), np.ones(len(moved))
+    reach = 1
+    while reach < len(moved):
+        low, high, by = least[reach:], most[reach:], moved[reach:]
+        before = np.minimum(least[:-reach] + by, high), np.minimum(most[:-reach] + by, high), moved[:-reach] + by
+        least[reach:], most[reach:], moved[reach:] = np.maximum(before[0], low), np.maximum(before[1], low), before[2]
+        reach *= 2
+    return _between(np.maximum(least, np.minimum(most, moved)), len(angle))
 
 
-def _between(found: list[float], length: int) -> Array:
+def _between(found: Array, length: int) -> Array:
     return np.interp(np.arange(length), np.arange(0, length, EVERY), found)

@@ -275,6 +275,6 @@ def _stretches(
 
     torques = dict.fromkeys(SIDES, nothing)
     for stretch in made(torques):
-        columns = linear_columns(rotor_state(stretch, sheet, values), sheet, values)
+        columns = linear_columns(rotor_state(stretch, sheet, values))
         torques[stretch.side] = np.asarray(sum(values[sheet.at(name)] * each for name, each in columns.items()))
     return made(torques)
