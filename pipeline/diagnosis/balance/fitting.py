@@ -141,6 +141,8 @@ class TermProblem(WhitenedProblem[TermFit]):
         columns = self.columns_of(fit.candidate, fit.shape)
         if fit.candidate.shape is None:
             return columns
+        if fit.candidate.one_of:
+            return np.hstack([columns, np.zeros((len(columns), 1))])
         low, high = shape_step(fit.candidate, fit.shape)
         slope = (self.columns_of(fit.candidate, high) - self.columns_of(fit.candidate, low)) / (high - low)
         return np.hstack([columns, (slope @ fit.amplitudes)[:, None]])
@@ -181,11 +183,11 @@ def fit_term(problem: TermProblem, term: Term[Any], *, refine: bool = True) -> T
     seen = problem.project(table.columns.reshape(m, g * a)).reshape(m, g, a)
     gains = _gains(seen, problem.left, term)
     best = int(np.argmax(gains))
-    inner = min(max(best, 1), g - 2) if g > 2 else best
+    inner = min(max(best, 1), g - 2) if g > 2 and not term.one_of else best
     untold = best != inner and bool(gains[best] - gains[inner] < FLAT)
     best = inner if untold else best
     shape = float(table.shapes[best])
-    if term.shape is not None and refine and not untold:
+    if term.shape is not None and refine and not untold and not term.one_of:
         shape = _refined(problem, term, table.shapes, gains, best)
     tabled = term.shape is None or shape == table.shapes[best]
     whole = table.columns[:, best] if tabled else problem.columns_of(term, shape)
@@ -202,7 +204,11 @@ def fit_term(problem: TermProblem, term: Term[Any], *, refine: bool = True) -> T
     low = at_end[0] & (at_end[0].all() or not term.of_parts)
     at = (low | at_end[1]) & term.free
     on_bound = [q.name for q, hit in zip(term.amplitudes, at, strict=True) if hit]
-    if term.shape is not None and not 1.001 * term.shape.bounds[0] < shape < 0.999 * term.shape.bounds[1]:
+    if (
+        term.shape is not None
+        and not term.one_of
+        and not 1.001 * term.shape.bounds[0] < shape < 0.999 * term.shape.bounds[1]
+    ):
         on_bound.append(term.shape.name)
     effect = seen @ amplitudes
     gain = float(problem.left @ problem.left - np.sum((problem.left - effect) ** 2))

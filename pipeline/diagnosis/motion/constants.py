@@ -47,8 +47,12 @@ RIPPLE = {1: 6e-4, 2: 4e-4}
 ECCENTRICITY = 1e-4
 """Standard deviation of each wave of a turn in the angle that an encoder shows [rad]."""
 
-COGGING_ORDERS = (10, 18, 26, 90)
-"""Periods a turn that cogging may have: poles of a rotor, iron poles, and their least common multiple."""
+POLE_ORDERS = (10, 18, 26, 90)
+"""Periods a turn that the design gives cogging: poles of a rotor, iron poles, and their least common multiple."""
+
+COGGING_ORDERS = (*range(5, 27), 90)
+"""Periods a turn that cogging may have: a magnet or an iron pole that differs from the others adds any up to the poles
+of the larger rotor."""
 
 SKEW = 5e-4
 """Standard uncertainty of the time between a torque and an angle of the same sample [s]: half a sample at 1 kHz."""

@@ -63,6 +63,9 @@ and that is a small part of a column that thousands of samples tell."""
 REMEMBERED = 128
 """Columns of terms at values of their shape that are kept: the same are asked for beside every other term."""
 
+SIGNATURE = 200
+"""Fine samples by which columns are told to be the same."""
+
 KEPT = 1e-2
 """Length of a direction, over the longest, from which on it is kept: what all columns of a stretch span."""
 
@@ -158,7 +161,9 @@ class _Compressed:
 
 def _shapes_of(term: MotionTerm) -> Array:
     """Values of the shape at which a term is tabled."""
-    return np.array([math.nan]) if term.shape is None else np.geomspace(*term.shape.bounds, SHAPES)
+    if term.shape is None:
+        return np.array([math.nan])
+    return np.array(term.one_of) if term.one_of else np.geomspace(*term.shape.bounds, SHAPES)
 
 
 def motion_evidence(
@@ -245,8 +250,7 @@ def _units_of_sheet(sheet: DataSheet, names: tuple[str, ...], rows: int) -> Arra
 
 def _of_term(view: RotorView, term: MotionTerm, shapes: Array) -> Array:
     """Rows (r, g a) of a term at several values of its shape."""
-    stretch: RotorRows = view.state.stretch
-    return stretch.of_rows(np.hstack([term.columns(view, float(shape)) for shape in shapes]))
+    return np.asarray(view.state.stretch.of_rows(np.hstack([term.columns(view, float(shape)) for shape in shapes])))
 
 
 def _compress(
@@ -258,25 +262,25 @@ def _compress(
     spans: dict[str, float],
 ) -> _Compressed:
     """A stretch in the coordinates of all that is looked for in it."""
-    configuration = str(view.state.stretch.run.run.configuration)
+    stretch: RotorRows = view.state.stretch
     looked = {
-        Family(view.side, configuration, name): view.state.stretch.of_rows(columns)
+        Family(view.side, str(stretch.run.run.configuration), name): columns
         for name, columns in structures(view, spans).items()
     }
     acting = [term for term in terms if term.acts(view)]
-    fine = [np.hstack([term.columns(view, float(shape)) for shape in _shapes_of(term)]) for term in acting]
-    ends = np.cumsum([each.shape[1] for each in fine])[:-1]
-    rows = np.split(view.state.stretch.of_rows(np.hstack(fine)), ends, axis=1)
-    tried = {term.key: columns for term, columns in zip(acting, rows, strict=True)}
+    tried = {term.key: np.hstack([term.columns(view, float(shape)) for shape in _shapes_of(term)]) for term in acting}
     constants = baseline.clean.columns(place)
-    blocks = [constants, *looked.values(), *tried.values()]
-    white = noise.white(np.hstack([*blocks, baseline.missing(place)[:, None], baseline.left(place)[:, None]]))
-    whole, y, left = white[:, :-2], white[:, -2], white[:, -1]
-    basis = _span(whole)
+    fine, at = _distinct([*looked.values(), *tried.values()])
+    rows = np.hstack([constants, stretch.of_rows(fine)])
+    readings = np.stack([baseline.missing(place), baseline.left(place)], 1)
+    white = noise.white(np.hstack([rows, readings]))
+    y, left = white[:, -2:].T
+    basis = _span(white[:, :-2])
     rest = left - basis @ (basis.T @ left)
-    inside = basis.T @ whole
-    ends = np.cumsum([block.shape[1] for block in blocks])
-    split = np.split(inside, ends[:-1], axis=1)
+    inside = basis.T @ white[:, :-2]
+    inside = np.hstack([inside[:, : len(baseline.sheet)], inside[:, len(baseline.sheet) + at]])
+    blocks = [constants, *looked.values(), *tried.values()]
+    split = np.split(inside, np.cumsum([block.shape[1] for block in blocks])[:-1], axis=1)
     return _Compressed(
         basis.T @ y,
         basis.T @ left,
@@ -286,6 +290,22 @@ def _compress(
         noise.adjoint(basis),
         float(rest @ rest) / max(len(left) - basis.shape[1], 1),
     )
+
+
+def _distinct(blocks: list[Array]) -> tuple[Array, npt.NDArray[np.intp]]:
+    """Columns (n, u) of blocks, each once, and which of them each column is (k,): terms share waves of a turn."""
+    samples = np.linspace(0, len(blocks[0]) - 1, SIGNATURE, dtype=np.intp) if blocks else np.zeros(0, dtype=np.intp)
+    found: dict[bytes, int] = {}
+    columns: list[Array] = []
+    at: list[int] = []
+    for block in blocks:
+        for column, signature in zip(block.T, block[samples].T, strict=True):
+            key = signature.tobytes()
+            if key not in found:
+                found[key] = len(columns)
+                columns.append(column)
+            at.append(found[key])
+    return np.stack(columns, 1), np.array(at, dtype=np.intp)
 
 
 def _span(columns: Array) -> Array:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.motion.constants import COGGING_ORDERS
+from pmg.pipeline.diagnosis.motion.constants import COGGING_ORDERS, POLE_ORDERS
 from pmg.pipeline.diagnosis.motion.view import waves_of
 from pmg.pipeline.motion.smooth import derivative
 from pmg.sim.shafts import other_side
@@ -39,7 +39,8 @@ def structures(view: RotorView, spans: dict[str, float]) -> dict[str, Array]:
         "time in the campaign": np.stack(
             [wave for k in (1, 2, 3) for wave in (np.cos(np.pi * k * view.campaign_time / spans["campaign"]),)], 1
         ),
-        "poles of the gear": waves_of(view, view.side, COGGING_ORDERS),
+        "poles of the gear": waves_of(view, view.side, POLE_ORDERS),
+        "orders of the shaft": waves_of(view, view.side, COGGING_ORDERS),
         "angle of the shaft": waves_of(view, view.side, (1, 2, 3, 4)),
         "travel since reversal": np.stack([view.direction * np.exp(-_travel(view) / w) for w in (0.01, 0.1, 1.0)], 1),
     }

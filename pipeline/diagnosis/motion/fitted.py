@@ -116,7 +116,7 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
     """
 
     def extra(clean: MotionBaseline) -> list[Array]:
-        return [np.hstack([_column(fit, view) for fit in fits]) for view in views_of(clean)]
+        return [np.hstack([_term(fit).on(view, fit.shape) for fit in fits]) for view in views_of(clean)]
 
     white = _whitener(noise)
     found, covariance = _apart(start, fits), np.zeros((0, 0))
@@ -207,15 +207,10 @@ def _as_shown(found: MotionBaseline, fits: tuple[TermFit, ...], amounts: list[Ar
 
     def shown(of_noisy: RotorView, of_clean: RotorView) -> Array:
         parts = zip(fits, amounts, strict=True)
-        return np.asarray(sum(_column(f, of_noisy if _term(f).hears else of_clean) @ amount for f, amount in parts))
+        found = (_term(f).on(of_noisy if _term(f).hears else of_clean, f.shape) @ amount for f, amount in parts)
+        return np.asarray(sum(found))
 
     return tuple(map(shown, noisy, views_of(found.clean)))
-
-
-def _column(fit: TermFit, view: RotorView) -> Array:
-    """Columns (n, a) of a fitted mechanism at the fine samples of a stretch."""
-    column = _term(fit).columns(view, fit.shape)
-    return column if _term(fit).acts(view) else 0.0 * column
 
 
 def _term(fit: TermFit) -> MotionTerm:

@@ -97,9 +97,9 @@ def fitted_size(
     if names[:2] == ["cosine", "sine"]:
         value = float(np.hypot(*sizes[:2]))
         along = sizes[:2] / max(value, 1e-30)
-        return FittedSize(
-            "amplitude", value, math.sqrt(along @ among[:2, :2] @ along), term.amplitudes[0].unit, remark=remark
-        )
+        error = math.sqrt(along @ among[:2, :2] @ along)
+        remark = f", {fit.shape:g} periods a turn" if term.one_of else remark
+        return FittedSize("amplitude", value, error, term.amplitudes[0].unit, remark=remark)
     if _adds_up(term):
         error = math.hypot(math.sqrt(max(float(among.sum()), 0.0)), of_law)
         name = IN_ALL if count > 1 else names[0].replace("_", " ")

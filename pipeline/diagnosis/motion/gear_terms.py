@@ -8,7 +8,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.library.term import Quantity
 from pmg.pipeline.diagnosis.motion.constants import COGGING_ORDERS, MAP_WAVES, map_name
-from pmg.pipeline.diagnosis.motion.terms import amount, engaged, signed, stack, term
+from pmg.pipeline.diagnosis.motion.terms import amount, signed, stack, term
 from pmg.pipeline.diagnosis.motion.view import lagging, stopping, waves_of
 from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pmg.pipeline.diagnosis.motion.terms import MotionTerm
-    from pmg.pipeline.diagnosis.motion.view import RotorView
-    from pmg.sim.signals import Array
 
 STOPS = (2.5, 1.0, 0.4)
 """Angles at which the springs of a hysteresis give way, over the middle one."""
@@ -36,7 +34,8 @@ def hysteresis_terms() -> Iterator[MotionTerm]:
         "Drag of the pole angle that does not depend on its rate",
         "p h z(phi)",
         amount("drag", "N m", 0.1),
-        engaged(lambda v, over: stack(v.pairs * v.of_poles(over, lagging))),
+        lambda v, over: stack(v.pairs * v.of_poles(over, lagging)),
+        engaged_only=True,
         shape=Quantity("angle", "rad", (STEADY_ANGLE, 0.2)),
         source=sources.DAHL,
         mixes=True,
@@ -51,7 +50,8 @@ def hysteresis_terms() -> Iterator[MotionTerm]:
         "Drag of the pole angle that does not depend on its rate",
         "p sum h_i z_i(phi), z_i at most 1",
         (*amount("soft", "N m", 0.1), *amount("drag", "N m", 0.1), *amount("stiff", "N m", 0.1)),
-        engaged(lambda v, over: v.pairs * stack(*(v.of_poles(k * over, stopping) for k in STOPS))),
+        lambda v, over: v.pairs * stack(*(v.of_poles(k * over, stopping) for k in STOPS)),
+        engaged_only=True,
         shape=Quantity("angle", "rad", (STEADY_ANGLE / STOPS[-1], 0.1)),
         source=sources.DAHL,
         variant="several stops",
@@ -71,7 +71,8 @@ def spring_terms() -> Iterator[MotionTerm]:
         "Torque against pole angle that is no sine",
         "p (A2 sin 2 phi + A3 sin 3 phi)",
         signed("second", "third", unit="N m", most=0.5),
-        engaged(lambda v, _: v.pairs * stack(np.sin(2.0 * v.state.pole_angle), np.sin(3.0 * v.state.pole_angle))),
+        lambda v, _: v.pairs * stack(np.sin(2.0 * v.state.pole_angle), np.sin(3.0 * v.state.pole_angle)),
+        engaged_only=True,
         mimicked_by=tuple(map(map_name, MAP_WAVES)),
         of_pole_angle=True,
         follows=(LawCovariate.LOAD,),
@@ -84,7 +85,8 @@ def spring_terms() -> Iterator[MotionTerm]:
         "Another pull-out torque of the magnetic spring",
         "p dA sin phi",
         signed("more", unit="N m", most=0.3),
-        engaged(lambda v, _: stack(v.pairs * np.sin(v.state.pole_angle))),
+        lambda v, _: stack(v.pairs * np.sin(v.state.pole_angle)),
+        engaged_only=True,
         constants=("pull_out",),
         of_pole_angle=True,
         component=Component.MAGNETIC_GEAR,
@@ -96,7 +98,8 @@ def spring_terms() -> Iterator[MotionTerm]:
         "Magnets that weaken as they warm",
         "-p a t A sin phi",
         amount("fall", "1", 0.5),
-        engaged(lambda v, settles: stack(-v.load * (1.0 - np.exp(-v.campaign_time / settles)))),
+        lambda v, settles: stack(-v.load * (1.0 - np.exp(-v.campaign_time / settles))),
+        engaged_only=True,
         shape=Quantity("settles", "s", (60.0, 5000.0)),
         mixes=True,
         follows=(LawCovariate.TIME,),
@@ -112,7 +115,8 @@ def loss_terms() -> Iterator[MotionTerm]:
         "Magnetic loss growing with load",
         "k |T| w",
         (*amount("sun", "s/rad", 0.01), *amount("ring", "s/rad", 0.01)),
-        engaged(lambda v, _: stack(*(np.abs(v.load) * v.speed * (1.0 if v.side == side else 0.0) for side in SIDES))),
+        lambda v, _: stack(*(np.abs(v.load) * v.speed * (1.0 if v.side == side else 0.0) for side in SIDES)),
+        engaged_only=True,
         source=sources.BERTOTTI,
         follows=(LawCovariate.LOAD, LawCovariate.SPEED),
         of_parts=True,
@@ -125,11 +129,10 @@ def loss_terms() -> Iterator[MotionTerm]:
         "Eddy drag that grows more slowly than speed",
         "-d w (1 - 1/(1 + (w/wc)2))",
         (*amount("sun", "N m s/rad", 0.05), *amount("ring", "N m s/rad", 0.05)),
-        engaged(
-            lambda v, corner: stack(
-                *(-v.speed * (v.side == side) * (1.0 - 1.0 / (1.0 + (v.speed / corner) ** 2)) for side in SIDES)
-            )
+        lambda v, corner: stack(
+            *(-v.speed * (v.side == side) * (1.0 - 1.0 / (1.0 + (v.speed / corner) ** 2)) for side in SIDES)
         ),
+        engaged_only=True,
         shape=Quantity("corner", "rad/s", (10.0, 300.0)),
         source=sources.STOLL,
         mixes=True,
@@ -168,20 +171,19 @@ def loss_terms() -> Iterator[MotionTerm]:
 def cogging_terms() -> Iterator[MotionTerm]:
     """Cogging by period: of the engaged gear, or of a rotor in whichever configuration."""
     for side in SIDES:
-        for order in COGGING_ORDERS:
-
-            def waves(view: RotorView, _: float, side: str = side, order: int = order) -> Array:
-                return (view.side == side) * waves_of(view, side, (order,))
-
-            for law, where in ((waves, ""), (engaged(waves), " engaged")):
-                yield term(
-                    "cogging",
-                    f"Cogging of the magnetic gear{' where it is engaged' if where else ''}",
-                    f"C sin({order} theta_{side} + phase)",
-                    signed("cosine", "sine", unit="N m", most=0.5),
-                    law,
-                    follows=(LawCovariate.SPEED,),
-                    component=Component.MAGNETIC_GEAR,
-                    shaft="both",
-                    variant=f"{side} {order}{where}",
-                )
+        for engaged_only in (False, True):
+            where = " where it is engaged" if engaged_only else ""
+            yield term(
+                "cogging",
+                f"Cogging of the magnetic gear{where}",
+                f"C sin(n theta_{side} + phase) + D sin(2 n theta_{side} + phase2)",
+                signed("cosine", "sine", "second_cosine", "second_sine", unit="N m", most=0.5),
+                lambda v, order: waves_of(v, v.side, (round(order), 2 * round(order))),
+                engaged_only=engaged_only,
+                shape=Quantity("order", "1", (float(COGGING_ORDERS[0]), float(COGGING_ORDERS[-1]))),
+                one_of=tuple(map(float, COGGING_ORDERS)),
+                follows=(LawCovariate.SPEED,),
+                component=Component.MAGNETIC_GEAR,
+                shaft=side,
+                variant="engaged" if engaged_only else "",
+            )

@@ -16,7 +16,7 @@ from pmg.pipeline.diagnosis.motion.constants import (
     ripple_names,
 )
 from pmg.pipeline.diagnosis.motion.stance import eccentric
-from pmg.pipeline.diagnosis.motion.terms import amount, engaged, signed, stack, term
+from pmg.pipeline.diagnosis.motion.terms import amount, signed, stack, term
 from pmg.pipeline.diagnosis.motion.view import lagging
 from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate
@@ -61,7 +61,8 @@ def bearing_terms(side: str) -> Iterator[MotionTerm]:
         "Bearing friction growing with load",
         "mu |T| sign(w)",
         amount("mu", "1", 0.3),
-        engaged(lambda v, _: stack(v.direction * np.abs(v.load))),
+        lambda v, _: stack(v.direction * np.abs(v.load)),
+        engaged_only=True,
         source=sources.PALMGREN,
         follows=(LawCovariate.LOAD, LawCovariate.SPEED),
         component=bearings,
@@ -150,7 +151,8 @@ def rubbing_terms(side: str) -> Iterator[MotionTerm]:
         "Dry friction in the engaged gear",
         "M sign(w)",
         amount("friction", "N m", 1.0),
-        engaged(lambda v, _: stack(v.direction)),
+        lambda v, _: stack(v.direction),
+        engaged_only=True,
         source=sources.BALANCE,
         mimicked_by=(dry_name(side),),
         follows=(LawCovariate.SPEED, LawCovariate.LOAD),
@@ -163,7 +165,8 @@ def rubbing_terms(side: str) -> Iterator[MotionTerm]:
         "Dry friction in the engaged gear that passes through standstill over some speed",
         "M tanh(w/w0)",
         amount("friction", "N m", 1.0),
-        engaged(lambda v, passage: stack(np.tanh(v.speed / passage))),
+        lambda v, passage: stack(np.tanh(v.speed / passage)),
+        engaged_only=True,
         source=sources.BALANCE,
         shape=Quantity("passage", "rad/s", (SHARP, 3.0)),
         mimicked_by=(dry_name(side),),

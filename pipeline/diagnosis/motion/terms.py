@@ -46,6 +46,10 @@ class MotionTerm(Term[RotorView]):
         Whether its law may be one of several shapes at once, as of bristles of several lengths.
     of_pole_angle : bool
         Whether its sizes are torques on the pole angle, of which a rotor feels as many times as it has pole pairs.
+    engaged_only : bool
+        Whether it acts in the engaged gear only.
+    at_rest : bool
+        Whether a rotor at rest shows it, too.
     """
 
     component: Component = field(kw_only=True)
@@ -58,6 +62,8 @@ class MotionTerm(Term[RotorView]):
     follows: tuple[LawCovariate, ...] = ()
     mixes: bool = False
     of_pole_angle: bool = False
+    engaged_only: bool = False
+    at_rest: bool = False
 
     @property
     def place(self) -> str:
@@ -80,8 +86,14 @@ class MotionTerm(Term[RotorView]):
         return self.of_transducer and any(name.startswith("skew") for name in self.mimicked_by)
 
     def acts(self, view: RotorView) -> bool:
-        """Whether it may act on that rotor."""
-        return not self.constants and (self.spreads or self.shaft in (view.side, "both"))
+        """Whether it may act on that rotor in its run; its law is asked for nowhere else."""
+        if self.constants or (view.at_rest and not self.at_rest) or (self.engaged_only and not view.coupled):
+            return False
+        return self.spreads or self.shaft in (view.side, "both")
+
+    def on(self, view: RotorView, shape: float) -> Array:
+        """Columns (n, a) at the fine samples of a rotor; zero where it does not act."""
+        return self.columns(view, shape) if self.acts(view) else np.zeros((len(view.speed), len(self.amplitudes)))
 
 
 def term(
@@ -93,11 +105,10 @@ def term(
     *,
     source: Source = sources.BALANCE,
     shape: Quantity | None = None,
-    **where: Any,  # noqa: ANN401 - component, shaft, variant, spreads, constants, mimicked_by, hears, follows, mixes, of_pole_angle, only_compared, at_rest
+    **where: Any,  # noqa: ANN401 - component, shaft, variant, spreads, constants, mimicked_by, hears, follows, mixes, ...
 ) -> MotionTerm:
-    """A candidate; one that does not act `at_rest` says nothing of a rotor at rest."""
-    acting = law if where.pop("at_rest", False) else _turning(law)
-    return MotionTerm(identifier, title, equation, sizes, acting, source, shape, **where)
+    """A candidate."""
+    return MotionTerm(identifier, title, equation, sizes, law, source, shape, **where)
 
 
 def amount(name: str, unit: str, most: float, cost: float = 1.0) -> tuple[Quantity, ...]:
@@ -113,13 +124,3 @@ def signed(*names: str, unit: str, most: float) -> tuple[Quantity, ...]:
 def stack(*columns: Array) -> Array:
     """Columns side by side (n, k)."""
     return np.stack(columns, axis=1)
-
-
-def engaged(law: Callable[[RotorView, float], Array]) -> Callable[[RotorView, float], Array]:
-    """A law that acts in the engaged gear only."""
-    return lambda view, shape: law(view, shape) if view.coupled else 0.0 * law(view, shape)
-
-
-def _turning(law: Callable[[RotorView, float], Array]) -> Callable[[RotorView, float], Array]:
-    """A law that acts on a rotor that is not at rest."""
-    return lambda view, shape: 0.0 * law(view, shape) if view.at_rest else law(view, shape)

@@ -96,7 +96,7 @@ def effects_of(diagnosis: MotionDiagnosis, others: tuple[TermFit, ...] = ()) -> 
             if term.constants:
                 columns = baseline.clean.columns(place)[:, [baseline.sheet.at(name) for name in term.constants]]
             else:
-                columns = view.state.stretch.of_rows(term.columns(view, shape)) * term.acts(view)
+                columns = view.state.stretch.of_rows(term.on(view, shape))
             of_fit.append(np.asarray(columns @ values[:count]))
         found.append(tuple(of_fit))
     return tuple(found)

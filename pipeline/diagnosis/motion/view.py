@@ -10,7 +10,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pmg.pipeline.diagnosis.motion.constants import DRAG_POWERS, SKEW, drag_names
-from pmg.pipeline.motion.smooth import fine_response
+from pmg.pipeline.motion.smooth import BAND, fine_response
 from pmg.sim.shafts import SIDES, other_side
 from pmg.sim.signals import REVOLUTION
 
@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.motion.smooth import SmoothRun, SmoothShaft
     from pmg.sim.shafts import PerShaft
     from pmg.sim.signals import Array
+
+SLOW_ENOUGH, TOO_FAST = 1.4, 1.8
+"""Frequency of a wave over the band of the rows from which on it fades, and at which nothing of it is left: their
+low-pass takes it out by then, and a column that is zero costs nothing."""
 
 EVERY = 3
 """Fine samples from step to step of what depends on the way that an angle went."""
@@ -209,17 +213,29 @@ class RotorView:
         run = self.state.stretch.run
         return np.asarray(run.run.started_at.timestamp() - self.history.began + run.time)
 
+    def wave(self, side: str, order: int) -> Array:
+        """Cosine and sine of an order of a shaft's turn (n, 2), less where they are too fast for the rows."""
+        if (side, order) not in self._waves:
+            shaft = self.shaft_of(side)
+            frequency = order * np.abs(shaft.speed) / REVOLUTION
+            held = fine_response(self.state.stretch.run.run.rate, frequency)
+            held *= np.interp(frequency, (SLOW_ENOUGH * BAND, TOO_FAST * BAND), (1.0, 0.0))
+            self._waves[side, order] = held[:, None] * np.stack([w(order * shaft.angle) for w in (np.cos, np.sin)], 1)
+        return self._waves[side, order]
+
+    @cached_property
+    def _waves(self) -> dict[tuple[str, int], Array]:
+        """What was worked out already."""
+        return {}
+
     def warmth(self, settles: float) -> Array:
         """Of its bearings, 1 at most."""
         return self.history.warmth(self.side, settles)[self.state.stretch.run.run.name]
 
 
 def waves_of(view: RotorView, side: str, orders: tuple[int, ...]) -> Array:
-    """Waves of a turn of a shaft (n, 2 k), as far as the fine samples hold them at its speed."""
-    shaft, rate = view.shaft_of(side), view.state.stretch.run.run.rate
-    turns = np.abs(shaft.speed) / REVOLUTION
-    held = [fine_response(rate, order * turns) for order in orders]
-    return np.stack([h * w(k * shaft.angle) for h, k in zip(held, orders, strict=True) for w in (np.cos, np.sin)], 1)
+    """Waves of a turn of a shaft (n, 2 k), as far as the rows hold them at its speed."""
+    return np.hstack([view.wave(side, order) for order in orders])
 
 
 def views_of(baseline: MotionBaseline) -> list[RotorView]:

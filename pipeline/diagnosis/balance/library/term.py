@@ -199,6 +199,8 @@ class Term(Generic[M]):
         Whether a machine that coasts does not show it: nothing drives it, and its acceleration is all there is.
     even_grid : bool
         Whether the shape is searched evenly in its inverse (a period) instead of in its logarithm.
+    one_of : tuple of float
+        Values of which the shape is one, as of an order; any between its bounds where empty.
     of_parts : bool
         Whether its amplitudes are parts of one law, of which some may vanish.
     both_ways : bool
@@ -222,6 +224,7 @@ class Term(Generic[M]):
     of_model: bool = False
     needs_drive: bool = False
     even_grid: bool = False
+    one_of: tuple[float, ...] = ()
     of_parts: bool = False
     both_ways: bool = False
     of_angle: bool = False

@@ -71,10 +71,7 @@ class Foresight:
         views, noise, _ = self._made
         rows = []
         for view, each in zip(views, noise, strict=True):
-            acts = term.acts(view) and not term.constants
-            stretch = view.state.stretch
-            fine = term.columns(view, shape) if acts else np.zeros((len(view.speed), len(term.amplitudes)))
-            rows.append(self._unit * each.white(stretch.of_rows(fine)))
+            rows.append(self._unit * each.white(view.state.stretch.of_rows(term.on(view, shape))))
         return np.vstack(rows)
 
     @cached_property
