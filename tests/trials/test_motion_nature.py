@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -13,8 +14,10 @@ from pmg.pipeline.commands.ingest_files import ingest
 from pmg.pipeline.motion.stored import moving_runs
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.pipeline.store.store import Store
+from pmg.pipeline.trials.motion import nature
 from pmg.pipeline.trials.motion import places as at
 from pmg.pipeline.trials.motion.bench import POLE_PAIRS, draw_bench
+from pmg.pipeline.trials.motion.effect import MotionEffect
 from pmg.pipeline.trials.motion.kernel import integrate
 from pmg.pipeline.trials.motion.machine import SUBSTEPS, SyntheticMachine
 from pmg.pipeline.trials.motion.nature import (
@@ -29,6 +32,7 @@ from pmg.pipeline.trials.motion.programme import DESIGNS, RATE, MotionCampaign, 
 from pmg.pipeline.trials.motion.sensors import COUNT
 from pmg.pipeline.trials.motion.size import POINT, EffectSize, MotionYardstick, Scene, SizedEffect, scale_to
 from pmg.pipeline.trials.motion.strata import FORMS, motion_strata
+from pmg.pipeline.trials.score.case_list import draw_motion_lots
 from pmg.sim.grid import Configuration
 from pmg.sim.shafts import PerShaft
 from pmg.sim.signals import Array
@@ -224,6 +228,25 @@ def test_the_same_state_draws_the_same() -> None:
     for one, other in zip(first.scene.campaign.runs, second.scene.campaign.runs, strict=True):
         assert (one.point, one.started_at) == (other.point, other.started_at)
         np.testing.assert_array_equal(one.inputs, other.inputs)
+
+
+def test_a_campaign_whose_effects_were_sized_once_is_the_same_when_drawn_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    nothing = EffectSize(0.0, 0.0, PerShaft(0.0, 0.0))
+    sizings = []
+
+    def counted(_: object, effect: MotionEffect, asked: float) -> SizedEffect:
+        sizings.append(effect)
+        return SizedEffect(replace(effect, size=3.0 * effect.size), asked, nothing)
+
+    monkeypatch.setattr(nature, "scale_to", counted)
+    lot = next(lot for lot in draw_motion_lots(20, 15, ("two",)) if lot.stratum.design == "full")
+    case, again = lot.drawn_once()
+    drawn = pickle.loads(pickle.dumps(again)).draw()  # as a worker gets it
+    assert len(sizings) == len(case.effects) == 2
+    assert drawn.truth == case.truth
+    assert (again, hash(again)) == (lot, hash(lot)), "the sizes are no part of which campaign it is"
 
 
 def test_runs_that_are_asked_for_are_made_on_the_same_bench_after_the_others() -> None:

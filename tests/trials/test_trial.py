@@ -20,6 +20,7 @@ from typer.testing import CliRunner
 from pmg.pipeline.cli.app import app
 from pmg.pipeline.diagnosis.design.plans import possible_plans
 from pmg.pipeline.trials.motion.nature import MotionCase, draw_motion_case
+from pmg.pipeline.trials.motion.size import SizedEffect
 from pmg.pipeline.trials.motion.strata import FORMS as IN_MOTION
 from pmg.pipeline.trials.motion.strata import MotionStratum
 from pmg.pipeline.trials.nature import ConcealedCampaign, measure_case
@@ -523,8 +524,10 @@ def test_a_trial_resumes_and_makes_no_campaign_twice(
 def test_a_trial_of_runs_in_motion_has_aims_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With three of the runs that it draws, which tell nothing from a slow change: a whole campaign takes long."""
 
-    def few_runs(rng: np.random.Generator, stratum: MotionStratum, *, laws: str) -> MotionCase:
-        case = draw_motion_case(rng, stratum, laws=laws)
+    def few_runs(
+        rng: np.random.Generator, stratum: MotionStratum, *, laws: str, sized: tuple[SizedEffect, ...] | None
+    ) -> MotionCase:
+        case = draw_motion_case(rng, stratum, laws=laws, sized=sized)
         runs, begun = case.scene.campaign.runs, case.scene.begun
         kept = [i for i, run in enumerate(runs) if run.point in ("Z_0", "N_ring_up", "N_ring_dither")]
         campaign = replace(case.scene.campaign, runs=tuple(runs[i] for i in kept))

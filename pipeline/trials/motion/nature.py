@@ -116,7 +116,12 @@ def _effect_truth(sized: SizedEffect) -> dict[str, Any]:
 
 
 def draw_motion_case(
-    rng: np.random.Generator, stratum: MotionStratum, *, size: float | None = None, laws: str = USUAL
+    rng: np.random.Generator,
+    stratum: MotionStratum,
+    *,
+    size: float | None = None,
+    laws: str = USUAL,
+    sized: tuple[SizedEffect, ...] | None = None,
 ) -> MotionCase:
     """A concealed campaign of that kind, whose effects follow usual laws, reserved ones, or any.
 
@@ -130,16 +135,19 @@ def draw_motion_case(
         Size of each effect [sigma] instead of the stratum's.
     laws : str
         ``usual``, ``reserved`` or ``all``.
+    sized : tuple of SizedEffect, optional
+        Its effects as an earlier draw of the same case sized them, which takes most of the time; sized anew by default.
     """
     if size is not None:
         stratum = replace(stratum, size=size)
     bench = draw_bench(rng)
     drawn = [_draw_effect(identifier, shaft, rng, laws) for identifier, shaft in stratum.effects]
     scene = _scene(bench, draw_campaign(rng), rng)
-    effects = _sized(scene, drawn, stratum.size)
+    effects = _sized(scene, drawn, stratum.size) if sized is None else sized
     if stratum.design != "full":  # what is plain in a full campaign need not be in this one
         scene = _scene(bench, draw_campaign(rng, stratum.design), rng)
-        effects = tuple(_measured(MotionYardstick(scene), sized.effect, stratum.size) for sized in effects)
+        if sized is None:
+            effects = tuple(_measured(MotionYardstick(scene), each.effect, stratum.size) for each in effects)
     return MotionCase(f"campaign-{rng.bytes(4).hex()}", stratum, scene, effects, rng.bytes(16).hex())
 
 

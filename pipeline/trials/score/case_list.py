@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
@@ -17,8 +17,10 @@ from pmg.sim.errors import BenchError, near_miss
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from typing import Self
 
     from pmg.pipeline.trials.motion.nature import MotionCase
+    from pmg.pipeline.trials.motion.size import SizedEffect
     from pmg.pipeline.trials.nature import ConcealedCampaign
 
 S = TypeVar("S", Stratum, MotionStratum)
@@ -67,6 +69,10 @@ class AnyLot(ABC, Generic[S]):
     def draw(self) -> ConcealedCampaign | MotionCase:
         """The concealed campaign."""
 
+    def drawn_once(self) -> tuple[ConcealedCampaign | MotionCase, Self]:
+        """The campaign, and this lot with what made its drawing slow."""
+        return self.draw(), self
+
 
 @dataclass(frozen=True)
 class Lot(AnyLot[Stratum]):
@@ -79,11 +85,24 @@ class Lot(AnyLot[Stratum]):
 
 @dataclass(frozen=True)
 class MotionLot(AnyLot[MotionStratum]):
-    """A campaign of runs in motion."""
+    """A campaign of runs in motion.
+
+    Parameters
+    ----------
+    sized : tuple of SizedEffect, optional
+        Its effects as an earlier draw sized them.
+    """
+
+    sized: tuple[SizedEffect, ...] | None = field(default=None, compare=False)
 
     def draw(self) -> MotionCase:
         """The concealed campaign."""
-        return draw_motion_case(self.rng("draw"), self.stratum, laws=self.laws)
+        return draw_motion_case(self.rng("draw"), self.stratum, laws=self.laws, sized=self.sized)
+
+    def drawn_once(self) -> tuple[MotionCase, Self]:
+        """The campaign, and this lot with the sizes of its effects."""
+        case = self.draw()
+        return case, replace(self, sized=case.effects)
 
 
 def draw_lots(campaigns: int, seed: int, kinds: tuple[str, ...] = tuple(SHARES), laws: str = USUAL) -> tuple[Lot, ...]:
