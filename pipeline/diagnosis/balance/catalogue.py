@@ -27,7 +27,10 @@ TWIN = 0.999
 
 @dataclass(frozen=True)
 class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
-    """The terms that a problem has tables of; with `refine`, the leaders' shapes are searched between those tabled."""
+    """The terms that a problem has tables of; with `refine`, the leaders' shapes are searched between those tabled.
+
+    A shape that is the size of its term is searched anyway: no amplitude makes up for what a tabled one is off.
+    """
 
     refine: bool = True
     pairs_at_once: ClassVar[bool] = True
@@ -43,10 +46,9 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
         searched = (table.term for table in problem.tables.values() if not table.term.only_compared)
         terms = [term for term in searched if term.identifier not in without]
         fits = sorted((fit_term(problem, term, refine=False) for term in terms), key=lambda fit: -problem.score(fit))
-        first = FIRST_OF_PAIRS + 1 if self.refine else 0
-        fits[:first] = [
-            fit if fit.candidate.shape is None else fit_term(problem, fit.candidate) for fit in fits[:first]
-        ]
+        for place, fit in enumerate(fits[: FIRST_OF_PAIRS + 1]):
+            if fit.candidate.whole or (self.refine and fit.candidate.shape is not None):
+                fits[place] = fit_term(problem, fit.candidate)
         return sorted(fits, key=lambda fit: -problem.score(fit))
 
 
