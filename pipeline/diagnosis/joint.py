@@ -12,8 +12,8 @@ from pmg.pipeline.diagnosis.grid.candidates import candidates
 from pmg.pipeline.diagnosis.grid.rivals import NONE_KNOWN
 from pmg.pipeline.diagnosis.grid.statement import PHRASES, SHAFT_WORDS
 from pmg.pipeline.diagnosis.joint_evidence import evidence_of, of_most_evidence
+from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.catalogue import FORM_MARGIN
-from pmg.pipeline.diagnosis.motion.library import library
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -103,7 +103,7 @@ def _as_fit(cause: MotionCause) -> TermFit:
 
 def _torque(view: RotorView, cause: MotionCause) -> Array:
     """What a cause adds at the fine samples of a stretch [N m], (n,)."""
-    return np.asarray(cause.term.on(view, cause.shape) @ np.array(cause.amplitudes))
+    return np.asarray(cause.term.columns_on(view, cause.shape) @ np.array(cause.amplitudes))
 
 
 def _missing(baseline: MotionBaseline) -> float:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.motion.library import library
+from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.traces import named_fits
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.model.model_file import FILE
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.pipeline.motion.run import MovingRun
 
 SCHEMA = "pmg.motion-model/1"

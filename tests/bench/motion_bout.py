@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.engine.withheld import FOLDS
+from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
 from pmg.pipeline.diagnosis.motion.fitted import fit_constants
-from pmg.pipeline.diagnosis.motion.library import library
 from pmg.pipeline.trials.motion.nature import measure_motion_case
 from pmg.sim.bench import load_bench
 from pmg.sim.errors import FitError

@@ -21,6 +21,8 @@ EXAMPLE = ROOT / "raw" / "example"
 TYPES = ("Haswell", "Zen", "SkylakeX")
 """Types of core whose kernels of linear algebra round differently; `OPENBLAS_CORETYPE` chooses one."""
 THREADS = (1, 2)
+LARGE = 300
+"""Rows of a matrix whose product needs the kernels of the core: a processor without its instructions ends there."""
 _ASKING = tuple(f"{scipy}openblas_get_corename{wide}" for scipy in ("scipy_", "") for wide in ("64_", ""))
 """Names under which an OpenBLAS tells the core that it works for."""
 
@@ -28,6 +30,8 @@ _ASKING = tuple(f"{scipy}openblas_get_corename{wide}" for scipy in ("scipy_", ""
 def cores_in_use() -> list[str]:
     """The core that each OpenBLAS of this process works for; empty where there is none."""
     linalg.svdvals(np.eye(2))
+    product = np.ones((LARGE, LARGE)) @ np.ones((LARGE, LARGE))
+    assert product[0, 0] == LARGE
     maps = Path("/proc/self/maps")
     lines = maps.read_text(encoding="utf-8").splitlines() if maps.is_file() else []
     found = []
@@ -40,21 +44,33 @@ def cores_in_use() -> list[str]:
     return found
 
 
-def on(core: str, threads: int, words: list[str], at: Path) -> str:
-    """What a command of Python prints on a type of core; its exit code may tell a mismatch or a part left out."""
+def _done(core: str, threads: int, words: list[str], at: Path) -> subprocess.CompletedProcess[str]:
+    """A command of Python, ended, on a type of core."""
     path = f"{ROOT / '.typing'}{os.pathsep}{ROOT}"
     settings = {"PYTHONPATH": path, "OPENBLAS_CORETYPE": core, "OPENBLAS_NUM_THREADS": str(threads)}
-    done = subprocess.run(
+    return subprocess.run(
         [sys.executable, *words], cwd=at, env=os.environ | settings, capture_output=True, text=True, check=False
     )
-    assert done.returncode in (0, 3, 4), done.stderr
+
+
+def on(core: str, threads: int, words: list[str], at: Path) -> str:
+    """What a command of Python prints on a type of core; its exit code may tell a mismatch or a part left out."""
+    done = _done(core, threads, words, at)
+    assert done.returncode in (0, 3, 4), f"exit code {done.returncode}: {done.stderr}"
     return done.stdout
 
 
 def taken(core: str) -> bool:
-    """Whether a type of core can be had here: asked for one that it cannot be, OpenBLAS takes another in silence."""
-    ask = "from tests.bench.processors import cores_in_use; print(*cores_in_use())"
-    return set(on(core, 1, ["-c", ask], ROOT).split()) == {core}
+    """Whether a type of core can be had here.
+
+    Asked for one that it cannot be, OpenBLAS takes another in silence, or works with instructions that the processor
+    does not have, which ends the process by a signal.
+    """
+    done = _done(core, 1, ["-c", "from tests.bench.processors import cores_in_use; print(*cores_in_use())"], ROOT)
+    if done.returncode < 0:
+        return False
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.split()) == {core}
 
 
 def leaves(value: object, at: str = "") -> Iterator[tuple[str, object]]:

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermFit, TermProblem, fit_term
+from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm, amount, signed, stack, term
 from pmg.pipeline.diagnosis.motion.fitted_size import FittedSize, error_of_law, fitted_size
-from pmg.pipeline.diagnosis.motion.terms import MotionTerm, amount, signed, stack, term
 from pmg.sim.mechanisms.base import Component
 from pmg.sim.shafts import PerShaft
 

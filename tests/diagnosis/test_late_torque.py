@@ -17,12 +17,13 @@ from tests.diagnosis.test_motion import RATE, _campaign, _dither, _run, _with_to
 from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermFit, TermProblem, fit_term
 from pmg.pipeline.diagnosis.balance.library.term import Term
 from pmg.pipeline.diagnosis.engine.problem import bounded_sizes
+from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.constants import SKEW
 from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.fitted_size import fitted_size
-from pmg.pipeline.diagnosis.motion.library import library
-from pmg.pipeline.diagnosis.motion.noise import BandedFactor, RowNoise
+from pmg.pipeline.diagnosis.motion.noise import RowNoise
+from pmg.pipeline.motion.banded import BandedFactor
 from pmg.pipeline.motion.smooth import smooth
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.bench import load_bench

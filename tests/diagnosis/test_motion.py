@@ -19,13 +19,13 @@ from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermProblem, fit_term
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.free_form import DEGREE
 from pmg.pipeline.diagnosis.motion.baseline import start_baseline
+from pmg.pipeline.diagnosis.motion.candidates.coupling_terms import _damped
+from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
-from pmg.pipeline.diagnosis.motion.coupling_terms import _damped
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.fitted import fit_beside
 from pmg.pipeline.diagnosis.motion.free_form import MIXED, bent_columns
-from pmg.pipeline.diagnosis.motion.library import library
 from pmg.pipeline.diagnosis.motion.noise import SlowNoise, row_noise, slow_noise_of
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.diagnosis.motion.view import lagging, stopping

@@ -10,8 +10,8 @@ import pytest
 from tests.trials.test_motion_nature import BEGUN, short_runs
 
 from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, start_baseline
+from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
-from pmg.pipeline.diagnosis.motion.library import library
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.motion.smooth import smooth

@@ -20,12 +20,13 @@ from pmg.pipeline.diagnosis.engine.conclusion import Conclusion, probabilities
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion import fitted
+from pmg.pipeline.diagnosis.motion.candidates.reading_terms import _unheld
+from pmg.pipeline.diagnosis.motion.candidates.terms import signed, stack, term
 from pmg.pipeline.diagnosis.motion.constants import FORM_SPEEDS, sheet_of
+from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.loss_curve import BETWEEN, loss_curve
 from pmg.pipeline.diagnosis.motion.noise import SlowNoise, slow_noise_of
-from pmg.pipeline.diagnosis.motion.reading_terms import _unheld
 from pmg.pipeline.diagnosis.motion.rows import STANDING, STANDSTILL, stretches_of
-from pmg.pipeline.diagnosis.motion.terms import signed, stack, term
 from pmg.pipeline.diagnosis.motion.view import EVERY, RotorView, lagging, stopping, waves_of
 from pmg.pipeline.motion.run import MovingRun
 from pmg.pipeline.motion.smooth import FINE_RATE, fine_response, smooth
@@ -55,9 +56,10 @@ def test_a_wave_that_is_too_fast_for_the_samples_is_none() -> None:
     turned = 2.0 * np.pi * 30.0 * np.arange(500) / FINE_RATE
     for speed, largest in ((2.0 * np.pi * 30.0, 0.0), (2.0 * np.pi * 3.0, 1.0)):
         shaft = SimpleNamespace(speed=np.full(500, speed), angle=turned * speed / (2.0 * np.pi * 30.0))
-        run = SimpleNamespace(run=SimpleNamespace(rate=RATE))
-        view = SimpleNamespace(shaft_of=lambda _, s=shaft: s, state=SimpleNamespace(stretch=SimpleNamespace(run=run)))
-        waves = waves_of(cast("RotorView", view), "sun", (10,))
+        run = SimpleNamespace(run=SimpleNamespace(rate=RATE), shafts={"sun": shaft})
+        state: Any = SimpleNamespace(stretch=SimpleNamespace(run=run))
+        history: Any = None
+        waves = waves_of(RotorView(state, history), "sun", (10,))
         assert waves.shape == (500, 2)
         assert np.abs(waves).max() == pytest.approx(largest, abs=0.02)
 
@@ -190,3 +192,20 @@ def test_a_bristle_and_a_stop_follow_their_laws_step_by_step(over: float, count:
         stops.append(stop)
     np.testing.assert_allclose(lagging(angle, over)[::EVERY], bristles, atol=1e-12)
     np.testing.assert_allclose(stopping(angle, over)[::EVERY], stops, atol=1e-12)
+
+
+@pytest.mark.parametrize(("order", "second"), [(7, 0.0), (10, 0.0), (12, 0.0), (14, 0.4)])
+def test_cogging_is_named_with_its_order_whether_poles_have_it_or_not(order: int, second: float) -> None:
+    def cogging(angle: np.ndarray) -> np.ndarray:
+        return np.asarray(0.03 * (np.sin(order * angle + 1.0) + second * np.sin(2 * order * angle)))
+
+    runs = tuple(_with_torque(run, cogging(run.angle.sun) * run.turns.sun) for run in _campaign(33))
+    found = diagnose_motion("cogging", runs, load_bench(), np.random.default_rng(0))
+    assert found.verdict is Verdict.NAMED
+    assert found.naming is not None
+    (fit,) = found.naming.best.fits
+    assert (fit.identifier, fit.place, fit.shape) == ("cogging", "sun", order)
+    (size,) = found.fitted_sizes
+    assert size.value == pytest.approx(0.03, abs=4.0 * size.error)
+    assert f"{order} periods a turn" in size.sentence
+    assert found.size_errors[0][-1] == 0.0, "an order is one of whole numbers"

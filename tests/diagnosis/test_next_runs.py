@@ -14,6 +14,7 @@ from tests.diagnosis.test_motion import _campaign
 
 from pmg.pipeline.diagnosis.engine.separation import power_to_separate, squares_beyond
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
 from pmg.pipeline.diagnosis.motion.design.foresight import Foresight
 from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun, merged
@@ -23,7 +24,6 @@ from pmg.pipeline.diagnosis.motion.design.unseen import smallest_told, unseen
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence, motion_evidence
 from pmg.pipeline.diagnosis.motion.fitted import fit_constants
-from pmg.pipeline.diagnosis.motion.library import library
 from pmg.pipeline.diagnosis.motion.noise import SlowNoise
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.bench import load_bench
@@ -31,7 +31,7 @@ from pmg.sim.grid import Configuration
 from pmg.sim.signals import RPM
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
 
 TIME = np.arange(0.0, 30.0, 1.0 / 250.0)
 SLOW_NOISE = SlowNoise(wander=1e-3, time=5.0, ripple=(1e-3, 1e-3))

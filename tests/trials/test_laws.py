@@ -17,7 +17,7 @@ from pmg.pipeline.trials.laws import CHOICES, Law
 from pmg.pipeline.trials.laws_thermal import REFERENCE
 from pmg.pipeline.trials.nature import draw_case, measure_case, seal_truth
 from pmg.pipeline.trials.score.case_list import draw_lots
-from pmg.pipeline.trials.score.sealed import seal, truth_texts
+from pmg.pipeline.trials.score.sealed import draw_truths, seal
 from pmg.pipeline.trials.strata import LIBRARY_FORMS, form_of
 from pmg.pipeline.trials.world import FASTEST_SUN
 from pmg.sim.errors import StoreError
@@ -236,6 +236,6 @@ def test_a_pinned_law_is_drawn_with_its_own_constants(rng: np.random.Generator) 
 
 def test_a_trial_is_not_resumed_with_other_laws(tmp_path: Path) -> None:
     lots = draw_lots(2, 1)
-    seal(truth_texts(lots), tmp_path, seed=1, kinds=("clean",), route="grid", laws="usual")
+    seal(draw_truths(lots)[0], tmp_path, seed=1, kinds=("clean",), route="grid", laws="usual")
     with pytest.raises(StoreError, match="sealed for laws usual; expected a seal for laws all"):
-        seal(truth_texts(lots), tmp_path, seed=1, kinds=("clean",), route="grid", laws="all")
+        seal(draw_truths(lots)[0], tmp_path, seed=1, kinds=("clean",), route="grid", laws="all")

@@ -230,8 +230,9 @@ def test_the_same_state_draws_the_same() -> None:
         np.testing.assert_array_equal(one.inputs, other.inputs)
 
 
+@pytest.mark.parametrize("kind", ["two", "confounded"])
 def test_a_campaign_whose_effects_were_sized_once_is_the_same_when_drawn_again(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
     nothing = EffectSize(0.0, 0.0, PerShaft(0.0, 0.0))
     sizings = []
@@ -241,10 +242,12 @@ def test_a_campaign_whose_effects_were_sized_once_is_the_same_when_drawn_again(
         return SizedEffect(replace(effect, size=3.0 * effect.size), asked, nothing)
 
     monkeypatch.setattr(nature, "scale_to", counted)
-    lot = next(lot for lot in draw_motion_lots(20, 15, ("two",)) if lot.stratum.design == "full")
-    case, again = lot.drawn_once()
+    monkeypatch.setattr(MotionYardstick, "measure", lambda *_: nothing)
+    monkeypatch.setattr(Scene, "courses", lambda *_: [])
+    lot = draw_motion_lots(20, 15, (kind,))[0]
+    case, again = lot.draw_sized()
     drawn = pickle.loads(pickle.dumps(again)).draw()  # as a worker gets it
-    assert len(sizings) == len(case.effects) == 2
+    assert len(sizings) == len(case.effects) == len(lot.stratum.effects)
     assert drawn.truth == case.truth
     assert (again, hash(again)) == (lot, hash(lot)), "the sizes are no part of which campaign it is"
 

@@ -30,7 +30,7 @@ from pmg.pipeline.trials.score.figures import Aim, Figured, figures, mean
 from pmg.pipeline.trials.score.location import PLACES, place_of
 from pmg.pipeline.trials.score.rates import Rate, fit_curve
 from pmg.pipeline.trials.score.score import DiagnosisScore, judge, resolution
-from pmg.pipeline.trials.score.sealed import FILE, open_truth, open_truths, seal, truth_texts
+from pmg.pipeline.trials.score.sealed import FILE, draw_truths, open_truth, open_truths, seal
 from pmg.pipeline.trials.score.sets import figures_by_laws, set_figures
 from pmg.pipeline.trials.score.stage import TrialOptions, run_prove
 from pmg.pipeline.trials.score.summary import score_lines, summarise
@@ -444,20 +444,20 @@ def test_a_campaign_depends_on_the_seed_and_its_number_only() -> None:
 
 def test_a_changed_truth_breaks_its_seal(tmp_path: Path) -> None:
     lots = draw_lots(2, 1)
-    hashes = seal(truth_texts(lots), tmp_path, seed=1, kinds=("clean",), route="grid", laws="usual")
-    truths = open_truths(truth_texts(lots), tmp_path)
+    hashes = seal(draw_truths(lots)[0], tmp_path, seed=1, kinds=("clean",), route="grid", laws="usual")
+    truths = open_truths(draw_truths(lots)[0], tmp_path)
     assert truths[1]["campaign"] == lots[1].draw().campaign
     path = tmp_path / "truths" / "0001.json"
     text = path.read_text()
     assert open_truth(text, hashes[1], "here") == truths[1]
     path.write_text(text.replace('"kind"', '"Kind"'))
     with pytest.raises(StoreError, match="sealed beforehand"):
-        open_truths(truth_texts(lots), tmp_path)
+        open_truths(draw_truths(lots)[0], tmp_path)
     with pytest.raises(StoreError, match="sealed for seed 1; expected a seal for seed 2"):
-        seal(truth_texts(draw_lots(2, 2)), tmp_path, seed=2, kinds=("clean",), route="grid", laws="usual")
+        seal(draw_truths(draw_lots(2, 2))[0], tmp_path, seed=2, kinds=("clean",), route="grid", laws="usual")
     (tmp_path / FILE).write_text("{")
     with pytest.raises(StoreError, match="not a readable seal"):
-        seal(truth_texts(lots), tmp_path, seed=1, kinds=("clean",), route="grid", laws="usual")
+        seal(draw_truths(lots)[0], tmp_path, seed=1, kinds=("clean",), route="grid", laws="usual")
 
 
 # --- from end to end -----------------------------------------------------------------------------------

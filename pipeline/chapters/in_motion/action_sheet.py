@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     from typing import Any
 
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
     from pmg.pipeline.diagnosis.motion.rows import RotorRows
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.traces import TorqueTrace
     from pmg.sim.signals import Array
 

@@ -39,7 +39,11 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
 
     def fit(self, problem: TermProblem, candidate: Term[Any]) -> TermFit:
         """Best amplitudes and shape of one term with the baseline free to move."""
-        return fit_term(problem, candidate, refine=self.refine)
+        return fit_term(problem, candidate, refine=self._between(candidate))
+
+    def _between(self, term: Term[Any]) -> bool:
+        """Whether the shape of a term is searched between those tabled."""
+        return term.shape is not None and not term.one_of and (self.refine or term.whole)
 
     def rank(self, problem: TermProblem, without: Collection[str] = ()) -> list[TermFit]:
         """All terms but some fitted, best score first."""
@@ -47,7 +51,7 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
         terms = [term for term in searched if term.identifier not in without]
         fits = sorted((fit_term(problem, term, refine=False) for term in terms), key=lambda fit: -problem.score(fit))
         for place, fit in enumerate(fits[: FIRST_OF_PAIRS + 1]):
-            if fit.candidate.whole or (self.refine and fit.candidate.shape is not None):
+            if self._between(fit.candidate):
                 fits[place] = fit_term(problem, fit.candidate)
         return sorted(fits, key=lambda fit: -problem.score(fit))
 

@@ -235,6 +235,8 @@ def _refined(problem: TermProblem, term: Term[Any], shapes: Array, gains: Array,
     back = (lambda s: 1.0 / s) if term.even_grid else math.log
     ends = max(best - 1, 0), min(best + 1, len(shapes) - 1)
     start, stop = (back(float(shapes[k])) for k in ends)
+    if start == stop:
+        return float(shapes[best])
 
     def shape_at(part: int) -> float:
         return turn(start + (stop - start) * part / PARTS)
@@ -243,9 +245,11 @@ def _refined(problem: TermProblem, term: Term[Any], shapes: Array, gains: Array,
         seen = problem.project(problem.columns_of(term, shape_at(part)))
         return float(_gains(seen[:, None, :], problem.left, term)[0])
 
-    known = {0: float(gains[ends[0]]), PARTS: float(gains[ends[1]])}
-    middle = round(PARTS * (back(float(shapes[best])) - start) / (stop - start)) if stop != start else 0
-    known[middle] = float(gains[best])
+    middle = round(PARTS * (back(float(shapes[best])) - start) / (stop - start))
+    if ends[0] < best < ends[1]:
+        middle = min(max(middle, 1), PARTS - 1)
+    known = {middle: float(gains[best])}
+    known |= {part: float(gains[end]) for part, end in zip((0, PARTS), ends, strict=True) if part != middle}
     if len(known) < 3:  # the best is at an end of the grid
         known[PARTS // 2] = gain_at(PARTS // 2)
     for _ in range(TRIED):

@@ -134,7 +134,7 @@ def fit_baseline(
         errors = np.sqrt(np.diag(at.covariance)[:k])
         if np.all(np.abs(moved[:k]) <= SETTLED * errors + 1e-12):
             break
-        if np.any(np.abs(moved[:k]) > STRAIGHT * errors):
+        if np.any(np.abs(moved[:k]) > STRAIGHT * errors + 1e-12):
             at = None
     return found, (at or _linearised(found, white, extra)).covariance
 

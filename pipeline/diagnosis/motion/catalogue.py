@@ -12,8 +12,8 @@ from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.sim.signals import Array
 
 WEAK, WEAK_OF_SHEET = 60.0, 25.0

@@ -16,6 +16,7 @@ from pmg.pipeline.diagnosis.engine.mismatch import FALSE_ALARM_RATE, Mismatch, s
 from pmg.pipeline.diagnosis.engine.naming import name_candidates
 from pmg.pipeline.diagnosis.engine.verdict import Absorbed, Verdict
 from pmg.pipeline.diagnosis.engine.withheld import withhold
+from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.catalogue import (
     MotionCatalogue,
     columns_beside,
@@ -27,7 +28,6 @@ from pmg.pipeline.diagnosis.motion.design.unseen import unseen
 from pmg.pipeline.diagnosis.motion.evidence import motion_evidence
 from pmg.pipeline.diagnosis.motion.fitted import fit_beside, fit_constants, slow_noise_beside_drift
 from pmg.pipeline.diagnosis.motion.fitted_size import error_of_law, fitted_size
-from pmg.pipeline.diagnosis.motion.library import library
 from pmg.pipeline.diagnosis.motion.withheld import by_kind, by_run
 from pmg.pipeline.files.progress import Steps
 
@@ -37,9 +37,10 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.engine.explanation import Explanation
     from pmg.pipeline.diagnosis.engine.held_out import HeldOut
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
+    from pmg.pipeline.diagnosis.motion.compressed import Family
     from pmg.pipeline.diagnosis.motion.design.next_runs import NextRun
     from pmg.pipeline.diagnosis.motion.design.unseen import Unseen
-    from pmg.pipeline.diagnosis.motion.evidence import Family, MotionEvidence
+    from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
     from pmg.pipeline.diagnosis.motion.fitted_size import FittedSize
     from pmg.pipeline.diagnosis.motion.noise import RowNoise
     from pmg.pipeline.files.progress import Progress
@@ -248,7 +249,7 @@ def _together(
     What is known of a mechanism is not fitted: its error is zero.
     """
     slopes = [found.problem.slopes(fit) for fit in fits]
-    free = [np.array([not quantity.fixed for quantity in fit.candidate.parameters]) for fit in fits]
+    free = [fit.candidate.free_parameters for fit in fits]
     columns = np.hstack([columns_beside(found, fits), *(s * f for s, f in zip(slopes, free, strict=True))])
     effect = sum((s[:, : len(f.amplitudes)] @ f.amplitudes for s, f in zip(slopes, fits, strict=True)), 0.0 * found.y)
     length = np.linalg.norm(columns, axis=0)
@@ -258,7 +259,7 @@ def _together(
     errors = np.linalg.norm(inverse, axis=1)
     ends = np.cumsum([found.columns.shape[1], *(s.shape[1] for s in slopes)])
     values = [np.r_[fit.amplitudes, [fit.shape] if fit.candidate.shape is not None else []] for fit in fits]
-    sizes = [v + m for v, m in zip(values, np.split(moved, ends)[1:], strict=False)]
+    sizes = [v + f * m for v, f, m in zip(values, free, np.split(moved, ends)[1:], strict=False)]
     of_fits = np.split(inverse, ends)[1 : 1 + len(fits)]
     wholes = tuple(
         fitted_size(
@@ -274,7 +275,7 @@ def _together(
         found.baseline.values + moved[: ends[0]],
         errors[: ends[0]],
         tuple(sizes),
-        tuple(np.split(errors, ends)[1 : 1 + len(fits)]),
+        tuple(f * error for f, error in zip(free, np.split(errors, ends)[1:], strict=False)),
         wholes,
     )
 

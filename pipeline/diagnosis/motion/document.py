@@ -89,7 +89,7 @@ def _component_of(place: MotionPlace) -> Component | None:
     follows, side = place.family.follows, signal_of(place)
     if follows.startswith("eccentricity"):
         return Component(f"{side}_encoder")
-    if follows in ("pull_out", "map", "poles of the gear", "orders of the shaft"):
+    if follows in ("pull_out", "map", "poles of the gear"):
         return Component.MAGNETIC_GEAR
     if follows.startswith("compliance") or follows == "torque rate":
         return Component(f"{side}_coupling")

@@ -40,7 +40,7 @@ def structures(view: RotorView, spans: dict[str, float]) -> dict[str, Array]:
             [wave for k in (1, 2, 3) for wave in (np.cos(np.pi * k * view.campaign_time / spans["campaign"]),)], 1
         ),
         "poles of the gear": waves_of(view, view.side, POLE_ORDERS),
-        "orders of the shaft": waves_of(view, view.side, COGGING_ORDERS),
+        "orders 5 to 26 of the shaft": waves_of(view, view.side, COGGING_ORDERS),
         "angle of the shaft": waves_of(view, view.side, (1, 2, 3, 4)),
         "travel since reversal": np.stack([view.direction * np.exp(-_travel(view) / w) for w in (0.01, 0.1, 1.0)], 1),
     }

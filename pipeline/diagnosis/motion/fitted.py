@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.noise import RowNoise, SlowNoise
     from pmg.pipeline.diagnosis.motion.rows import RotorRows
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.pipeline.motion.run import MovingRun
     from pmg.sim.bench import BenchParameters
@@ -116,7 +116,7 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
     """
 
     def extra(clean: MotionBaseline) -> list[Array]:
-        return [np.hstack([_term(fit).on(view, fit.shape) for fit in fits]) for view in views_of(clean)]
+        return [np.hstack([_term(fit).columns_on(view, fit.shape) for fit in fits]) for view in views_of(clean)]
 
     white = _whitener(noise)
     found, covariance = _apart(start, fits), np.zeros((0, 0))
@@ -207,7 +207,7 @@ def _as_shown(found: MotionBaseline, fits: tuple[TermFit, ...], amounts: list[Ar
 
     def shown(of_noisy: RotorView, of_clean: RotorView) -> Array:
         parts = zip(fits, amounts, strict=True)
-        found = (_term(f).on(of_noisy if _term(f).hears else of_clean, f.shape) @ amount for f, amount in parts)
+        found = (_term(f).columns_on(of_noisy if _term(f).hears else of_clean, f.shape) @ amount for f, amount in parts)
         return np.asarray(sum(found))
 
     return tuple(map(shown, noisy, views_of(found.clean)))

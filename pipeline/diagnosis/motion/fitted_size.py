@@ -16,7 +16,7 @@ from pmg.sim.shafts import SIDES
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
     from pmg.pipeline.diagnosis.balance.library.term import Term
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.sim.shafts import PerShaft
     from pmg.sim.signals import Array
 
@@ -98,7 +98,7 @@ def fitted_size(
         value = float(np.hypot(*sizes[:2]))
         along = sizes[:2] / max(value, 1e-30)
         error = math.sqrt(along @ among[:2, :2] @ along)
-        remark = f", {fit.shape:g} periods a turn" if term.one_of else remark
+        remark = f", {fit.shape:g} periods a turn" if term.shape is not None and term.shape.name == "order" else remark
         return FittedSize("amplitude", value, error, term.amplitudes[0].unit, remark=remark)
     if _adds_up(term):
         error = math.hypot(math.sqrt(max(float(among.sum()), 0.0)), of_law)

@@ -13,7 +13,7 @@ from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.sim.signals import Array
 

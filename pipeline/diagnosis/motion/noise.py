@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cholesky_banded, solve_triangular
+from scipy.linalg import cholesky_banded
 
 from pmg.pipeline.diagnosis.motion.constants import RIPPLE
+from pmg.pipeline.motion.banded import BandedFactor
 from pmg.pipeline.motion.smooth import row_weights
 from pmg.sim.shafts import SIDES, other_side
 from pmg.sim.signals import NORMAL_MAD
@@ -35,9 +36,6 @@ FILLED = 0.5
 
 LEAST_RIPPLE = 3e-4
 """Least standard deviation that is taken for the ripple of a turn [N m]."""
-
-BLOCK = 64
-"""Rows of a banded matrix that are solved for at once."""
 
 FLOOR = 0.1
 """Part of the variance that is added to it alone, so that the whitening of a band-limited noise stays bounded."""
@@ -68,65 +66,6 @@ USUAL = SlowNoise()
 
 
 @dataclass(frozen=True)
-class BandedFactor:
-    """A lower banded matrix, in blocks that hold its band: many columns at once are products of small matrices.
-
-    Parameters
-    ----------
-    band : (b + 1, n) array
-        Its diagonals, as LAPACK keeps them.
-    inverses : tuple of (r, r) array
-        Of its blocks of `BLOCK` rows on the diagonal; of the last one fewer.
-    links : tuple of (r, b) array
-        What each block takes of the b solved rows before it, solved; zero of the first.
-    """
-
-    band: Array
-    inverses: tuple[Array, ...]
-    links: tuple[Array, ...]
-
-    @classmethod
-    def of(cls, band: Array) -> BandedFactor:
-        """A lower banded matrix by its diagonals (b + 1, n)."""
-        below, n = len(band) - 1, band.shape[1]
-        inverses, links = [], []
-        for first in range(0, n, max(BLOCK, below)):
-            last = min(first + max(BLOCK, below), n)
-            rows = np.zeros((last - first, below + last - first))
-            for down, diagonal in enumerate(band):
-                at = np.arange(max(first, down), last)
-                rows[at - first, at - down - first + below] = diagonal[at - down]
-            inverse = solve_triangular(rows[:, below:], np.eye(last - first), lower=True, check_finite=False)
-            inverses.append(np.asarray(inverse))
-            links.append(np.asarray(inverse @ rows[:, :below]))
-        return cls(band, tuple(inverses), tuple(links))
-
-    def solved(self, columns: Array) -> Array:
-        """Columns (n, j) by the inverse of the matrix."""
-        found = np.empty(columns.shape)
-        first = 0
-        for inverse, link in zip(self.inverses, self.links, strict=True):
-            last = first + len(inverse)
-            np.matmul(inverse, columns[first:last], out=found[first:last])
-            if first:
-                found[first:last] -= link @ found[first - link.shape[1] : first]
-            first = last
-        return found
-
-    def adjoint(self, columns: Array) -> Array:
-        """Columns (n, j) by the inverse of the transposed matrix."""
-        found = columns.copy()
-        last = len(columns)
-        for inverse, link in zip(self.inverses[::-1], self.links[::-1], strict=True):
-            first = last - len(inverse)
-            if first:
-                found[first - link.shape[1] : first] -= link.T @ found[first:last]
-            found[first:last] = inverse.T @ found[first:last]
-            last = first
-        return found
-
-
-@dataclass(frozen=True)
 class RowNoise:
     """Noise of the rows of a stretch.
 
@@ -150,7 +89,7 @@ class RowNoise:
         return np.asarray(white - self.slow @ (self.shrunk[:, None] * (self.slow.T @ white)))
 
     def adjoint(self, columns: Array) -> Array:
-        """Weights (n, j) of rows in their products with whitened columns (n, j), before they are whitened."""
+        """Columns (n, j) with which rows as they are have the products that whitened rows have with `columns`."""
         freed = columns - self.slow @ (self.shrunk[:, None] * (self.slow.T @ columns))
         return self.factor.adjoint(freed)
 

@@ -15,10 +15,10 @@ from pmg.pipeline.diagnosis.motion.view import views_of
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
     from pmg.pipeline.diagnosis.motion.noise import SlowNoise
     from pmg.pipeline.diagnosis.motion.rows import RotorRows, RotorState
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.sim.signals import Array
 
 SMOOTHED = 0.25
@@ -96,7 +96,7 @@ def effects_of(diagnosis: MotionDiagnosis, others: tuple[TermFit, ...] = ()) -> 
             if term.constants:
                 columns = baseline.clean.columns(place)[:, [baseline.sheet.at(name) for name in term.constants]]
             else:
-                columns = view.state.stretch.of_rows(term.on(view, shape))
+                columns = term.rows_on(view, shape)
             of_fit.append(np.asarray(columns @ values[:count]))
         found.append(tuple(of_fit))
     return tuple(found)

@@ -165,7 +165,7 @@ class RotorView:
 
     def constant(self, name: str) -> float:
         """A fitted constant of the baseline."""
-        return float(self.history.baseline.values[self.history.baseline.sheet.at(name)])
+        return self.state.value(name)
 
     @property
     def skew(self) -> float:
@@ -214,7 +214,7 @@ class RotorView:
         return np.asarray(run.run.started_at.timestamp() - self.history.began + run.time)
 
     def wave(self, side: str, order: int) -> Array:
-        """Cosine and sine of an order of a shaft's turn (n, 2), less where they are too fast for the rows."""
+        """Cosine and sine of an order of a shaft's turn (n, 2), less where they are too fast for the rows; kept."""
         if (side, order) not in self._waves:
             shaft = self.shaft_of(side)
             frequency = order * np.abs(shaft.speed) / REVOLUTION

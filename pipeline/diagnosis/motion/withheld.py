@@ -13,10 +13,10 @@ from pmg.pipeline.diagnosis.motion.free_form import bent_columns
 from pmg.pipeline.recording.run_records import Manoeuvre
 
 if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
     from pmg.pipeline.diagnosis.motion.rows import RotorRows
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.sim.signals import Array, Mask
 
 KINDS = ((Manoeuvre.RAMP, Manoeuvre.COAST), (Manoeuvre.STEPS,), (Manoeuvre.SWEEP,), (Manoeuvre.DITHER,))

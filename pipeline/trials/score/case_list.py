@@ -69,8 +69,8 @@ class AnyLot(ABC, Generic[S]):
     def draw(self) -> ConcealedCampaign | MotionCase:
         """The concealed campaign."""
 
-    def drawn_once(self) -> tuple[ConcealedCampaign | MotionCase, Self]:
-        """The campaign, and this lot with what made its drawing slow."""
+    def draw_sized(self) -> tuple[ConcealedCampaign | MotionCase, Self]:
+        """The campaign, and this lot with its effects already sized, where sizing takes long."""
         return self.draw(), self
 
 
@@ -99,8 +99,8 @@ class MotionLot(AnyLot[MotionStratum]):
         """The concealed campaign."""
         return draw_motion_case(self.rng("draw"), self.stratum, laws=self.laws, sized=self.sized)
 
-    def drawn_once(self) -> tuple[MotionCase, Self]:
-        """The campaign, and this lot with the sizes of its effects."""
+    def draw_sized(self) -> tuple[MotionCase, Self]:
+        """The campaign, and this lot with its effects already sized."""
         case = self.draw()
         return case, replace(self, sized=case.effects)
 

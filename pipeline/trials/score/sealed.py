@@ -24,30 +24,25 @@ SCHEMA = "pmg.sealed/1"
 FILE = "sealed.json"
 
 
-def _drawn_once(lot: AnyLot[Any]) -> tuple[str, AnyLot[Any]]:
-    """What a campaign conceals, as the text that is sealed, and the lot that draws it again in less time."""
-    case, again = lot.drawn_once()
-    return seal_truth(case.truth)[0], again
+def _drawn(lot: AnyLot[Any]) -> tuple[str, AnyLot[Any]]:
+    """What a campaign conceals, as the text that is sealed, and its lot with the effects already sized."""
+    case, sized = lot.draw_sized()
+    return seal_truth(case.truth)[0], sized
 
 
-def draw_once(
+def draw_truths(
     lots: tuple[AnyLot[Any], ...], workers: int = 1, progress: Progress | None = None
 ) -> tuple[dict[int, str], tuple[AnyLot[Any], ...]]:
-    """What each campaign conceals, by its number, and the lots with what made their drawing slow.
+    """What each campaign conceals, by its number, and the lots with their effects already sized.
 
     `progress` receives how many are drawn, of how many, and which.
     """
     found: dict[int, tuple[str, AnyLot[Any]]] = {}
-    for lot, drawn in map_over(_drawn_once, lots, workers):
+    for lot, drawn in map_over(_drawn, lots, workers):
         found[lot.number] = drawn
         if progress is not None:
             progress(len(found), len(lots), f"campaign {lot.number} drawn")
     return {number: found[number][0] for number in sorted(found)}, tuple(found[lot.number][1] for lot in lots)
-
-
-def truth_texts(lots: tuple[AnyLot[Any], ...]) -> dict[int, str]:
-    """What each campaign conceals, by its number."""
-    return draw_once(lots)[0]
 
 
 def seal(

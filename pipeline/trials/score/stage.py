@@ -32,7 +32,7 @@ from pmg.pipeline.trials.score.figures import AIMS_IN_MOTION
 from pmg.pipeline.trials.score.run_case import ROUTES, SCHEMA, CaseTask, run_case
 from pmg.pipeline.trials.score.score import DiagnosisScore as Verdict
 from pmg.pipeline.trials.score.score import judge
-from pmg.pipeline.trials.score.sealed import draw_once, open_truth, open_truths, seal
+from pmg.pipeline.trials.score.sealed import draw_truths, open_truth, open_truths, seal
 from pmg.pipeline.trials.score.summary import Trial, case_row, score_lines, scores_document, summarise
 from pmg.sim.errors import BenchError, near_miss
 
@@ -120,7 +120,7 @@ def run_prove(out: Path, asked: TrialOptions, progress: Progress | None = None) 
     workers = asked.workers or os.cpu_count() or 1
     drawn = draw_lots if track == TRACKS[0] else draw_motion_lots
     lots: tuple[AnyLot[Any], ...] = drawn(campaigns, seed, kinds, laws)
-    texts, lots = draw_once(lots, workers, progress)
+    texts, lots = draw_truths(lots, workers, progress)
     hashes = seal(texts, out, seed=seed, kinds=kinds, route=route, laws=laws, track=track)
     code = _code_digest()
     taken = lots if case is None else (lots[case],)

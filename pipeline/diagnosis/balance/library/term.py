@@ -254,6 +254,12 @@ class Term(Generic[M]):
         return np.array([not quantity.fixed for quantity in self.amplitudes])
 
     @property
+    def free_parameters(self) -> Mask:
+        """Which of its parameters, amplitudes then shape, a small step may change (p,)."""
+        of_shape = [] if self.shape is None else [not self.one_of]
+        return np.array([*self.free, *of_shape], dtype=np.bool_)
+
+    @property
     def single(self) -> bool:
         """Whether it has one amplitude, so that a baseline may hold it."""
         return len(self.amplitudes) == 1

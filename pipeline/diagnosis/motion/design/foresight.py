@@ -20,11 +20,11 @@ from pmg.pipeline.diagnosis.motion.view import views_of
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
     from pmg.pipeline.diagnosis.balance.library.term import Term
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.design.proposals import Proposal
     from pmg.pipeline.diagnosis.motion.design.unseen import Unseen
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
     from pmg.pipeline.diagnosis.motion.noise import RowNoise, SlowNoise
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.sim.signals import Array
 
@@ -71,7 +71,7 @@ class Foresight:
         views, noise, _ = self._made
         rows = []
         for view, each in zip(views, noise, strict=True):
-            rows.append(self._unit * each.white(view.state.stretch.of_rows(term.on(view, shape))))
+            rows.append(self._unit * each.white(term.rows_on(view, shape)))
         return np.vstack(rows)
 
     @cached_property

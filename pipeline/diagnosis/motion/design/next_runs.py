@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
     from pmg.pipeline.diagnosis.balance.fitting import TermFit
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.design.proposals import Proposal
     from pmg.pipeline.diagnosis.motion.design.proposed_run import ProposedRun
     from pmg.pipeline.diagnosis.motion.design.unseen import Unseen
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
     from pmg.pipeline.diagnosis.motion.noise import SlowNoise
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
 
 LEAST_POWER = 0.2
 """Power from which on runs are worth their time."""

@@ -9,8 +9,8 @@ import numpy as np
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.fitting import Tabled
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.evidence import MotionEvidence
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
     from pmg.sim.signals import Array
 
 TOLD = 4.0

@@ -1,14 +1,15 @@
-"""Candidates in the magnetic gear and between the shafts, which act on both rotors."""
+"""Candidates in the magnetic gear and between the shafts."""
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.library.term import Quantity
+from pmg.pipeline.diagnosis.motion.candidates.terms import amount, signed, stack, term
 from pmg.pipeline.diagnosis.motion.constants import COGGING_ORDERS, MAP_WAVES, map_name
-from pmg.pipeline.diagnosis.motion.terms import amount, signed, stack, term
 from pmg.pipeline.diagnosis.motion.view import lagging, stopping, waves_of
 from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate
@@ -17,7 +18,9 @@ from pmg.sim.shafts import SIDES
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.view import RotorView
+    from pmg.sim.signals import Array
 
 STOPS = (2.5, 1.0, 0.4)
 """Angles at which the springs of a hysteresis give way, over the middle one."""
@@ -169,21 +172,24 @@ def loss_terms() -> Iterator[MotionTerm]:
 
 
 def cogging_terms() -> Iterator[MotionTerm]:
-    """Cogging by period: of the engaged gear, or of a rotor in whichever configuration."""
-    for side in SIDES:
-        for engaged_only in (False, True):
-            where = " where it is engaged" if engaged_only else ""
-            yield term(
-                "cogging",
-                f"Cogging of the magnetic gear{where}",
-                f"C sin(n theta_{side} + phase) + D sin(2 n theta_{side} + phase2)",
-                signed("cosine", "sine", "second_cosine", "second_sine", unit="N m", most=0.5),
-                lambda v, order: waves_of(v, v.side, (round(order), 2 * round(order))),
-                engaged_only=engaged_only,
-                shape=Quantity("order", "1", (float(COGGING_ORDERS[0]), float(COGGING_ORDERS[-1]))),
-                one_of=tuple(map(float, COGGING_ORDERS)),
-                follows=(LawCovariate.SPEED,),
-                component=Component.MAGNETIC_GEAR,
-                shaft=side,
-                variant="engaged" if engaged_only else "",
-            )
+    """Cogging by order: of the engaged gear, or of a rotor in whichever configuration; a wave, or a sharper course."""
+    plain, sharp = ("cosine", "sine"), ("cosine", "sine", "second_cosine", "second_sine")
+    for side, engaged_only, names in itertools.product(SIDES, (False, True), (plain, sharp)):
+
+        def law(view: RotorView, order: float, waves: int = len(names) // 2) -> Array:
+            return waves_of(view, view.side, tuple(k * round(order) for k in range(1, waves + 1)))
+
+        yield term(
+            "cogging",
+            f"Cogging of the magnetic gear{' where it is engaged' if engaged_only else ''}",
+            f"C sin(n theta_{side} + phase){' + D sin(2 n theta + phase2)' if names == sharp else ''}",
+            signed(*names, unit="N m", most=0.5),
+            law,
+            engaged_only=engaged_only,
+            shape=Quantity("order", "1", (float(COGGING_ORDERS[0]), float(COGGING_ORDERS[-1]))),
+            one_of=tuple(map(float, COGGING_ORDERS)),
+            follows=(LawCovariate.SPEED,),
+            component=Component.MAGNETIC_GEAR,
+            shaft=side,
+            variant=" ".join((*("sharp",) * (names == sharp), *("engaged",) * engaged_only)),
+        )

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from pmg.pipeline.diagnosis.balance.library.term import Quantity
-from pmg.pipeline.diagnosis.motion.terms import amount, signed, stack, term
+from pmg.pipeline.diagnosis.motion.candidates.terms import amount, signed, stack, term
 from pmg.pipeline.motion.smooth import derivative
 from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate
@@ -16,7 +16,7 @@ from pmg.sim.mechanisms.base import Component, LawCovariate
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.sim.signals import Array
 
@@ -187,7 +187,7 @@ def zero_terms(side: str) -> Iterator[MotionTerm]:
         source=sources.GUM,
         shape=Quantity("when", "1", (0.1, 0.95)),
         mimicked_by=(f"zero_{side}",),
-        at_rest=True,
+        shown_at_rest=True,
         follows=(LawCovariate.TIME,),
         component=transducer,
         shaft=side,
@@ -203,7 +203,7 @@ def zero_terms(side: str) -> Iterator[MotionTerm]:
         source=sources.GUM,
         shape=Quantity("settles", "s", (60.0, 5000.0)),
         mimicked_by=(f"zero_{side}",),
-        at_rest=True,
+        shown_at_rest=True,
         follows=(LawCovariate.TIME,),
         component=transducer,
         shaft=side,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.library.term import Quantity
+from pmg.pipeline.diagnosis.motion.candidates.terms import amount, signed, stack, term
 from pmg.pipeline.diagnosis.motion.constants import (
     SPEED_UNIT,
     dry_name,
@@ -16,7 +17,6 @@ from pmg.pipeline.diagnosis.motion.constants import (
     ripple_names,
 )
 from pmg.pipeline.diagnosis.motion.stance import eccentric
-from pmg.pipeline.diagnosis.motion.terms import amount, signed, stack, term
 from pmg.pipeline.diagnosis.motion.view import lagging
 from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate
@@ -24,7 +24,7 @@ from pmg.sim.mechanisms.base import Component, LawCovariate
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.sim.signals import Array
 

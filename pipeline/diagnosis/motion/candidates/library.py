@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.diagnosis.motion.coupling_terms import coupling_terms, play_terms
-from pmg.pipeline.diagnosis.motion.gear_terms import cogging_terms, hysteresis_terms, loss_terms, spring_terms
-from pmg.pipeline.diagnosis.motion.reading_terms import scale_terms, time_terms, zero_terms
-from pmg.pipeline.diagnosis.motion.shaft_terms import (
+from pmg.pipeline.diagnosis.motion.candidates.coupling_terms import coupling_terms, play_terms
+from pmg.pipeline.diagnosis.motion.candidates.gear_terms import (
+    cogging_terms,
+    hysteresis_terms,
+    loss_terms,
+    spring_terms,
+)
+from pmg.pipeline.diagnosis.motion.candidates.reading_terms import scale_terms, time_terms, zero_terms
+from pmg.pipeline.diagnosis.motion.candidates.shaft_terms import (
     bearing_terms,
     reversal_terms,
     rubbing_terms,
@@ -17,11 +23,12 @@ from pmg.pipeline.diagnosis.motion.shaft_terms import (
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
 
 
+@cache
 def library() -> tuple[MotionTerm, ...]:
-    """Every candidate."""
+    """Every candidate, the same objects at each call: what was worked out for one serves again."""
     of_shaft = (
         bearing_terms,
         reversal_terms,

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pmg.pipeline.diagnosis.balance.library.term import Quantity
+from pmg.pipeline.diagnosis.motion.candidates.terms import amount, stack, term
 from pmg.pipeline.diagnosis.motion.stance import torque_of_angle
-from pmg.pipeline.diagnosis.motion.terms import amount, stack, term
 from pmg.pipeline.motion.smooth import derivative
 from pmg.sim import sources
 from pmg.sim.mechanisms.base import Component, LawCovariate
@@ -17,7 +17,7 @@ from pmg.sim.mechanisms.base import Component, LawCovariate
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from pmg.pipeline.diagnosis.motion.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.view import RotorView
     from pmg.sim.signals import Array
 

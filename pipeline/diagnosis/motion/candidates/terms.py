@@ -48,8 +48,8 @@ class MotionTerm(Term[RotorView]):
         Whether its sizes are torques on the pole angle, of which a rotor feels as many times as it has pole pairs.
     engaged_only : bool
         Whether it acts in the engaged gear only.
-    at_rest : bool
-        Whether a rotor at rest shows it, too.
+    shown_at_rest : bool
+        Whether a zero run shows it, too.
     """
 
     component: Component = field(kw_only=True)
@@ -63,7 +63,7 @@ class MotionTerm(Term[RotorView]):
     mixes: bool = False
     of_pole_angle: bool = False
     engaged_only: bool = False
-    at_rest: bool = False
+    shown_at_rest: bool = False
 
     @property
     def place(self) -> str:
@@ -87,13 +87,17 @@ class MotionTerm(Term[RotorView]):
 
     def acts(self, view: RotorView) -> bool:
         """Whether it may act on that rotor in its run; its law is asked for nowhere else."""
-        if self.constants or (view.at_rest and not self.at_rest) or (self.engaged_only and not view.coupled):
+        if self.constants or (view.at_rest and not self.shown_at_rest) or (self.engaged_only and not view.coupled):
             return False
         return self.spreads or self.shaft in (view.side, "both")
 
-    def on(self, view: RotorView, shape: float) -> Array:
+    def columns_on(self, view: RotorView, shape: float) -> Array:
         """Columns (n, a) at the fine samples of a rotor; zero where it does not act."""
         return self.columns(view, shape) if self.acts(view) else np.zeros((len(view.speed), len(self.amplitudes)))
+
+    def rows_on(self, view: RotorView, shape: float) -> Array:
+        """The same at the rows of a stretch (r, a)."""
+        return view.state.stretch.of_rows(self.columns_on(view, shape))
 
 
 def term(

@@ -1,0 +1,134 @@
+"""A stretch of a run in motion compressed: in the coordinates of all that is looked for in it, whitened."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.motion.families import structures
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
+    from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
+    from pmg.pipeline.diagnosis.motion.noise import RowNoise
+    from pmg.pipeline.diagnosis.motion.view import RotorView
+    from pmg.sim.signals import Array
+
+SHAPES = 8
+"""Values of a shape, evenly spaced on a logarithm, at which a candidate is tabled."""
+
+SIGNATURE = 200
+"""Fine samples by which columns that may be the same are found."""
+
+KEPT = 1e-2
+"""Length of a direction, over the longest, from which on it is kept: what all columns of a stretch span."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """A kind of structure that was looked for.
+
+    Parameters
+    ----------
+    side, configuration : str
+        Whose rows.
+    follows : str
+        What it follows.
+    """
+
+    side: str
+    configuration: str
+    follows: str
+
+
+@dataclass(frozen=True)
+class Compressed:
+    """One stretch in the coordinates of its columns: rows, constants, structures, and candidates by key.
+
+    `row_weights` (n, k) give the coordinates of rows that are not whitened: their products with them.
+    """
+
+    y: Array
+    left: Array
+    constants: Array
+    structures: dict[Family, Array]
+    candidates: dict[str, Array]
+    row_weights: Array
+    unexplained: float
+
+
+def shapes_of(term: MotionTerm) -> Array:
+    """Values of the shape at which a term is tabled."""
+    if term.shape is None:
+        return np.array([math.nan])
+    return np.array(term.one_of) if term.one_of else np.geomspace(*term.shape.bounds, SHAPES)
+
+
+def compress(
+    baseline: MotionBaseline,
+    place: int,
+    noise: RowNoise,
+    view: RotorView,
+    terms: tuple[MotionTerm, ...],
+    spans: dict[str, float],
+) -> Compressed:
+    """A stretch in the coordinates of all that is looked for in it."""
+    stretch = view.state.stretch
+    looked = {
+        Family(view.side, str(stretch.run.run.configuration), name): columns
+        for name, columns in structures(view, spans).items()
+    }
+    acting = [term for term in terms if term.acts(view)]
+    tried = {term.key: np.hstack([term.columns(view, float(shape)) for shape in shapes_of(term)]) for term in acting}
+    constants = baseline.clean.columns(place)
+    fine, at = _distinct([*looked.values(), *tried.values()])
+    rows = np.hstack([constants, stretch.of_rows(fine)])
+    readings = np.stack([baseline.missing(place), baseline.left(place)], 1)
+    white = noise.white(np.hstack([rows, readings]))
+    y, left = white[:, -2:].T
+    basis = _span(white[:, :-2])
+    rest = left - basis @ (basis.T @ left)
+    inside = basis.T @ white[:, :-2]
+    inside = np.hstack([inside[:, : len(baseline.sheet)], inside[:, len(baseline.sheet) + at]])
+    blocks = [constants, *looked.values(), *tried.values()]
+    split = np.split(inside, np.cumsum([block.shape[1] for block in blocks])[:-1], axis=1)
+    return Compressed(
+        basis.T @ y,
+        basis.T @ left,
+        split[0],
+        dict(zip(looked, split[1 : 1 + len(looked)], strict=True)),
+        dict(zip(tried, split[1 + len(looked) :], strict=True)),
+        noise.adjoint(basis),
+        float(rest @ rest) / max(len(left) - basis.shape[1], 1),
+    )
+
+
+def _distinct(blocks: list[Array]) -> tuple[Array, npt.NDArray[np.intp]]:
+    """Columns (n, u) of blocks, each once, and which of them each column is (k,): terms share waves of a turn."""
+    samples = np.linspace(0, len(blocks[0]) - 1, SIGNATURE, dtype=np.intp) if blocks else np.zeros(0, dtype=np.intp)
+    found: dict[bytes, list[int]] = {}
+    columns: list[Array] = []
+    at: list[int] = []
+    for block in blocks:
+        for column, signature in zip(block.T, block[samples].T, strict=True):
+            alike = found.setdefault(signature.tobytes(), [])
+            same = next((k for k in alike if np.array_equal(columns[k], column)), len(columns))
+            if same == len(columns):
+                alike.append(same)
+                columns.append(column)
+            at.append(same)
+    return np.stack(columns, 1), np.array(at, dtype=np.intp)
+
+
+def _span(columns: Array) -> Array:
+    """Orthonormal basis of columns (n, k), each of unit length, by the eigenvectors of their products."""
+    length = np.linalg.norm(columns, axis=0)
+    unit = columns[:, length > 0.0] / length[length > 0.0]
+    squares, vectors = np.linalg.eigh(unit.T @ unit)
+    kept = squares > KEPT**2 * squares[-1]
+    return np.asarray(unit @ (vectors[:, kept] / np.sqrt(squares[kept])))
