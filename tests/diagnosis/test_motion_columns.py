@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import timedelta
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from tests.diagnosis.test_motion import _campaign
 from tests.trials.test_motion_nature import BEGUN, short_runs
 
-from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, start_baseline
+from pmg.pipeline.diagnosis.motion import baseline as baseline_room
+from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline, _linearised, fit_baseline, start_baseline
 from pmg.pipeline.diagnosis.motion.candidates.library import library
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
+from pmg.pipeline.diagnosis.motion.noise import row_noise
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
 from pmg.pipeline.diagnosis.motion.view import views_of
 from pmg.pipeline.motion.smooth import smooth
@@ -74,3 +78,24 @@ def test_every_candidate_with_columns_moves_some_row_and_stays_finite(baseline: 
         columns = [term.columns(view, shape) for view in views if term.acts(view)]
         assert all(np.isfinite(each).all() for each in columns)
         assert term.constants or any(each.any() for each in columns), term.key
+
+
+def test_columns_that_stay_while_constants_move_little_lead_to_the_same_constants(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Against columns made anew at every step, on runs with a lag that no constant makes."""
+    runs = tuple(smooth(run) for run in _campaign(3, lag=0.01))
+    start = start_baseline(sheet_of(load_bench(), 1, ()), stretches_of(runs))
+    noise = [row_noise(start, place) for place in range(len(start.stretches))]
+    found, counts = [], []
+    for straight in (0.0, baseline_room.STRAIGHT):
+        made = Mock(wraps=_linearised)
+        monkeypatch.setattr(baseline_room, "_linearised", made)
+        monkeypatch.setattr(baseline_room, "STRAIGHT", straight)
+        found.append(fit_baseline(start, lambda place, columns: noise[place].white(columns)))
+        counts.append(made.call_count)
+    (anew, exact), (kept, near) = found
+    errors = np.sqrt(np.diag(exact))
+    assert np.all(np.abs(kept.values - anew.values) <= 0.05 * errors + 1e-12)
+    np.testing.assert_allclose(np.diag(near), np.diag(exact), rtol=0.02, atol=1e-15)
+    assert counts[1] < counts[0]
