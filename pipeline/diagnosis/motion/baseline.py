@@ -15,8 +15,6 @@ from pmg.pipeline.diagnosis.motion.stance import encoder_columns, stance_columns
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import numpy.typing as npt
-
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
     from pmg.pipeline.diagnosis.motion.rows import RotorRows, RotorState
     from pmg.sim.signals import Array
@@ -125,7 +123,7 @@ def fit_baseline(
     for _ in range(ITERATIONS):
         at = at or _linearised(found, white, extra)
         k = len(found.sheet)
-        along = at.of_sheet.T @ _off_sheet(found)
+        along = at.of_sheet.T @ found.sheet.off(found.values)
         for place, columns in enumerate(at.columns):
             along += columns.T @ white(place, found.missing(place)[:, None])[:, 0]
         moved = at.covariance @ along
@@ -167,9 +165,7 @@ def _linearised(
     extra: Callable[[MotionBaseline], list[Array]] | None,
 ) -> _Linearised:
     others = () if extra is None else tuple(extra(found.clean))
-    known = _known(found)
-    of_sheet = np.zeros((len(known), len(found.sheet) + (others[0].shape[1] if others else 0)))
-    of_sheet[np.arange(len(known)), known] = 1.0 / found.sheet.spread[known]
+    of_sheet = np.pad(found.sheet.rows, ((0, 0), (0, others[0].shape[1] if others else 0)))
     columns = []
     for place, stretch in enumerate(found.stretches):
         own = [stretch.of_rows(each) for each in others[place : place + 1]]
@@ -180,14 +176,3 @@ def _linearised(
     scale = np.outer(length, length)
     covariance = np.linalg.pinv(squares / scale, rcond=1e-13, hermitian=True) / scale
     return _Linearised(tuple(columns), of_sheet, others, covariance)
-
-
-def _known(found: MotionBaseline) -> npt.NDArray[np.intp]:
-    """Places of the constants of which the data sheet says something."""
-    return np.flatnonzero(np.isfinite(found.sheet.spread))
-
-
-def _off_sheet(found: MotionBaseline) -> Array:
-    """What the data sheet says less the values, in its standard uncertainties (s,)."""
-    known = _known(found)
-    return np.asarray((found.sheet.expected - found.values)[known] / found.sheet.spread[known])

@@ -13,6 +13,8 @@ from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    import numpy.typing as npt
+
     from pmg.sim.bench import BenchParameters
     from pmg.sim.signals import Array
 
@@ -137,6 +139,22 @@ class DataSheet:
     def spread(self) -> Array:
         """Standard uncertainties (k,); infinite where free."""
         return np.array([constant.spread for constant in self.constants])
+
+    @cached_property
+    def known(self) -> npt.NDArray[np.intp]:
+        """Places of the constants of which it says something (s,)."""
+        return np.flatnonzero(np.isfinite(self.spread))
+
+    @cached_property
+    def rows(self) -> Array:
+        """What it says as whitened rows (s, k): change of each per change of a constant."""
+        found = np.zeros((len(self.known), len(self)))
+        found[np.arange(len(self.known)), self.known] = 1.0 / self.spread[self.known]
+        return found
+
+    def off(self, values: Array) -> Array:
+        """What it says less values (k,), in its standard uncertainties (s,)."""
+        return np.asarray((self.expected - values)[self.known] / self.spread[self.known])
 
 
 def drag_names(side: str) -> tuple[str, ...]:

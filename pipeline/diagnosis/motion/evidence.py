@@ -132,12 +132,9 @@ def motion_evidence(
         for place, view in enumerate(views)
     ]
     sizes = [len(part.y) for part in parts]
-    known = np.flatnonzero(np.isfinite(baseline.sheet.spread))
-    sheet = np.zeros((len(known), len(baseline.sheet)))
-    sheet[np.arange(len(known)), known] = 1.0 / baseline.sheet.spread[known]
-    off = (baseline.sheet.expected - baseline.values)[known] / baseline.sheet.spread[known]
+    known, off = baseline.sheet.known, baseline.sheet.off(baseline.values)
     y = np.concatenate([*(part.y for part in parts), off])
-    columns = np.vstack([*(part.constants for part in parts), sheet])
+    columns = np.vstack([*(part.constants for part in parts), baseline.sheet.rows])
     block = np.repeat(np.arange(len(parts) + 1, dtype=np.int64), [*sizes, len(known)])
 
     def stacked(of_part: list[Array | None], width: int) -> Array:
@@ -207,11 +204,8 @@ def _scatter(left: Array, looked: list[Array]) -> float:
 
 def _of_sheet(sheet: DataSheet, names: tuple[str, ...], rows: int) -> Array:
     """Columns (m, k) of constants that are off their data sheet: they move what the sheet says of them."""
-    known = np.flatnonzero(np.isfinite(sheet.spread)).tolist()
-    columns = np.zeros((rows, len(names)))
-    for column, place in enumerate(sheet.at(name) for name in names):
-        columns[rows - len(known) + known.index(place), column] = -1.0 / sheet.spread[place]
-    return columns
+    own = -sheet.rows[:, [sheet.at(name) for name in names]]
+    return np.vstack([np.zeros((rows - len(own), len(names))), own])
 
 
 def _units_of_sheet(sheet: DataSheet, names: tuple[str, ...], rows: int) -> Array:
