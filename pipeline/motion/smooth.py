@@ -132,6 +132,11 @@ class SmoothRun:
         """Weights of the fine samples in a row."""
         return _low_pass(BAND, HALF, self.fine_rate)
 
+    def in_band(self, fine: Array) -> Array:
+        """A quantity at the fine samples (n,), low-passed as the rows are; it goes on evenly beyond its ends."""
+        half = len(self.weights) // 2
+        return np.asarray(np.convolve(np.pad(fine, half, mode="reflect", reflect_type="odd"), self.weights, "valid"))
+
     def rows(self, fine: Array) -> Array:
         """Rows (m, ...) of a quantity at the fine samples (n, ...), low-passed; all of it finite."""
         at_once, step = _of_many(BAND, HALF, self.fine_rate), PER_ROW * AT_ONCE

@@ -151,6 +151,11 @@ class RotorState:
         return np.asarray((ends[0] - ends[1]) / (2.0 * SLOPE_STEP))
 
     @cached_property
+    def slow_pole_angle(self) -> Array:
+        """The pole angle in the band of the rows [rad], (n,)."""
+        return self.stretch.run.in_band(self.pole_angle)
+
+    @cached_property
     def spring(self) -> tuple[Array, Array]:
         """Torque on the rotor per change of the pole angle [N m/rad], and per change of its rate [N m s/rad], (n,)."""
         poles = self.sheet.poles[self.stretch.side]

@@ -198,9 +198,14 @@ class RotorView:
             return np.zeros_like(self.speed)
         return np.asarray(self.pairs * self.constant("pull_out") * np.sin(self.state.pole_angle))
 
+    @cached_property
+    def slow_angle(self) -> Array:
+        """Angle of the shaft in the band of the rows [rad]: what follows its way follows its noise, too."""
+        return self.state.stretch.run.in_band(self.shaft.angle)
+
     def of_poles(self, over: float, law: Callable[[Array, float], Array]) -> Array:
-        """What a law makes of the way that the pole angle went."""
-        return self.history.of_way(self.state.stretch.run.run.name, over, law, self.state.pole_angle)
+        """What a law makes of the way that the pole angle went, in the band of the rows."""
+        return self.history.of_way(self.state.stretch.run.run.name, over, law, self.state.slow_pole_angle)
 
     @cached_property
     def drag(self) -> Array:

@@ -109,7 +109,7 @@ def reversal_terms(side: str) -> Iterator[MotionTerm]:
         "Friction that rises over an angle after a reversal",
         "M (z(theta) - sign(w))",
         amount("friction", "N m", 1.0),
-        lambda v, over: stack(lagging(v.shaft.angle, over) - v.direction),
+        lambda v, over: stack(lagging(v.slow_angle, over) - v.direction),
         source=sources.DAHL,
         shape=Quantity("angle", "rad", (3e-3, 3.0)),
         mixes=True,
