@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -209,3 +210,27 @@ def test_cogging_is_named_with_its_order_whether_poles_have_it_or_not(order: int
     assert size.value == pytest.approx(0.03, abs=4.0 * size.error)
     assert f"{order} periods a turn" in size.sentence
     assert found.size_errors[0][-1] == 0.0, "an order is one of whole numbers"
+
+
+@pytest.mark.parametrize(("frequency", "passes"), [(3.0, 1.0), (18.0, 1.0), (60.0, 0.0)])
+def test_a_wave_is_in_the_band_of_the_rows_or_is_taken_out(frequency: float, passes: float) -> None:
+    run = smooth(_run(1, Manoeuvre.DITHER, _dither(60.0), np.random.default_rng(1)))
+    wave = np.sin(2.0 * np.pi * frequency * run.time)
+    inner = slice(100, -100)
+    assert np.abs(run.in_band(wave) - passes * wave)[inner].max() < 0.01
+    assert len(run.in_band(wave)) == len(wave)
+
+
+@pytest.mark.parametrize("law", [lagging, stopping])
+def test_the_noise_of_counts_does_not_soften_a_hysteresis(law: Callable[[np.ndarray, float], np.ndarray]) -> None:
+    """A swing of 50 mrad, counts that let it tremble by 2 mrad, bristles that give way at 4 mrad."""
+    run = smooth(_run(1, Manoeuvre.DITHER, _dither(60.0), np.random.default_rng(1)))
+    angle = 0.05 * np.sin(2.0 * np.pi * 3.0 * run.time)
+    noisy = angle + 2e-3 * np.random.default_rng(2).standard_normal(len(angle))
+    true, as_it_is, in_band = (run.rows(law(each, 4e-3)) for each in (angle, noisy, run.in_band(noisy)))
+
+    def size(found: np.ndarray) -> float:
+        return float(found @ true) / float(true @ true)
+
+    assert abs(size(in_band) - 1.0) < 0.5 * abs(size(as_it_is) - 1.0)
+    assert np.std(in_band - true) < 0.6 * np.std(as_it_is - true)
