@@ -99,3 +99,23 @@ def test_columns_that_stay_while_constants_move_little_lead_to_the_same_constant
     assert np.all(np.abs(kept.values - anew.values) <= 0.05 * errors + 1e-12)
     np.testing.assert_allclose(np.diag(near), np.diag(exact), rtol=0.02, atol=1e-15)
     assert counts[1] < counts[0]
+
+
+@pytest.mark.parametrize("off", [-1.2, 1.1])
+def test_a_fit_that_starts_far_off_does_not_turn_the_magnetic_spring_around(
+    baseline: MotionBaseline, off: float
+) -> None:
+    """A whole first step from there leads to a negative pull-out torque and pole angles half a period off."""
+    sheet = baseline.sheet
+    values = baseline.values.copy()
+    values[[sheet.at(f"drag_{side}_0.5") for side in ("sun", "ring")]] = 0.0
+    near = replace(baseline, values=values)
+    noise = [row_noise(near, place) for place in range(len(near.stretches))]
+    angle = next(at for at, name in enumerate(sheet.names) if name.startswith("pole_angle"))
+    moved = values + off * (np.arange(len(values)) == angle)
+    found, expected = (
+        fit_baseline(replace(near, values=start), lambda place, columns: noise[place].white(columns))[0]
+        for start in (moved, values)
+    )
+    for name in ("pull_out", "inertia_sun", "inertia_ring"):
+        assert found.values[sheet.at(name)] == pytest.approx(expected.values[sheet.at(name)], rel=1e-3)

@@ -19,8 +19,12 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.rows import RotorRows, RotorState
     from pmg.sim.signals import Array
 
-ITERATIONS = 8
+ITERATIONS = 12
 """Steps of Gauss and Newton at most."""
+
+HALVINGS, GROWS = 8, 1.05
+"""Times a step is halved at most, and growth of the sum of squares from which on it is: a constant far off its data
+sheet, or a large cause, bends the rows so much that a whole step leads away."""
 
 SETTLED = 0.02
 """Step over standard error below which the constants are settled."""
@@ -119,22 +123,42 @@ def fit_baseline(
     extra : callable, optional
         Further columns (n, j) at the fine samples of each stretch of a baseline, whose amplitudes are free.
     """
-    found, at = start, None
+    found, at, k = replace(start, beside=(), amounts=np.zeros(0)), None, len(start.sheet)
+    left = _whitened_left(found, white)
     for _ in range(ITERATIONS):
-        at = at or _linearised(found, white, extra)
-        k = len(found.sheet)
+        if at is None:
+            at = _linearised(found, white, extra)
+            found = at.beside(found, found.amounts if len(found.amounts) else np.zeros(len(at.covariance) - k))
         along = at.of_sheet.T @ found.sheet.off(found.values)
-        for place, columns in enumerate(at.columns):
-            along += columns.T @ white(place, found.missing(place)[:, None])[:, 0]
+        along += sum(columns.T @ rows for columns, rows in zip(at.columns, left, strict=True))
         moved = at.covariance @ along
-        beside = tuple(columns @ moved[k:] for columns in at.others)
-        found = replace(found, values=found.values + moved[:k], beside=beside, amounts=moved[k:])
-        errors = np.sqrt(np.diag(at.covariance)[:k])
+        errors, part = np.sqrt(np.diag(at.covariance)[:k]), 1.0
+        far = bool(np.any(np.abs(moved[:k]) > STRAIGHT * errors + 1e-12))
+        before = _squares(found, left)
+        for _ in range(HALVINGS if far else 1):
+            values, amounts = found.values + part * moved[:k], found.amounts + part * moved[k:]
+            reached = at.beside(replace(found, values=values), amounts)
+            left = _whitened_left(reached, white)
+            if not far or _squares(reached, left) < GROWS * before:
+                break
+            part *= 0.5
+        found = reached
         if np.all(np.abs(moved[:k]) <= SETTLED * errors + 1e-12):
             break
-        if np.any(np.abs(moved[:k]) > STRAIGHT * errors + 1e-12):
+        if far:
             at = None
     return found, (at or _linearised(found, white, extra)).covariance
+
+
+def _whitened_left(found: MotionBaseline, white: Callable[[int, Array], Array]) -> list[Array]:
+    """What constants and mechanisms leave of each stretch, whitened (n,)."""
+    return [white(place, found.left(place)[:, None])[:, 0] for place in range(len(found.stretches))]
+
+
+def _squares(found: MotionBaseline, left: list[Array]) -> float:
+    """Sum of squares that is left, of the rows and of the data sheet."""
+    off = found.sheet.off(found.values)
+    return float(off @ off) + sum(float(rows @ rows) for rows in left)
 
 
 @dataclass(frozen=True)
@@ -157,6 +181,10 @@ class _Linearised:
     of_sheet: Array
     others: tuple[Array, ...]
     covariance: Array
+
+    def beside(self, found: MotionBaseline, amounts: Array) -> MotionBaseline:
+        """A baseline with mechanisms of some amplitudes (a,) beside it."""
+        return replace(found, beside=tuple(columns @ amounts for columns in self.others), amounts=amounts)
 
 
 def _linearised(

@@ -43,6 +43,9 @@ stiffness, which at 20 Hz is 0.15 squared for 3 N m s/rad on 2500 N m/rad."""
 HELD = 1e-3
 """Factor on the standard uncertainty of what is held."""
 
+BENDING = ("inertia", "compliance", "pull_out", "skew")
+"""Constants by which rows are no straight lines, as their names begin."""
+
 
 def fit_constants(
     runs: tuple[MovingRun, ...], bench: BenchParameters, known: Mapping[str, tuple[float, float]] | None = None
@@ -121,7 +124,7 @@ def fit_beside(start: MotionBaseline, noise: list[RowNoise], fits: tuple[TermFit
     white = _whitener(noise)
     found, covariance = _apart(start, fits), np.zeros((0, 0))
     if not start.instruments:
-        found = _with_inertia_of_sheet(found, white)
+        found = _with_masses_of_sheet(found, white)
     for _ in range(CLEANINGS if fits or not start.instruments else 1):
         found, covariance = fit_baseline(found, white, extra if fits else None)
         if fits and all(_term(fit).of_transducer for fit in fits):
@@ -152,15 +155,15 @@ def _zeros_in_time(clean: MotionBaseline) -> list[Array]:
     return [columns(view) for view in views_of(clean)]
 
 
-def _with_inertia_of_sheet(start: MotionBaseline, white: Callable[[int, Array], Array]) -> MotionBaseline:
-    """A baseline with instruments, its inertias still those of the data sheet.
+def _with_masses_of_sheet(start: MotionBaseline, white: Callable[[int, Array], Array]) -> MotionBaseline:
+    """A baseline with instruments, its inertias and springs still those of the data sheet.
 
     Where a campaign hardly accelerates, noise is most of what an acceleration shows, and an inertia fitted to it is too
-    small by as much.
+    small by as much. And beside an inertia that is held and wrong, no other constant that bends the rows has a meaning.
     """
     sheet = start.sheet
     held = tuple(
-        replace(constant, spread=HELD * constant.spread) if constant.name.startswith("inertia") else constant
+        replace(constant, spread=HELD * constant.spread) if constant.name.startswith(BENDING) else constant
         for constant in sheet.constants
     )
     found, _ = fit_baseline(replace(start, sheet=replace(sheet, constants=held)), white)
