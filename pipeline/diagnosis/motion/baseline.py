@@ -122,6 +122,11 @@ def fit_baseline(
         Whitens columns (n, j) of a stretch, given its place.
     extra : callable, optional
         Further columns (n, j) at the fine samples of each stretch of a baseline, whose amplitudes are free.
+
+    Notes
+    -----
+    Steps of Gauss and Newton. Columns are made anew after a step that is large beside the standard errors, and such a
+    step is halved while it makes the sum of squares grow.
     """
     found, at, k = replace(start, beside=(), amounts=np.zeros(0)), None, len(start.sheet)
     left = _whitened_left(found, white)
@@ -129,6 +134,7 @@ def fit_baseline(
         if at is None:
             at = _linearised(found, white, extra)
             found = at.beside(found, found.amounts if len(found.amounts) else np.zeros(len(at.covariance) - k))
+            left = _whitened_left(found, white) if at.others else left
         along = at.of_sheet.T @ found.sheet.off(found.values)
         along += sum(columns.T @ rows for columns, rows in zip(at.columns, left, strict=True))
         moved = at.covariance @ along
