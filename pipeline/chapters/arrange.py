@@ -38,6 +38,7 @@ TABLES_SHOWN = frozenset(
         "noise-floor",
         "look-alikes",
         "constants",
+        "simulated-speed",
         "published-figures",
     }
 )

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from jsonschema import Draft202012Validator
 from tests.motion.moving_bench import started
@@ -131,6 +132,12 @@ def test_the_page_and_its_stills_are_whole(told: tuple[MotionCase, Outcome, Path
     assert "If ignored" not in first  # a mass takes no power
     rows = (report / "tables" / "constants.csv").read_text(encoding="utf-8")
     assert "inertia ring" in rows
+    simulated = pd.read_csv(report / "tables" / "simulated-speed.csv")
+    assert list(simulated["length"]) == ["0.5 s", "1 s", "5 s", "whole run"]
+    assert set(simulated["side"]) == {"ring"}  # the only one that turned
+    before, after, noise = simulated.iloc[:, 2:5].to_numpy().T
+    assert np.all(after < 0.8 * before)
+    assert np.all(after < 2.0 * noise)
 
 
 def test_steady_points_and_runs_in_motion_make_one_diagnosis(

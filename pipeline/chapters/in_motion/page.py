@@ -12,6 +12,7 @@ from pmg.pipeline.chapters.in_motion.response import response_section
 from pmg.pipeline.chapters.in_motion.runs import runs_section
 from pmg.pipeline.chapters.page import PACKAGES, versions
 from pmg.pipeline.diagnosis.motion.design.remedy import can_be_mended, would_tell
+from pmg.pipeline.diagnosis.motion.shooting import shoot
 from pmg.pipeline.diagnosis.motion.traces import effects_of, traces_of
 from pmg.pipeline.report.document import (
     Caution,
@@ -66,7 +67,7 @@ def motion_report(
     traces = traces_of(diagnosis, effects)
     sections = (
         _diagnosis(diagnosis, document),
-        runs_section(diagnosis, traces),
+        runs_section(diagnosis, traces, shoot(traces)),
         constants_section(diagnosis),
         loss_curve_section(diagnosis, traces),
         pole_angle_section(diagnosis, traces),

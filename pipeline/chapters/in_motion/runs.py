@@ -1,20 +1,22 @@
-"""Chapter on the runs: measured and predicted torque, speed, and the missing torque before and after the cause."""
+"""Chapter on the runs: measured and predicted torque and speed, and the missing torque before and after the cause."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pmg.pipeline.chapters.simulated.motion import TIME
 from pmg.pipeline.diagnosis.motion.traces import SMOOTHED, named_fits
-from pmg.pipeline.report.document import Chart, Figure, Section, Series, Text
+from pmg.pipeline.report.document import Cell, Chart, Column, Figure, Section, Series, Table, Text
 from pmg.pipeline.wording.units import MILLI
 from pmg.sim.shafts import SIDES
 from pmg.sim.signals import SPEEDS
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
+    from pmg.pipeline.diagnosis.motion.shooting import Shooting
     from pmg.pipeline.diagnosis.motion.traces import TorqueTrace
     from pmg.sim.signals import Array
 
@@ -24,30 +26,54 @@ BUCKETS = 110
 MISSING_EVERY = 0.5 * SMOOTHED
 """Time from one drawn missing torque to the next [s]."""
 
-MEASURED, PREDICTED = "measured", "predicted"
+MEASURED, PREDICTED, SIMULATED = "measured", "predicted", "simulated"
 
 
-def runs_section(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ...]) -> Section:
-    """A figure of each run, in the order in which they were run."""
+def runs_section(diagnosis: MotionDiagnosis, traces: tuple[TorqueTrace, ...], shooting: Shooting) -> Section:
+    """How far the simulation goes astray, and a figure of each run, in the order in which they were run."""
     by_run: dict[str, list[TorqueTrace]] = {}
     for trace in traces:
         by_run.setdefault(trace.stretch.run.run.name, []).append(trace)
     named = bool(named_fits(diagnosis))
     what = "before and after the cause was put in" if named else "with the fitted constants"
     text = Text(
-        f"Torque as measured and as predicted from the motion, with speed; below, what is missing {what}, as a mean "
-        f"over {SMOOTHED:g} s. The band holds 95 % of what noise makes. Pointing at one time shows it in all panels."
+        "Torque as measured and as predicted from the motion; speed of the rotors as measured and as simulated from "
+        f"the torques alone, begun anew where a shaft stood; below, the torque that is missing {what}, as a mean over "
+        f"{SMOOTHED:g} s. The band holds 95 % of what noise makes. Pointing at one time shows it in all panels."
     )
-    figures = [_figure(i, of_run, named=named) for i, of_run in enumerate(by_run.values(), 1)]
-    return Section("runs", "Run by run", (text, *figures))
+    figures = [_figure(i, of_run, shooting, named=named) for i, of_run in enumerate(by_run.values(), 1)]
+    return Section("runs", "Run by run", (text, _simulated(shooting, named=named), *figures))
 
 
-def _figure(number: int, traces: list[TorqueTrace], *, named: bool) -> Figure:
+def _simulated(shooting: Shooting, *, named: bool) -> Table:
+    """How far the simulated speeds are off, by the time for which the simulation is left alone."""
+    rows: list[tuple[Cell, ...]] = []
+    for shot in shooting.shots:
+        length = "whole run" if math.isinf(shot.length) else f"{shot.length:g} s"
+        before, after, noise = (float(SPEEDS[shot.side].display(v)) for v in (shot.before, shot.after, shot.noise))
+        rows.append((length, shot.side, *((before,) if named else ()), after, noise))
+    return Table(
+        "simulated-speed",
+        "Speed simulated from the torques",
+        "The dynamic model is started from the recorded motion, given the measured torques alone, and left to itself "
+        "for a time. Root mean square of simulated less recorded speed, and what noise of the readings makes of it.",
+        (
+            Column("length", "Left to itself for"),
+            Column("side", "Rotor"),
+            *((Column("before", "Without the cause", "rpm", digits=2),) if named else ()),
+            Column("after", "With the cause" if named else "Difference", "rpm", digits=2),
+            Column("noise", "Noise alone", "rpm", digits=2),
+        ),
+        tuple(rows),
+    )
+
+
+def _figure(number: int, traces: list[TorqueTrace], shooting: Shooting, *, named: bool) -> Figure:
     run = traces[0].stretch.run
     of = run.run
     panels = [Chart(TIME, "torque [N m]", tuple(_torques(traces)), title="Torque")]
     if not traces[0].stretch.at_rest:
-        panels.append(Chart(TIME, "speed [rpm]", tuple(_speeds(traces[0])), title="Speed"))
+        panels.append(Chart(TIME, "speed [rpm]", tuple(_speeds(traces, shooting)), title="Speed"))
     words = []
     for trace in traces:
         side, band = trace.stretch.side, float(np.sqrt(np.mean(trace.spread**2))) / MILLI
@@ -83,13 +109,18 @@ def _torques(traces: list[TorqueTrace]) -> list[Series]:
     return series
 
 
-def _speeds(trace: TorqueTrace) -> list[Series]:
-    run, series = trace.stretch.run, []
+def _speeds(traces: list[TorqueTrace], shooting: Shooting) -> list[Series]:
+    """Speed of the shafts of a run as measured, and of its rotors as simulated."""
+    run, series = traces[0].stretch.run, []
     for side in SIDES:
-        if run.run.turns[side]:
-            speed = SPEEDS[side].display(run.rows(run.shafts[side].speed))
-            at = _extremes(speed)
-            series.append(Series(side, run.row_time[at], speed[at], None, "line", SIDES.index(side)))
+        if not run.run.turns[side]:
+            continue
+        speed = SPEEDS[side].display(run.rows(run.shafts[side].speed))
+        at = _extremes(speed)
+        series.append(Series(side, run.row_time[at], speed[at], None, "line", SIDES.index(side), MEASURED))
+        if (simulated := shooting.speeds.get((run.run.name, side))) is not None:
+            values = SPEEDS[side].display(simulated[at])
+            series.append(Series(side, run.row_time[at], values, None, "line", SIDES.index(side), SIMULATED))
     return series
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.motion.constants import (
     DRAG_POWERS,
+    ENGAGED_POWERS,
     FORM_SPEEDS,
     PASSAGES,
     SPEED_UNIT,
@@ -46,6 +47,13 @@ def drag_columns(side: str, speed: Array) -> dict[str, Array]:
     columns |= {name: direction * near for name, near in zip(form_names(side), _near(speed), strict=True)}
     widths = zip(passage_names(side), PASSAGES, strict=True)
     return columns | {name: np.tanh(speed / width) - direction for name, width in widths}
+
+
+def engaged_drag_columns(side: str, speed: Array) -> dict[str, Array]:
+    """Drag that engaging brings to a rotor per unit of each constant, at speeds [rad/s], (n,)."""
+    direction, share = np.tanh(speed / REST), np.abs(speed) / SPEED_UNIT
+    names = drag_names(side)[len(DRAG_POWERS) :]
+    return {name: direction * share**power for name, power in zip(names, ENGAGED_POWERS, strict=True)}
 
 
 def loss_curve(sheet: DataSheet, values: Array, covariance: Array, side: str, speed: Array) -> tuple[Array, Array]:

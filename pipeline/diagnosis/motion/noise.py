@@ -166,8 +166,8 @@ def _turns(stretch: RotorRows) -> Array:
     return stretch.of_rows(np.stack([wave(order * angle) for order in RIPPLE for wave in (np.cos, np.sin)], 1))
 
 
-def slow_noise_of(baseline: MotionBaseline, noise: list[RowNoise]) -> SlowNoise:
-    r"""The wander and the ripple that the residuals of a baseline show.
+def slow_noise_of(baseline: MotionBaseline, noise: list[RowNoise], left: list[Array] | None = None) -> SlowNoise:
+    r"""The wander and the ripple that the residuals of a baseline show, or `left` in their place, (n,) a stretch.
 
     Each stretch tells the mean of the reading over pieces of time; over a campaign they follow a smooth curve of time,
     which is no wander, and the waves of a turn are those of its side, in neutral and engaged. A few that stand out, as
@@ -182,7 +182,8 @@ def slow_noise_of(baseline: MotionBaseline, noise: list[RowNoise]) -> SlowNoise:
     ripples: dict[tuple[str, bool], list[Array]] = {}
     for place, stretch in enumerate(baseline.stretches):
         pieces, when = _pieces(stretch)
-        rows = np.hstack([pieces, _turns(stretch), baseline.left(place)[:, None]])
+        residual = baseline.left(place) if left is None else left[place]
+        rows = np.hstack([pieces, _turns(stretch), residual[:, None]])
         white = noise[place].factor.solved(rows)
         found, waves = np.split(np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=1e-6)[0], [len(when)])
         told[stretch.side].append((when, np.asarray(found)))

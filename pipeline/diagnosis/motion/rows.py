@@ -10,19 +10,17 @@ import numpy as np
 from scipy.ndimage import binary_opening
 
 from pmg.pipeline.diagnosis.motion.constants import (
-    DRAG_POWERS,
-    ENGAGED_POWERS,
     MAP_WAVES,
     RIPPLE,
     SLIP_PASSAGE,
     SPEED_UNIT,
-    drag_names,
     eccentricity_names,
     map_name,
     ripple_names,
     start_name,
 )
-from pmg.pipeline.diagnosis.motion.loss_curve import REST, drag_columns, loss_names
+from pmg.pipeline.diagnosis.motion.gear_torque import gear_columns
+from pmg.pipeline.diagnosis.motion.loss_curve import REST, drag_columns, engaged_drag_columns, loss_names
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 
@@ -243,11 +241,5 @@ def linear_columns(state: RotorState) -> dict[str, Array]:
         cosine, sine = ripple_names(side, order)
         columns[cosine], columns[sine] = np.cos(order * shaft.angle), np.sin(order * shaft.angle)
     if state.stretch.coupled:
-        for name, power in zip(drag_names(side)[len(DRAG_POWERS) :], ENGAGED_POWERS, strict=True):
-            columns[name] = state.direction * state.share**power
-        columns["pull_out"] = sheet.poles[side] * np.sin(state.pole_angle)
-        columns["slip_damping"] = sheet.poles[side] * state.slip
-        for wave in MAP_WAVES:
-            columns[map_name(wave)] = sheet.poles[side] * np.sin(wave * state.pole_angle)
-        columns[f"slip_damping_off_{side}"] = np.tanh(state.slip / SLIP_PASSAGE)
+        columns |= engaged_drag_columns(side, state.speed) | gear_columns(sheet, side, state.pole_angle, state.slip)
     return columns

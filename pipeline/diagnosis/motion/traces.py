@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from pmg.pipeline.diagnosis.motion.catalogue import columns_beside
-from pmg.pipeline.diagnosis.motion.fitted import slow_noise_beside_drift
-from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_spread
+from pmg.pipeline.diagnosis.motion.noise import row_noise, slow_noise_of, slow_spread
 from pmg.pipeline.diagnosis.motion.view import views_of
 
 if TYPE_CHECKING:
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.baseline import MotionBaseline
     from pmg.pipeline.diagnosis.motion.candidates.terms import MotionTerm
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
-    from pmg.pipeline.diagnosis.motion.noise import SlowNoise
     from pmg.pipeline.diagnosis.motion.rows import RotorRows, RotorState
     from pmg.sim.signals import Array
 
@@ -42,6 +40,9 @@ class TorqueTrace:
         Standard deviation of the measured torque, smoothed over `SMOOTHED`.
     row_spread : (n,) array
         The same of each row by itself.
+    sources : tuple of array
+        What its noise is made of: of what the filters leave the diagonals (b + 1, n) of the factor of the covariance,
+        and the directions (n, k) of wander and ripple, each as long as its standard deviation [N m].
     """
 
     stretch: RotorRows
@@ -51,6 +52,7 @@ class TorqueTrace:
     after: Array
     spread: Array
     row_spread: Array
+    sources: tuple[Array, Array]
 
     @property
     def time(self) -> Array:
@@ -60,6 +62,14 @@ class TorqueTrace:
     def missing(self, predicted: Array) -> Array:
         """Measured less predicted torque, smoothed over `SMOOTHED` [N m] (n,)."""
         return _smoothed(self.stretch, (self.stretch.torque - predicted)[:, None])[:, 0]
+
+    def drawn(self, rng: np.random.Generator, draws: int) -> Array:
+        """Courses of its noise [N m] (n, draws)."""
+        band, slow = self.sources
+        white, found = rng.standard_normal((len(slow), draws)), slow @ rng.standard_normal((slow.shape[1], draws))
+        for lag, diagonal in enumerate(band):
+            found[lag:] += diagonal[: len(slow) - lag, None] * white[: len(slow) - lag]
+        return np.asarray(found)
 
 
 def term_of(fit: TermFit) -> MotionTerm:
@@ -126,39 +136,32 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
     wrong = [sheet.at(name) for fit in fits for name in term_of(fit).constants]
     values[wrong] = sheet.expected[wrong]
     before = replace(diagnosis.before, values=values)
+    of_constants = [baseline.predicted(place) for place in range(len(baseline.stretches))]
+    after = [
+        sum((of[place] for fit, of in zip(fits, effects, strict=True) if not term_of(fit).constants), start=predicted)
+        for place, predicted in enumerate(of_constants)
+    ]
     noise = [row_noise(diagnosis.evidence.baseline, place) for place in range(len(baseline.stretches))]
-    slow_noise = slow_noise_beside_drift(diagnosis.evidence.baseline, noise)
+    left = [stretch.torque - predicted for stretch, predicted in zip(baseline.stretches, after, strict=True)]
+    slow_noise, scatter = slow_noise_of(baseline, noise, left), diagnosis.evidence.scatter
     found = []
     for place, stretch in enumerate(baseline.stretches):
-        added = np.zeros(len(stretch))
-        for fit, of_fit in zip(fits, effects, strict=True):
-            added += 0.0 if term_of(fit).constants else of_fit[place]
-        of_constants = baseline.predicted(place)
-        found.append(
-            TorqueTrace(
-                stretch,
-                baseline.states[place],
-                before.predicted(place),
-                of_constants,
-                of_constants + added,
-                *(
-                    _spread(stretch, noise[place].factor.band, slow_noise, width) * diagnosis.evidence.scatter
-                    for width in (_width(stretch), 1)
-                ),
-            )
-        )
+        sources = scatter * noise[place].factor.band, scatter * slow_spread(stretch, slow_noise)
+        smooth, by_row = (_spread(stretch, sources, width) for width in (_width(stretch), 1))
+        predicted = before.predicted(place), of_constants[place], after[place]
+        found.append(TorqueTrace(stretch, baseline.states[place], *predicted, smooth, by_row, sources))
     return tuple(found)
 
 
-def _spread(stretch: RotorRows, band: Array, slow_noise: SlowNoise, width: int) -> Array:
-    """Standard deviation of the torque of a stretch as the mean over `width` rows (n,); `band` is of its factor."""
+def _spread(stretch: RotorRows, sources: tuple[Array, Array], width: int) -> Array:
+    """Standard deviation of the torque of a stretch as the mean over `width` rows (n,)."""
+    band, slow = sources
     weights = np.zeros(band.shape[1])
     width = min(width, len(weights))
     weights[(len(weights) - width) // 2 :][:width] = 1.0 / width
     white = np.zeros(len(weights))  # what the weights make of the factor's columns
     for lag, diagonal in enumerate(band):
         white[: len(weights) - lag] += diagonal[: len(weights) - lag] * weights[lag:]
-    slow = slow_spread(stretch, slow_noise)
     slow = slow if width == 1 else _smoothed(stretch, slow)
     return np.asarray(np.sqrt(white @ white + np.sum(slow**2, axis=1)))
 
