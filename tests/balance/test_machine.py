@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from tests.balance import gearbox, wheel
 from tests.balance.gearbox import Geared, Readings, plain, with_brake, with_motor
+from tests.slow import slow
 from typer.testing import CliRunner, Result
 
 from pmg.pipeline.cli.app import app
@@ -85,7 +86,7 @@ def thinning(m: Geared) -> Array:
             {frozenset({"input_torque_gain"}), frozenset({"output_torque_gain"})},
         ),
         (plain, lambda r: with_brake(r, late), {frozenset({"output_torque_lag"})}),
-        (plain, lambda r: with_motor(r, late), {frozenset({"input_torque_lag"})}),
+        pytest.param(plain, lambda r: with_motor(r, late), {frozenset({"input_torque_lag"})}, marks=slow),
         (thinning, None, {frozenset({"warming"})}),
     ],
     ids=["conversion", "output late", "input late", "an amplitude far below its bound"],

@@ -12,6 +12,7 @@ import pytest
 from tests.campaign_comparison.campaigns import grid, side
 from tests.report import chromium
 from tests.report.controls import press_all
+from tests.slow import slow
 from typer.testing import CliRunner
 
 from pmg.pipeline.analysis.outputs import write_analysis
@@ -59,6 +60,7 @@ def with_itself(published: Path, tmp_path_factory: pytest.TempPathFactory) -> tu
     return report, call(published, published, "--report", report, "--fail-on", "mismatch", expect=0)
 
 
+@slow
 @chromium.needed
 def test_no_control_of_the_page_sends_anything(with_itself: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     assert press_all(with_itself[0] / "report.html", tmp_path)

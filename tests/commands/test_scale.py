@@ -16,6 +16,7 @@ from tests.bench.size import NOISE_HZ, write_campaign
 from tests.bench.throughput import LAYOUTS, RATE_HZ, by_blocks, by_official, by_pmg
 from tests.conftest import FILES
 from tests.recording.writer import CALIBRATION, RUN, Bench, write
+from tests.slow import slow
 
 from pmg.pipeline.commands.ingest_files import _ingest_one, _Job, ingest
 from pmg.pipeline.files.atomic import ABANDONED, PREFIX, abandoned, write_atomic
@@ -32,7 +33,7 @@ from pmg.sim.errors import StoreError
 # --- kills ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("moment", "workers"), [(5, 1), (4, 2)])
+@pytest.mark.parametrize(("moment", "workers"), [pytest.param(5, 1, marks=slow), (4, 2)])
 def test_a_command_killed_and_run_again_leaves_the_same_bytes_and_does_nothing_twice(
     campaign: Path, whole: dict[str, bytes], tmp_path: Path, moment: int, workers: int
 ) -> None:
@@ -218,6 +219,7 @@ def test_without_dask_the_option_says_what_to_install(monkeypatch: pytest.Monkey
         list(map_over(_end, [1], 1, scheduler="tcp://localhost:1"))
 
 
+@slow
 @pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="dask is not installed")
 def test_a_cluster_that_loses_a_worker_makes_the_store_of_one_process(campaign: Path) -> None:
     """In a process of its own, so that the cluster's threads and warnings end with it."""

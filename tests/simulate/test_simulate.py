@@ -15,6 +15,7 @@ import pytest
 from tests.conftest import ROOT
 from tests.report import chromium
 from tests.report.controls import press_all
+from tests.slow import slow
 from typer.testing import CliRunner
 
 from pmg.pipeline.cli.app import app
@@ -116,6 +117,7 @@ def test_each_scenario_that_ships_runs(name: str, shipped: dict[str, tuple[Path,
         assert abs(summary["transient"]["energy_residual"]) < 1e-6
 
 
+@slow
 @chromium.needed
 def test_no_control_of_the_page_sends_anything(shipped: dict[str, tuple[Path, dict[str, Any]]], tmp_path: Path) -> None:
     assert press_all(shipped["neutral"][0] / "report.html", tmp_path)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 import pytest
 from tests.bench.bout import BESIDE, PHYSICAL, Reply
 from tests.bench.motion_bout import MotionBout, enter_in_motion
 from tests.bench.motion_contestants import LadderOfLibrary, LatentForce
 from tests.bench.rivals import OF_TRACK, chosen, track_of
+from tests.slow import SLOW
 
 from pmg.pipeline.diagnosis.engine.withheld import FOLDS
 from pmg.pipeline.trials.motion.strata import motion_strata
@@ -21,7 +20,7 @@ LARGE = "load_dependent_bearing_friction sun 8"
 @pytest.fixture(scope="module")
 def bout() -> MotionBout:
     """A campaign with much friction that grows with the load of the sun; it takes half a minute of two cores."""
-    if not os.environ.get("PMG_SLOW"):
+    if not SLOW:
         pytest.skip("the other methods belong to './pmgw bench rivals'; PMG_SLOW=1 tries them here")
     found = enter_in_motion(MotionLot(0, next(s for s in motion_strata() if s.name == LARGE), SEED))
     assert found is not None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import json
-import os
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -15,6 +14,7 @@ import pytest
 from scipy import stats
 from tests.report import chromium
 from tests.report.controls import press_all
+from tests.slow import slow
 from typer.testing import CliRunner
 
 from pmg.pipeline.cli.app import app
@@ -473,6 +473,7 @@ def trial(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any
     return folder, result["data"]
 
 
+@slow
 @chromium.needed
 def test_no_control_of_the_page_sends_anything(trial: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     assert press_all(trial[0] / "report.html", tmp_path)
@@ -549,9 +550,9 @@ def test_a_trial_of_runs_in_motion_has_aims_of_its_own(tmp_path: Path, monkeypat
         run_prove(tmp_path, replace(options, track=None))
 
 
+@slow
 def test_nothing_is_found_in_a_whole_clean_campaign_in_motion() -> None:
-    if not os.environ.get("PMG_SLOW"):
-        pytest.skip("drawn campaigns belong to './pmgw prove --track motion'; PMG_SLOW=1 tries one here")
+    """Drawn campaigns belong to `./pmgw prove --track motion`."""
     (lot,) = draw_motion_lots(1, SEED, ("clean",))
     found = run_case.run_case(run_case.CaseTask(lot, "grid", "code", "sha256", further=False))
     assert found["diagnosis"]["verdict"] == "consistent"
