@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -18,13 +19,15 @@ from pmg.pipeline.diagnosis.balance.fitting import Tabled, TermFit, TermProblem,
 from pmg.pipeline.diagnosis.balance.library.term import Term
 from pmg.pipeline.diagnosis.engine.problem import bounded_sizes
 from pmg.pipeline.diagnosis.motion.candidates.library import library
+from pmg.pipeline.diagnosis.motion.candidates.reading_terms import _lagging
 from pmg.pipeline.diagnosis.motion.constants import SKEW
 from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.fitted_size import fitted_size
 from pmg.pipeline.diagnosis.motion.noise import RowNoise
+from pmg.pipeline.diagnosis.motion.view import RotorView
 from pmg.pipeline.motion.banded import BandedFactor
-from pmg.pipeline.motion.smooth import smooth
+from pmg.pipeline.motion.smooth import FINE_RATE, smooth
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.bench import load_bench
 from pmg.sim.shafts import PerShaft
@@ -42,9 +45,11 @@ def _shown(late: str, time: float) -> MotionDiagnosis:
         if late == "delay":
             k = round(time * RATE)
             return np.concatenate([np.full(k, torque[0]), torque[:-k]])
-        kept = math.exp(-2.0 / RATE / time)
-        twice = lfilter([1.0 - kept], [1.0, -kept], lfilter([1.0 - kept], [1.0, -kept], torque))
-        return np.asarray(twice + NOISE * rng.standard_normal(len(torque)))
+        order = {"first": 1, "second": 2}[late]
+        kept = math.exp(-order / RATE / time)
+        for _ in range(order):
+            torque = lfilter([1.0 - kept], [1.0, -kept], torque)
+        return np.asarray(torque + NOISE * rng.standard_normal(len(torque)))
 
     runs = tuple(_with_torque(run, shown(run.torque.sun) - run.torque.sun) for run in _campaign(31))
     return diagnose_motion(late, runs, load_bench(), np.random.default_rng(0))
@@ -74,6 +79,30 @@ def test_a_lag_of_second_order_is_not_taken_for_a_delay_alone() -> None:
     assert "transducer_bandwidth" in {fit.identifier for each in sets for fit in each.fits}
 
 
+@pytest.mark.parametrize("order", ["first", "second"])
+def test_a_lag_that_is_long_in_the_band_is_told_with_its_time(order: str) -> None:
+    found = _shown(order, 0.030)
+    assert found.naming is not None
+    (fit,) = found.naming.best.fits
+    assert (fit.identifier, fit.place) == ("transducer_bandwidth", "sun")
+    (size,) = found.fitted_sizes
+    assert (size.name, size.unit) == ("lag", "s")
+    assert size.value == pytest.approx(0.030, rel=0.05)
+
+
+@given(st.floats(1e-3, 0.1), st.sampled_from([1, 2]), st.floats(0.5, 25.0))
+def test_a_lag_shifts_and_weakens_a_wave_as_its_response_says(lag: float, order: int, frequency: float) -> None:
+    time, rate = np.arange(5000) / FINE_RATE, 2.0 * np.pi * frequency
+    run = SimpleNamespace(fine_rate=FINE_RATE)
+    state = SimpleNamespace(coupling_torque=0.5 + np.sin(rate * time), stretch=SimpleNamespace(run=run))
+    shown = 0.5 + np.sin(rate * time) + _lagging(cast("RotorView", SimpleNamespace(state=state)), lag, order)
+    response = (1.0 + 1j * rate * lag / order) ** -order
+    expected = 0.5 + np.abs(response) * np.sin(rate * time + np.angle(response))
+    late = time > 15.0 * lag
+    # straight lines between the samples of each lag are up to an eighth of that off their wave
+    assert np.abs(shown - expected)[late].max() < 1e-4 + order * (rate / FINE_RATE) ** 2 / 8.0
+
+
 def test_the_size_of_what_is_late_as_a_whole_is_its_time() -> None:
     law = TERMS["channel_delay/sun/"]
     fit = TermFit(law, 1.0, 1.0, np.zeros(4), (), np.ones(1), 0.007)
@@ -95,14 +124,6 @@ def test_a_law_whose_amplitude_is_known_costs_its_time_alone() -> None:
     fit = fit_term(problem, law)
     assert fit.shape == pytest.approx(0.0071, rel=1e-3)
     assert (fit.cost, list(fit.amplitudes), fit.on_bound) == (1.0, [1.0], ())
-
-
-def test_what_is_only_compared_is_no_law_of_its_own() -> None:
-    """For each law that is only compared, the library can name a simpler one of the same mechanism and shaft."""
-    compared = [term for term in TERMS.values() if term.only_compared]
-    assert compared
-    for term in compared:
-        assert any(t.identifier == term.identifier and t.shaft == term.shaft and t is not term for t in TERMS.values())
 
 
 @given(st.integers(1, 4), st.integers(0, 15), st.integers(0, 99))

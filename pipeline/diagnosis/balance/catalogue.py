@@ -47,8 +47,7 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
 
     def rank(self, problem: TermProblem, without: Collection[str] = ()) -> list[TermFit]:
         """All terms but some fitted, best score first."""
-        searched = (table.term for table in problem.tables.values() if not table.term.only_compared)
-        terms = [term for term in searched if term.identifier not in without]
+        terms = [table.term for table in problem.tables.values() if table.term.identifier not in without]
         fits = sorted((fit_term(problem, term, refine=False) for term in terms), key=lambda fit: -problem.score(fit))
         for place, fit in enumerate(fits[: FIRST_OF_PAIRS + 1]):
             if self._between(fit.candidate):

@@ -174,7 +174,7 @@ def _apart(start: MotionBaseline, fits: tuple[TermFit, ...]) -> MotionBaseline:
     """A baseline whose skew did not take up the faults of a transducer, so that both can be told apart."""
     values = start.values.copy()
     for fit in fits:
-        if _term(fit).hears:
+        if _term(fit).hears or _term(fit).comes_late:
             at = start.sheet.at(f"skew_{_term(fit).place}")
             values[at] = start.sheet.expected[at]
     return replace(start, values=values)

@@ -164,6 +164,13 @@ class RotorState:
         return np.asarray(poles * turns), np.asarray(damping)
 
     @cached_property
+    def coupling_torque(self) -> Array:
+        """Torque in the coupling as the constants have it [N m], (n,): what a transducer without faults would show."""
+        of_reading = (f"zero_{self.stretch.side}", f"skew_{self.stretch.side}", "ripple")
+        columns = linear_columns(self).items()
+        return np.asarray(sum(self.value(name) * c for name, c in columns if not name.startswith(of_reading)))
+
+    @cached_property
     def direction(self) -> Array:
         """Sense of rotation, smooth through standstill."""
         return np.asarray(np.tanh(self.speed / REST))

@@ -209,8 +209,6 @@ class Term(Generic[M]):
         Whether its amplitudes are of one recording where no angle was recorded.
     needs : tuple of str
         Channels of `Motion.besides` without which it cannot be looked for.
-    only_compared : bool
-        Whether it is compared with what is named, and not searched for: to little of it a plainer form comes close.
     """
 
     identifier: str
@@ -229,7 +227,6 @@ class Term(Generic[M]):
     both_ways: bool = False
     of_angle: bool = False
     needs: tuple[str, ...] = ()
-    only_compared: bool = False
 
     @property
     def place(self) -> str:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
+from scipy.signal import lfilter
 
 from pmg.pipeline.diagnosis.balance.library.term import Quantity
 from pmg.pipeline.diagnosis.motion.candidates.terms import amount, signed, stack, term
@@ -55,6 +56,24 @@ def _unheld(view: RotorView, delay: float) -> Array:
     slope = derivative(shaft.torque_curvature, view.state.stretch.run.fine_rate)
     sharper = shaft.torque - part * shaft.torque_curvature
     return shaft.torque - _at(view, delay, sharper, shaft.torque_rate - part * slope)
+
+
+def _lagging(view: RotorView, lag: float, order: int) -> Array:
+    r"""What lags of equal time, one after the other, add to the torque of the model (n,); `lag` is of all [s].
+
+    Made of the torque as shown, a lag that is long in the band of the rows would multiply its noise.
+
+    Notes
+    -----
+    :math:`\tau\dot y + y = x` is solved exactly for straight lines between the samples of x.
+    """
+    torque, rate = view.state.coupling_torque, view.state.stretch.run.fine_rate
+    kept = float(np.exp(-order / (rate * lag)))
+    mean = (1.0 - kept) * lag * rate / order
+    found = torque
+    for _ in range(order):
+        found = found[0] + lfilter([1.0 - mean, mean - kept], [1.0, -kept], found - found[0])
+    return np.asarray(found - torque)
 
 
 def scale_terms(side: str) -> Iterator[MotionTerm]:
@@ -117,21 +136,20 @@ def time_terms(side: str) -> Iterator[MotionTerm]:
         shaft=side,
     )
 
-    yield term(
-        "transducer_bandwidth",
-        "Second-order lag of the transducer, critically damped",
-        "-tau dT/dt - tau2/4 d2T/dt2",
-        WHOLE,
-        lambda v, lag: stack(-lag * v.shaft.torque_rate - 0.25 * lag**2 * v.shaft.torque_curvature),
-        hears=lambda rate, lag: (1.0 - (1.0 + 0.5 * rate * lag) ** 2, 0.0),
-        mimicked_by=(f"skew_{side}",),
-        source=sources.BALANCE,
-        shape=Quantity("lag", "s", (1e-3, 0.1)),
-        component=transducer,
-        shaft=side,
-        variant="second",
-        only_compared=True,
-    )
+    for order, name in enumerate(("first", "second"), 1):
+        yield term(
+            "transducer_bandwidth",
+            f"{name.capitalize()}-order lag of the transducer, of any size",
+            f"T/(1 + tau s/{order})^{order} - T",
+            WHOLE,
+            lambda v, lag, order=order: stack(_lagging(v, lag, order)),
+            mimicked_by=(f"skew_{side}",),
+            source=sources.BALANCE,
+            shape=Quantity("lag", "s", (1e-3, 0.1)),
+            component=transducer,
+            shaft=side,
+            variant=f"{name} order",
+        )
 
     yield term(
         "channel_delay",
