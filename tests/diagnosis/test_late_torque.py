@@ -95,7 +95,7 @@ def test_a_lag_shifts_and_weakens_a_wave_as_its_response_says(lag: float, order:
     time, rate = np.arange(5000) / FINE_RATE, 2.0 * np.pi * frequency
     run = SimpleNamespace(fine_rate=FINE_RATE)
     state = SimpleNamespace(coupling_torque=0.5 + np.sin(rate * time), stretch=SimpleNamespace(run=run))
-    shown = 0.5 + np.sin(rate * time) + _lagging(cast("RotorView", SimpleNamespace(state=state)), lag, order)
+    shown = 0.5 + np.sin(rate * time) + _lagging(cast("RotorView", SimpleNamespace(state=state)), lag, order)[:, 0]
     response = (1.0 + 1j * rate * lag / order) ** -order
     expected = 0.5 + np.abs(response) * np.sin(rate * time + np.angle(response))
     late = time > 15.0 * lag

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,7 +60,7 @@ def _unheld(view: RotorView, delay: float) -> Array:
 
 
 def _lagging(view: RotorView, lag: float, order: int) -> Array:
-    r"""What lags of equal time, one after the other, add to the torque of the model (n,); `lag` is of all [s].
+    r"""What lags of equal time, one after the other, add to the torque of the model (n, 1); `lag` is of all [s].
 
     Made of the torque as shown, a lag that is long in the band of the rows would multiply its noise.
 
@@ -73,7 +74,7 @@ def _lagging(view: RotorView, lag: float, order: int) -> Array:
     found = torque
     for _ in range(order):
         found = found[0] + lfilter([1.0 - mean, mean - kept], [1.0, -kept], found - found[0])
-    return np.asarray(found - torque)
+    return stack(found - torque)
 
 
 def scale_terms(side: str) -> Iterator[MotionTerm]:
@@ -142,7 +143,7 @@ def time_terms(side: str) -> Iterator[MotionTerm]:
             f"{name.capitalize()}-order lag of the transducer, of any size",
             f"T/(1 + tau s/{order})^{order} - T",
             WHOLE,
-            lambda v, lag, order=order: stack(_lagging(v, lag, order)),
+            partial(_lagging, order=order),
             mimicked_by=(f"skew_{side}",),
             source=sources.BALANCE,
             shape=Quantity("lag", "s", (1e-3, 0.1)),
