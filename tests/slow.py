@@ -1,4 +1,4 @@
-"""Tests that take long and repeat, on more cases, what faster ones hold: left out unless `PMG_SLOW` is set."""
+"""Tests that take long and try further cases of what faster ones hold: left out unless `PMG_SLOW` is 1."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import os
 
 import pytest
 
-SLOW = bool(os.environ.get("PMG_SLOW"))
+SLOW = os.environ.get("PMG_SLOW") == "1"
 """Whether they are run."""
 
-slow = pytest.mark.skipif(not SLOW, reason="one of many alike that takes long; PMG_SLOW=1 tries it")
+slow = pytest.mark.skipif(not SLOW, reason="a further case that takes long; PMG_SLOW=1 tries it")
 """Mark of a test, or of one of its cases."""

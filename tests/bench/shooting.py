@@ -62,7 +62,9 @@ def main() -> None:
         "with",
     )
     for length in LENGTHS:
-        pairs = [over_noise(shots, length) for shots in named]
+        pairs = [over_noise(shots, length) for shots in named if any(shot.length == length for shot in shots)]
+        if not pairs:
+            continue
         better = count([after < before for before, after in pairs])
         low, high = better.interval or (0.0, 1.0)
         without, beside = (float(np.median([pair[at] for pair in pairs])) for at in (0, 1))

@@ -158,9 +158,8 @@ def test_rows_weighted_before_they_are_whitened_give_the_same_products(n: int, c
     rng = np.random.default_rng(seed)
     slow = np.linalg.qr(rng.standard_normal((n, min(n, 4))))[0]
     band = np.stack([np.full(n, 1.5), np.full(n, 0.6)])
-    noise = RowNoise(
-        BandedFactor.of(cholesky_banded(band, lower=True)), slow, np.asarray(rng.uniform(0.0, 1.0, slow.shape[1]))
-    )
+    shrunk = np.asarray(rng.uniform(0.0, 1.0, slow.shape[1]))
+    noise = RowNoise(BandedFactor.of(cholesky_banded(band, lower=True)), slow, shrunk, band[:, 0])
     one, other = rng.standard_normal((2, n, count))
     np.testing.assert_allclose(noise.adjoint(one).T @ other, one.T @ noise.white(other), atol=1e-9)
 

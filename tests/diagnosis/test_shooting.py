@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -19,11 +20,12 @@ from pmg.sim.bench import load_bench
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.constants import DataSheet
+    from pmg.pipeline.diagnosis.motion.rows import RotorRows
     from pmg.sim.signals import Array, Mask
 
 RATE = 84.0
-INERTIA, PULL_OUT, VISCOUS = 2e-3, 1.5, 4e-3
-"""Of the rotors written down here [kg m2, N m, N m at 100 rad/s]."""
+INERTIA, PULL_OUT, VISCOUS, DAMPING = 2e-3, 1.5, 4e-3, 1e-3
+"""Of the rotors written down here [kg m2, N m, N m at 100 rad/s, N m s/rad]."""
 
 
 class _Run(SimpleNamespace):
@@ -35,19 +37,31 @@ def _sheet() -> DataSheet:
     return sheet_of(load_bench(), 1, ("run",))
 
 
-def _trace(side: str, motion: dict[str, Array], missing: tuple[Array, Array], known: Mask, *, coupled: bool) -> Any:  # noqa: ANN401 - stands for a trace
-    """A trace whose rows are its fine samples, without noise."""
-    sheet = _sheet()
-    constants = {"inertia_sun": INERTIA, "inertia_ring": 3.0 * INERTIA, "pull_out": PULL_OUT, "drag_sun_1": VISCOUS}
-    turns = [coupled or side == "sun", coupled or side == "ring"]
+def _trace(
+    side: str,
+    motion: dict[str, Array],
+    missing: tuple[Array, Array],
+    known: Mask,
+    *,
+    coupled: bool,
+    turns: tuple[bool, bool] | None = None,
+    lighter: float = 1.0,
+) -> TorqueTrace:
+    """A trace whose rows are its fine samples, without noise; `lighter` is the part of its inertia before a cause."""
+    turns = turns or (coupled or side == "sun", coupled or side == "ring")
     run = _Run(rows_in=len(known), run=SimpleNamespace(name="run", turns=turns), row_rate=RATE, rows=lambda fine: fine)
-    stretch: Any = SimpleNamespace(
-        run=run, side=side, rows=known, coupled=coupled, at_rest=False, torque=np.zeros(int(known.sum()))
-    )
-    state: Any = SimpleNamespace(stretch=stretch, sheet=sheet, value=lambda name: constants.get(name, 0.0), **motion)
+    torque = np.zeros(int(known.sum()))
+    stretch = SimpleNamespace(run=run, side=side, rows=known, coupled=coupled, at_rest=False, torque=torque)
+
+    def state(part: float) -> Any:  # noqa: ANN401 - stands for the state of a rotor
+        constants = {"inertia_sun": part * INERTIA, "inertia_ring": 3.0 * part * INERTIA, "pull_out": PULL_OUT}
+        constants |= {"drag_sun_1": VISCOUS, "slip_damping": DAMPING}
+        return SimpleNamespace(stretch=stretch, sheet=_sheet(), value=lambda name: constants.get(name, 0.0), **motion)
+
     before, after = (-each[known] for each in missing)
-    nothing = np.zeros((int(known.sum()), 1))
-    return TorqueTrace(stretch, state, before, after, after, nothing[:, 0], nothing[:, 0], (nothing.T, nothing))
+    nothing = np.zeros((len(torque), 1))
+    of_noise = (torque, torque, np.zeros(2), nothing)
+    return TorqueTrace(cast("RotorRows", stretch), state(1.0), state(lighter), before, after, after, *of_noise)
 
 
 @given(st.floats(-5e-3, 5e-3), st.floats(20.0, 200.0))
@@ -76,12 +90,14 @@ def test_coupled_rotors_move_as_their_equations_say() -> None:
     inertia = np.array([INERTIA, 3.0 * INERTIA])
 
     def extra(t: float | Array) -> Array:
-        return np.array([8e-3 * np.sin(5.0 * t), 0.04 * np.cos(2.0 * t) - 0.04])
+        near = 0.1 * np.sin(95.0 * t)  # of the magnetic spring's mode, near which it is
+        return np.array([8e-3 * np.sin(5.0 * t) + near, 0.04 * np.cos(2.0 * t) - 0.04])
 
     def solved(part: float) -> Array:
         def slopes(t: float, state: Array) -> Array:
             drag = np.array([VISCOUS / 100.0 * state[0], 0.0])
-            torque = part * extra(t) - drag - poles * PULL_OUT * np.sin(state[2])
+            gear = PULL_OUT * np.sin(state[2]) + DAMPING * (poles @ state[:2])
+            torque = part * extra(t) - drag - poles * gear
             return np.asarray(np.r_[torque / inertia, poles @ state[:2]])
 
         start = np.array([30.0, -30.0 * poles[0] / poles[1], 0.0])
@@ -94,7 +110,7 @@ def test_coupled_rotors_move_as_their_equations_say() -> None:
         _trace(side, motion | {"speed": recorded[at]}, (0.0 * time, extra(time)[at]), known, coupled=True)
         for at, side in enumerate(("sun", "ring"))
     )
-    found = shoot(cast("tuple[TorqueTrace, ...]", traces), (math.inf,))
+    found = shoot(traces, (math.inf,))
     for at, side in enumerate(("sun", "ring")):
         size = float(np.abs(truth[at] - recorded[at]).max())
         assert size > 1.0
@@ -115,11 +131,60 @@ def test_a_simulation_begins_anew_where_a_shaft_stood() -> None:
     assert off[260:459] == pytest.approx(off[:199])
 
 
-def test_courses_of_noise_have_the_covariance_that_is_stated(rng: np.random.Generator) -> None:
-    band, slow = np.array([[2.0, 1.0, 1.5, 1.0], [0.5, -0.4, 0.3, 0.0]]), np.array([[1.0], [1.0], [0.0], [2.0]])
-    factor = np.diag(band[0]) + np.diag(band[1, :3], -1)
-    rows = np.zeros(4)
-    trace: Any = TorqueTrace(cast("Any", None), cast("Any", None), rows, rows, rows, rows, rows, (band, slow))
-    drawn = trace.drawn(rng, 40_000)
-    expected = factor @ factor.T + slow @ slow.T
-    assert np.cov(drawn) == pytest.approx(expected, abs=0.15)
+def test_before_a_cause_the_inertia_is_the_one_of_the_baseline() -> None:
+    rows = int(2.0 * RATE)
+    motion = {"speed": np.full(rows, 80.0), "pole_angle": np.zeros(rows), "slip": np.zeros(rows)}
+    missing = np.full(rows, 1e-4)
+    trace = _trace("sun", motion, (missing, missing), np.ones(rows, dtype=np.bool_), coupled=False, lighter=0.5)
+    (shot,) = shoot((trace,), (math.inf,)).shots
+    assert shot.before == pytest.approx(2.0 * shot.after, rel=0.05)  # but for the drag, which is small in two seconds
+
+
+def test_rotors_that_nothing_couples_are_simulated_each_by_itself() -> None:
+    rows = int(6.0 * RATE)
+    motion = {"speed": np.full(rows, 80.0), "pole_angle": np.zeros(rows), "slip": np.zeros(rows)}
+    early = np.arange(rows) < rows // 2
+    traces = [
+        _trace(side, motion, (np.full(rows, 1e-3),) * 2, known, coupled=False, turns=(True, True))
+        for side, known in (("sun", early), ("ring", ~early))
+    ]
+    found = shoot(tuple(traces), (1.0,))
+    assert {shot.side for shot in found.shots} == {"sun", "ring"}
+
+
+@pytest.mark.parametrize("rows", [0, 3, 20])
+def test_a_run_too_short_for_a_length_is_left_out_of_it(rows: int) -> None:
+    motion = {"speed": np.full(60, 80.0), "pole_angle": np.zeros(60), "slip": np.zeros(60)}
+    trace = _trace("sun", motion, (np.full(60, 1e-3),) * 2, np.arange(60) < rows, coupled=False)
+    assert [shot.length for shot in shoot((trace,)).shots] == ([math.inf] if rows == 20 else [])
+
+
+def test_of_a_coupled_run_both_rotors_must_be_known() -> None:
+    motion = {"speed": np.full(200, 80.0), "pole_angle": np.zeros(200), "slip": np.zeros(200)}
+    trace = _trace("sun", motion, (np.full(200, 1e-3),) * 2, np.ones(200, dtype=np.bool_), coupled=True)
+    assert shoot((trace,)).shots == shoot(()).shots == ()
+
+
+def test_realisations_of_noise_have_the_covariance_that_is_stated(rng: np.random.Generator) -> None:
+    rows = np.array([True, True, False, True, True])
+    slow = np.array([[1.0], [1.0], [0.0], [2.0]])
+    correlation, nothing = np.array([2.0, 1.0, 0.4]), np.zeros(4)
+    stretch: Any = SimpleNamespace(rows=rows)
+    state: Any = None
+    predicted, spreads = (nothing, nothing, nothing), (nothing, nothing)
+    trace = TorqueTrace(stretch, state, state, *predicted, *spreads, correlation, slow)
+    apart = np.abs(np.subtract.outer(np.flatnonzero(rows), np.flatnonzero(rows)))
+    expected = np.r_[correlation, np.zeros(5)][apart] + slow @ slow.T
+    assert np.cov(trace.draw_noise(rng, 40_000)) == pytest.approx(expected, abs=0.12)
+
+
+def test_the_noise_of_a_simulation_is_what_its_torque_makes_of_it() -> None:
+    """A torque that is off by one amount for a whole run speeds a free rotor up by that over its inertia."""
+    rows, size = int(1.0 * RATE), 1e-3
+    motion = {"speed": np.full(rows, 80.0), "pole_angle": np.zeros(rows), "slip": np.zeros(rows)}
+    nothing = np.zeros(rows)
+    trace = _trace("sun", motion, (nothing, nothing), np.ones(rows, dtype=np.bool_), coupled=False)
+    (shot,) = shoot((replace(trace, slow=np.full((rows, 1), size)),), (math.inf,)).shots
+    time = np.arange(rows) / RATE
+    assert shot.after == 0.0
+    assert shot.noise == pytest.approx(size / INERTIA * float(np.sqrt(np.mean(time**2))), rel=0.5)  # of few draws

@@ -92,12 +92,13 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem, terms: tuple
 
 
 def columns_beside(found: MotionEvidence, fits: tuple[TermFit, ...]) -> Array:
-    """Columns (m, k) of the constants. A skew adds to a named delay; only the data sheet separates the two."""
+    """Columns (m, k) of the constants. A skew adds to a named delay of a torque; only the data sheet parts them."""
     columns = found.columns.copy()
     for fit in fits:
-        if cast("MotionTerm", fit.candidate).comes_late and fit.candidate.whole:
+        term = cast("MotionTerm", fit.candidate)
+        if term.comes_late and term.whole and term.hears:
             slope = found.problem.slopes(fit)[:, -1]
-            for at in map(found.baseline.sheet.at, cast("MotionTerm", fit.candidate).mimicked_by):
+            for at in map(found.baseline.sheet.at, term.mimicked_by):
                 columns[~found.of_sheet, at] = slope[~found.of_sheet]
     return columns
 

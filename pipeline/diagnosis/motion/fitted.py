@@ -86,7 +86,8 @@ def _with_denser_torque(fitted: MotionBaseline, noise: list[RowNoise]) -> Array:
 def slow_noise_beside_drift(fitted: MotionBaseline, noise: list[RowNoise]) -> SlowNoise:
     """The wander and the ripple of a fitted baseline once zeros may follow a smooth curve of time."""
     beside_drift, _ = fit_baseline(fitted, _whitener(noise), _zeros_in_time)
-    return slow_noise_of(beside_drift, noise)
+    left = [beside_drift.left(place) for place in range(len(beside_drift.stretches))]
+    return slow_noise_of(beside_drift.stretches, noise, left)
 
 
 def _start(

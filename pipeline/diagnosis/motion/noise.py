@@ -77,11 +77,14 @@ class RowNoise:
         Orthonormal directions of wander and ripple, in units of that noise.
     shrunk : (r,) array
         Part of a column along each of them that goes.
+    correlation : (b,) array
+        Covariance of what the filters leave with as many rows later [(N m)2].
     """
 
     factor: BandedFactor
     slow: Array
     shrunk: Array
+    correlation: Array
 
     def white(self, columns: Array) -> Array:
         """Columns (n, j) in units of the noise, and freed from its correlation."""
@@ -123,16 +126,16 @@ def row_noise(baseline: MotionBaseline, place: int, slow_noise: SlowNoise = USUA
     for density, one, another in sources:
         whole = np.correlate(one, another, "full")[len(value) - 1 :: step]
         correlation[: len(whole)] += 0.5 * run.run.rate * density * whole
-    correlation[0] *= 1.0 + FLOOR
+    bounded = correlation * np.r_[1.0 + FLOOR, np.ones(length - 1)]
     at = np.flatnonzero(stretch.rows)
     banded = np.zeros((length, len(at)))
-    for lag in range(length):
+    for lag in range(min(length, len(at))):
         apart = at[lag:] - at[: len(at) - lag]
-        banded[lag, : len(at) - lag] = np.where(apart < length, correlation[np.minimum(apart, length - 1)], 0.0)
+        banded[lag, : len(at) - lag] = np.where(apart < length, bounded[np.minimum(apart, length - 1)], 0.0)
     factor = BandedFactor.of(cholesky_banded(banded, lower=True, check_finite=False))
     white = factor.solved(slow_spread(stretch, slow_noise))
     slow, size, _ = np.linalg.svd(white, full_matrices=False)
-    return RowNoise(factor, slow, 1.0 - 1.0 / np.sqrt(1.0 + size**2))
+    return RowNoise(factor, slow, 1.0 - 1.0 / np.sqrt(1.0 + size**2), correlation)
 
 
 def slow_spread(stretch: RotorRows, noise: SlowNoise = USUAL) -> Array:
@@ -166,12 +169,21 @@ def _turns(stretch: RotorRows) -> Array:
     return stretch.of_rows(np.stack([wave(order * angle) for order in RIPPLE for wave in (np.cos, np.sin)], 1))
 
 
-def slow_noise_of(baseline: MotionBaseline, noise: list[RowNoise], left: list[Array] | None = None) -> SlowNoise:
-    r"""The wander and the ripple that the residuals of a baseline show, or `left` in their place, (n,) a stretch.
+def slow_noise_of(stretches: tuple[RotorRows, ...], noise: list[RowNoise], left: list[Array]) -> SlowNoise:
+    r"""The wander and the ripple that residuals show.
 
     Each stretch tells the mean of the reading over pieces of time; over a campaign they follow a smooth curve of time,
     which is no wander, and the waves of a turn are those of its side, in neutral and engaged. A few that stand out, as
     of a cause in some runs, do not count.
+
+    Parameters
+    ----------
+    stretches : tuple of RotorRows
+        All of a campaign.
+    noise : list of RowNoise
+        Of each.
+    left : list of (n,) array
+        Measured torque of each less what explains it [N m].
 
     Notes
     -----
@@ -180,10 +192,9 @@ def slow_noise_of(baseline: MotionBaseline, noise: list[RowNoise], left: list[Ar
     """
     told: dict[str, list[tuple[Array, Array]]] = {side: [] for side in SIDES}
     ripples: dict[tuple[str, bool], list[Array]] = {}
-    for place, stretch in enumerate(baseline.stretches):
+    for place, stretch in enumerate(stretches):
         pieces, when = _pieces(stretch)
-        residual = baseline.left(place) if left is None else left[place]
-        rows = np.hstack([pieces, _turns(stretch), residual[:, None]])
+        rows = np.hstack([pieces, _turns(stretch), left[place][:, None]])
         white = noise[place].factor.solved(rows)
         found, waves = np.split(np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=1e-6)[0], [len(when)])
         told[stretch.side].append((when, np.asarray(found)))

@@ -167,8 +167,8 @@ class RotorState:
     def coupling_torque(self) -> Array:
         """Torque in the coupling as the constants have it [N m], (n,): what a transducer without faults would show."""
         of_reading = (f"zero_{self.stretch.side}", f"skew_{self.stretch.side}", "ripple")
-        columns = linear_columns(self).items()
-        return np.asarray(sum(self.value(name) * c for name, c in columns if not name.startswith(of_reading)))
+        parts = [self.value(n) * column for n, column in linear_columns(self).items() if not n.startswith(of_reading)]
+        return np.asarray(sum(parts, start=np.zeros(len(self.speed))))
 
     @cached_property
     def direction(self) -> Array:

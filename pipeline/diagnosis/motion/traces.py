@@ -31,8 +31,8 @@ class TorqueTrace:
     ----------
     stretch : RotorRows
         Which.
-    state : RotorState
-        Of its rotor, with what was named.
+    state, state_before : RotorState
+        Of its rotor, with what was named, and by the baseline alone.
     before, of_constants, after : (n,) array
         Predicted by the baseline alone, with the data sheet where that is named to be wrong; by its constants beside
         what was named; and together with that.
@@ -40,19 +40,22 @@ class TorqueTrace:
         Standard deviation of the measured torque, smoothed over `SMOOTHED`.
     row_spread : (n,) array
         The same of each row by itself.
-    sources : tuple of array
-        What its noise is made of: of what the filters leave the diagonals (b + 1, n) of the factor of the covariance,
-        and the directions (n, k) of wander and ripple, each as long as its standard deviation [N m].
+    correlation : (b,) array
+        Covariance of the noise that the filters leave with as many rows later [(N m)2].
+    slow : (n, k) array
+        Directions of wander and ripple, each as long as its standard deviation [N m].
     """
 
     stretch: RotorRows
     state: RotorState
+    state_before: RotorState
     before: Array
     of_constants: Array
     after: Array
     spread: Array
     row_spread: Array
-    sources: tuple[Array, Array]
+    correlation: Array
+    slow: Array
 
     @property
     def time(self) -> Array:
@@ -63,13 +66,17 @@ class TorqueTrace:
         """Measured less predicted torque, smoothed over `SMOOTHED` [N m] (n,)."""
         return _smoothed(self.stretch, (self.stretch.torque - predicted)[:, None])[:, 0]
 
-    def drawn(self, rng: np.random.Generator, draws: int) -> Array:
-        """Courses of its noise [N m] (n, draws)."""
-        band, slow = self.sources
-        white, found = rng.standard_normal((len(slow), draws)), slow @ rng.standard_normal((slow.shape[1], draws))
-        for lag, diagonal in enumerate(band):
-            found[lag:] += diagonal[: len(slow) - lag, None] * white[: len(slow) - lag]
-        return np.asarray(found)
+    def draw_noise(self, rng: np.random.Generator, draws: int) -> Array:
+        """Realisations of its noise [N m] (n, draws)."""
+        lags = len(self.correlation)
+        length = len(self.stretch.rows) + 2 * lags
+        circle = np.zeros(length)
+        circle[:lags] = self.correlation
+        circle[-lags + 1 :] = self.correlation[:0:-1]
+        power = np.maximum(np.fft.rfft(circle).real, 0.0)
+        white = np.fft.rfft(rng.standard_normal((length, draws)), axis=0)
+        filtered = np.fft.irfft(np.sqrt(power)[:, None] * white, length, axis=0)[: len(self.stretch.rows)]
+        return np.asarray(filtered[self.stretch.rows] + self.slow @ rng.standard_normal((self.slow.shape[1], draws)))
 
 
 def term_of(fit: TermFit) -> MotionTerm:
@@ -143,19 +150,23 @@ def traces_of(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]
     ]
     noise = [row_noise(diagnosis.evidence.baseline, place) for place in range(len(baseline.stretches))]
     left = [stretch.torque - predicted for stretch, predicted in zip(baseline.stretches, after, strict=True)]
-    slow_noise, scatter = slow_noise_of(baseline, noise, left), diagnosis.evidence.scatter
+    slow_noise, scatter = slow_noise_of(baseline.stretches, noise, left), diagnosis.evidence.scatter
     found = []
     for place, stretch in enumerate(baseline.stretches):
-        sources = scatter * noise[place].factor.band, scatter * slow_spread(stretch, slow_noise)
-        smooth, by_row = (_spread(stretch, sources, width) for width in (_width(stretch), 1))
+        slow, band = slow_spread(stretch, slow_noise), scatter * noise[place].factor.band
+        smooth, by_row = (_spread(stretch, band, slow, width) for width in (_width(stretch), 1))
+        states = baseline.states[place], before.states[place]
         predicted = before.predicted(place), of_constants[place], after[place]
-        found.append(TorqueTrace(stretch, baseline.states[place], *predicted, smooth, by_row, sources))
+        correlation = scatter**2 * noise[place].correlation
+        found.append(TorqueTrace(stretch, *states, *predicted, smooth, by_row, correlation, slow))
     return tuple(found)
 
 
-def _spread(stretch: RotorRows, sources: tuple[Array, Array], width: int) -> Array:
-    """Standard deviation of the torque of a stretch as the mean over `width` rows (n,)."""
-    band, slow = sources
+def _spread(stretch: RotorRows, band: Array, slow: Array, width: int) -> Array:
+    """Standard deviation of the torque of a stretch as the mean over `width` rows (n,).
+
+    `band` holds the diagonals of the factor of what the filters leave, `slow` the directions of wander and ripple.
+    """
     weights = np.zeros(band.shape[1])
     width = min(width, len(weights))
     weights[(len(weights) - width) // 2 :][:width] = 1.0 / width

@@ -27,6 +27,9 @@ HELD_AT_MOST = 20e-3
 """Longest delay of a torque that is held [s]. From 12 ms on, the series of its law is off by a tenth and more at 20 Hz;
 from 18 ms on, its steps reach into the band of the rows."""
 
+SHORT_LAG = 0.02
+"""Longest lag that is made of the torque as shown [s]: of a longer one the noise would be most."""
+
 WHOLE = (Quantity("part", "1", (1.0, 1.0)),)
 """Amplitude of what comes late as a whole."""
 
@@ -128,7 +131,7 @@ def time_terms(side: str) -> Iterator[MotionTerm]:
         "transducer_bandwidth",
         "First-order lag of the transducer",
         "-tau dT/dt",
-        amount("lag", "s", 0.1),
+        amount("lag", "s", SHORT_LAG),
         lambda v, _: stack(-v.shaft.torque_rate - v.skew * v.shaft.torque_curvature),
         hears=lambda rate, _: (-rate, 0.0),
         mimicked_by=(f"skew_{side}",),
@@ -137,11 +140,11 @@ def time_terms(side: str) -> Iterator[MotionTerm]:
         shaft=side,
     )
 
-    for order, name in enumerate(("first", "second"), 1):
+    for order, name, equation in ((1, "first", "T/(1 + tau s) - T"), (2, "second", "T/(1 + tau s/2)^2 - T")):
         yield term(
             "transducer_bandwidth",
             f"{name.capitalize()}-order lag of the transducer, of any size",
-            f"T/(1 + tau s/{order})^{order} - T",
+            equation,
             WHOLE,
             partial(_lagging, order=order),
             mimicked_by=(f"skew_{side}",),
