@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.fitting import fit_term
+from pmg.pipeline.diagnosis.motion.constants import SKEW
 from pmg.pipeline.wording.numerals import measured
 from pmg.pipeline.wording.units import MILLI
 from pmg.sim.shafts import SIDES
@@ -91,6 +92,8 @@ def fitted_size(
     remark = remark if term.of_pole_angle else ""
     if term.whole:
         (quantity,), error = term.parameters[count:], math.sqrt(float(covariance[count, count]))
+        # A lag of the model is fitted beside a skew; what the data sheet leaves open of that is as good a lag.
+        error = math.hypot(error, SKEW) if term.comes_late and not term.hears else error
         return FittedSize(quantity.name, float(values[count]), math.hypot(error, of_law), quantity.unit, of_law)
     sizes, among = values[:count], covariance[:count, :count]
     names = [quantity.name for quantity in term.amplitudes]
