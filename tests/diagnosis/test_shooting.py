@@ -46,22 +46,25 @@ def _trace(
     coupled: bool,
     turns: tuple[bool, bool] | None = None,
     lighter: float = 1.0,
+    damping: float = DAMPING,
 ) -> TorqueTrace:
-    """A trace whose rows are its fine samples, without noise; `lighter` is the part of its inertia before a cause."""
+    """A trace whose rows are its fine samples, without noise; part of its inertia and damping before a cause."""
     turns = turns or (coupled or side == "sun", coupled or side == "ring")
     run = _Run(rows_in=len(known), run=SimpleNamespace(name="run", turns=turns), row_rate=RATE, rows=lambda fine: fine)
     torque = np.zeros(int(known.sum()))
     stretch = SimpleNamespace(run=run, side=side, rows=known, coupled=coupled, at_rest=False, torque=torque)
 
-    def state(part: float) -> Any:  # noqa: ANN401 - stands for the state of a rotor
+    def state(part: float, damping: float) -> Any:  # noqa: ANN401 - stands for the state of a rotor
         constants = {"inertia_sun": part * INERTIA, "inertia_ring": 3.0 * part * INERTIA, "pull_out": PULL_OUT}
-        constants |= {"drag_sun_1": VISCOUS, "slip_damping": DAMPING}
+        constants |= {"drag_sun_1": VISCOUS, "slip_damping": damping}
         return SimpleNamespace(stretch=stretch, sheet=_sheet(), value=lambda name: constants.get(name, 0.0), **motion)
 
     before, after = (-each[known] for each in missing)
     nothing = np.zeros((len(torque), 1))
     of_noise = (torque, torque, np.zeros(2), nothing)
-    return TorqueTrace(cast("RotorRows", stretch), state(1.0), state(lighter), before, after, after, *of_noise)
+    return TorqueTrace(
+        cast("RotorRows", stretch), state(1.0, DAMPING), state(lighter, damping), before, after, after, *of_noise
+    )
 
 
 @given(st.floats(-5e-3, 5e-3), st.floats(20.0, 200.0))
@@ -157,6 +160,18 @@ def test_a_run_too_short_for_a_length_is_left_out_of_it(rows: int) -> None:
     motion = {"speed": np.full(60, 80.0), "pole_angle": np.zeros(60), "slip": np.zeros(60)}
     trace = _trace("sun", motion, (np.full(60, 1e-3),) * 2, np.arange(60) < rows, coupled=False)
     assert [shot.length for shot in shoot((trace,)).shots] == ([math.inf] if rows == 20 else [])
+
+
+def test_a_model_that_is_unstable_runs_away_and_is_told() -> None:
+    """A gear that is pushed on by its own slip, as a model without a lag of a transducer may have it."""
+    rows = int(30.0 * RATE)
+    motion = {"speed": np.zeros(rows), "pole_angle": np.zeros(rows), "slip": np.zeros(rows)}
+    known = np.ones(rows, dtype=np.bool_)
+    missing = np.full(rows, 1e-3), np.zeros(rows)
+    traces = [_trace(side, motion, missing, known, coupled=True, damping=-0.01) for side in ("sun", "ring")]
+    found = shoot(tuple(traces))
+    assert [math.isinf(shot.before) for shot in found.shots if math.isinf(shot.length)] == [True, True]
+    assert all(shot.after == 0.0 for shot in found.shots)
 
 
 def test_of_a_coupled_run_both_rotors_must_be_known() -> None:

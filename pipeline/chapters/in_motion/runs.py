@@ -52,7 +52,8 @@ def _simulated(shooting: Shooting, *, named: bool) -> Table:
     for shot in shooting.shots:
         length = "whole run" if math.isinf(shot.length) else f"{shot.length:g} s"
         before, after, noise = (float(SPEEDS[shot.side].display(v)) for v in (shot.before, shot.after, shot.noise))
-        rows.append((length, shot.side, *((before,) if named else ()), after, noise))
+        errors: tuple[Cell, ...] = tuple(v if math.isfinite(v) else "runs away" for v in (before, after)[not named :])
+        rows.append((length, shot.side, *errors, noise))
     return Table(
         "simulated-speed",
         "Speed simulated from the torques",

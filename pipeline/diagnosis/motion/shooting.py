@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.motion.simulated_rotors import speed_errors
+from pmg.pipeline.diagnosis.motion.simulated_rotors import AWAY, speed_errors
 from pmg.sim.shafts import SIDES
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class Shot:
     side : str
         The rotor.
     before, after : float
-        By the baseline alone, and together with what was named.
+        By the baseline alone, and together with what was named; infinite where a simulation runs away.
     noise : float
         What the noise of the readings makes of it.
     """
@@ -148,12 +148,20 @@ def shoot(traces: tuple[TorqueTrace, ...], lengths: tuple[float, ...] = LENGTHS)
                     of_side[side][which].append(errors[:, k])
                     if which and math.isinf(length):
                         whole = speeds.setdefault((course.run, side), np.full(len(course.known), np.nan))
-                        whole[rows] = course.motion[rows, k] + errors[:, k, 0]
+                        off = errors[:, k, 0]
+                        whole[rows] = course.motion[rows, k] + np.where(np.abs(off) < AWAY, off, np.nan)
         for side, (without, beside) in of_side.items():
             if without:
-                (first,), (last, *noise) = (np.sqrt(np.mean(np.vstack(e) ** 2, axis=0)) for e in (without, beside))
-                shots.append(Shot(length, side, float(first), float(last), float(np.sqrt(np.mean(np.square(noise))))))
+                (first,), (last, *noise) = _root_mean_squares(without), _root_mean_squares(beside)
+                shots.append(Shot(length, side, first, last, float(np.sqrt(np.mean(np.square(noise))))))
     return Shooting(tuple(shots), speeds)
+
+
+def _root_mean_squares(errors: list[Array]) -> list[float]:
+    """Of each column; infinite where one ran away."""
+    whole = np.vstack(errors)
+    away = np.any(np.abs(whole) >= AWAY, axis=0)
+    return [float(value) for value in np.where(away, np.inf, np.sqrt(np.mean(whole**2, axis=0)))]
 
 
 def _courses(traces: tuple[TorqueTrace, ...], rng: np.random.Generator, *, beside: bool) -> list[_Course]:

@@ -20,6 +20,9 @@ WITHIN = 2
 STEPS = 600
 """Speeds at which a drag is tabled, in either sense."""
 
+AWAY = 1e5
+"""Error of a speed [rad/s] at which a simulation has run away, and stays."""
+
 BEYOND = 20.0
 """Largest speed that is tabled over the largest that was recorded."""
 
@@ -40,7 +43,7 @@ def speed_errors(states: tuple[RotorState, ...], motion: Array, missing: Array) 
     Returns
     -------
     (m, b, s, c) array
-        [rad/s]; zero in the first row.
+        [rad/s]; zero in the first row, of magnitude `AWAY` where a model is unstable.
 
     Notes
     -----
@@ -80,7 +83,7 @@ def speed_errors(states: tuple[RotorState, ...], motion: Array, missing: Array) 
         two = slopes(errors + 0.5 * step * one, *middle)
         three = slopes(errors + 0.5 * step * two, *middle)
         four = slopes(errors + step * three, *end)
-        errors = errors + step / 6.0 * (one + 2.0 * two + 2.0 * three + four)
+        errors = np.clip(errors + step / 6.0 * (one + 2.0 * two + 2.0 * three + four), -AWAY, AWAY)
         if (instant + 2) % (2 * WITHIN) == 0:
             found[(instant + 2) // (2 * WITHIN)] = errors[:, :count]
     return found
