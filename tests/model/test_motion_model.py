@@ -116,7 +116,7 @@ def test_a_model_predicts_runs_that_it_has_not_seen() -> None:
 
 def test_a_model_holds_what_its_runs_show_and_no_more() -> None:
     """Runs of the sun alone say nothing of the ring's drag, of the gear, or of what is of this campaign only."""
-    runs = _campaign(21)
+    runs = _campaign(22)
     drifted = tuple(_with_torque(run, np.full(len(run.torque.sun), 0.03 * (k > 2))) for k, run in enumerate(runs))
     found = diagnose_motion("drifted", drifted, load_bench(), np.random.default_rng(0))
     assert found.naming is not None
