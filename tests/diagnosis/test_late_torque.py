@@ -88,6 +88,9 @@ def test_a_lag_that_is_long_in_the_band_is_told_with_its_time(order: str) -> Non
     (size,) = found.fitted_sizes
     assert (size.name, size.unit) == ("lag", "s")
     assert size.value == pytest.approx(0.030, rel=0.05)
+    (told,) = motion_document(found)["mechanisms"][0]["parameters"]
+    assert (told["name"], told["standard_error"]) == ("lag", pytest.approx(size.error, rel=1e-4))
+    assert size.error > SKEW
 
 
 @given(st.floats(1e-3, 0.1), st.sampled_from([1, 2]), st.floats(0.5, 25.0))

@@ -149,7 +149,7 @@ def _mechanism(
     ]
     if size is not None and size.name == IN_ALL:
         parameters.insert(0, _parameter("in_all", size.value, size.error, size.unit))
-    elif size is not None and size.of_law:
+    elif size is not None and (size.of_law or fit.candidate.whole):
         parameters[0] = _parameter(size.name, size.value, size.error, size.unit)
     return {
         "id": fit.identifier,
