@@ -67,9 +67,11 @@ def main() -> None:
             continue
         better = count([after < before for before, after in pairs])
         low, high = better.interval or (0.0, 1.0)
-        without, beside = (float(np.median([pair[at] for pair in pairs])) for at in (0, 1))
+        without, with_cause = (float(np.median([pair[at] for pair in pairs])) for at in (0, 1))
         name = "  whole runs" if math.isinf(length) else f"  {length:g} s"
-        report(name, f"{better.hits} of {better.of}", f"{low:.1%}", f"{high:.1%}", f"{without:.2f}", f"{beside:.2f}")
+        report(
+            name, f"{better.hits} of {better.of}", f"{low:.1%}", f"{high:.1%}", f"{without:.2f}", f"{with_cause:.2f}"
+        )
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.motion.constants import start_name
-from pmg.pipeline.diagnosis.motion.rows import linear_columns, rotor_state
+from pmg.pipeline.diagnosis.motion.rows import linear_columns, rotor_state, torque_of
 from pmg.pipeline.diagnosis.motion.stance import encoder_columns, stance_columns
 
 if TYPE_CHECKING:
@@ -72,9 +72,8 @@ class MotionBaseline:
 
     def predicted(self, place: int) -> Array:
         """Torque that the transducer of a stretch should show [N m], (n,)."""
-        columns = linear_columns(self.states[place])
-        fine = np.asarray(sum(self.values[self.sheet.at(name)] * column for name, column in columns.items()))
-        return self.stretches[place].of_rows(fine)
+        state = self.states[place]
+        return self.stretches[place].of_rows(torque_of(state, linear_columns(state)))
 
     def missing(self, place: int) -> Array:
         """Measured torque of a stretch less that of the constants [N m], (n,)."""

@@ -92,7 +92,7 @@ def fitted_size(
     remark = remark if term.of_pole_angle else ""
     if term.whole:
         (quantity,), error = term.parameters[count:], math.sqrt(float(covariance[count, count]))
-        # A lag of the model is fitted beside a skew; what the data sheet leaves open of that is as good a lag.
+        # A lag of the model is fitted together with a skew; the tolerance of the skew adds to the error of the lag.
         error = math.hypot(error, SKEW) if term.comes_late and not term.hears else error
         return FittedSize(quantity.name, float(values[count]), math.hypot(error, of_law), quantity.unit, of_law)
     sizes, among = values[:count], covariance[:count, :count]

@@ -20,7 +20,7 @@ from pmg.pipeline.diagnosis.motion.constants import (
     start_name,
 )
 from pmg.pipeline.diagnosis.motion.gear_torque import gear_columns
-from pmg.pipeline.diagnosis.motion.loss_curve import REST, drag_columns, engaged_drag_columns, loss_names
+from pmg.pipeline.diagnosis.motion.loss_curve import REST, drag_columns, engaged_drag_columns
 from pmg.pipeline.recording.run_records import Manoeuvre
 from pmg.sim.shafts import SIDES, PerShaft, per_shaft
 
@@ -141,12 +141,11 @@ class RotorState:
     @cached_property
     def drag_slope(self) -> Array:
         """Change of the drag in neutral per change of speed [N m s/rad], (n,)."""
-        side = self.stretch.side
-        ends = []
-        for speed in (self.speed + SLOPE_STEP, self.speed - SLOPE_STEP):
-            columns = drag_columns(side, speed)
-            ends.append(np.asarray(sum(self.value(name) * columns[name] for name in loss_names(side))))
-        return np.asarray((ends[0] - ends[1]) / (2.0 * SLOPE_STEP))
+        above, below = (
+            torque_of(self, drag_columns(self.stretch.side, speed))
+            for speed in (self.speed + SLOPE_STEP, self.speed - SLOPE_STEP)
+        )
+        return np.asarray((above - below) / (2.0 * SLOPE_STEP))
 
     @cached_property
     def slow_pole_angle(self) -> Array:
@@ -167,8 +166,8 @@ class RotorState:
     def coupling_torque(self) -> Array:
         """Torque in the coupling as the constants have it [N m], (n,): what a transducer without faults would show."""
         of_reading = (f"zero_{self.stretch.side}", f"skew_{self.stretch.side}", "ripple")
-        parts = [self.value(n) * column for n, column in linear_columns(self).items() if not n.startswith(of_reading)]
-        return np.asarray(sum(parts, start=np.zeros(len(self.speed))))
+        columns = {name: c for name, c in linear_columns(self).items() if not name.startswith(of_reading)}
+        return np.zeros(len(self.speed)) + torque_of(self, columns)
 
     @cached_property
     def direction(self) -> Array:
@@ -223,6 +222,11 @@ def _true(shaft: SmoothShaft, side: str, sheet: DataSheet, values: Array) -> tup
 
 def _of_poles(poles: PerShaft[int], values: PerShaft[Array]) -> Array:
     return np.asarray(sum(poles[side] * values[side] for side in SIDES))
+
+
+def torque_of(state: RotorState, columns: dict[str, Array]) -> Array:
+    """Torque that columns make with the constants of a state [N m]; `columns` are per unit of each, by its name."""
+    return np.asarray(sum(state.value(name) * column for name, column in columns.items()))
 
 
 def linear_columns(state: RotorState) -> dict[str, Array]:

@@ -23,7 +23,7 @@ LENGTHS = (0.5, 1.0, 5.0, math.inf)
 """Lengths of the intervals [s]; the last goes on as long as the shafts of a run turn."""
 
 DRAWS = 8
-"""Realisations of the noise that are simulated beside each run."""
+"""Realisations of the noise that are simulated with each run."""
 
 SEED = 20261125
 """Of those realisations."""
@@ -114,7 +114,7 @@ class _Course:
 
 
 def shoot(traces: tuple[TorqueTrace, ...], lengths: tuple[float, ...] = LENGTHS) -> Shooting:
-    """The speed of each rotor from the torque in its coupling, beside what was recorded.
+    """The speed of each rotor from the torque in its coupling, to compare with the recorded one.
 
     Each interval starts from the recorded motion, which does not correct it again. What was named acts as it did at the
     recorded motion; inertia, drag and gear follow the simulated one.
@@ -136,7 +136,7 @@ def shoot(traces: tuple[TorqueTrace, ...], lengths: tuple[float, ...] = LENGTHS)
     The noise of both readings of an engaged run is drawn for each by itself.
     """
     rng = np.random.default_rng(SEED)
-    before, after = _courses(traces, rng, beside=False), _courses(traces, rng, beside=True)
+    before, after = _courses(traces, rng, with_cause=False), _courses(traces, rng, with_cause=True)
     shots: list[Shot] = []
     speeds: dict[tuple[str, str], Array] = {}
     for length in lengths:
@@ -150,9 +150,9 @@ def shoot(traces: tuple[TorqueTrace, ...], lengths: tuple[float, ...] = LENGTHS)
                         whole = speeds.setdefault((course.run, side), np.full(len(course.known), np.nan))
                         off = errors[:, k, 0]
                         whole[rows] = course.motion[rows, k] + np.where(np.abs(off) < AWAY, off, np.nan)
-        for side, (without, beside) in of_side.items():
+        for side, (without, with_cause) in of_side.items():
             if without:
-                (first,), (last, *noise) = _root_mean_squares(without), _root_mean_squares(beside)
+                (first,), (last, *noise) = _root_mean_squares(without), _root_mean_squares(with_cause)
                 shots.append(Shot(length, side, first, last, float(np.sqrt(np.mean(np.square(noise))))))
     return Shooting(tuple(shots), speeds)
 
@@ -164,8 +164,8 @@ def _root_mean_squares(errors: list[Array]) -> list[float]:
     return [float(value) for value in np.where(away, np.inf, np.sqrt(np.mean(whole**2, axis=0)))]
 
 
-def _courses(traces: tuple[TorqueTrace, ...], rng: np.random.Generator, *, beside: bool) -> list[_Course]:
-    """The runs in which something turns: without what was named, or beside it and with realisations of the noise."""
+def _courses(traces: tuple[TorqueTrace, ...], rng: np.random.Generator, *, with_cause: bool) -> list[_Course]:
+    """The runs in which something turns: without what was named, or with it and with realisations of the noise."""
     together: dict[tuple[str, str], list[TorqueTrace]] = defaultdict(list)
     for trace in traces:
         if not trace.stretch.at_rest:
@@ -176,12 +176,12 @@ def _courses(traces: tuple[TorqueTrace, ...], rng: np.random.Generator, *, besid
         run = group[0].stretch.run
         if group[0].stretch.coupled and len(group) < sum(run.run.turns):
             continue
-        states = tuple(trace.state if beside else trace.state_before for trace in group)
-        missing = np.zeros((len(run), len(group), 1 + DRAWS if beside else 1))
+        states = tuple(trace.state if with_cause else trace.state_before for trace in group)
+        missing = np.zeros((len(run), len(group), 1 + DRAWS if with_cause else 1))
         for k, trace in enumerate(group):
-            rows, predicted = trace.stretch.rows, trace.after if beside else trace.before
+            rows, predicted = trace.stretch.rows, trace.after if with_cause else trace.before
             missing[rows, k, 0] = trace.stretch.torque - predicted
-            if beside:
+            if with_cause:
                 missing[rows, k, 1:] = trace.draw_noise(rng, DRAWS)
         fine = np.stack([*(state.speed for state in states), states[0].pole_angle, states[0].slip], 1)
         known = np.all([trace.stretch.rows for trace in group], axis=0)

@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from pmg.pipeline.diagnosis.motion.gear_torque import gear_columns
 from pmg.pipeline.diagnosis.motion.loss_curve import REST, drag_columns, engaged_drag_columns
+from pmg.pipeline.diagnosis.motion.rows import torque_of
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.rows import RotorState
@@ -63,7 +64,8 @@ def speed_errors(states: tuple[RotorState, ...], motion: Array, missing: Array) 
         """Drag and torque of the gear of each rotor (..., s, c), for speeds (..., s, c), angle and slip (..., c)."""
         torque = np.stack([np.interp(speed[..., k, :], *drag) for k, drag in enumerate(drags)], -2)
         if first.coupled:
-            torque += np.stack([_gear(state, pole_angle, slip) for state in states], -2)
+            columns = [gear_columns(state.sheet, state.stretch.side, pole_angle, slip) for state in states]
+            torque += np.stack([torque_of(state, own) for state, own in zip(states, columns, strict=True)], -2)
         return torque
 
     def slopes(errors: Array, moves: Array, driving: Array) -> Array:
@@ -100,13 +102,4 @@ def _tabled(state: RotorState, most: float) -> tuple[Array, Array]:
     speed = REST * np.sinh(np.linspace(-1.0, 1.0, 2 * STEPS + 1) * np.arcsinh(most / REST))
     side = state.stretch.side
     columns = drag_columns(side, speed) | (engaged_drag_columns(side, speed) if state.stretch.coupled else {})
-    return speed, _total(state, columns)
-
-
-def _gear(state: RotorState, pole_angle: Array, slip: Array) -> Array:
-    """Torque of the gear on a rotor."""
-    return _total(state, gear_columns(state.sheet, state.stretch.side, pole_angle, slip))
-
-
-def _total(state: RotorState, columns: dict[str, Array]) -> Array:
-    return np.asarray(sum(state.value(name) * column for name, column in columns.items()))
+    return speed, torque_of(state, columns)
