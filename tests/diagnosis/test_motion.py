@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -21,13 +23,16 @@ from pmg.pipeline.diagnosis.grid.free_form import DEGREE
 from pmg.pipeline.diagnosis.motion.baseline import start_baseline
 from pmg.pipeline.diagnosis.motion.candidates.coupling_terms import _damped
 from pmg.pipeline.diagnosis.motion.candidates.library import library
+from pmg.pipeline.diagnosis.motion.compressed import Family
 from pmg.pipeline.diagnosis.motion.constants import sheet_of
-from pmg.pipeline.diagnosis.motion.decide import diagnose_motion
+from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis, MotionPlace, diagnose_motion
 from pmg.pipeline.diagnosis.motion.document import motion_document
 from pmg.pipeline.diagnosis.motion.fitted import fit_beside
 from pmg.pipeline.diagnosis.motion.free_form import MIXED, bent_columns
 from pmg.pipeline.diagnosis.motion.noise import SlowNoise, row_noise, slow_noise_of
+from pmg.pipeline.diagnosis.motion.places import where_to_look
 from pmg.pipeline.diagnosis.motion.rows import stretches_of
+from pmg.pipeline.diagnosis.motion.statement import largest_place
 from pmg.pipeline.diagnosis.motion.view import lagging, stopping
 from pmg.pipeline.motion.run import MovingRun
 from pmg.pipeline.motion.smooth import derivative, smooth
@@ -403,3 +408,34 @@ def test_one_part_of_a_law_may_vanish_but_not_all() -> None:
         fit = fit_term(problem, term, refine=False)
         assert ([*fit.amplitudes] == pytest.approx(np.maximum(np.array(sizes) - 1e-4, 0.0), abs=2e-4)) is True
         assert fit.admissible is there
+
+
+OFF_SHEET_BY_ANY = ("pull_out_torque", "rotor_inertia", "torque_zero_offset")
+
+
+@pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
+def test_a_size_may_be_that_of_any_bench(scale: float) -> None:
+    """How far a constant may be off its data sheet is bounded by no figure of one bench."""
+    rng = np.random.default_rng(3)
+    column, noise = rng.standard_normal(500), rng.standard_normal(500)
+    of_bench = [term for term in library() if term.identifier in OFF_SHEET_BY_ANY]
+    assert {term.identifier for term in of_bench} == set(OFF_SHEET_BY_ANY)
+    for term in of_bench:
+        columns = np.zeros((500, 1, len(term.amplitudes)))
+        columns[:, 0, 0] = column / scale
+        tables = {term.key: Tabled(term, np.array([np.nan]), columns)}
+        problem = TermProblem(np.zeros((500, 0)), 4.0 * column + noise, lambda *_, c=columns: c[:, 0], tables)
+        fit = fit_term(problem, term)
+        assert fit.amplitudes[0] == pytest.approx(4.0 * scale, rel=0.1), term.key
+        assert not fit.on_bound, term.key
+
+
+def test_where_to_look_is_where_most_of_the_difference_is() -> None:
+    """The clearest place is not always the largest: what is told and what is to be done speak of the same one."""
+    places = tuple(
+        MotionPlace(Family(side, "engaged", "speed"), p_value, size)
+        for side, p_value, size in (("sun", 0.001, 1e-4), ("ring", 0.01, 3e-4))
+    )
+    diagnosis = cast("MotionDiagnosis", SimpleNamespace(mismatch=SimpleNamespace(locations=places)))
+    assert largest_place(diagnosis).startswith("the ring torque in engaged runs")
+    assert where_to_look(diagnosis) == "the ring shaft in engaged runs"

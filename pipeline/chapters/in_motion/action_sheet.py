@@ -11,16 +11,15 @@ from pmg.pipeline.chapters.simulated.motion import TIME
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.statement import SHAFT_WORDS
 from pmg.pipeline.diagnosis.grid.track_record import IN_MOTION, track_record
-from pmg.pipeline.diagnosis.motion.design.remedy import bench_actions, next_run, where_to_look, would_tell
+from pmg.pipeline.diagnosis.motion.design.remedy import bench_actions, next_run, would_tell
+from pmg.pipeline.diagnosis.motion.places import largest_of, signal_of, where_to_look
 from pmg.pipeline.diagnosis.motion.statement import (
     causes,
     effect_size,
-    largest_of,
     largest_place,
     phrase,
     proof_sentence,
     row_noise_of,
-    signal_of,
 )
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.report.action_sheet import ActionSheet, SheetAnswer

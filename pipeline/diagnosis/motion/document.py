@@ -14,14 +14,13 @@ from pmg.pipeline.diagnosis.grid.document import SCHEMA, form_of, legible, near_
 from pmg.pipeline.diagnosis.grid.rivals import CLOSE, NONE_KNOWN, nearest_share, rival_row, why_not_named, why_open
 from pmg.pipeline.diagnosis.motion.design.next_runs import LEAST_POWER, merged
 from pmg.pipeline.diagnosis.motion.fitted_size import IN_ALL, FittedSize
+from pmg.pipeline.diagnosis.motion.places import signal_of, size_of
 from pmg.pipeline.diagnosis.motion.statement import (
     effect_size,
     follows,
     held_out_in_torque,
     phrase,
     row_noise_of,
-    signal_of,
-    size_of,
     statement,
 )
 from pmg.pipeline.diagnosis.motion.traces import effects_of, fitted_values, named_fits, term_of

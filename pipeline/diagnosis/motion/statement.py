@@ -12,7 +12,8 @@ from pmg.pipeline.diagnosis.grid.law_words import bent_sentence
 from pmg.pipeline.diagnosis.grid.rivals import nearest_share, why_not_named
 from pmg.pipeline.diagnosis.grid.statement import NEAREST_FROM, PHRASES, SHAFT_WORDS
 from pmg.pipeline.diagnosis.motion.design.remedy import advice
-from pmg.pipeline.diagnosis.motion.evidence import OF_SHEET, OFF_SHEET
+from pmg.pipeline.diagnosis.motion.evidence import OFF_SHEET
+from pmg.pipeline.diagnosis.motion.places import largest_of, of_sheet, signal_of, size_of
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.motion.smooth import BAND
 from pmg.pipeline.wording.units import MILLI
@@ -116,40 +117,9 @@ def follows(place: MotionPlace) -> str:
     return name.replace("_", " ")
 
 
-def signal_of(place: MotionPlace) -> str:
-    """Side of the torque in which a place is seen; of the gear's constants, the ring's, which is larger."""
-    family = place.family
-    if family.configuration != OFF_SHEET:
-        return family.side
-    return "sun" if "_sun" in family.follows else "ring"
-
-
-def size_of(diagnosis: MotionDiagnosis, place: MotionPlace) -> float:
-    """Size of a place; of a constant, the torque of its distance from the data sheet over the rows it moves [N m]."""
-    if place.family.configuration != OFF_SHEET:
-        return place.size
-    before, at = diagnosis.before, _of_sheet(diagnosis, place)
-    off = (before.values - before.sheet.expected)[at]
-    columns = np.concatenate([before.clean.columns(i)[:, at] for i in range(len(before.stretches))])
-    moved = columns[columns.any(axis=1)] @ off
-    return float(np.sqrt(moved @ moved / max(len(moved), 1)))
-
-
-def _of_sheet(diagnosis: MotionDiagnosis, place: MotionPlace) -> list[int]:
-    """Places of the constants that are far from their data sheet."""
-    return [diagnosis.before.sheet.at(name) for name in OF_SHEET[place.family.follows]]
-
-
 def _place(diagnosis: MotionDiagnosis) -> str:
     differ = f"Model and recordings differ (p ≤ {diagnosis.mismatch.p_value:.2g})."
     return f"{differ} Most of it: {where}" if (where := largest_place(diagnosis)) else differ
-
-
-def largest_of(diagnosis: MotionDiagnosis) -> MotionPlace:
-    """The place where the difference is largest, of a rotor's torque where there is one."""
-    places = diagnosis.mismatch.locations
-    of_rotors = [place for place in places if place.family.configuration != OFF_SHEET]
-    return max(of_rotors or places, key=lambda place: size_of(diagnosis, place))
 
 
 def largest_place(diagnosis: MotionDiagnosis) -> str:
@@ -161,7 +131,7 @@ def largest_place(diagnosis: MotionDiagnosis) -> str:
     if place.family.configuration != OFF_SHEET:
         where = f"the {place.family.side} torque in {place.family.configuration} runs"
         return f"{where} follows the {follows(place)} ({size})."
-    sheet, at = diagnosis.before.sheet, _of_sheet(diagnosis, place)
+    sheet, at = diagnosis.before.sheet, of_sheet(diagnosis, place)
     apart = (diagnosis.before.values[at] - sheet.expected[at]) / sheet.spread[at]
     distance = f"{apart[0]:+.1f}" if len(apart) == 1 else f"{np.linalg.norm(apart):.1f}"
     far = f"fitted without a cause, it lies {distance} standard uncertainties off"

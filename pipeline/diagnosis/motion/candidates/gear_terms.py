@@ -87,7 +87,7 @@ def spring_terms() -> Iterator[MotionTerm]:
         "pull_out_torque",
         "Another pull-out torque of the magnetic spring",
         "p dA sin phi",
-        signed("more", unit="N m", most=0.3),
+        signed("more", unit="N m"),
         lambda v, _: stack(v.pairs * np.sin(v.state.pole_angle)),
         engaged_only=True,
         constants=("pull_out",),

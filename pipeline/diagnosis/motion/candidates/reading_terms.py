@@ -192,7 +192,7 @@ def zero_terms(side: str) -> Iterator[MotionTerm]:
         "torque_zero_offset",
         "Zero of the transducer that is off",
         "T0",
-        signed("offset", unit="N m", most=0.5),
+        signed("offset", unit="N m"),
         lambda v, _: stack(np.ones_like(v.speed)),
         source=sources.GUM,
         constants=(f"zero_{side}",),

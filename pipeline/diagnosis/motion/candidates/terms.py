@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -120,8 +121,8 @@ def amount(name: str, unit: str, most: float, cost: float = 1.0) -> tuple[Quanti
     return (Quantity(name, unit, (0.0, most), cost),)
 
 
-def signed(*names: str, unit: str, most: float) -> tuple[Quantity, ...]:
-    """Sizes of either sign."""
+def signed(*names: str, unit: str, most: float = math.inf) -> tuple[Quantity, ...]:
+    """Sizes of either sign; of how far a constant is off its data sheet, as far as it may be."""
     return tuple(Quantity(name, unit, (-most, most)) for name in names)
 
 

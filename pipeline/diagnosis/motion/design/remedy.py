@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.motion.design.next_runs import LEAST_POWER, merged
-from pmg.pipeline.diagnosis.motion.evidence import OFF_SHEET
+from pmg.pipeline.diagnosis.motion.places import where_to_look
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.motion.decide import MotionDiagnosis
@@ -77,9 +77,3 @@ def next_run(diagnosis: MotionDiagnosis) -> str:
     if best.power >= LEAST_POWER:
         return best.words
     return f"look for the cause on the bench; no run that was tried would tell, at best {best.words}"
-
-
-def where_to_look(diagnosis: MotionDiagnosis) -> str:
-    """Shaft and runs in which the difference is clearest."""
-    seen = [place for place in diagnosis.mismatch.locations if place.family.configuration != OFF_SHEET]
-    return f"the {seen[0].family.side} shaft in {seen[0].family.configuration} runs" if seen else "the data sheet"
