@@ -221,12 +221,12 @@ def test_every_term_finds_itself(tmp_path: Path) -> None:
     base = np.hstack([recorded.columns(t) for t in DRIVE[:2]])
     problem = term_problem(recorded, tables, noise, base)
     for term in searched:
-        table = problem.tables[term.identifier]
+        table = problem.tables[term.key]
         force = problem.project(table.columns[:, len(table.shapes) // 3])[:, 0]
         own = replace(problem, left=10.0 * force)
-        gains = {other.identifier: fit_term(own, other, refine=False).gain for other in searched}
-        assert gains[term.identifier] == pytest.approx(100.0 * float(force @ force), rel=1e-6)
-        assert max(gains.values()) <= gains[term.identifier] * (1.0 + 1e-6)
+        gains = {other.key: fit_term(own, other, refine=False).gain for other in searched}
+        assert gains[term.key] == pytest.approx(100.0 * float(force @ force), rel=1e-6)
+        assert max(gains.values()) <= gains[term.key] * (1.0 + 1e-6)
 
 
 # --- files ---------------------------------------------------------------------------------------------

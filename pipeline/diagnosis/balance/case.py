@@ -122,7 +122,7 @@ def check_model(
     RefusalError
         A term is unknown or has a shape, an amplitude is out of its range, or none is free.
     """
-    terms = {term.identifier: term for term in library}
+    terms = {term.key: term for term in library}
     plain = [name for name, term in terms.items() if not term.of_model and term.shape is None and term.single]
     for i, name in enumerate(baseline):
         word_of(name, plain, *table, word, i)
@@ -143,7 +143,7 @@ def check_published(library: tuple[Term[Motion], ...], published: Sequence[Publi
     RefusalError
         There is one.
     """
-    terms = {term.identifier: term for term in library}
+    terms = {term.key: term for term in library}
     for i, row in enumerate(published):
         term = terms[word_of(row.term, terms, "published", i, "term")]
         quantities = {quantity.name: quantity for quantity in term.parameters}

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 SHAPES = 24
 """Values of a shape, evenly spaced on a logarithm, from which its fit starts."""
 
+FINELY = 96
+"""The same of a term whose columns change with a small part of it."""
+
 AT_ONCE = 32
 """Values of a shape whose columns are filtered at once."""
 
@@ -66,7 +69,9 @@ def _shape_grid(term: Term[Any], recorded: Recorded, *, coarse: bool = False) ->
     low, high = term.shape.bounds
     if coarse:
         return np.geomspace(low, high, 6)[1:-1]
-    return periods(recorded, (low, high)) if term.even_grid else np.geomspace(low, high, SHAPES)
+    return (
+        periods(recorded, (low, high)) if term.even_grid else np.geomspace(low, high, FINELY if term.sharp else SHAPES)
+    )
 
 
 def tabulate(recorded: Recorded, terms: tuple[Term[Any], ...], *, coarse: bool = False) -> dict[str, Tabled]:

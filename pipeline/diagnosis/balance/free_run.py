@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.estimate import INERTIA
-from pmg.pipeline.diagnosis.balance.library.term import DURATION, Motion
+from pmg.pipeline.diagnosis.balance.library.term import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.sim.signals import Array
 
-DELAY, FADE, GAIN = "delay", "drive_fade", "actuator_gain"
+DELAY, FADE, GAIN, LIMIT = "delay", "drive_fade", "actuator_gain", "drive_limit"
 """Terms that change what force acts when, instead of adding one."""
 
 RUNS_AWAY = 1e6
@@ -123,14 +123,14 @@ def of_fit(fitted: FittedTerms, case: Case) -> tuple[SetTerm, ...]:
 def of_published(case: Case) -> tuple[SetTerm, ...]:
     """Terms whose parameters were published, all of them; none where a parameter of one is missing."""
     values = {(row.term, row.parameter): row.value for row in case.published}
-    named = [term for term in case.library if any(name == term.identifier for name, _ in values)]
-    if any((term.identifier, q.name) not in values for term in named for q in term.parameters):
+    named = [term for term in case.library if any(name == term.key for name, _ in values)]
+    if any((term.key, q.name) not in values for term in named for q in term.parameters):
         return ()
     return tuple(
         SetTerm(
             term,
-            np.array([values[term.identifier, q.name] for q in term.amplitudes]),
-            float("nan") if term.shape is None else values[term.identifier, term.shape.name],
+            np.array([values[term.key, q.name] for q in term.amplitudes]),
+            float("nan") if term.shape is None else values[term.key, term.shape.name],
         )
         for term in named
     )
@@ -139,8 +139,8 @@ def of_published(case: Case) -> tuple[SetTerm, ...]:
 def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRun | None:
     r"""The position of a record from its force, its first position and speed.
 
-    None where no term holds a mass, so that there is nothing to solve, and where one is a fault of the drive whose
-    force at an instant is not known. A delay and a gain act on the force.
+    None where no term holds a mass, so that there is nothing to solve, and where the force of one at an instant is not
+    known. A limit of the drive, a delay and a gain act on the force.
 
     Notes
     -----
@@ -150,7 +150,10 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRu
     """
     mass = sum(float(each.amplitudes[0]) for each in terms if each.term.identifier == INERTIA)
     others = [each for each in terms if each.term.identifier != INERTIA and not each.term.of_model]
-    if mass <= 0.0 or any(e.term.of_model and e.term.identifier not in (DELAY, FADE, GAIN) for e in terms):
+    at_once = (
+        e.term.identifier in (DELAY, FADE, GAIN, LIMIT) if e.term.of_model else e.term.at_an_instant for e in terms
+    )
+    if mass <= 0.0 or not all(at_once):
         return None
     motion, h = recorded.motion, recorded.motion.sample_time
     driving = _driving(motion, terms)
@@ -195,6 +198,12 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRu
 def _driving(motion: Motion, terms: Sequence[SetTerm]) -> Array:
     """Force that acts on the machine when its position is what was recorded [N], (n,)."""
     sizes = {each.term.identifier: float(each.amplitudes[0]) for each in terms if each.term.of_model}
-    late = np.interp(motion.time - sizes.get(DELAY, 0.0), motion.time, motion.force)
-    faded = sizes[FADE] * motion.elapsed / motion.references[DURATION] if FADE in sizes else 0.0
+    limits = (each for each in terms if each.term.identifier == LIMIT)
+    lost = sum(
+        (each.term.columns(motion, each.shape)[:, 0] * each.amplitudes[0] for each in limits), 0.0 * motion.force
+    )
+    late = np.interp(motion.time - sizes.get(DELAY, 0.0), motion.time, motion.force - lost)
+    whole = replace(motion, modelled=np.ones_like(motion.time))
+    fades = (each for each in terms if each.term.identifier == FADE)
+    faded = sum((each.term.columns(whole, each.shape)[:, 0] * each.amplitudes[0] for each in fades), 0.0 * late)
     return np.asarray(late / (1.0 + sizes.get(GAIN, 0.0) + faded))

@@ -86,12 +86,23 @@ class HeldOut:
         after may exceed its share by `BY_CHANCE` standard errors of a mean square of noise,
         :math:`s^2\sqrt{2k/n}` where `k` rows count for one.
         """
-        assert self.expected_before is not None
+        before, after = self._beyond_noise
         assert self.expected_after is not None
-        before = self.rmse_before**2 - self.expected_before**2
-        after = self.rmse_after**2 - self.expected_after**2
         chance = BY_CHANCE * self.expected_after**2 * math.sqrt(2.0 * self.for_one / self.count)
         return self.rmse_after < self.rmse_before and after <= (1.0 - WITHHELD_SHARE) * before + chance
+
+    @property
+    def left(self) -> float:
+        """Part of the mismatch of withheld rows, in squares beyond the noise, that is not predicted."""
+        before, after = self._beyond_noise
+        return after / before if before > 0.0 else math.inf
+
+    @property
+    def _beyond_noise(self) -> tuple[float, float]:
+        """Mean squares before and after, less what noise alone gives."""
+        assert self.expected_before is not None
+        assert self.expected_after is not None
+        return self.rmse_before**2 - self.expected_before**2, self.rmse_after**2 - self.expected_after**2
 
 
 def compared(

@@ -91,9 +91,10 @@ CAUSES = (
     MadeCause("warming", BOTH_WAYS, (("warming",),), start=0.2),
     MadeCause("ripple", EVERY, (("position_ripple",),)),
     MadeCause("tiring_drive", COMMANDED, (("drive_fade",),), start=0.1, most=0.6),
-    MadeCause("drive_limit", COMMANDED, (), OUTSIDE, start=0.3, most=0.8),
-    MadeCause("two_masses", BOTH_WAYS, (), OUTSIDE, start=0.3, most=0.8),
+    MadeCause("drive_limit", COMMANDED, (("drive_limit",),), start=0.3, most=0.8),
+    MadeCause("two_masses", BOTH_WAYS, (("two_masses",),), start=0.3, most=0.8),
     MadeCause("play", BOTH_WAYS, (), OUTSIDE, start=1.0, most=100.0),
+    MadeCause("film", BOTH_WAYS, (), OUTSIDE),
 )
 """Every cause of the trial."""
 
@@ -129,6 +130,7 @@ def draw_constants(machine: MadeMachine, rng: np.random.Generator) -> dict[str, 
         "drag_speed_down": fast * rng.uniform(0.02, 0.1),
         "load_round": rng.uniform(0.05, 0.2),
         "warm_time": machine.seconds * rng.uniform(0.3, 1.0),
+        "film_time": rng.uniform(0.3, 1.5),
         "ripple_way": reach * rng.uniform(0.1, 0.3) if reach else fast / (within * rng.uniform(0.15, 0.4)),
         "ripple_second": rng.uniform(0.0, 0.25),
         "far_hertz": within * rng.choice([rng.uniform(0.2, 0.6), rng.uniform(1.05, 1.3)]),
@@ -180,6 +182,8 @@ def built_with(
             return p._replace(thinning=amplitude, warm_time=c["warm_time"])
         case "ripple":
             return p._replace(ripple=dry, ripple_way=c["ripple_way"], ripple_second=c["ripple_second"])
+        case "film":
+            return p._replace(film=dry, film_time=c["film_time"], film_speed=0.3 * machine.fastest)
         case "drive_limit":
             return p._replace(limit=(1.0 - amplitude) * peak)
         case "tiring_drive":

@@ -51,6 +51,9 @@ class PlantNumbers(NamedTuple):
     ripple_way: float = 1.0
     ripple_second: float = 0.0
     tiring: float = 0.0
+    film: float = 0.0
+    film_time: float = 1.0
+    film_speed: float = 1.0
 
 
 @compiled
@@ -72,6 +75,12 @@ def _resisting(p: PlantNumbers, way: float, speed: float, bristle: float, load: 
         angle = REVOLUTION * way / p.ripple_way
         found += p.ripple * (np.sin(angle) + p.ripple_second * np.sin(2.0 * angle + 1.0))
     return float(found)
+
+
+@compiled
+def _of_film(p: PlantNumbers, speed: float, lagging: float) -> float:
+    """Drag of a film that is as thick as the speed was a while ago, against the motion where positive [N or N m]."""
+    return float(p.film * speed / np.sqrt(speed * speed + p.width * p.width) * lagging / p.film_speed)
 
 
 @compiled
@@ -128,7 +137,7 @@ def integrate_plant(p: PlantNumbers, asked: Array, load: Array, shaken: Array, s
     out = np.zeros((n, 3))
     state = np.zeros(4)
     state[1] = state[3] = speed
-    bristle, held, goal = 0.0, 0.0, 0.0
+    bristle, held, goal, lagging = 0.0, 0.0, 0.0, 0.0
     for i in range(n):
         time = i * step
         off = asked[i] - state[1] + p.way_gain * (goal - state[0])
@@ -136,7 +145,8 @@ def integrate_plant(p: PlantNumbers, asked: Array, load: Array, shaken: Array, s
         command = p.speed_gain * off + held
         goal += asked[i] * step
         out[i, 0], out[i, 1], out[i, 2] = state[0], state[1], command
-        push = _given(p, command, time) + load[i] + shaken[i]
+        lagging += (abs(state[1]) - lagging) * step / p.film_time
+        push = _given(p, command, time) + load[i] + shaken[i] - _of_film(p, state[1], lagging)
         before = state[0]
         a = _rates(p, state, push, bristle, load[i], time)
         b = _rates(p, state + 0.5 * step * a, push, bristle, load[i], time + 0.5 * step)

@@ -6,10 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.library.term import HOW_MANY, RECORDING, Motion, Quantity
+from pmg.pipeline.diagnosis.balance.library.term import DURATION, HOW_MANY, RECORDING, Motion, Quantity
 
 if TYPE_CHECKING:
     from pmg.sim.signals import Array
+
+SETTLES = Quantity("s", "1", (0.05, 1.0))
+"""Time in which what changes during a record settles, over the length T of the longest one; what takes longer is told
+from a steady change by next to nothing."""
 
 
 def stack(*columns: Array) -> Array:
@@ -34,3 +38,8 @@ def part(name: str, unit: str, most: float) -> tuple[Quantity]:
 def amount(name: str, unit: str, most: float) -> tuple[Quantity]:
     """A single amplitude that is not negative."""
     return (Quantity(name, unit, (0.0, most)),)
+
+
+def settling(m: Motion, settles: float) -> Array:
+    """How far a change has come that settles (n,): from zero to 1 at the end of the longest record."""
+    return np.asarray(np.expm1(-m.elapsed / (settles * m.references[DURATION])) / np.expm1(-1.0 / settles))

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.library.columns import amount, part, stack, waves_of
+from pmg.pipeline.diagnosis.balance.library.columns import SETTLES, amount, part, settling, stack, waves_of
 from pmg.pipeline.diagnosis.balance.library.drive_faults import chain_terms, drift, drive_faults
+from pmg.pipeline.diagnosis.balance.library.elastic import elastic_terms
 from pmg.pipeline.diagnosis.balance.library.term import DURATION, MIDDLE, Motion, Quantity, Term
 from pmg.pipeline.machine.axis import LINEAR, ROTARY
 from pmg.sim.signals import REVOLUTION
@@ -33,6 +34,10 @@ POSITION_TEST = (
     "Pass the same places slowly in both directions: friction changes sign with direction, a force at a place does not"
 )
 SPEED_TEST = "Run at eight or more constant speeds in both directions, in random order"
+WIDEST_BELL = 0.5
+"""Width of a bell over speed, over the largest of an exponential: a wider one is level where a machine is slow, as dry
+friction is."""
+REPEAT_TEST = "Repeat the record after a rest and after a long run"
 
 
 def _periodic(m: Motion, period: float) -> Array:
@@ -96,8 +101,8 @@ def _plain_terms(axis: Axis) -> Iterator[Term[Motion]]:
     )
 
 
-def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
-    """Friction that is no straight line of speed, or changes with the way since a reversal, with load or time."""
+def _stribeck_terms(axis: Axis) -> Iterator[Term[Motion]]:
+    """Friction that falls as speed rises from rest: by an exponential, and by a bell."""
     yield Term(
         "stribeck",
         "Extra friction at low speed (Stribeck)",
@@ -108,6 +113,21 @@ def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
         shape=Quantity("vs", axis.speed, axis.stribeck),
         separating_test=SPEED_TEST,
     )
+    yield Term(
+        "stribeck",
+        "Extra friction at low speed (Stribeck)",
+        "Fs sign(v) exp(-(v/vs)2)",
+        amount("Fs", axis.push, 1e4),
+        lambda m, speed: stack(m.direction * np.exp(-((m.speed / speed) ** 2))),
+        ARMSTRONG,
+        shape=Quantity("vs", axis.speed, (axis.stribeck[0], WIDEST_BELL * axis.stribeck[1])),
+        separating_test=SPEED_TEST,
+        variant="bell",
+    )
+
+
+def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
+    """Friction that changes with the way since a reversal, with load, a power of speed, or time."""
     yield Term(
         "presliding",
         "Friction that rises over a way after reversal (Dahl)",
@@ -145,7 +165,18 @@ def _curved_terms(axis: Axis) -> Iterator[Term[Motion]]:
         amount("w", axis.viscous, 1e6),
         lambda m, _: stack(-m.speed * m.elapsed / m.references[DURATION]),
         BALANCE,
-        separating_test="Repeat the record after a rest and after a long run",
+        separating_test=REPEAT_TEST,
+    )
+    yield Term(
+        "warming",
+        "Viscous friction that falls during the record and settles",
+        "-w v (1 - exp(-t/(s T)))/(1 - exp(-1/s))",
+        amount("w", axis.viscous, 1e6),
+        lambda m, settles: stack(-m.speed * settling(m, settles)),
+        BALANCE,
+        shape=SETTLES,
+        separating_test=REPEAT_TEST,
+        variant="settling",
     )
 
 
@@ -200,8 +231,8 @@ def _placed_terms(axis: Axis) -> Iterator[Term[Motion]]:
 
 def _drive_terms(axis: Axis) -> tuple[Term[Motion], ...]:
     """Every term of a drive, in the units of its axis."""
-    plain = (*_plain_terms(axis), *_curved_terms(axis), *_placed_terms(axis))
-    return (*plain, drift(axis), *chain_terms(axis), *drive_faults(axis))
+    plain = (*_plain_terms(axis), *_stribeck_terms(axis), *_curved_terms(axis), *_placed_terms(axis))
+    return (*plain, *elastic_terms(axis), *drift(axis), *chain_terms(axis), *drive_faults(axis))
 
 
 DRIVE, ROTARY_DRIVE = _drive_terms(LINEAR), _drive_terms(ROTARY)

@@ -6,14 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.library.columns import amount, part, stack
-from pmg.pipeline.diagnosis.balance.library.term import DURATION, LAG, Motion, Term
+from pmg.pipeline.diagnosis.balance.library.columns import SETTLES, amount, part, settling, stack
+from pmg.pipeline.diagnosis.balance.library.term import DURATION, EXCEEDED, LAG, Motion, Quantity, Term
 from pmg.sim.sources import BALANCE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pmg.pipeline.machine.axis import Axis
+    from pmg.sim.signals import Array
+
+FADE_TEST = "Repeat the record after a rest and after a long run, and measure the drive's temperature"
+
+LOST = (0.8, 1.25)
+"""Part of what a command has beyond the limit of its drive that is lost: all of it, but for errors; where less is lost,
+the gain is off."""
 
 
 def chain_terms(axis: Axis) -> Iterator[Term[Motion]]:
@@ -40,17 +47,30 @@ def chain_terms(axis: Axis) -> Iterator[Term[Motion]]:
     )
 
 
-def drift(axis: Axis) -> Term[Motion]:
+def drift(axis: Axis) -> Iterator[Term[Motion]]:
     """A zero that does not stay."""
-    return Term(
+    test = f"Read the {axis.pushes} at standstill with the coupling open, before and after each record"
+    yield Term(
         "zero_drift",
         f"Zero of the {axis.pushes} that drifts steadily during each record",
         "z (t/T - 1/2)",
         part("z", axis.push, 1e4),
         lambda m, _: stack(m.elapsed / m.references[DURATION] - 0.5),
         BALANCE,
-        separating_test=f"Read the {axis.pushes} at standstill with the coupling open, before and after each record",
+        separating_test=test,
         needs_drive=True,
+    )
+    yield Term(
+        "zero_drift",
+        f"Zero of the {axis.pushes} that drifts during each record and settles",
+        "z (1 - exp(-t/(s T)))/(1 - exp(-1/s))",
+        part("z", axis.push, 1e4),
+        lambda m, settles: stack(settling(m, settles) - 0.5),
+        BALANCE,
+        shape=SETTLES,
+        separating_test=test,
+        needs_drive=True,
+        variant="settling",
     )
 
 
@@ -73,8 +93,20 @@ def drive_faults(axis: Axis) -> Iterator[Term[Motion]]:
         amount("f", "1", 1.0),
         lambda m, _: stack(m.modelled * m.elapsed / m.references[DURATION]),
         BALANCE,
-        separating_test="Repeat the record after a rest and after a long run, and measure the drive's temperature",
+        separating_test=FADE_TEST,
         of_model=True,
+    )
+    yield Term(
+        "drive_fade",
+        f"Drive whose {axis.pushes} fades during each record and settles",
+        "f (1 - exp(-t/(s T)))/(1 - exp(-1/s)) (baseline terms)",
+        amount("f", "1", 1.0),
+        lambda m, settles: stack(m.modelled * settling(m, settles)),
+        BALANCE,
+        shape=SETTLES,
+        separating_test=FADE_TEST,
+        of_model=True,
+        variant="settling",
     )
     yield Term(
         "motor_constant_sag",
@@ -86,3 +118,24 @@ def drive_faults(axis: Axis) -> Iterator[Term[Motion]]:
         separating_test=f"Measure the {axis.pushes} over the command at a machine that is held",
         of_model=True,
     )
+    yield Term(
+        "drive_limit",
+        f"Drive whose {axis.pushes} stays behind a command beyond its limit",
+        "c (F - clip(F, -L, L)), L = l F75",
+        (Quantity("c", "1", LOST),),
+        _beyond_limit,
+        BALANCE,
+        shape=Quantity("l", "1", (1.0, 30.0)),
+        separating_test=f"Measure the {axis.pushes} over the command, up to the largest, at a machine that is held",
+        needs_drive=True,
+        of_model=True,
+    )
+
+
+def _beyond_limit(m: Motion, times: float) -> Array:
+    """What a command has beyond a multiple of what a quarter of all commands exceed (n, 1).
+
+    Below that the limit would be a gain: the command also holds what disturbs the machine.
+    """
+    limit = times * m.references[EXCEEDED]
+    return stack(m.force - np.clip(m.force, -limit, limit))

@@ -27,9 +27,9 @@ RECORDING, OF_NONE = "recording", -1.0
 """Channel of `Motion.besides` where no angle was recorded: the fitted recording that a sample is of, or none of them.
 Each recording then begins at an angle of its own."""
 
-DURATION, MIDDLE, WARMTH, HOW_MANY = "duration", "middle", "warmth", "how_many"
+DURATION, MIDDLE, WARMTH, HOW_MANY, EXCEEDED = "duration", "middle", "warmth", "how_many", "exceeded"
 """References of columns: longest recording [s], middle of the travel [m, rad], first temperature [K], how many
-recordings are fitted."""
+recordings are fitted, command that a quarter of their samples exceed [N, N m]."""
 
 LAG, INPUT_LAG, OUTPUT_LAG = "lag", "input_lag", "output_lag"
 """References of columns: delay of the motion, of the input's or the output's torque about which a change in time is
@@ -98,7 +98,7 @@ class Motion:
     def referred(self) -> Motion:
         """The same with the references of its own."""
         own = {DURATION: float(self.elapsed.max()), MIDDLE: 0.5 * float(self.position.min() + self.position.max())}
-        own[HOW_MANY] = float(len(self.starts))
+        own[HOW_MANY], own[EXCEEDED] = float(len(self.starts)), float(np.quantile(np.abs(self.force), 0.75))
         if TEMPERATURE in self.besides:
             own[WARMTH] = float(self.besides[TEMPERATURE][0])
         return replace(self, references=own)
@@ -209,6 +209,12 @@ class Term(Generic[M]):
         Whether its amplitudes are of one recording where no angle was recorded.
     needs : tuple of str
         Channels of `Motion.besides` without which it cannot be looked for.
+    variant : str
+        Tells apart several forms of one term; empty for the one that a file means by its id.
+    sharp : bool
+        Whether its columns change with a small part of its shape, as near a resonance.
+    at_an_instant : bool
+        Whether its force follows from what moves at that instant and what is remembered of the way.
     """
 
     identifier: str
@@ -227,6 +233,9 @@ class Term(Generic[M]):
     both_ways: bool = False
     of_angle: bool = False
     needs: tuple[str, ...] = ()
+    variant: str = ""
+    sharp: bool = False
+    at_an_instant: bool = True
 
     @property
     def place(self) -> str:
@@ -264,7 +273,7 @@ class Term(Generic[M]):
     @property
     def key(self) -> str:
         """Its own among all terms."""
-        return self.identifier
+        return f"{self.identifier}/{self.variant}" if self.variant else self.identifier
 
     @property
     def parameters(self) -> tuple[Quantity, ...]:

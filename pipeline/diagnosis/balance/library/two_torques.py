@@ -27,7 +27,15 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 OF_A_COMMAND = frozenset(
-    {"actuator_gain", "delay", "dead_zone", "drive_fade", "motor_constant_sag", "load_dependent_friction"}
+    {
+        "actuator_gain",
+        "delay",
+        "dead_zone",
+        "drive_fade",
+        "drive_limit",
+        "motor_constant_sag",
+        "load_dependent_friction",
+    }
 )
 """Terms of a drive that no measured torque has."""
 

@@ -218,7 +218,7 @@ def with_known(
         tuple(names), motion, case.prepare.keep_every, motion.force, motion.force, tuple(findings), case.own_zeros
     )
     motion = _referred(motion, case, of)
-    terms = {term.identifier: term for term in case.library}
+    terms = {term.key: term for term in case.library}
     columns = {key: terms[key].columns(motion, float("nan"))[:, 0] for key in case.baseline}
     known = np.zeros_like(motion.force)
     for key, value in case.fixed.items():

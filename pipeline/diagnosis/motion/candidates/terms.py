@@ -30,8 +30,6 @@ class MotionTerm(Term[RotorView]):
         Where it sits.
     shaft : str
         ``sun``, ``ring`` or ``both``.
-    variant : str
-        Tells apart several forms of one mechanism on one place.
     spreads : bool
         Whether the gear carries its effect to the other rotor.
     constants : tuple of str
@@ -55,7 +53,6 @@ class MotionTerm(Term[RotorView]):
 
     component: Component = field(kw_only=True)
     shaft: str = field(kw_only=True)
-    variant: str = ""
     spreads: bool = False
     constants: tuple[str, ...] = ()
     mimicked_by: tuple[str, ...] = ()

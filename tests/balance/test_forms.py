@@ -1,0 +1,93 @@
+"""Forms of the library on a slide made here: a bell, what settles, a mass on a spring, a drive at its limit.
+
+What is concealed has other forms than the library, or comes from an integration of its own.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from tests.balance.slide import RATE, Moving, plain
+from tests.balance.test_balance import diagnosed, named, value
+
+from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
+from pmg.pipeline.diagnosis.balance.library.term import Motion
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.sim.signals import Array
+
+DRY = '["inertia", "viscous", "coulomb"]'
+FAR, HERTZ, DAMPING = 60.0, 4.0, 0.03
+
+
+def dry(m: Moving) -> Array:
+    """Inertia, viscous friction and 15 N of dry friction [N]."""
+    return plain(m) + 15.0 * np.tanh(m.v / 2e-4)
+
+
+def carried(m: Moving) -> Array:
+    """Acceleration of a mass on a spring whose foot moves: exact over each step, in which the foot's is a line."""
+    natural = 2.0 * np.pi * HERTZ
+    apart = np.array([[0.0, 1.0], [-(natural**2), -2.0 * DAMPING * natural]])  # of x_far - q, driven by -a
+    full = np.zeros((4, 4))
+    full[:2, :2], full[1, 2], full[2, 3] = apart, -1.0, 1.0
+    step = expm(full / RATE)
+    found, state = np.zeros_like(m.a), -np.array([m.a[0], (m.a[1] - m.a[0]) * RATE]) / natural**2
+    for i, slope in enumerate(np.diff(m.a, append=m.a[-1]) * RATE):
+        found[i] = (apart @ state)[1]
+        state = (step @ np.r_[state, m.a[i], slope])[:2]
+    return found
+
+
+def thinned(m: Moving) -> Array:
+    """Viscous friction that falls by a hyperbola of time."""
+    return dry(m) - 150.0 * m.v * 0.5 * m.t / (m.t + 2.0)
+
+
+def wound_up(m: Moving) -> Array:
+    """A command that runs away from a drive which gives next to nothing beyond its limit."""
+    push = dry(m)
+    limit = 0.75 * np.abs(push).max()
+    return np.where(np.abs(push) > limit, np.sign(push) * (limit + 15.0 * (np.abs(push) - limit)), push)
+
+
+def test_a_friction_that_is_a_bell_over_speed_is_a_stribeck_friction(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, lambda m: dry(m) + 9.0 * np.tanh(m.v / 2e-4) / (1.0 + (m.v / 0.04) ** 4), terms=DRY)
+    assert found.verdict.names
+    assert "stribeck" in named(found)
+    (fit,) = [step.fitted.fits[-1] for step in found.steps[1:] if step.added == "stribeck"]
+    assert fit.candidate.variant == "bell"
+
+
+def test_a_viscous_friction_that_falls_and_settles_warms(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, thinned, terms=DRY)
+    assert (found.verdict, named(found)) == (Verdict.NAMED, {"warming"})
+    got, error = value(found, "warming")
+    assert got == pytest.approx(150.0 * 0.5 * 12.0 / 14.0, abs=max(4.0 * error, 4.0))
+
+
+def test_a_mass_on_a_spring_is_found_with_its_frequency(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, lambda m: dry(m) - FAR * m.a + FAR * carried(m), terms=DRY)
+    assert (found.verdict, named(found)) == (Verdict.NAMED, {"two_masses"})
+    (fit,) = found.steps[-1].fitted.fits
+    assert fit.shape == pytest.approx(HERTZ, rel=0.03)
+    assert float(fit.amplitudes[0]) == pytest.approx(FAR, rel=0.15)
+
+
+def test_a_drive_at_its_limit_is_found(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, wound_up, terms=DRY)
+    assert (found.verdict, named(found)) == (Verdict.NAMED, {"drive_limit"})
+    got, _ = value(found, "drive_limit")
+    assert got == pytest.approx(1.0 - 1.0 / 15.0, abs=0.05)
+
+
+@pytest.mark.parametrize("hertz", [3.0, 30.0])
+def test_a_mass_on_a_spring_follows_slow_motion_and_stays_behind_fast_one(hertz: float) -> None:
+    """Below its frequency it is a mass like the rest, above it none: nothing is missing, or the mass itself."""
+    (term,) = [t for t in DRIVE if t.key == "two_masses/damped"]
+    t = np.arange(4000) / 1000.0
+    wave = np.sin(2.0 * np.pi * hertz * t)
+    missing = term.columns(Motion(t, wave, wave, wave, wave, wave), 1.0 if hertz > 20.0 else 90.0)[2000:, 0]
+    assert np.std(missing + (wave[2000:] if hertz > 20.0 else 0.0)) < 0.02 * np.std(wave)
