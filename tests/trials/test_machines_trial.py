@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 SEED = 11
-JUDGES = {"pmg.pipeline.trials.machines.told", "pmg.pipeline.trials.machines.trial"}
+JUDGES = {f"pmg.pipeline.trials.machines.{name}" for name in ("told", "trial", "marks")}
 """Modules of the trial that are not its nature."""
 
 
@@ -102,6 +102,27 @@ GAINS = [["input_torque_gain"], ["output_torque_gain"]]
 )
 def test_marks_are_as_told(hidden: dict[str, Any], said: dict[str, Any], expected: MachineMark) -> None:
     assert _mark(hidden, said) == expected
+
+
+@pytest.mark.parametrize(
+    ("hidden", "best", "expected"),
+    [
+        (truth("one", [["delay"]]), ["delay"], True),
+        (truth("one", [["dead_zone"]]), ["drive_limit"], True),
+        (truth("one", [["dead_zone"]]), ["presliding"], False),
+        (truth("one", [["delay"]]), ["delay", "stribeck"], False),
+        (truth("outside", []), ["stribeck"], True),
+        (truth("one", [["delay"]]), [], None),
+        (truth("clean", []), ["delay"], None),
+        (truth("one", GAINS) | {"kind": "gearbox"}, ["output_torque_gain"], True),
+        (truth("one", GAINS) | {"kind": "gearbox"}, ["load_friction"], False),
+    ],
+)
+def test_a_cause_is_located_in_its_part_of_the_machine(
+    hidden: dict[str, Any], best: list[str], expected: bool | None
+) -> None:
+    (row,) = machine_rows({0: hidden}, {0: told("not_in_library") | {"best": best, "seconds": 1.0}})
+    assert row["located"] is expected
 
 
 def test_scores_count_what_was_told() -> None:

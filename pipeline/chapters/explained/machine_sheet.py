@@ -8,6 +8,7 @@ import numpy as np
 
 from pmg.pipeline.diagnosis.balance.causes import named_causes, near_causes
 from pmg.pipeline.diagnosis.balance.document import headline, percent
+from pmg.pipeline.diagnosis.balance.parts import ONE_SHAFT, TWO_SHAFTS, part_of
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.report.action_sheet import ActionSheet, MachinePart, SheetAnswer
 from pmg.pipeline.report.document import Chart, Figure, Series
@@ -23,24 +24,6 @@ if TYPE_CHECKING:
 
 GROUNDS, MODELS, CAUSES = "verdict-terms", "terms-models", "terms-causes"
 """Sections and tables of the report that hold the grounds."""
-
-DRIVE, GUIDE, SENSOR, INPUT, GEAR, OUTPUT = "drive", "friction and guide", "position", "input torque", "gear", "output"
-PART = {
-    "constant_offset": DRIVE,
-    "actuator_gain": DRIVE,
-    "dead_zone": DRIVE,
-    "drive_fade": DRIVE,
-    "motor_constant_sag": DRIVE,
-    "delay": SENSOR,
-    "input_torque_gain": INPUT,
-    "input_torque_lag": INPUT,
-    "output_torque_gain": OUTPUT,
-    "output_torque_lag": OUTPUT,
-    "pulse_of_output": OUTPUT,
-    "load_friction": GEAR,
-    "load_viscous": GEAR,
-}
-"""Term -> the part of a machine it sits in; all others are in its friction and guide, or between the torques."""
 
 TITLES = {
     Verdict.CONSISTENT: "Consistent with the model",
@@ -59,15 +42,13 @@ def machine_sheet(diagnosis: TermsDiagnosis) -> ActionSheet:
 
 def _parts(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> tuple[MachinePart, ...]:
     two = d.case.ratio is not None
-    chain = (DRIVE, INPUT, GEAR, OUTPUT) if two else (DRIVE, GUIDE, SENSOR)
-    rest = GEAR if two else GUIDE
-    at = {PART.get(cause.identifier, rest): cause.group for cause in reversed(causes)}
+    at = {part_of(cause.identifier, two_torques=two): cause.group for cause in reversed(causes)}
     several = any(cause.group for cause in causes)
 
     def mark(part: str) -> Literal["cause", "possible", ""]:
         return "" if part not in at else "possible" if several else "cause"
 
-    return tuple(MachinePart(part, mark=mark(part)) for part in chain)
+    return tuple(MachinePart(part, mark=mark(part)) for part in (TWO_SHAFTS if two else ONE_SHAFT))
 
 
 def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[SheetAnswer]:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.balance.parts import part_of
+from pmg.pipeline.trials.machines.causes import TWO_TORQUES
 from pmg.pipeline.trials.score.rates import Rate, count
 
 if TYPE_CHECKING:
@@ -73,6 +75,19 @@ def _of_named(named: set[str], right: list[set[str]]) -> MachineMark:
     return MachineMark.IN_PART if named & set().union(*right) else MachineMark.WRONG
 
 
+def _located(truth: Mapping[str, Any], told: Mapping[str, Any]) -> bool | None:
+    """Whether the terms that fitted best sit in the parts of the machine where the cause does.
+
+    None where nothing is concealed or seen, and of a sign, which shows as an inertia; what no library has is friction.
+    """
+    if truth["stratum"] == "clean" or truth["sign"] or not told.get("best"):
+        return None
+    two = truth["kind"] in TWO_TORQUES
+    found = {part_of(term, two_torques=two) for term in told["best"]}
+    sets = [each for each in truth["right"] if each] or [[None]]
+    return any(found == {part_of(term, two_torques=two) for term in each} for each in sets)
+
+
 def machine_rows(
     truths: Mapping[int, Mapping[str, Any]], told: Mapping[int, Mapping[str, Any]]
 ) -> list[dict[str, Any]]:
@@ -88,6 +103,7 @@ def machine_rows(
             "verdict": told[number]["verdict"],
             "sets": told[number].get("sets", []),
             "best_holds_it": any(set(right) <= set(told[number].get("best", [])) for right in truth["right"] if right),
+            "located": _located(truth, told[number]),
             "p_value": told[number].get("p_value"),
             "withheld_over_noise": told[number].get("withheld_over_noise"),
             "seconds": told[number]["seconds"],
@@ -105,6 +121,7 @@ def _figures() -> dict[str, Callable[[Sequence[Mapping[str, Any]]], Rate]]:
     return {
         "right": lambda rows: _share(rows, MachineMark.RIGHT),
         "right or in the set": lambda rows: _share(rows, MachineMark.RIGHT, MachineMark.IN_SET),
+        "located": lambda rows: count([row["located"] for row in rows if row["located"] is not None]),
         "best set holds it": lambda rows: count([row["best_holds_it"] for row in rows]),
         "right with more, or in part": lambda rows: _share(rows, MachineMark.WITH_MORE, MachineMark.IN_PART),
         "left open": lambda rows: _share(rows, MachineMark.OPEN),
