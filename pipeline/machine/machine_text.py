@@ -73,21 +73,21 @@ def _shaft(guess: MachineGuess, shaft: str) -> Iterator[str]:
         yield from ("", f"[shaft.{shaft}.motor]")
         yield f'{OPEN}constant = {{ value = , unit = "{unit}", source = "" }}  # makes a {axis.pushes} of its current'
     yield from ("", f"[shaft.{shaft}.channel]")
-    found = False
     for kind in ("position", "velocity", "force"):
         fitting = guess.channels.get((shaft, kind), ())
         word = axis.pushes if kind == "force" else kind
         if len(fitting) > 1:
             yield f"# {word}: {len(fitting)} candidates, none chosen: take one"
         for one in fitting:
-            found = True
             turned = ", sign = -1" if kind == "force" and guess.against and shaft == guess.shafts[-1] else ""
+            if kind == "force" and not one.unit:
+                yield f"# unit: not told; one of {', '.join(axis.forces)}, of V and A with {axis.factor}"
             yield from _channel(word, one, "" if guess.chosen(shaft, kind) is one else OPEN, axis.factor, turned)
             if turned:
                 yield "# sign: both torques would put power in most of the time, so one counts what comes out"
             elif kind == "force" and shaft == guess.shafts[-1] and (why := _sign_open(guess)):
                 yield f"# sign: open, as not set side by side ({printable(why)}): -1 if this counts what comes out"
-    if not found:
+    if not any((shaft, kind) in guess.channels for kind in ("position", "velocity")):
         known = (*axis.positions, *axis.speeds)
         yield f'{OPEN}velocity = {{ name = "", unit = "" }}  # no channel fits: one of {", ".join(known)}'
     if (shaft, "force") not in guess.channels:
@@ -134,4 +134,4 @@ def _records(guess: MachineGuess) -> Iterator[str]:
         yield f"rate_Hz = {rate!r}"
         yield f"low_pass_Hz = {BAND * rate / keep:.4g}  # {BAND} rate_Hz / keep_every; below the first resonance"
         yield f"keep_every = {keep}"
-    yield f'{OPEN}withheld = [""]  # recordings that take part in no fit, by name; or withheld_part = 0.3'
+    yield f'{OPEN}withheld = [""]  # files that take part in no fit, as "run_3.csv" or "run_3*"; or withheld_part = 0.3'

@@ -22,7 +22,10 @@ FOREIGN = frozenset({".csv", ".tsv", ".tdms", ".mf4", ".mdf", ".h5", ".hdf5"})
 """Ends of the names of files that other recorders write."""
 PUBLISHED = ("neutral_grid.csv", "engaged_grid.csv")
 """Files of a folder of published grids, the thesis's or others of the same form."""
-BRING = "Bring it in with 'pmg import': a file says which channel is which (see 'pmg import --help')."
+BRING = (
+    "Bring it in with 'pmg import': a file says which channel is which (see 'pmg import --help'). "
+    "Of another machine than a magnetic gear, 'pmg run' reads it as it is, with --machine FILE."
+)
 SAMPLED = 1 << 16
 """Bytes at either end of a file that tell, with its size, which shard it belongs to."""
 

@@ -17,7 +17,8 @@ from pmg.pipeline.diagnosis.balance.decide import IN_THE_MAIN
 from pmg.pipeline.diagnosis.balance.document import headline
 from pmg.pipeline.diagnosis.balance.estimate import reversals
 from pmg.pipeline.diagnosis.balance.library.drive import ROTARY_DRIVE
-from pmg.pipeline.diagnosis.balance.library.term import HOW_MANY, LAG, OF_NONE, RECORDING, Motion
+from pmg.pipeline.diagnosis.balance.library.term import HOW_MANY, LAG, OF_NONE, RECORDING, TURNED_BEFORE, Motion
+from pmg.pipeline.diagnosis.balance.records.reading import _turned_before
 from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 
@@ -158,3 +159,18 @@ def test_a_cause_whose_form_differs_is_named_in_the_main_and_what_is_left_is_tol
     assert found.verdict.names
     assert "position_ripple" in named(found)
     assert found.naming.explained or "In the main: " in headline(found)
+
+
+@pytest.mark.parametrize("turned_at", [0.05, 0.15, None])
+def test_a_reversal_before_the_first_sample_that_is_used_is_remembered(turned_at: float | None) -> None:
+    """Friction that rises over a way has not risen yet, though the reversal itself lies where filters settle."""
+    t = np.arange(0.0, 0.2, 1e-3)
+    speed = np.ones_like(t) if turned_at is None else 4.0 * (t - turned_at)
+    position = np.cumsum(speed) * 1e-3
+    way = _turned_before(position, speed, rest_speed=0.01)
+    expected = 1.0 if turned_at is None else 2.0 * (t[-1] - turned_at) ** 2
+    assert way == pytest.approx(expected, abs=2e-3)
+    motion = Motion(
+        t, position, np.abs(speed) + 1.0, speed, speed, speed, besides={TURNED_BEFORE: np.full_like(t, way)}
+    )
+    assert motion.travel[0] == pytest.approx(way)

@@ -61,15 +61,16 @@ def test_watts_and_share_are_both_rms_and_the_peak_stands_by_itself() -> None:
 
 
 def test_a_named_cause_is_confirmed_in_the_run_that_shows_most_of_it() -> None:
-    stretch_of: Any = SimpleNamespace(
-        torque=np.array([3.0, 4.0]), side="ring", run=SimpleNamespace(run=SimpleNamespace(point="E_steps"))
-    )
+    of = SimpleNamespace(point="E_steps", manoeuvre="steps", configuration="engaged", drive="sun")
+    torque = np.array([3.0, 4.0])
+    stretch_of: Any = SimpleNamespace(torque=torque, side="ring", coupled=True, run=SimpleNamespace(run=of))
     trace: Any = SimpleNamespace(
         stretch=stretch_of, time=np.array([0.0, 1.0]), before=np.array([0.0, 0.0]), after=np.array([2.9, 4.1])
     )
     rms = np.sqrt(12.5) * 1e3
     assert _expected((trace, 0.0)) == (
-        f" Best is a run like E_steps: there the ring torque was off by {rms:.1f} mN m rms, with the cause by 100.0."
+        " Best is one like E_steps (steps, engaged, sun drives): its ring torque was off by "
+        f"{rms:.1f} mN m rms, with the cause by 100.0 mN m. It should fall as much again."
     )
     assert _expected(None) == ""
 

@@ -126,7 +126,7 @@ def test_the_page_and_its_stills_are_whole(told: tuple[MotionCase, Outcome, Path
     first = page[page.index('id="verdict"') : page.index('id="diagnosis"')]
     for words in ("Cause named: ", ">Cause</strong>", "<dt>Next test</dt>", "Check the drawing of the ring rotor"):
         assert words in first, words
-    side = re.search(r"in the (sun|ring) torque of", first)
+    side = re.search(r"changes the (sun|ring) torque of", first)
     assert side is not None
     assert f"{side[1].capitalize()} torque, measured less predicted" in first
     assert "If ignored" not in first  # a mass takes no power

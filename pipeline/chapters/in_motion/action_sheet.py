@@ -79,8 +79,7 @@ def _answers(
     diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], traces: tuple[TorqueTrace, ...]
 ) -> Iterator[SheetAnswer]:
     naming, named = diagnosis.naming, named_fits(diagnosis)
-    title = phrase(diagnosis)
-    title = f"{title[0].upper()}{title[1:]}"
+    title = f"{phrase(diagnosis)[0].upper()}{phrase(diagnosis)[1:]}"
     if naming is not None and diagnosis.verdict is Verdict.NAMED:
         fitted = (size.sentence for size in diagnosis.fitted_sizes)
         yield SheetAnswer("Verdict", (f"{title}: {causes(naming.best, naming.shafts)}.", *fitted), "mechanisms")
@@ -113,7 +112,7 @@ def _answers(
 
 
 IN_THE_MODEL = {
-    Verdict.NAMED: "`model.toml` holds the cause: predict other runs with it (`pmg compare --model model.toml`).",
+    Verdict.NAMED: "Nothing to edit: `model.toml` holds it. Predict other runs by `pmg compare --model model.toml`.",
     Verdict.AMBIGUOUS: "Add none of the causes before the next test.",
     Verdict.NOT_IN_LIBRARY: "There is no known term to add; the fitted constants stand in the chapter on the bench.",
     Verdict.CONFOUNDED: "The fitted constants may hold a fault that these runs cannot show.",
@@ -143,10 +142,13 @@ def _next(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], tr
         return "None is needed."
     clearest = _clearest(diagnosis, effects, traces)
     if diagnosis.verdict is Verdict.NAMED:
-        return "To confirm the cause, record a further run and compare it with `model.toml`." + _expected(clearest)
+        return "Not needed; to confirm the cause, record a further run and compare it with `model.toml`." + _expected(
+            clearest
+        )
     again = "" if clearest is None else f" {clearest[0].stretch.run.run.point}, in which most torque is missing,"
-    tells = "a difference that shows again points to the bench or its model, one that does not to a change with time"
-    return f"Record the run{again} again: {tells}."
+    return (
+        f"Record the run{again} again: what shows again is of the bench or its model, what does not changes with time."
+    )
 
 
 def _expected(clearest: tuple[TorqueTrace, float] | None) -> str:
@@ -157,24 +159,26 @@ def _expected(clearest: tuple[TorqueTrace, float] | None) -> str:
     shown = (trace.time >= began) & (trace.time <= began + SHOWN)
     off = ((trace.stretch.torque - each)[shown] / MILLI for each in (trace.before, trace.after))
     without, with_it = (float(np.sqrt(np.mean(each**2))) for each in off)
-    size = f"there the {trace.stretch.side} torque was off by {without:.1f} mN m rms, with the cause by {with_it:.1f}"
-    return f" Best is a run like {trace.stretch.run.run.point}: {size}."
+    of = trace.stretch.run.run
+    size = f"its {trace.stretch.side} torque was off by {without:.1f} mN m rms, with the cause by {with_it:.1f} mN m"
+    like = f"{of.point} ({of.manoeuvre}, {of.configuration}{f', {of.drive} drives' * trace.stretch.coupled})"
+    return f" Best is one like {like}: {size}. It should fall as much again."
 
 
 def _difference(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...]) -> Iterator[str]:
     """What is not as the model has it: by how much a cause changes a torque, or where most of the difference is."""
     noise, where = row_noise_of(diagnosis), largest_place(diagnosis)
     if not diagnosis.mismatch.found:
-        runs = counted(len({stretch.run.run.name for stretch in diagnosis.before.stretches}), "run")
-        yield f"Nothing beyond the noise: the model predicts the torque of {runs}."
+        names = {stretch.run.run.name for stretch in diagnosis.before.stretches}
+        yield f"Nothing beyond the noise: the model predicts the torque of {counted(len(names), 'run')}."
     elif not effects:
         yield f"{where[0].upper()}{where[1:]}" if where else "Model and recordings differ, at no clear place."
     for fit, effect in zip(named_fits(diagnosis), effects, strict=True):
         rms, peak, side = effect_size(diagnosis, effect)
-        subject = "The recordings are off" if len(effects) == 1 else f"{fit.candidate.title} puts the recordings off"
-        runs = _runs(diagnosis.before.stretches, effect, side)
-        size = f"by {rms / MILLI:.1f} mN m rms, up to {peak / MILLI:.0f} mN m, in the {side} torque of {runs}"
-        yield f"{subject} {size}; noise is {noise[side] / MILLI:.1f} mN m."
+        which = "first possible " * (diagnosis.verdict is not Verdict.NAMED)
+        subject = f"The {which}cause" if len(effects) == 1 else fit.candidate.title
+        size = f"by {rms / MILLI:.1f} mN m rms, up to {peak / MILLI:.0f} mN m; noise is {noise[side] / MILLI:.1f} mN m."
+        yield f"{subject} changes the {side} torque of {_runs(diagnosis.before.stretches, effect, side)} {size}"
 
 
 def _runs(stretches: tuple[RotorRows, ...], effect: tuple[Array, ...], side: str) -> str:
@@ -249,8 +253,7 @@ def _picture(
     named = bool(named_fits(diagnosis))
     cause = "the cause" if diagnosis.verdict is Verdict.NAMED else "the first possible cause"
     what = f"without and with {cause} in the model" if named else "with the fitted constants"
-    of = trace.stretch.run.run
-    side = trace.stretch.side
+    of, side = trace.stretch.run.run, trace.stretch.side
     return Figure(
         "missing-torque",
         f"{side.capitalize()} torque, measured less predicted",
@@ -277,9 +280,8 @@ def _clearest(
         clear = np.cumsum(np.r_[0.0, before**2 - after**2 if named else after**2])
         width = min(round(SHOWN * trace.stretch.run.row_rate), len(clear) - 1)
         first = int(np.argmax(clear[width:] - clear[: len(clear) - width]))
-        shown = float(clear[first + width] - clear[first])
-        if found is None or shown > found[0]:
-            found = shown, trace, float(trace.time[first])
+        if found is None or float(clear[first + width] - clear[first]) > found[0]:
+            found = float(clear[first + width] - clear[first]), trace, float(trace.time[first])
     return None if found is None else found[1:]
 
 

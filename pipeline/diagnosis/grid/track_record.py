@@ -41,7 +41,8 @@ class TrackRecord:
     @property
     def sentence(self) -> str:
         """Counts in a sentence."""
-        return f"{self.claim} in {self.held} of {self.of} synthetic trials."
+        claim = f"{self.claim[0].lower()}{self.claim[1:]}"
+        return f"In simulated campaigns with a concealed cause {claim} in {self.held} of {self.of}."
 
     @property
     def words(self) -> str:

@@ -51,6 +51,8 @@ class FittedSize:
         may be none of them.
     remark : str
         What follows the number.
+    poles : PerShaft of int, optional
+        Of a torque on the pole angle: pole pairs of the rotors, each of which feels it as many times.
     """
 
     name: str
@@ -59,16 +61,25 @@ class FittedSize:
     unit: str
     of_law: float = 0.0
     remark: str = ""
+    poles: PerShaft[int] | None = None
 
     @property
     def sentence(self) -> str:
         """As people read it."""
         small = self.unit in IN_MILLI and abs(self.value) < TENTH
         scale, unit = (MILLI, IN_MILLI[self.unit]) if small else (1.0, self.unit)
-        parts = [self.name, measured(self.value / scale, self.error / scale), "" if unit == "1" else unit]
+
+        def told(times: int = 1) -> str:
+            number = measured(times * self.value / scale, times * self.error / scale)
+            return number if unit == "1" else f"{number} {unit}"
+
         noise = math.sqrt(max(self.error**2 - self.of_law**2, 0.0))
-        law = f" (noise {noise / scale:.2g}, not knowing its law {self.of_law / scale:.2g})" if self.of_law else ""
-        return f"Fitted: {' '.join(part for part in parts if part)}{self.remark}{law}."
+        shares = f"the unknown form of the law makes {self.of_law / scale:.2g} of that error, noise {noise / scale:.2g}"
+        of_rotors = () if self.poles is None else self.poles.items()
+        rotors = ", ".join(f"{told(times)} on the {side} rotor" for side, times in of_rotors)
+        where = f" on the pole angle: {rotors}" if rotors else ""
+        size = f"{self.name} {told()}".lstrip()
+        return f"Fitted: {size}{self.remark}{where}{f'; {shares}' if self.of_law else ''}."
 
 
 def fitted_size(
@@ -88,13 +99,15 @@ def fitted_size(
         What its law adds to the standard error of a sum or a delay.
     """
     term, count = cast("MotionTerm", fit.candidate), len(fit.amplitudes)
-    remark = f" on the pole angle; a rotor feels it times its pole pairs ({poles.sun} sun, {poles.ring} ring)"
-    remark = remark if term.of_pole_angle else ""
+    felt = poles if term.of_pole_angle else None
+    remark = ""
     if term.whole:
         (quantity,), error = term.parameters[count:], math.sqrt(float(covariance[count, count]))
         # A lag of the model is fitted together with a skew; the tolerance of the skew adds to the error of the lag.
         error = math.hypot(error, SKEW) if term.comes_late and not term.hears else error
-        return FittedSize(quantity.name, float(values[count]), math.hypot(error, of_law), quantity.unit, of_law)
+        return FittedSize(
+            quantity.name, float(values[count]), math.hypot(error, of_law), quantity.unit, of_law, poles=felt
+        )
     sizes, among = values[:count], covariance[:count, :count]
     names = [quantity.name for quantity in term.amplitudes]
     if names[:2] == ["cosine", "sine"]:
@@ -102,18 +115,20 @@ def fitted_size(
         along = sizes[:2] / max(value, 1e-30)
         error = math.sqrt(along @ among[:2, :2] @ along)
         remark = f", {fit.shape:g} periods a turn" if term.shape is not None and term.shape.name == "order" else remark
-        return FittedSize("amplitude", value, error, term.amplitudes[0].unit, remark=remark)
+        return FittedSize("amplitude", value, error, term.amplitudes[0].unit, remark=remark, poles=felt)
     if _adds_up(term):
         error = math.hypot(math.sqrt(max(float(among.sum()), 0.0)), of_law)
         name = IN_ALL if count > 1 else names[0].replace("_", " ")
-        return FittedSize(name, float(sizes.sum()), error, term.amplitudes[0].unit, of_law, remark)
+        return FittedSize(name, float(sizes.sum()), error, term.amplitudes[0].unit, of_law, poles=felt)
     errors = np.sqrt(np.diag(among))
     with np.errstate(divide="ignore", invalid="ignore"):
         best = int(np.nanargmin(np.abs(errors / np.where(sizes, sizes, np.nan)))) if np.any(sizes) else 0
     if names[best] == "more" and term.constants:
-        names[best], remark = "", f" more than in the data sheet{remark}"
+        names[best], remark = "", " more than in the data sheet"
     unit = term.amplitudes[best].unit
-    return FittedSize(names[best].replace("_", " "), float(sizes[best]), float(errors[best]), unit, remark=remark)
+    return FittedSize(
+        names[best].replace("_", " "), float(sizes[best]), float(errors[best]), unit, remark=remark, poles=felt
+    )
 
 
 def error_of_law(problem: TermProblem, fits: tuple[TermFit, ...], place: int, terms: tuple[MotionTerm, ...]) -> float:

@@ -20,6 +20,9 @@ OUT, OUT_ANGLE, TEMPERATURE, ELAPSED, KNOWN = "output_torque", "output_angle", "
 """Channels of `Motion.besides`: torque of the output as the input sees it [N m], its angle [rad], a temperature [K],
 time since the recording began [s], force of the terms whose amplitude is known [N, N m]."""
 
+TURNED_BEFORE = "turned_before"
+"""Channel of `Motion.besides`: way since the sense last changed before the recording begins [m, rad]."""
+
 NOISY = "noisy"
 """Channel of `Motion.besides`: what is noise in the acceleration."""
 
@@ -138,13 +141,14 @@ class Motion:
 
     @property
     def travel(self) -> Array:
-        """Way since the sense last changed [m, rad]; before the first change, as if that lay one unit back."""
+        """Way since the sense last changed [m, rad]; one unit before the first change, if nothing else is known."""
         path = np.r_[0.0, np.cumsum(np.abs(np.diff(self.position)))]
         sense, first = self.sense, self.first
         turned = np.r_[False, (sense[1:] != sense[:-1]) & (sense[:-1] != 0.0)]
         turned[list(self.starts)] = False
         last = np.maximum.accumulate(np.where(turned, np.arange(len(path)), -1))
-        return np.asarray(np.where(last < first, path - path[first] + 1.0, path - path[np.maximum(last, 0)]))
+        before = self.besides.get(TURNED_BEFORE, np.ones_like(path))
+        return np.asarray(np.where(last < first, path - path[first] + before, path - path[np.maximum(last, 0)]))
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.library.term import ELAPSED, NOISY, OUT, OUT_ANGLE, TEMPERATURE, Motion
+from pmg.pipeline.diagnosis.balance.library.term import (
+    ELAPSED,
+    NOISY,
+    OUT,
+    OUT_ANGLE,
+    TEMPERATURE,
+    TURNED_BEFORE,
+    Motion,
+)
 from pmg.pipeline.diagnosis.balance.records.clock_of import clock_of
 from pmg.pipeline.diagnosis.balance.records.consistency import check_limits, check_motion
 from pmg.pipeline.diagnosis.balance.records.lags import with_lags
@@ -165,6 +173,7 @@ def _moved(
     besides[ELAPSED] = time - begun
     inner = slice(drop, -drop)
     rest_speed = REST * noise[0] if given.rest_speed is None else given.rest_speed
+    besides[TURNED_BEFORE] = np.full_like(time, _turned_before(position[: drop + 1], speed[: drop + 1], rest_speed))
     if given.rest_speed is None and float(np.abs(speed[inner]).max()) <= rest_speed:
         came = f"a speed of {np.abs(speed[inner]).max():.3g} {case.axis.speed} at most, which may be noise"
         raise RecordingError(str(path), came, "a machine that moves", "Check the channels and their units.")
@@ -184,6 +193,13 @@ def _moved(
         {key: each[inner] for key, each in besides.items()},
         REST * noise[1],
     )
+
+
+def _turned_before(position: Array, speed: Array, rest_speed: float) -> float:
+    """Way to the last sample since the sense changed last [m, rad]; one unit where it did not."""
+    moves = np.flatnonzero(np.abs(speed) > rest_speed)
+    other = moves[np.sign(speed[moves]) != np.sign(speed[moves[-1]])] if len(moves) else moves
+    return float(np.abs(np.diff(position[other[-1] :])).sum()) if len(other) else 1.0
 
 
 def _acting(force: Array, acceleration: Array, case: Case, findings: Findings) -> Array:

@@ -34,7 +34,7 @@ def hysteresis_terms() -> Iterator[MotionTerm]:
     """Hysteresis of the magnetic spring."""
     yield term(
         "gear_hysteresis",
-        "Drag of the pole angle that does not depend on its rate",
+        "Hysteresis of the gear: a drag on the pole angle that does not depend on its rate",
         "p h z(phi)",
         amount("drag", "N m", 0.1),
         lambda v, over: stack(v.pairs * v.of_poles(over, lagging)),
@@ -50,7 +50,7 @@ def hysteresis_terms() -> Iterator[MotionTerm]:
 
     yield term(
         "gear_hysteresis",
-        "Drag of the pole angle that does not depend on its rate",
+        "Hysteresis of the gear: a drag on the pole angle that does not depend on its rate",
         "p sum h_i z_i(phi), z_i at most 1",
         (*amount("soft", "N m", 0.1), *amount("drag", "N m", 0.1), *amount("stiff", "N m", 0.1)),
         lambda v, over: v.pairs * stack(*(v.of_poles(k * over, stopping) for k in STOPS)),
