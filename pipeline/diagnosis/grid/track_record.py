@@ -66,11 +66,11 @@ RECORD = {
 
 
 IN_MOTION = {
-    "named": TrackRecord("a cause named", "The cause named was right", 57, 65),
-    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 20, 22),
-    "weak": TrackRecord("a difference too weak to name its cause", "The truth was among those given", 15, 15),
+    "named": TrackRecord("a cause named", "The cause named was right", 54, 61),
+    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 16, 19),
+    "weak": TrackRecord("a difference too weak to name its cause", "The truth was among those given", 12, 12),
     "not_in_library": TrackRecord(
-        "no known cause given, with those that come near", "None known, or the closest, was right", 23, 27
+        "no known cause given, with those that come near", "None known, or the closest, was right", 33, 43
     ),
 }
 """The same of runs in motion, from the trial of 240 campaigns in ``pipeline/trials/motion/README.md``."""
