@@ -14,7 +14,7 @@ from tests.balance.slide import RATE, Moving, plain
 from tests.balance.test_balance import diagnosed, named, value
 
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
-from pmg.pipeline.diagnosis.balance.library.term import Motion
+from pmg.pipeline.diagnosis.balance.library.term import EXCEEDED, Motion
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.sim.signals import Array
 
@@ -91,3 +91,32 @@ def test_a_mass_on_a_spring_follows_slow_motion_and_stays_behind_fast_one(hertz:
     wave = np.sin(2.0 * np.pi * hertz * t)
     missing = term.columns(Motion(t, wave, wave, wave, wave, wave), 1.0 if hertz > 20.0 else 90.0)[2000:, 0]
     assert np.std(missing + (wave[2000:] if hertz > 20.0 else 0.0)) < 0.02 * np.std(wave)
+
+
+def test_a_mass_on_a_spring_resonates_where_its_number_says() -> None:
+    """Also where the samples are few for a period."""
+    (term,) = [t for t in DRIVE if t.key == "two_masses"]
+    t = np.arange(4000) / 200.0
+    hertz, sizes = np.linspace(30.0, 50.0, 81), []
+    for each in hertz:
+        wave = np.sin(2.0 * np.pi * each * t)
+        sizes.append(np.std(term.columns(Motion(t, wave, wave, wave, wave, wave), 40.0)[2000:, 0]))
+    assert hertz[np.argmax(sizes)] == pytest.approx(40.0, abs=0.3)
+
+
+def test_a_command_that_is_mostly_zero_has_no_limit_in_its_noise() -> None:
+    (term,) = [t for t in DRIVE if t.key == "drive_limit"]
+    t = np.arange(1000) / 200.0
+    moving, still = (t > 4.5).astype(float), np.zeros_like(t)
+    pulse = Motion(t, still, moving, still, 5.0 * moving, still, rest_speed=0.1).referred()
+    assert pulse.references[EXCEEDED] == 5.0
+    assert not term.columns(pulse, 1.0).any()
+    at_rest = Motion(t, still, still, still, 5.0 * moving, still, rest_speed=0.1).referred()
+    assert not term.columns(at_rest, 1.0).any()
+
+
+@pytest.mark.parametrize("term", ["warming", "zero_drift"])
+def test_a_baseline_means_the_plain_form_of_a_term(tmp_path: Path, term: str) -> None:
+    found = diagnosed(tmp_path, dry, terms=f'["inertia", "viscous", "coulomb", "{term}"]')
+    assert found.verdict is Verdict.CONSISTENT
+    assert [t.key for t in found.steps[0].fitted.baseline] == ["inertia", "viscous", "coulomb", term]

@@ -174,3 +174,5 @@ def test_a_reversal_before_the_first_sample_that_is_used_is_remembered(turned_at
         t, position, np.abs(speed) + 1.0, speed, speed, speed, besides={TURNED_BEFORE: np.full_like(t, way)}
     )
     assert motion.travel[0] == pytest.approx(way)
+    later = motion.part(slice(120, None))
+    np.testing.assert_allclose(later.travel, motion.travel[120:])

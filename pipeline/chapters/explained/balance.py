@@ -10,7 +10,7 @@ import numpy as np
 from pmg.pipeline.chapters.explained.balance_figures import friction_figure, residuals_figure
 from pmg.pipeline.chapters.explained.free_run import free_run_sections
 from pmg.pipeline.diagnosis.balance.causes import named_causes, nearest_lines
-from pmg.pipeline.diagnosis.balance.document import percent, separating_test, title_of
+from pmg.pipeline.diagnosis.balance.document import percent, separating_test, title_of, titled
 from pmg.pipeline.diagnosis.balance.library.drive import EMPS
 from pmg.pipeline.diagnosis.balance.serial import ANDREWS_MONAHAN
 from pmg.pipeline.report.document import Cell, Column, Facts, Measured, Section, Table, Text
@@ -106,7 +106,7 @@ def _stand_row(d: TermsDiagnosis, kind: str, step: ModelStep) -> tuple[Cell, ...
     proof, (low, high) = step.held, step.carried
     carries = "–" if math.isnan(low) else "yes" if low > 0.0 else "no" if high < 0.0 else "not certain"
     return (
-        title_of(d, step.added) if step.added else "baseline: " + ", ".join(d.case.baseline),
+        titled(step.fitted.fits[-1].candidate) if step.added else "baseline: " + ", ".join(d.case.baseline),
         kind if step.added else "baseline",
         step.evidence if step.added else None,
         100.0 * step.error_fit,
@@ -216,7 +216,7 @@ def _search(d: TermsDiagnosis) -> Section:
             shape = None if fit.candidate.shape is None else fit.shape
             state = "entered" if fit.identifier in step.entered else ", ".join(fit.on_bound)
             note = f"{state} on its bound" if state and state != "entered" else state
-            rows.append((number, title_of(d, fit.identifier), fit.candidate.equation, fit.gain, fit.cost, shape, note))
+            rows.append((number, titled(fit.candidate), fit.candidate.equation, fit.gain, fit.cost, shape, note))
     table = Table(
         "terms-ranking",
         "Ranking, round by round",
@@ -240,7 +240,7 @@ def _search(d: TermsDiagnosis) -> Section:
 def _rivals(d: TermsDiagnosis) -> Table:
     contests: list[tuple[Cell, ...]] = [
         (
-            " and ".join(title_of(d, fit.identifier) for fit in c.rival.fits),
+            " and ".join(titled(fit.candidate) for fit in c.rival.fits),
             "open" if c.open else "beaten",
             c.lead,
             c.margin,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.document import separating_test, title_of
+from pmg.pipeline.diagnosis.balance.document import separating_test, titled
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def _cause(diagnosis: TermsDiagnosis, fit: TermFit, group: int) -> NamedCause:
     effect = diagnosis.recorded.columns(fit.candidate, fit.shape) @ amplitudes
     return NamedCause(
         fit.identifier,
-        title_of(diagnosis, fit.identifier),
+        titled(fit.candidate),
         group,
         ", ".join(parts),
         _factor(fit.identifier, values[0]),
@@ -168,7 +168,7 @@ def near_causes(diagnosis: TermsDiagnosis) -> tuple[NearCause, ...]:
     return tuple(
         NearCause(
             fit.identifier,
-            title_of(diagnosis, fit.identifier),
+            titled(fit.candidate),
             min(fit.gain / whole, 1.0),
             separating_test(diagnosis, (fit.identifier,)),
         )

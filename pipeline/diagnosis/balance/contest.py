@@ -181,11 +181,11 @@ def settled(problem: TermProblem, fits: tuple[TermFit, ...]) -> TermProblem:
 def _twin_sets(problem: TermProblem, best: TermSet) -> list[TermSet]:
     """Sets with a twin in the place of a named term, where it explains as much."""
     pairs = [twins.ids for twins in find_twins(problem) if len(twins.ids) > 1]
-    terms = {table.term.identifier: table.term for table in problem.tables.values()}
+    terms = {table.term.key: table.term for table in problem.tables.values()}
     found = []
     for place, fit in enumerate(best.fits):
-        for pair in (pair for pair in pairs if fit.identifier in pair):
-            other = next(name for name in pair if name != fit.identifier)
+        for pair in (pair for pair in pairs if fit.candidate.key in pair):
+            other = next(name for name in pair if name != fit.candidate.key)
             candidates = [one.candidate for one in best.fits]
             candidates[place] = terms[other]
             rival = explain_with(problem, TermCatalogue(), candidates)

@@ -103,7 +103,7 @@ class TermsDiagnosis(Conclusion[TermFit, TermProblem]):
 
 def _free_terms(case: Case) -> tuple[Term[Motion], ...]:
     """Terms of the baseline whose amplitudes are free."""
-    return tuple(t for name in case.baseline for t in case.library if t.identifier == name and name not in case.fixed)
+    return tuple(t for name in case.baseline for t in case.library if t.key == name and name not in case.fixed)
 
 
 def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
@@ -126,7 +126,7 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
             continue
         if term.of_angle and RECORDING in channels:
             term = term.in_each(len(recorded.motion.starts))
-        known = case.fixed.get(term.identifier)
+        known = case.fixed.get(term.key)
         if known is not None:
             (quantity,) = term.amplitudes
             low, high = quantity.bounds

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.contest import Contest, ModelStep
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.estimate import Estimate
+    from pmg.pipeline.diagnosis.balance.library.term import Term
     from pmg.pipeline.diagnosis.balance.mismatch import Place
     from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
 
@@ -151,8 +152,12 @@ def _contest(contest: Contest, unit: str) -> dict[str, Any]:
 
 
 def title_of(diagnosis: TermsDiagnosis, identifier: str) -> str:
+    """Name of a term for people by its id, in lower case."""
+    return titled(next(t for t in diagnosis.case.library if t.identifier == identifier))
+
+
+def titled(term: Term[Any]) -> str:
     """Name of a term for people, in lower case."""
-    term = next(t for t in diagnosis.case.library if t.identifier == identifier)
     return term.title if term.title.startswith("Coulomb") else term.title[0].lower() + term.title[1:]
 
 
@@ -171,7 +176,7 @@ def percent(part: float) -> str:
 
 def headline(diagnosis: TermsDiagnosis) -> str:
     """The verdict in one or two sentences."""
-    named = [title_of(diagnosis, step.added) for step in diagnosis.steps[1:]]
+    named = [titled(step.fitted.fits[-1].candidate) for step in diagnosis.steps[1:]]
     first, last = diagnosis.steps[0], diagnosis.steps[-1]
     match diagnosis.verdict:
         case Verdict.CONSISTENT:
@@ -185,7 +190,7 @@ def headline(diagnosis: TermsDiagnosis) -> str:
             head = f"Named: {', '.join(named)}.{_in_the_main(diagnosis)}"
         case _:
             rivals = [c for c in diagnosis.contests if c.open]
-            sets = "; ".join(" and ".join(title_of(diagnosis, f.identifier) for f in c.rival.fits) for c in rivals)
+            sets = "; ".join(" and ".join(titled(f.candidate) for f in c.rival.fits) for c in rivals)
             head = f"Ambiguous: {', '.join(named)}; or {sets}.{_in_the_main(diagnosis)}"
     return " ".join([*_impossible(diagnosis), head, _errors(diagnosis, first, last)])
 
@@ -238,7 +243,7 @@ def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
                 blocks += "  does not carry over to the withheld record"
             lines.append(f"{name:<44}{percent(step.error_fit):>9}{percent(step.error_withheld):>10}  {blocks}".rstrip())
     for step in diagnosis.dropped:
-        name = title_of(diagnosis, step.added)
+        name = titled(step.fitted.fits[-1].candidate)
         lines.append(f"dropped: {name}, with which the withheld record is off by {percent(step.error_withheld)}")
     lines.append("")
     if diagnosis.free_runs:

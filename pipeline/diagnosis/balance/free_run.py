@@ -116,7 +116,7 @@ def of_fit(fitted: FittedTerms, case: Case) -> tuple[SetTerm, ...]:
     shapes = [(term, float("nan")) for term in fitted.baseline] + [(fit.candidate, fit.shape) for fit in fitted.fits]
     ends = np.cumsum([len(term.amplitudes) for term, _ in shapes])[:-1]
     parts = np.split(fitted.values, ends)
-    known = [SetTerm(t, np.array([case.fixed[t.identifier]])) for t in case.library if t.identifier in case.fixed]
+    known = [SetTerm(t, np.array([case.fixed[t.key]])) for t in case.library if t.key in case.fixed]
     return (*known, *(SetTerm(term, part, shape) for (term, shape), part in zip(shapes, parts, strict=True)))
 
 
@@ -140,7 +140,7 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRu
     r"""The position of a record from its force, its first position and speed.
 
     None where no term holds a mass, so that there is nothing to solve, and where the force of one at an instant is not
-    known. A limit of the drive, a delay and a gain act on the force.
+    known. A limit of the drive, a delay, a gain and a fade act on the force.
 
     Notes
     -----
@@ -158,7 +158,7 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRu
     motion, h = recorded.motion, recorded.motion.sample_time
     driving = _driving(motion, terms)
     now = _Instant.of(motion)
-    position, speed, acceleration, way = float(motion.position[0]), float(motion.speed[0]), 0.0, 1.0
+    position, speed, acceleration, way = float(motion.position[0]), float(motion.speed[0]), 0.0, float(motion.travel[0])
 
     def needed(speed: float) -> float:
         """Force that every term but inertia takes."""

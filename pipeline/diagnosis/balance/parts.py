@@ -13,6 +13,7 @@ _PARTS = {
     "drive_fade": DRIVE,
     "drive_limit": DRIVE,
     "motor_constant_sag": DRIVE,
+    "zero_drift": DRIVE,
     "delay": SENSOR,
     "input_torque_gain": INPUT,
     "input_torque_lag": INPUT,

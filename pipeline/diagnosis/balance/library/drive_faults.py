@@ -63,7 +63,7 @@ def drift(axis: Axis) -> Iterator[Term[Motion]]:
     yield Term(
         "zero_drift",
         f"Zero of the {axis.pushes} that drifts during each record and settles",
-        "z (1 - exp(-t/(s T)))/(1 - exp(-1/s))",
+        "z ((1 - exp(-t/(s T)))/(1 - exp(-1/s)) - 1/2)",
         part("z", axis.push, 1e4),
         lambda m, settles: stack(settling(m, settles) - 0.5),
         BALANCE,
@@ -133,9 +133,12 @@ def drive_faults(axis: Axis) -> Iterator[Term[Motion]]:
 
 
 def _beyond_limit(m: Motion, times: float) -> Array:
-    """What a command has beyond a multiple of what a quarter of all commands exceed (n, 1).
+    """What a command has beyond a multiple of what a quarter of all commands in motion exceed (n, 1).
 
-    Below that the limit would be a gain: the command also holds what disturbs the machine.
+    Below that the limit would be a gain: the command also holds what disturbs the machine. As it is made of the command
+    itself, that of a withheld recording enters its prediction beyond the limit.
     """
     limit = times * m.references[EXCEEDED]
+    if limit == 0.0:
+        return stack(np.zeros_like(m.force))
     return stack(m.force - np.clip(m.force, -limit, limit))

@@ -61,7 +61,7 @@ def _carried(m: Motion, hertz: float, damping: float) -> Array:
     """
     if hertz * m.sample_time > HIGHEST:
         return m.acceleration
-    natural = REVOLUTION * hertz
+    natural = 2.0 / m.sample_time * np.tan(0.5 * REVOLUTION * hertz * m.sample_time)  # as the samples have it
     through = [2.0 * damping * natural, natural**2]
     b, a = bilinear(through, [1.0, *through], 1.0 / m.sample_time)
     before = round(SETTLED / (damping * natural * m.sample_time))

@@ -32,7 +32,7 @@ Each recording then begins at an angle of its own."""
 
 DURATION, MIDDLE, WARMTH, HOW_MANY, EXCEEDED = "duration", "middle", "warmth", "how_many", "exceeded"
 """References of columns: longest recording [s], middle of the travel [m, rad], first temperature [K], how many
-recordings are fitted, command that a quarter of their samples exceed [N, N m]."""
+recordings are fitted, command that a quarter of the samples in motion exceed [N, N m]."""
 
 LAG, INPUT_LAG, OUTPUT_LAG = "lag", "input_lag", "output_lag"
 """References of columns: delay of the motion, of the input's or the output's torque about which a change in time is
@@ -56,12 +56,13 @@ class Motion:
     starts : tuple of int
         Sample with which each recording begins.
     besides : mapping of str to (n,) array
-        Further channels, by the names `OUT`, `OUT_ANGLE`, `TEMPERATURE`, `ELAPSED`, `KNOWN` and `RECORDING`.
+        Further channels, by the names `OUT`, `OUT_ANGLE`, `TEMPERATURE`, `ELAPSED`, `KNOWN`, `NOISY`, `RECORDING` and
+        `TURNED_BEFORE`.
     even_acceleration : float
         Acceleration that noise may make of an even speed [m/s2, rad/s2].
     references : mapping of str to float
-        What columns refer to, by the names `DURATION`, `MIDDLE`, `WARMTH` and those of lags: that of the recordings
-        that are fitted, also where others are predicted.
+        What columns refer to, by the names `DURATION`, `MIDDLE`, `WARMTH`, `HOW_MANY`, `EXCEEDED` and those of lags:
+        that of the recordings that are fitted, also where others are predicted.
     """
 
     time: Array
@@ -101,13 +102,17 @@ class Motion:
     def referred(self) -> Motion:
         """The same with the references of its own."""
         own = {DURATION: float(self.elapsed.max()), MIDDLE: 0.5 * float(self.position.min() + self.position.max())}
-        own[HOW_MANY], own[EXCEEDED] = float(len(self.starts)), float(np.quantile(np.abs(self.force), 0.75))
+        moving = np.abs(self.force)[np.abs(self.speed) > self.rest_speed]
+        own[HOW_MANY], own[EXCEEDED] = float(len(self.starts)), float(np.quantile(moving, 0.75)) if len(moving) else 0.0
         if TEMPERATURE in self.besides:
             own[WARMTH] = float(self.besides[TEMPERATURE][0])
         return replace(self, references=own)
 
     def part(self, rows: slice) -> Motion:
         """Samples of one recording, as a recording of its own."""
+        besides = {key: values[rows] for key, values in self.besides.items()}
+        if TURNED_BEFORE in besides:
+            besides[TURNED_BEFORE] = np.full_like(besides[TURNED_BEFORE], self.travel[rows][0])
         return replace(
             self,
             time=self.time[rows],
@@ -117,7 +122,7 @@ class Motion:
             force=self.force[rows],
             modelled=self.modelled[rows],
             starts=(0,),
-            besides={key: values[rows] for key, values in self.besides.items()},
+            besides=besides,
         )
 
     def rate(self, values: Array) -> Array:

@@ -32,7 +32,7 @@ def with_lags(recorded: Recorded, case: Case) -> Recorded:
     """
     if recorded.coasts:
         return recorded
-    freed = [term for term in case.library if term.identifier in set(case.baseline) - set(case.fixed)]
+    freed = [term for term in case.library if term.key in set(case.baseline) - set(case.fixed)]
     free = np.hstack([recorded.columns(term) for term in freed])
     named = ((term, OF_TERMS[term.identifier]) for term in case.library if term.identifier in OF_TERMS)
     found = {name: _delay(recorded, free, term, name) for term, name in named}
