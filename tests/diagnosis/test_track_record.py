@@ -28,6 +28,6 @@ def test_the_record_in_motion_is_that_of_its_trial() -> None:
 
 def test_the_words_give_rate_and_interval() -> None:
     record = TrackRecord("a cause named", "The cause named was right", 19, 20)
-    assert record.sentence == "In simulated campaigns with a concealed cause the cause named was right in 19 of 20."
+    assert record.sentence == "The cause named was right in 19 of 20 simulated cases."
     assert record.interval == pytest.approx((0.751, 0.999), abs=1e-3)
     assert record.words.startswith("a cause named: held the truth in 95% of 20 concealed synthetic campaigns")

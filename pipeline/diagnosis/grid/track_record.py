@@ -41,8 +41,7 @@ class TrackRecord:
     @property
     def sentence(self) -> str:
         """Counts in a sentence."""
-        claim = f"{self.claim[0].lower()}{self.claim[1:]}"
-        return f"In simulated campaigns with a concealed cause {claim} in {self.held} of {self.of}."
+        return f"{self.claim} in {self.held} of {self.of} simulated cases."
 
     @property
     def words(self) -> str:
