@@ -35,7 +35,7 @@ from pmg.pipeline.report.document import Headline
 from pmg.pipeline.report.write import remove_report, write_report
 from pmg.pipeline.settings.bench_in_force import bench_of_store
 from pmg.pipeline.store.store import MARK, Store
-from pmg.pipeline.wording.plurals import counted
+from pmg.pipeline.wording.plurals import capitalised, counted
 from pmg.sim.errors import PmgError
 from pmg.sim.signals import MINUTE
 
@@ -229,7 +229,7 @@ class MixedDiagnosis:
         title = self.document["phrase"]
         if steady is None or self.joint is None:
             return None
-        first = [SheetAnswer("Verdict", (f"{title[0].upper()}{title[1:]}.",))]
+        first = [SheetAnswer("Verdict", (f"{capitalised(title)}.",))]
         if self.joint.sets:
             words, known = "Cause" if len(self.joint.sets) == 1 else "Possible causes", titles()
             sets = (

@@ -81,7 +81,7 @@ def _shaft(guess: MachineGuess, shaft: str) -> Iterator[str]:
         for one in fitting:
             turned = ", sign = -1" if kind == "force" and guess.against and shaft == guess.shafts[-1] else ""
             if kind == "force" and not one.unit:
-                yield f"# unit: not told; one of {', '.join(axis.forces)}, of V and A with {axis.factor}"
+                yield f"# unit: missing; one of {', '.join(axis.forces)}; for V or A add {axis.factor}"
             yield from _channel(word, one, "" if guess.chosen(shaft, kind) is one else OPEN, axis.factor, turned)
             if turned:
                 yield "# sign: both torques would put power in most of the time, so one counts what comes out"

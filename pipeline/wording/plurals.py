@@ -1,4 +1,4 @@
-"""Numbers next to the nouns that they count."""
+"""Numbers next to the nouns that they count, lists cut short, and the beginning of a sentence."""
 
 from __future__ import annotations
 
@@ -20,3 +20,8 @@ def listed(names: Sequence[str]) -> str:
 def counted(number: int, noun: str) -> str:
     """A number and what it counts: ``1 row``, ``2 rows``; the plural ends in s."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def capitalised(words: str) -> str:
+    """Words as the beginning of a sentence; the case of all other letters stays."""
+    return f"{words[:1].upper()}{words[1:]}"

@@ -27,7 +27,7 @@ from pmg.pipeline.diagnosis.grid.statement import (
 from pmg.pipeline.diagnosis.grid.track_record import track_record
 from pmg.pipeline.fit.losses import total_loss_and_efficiency
 from pmg.pipeline.report.action_sheet import ActionSheet, SheetAnswer
-from pmg.pipeline.wording.plurals import counted
+from pmg.pipeline.wording.plurals import capitalised, counted
 from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.shafts import SIDES
 
@@ -85,7 +85,7 @@ def _possible(diagnosis: Diagnosis) -> tuple[GridExplanation, ...]:
 def _answers(diagnosis: Diagnosis, residual: Array, before: str, as_read: str) -> Iterator[SheetAnswer]:
     naming, verdict = diagnosis.naming, diagnosis.verdict
     title = phrase(diagnosis)
-    title = f"{title[0].upper()}{title[1:]}"
+    title = capitalised(title)
     if naming is not None and verdict is Verdict.NAMED:
         sizes = (fitted(diagnosis, i) for i in range(len(naming.best.fits)))
         yield SheetAnswer("Verdict", (f"{title}: {causes(diagnosis, naming.best)}.", *sizes), "mechanisms")
@@ -96,12 +96,12 @@ def _answers(diagnosis: Diagnosis, residual: Array, before: str, as_read: str) -
     yield SheetAnswer("What differs", tuple(_difference(diagnosis)), "locations" * bool(diagnosis.mismatch.locations))
     if naming is not None and verdict is Verdict.AMBIGUOUS:
         sets = [causes(diagnosis, each) for each in _possible(diagnosis)]
-        listed = tuple(f"{i}. {each[0].upper()}{each[1:]}." for i, each in enumerate(sets, 1))
+        listed = tuple(f"{i}. {capitalised(each)}." for i, each in enumerate(sets, 1))
         unknown = ("Or one that the catalogue does not have.",) if diagnosis.weak else ()
         yield SheetAnswer("Possible causes", (*listed, *unknown), "rivals" * bool(diagnosis.rivals))
     elif verdict is Verdict.NOT_IN_LIBRARY:
         none = "No mechanism of the catalogue explains it: we can show where, not why."
-        closest = f"{words[0].upper()}{words[1:]}." if (words := nearest(diagnosis)) else ""
+        closest = f"{capitalised(words)}." if (words := nearest(diagnosis)) else ""
         said = faint(diagnosis)
         yield SheetAnswer("Cause", (said,) if said else tuple(filter(None, (none, closest))))
     if sure := tuple(_sureness(diagnosis)):
@@ -135,7 +135,7 @@ def _difference(diagnosis: Diagnosis) -> Iterator[str]:
             yield f"The {side} {what} is off{why}: {size}"
     else:
         where, side = largest(diagnosis), diagnosis.mismatch.locations[0].signal.removeprefix("torque_")
-        yield f"{where[0].upper()}{where[1:]} Repeatability is {diagnosis.floor[side].u * 1e3:.1f} mN m."
+        yield f"{capitalised(where)} Repeatability is {diagnosis.floor[side].u * 1e3:.1f} mN m."
     if diagnosis.outliers:
         yield f"{counted(len(diagnosis.outliers), 'outlier')} excluded first."
 
@@ -176,7 +176,7 @@ def _action(diagnosis: Diagnosis) -> str:
     """What to do on the bench."""
     if diagnosis.verdict is Verdict.NAMED:
         action = bench_action(diagnosis)
-        return f"{action[0].upper()}{action[1:]}." if action else "Nothing to repair: this is physics the model lacks."
+        return f"{capitalised(action)}." if action else "Nothing to repair: this is physics the model lacks."
     if diagnosis.verdict is Verdict.CONSISTENT:
         return "Nothing."
     if diagnosis.verdict is not Verdict.NOT_IN_LIBRARY:

@@ -12,7 +12,7 @@ from pmg.pipeline.diagnosis.balance.parts import ONE_SHAFT, TWO_SHAFTS, part_of
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.report.action_sheet import ActionSheet, MachinePart, SheetAnswer
 from pmg.pipeline.report.document import Chart, Figure, Series
-from pmg.pipeline.wording.plurals import counted
+from pmg.pipeline.wording.plurals import capitalised, counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -88,7 +88,7 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[Shee
 
 
 def _cause_sentence(cause: NamedCause, push: str, *, numbered: bool) -> str:
-    title = cause.title[0].upper() + cause.title[1:]
+    title = capitalised(cause.title)
     remark = f"; {cause.remark}" if cause.remark else ""
     return f"{f'{cause.group + 1}. ' if numbered else ''}{title}: {cause.size}{remark} ({cause.effect:.3g} {push} rms)."
 
@@ -121,7 +121,7 @@ def _tests(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[str]:
     if d.impossible:
         yield "The same record again, with the channels checked."
     elif tests:
-        yield from (f"{test[0].upper()}{test[1:].rstrip('.')}." for test in list(dict.fromkeys(tests))[:2])
+        yield from (f"{capitalised(test.rstrip('.'))}." for test in list(dict.fromkeys(tests))[:2])
     elif d.verdict is Verdict.CONSISTENT:
         yield "None is needed."
     else:
@@ -156,4 +156,4 @@ def _picture(d: TermsDiagnosis) -> Figure:
     sizes = ", ".join(f"{name} {float(np.sqrt(np.mean(left**2))):.3g} {push} rms" for name, left, _ in stages)
     title = f"Measured less modelled {d.case.axis.pushes}"
     chart = Chart("time [s]", f"{d.case.axis.pushes} [{push}]", tuple(series), references=(("", 0.0),))
-    return Figure("before-and-after", title, f"{sizes[0].upper()}{sizes[1:]}.", (chart,), narrow=True)
+    return Figure("before-and-after", title, f"{capitalised(sizes)}.", (chart,), narrow=True)

@@ -24,7 +24,7 @@ from pmg.pipeline.diagnosis.motion.statement import (
 from pmg.pipeline.diagnosis.motion.traces import named_fits, term_of
 from pmg.pipeline.report.action_sheet import ActionSheet, SheetAnswer
 from pmg.pipeline.report.document import Chart, Figure, Series
-from pmg.pipeline.wording.plurals import counted
+from pmg.pipeline.wording.plurals import capitalised, counted
 from pmg.pipeline.wording.units import MILLI
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def _answers(
     diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], traces: tuple[TorqueTrace, ...]
 ) -> Iterator[SheetAnswer]:
     naming, named = diagnosis.naming, named_fits(diagnosis)
-    title = f"{phrase(diagnosis)[0].upper()}{phrase(diagnosis)[1:]}"
+    title = capitalised(phrase(diagnosis))
     if naming is not None and diagnosis.verdict is Verdict.NAMED:
         fitted = (size.sentence for size in diagnosis.fitted_sizes)
         yield SheetAnswer("Verdict", (f"{title}: {causes(naming.best, naming.shafts)}.", *fitted), "mechanisms")
@@ -90,7 +90,7 @@ def _answers(
     )
     if naming is not None and diagnosis.verdict is Verdict.AMBIGUOUS:
         sets = [causes(each) for each in (naming.best, *naming.rivals)]
-        listed = tuple(f"{i}. {each[0].upper()}{each[1:]}." for i, each in enumerate(sets, 1))
+        listed = tuple(f"{i}. {capitalised(each)}." for i, each in enumerate(sets, 1))
         unknown = ("Or one that the catalogue does not have.",) if diagnosis.weak else ()
         yield SheetAnswer("Possible causes", (*listed, *unknown), "rivals")
     elif diagnosis.mismatch.found and diagnosis.verdict is Verdict.NOT_IN_LIBRARY:
@@ -125,7 +125,7 @@ def _action(diagnosis: MotionDiagnosis) -> str:
     """What to do on the bench."""
     if diagnosis.verdict is Verdict.NAMED:
         words = "; ".join(bench_actions(diagnosis))
-        return f"{words[0].upper()}{words[1:]}." if words else "Nothing to repair: this is physics the model lacks."
+        return f"{capitalised(words)}." if words else "Nothing to repair: this is physics the model lacks."
     if not diagnosis.mismatch.found:
         return "Nothing."
     if diagnosis.next_runs:
@@ -137,14 +137,13 @@ def _next(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ...], tr
     """Which run is next."""
     if diagnosis.next_runs:
         words = next_run(diagnosis)
-        return f"{words[0].upper()}{words[1:]}. The references of its drives stand under Grounds."
+        return f"{capitalised(words)}. The references of its drives stand under Grounds."
     if not diagnosis.mismatch.found:
         return "None is needed."
     clearest = _clearest(diagnosis, effects, traces)
     if diagnosis.verdict is Verdict.NAMED:
-        return "Not needed; to confirm the cause, record a further run and compare it with `model.toml`." + _expected(
-            clearest
-        )
+        confirm = "Not needed; to confirm the cause, record a further run and compare it with `model.toml`."
+        return f"{confirm}{_expected(clearest)}"
     again = "" if clearest is None else f" {clearest[0].stretch.run.run.point}, in which most torque is missing,"
     return (
         f"Record the run{again} again: what shows again is of the bench or its model, what does not changes with time."
@@ -172,7 +171,7 @@ def _difference(diagnosis: MotionDiagnosis, effects: tuple[tuple[Array, ...], ..
         names = {stretch.run.run.name for stretch in diagnosis.before.stretches}
         yield f"Nothing beyond the noise: the model predicts the torque of {counted(len(names), 'run')}."
     elif not effects:
-        yield f"{where[0].upper()}{where[1:]}" if where else "Model and recordings differ, at no clear place."
+        yield capitalised(where) if where else "Model and recordings differ, at no clear place."
     for fit, effect in zip(named_fits(diagnosis), effects, strict=True):
         rms, peak, side = effect_size(diagnosis, effect)
         which = "first possible " * (diagnosis.verdict is not Verdict.NAMED)
@@ -257,7 +256,7 @@ def _picture(
     return Figure(
         "missing-torque",
         f"{side.capitalize()} torque, measured less predicted",
-        f"{what[0].upper()}{what[1:]}, in run {of.point} ({of.manoeuvre}).",
+        f"{capitalised(what)}, in run {of.point} ({of.manoeuvre}).",
         (_excerpt(trace, began, named=named),),
         narrow=True,
     )
@@ -280,8 +279,9 @@ def _clearest(
         clear = np.cumsum(np.r_[0.0, before**2 - after**2 if named else after**2])
         width = min(round(SHOWN * trace.stretch.run.row_rate), len(clear) - 1)
         first = int(np.argmax(clear[width:] - clear[: len(clear) - width]))
-        if found is None or float(clear[first + width] - clear[first]) > found[0]:
-            found = float(clear[first + width] - clear[first]), trace, float(trace.time[first])
+        shown = float(clear[first + width] - clear[first])
+        if found is None or shown > found[0]:
+            found = shown, trace, float(trace.time[first])
     return None if found is None else found[1:]
 
 

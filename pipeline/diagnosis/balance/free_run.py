@@ -198,12 +198,13 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRu
 def _driving(motion: Motion, terms: Sequence[SetTerm]) -> Array:
     """Force that acts on the machine when its position is what was recorded [N], (n,)."""
     sizes = {each.term.identifier: float(each.amplitudes[0]) for each in terms if each.term.of_model}
-    limits = (each for each in terms if each.term.identifier == LIMIT)
-    lost = sum(
-        (each.term.columns(motion, each.shape)[:, 0] * each.amplitudes[0] for each in limits), 0.0 * motion.force
-    )
-    late = np.interp(motion.time - sizes.get(DELAY, 0.0), motion.time, motion.force - lost)
     whole = replace(motion, modelled=np.ones_like(motion.time))
-    fades = (each for each in terms if each.term.identifier == FADE)
-    faded = sum((each.term.columns(whole, each.shape)[:, 0] * each.amplitudes[0] for each in fades), 0.0 * late)
-    return np.asarray(late / (1.0 + sizes.get(GAIN, 0.0) + faded))
+
+    def of(name: str) -> Array:
+        """What a fault takes of the command, or of each unit of what the baseline gives (n,)."""
+        named = (each for each in terms if each.term.identifier == name)
+        parts = (each.term.columns(whole, each.shape)[:, 0] * each.amplitudes[0] for each in named)
+        return np.asarray(sum(parts, np.zeros_like(motion.time)))
+
+    late = np.interp(motion.time - sizes.get(DELAY, 0.0), motion.time, motion.force - of(LIMIT))
+    return np.asarray(late / (1.0 + sizes.get(GAIN, 0.0) + of(FADE)))

@@ -27,5 +27,5 @@ _PARTS = {
 
 
 def part_of(term: str | None, *, two_torques: bool) -> str:
-    """Where a term sits; what is none of a part's own is in friction and guide, or between the torques."""
+    """Part in which a term sits: friction and guide, or the gear between two torques, where it has none of its own."""
     return _PARTS.get(term or "", GEAR if two_torques else GUIDE)

@@ -13,7 +13,7 @@ from pmg.pipeline.diagnosis.grid.remedy import advice, lifting, words_of_test
 from pmg.pipeline.diagnosis.grid.rivals import is_faint, near_causes, nearest_share, why_not_named
 from pmg.pipeline.wording import numerals
 from pmg.pipeline.wording.numerals import measured
-from pmg.pipeline.wording.plurals import counted
+from pmg.pipeline.wording.plurals import capitalised, counted
 from pmg.sim.mechanisms.base import Instrument
 from pmg.sim.shafts import SIDES
 
@@ -113,7 +113,7 @@ def near(diagnosis: Diagnosis) -> str:
     words = ""
     if naming.level:
         other = causes(diagnosis, naming.level[0])
-        words = f"{other[0].upper()}{other[1:]} fits as well, to all digits that count: the order of the catalogue "
+        words = f"{capitalised(other)} fits as well, to all digits that count: the order of the catalogue "
         words += "decides which comes first."
     if naming.missed:
         missed, short = naming.missed[0]

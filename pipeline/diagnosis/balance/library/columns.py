@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from pmg.sim.signals import Array
 
 SETTLES = Quantity("s", "1", (0.05, 1.0))
-"""Time in which what changes during a record settles, over the length T of the longest one; what takes longer is told
-from a steady change by next to nothing."""
+"""Settling time of what changes during a record, over the length T of the longest one; a slower change can hardly be
+distinguished from a steady one."""
 
 
 def stack(*columns: Array) -> Array:
