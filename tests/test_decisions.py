@@ -584,7 +584,7 @@ def test_a_set_that_was_kept_behind_or_out_by_little_is_named(behind: float, pla
     )
     rivals, shafts, missed = rivals_near(best, [best, other], MARGIN, 0.0)
     remainder = cast(Remainder, None)
-    found = Naming(best, rivals, shafts, remainder, explained=True, weak=(), rounds=(), missed=missed)
+    found = Naming(best, rivals, shafts, remainder, explained=True, in_the_main=True, weak=(), rounds=(), missed=missed)
     assert found.level == ((other,) if place == "level" else ())
     assert found.rivals == ((other,) if place in ("level", "rival") else ())
     assert [each.ids for each, _ in missed] == ([other.ids] if place == "missed" else [])

@@ -123,7 +123,7 @@ def run(given: Given, progress: Progress | None = None) -> Outcome:
     from pmg.pipeline.commands.compare import run_all
     from pmg.pipeline.settings.chosen import choose
 
-    outcome = cli_machine.run_of(given)
+    outcome = cli_machine.run_of(given, progress)
     return run_all(choose(**given), progress) if outcome is None else outcome
 
 

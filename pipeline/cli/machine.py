@@ -11,6 +11,7 @@ from pmg.pipeline.cli import checks
 from pmg.pipeline.cli.frame import command
 from pmg.pipeline.cli.options import Given
 from pmg.pipeline.commands.outcome import Outcome
+from pmg.pipeline.files.progress import Progress
 from pmg.sim.errors import BenchError
 
 machine = typer.Typer(
@@ -88,7 +89,7 @@ def check(
     return check_machine(which, recordings)
 
 
-def run_of(given: Given) -> Outcome | None:
+def run_of(given: Given, progress: Progress | None) -> Outcome | None:
     """The way of another machine through ``pmg run``; None of a magnetic gear, which goes the way of the thesis's."""
     given = dict(given)
     which = given.pop("machine")
@@ -109,4 +110,4 @@ def run_of(given: Given) -> Outcome | None:
     for name, value in (("RECORDINGS", recordings), ("--report", report)):
         if value is None:
             raise BenchError("pmg run --machine", f"no {name}", "RECORDINGS and --report", f"Name {name}.")
-    return run_machine(which, recordings, report)
+    return run_machine(which, recordings, report, progress=progress)

@@ -168,11 +168,12 @@ def terms(
     seed: Annotated[
         int | None, typer.Option("--seed", min=0, help="Begin synthetic records and decoys from this seed.")
     ] = None,
+    progress: Progress | None = None,
 ) -> Outcome:
     """Find what the force balance of another machine lacks. It takes a case file, and its recordings."""
     from pmg.pipeline.commands.terms import run_terms
 
-    return run_terms(case, out, data, seed)
+    return run_terms(case, out, data, seed, progress)
 
 
 class _ProveOptions:

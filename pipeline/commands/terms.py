@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.causes import cause_lines, named_causes, near_causes, nearest_lines
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import headline, terms_document, terms_lines
+from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_remarks
+from pmg.pipeline.diagnosis.balance.low_passes import try_low_passes
 from pmg.pipeline.diagnosis.balance.machine.found_and_stated import found_and_stated, not_compared
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.machine.machine_document import machine_document
@@ -27,6 +30,7 @@ from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.files.digest import sha256_of
+from pmg.pipeline.files.progress import Steps
 from pmg.pipeline.machine.gear_page import shown_bench
 from pmg.pipeline.machine.machine_file import read_machine
 from pmg.pipeline.machine.magnetic import remarks_on_bench, usual
@@ -45,6 +49,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
+    from pmg.pipeline.files.progress import Progress
     from pmg.pipeline.machine.machine import Machine
     from pmg.pipeline.report.document import Section
 
@@ -54,13 +59,18 @@ DOCUMENT = "terms.json"
 RESIDUALS = "residuals.csv"
 """Residuals of the models, sample by sample."""
 
+STEPS = ("recordings", "terms and their proof", "half the low-pass, and twice", "report")
+"""Steps of a diagnosis, as its progress names them."""
+
 OF_A_CASE = Remark(
     "info", "case", "a machine file says the same and more: 'pmg machine new', then 'pmg run RECORDINGS --machine FILE'"
 )
 """Told with every case file."""
 
 
-def run_terms(case_file: Path, out: Path, data: Path | None = None, seed: int | None = None) -> Outcome:
+def run_terms(
+    case_file: Path, out: Path, data: Path | None = None, seed: int | None = None, progress: Progress | None = None
+) -> Outcome:
     """Diagnose the recordings of a case; write page, tables, residuals and JSON.
 
     Parameters
@@ -73,11 +83,15 @@ def run_terms(case_file: Path, out: Path, data: Path | None = None, seed: int | 
         Folder of the recordings, instead of the one that the case names.
     seed : int, optional
         Seed of synthetic records, resamples and decoys.
+    progress : Progress, optional
+        Receives each step as it begins.
     """
-    return _run(read_case(case_file, data), case_file, out, seed, None)
+    return _run(read_case(case_file, data), case_file, out, seed, None, progress)
 
 
-def run_machine(machine: str, recordings: Path, out: Path, seed: int | None = None) -> Outcome:
+def run_machine(
+    machine: str, recordings: Path, out: Path, seed: int | None = None, progress: Progress | None = None
+) -> Outcome:
     """Diagnose the recordings of a machine; write page, tables, residuals and JSON.
 
     Parameters
@@ -90,10 +104,12 @@ def run_machine(machine: str, recordings: Path, out: Path, seed: int | None = No
         Folder of what is written.
     seed : int, optional
         Seed of synthetic records, resamples and decoys.
+    progress : Progress, optional
+        Receives each step as it begins.
     """
     path = machine_path(machine)
     described = read_machine(path)
-    return _run(case_of(described, recordings), path, out, seed, described)
+    return _run(case_of(described, recordings), path, out, seed, described, progress)
 
 
 def begin_machine(file: Path, like: str) -> Outcome:
@@ -169,13 +185,21 @@ def check_machine(machine: str, recordings: Path | None) -> Outcome:
     return Outcome(data, tuple(lines), findings)
 
 
-def _run(case: Case, file: Path, out: Path, seed: int | None, machine: Machine | None) -> Outcome:
+def _run(
+    case: Case, file: Path, out: Path, seed: int | None, machine: Machine | None, progress: Progress | None
+) -> Outcome:
     began = now()
     if out.exists() and not out.is_dir():
         raise BenchError(f"--report {out}", "a file", "a folder, or none yet", "Name a folder.")
     seed = SEED if seed is None else seed
+    steps = Steps(progress, *STEPS)
+    steps.begin(STEPS[0])
     recorded, withheld = read_recordings(case)
+    steps.begin(STEPS[1])
     diagnosis = diagnose_terms(case, recorded, withheld, np.random.default_rng(seed))
+    steps.begin(STEPS[2])
+    diagnosis = replace(diagnosis, low_passes=try_low_passes(case, np.random.default_rng(seed)))
+    steps.begin(STEPS[3])
     files = [file, *case.files]
     names = [path.name for path in files]
     labels = [path.name if names.count(path.name) == 1 else f"{path.parent.name}/{path.name}" for path in files]
@@ -206,7 +230,12 @@ def _run(case: Case, file: Path, out: Path, seed: int | None, machine: Machine |
             *nearest_lines(diagnosis),
             f"report: {page[0]}",
         ),
-        (*_findings(recorded), *_findings(withheld), *((OF_A_CASE,) if machine is None else not_compared(machine))),
+        (
+            *_findings(recorded),
+            *_findings(withheld),
+            *low_pass_remarks(diagnosis),
+            *((OF_A_CASE,) if machine is None else not_compared(machine)),
+        ),
         mismatch=diagnosis.verdict is not Verdict.CONSISTENT,
     )
 

@@ -13,7 +13,7 @@ from tests.balance.reading import read_one
 from tests.balance.test_any_machine import diagnosed, dry, named
 
 from pmg.pipeline.diagnosis.balance.case_file import read_case
-from pmg.pipeline.diagnosis.balance.decide import IN_THE_MAIN
+from pmg.pipeline.diagnosis.balance.catalogue import IN_THE_MAIN
 from pmg.pipeline.diagnosis.balance.document import headline
 from pmg.pipeline.diagnosis.balance.estimate import reversals
 from pmg.pipeline.diagnosis.balance.library.drive import ROTARY_DRIVE

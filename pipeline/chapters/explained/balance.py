@@ -9,6 +9,7 @@ import numpy as np
 
 from pmg.pipeline.chapters.explained.balance_figures import friction_figure, residuals_figure
 from pmg.pipeline.chapters.explained.free_run import free_run_sections
+from pmg.pipeline.chapters.explained.low_passes import low_passes_table
 from pmg.pipeline.diagnosis.balance.causes import named_causes, nearest_lines
 from pmg.pipeline.diagnosis.balance.document import percent, separating_test, title_of, titled
 from pmg.pipeline.diagnosis.balance.library.drive import EMPS
@@ -156,14 +157,14 @@ def _models(d: TermsDiagnosis) -> Section:
             f"Choice made anew for every part: {proof.split}. {proof.rmse_before:.3f} {push} before, "
             f"{proof.rmse_after:.3f} {push} after, gain {low:.3f} to {high:.3f} {push}."
         )
-    best = (
-        f"; none lowered the error on the withheld record by more than {percent(max(more.gains))}" if more.gains else ""
-    )
+    gains = more.gains
+    best = f"; none lowered the error on the withheld record by more than {percent(max(gains))}" if gains else ""
     texts.append(
         f"{more.tried} decoys (columns of the library, phases drawn at random) were offered after the named terms: "
         f"the best brought evidence {more.most_evidence:.0f}, which a refinement must exceed{best}."
     )
-    return Section("terms-models-section", "Models and their errors", (Text("\n\n".join(texts)), table))
+    words, title = Text("\n\n".join(texts)), "Models and their errors"
+    return Section("terms-models-section", title, (words, table, *low_passes_table(d)))
 
 
 def _estimated(e: Estimate) -> tuple[Cell, ...]:

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 TermSet: TypeAlias = Explanation[TermFit, TermProblem]
 TermNaming: TypeAlias = Naming[TermFit, TermProblem]
 
+IN_THE_MAIN = 0.15
+"""Part of the gain of a set that may be left where every part of the record names that set."""
+
 TWIN = 0.999
 """Correlation of what two terms leave given everything else from which on a record cannot tell them apart."""
 
@@ -40,6 +43,11 @@ class TermCatalogue(CandidateCatalogue[TermFit, TermProblem]):
     def fit(self, problem: TermProblem, candidate: Term[Any]) -> TermFit:
         """Best amplitudes and shape of one term with the baseline free to move."""
         return fit_term(problem, candidate, refine=self._between(candidate))
+
+    def left_in_the_main(self, count: int) -> float:
+        """The same part of the gain whatever the number of terms."""
+        del count
+        return IN_THE_MAIN
 
     def _between(self, term: Term[Any]) -> bool:
         """Whether the shape of a term is searched between those tabled."""

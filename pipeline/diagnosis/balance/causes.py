@@ -99,11 +99,8 @@ def _cause(diagnosis: TermsDiagnosis, fit: TermFit, group: int) -> NamedCause:
     if group == 0:
         own = [e for e in diagnosis.steps[-1].fitted.estimates if e.term == fit.identifier]
         values, errors = [e.value for e in own], [e.standard_error for e in own]
-    parts = []
-    for quantity, value, error in zip(fit.candidate.parameters, values, errors, strict=True):
-        spread = "" if error is None else f" ± {error:.2g}"
-        unit = "" if quantity.unit == "1" else f" {quantity.unit}"
-        parts.append(f"{quantity.name} = {value:.4g}{spread}{unit}")
+    sizes = zip(fit.candidate.parameters, values, errors, strict=True)
+    parts = [size_of(quantity.name, value, error, quantity.unit) for quantity, value, error in sizes]
     amplitudes = np.array(values[: len(fit.amplitudes)])
     effect = diagnosis.recorded.columns(fit.candidate, fit.shape) @ amplitudes
     return NamedCause(
@@ -115,6 +112,12 @@ def _cause(diagnosis: TermsDiagnosis, fit: TermFit, group: int) -> NamedCause:
         float(np.sqrt(np.mean(effect**2))),
         separating_test(diagnosis, (fit.identifier,)),
     )
+
+
+def size_of(name: str, value: float, error: float | None, unit: str) -> str:
+    """A parameter with its standard error and unit, in words."""
+    spread = "" if error is None else f" ± {error:.2g}"
+    return f"{name} = {value:.4g}{spread}{'' if unit == '1' else f' {unit}'}"
 
 
 def _factor(identifier: str, gain: float) -> str:
@@ -164,7 +167,8 @@ def near_causes(diagnosis: TermsDiagnosis) -> tuple[NearCause, ...]:
     if diagnosis.verdict is not Verdict.NOT_IN_LIBRARY or naming is None or diagnosis.impossible:
         return ()
     whole = naming.rounds[0].remainder.excess
-    near = [fit for fit in naming.ranking if fit.admissible and fit.gain > NEAREST * whole][:MOST_NEAR]
+    near = {f.identifier: f for f in naming.ranking[::-1] if f.admissible and f.gain > NEAREST * whole}
+    best = sorted(near.values(), key=lambda fit: -fit.gain)[:MOST_NEAR]  # the best form of each
     return tuple(
         NearCause(
             fit.identifier,
@@ -172,7 +176,7 @@ def near_causes(diagnosis: TermsDiagnosis) -> tuple[NearCause, ...]:
             min(fit.gain / whole, 1.0),
             separating_test(diagnosis, (fit.identifier,)),
         )
-        for fit in near
+        for fit in best
     )
 
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.fit.document import number
 
@@ -81,6 +82,7 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
         "absorbed": [row.document for row in diagnosis.absorbed],
         "left_over": {"p_value": diagnosis.left_over.p_value, "locations": _places(diagnosis.left_over)},
         "free_runs": _free_runs(diagnosis),
+        "low_passes": [each.document for each in diagnosis.low_passes],
         "decoys": {
             "tried": diagnosis.further_decoys.tried,
             "entered": diagnosis.further_decoys.entered,
@@ -187,21 +189,14 @@ def headline(diagnosis: TermsDiagnosis) -> str:
             places = "; ".join(place.name for place in diagnosis.mismatch.locations[:3])
             head = f"Not in the library: a mismatch that follows {places}, and no set of terms explains it."
         case Verdict.NAMED:
-            head = f"Named: {', '.join(named)}.{_in_the_main(diagnosis)}"
+            head = f"Named: {', '.join(named)}."
         case _:
             rivals = [c for c in diagnosis.contests if c.open]
             sets = "; ".join(" and ".join(titled(f.candidate) for f in c.rival.fits) for c in rivals)
-            head = f"Ambiguous: {', '.join(named)}; or {sets}.{_in_the_main(diagnosis)}"
-    return " ".join([*_impossible(diagnosis), head, _errors(diagnosis, first, last)])
-
-
-def _in_the_main(diagnosis: TermsDiagnosis) -> str:
-    """What is said of a cause that leaves more than the noise."""
-    naming = diagnosis.naming
-    if naming is None or naming.explained:
-        return ""
-    part = naming.remainder.excess / naming.best.gain
-    return f" In the main: {part:.1%} of it is left, so its form differs or something smaller is missing."
+            head = f"Ambiguous: {', '.join(named)}; or {sets}."
+    main = in_the_main_sentence(diagnosis.naming) if diagnosis.verdict.names else ""
+    told = (*_impossible(diagnosis), head, main, _errors(diagnosis, first, last))
+    return " ".join(sentence for sentence in told if sentence)
 
 
 def _impossible(diagnosis: TermsDiagnosis) -> Iterator[str]:

@@ -51,6 +51,11 @@ class CandidateCatalogue(ABC, Generic[F, P]):
     """Part of a set's score by which another's may be less without being told from it: what an error in the form of
     the baseline brings the one and not the other."""
 
+    def left_in_the_main(self, count: int) -> float:
+        """Part of the gain of that many candidates that may be left over where they are the cause in the main."""
+        del count
+        return 0.0
+
     @abstractmethod
     def rank(self, problem: P, without: Collection[str] = ()) -> list[F]:
         """All candidates but some fitted, best score first."""

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Generic
 
+from pmg.pipeline.diagnosis.engine.adequacy import ORDINARY
 from pmg.pipeline.diagnosis.engine.explanation import explain_with
 from pmg.pipeline.diagnosis.engine.naming import MOST_RIVALS
 from pmg.pipeline.diagnosis.engine.problem import F, P
@@ -26,6 +27,10 @@ KNOWN = 0.7
 
 UNTRIED = "cannot be tried on data not used for the fit: there are too few"
 """Why a set that explains is not named where nothing could be withheld."""
+
+UNPREDICTED = 0.25
+"""Part of the mismatch of withheld rows that a cause in the main need not predict where no structure is seen in what it
+leaves: near standstill a few rows hold most of a friction, and there its form is least known."""
 
 NOT_WORSE = 1.03
 """Withheld error with a weak candidate in, over that without, up to which it stays in the set of what may be."""
@@ -80,17 +85,18 @@ def conclude(
 
     Notes
     -----
-    A set is named when it is good enough and predicts most of the mismatch of withheld rows. Rivals are the sets of
+    A set is named when it is good enough and predicts most of the mismatch of withheld rows; in the main, when it
+    leaves a small part that is more than noise, and every part of the rows names it as well. Rivals are the sets of
     close evidence, and those that parts of the rows name instead. Where the mismatch is too weak to tell an effect of
     another kind by what it leaves, the candidates that explain it are reported as what may be, and none is named.
     """
-    if naming.explained and not naming.weak:
+    if naming.may_be_named and not naming.weak:
         held = prove(naming.best)
-        if held is not None and held.predicts:
+        if held is not None and _proved(naming, held):
             naming = _with_parts(problem, catalogue, naming, held)
             verdict = Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
             return Conclusion(verdict=verdict, naming=naming, held_out=held)
-        if held is None:
+        if held is None and naming.explained:
             naming = replace(naming, against=UNTRIED)
     if naming.weak:
         best, *others = naming.weak
@@ -101,6 +107,22 @@ def conclude(
             named = _with_parts(problem, catalogue, named, held)
             return Conclusion(verdict=Verdict.AMBIGUOUS, naming=named, held_out=held, weak=True)
     return Conclusion(verdict=Verdict.NOT_IN_LIBRARY, naming=naming)
+
+
+def _proved(naming: Naming[F, P], held: HeldOut) -> bool:
+    """Whether withheld rows bear a set out, as a whole or in the main."""
+    if naming.explained and held.predicts:
+        return True
+    unseen = naming.remainder.p_value >= ORDINARY and held.left <= UNPREDICTED
+    return naming.in_the_main and held.kept == 1.0 and (held.predicts or unseen)
+
+
+def in_the_main_sentence(naming: Naming[Any, Any] | None) -> str:
+    """What is said of a named cause that leaves more than noise; empty of one that does not."""
+    if naming is None or naming.explained:
+        return ""
+    part = naming.remainder.excess / naming.best.gain
+    return f"In the main: {part:.1%} of it is left, so its form differs or something smaller is missing."
 
 
 def probabilities(conclusion: Conclusion[Any, Any]) -> list[float]:

@@ -54,7 +54,7 @@ def with_look_alikes(naming: Naming[F, P], problem: P) -> Naming[F, P]:
     no more than a change of the form of either.
     """
     best = naming.best
-    if not naming.explained or len(best.fits) != 2:
+    if not naming.may_be_named or len(best.fits) != 2:
         return naming
     found: dict[str, Explanation[F, P]] = {}
     for fit in naming.ranking:

@@ -79,6 +79,8 @@ class Naming(Generic[F, P]):
         What the leading set leaves.
     explained : bool
         Whether the set is good enough to be named: adequate, or left with no more than an error of form.
+    in_the_main : bool
+        Whether it leaves so small a part of its gain that it may be named where every part of the rows names it.
     weak : tuple of Explanation
         Where the mismatch is too weak to name its cause and single candidates explain all that is seen of it: those,
         best first.
@@ -101,6 +103,7 @@ class Naming(Generic[F, P]):
     shafts: dict[str, str]
     remainder: Remainder
     explained: bool
+    in_the_main: bool
     weak: tuple[Explanation[F, P], ...]
     rounds: tuple[SearchRound[F], ...]
     by_parts: int = 0
@@ -114,6 +117,11 @@ class Naming(Generic[F, P]):
         """Rivals of the same evidence as the leading set, to the decimals that count: the catalogue's order decides."""
         by_evidence = self.rivals[: len(self.rivals) - self.by_parts]
         return tuple(rival for rival in by_evidence if rival.score == self.best.score)
+
+    @property
+    def may_be_named(self) -> bool:
+        """Whether a proof may name the set."""
+        return self.explained or self.in_the_main
 
     @property
     def ranking(self) -> tuple[F, ...]:
@@ -187,13 +195,13 @@ def name_candidates(problem: P, catalogue: CandidateCatalogue[F, P], remainder_o
         weak = _weak(
             catalogue.weak_below, singles, lambda leader: remainder if leader is best else remainder_of(leader.problem)
         )
-    explained = explains(best, remainder, catalogue.form_error)
     return Naming(
         best,
         rivals,
         shafts,
         remainder,
-        explained,
+        explains(best, remainder, catalogue.form_error),
+        best.needed and remainder.excess < catalogue.left_in_the_main(len(best.fits)) * best.gain,
         weak,
         tuple(rounds),
         further=further,

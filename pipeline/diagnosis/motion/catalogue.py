@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, cast
 
-from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue, TermNaming, TermSet
+from pmg.pipeline.diagnosis.balance.catalogue import IN_THE_MAIN, TermCatalogue, TermNaming, TermSet
 from pmg.pipeline.diagnosis.balance.fitting import fit_term
 from pmg.pipeline.diagnosis.engine.catalogue import MARGIN
 from pmg.pipeline.diagnosis.motion.free_form import bent_columns
@@ -44,6 +44,10 @@ class MotionCatalogue(TermCatalogue):
     tells_weak: ClassVar[bool] = True
     form_margin: ClassVar[float] = FORM_MARGIN
 
+    def left_in_the_main(self, count: int) -> float:
+        """A part of the gain that the mechanisms share: two together come near much that is neither."""
+        return IN_THE_MAIN / max(count, 1)
+
     def weak_below(self, leading: tuple[TermFit, ...]) -> float:
         """Gain below which an effect of another kind may pass: less where a constant is plainly off its data sheet."""
         of_sheet = all(cast("MotionTerm", fit.candidate).constants for fit in leading)
@@ -68,7 +72,7 @@ def with_late_look_alikes(naming: TermNaming, problem: TermProblem, terms: tuple
     """
     best = naming.best
     late = [place for place, fit in enumerate(best.fits) if cast("MotionTerm", fit.candidate).comes_late]
-    if not naming.explained or not late:
+    if not naming.may_be_named or not late:
         return naming
     found, alike = {rival.ids: rival for rival in naming.rivals}, 0.0
     for place in late:

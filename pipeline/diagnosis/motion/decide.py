@@ -154,8 +154,10 @@ def diagnose_motion(
     if mismatch.found:
         found, naming = _named(found, before, noise, rng, steps)
         steps.begin(STEPS[4])
-        conclusion = conclude(found.problem, MotionCatalogue(), naming, _proof(found, rng))
-        if blind and conclusion.verdict is Verdict.NOT_IN_LIBRARY:  # what it cannot show may be a part of it
+        if blind:  # what it cannot show may be what is left
+            naming = replace(naming, in_the_main=False)
+        conclusion = conclude(found.problem, MotionCatalogue(), naming, _proof(found, naming, rng))
+        if blind and conclusion.verdict is Verdict.NOT_IN_LIBRARY:
             conclusion = replace(conclusion, verdict=Verdict.CONFOUNDED)
         named = conclusion.naming.best.fits if conclusion.verdict.names and conclusion.naming is not None else ()
         together = _together(found, named)
@@ -221,12 +223,12 @@ def _mismatch(found: MotionEvidence) -> Mismatch[MotionPlace]:
 
 
 def _proof(
-    found: MotionEvidence, rng: np.random.Generator
+    found: MotionEvidence, naming: TermNaming, rng: np.random.Generator
 ) -> Callable[[Explanation[TermFit, TermProblem]], HeldOut | None]:
     """Errors of a set of mechanisms on withheld kinds of run, or where those cannot tell, on withheld runs.
 
-    What one kind of run alone shows, as friction right after a reversal, no other kind can predict. None where there
-    is too little to withhold.
+    What one kind of run alone shows, as friction right after a reversal, no other kind can predict; a set that leaves
+    more than noise must do so nevertheless. None where there is too little to withhold.
     """
 
     def prove(best: Explanation[TermFit, TermProblem]) -> HeldOut | None:
@@ -234,7 +236,7 @@ def _proof(
         for rows in (by_kind(found, best.fits), by_run(found, best.fits)):
             if len(np.unique(rows.fold[rows.fold < rows.folds])) > 1:
                 held = withhold(rows, MotionCatalogue(refine=False), best.fits, rng, bent=best.bent > 0.0)
-                if held.predicts:
+                if held.predicts or not naming.explained:
                     break
         return held
 

@@ -30,7 +30,7 @@ LIKELY_WHEN_LATE = 0.98
 IN_ALL = "in all"
 """Name of a size that is a sum."""
 
-IN_MILLI, TENTH = {"N m": "mN m", "s": "ms", "rad": "mrad"}, 0.1
+IN_MILLI, TENTH = {"N m": "mN m", "N m/s": "mN m/s", "s": "ms", "rad": "mrad"}, 0.1
 """Units of which small sizes are told in thousandths, and how small."""
 
 

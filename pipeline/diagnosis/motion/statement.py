@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.diagnosis.grid.law_words import bent_sentence
 from pmg.pipeline.diagnosis.grid.rivals import nearest_share, why_not_named
@@ -189,8 +190,9 @@ def proof_sentence(diagnosis: MotionDiagnosis) -> str:
         return ""
     low, high = held.gain_interval
     change = "drops" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly drop:")
+    main = "" if diagnosis.weak else in_the_main_sentence(diagnosis.naming)
     return (
         f"With it in the model, the error on runs not used for the fit {change} from "
         f"{held.rmse_before / MILLI:.1f} to {held.rmse_after / MILLI:.1f} mN m; noise alone makes "
-        f"{held.noise_floor / MILLI:.1f} mN m."
-    )
+        f"{held.noise_floor / MILLI:.1f} mN m. {main}"
+    ).rstrip()

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
+from pmg.pipeline.diagnosis.balance.low_pass_told import said_with
+from pmg.pipeline.diagnosis.balance.low_passes import try_low_passes
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.fit.document import number
@@ -67,6 +69,7 @@ def _diagnosed(machine: Path, seed: int) -> dict[str, Any]:
     case = case_of(read_machine(machine), machine.parent / "records")
     fit, withheld = read_recordings(case)
     diagnosis = diagnose_terms(case, fit, withheld, np.random.default_rng(seed))
+    diagnosis = replace(diagnosis, low_passes=try_low_passes(case, np.random.default_rng(seed)))
     return _what_is_told(diagnosis)
 
 
@@ -88,6 +91,10 @@ def _what_is_told(diagnosis: TermsDiagnosis) -> dict[str, Any]:
         "sets": sets,
         "refined_by": [step.added for step in diagnosis.refinements],
         "places": [place.name for place in diagnosis.mismatch.locations],
+        "low_passes": [
+            {"low_pass_Hz": each.low_pass_hz, "best": sorted(each.ids), "said": said_with(diagnosis, each)}
+            for each in diagnosis.low_passes
+        ],
         "impossible": [e.term for e in diagnosis.impossible],
         "findings": [str(finding.message) for finding in diagnosis.recorded.findings],
         "withheld_over_noise": number(over),

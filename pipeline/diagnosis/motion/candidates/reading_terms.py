@@ -218,6 +218,21 @@ def zero_terms(side: str) -> Iterator[MotionTerm]:
 
     yield term(
         "torque_zero_drift",
+        "Zero of the transducer that drifts steadily",
+        "T0 t + T1",
+        (*signed("drift", unit="N m/s"), *signed("start", unit="N m")),
+        lambda v, _: _drifting(v.campaign_time),
+        source=sources.GUM,
+        mimicked_by=(f"zero_{side}",),
+        shown_at_rest=True,
+        follows=(LawCovariate.TIME,),
+        component=transducer,
+        shaft=side,
+        variant="steady",
+    )
+
+    yield term(
+        "torque_zero_drift",
         "Zero of the transducer that drifts over the campaign",
         "T0 (1 - exp(-t/tau)) + T1",
         signed("drift", "start", unit="N m", most=0.5),

@@ -1,0 +1,126 @@
+"""Another low-pass: would the search name the same with half of it, or twice?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from pmg.pipeline.diagnosis.balance.estimate import fit_together
+from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
+from pmg.pipeline.diagnosis.balance.search_record import search_record
+from pmg.sim.errors import RecordingError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import numpy as np
+
+    from pmg.pipeline.diagnosis.balance.case import Case
+    from pmg.pipeline.diagnosis.balance.estimate import Estimate
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit
+    from pmg.pipeline.machine.channel import PrepareTable
+
+FACTORS = (0.5, 2.0)
+"""Other low-passes that are tried, as parts of the one in force."""
+
+HIGHEST_TRIED = 0.45
+"""Low-pass, over the rate of the samples, above which none is tried."""
+
+
+@dataclass(frozen=True)
+class LowPassTried:
+    """What the search says with another low-pass; no proof was made of it.
+
+    Parameters
+    ----------
+    low_pass_hz : float
+        Cut-off [Hz].
+    keep_every : int
+        Samples of which one was kept.
+    p_value : float
+        Of any mismatch.
+    fits : tuple of TermFit
+        Terms of the leading set, the first to enter first.
+    explained : bool
+        Whether they leave no more than noise, or an error of form.
+    sizes : tuple of Estimate
+        Their parameters.
+    """
+
+    low_pass_hz: float
+    keep_every: int
+    p_value: float
+    fits: tuple[TermFit, ...] = ()
+    explained: bool = False
+    sizes: tuple[Estimate, ...] = ()
+
+    @property
+    def ids(self) -> frozenset[str]:
+        """Ids of the terms."""
+        return frozenset(fit.identifier for fit in self.fits)
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """As JSON."""
+        return {
+            "low_pass_Hz": self.low_pass_hz,
+            "keep_every": self.keep_every,
+            "p_value": self.p_value,
+            "best": [fit.identifier for fit in self.fits],
+            "explained": self.explained,
+            "parameters": [
+                {
+                    "term": e.term,
+                    "parameter": e.name,
+                    "unit": e.unit,
+                    "value": e.value,
+                    "standard_error": e.standard_error,
+                }
+                for e in self.sizes
+            ],
+        }
+
+
+def _others(given: PrepareTable) -> Iterator[PrepareTable]:
+    """The other low-passes, thinned in proportion."""
+    for factor in FACTORS:
+        low_pass = factor * given.low_pass_hz
+        if low_pass <= HIGHEST_TRIED * given.rate_hz:
+            thinned = max(1, round(given.keep_every / factor)) if given.keep_every > 1 else 1
+            changed = {"low_pass_hz": low_pass, "keep_every": min(thinned, 100), "drop": None}
+            yield given.model_copy(update=changed)
+
+
+def try_low_passes(case: Case, rng: np.random.Generator) -> tuple[LowPassTried, ...]:
+    """Search the fitted recordings anew with half the low-pass and with twice.
+
+    Parameters
+    ----------
+    case : Case
+        Baseline and library.
+    rng : numpy.random.Generator
+        Draws synthetic records.
+
+    Notes
+    -----
+    The cut-off is a choice of whoever prepares the record. Too low, it rounds off what tells terms apart; too high, it
+    lets in resonances and noise that no term describes. What both neighbours name as well does not hang on it. One at
+    which the recordings are too short for the filter is left out.
+    """
+    tried = []
+    for prepare in _others(case.prepare):
+        other = replace(case, prepare=prepare, withheld=())
+        try:
+            recorded, _ = read_recordings(other)
+        except RecordingError:
+            continue
+        s = search_record(other, recorded, rng)
+        sizes: tuple[Estimate, ...] = ()
+        if s.named:
+            estimates = fit_together(recorded, s.noise.noise, s.free, s.named).estimates
+            sizes = tuple(e for e in estimates if e.term in {fit.identifier for fit in s.named})
+        explained = s.found is not None and s.found.explained
+        tried.append(
+            LowPassTried(prepare.low_pass_hz, prepare.keep_every, s.mismatch.p_value, s.named, explained, sizes)
+        )
+    return tuple(tried)

@@ -1,0 +1,121 @@
+"""The search of a record: is there a mismatch, and which terms of the library explain it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.catalogue import TermCatalogue
+from pmg.pipeline.diagnosis.balance.estimate import design_of, for_search, reversals
+from pmg.pipeline.diagnosis.balance.fitting import tabulate, term_problem
+from pmg.pipeline.diagnosis.balance.library.term import RECORDING
+from pmg.pipeline.diagnosis.balance.mismatch import DRAWS, find_mismatch, record_evidence
+from pmg.pipeline.diagnosis.balance.noise_model import noise_of
+from pmg.pipeline.diagnosis.balance.structure import families_of
+from pmg.pipeline.diagnosis.engine.adequacy import adequacy_test
+from pmg.pipeline.diagnosis.engine.naming import name_candidates
+from pmg.pipeline.diagnosis.engine.problem import freed
+
+if TYPE_CHECKING:
+    from pmg.pipeline.diagnosis.balance.case import Case
+    from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit, TermProblem
+    from pmg.pipeline.diagnosis.balance.library.term import Motion, Term
+    from pmg.pipeline.diagnosis.balance.mismatch import Place
+    from pmg.pipeline.diagnosis.balance.noise_model import NoiseModel
+    from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
+    from pmg.pipeline.diagnosis.engine.evidence import Evidence
+    from pmg.pipeline.diagnosis.engine.mismatch import Mismatch
+    from pmg.pipeline.fit.structure import ResidualStructure
+    from pmg.sim.signals import Array
+
+
+def _free_terms(case: Case) -> tuple[Term[Motion], ...]:
+    """Terms of the baseline whose amplitudes are free."""
+    return tuple(t for name in case.baseline for t in case.library if t.key == name and name not in case.fixed)
+
+
+def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
+    """Terms that may be named; one whose amplitude is taken as known may be off by what its bounds allow.
+
+    Of a machine that coasts, none that goes with its acceleration, or with the force that is zero; none that needs a
+    channel which was not recorded; no zero where each recording has its own; of a machine that moves one way only,
+    none that goes with direction as a plainer term does.
+    """
+    channels, coasts = recorded.motion.besides, recorded.coasts
+    ways = recorded.motion.direction
+    one_way = not (ways > 0.0).any() or not (ways < 0.0).any()
+    terms = []
+    for term in case.library:
+        if coasts and (term.needs_drive or term.of_model):
+            continue
+        if one_way and term.both_ways:
+            continue
+        if not set(term.needs) <= set(channels) or (case.own_zeros and term.identifier == "constant_offset"):
+            continue
+        if term.of_angle and RECORDING in channels:
+            term = term.in_each(len(recorded.motion.starts))
+        known = case.fixed.get(term.key)
+        if known is not None:
+            (quantity,) = term.amplitudes
+            low, high = quantity.bounds
+            terms.append(replace(term, amplitudes=(replace(quantity, bounds=(low - known, high - known)),)))
+        elif term.identifier not in case.baseline:
+            terms.append(term)
+    return tuple(terms)
+
+
+@dataclass(frozen=True)
+class Searched:
+    """A record searched: its noise, families and evidence about the free terms of the baseline, and what was found.
+
+    The moments of reversal are free in `problem` and not in `for_refinements`; `turned` (n, k) are their columns.
+    """
+
+    free: tuple[Term[Motion], ...]
+    noise: NoiseModel
+    looked: tuple[ResidualStructure, ...]
+    evidence: Evidence
+    problem: TermProblem
+    for_refinements: TermProblem
+    turned: Array
+    mismatch: Mismatch[Place]
+    found: TermNaming | None
+    named: tuple[TermFit, ...]
+
+
+def search_record(case: Case, recorded: Recorded, rng: np.random.Generator) -> Searched:
+    """The mismatch test and the search of the library; twice, the second time with noise freed from what was named."""
+    looked, free = families_of(recorded, case.axis), _free_terms(case)
+    searched = _searched_terms(case, recorded)
+    tables = tabulate(recorded, searched, coarse=True)
+    turned = reversals(recorded)
+    recorded, columns = for_search(recorded, free)
+    plain = np.hstack([columns, turned])
+    smooth = (table for table in tables.values() if not table.term.variant and not table.term.sharp)
+    allowed = [table.columns.reshape(len(plain), -1) for table in smooth]
+    structured = np.hstack([plain, *(f.columns for f in looked), *allowed])
+    found: TermNaming | None = None
+    named: tuple[TermFit, ...] = ()
+    for turn in range(2):
+        noise = noise_of(recorded.force, structured, recorded.starts[1:])
+        null = noise.whitened_draws(DRAWS, rng)
+        problem = term_problem(recorded, tables, noise.noise, plain)
+        evidence = record_evidence(noise, problem, looked, null)
+        mismatch = find_mismatch(evidence, looked)
+        if not mismatch.found:
+            found, named = None, ()
+            break
+        if turn == 0:
+            tables = tabulate(recorded, searched)
+            problem = term_problem(recorded, tables, noise.noise, plain)
+        found = name_candidates(problem, TermCatalogue(), adequacy_test(evidence))
+        if found.best.ids == {fit.identifier for fit in named}:
+            break
+        named = found.best.fits
+        structured = np.hstack([structured, design_of(recorded, (), named)]) if named else structured
+    basis, left = freed(noise.noise.whiten(columns), noise.noise.whiten(recorded.force[:, None])[:, 0])
+    for_refinements = replace(problem, baseline=basis, left=left)
+    return Searched(free, noise, looked, evidence, problem, for_refinements, turned, mismatch, found, named)
