@@ -6,6 +6,7 @@ import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import erf
 
 from pmg.pipeline.diagnosis.balance.library.term import Quantity
 from pmg.pipeline.diagnosis.motion.candidates.terms import amount, signed, stack, term
@@ -60,6 +61,21 @@ def hysteresis_terms() -> Iterator[MotionTerm]:
         variant="several stops",
         of_parts=True,
         mixes=True,
+        of_pole_angle=True,
+        follows=(LawCovariate.LOAD,),
+        component=Component.MAGNETIC_GEAR,
+        shaft="both",
+    )
+
+    yield term(
+        "gear_hysteresis",
+        "Drag of the gear that changes its sign with the rate of the pole angle",
+        "p h erf(v/v0)",
+        amount("drag", "N m", 0.1),
+        lambda v, slow: stack(v.pairs * erf(v.slip / slow)),
+        engaged_only=True,
+        shape=Quantity("slow", "rad/s", (0.05, 1.0)),
+        variant="by rate",
         of_pole_angle=True,
         follows=(LawCovariate.LOAD,),
         component=Component.MAGNETIC_GEAR,
