@@ -36,9 +36,9 @@ def show_bench(
     ] = None,
 ) -> Outcome:
     """Show the bench on one page. It lists every number with its source, operating modes and harmonics."""
-    from pmg.pipeline.commands import terms
+    from pmg.pipeline.commands.machines.machine import show_bench as shown
 
-    return terms.show_bench(which)
+    return shown(which)
 
 
 MachineArgument = Annotated[
@@ -55,7 +55,7 @@ def new(
     like: Annotated[str, typer.Option("--like", help="Begin from this machine that ships.")] = "rotary-drive",
 ) -> Outcome:
     """Write a machine file to begin from. It is a copy of one that ships, each number with unit and source."""
-    from pmg.pipeline.commands.terms import begin_machine
+    from pmg.pipeline.commands.machines.machine import begin_machine
 
     return begin_machine(file, like)
 
@@ -68,7 +68,7 @@ def show(
     ] = None,
 ) -> Outcome:
     """Show a machine on one page. Without a name it lists the machines that ship."""
-    from pmg.pipeline.commands.terms import show_machine
+    from pmg.pipeline.commands.machines.machine import show_machine
 
     return show_machine(which)
 
@@ -84,7 +84,7 @@ def check(
     ] = None,
 ) -> Outcome:
     """Check a machine file. With recordings, it checks that they hold its channels."""
-    from pmg.pipeline.commands.terms import check_machine
+    from pmg.pipeline.commands.machines.machine import check_machine
 
     return check_machine(which, recordings)
 
@@ -95,7 +95,7 @@ def run_of(given: Given, progress: Progress | None) -> Outcome | None:
     which = given.pop("machine")
     if which is None:
         return None
-    from pmg.pipeline.commands.terms import run_machine
+    from pmg.pipeline.commands.machines.terms import run_machine
     from pmg.pipeline.machine.machine_file import read_machine
     from pmg.pipeline.machine.magnetic import usual
     from pmg.pipeline.machine.shipped import machine_path

@@ -171,7 +171,7 @@ def terms(
     progress: Progress | None = None,
 ) -> Outcome:
     """Find what the force balance of another machine lacks. It takes a case file, and its recordings."""
-    from pmg.pipeline.commands.terms import run_terms
+    from pmg.pipeline.commands.machines.terms import run_terms
 
     return run_terms(case, out, data, seed, progress)
 

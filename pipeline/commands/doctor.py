@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from pmg.pipeline.analysis.outputs import analysed_campaign
 from pmg.pipeline.commands.config import run_check
 from pmg.pipeline.commands.design import audit_words
+from pmg.pipeline.commands.machines.machine import check_machine
 from pmg.pipeline.commands.outcome import Outcome
-from pmg.pipeline.commands.terms import check_machine
 from pmg.pipeline.fit.analysis import analyse
 from pmg.pipeline.fit.options import THESIS_OPTIONS
 from pmg.pipeline.grid.tables import read_published

@@ -31,6 +31,9 @@ LONGEST = 4 << 20
 SHOWN = 60
 """Characters of a name that cannot be one that are repeated in a message."""
 
+EMPTY = re.compile(r"([\w.-]+)\s*=\s*(?=[,}#]|$)")
+"""An entry of a line of TOML without a value."""
+
 KINDS = {
     "float_type": "a number",
     "finite_number": "a finite number",
@@ -212,6 +215,9 @@ def _fault_of_form(path: Path, text: str, fault: tomllib.TOMLDecodeError, error:
     do = "Correct the line."
     if "Unescaped '\\'" in came or "hex value" in came:
         do = 'Between " a backslash begins a sign: write / instead, or put the text between single quotes.'
+    elif came == "Invalid value" and (empty := EMPTY.search(text.splitlines()[int(line) - 1])):
+        came, do = f"no value after '{empty[1]} ='", "Complete the line, or leave the entry out."
+        return error(f"{path}: line {line}", came, "a value", do)
     elif came == "Invalid value":
         do = "Correct the line; text stands in quotation marks."
     return error(f"{path}: line {line}{column}", came, "TOML", do)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.machine.axis import Axis
     from pmg.pipeline.machine.channel import Channel
     from pmg.pipeline.machine.quantity import Stated
-    from pmg.pipeline.machine.tables import ModelTable, Published, RecordsTable
+    from pmg.pipeline.machine.tables import ModelTable, RecordsTable, TermParameter
 
 SHAFT_NUMBERS = {
     "inertia": "inertia",
@@ -151,10 +151,10 @@ class Machine:
         How its records are read; None of a machine whose recordings are in layout pmg.v1.
     model : ModelTable
         Terms that are taken for granted.
-    published : tuple of Published
+    published : tuple of TermParameter
         Parameters to compare with.
     published_errors : mapping of str to float
-        Published relative errors, as parts of 1.
+        TermParameter relative errors, as parts of 1.
     """
 
     file: TableFile[Any]
@@ -163,7 +163,7 @@ class Machine:
     gear: MachineGear | None
     records: RecordsTable | None
     model: ModelTable
-    published: tuple[Published, ...] = ()
+    published: tuple[TermParameter, ...] = ()
     published_errors: Mapping[str, float] = field(default_factory=dict)
 
     @property

@@ -12,7 +12,7 @@ from pmg.pipeline.machine.axis import LINEAR, ROTARY
 from pmg.pipeline.machine.channel import TIMES, in_si
 from pmg.pipeline.machine.machine import GEAR_NUMBERS, SHAFT_NUMBERS, Machine, MachineGear, MachineShaft
 from pmg.pipeline.machine.quantity import stated
-from pmg.pipeline.machine.tables import GearTable, ModelTable, Published, PublishedErrors, RecordsTable, ShaftTable
+from pmg.pipeline.machine.tables import GearTable, ModelTable, PublishedErrors, RecordsTable, ShaftTable, TermParameter
 from pmg.pipeline.wording.units import TEMPERATURE_UNITS
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class _MachineTable(Strict):
     gear: GearTable | None = None
     records: RecordsTable | None = None
     model: ModelTable = ModelTable()
-    published: list[Published] = Field(default_factory=list)
+    published: list[TermParameter] = Field(default_factory=list)
     published_errors: PublishedErrors = PublishedErrors()
 
     @model_validator(mode="after")

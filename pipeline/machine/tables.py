@@ -180,20 +180,21 @@ class RecordsTable(PrepareTable):
     csv: CsvForm = CsvForm()
 
 
-class ModelTable(Strict):
-    """Terms that are taken for granted, amplitudes that are known [SI], numbers of the machine that are."""
-
-    baseline: Annotated[list[str], EACH_ONCE] = Field(default_factory=list)
-    fixed: dict[str, float] = Field(default_factory=dict)
-
-
-class Published(Strict):
-    """A published parameter that ours is compared with."""
+class TermParameter(Strict):
+    """A parameter of a term: published, to compare ours with, or known."""
 
     term: str
     parameter: str
     value: Annotated[float, within(-1e12, 1e12)]
     unit: str
+
+
+class ModelTable(Strict):
+    """Terms that are taken for granted, amplitudes of them that are known [SI], further terms that are."""
+
+    baseline: Annotated[list[str], EACH_ONCE] = Field(default_factory=list)
+    fixed: dict[str, float] = Field(default_factory=dict)
+    known: list[TermParameter] = Field(default_factory=list)
 
 
 class PublishedErrors(Strict):

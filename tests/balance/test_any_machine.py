@@ -18,7 +18,7 @@ from tests.balance import slide, wheel
 from tests.balance.reading import read_one
 from tests.importers import written
 
-from pmg.pipeline.commands.terms import run_terms
+from pmg.pipeline.commands.machines.terms import run_terms
 from pmg.pipeline.diagnosis.balance import contest
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.contest import ModelStep
@@ -102,7 +102,7 @@ def test_the_page_of_a_machine_that_turns_speaks_of_torque(tmp_path: Path) -> No
     assert "Position from the torque alone" in page
     assert not re.search(r"\[(N|m|m/s|mm|kg)\]", page)
     head = (tmp_path / "out" / "residuals.csv").read_text(encoding="utf-8").splitlines()[0]
-    assert head.startswith("time [s],position [rad],speed [rad/s],acceleration [rad/s2],torque [N m],")
+    assert head.startswith("recording,time [s],position [rad],speed [rad/s],acceleration [rad/s2],torque [N m],")
 
 
 def test_the_libraries_of_both_axes_hold_the_same_terms_in_other_units() -> None:

@@ -19,7 +19,7 @@ from tests.balance.slide import make_case, plain
 from tests.conftest import ROOT
 
 from pmg.pipeline.chapters.explained.machine_sheet import machine_sheet
-from pmg.pipeline.commands.terms import run_terms
+from pmg.pipeline.commands.machines.terms import run_terms
 from pmg.pipeline.diagnosis.balance.case_file import read_case
 from pmg.pipeline.diagnosis.balance.causes import near_causes, nearest_lines
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
@@ -151,7 +151,7 @@ def test_a_force_outside_the_library_is_said_to_be_so(tmp_path: Path) -> None:
         f"{each.title}: {each.share:.0%} of the mismatch" for each in near
     ]
     assert bool(near) is not lines[0].startswith("No term")
-    said = {each.question: " ".join(each.sentences) for each in machine_sheet(found).answers}
+    said = {each.question: " ".join(each.sentences) for each in machine_sheet(found, goes_on=False).answers}
     for each in near[:1]:
         assert f"The closest, {each.title}, explains {each.share:.0%} of it." in said["Cause"]
         assert each.test.rstrip(".")[1:] in said["Next test"]

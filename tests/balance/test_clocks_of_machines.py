@@ -10,7 +10,7 @@ from tests.balance import gearbox
 from tests.balance.test_machine import changed
 from tests.bench.clocks import FAULTS, mf4, parquet, told
 
-from pmg.pipeline.commands.terms import check_machine
+from pmg.pipeline.commands.machines.machine import check_machine
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.machine.machine_file import read_machine

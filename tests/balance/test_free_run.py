@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pmg.pipeline.diagnosis.balance.free_run import SetTerm, free_run
+from pmg.pipeline.diagnosis.balance.free_run import free_run
+from pmg.pipeline.diagnosis.balance.known_terms import SetTerm
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE
 from pmg.pipeline.diagnosis.balance.library.term import Motion
 from pmg.pipeline.diagnosis.balance.records.recorded import Recorded

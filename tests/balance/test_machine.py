@@ -15,7 +15,8 @@ from tests.slow import slow
 from typer.testing import CliRunner, Result
 
 from pmg.pipeline.cli.app import app
-from pmg.pipeline.commands.terms import check_machine, run_machine
+from pmg.pipeline.commands.machines.machine import check_machine
+from pmg.pipeline.commands.machines.terms import run_machine
 from pmg.pipeline.diagnosis.balance.causes import named_causes
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import headline
@@ -240,6 +241,8 @@ def test_every_machine_that_ships_is_sound_and_shown(name: str) -> None:
         ('withheld = ["withheld*"]', 'withheld = ["*"]', "at least one to fit"),
         ("[records]", "[model]\nbaseline = ['inertia', 'load_fricton']\n[records]", "load_friction"),
         ("nominal =", "nominl =", "nominal"),
+        ("ratio = { value = 12.25,", "ratio = { value = ,", "no value after 'value ='"),
+        ('output = "brake"', "output =", "no value after 'output ='"),
     ],
 )
 def test_a_damaged_machine_file_is_refused_with_its_place(tmp_path: Path, old: str, new: str, words: str) -> None:

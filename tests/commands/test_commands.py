@@ -155,7 +155,7 @@ TABLE: dict[str, Row] = {
         ),
     ),
     "terms": Row(
-        "commands.terms.run_terms",
+        "commands.machines.terms.run_terms",
         "{slide}/case.toml --out {tmp}/o",
         (
             Wrong("{tmp}/none.toml --out {tmp}/o", "none.toml"),
@@ -164,7 +164,7 @@ TABLE: dict[str, Row] = {
         ),
     ),
     "machine new": Row(
-        "commands.terms.begin_machine",
+        "commands.machines.machine.begin_machine",
         "{tmp}/m.toml --like emps",
         (
             Wrong("{notes}", "nothing was written"),
@@ -172,19 +172,19 @@ TABLE: dict[str, Row] = {
         ),
     ),
     "machine show": Row(
-        "commands.terms.show_machine",
+        "commands.machines.machine.show_machine",
         "two-stage-gearbox",
         (Wrong("{tmp}/none.toml", "none.toml"), Wrong("{bad_key}", "bad-key.toml"), Wrong("{tmp}", "a folder")),
         more=(("", 0),),
     ),
     "bench show": Row(
-        "commands.terms.show_bench",
+        "commands.machines.machine.show_bench",
         "",
         (Wrong("--machine {tmp}/none.toml", "none.toml"), Wrong("--machine emps", "magnetic gear")),
         more=(("--machine thesis-gear-2", 0),),
     ),
     "machine check": Row(
-        "commands.terms.check_machine",
+        "commands.machines.machine.check_machine",
         "rotary-drive",
         (
             Wrong("{bad_key}", "bad-key.toml"),

@@ -11,7 +11,7 @@ from pmg.pipeline.chapters.explained.balance_figures import friction_figure, res
 from pmg.pipeline.chapters.explained.free_run import free_run_sections
 from pmg.pipeline.chapters.explained.low_passes import low_passes_table
 from pmg.pipeline.diagnosis.balance.causes import named_causes, nearest_lines
-from pmg.pipeline.diagnosis.balance.document import percent, separating_test, title_of, titled
+from pmg.pipeline.diagnosis.balance.document import percent, separating_test, taken_for_granted, title_of, titled
 from pmg.pipeline.diagnosis.balance.library.drive import EMPS
 from pmg.pipeline.diagnosis.balance.serial import ANDREWS_MONAHAN
 from pmg.pipeline.report.document import Cell, Column, Facts, Measured, Section, Table, Text
@@ -107,7 +107,7 @@ def _stand_row(d: TermsDiagnosis, kind: str, step: ModelStep) -> tuple[Cell, ...
     proof, (low, high) = step.held, step.carried
     carries = "–" if math.isnan(low) else "yes" if low > 0.0 else "no" if high < 0.0 else "not certain"
     return (
-        titled(step.fitted.fits[-1].candidate) if step.added else "baseline: " + ", ".join(d.case.baseline),
+        titled(step.fitted.fits[-1].candidate) if step.added else f"baseline: {taken_for_granted(d.case, ', ')}",
         kind if step.added else "baseline",
         step.evidence if step.added else None,
         100.0 * step.error_fit,

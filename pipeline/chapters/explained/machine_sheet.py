@@ -36,10 +36,12 @@ TITLES = {
 """Verdict in the words of the other sheets."""
 
 
-def machine_sheet(diagnosis: TermsDiagnosis) -> ActionSheet:
-    """The sheet of a machine of one's own."""
+def machine_sheet(diagnosis: TermsDiagnosis, *, goes_on: bool) -> ActionSheet:
+    """The sheet of a machine of one's own; with `goes_on` a machine file with the cause was written."""
     causes = named_causes(diagnosis)
-    return ActionSheet(tuple(_answers(diagnosis, causes)), _parts(diagnosis, causes), _picture(diagnosis))
+    return ActionSheet(
+        tuple(_answers(diagnosis, causes, goes_on=goes_on)), _parts(diagnosis, causes), _picture(diagnosis)
+    )
 
 
 def _parts(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> tuple[MachinePart, ...]:
@@ -53,7 +55,7 @@ def _parts(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> tuple[MachinePa
     return tuple(MachinePart(part, mark=mark(part)) for part in (TWO_SHAFTS if two else ONE_SHAFT))
 
 
-def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[SheetAnswer]:
+def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool) -> Iterator[SheetAnswer]:
     first, last, push = d.steps[0], d.steps[-1], d.case.axis.push
     title = TITLES.get(d.verdict, headline(d)).rstrip(".")
     if d.verdict is Verdict.NAMED:
@@ -82,9 +84,9 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...]) -> Iterator[Shee
     if d.verdict is Verdict.CONSISTENT:
         yield SheetAnswer("In the model", ("The fitted constants describe the machine; `terms.json` holds them.",))
     elif causes:
-        yield SheetAnswer(
-            "In the model", ("Add the term with its fitted size; `terms.json` and `residuals.csv` hold both models.",)
-        )
+        added = "Add the term with its fitted size; `terms.json` and `residuals.csv` hold both models."
+        written = "`machine-with-cause.toml` holds it with its size: go on with that file as `--machine`."
+        yield SheetAnswer("In the model", (written if goes_on else added,))
     if causes and last is not first:
         yield SheetAnswer("If ignored", tuple(_costs(d, first, last)))
 

@@ -12,11 +12,12 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from pmg.pipeline.diagnosis.balance.known_terms import SetTerm
     from pmg.pipeline.diagnosis.balance.library.term import Motion, Term
     from pmg.pipeline.importers.csv_dialect import CsvForm
     from pmg.pipeline.machine.axis import Axis
     from pmg.pipeline.machine.channel import Channel, PrepareTable
-    from pmg.pipeline.machine.tables import Published
+    from pmg.pipeline.machine.tables import TermParameter
 
 OUTPUT = "output_"
 """What the channels of the second shaft begin with."""
@@ -67,7 +68,9 @@ class Case:
         Terms that are taken for granted, their amplitudes free.
     fixed : mapping of str to float
         Amplitudes of baseline terms that are known [SI].
-    published : tuple of Published
+    known : tuple of SetTerm
+        Further terms that are known.
+    published : tuple of TermParameter
         Parameters to compare with.
     published_errors : mapping of str to float
         Relative force errors [1] on the recordings ``fit`` and ``withheld``.
@@ -93,7 +96,8 @@ class Case:
     prepare: PrepareTable
     baseline: tuple[str, ...]
     fixed: Mapping[str, float]
-    published: tuple[Published, ...] = ()
+    known: tuple[SetTerm, ...] = ()
+    published: tuple[TermParameter, ...] = ()
     published_errors: Mapping[str, float] = field(default_factory=dict)
     ratio: float | None = None
     withheld_part: float | None = None
@@ -133,19 +137,3 @@ def check_model(
             number_within(value, *terms[name].amplitudes[0].bounds)
     if len(fixed) == len(baseline):
         refuse("every term is fixed", "at least one free term", "Leave one out.", *table, "fixed")
-
-
-def check_published(library: tuple[Term[Motion], ...], published: Sequence[Published]) -> None:
-    """Refuse a published parameter that no term of a library has.
-
-    Raises
-    ------
-    RefusalError
-        There is one.
-    """
-    terms = {term.key: term for term in library}
-    for i, row in enumerate(published):
-        term = terms[word_of(row.term, terms, "published", i, "term")]
-        quantities = {quantity.name: quantity for quantity in term.parameters}
-        word_of(row.parameter, quantities, "published", i, "parameter")
-        word_of(row.unit, [quantities[row.parameter].unit], "published", i, "unit")

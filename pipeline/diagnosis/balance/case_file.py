@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, model_validator
 
-from pmg.pipeline.diagnosis.balance.case import Case, check_model, check_published
+from pmg.pipeline.diagnosis.balance.case import Case, check_model
+from pmg.pipeline.diagnosis.balance.known_terms import check_parameters
 from pmg.pipeline.diagnosis.balance.library.drive import LIBRARIES
 from pmg.pipeline.files.strict_tables import EACH_ONCE, Strict, one_of, refuse, refusing
 from pmg.pipeline.files.table_file import read_table_file
 from pmg.pipeline.importers.csv_dialect import CsvForm
 from pmg.pipeline.machine.channel import TIMES, Channel, PrepareTable, in_si
-from pmg.pipeline.machine.tables import Published, PublishedErrors, ShaftChannels
+from pmg.pipeline.machine.tables import PublishedErrors, ShaftChannels, TermParameter
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -64,7 +65,7 @@ class _CaseTable(Strict):
     csv: CsvForm = CsvForm()
     prepare: PrepareTable
     baseline: _KnownTermsTable
-    published: list[Published] = Field(default_factory=list)
+    published: list[TermParameter] = Field(default_factory=list)
     published_errors: PublishedErrors = PublishedErrors()
 
     @model_validator(mode="after")
@@ -75,7 +76,7 @@ class _CaseTable(Strict):
             do = "Coasting shows friction as part of the inertia only: fix that, or name the channel."
             refuse("missing", f"a {axis.pushes}, or baseline.fixed.inertia", do, "channels", axis.pushes)
         check_model(library, self.baseline.terms, self.baseline.fixed, ("baseline",), "terms")
-        check_published(library, self.published)
+        check_parameters(library, self.published, "published")
         return self
 
 

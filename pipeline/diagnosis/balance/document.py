@@ -13,6 +13,8 @@ from pmg.pipeline.fit.document import number
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from pmg.pipeline.diagnosis.balance.case import Case
+    from pmg.pipeline.diagnosis.balance.catalogue import TermNaming
     from pmg.pipeline.diagnosis.balance.contest import Contest, ModelStep
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.estimate import Estimate
@@ -49,25 +51,7 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
         "coasts": diagnosis.recorded.coasts,
         "findings": [finding.to_dict() for finding in diagnosis.recorded.findings],
         "locations": _places(diagnosis.mismatch),
-        "rounds": []
-        if found is None
-        else [
-            {
-                "entered": " + ".join(step.entered),
-                "left_before": number(step.remainder.excess),
-                "ranking": [
-                    {
-                        "id": f.identifier,
-                        "gain": f.gain,
-                        "cost": f.cost,
-                        "shape": number(f.shape),
-                        "on_bound": f.on_bound,
-                    }
-                    for f in step.ranking
-                ],
-            }
-            for step in found.rounds
-        ],
+        "rounds": [] if found is None else _rounds(found),
         "models": [_model(step, unit) for step in diagnosis.steps],
         "refinements": [_model(step, unit) for step in diagnosis.refinements],
         "dropped_refinements": [_model(step, unit) for step in diagnosis.dropped],
@@ -91,6 +75,28 @@ def terms_document(diagnosis: TermsDiagnosis) -> dict[str, Any]:
             "in_place_of_named": None if diagnosis.decoys is None else asdict(diagnosis.decoys),
         },
     }
+
+
+def _rounds(naming: TermNaming) -> list[dict[str, Any]]:
+    """The rounds of the search, each with its ranking."""
+    return [
+        {
+            "entered": " + ".join(step.entered),
+            "left_before": number(step.remainder.excess),
+            "ranking": [
+                {
+                    "id": f.identifier,
+                    "variant": f.candidate.variant,
+                    "gain": f.gain,
+                    "cost": f.cost,
+                    "shape": number(f.shape),
+                    "on_bound": f.on_bound,
+                }
+                for f in step.ranking
+            ],
+        }
+        for step in naming.rounds
+    ]
 
 
 def _free_runs(diagnosis: TermsDiagnosis) -> list[dict[str, Any]]:
@@ -156,6 +162,12 @@ def _contest(contest: Contest, unit: str) -> dict[str, Any]:
 def title_of(diagnosis: TermsDiagnosis, identifier: str) -> str:
     """Name of a term for people by its id, in lower case."""
     return titled(next(t for t in diagnosis.case.library if t.identifier == identifier))
+
+
+def taken_for_granted(case: Case, joint: str) -> str:
+    """The terms of the baseline by their ids, and further ones that are known."""
+    further = f"; known: {joint.join(each.term.key for each in case.known)}" if case.known else ""
+    return f"{joint.join(case.baseline)}{further}"
 
 
 def titled(term: Term[Any]) -> str:
@@ -232,7 +244,7 @@ def terms_lines(diagnosis: TermsDiagnosis) -> list[str]:
     lines += [f"{'model':<44}{'fit':>9}{'withheld':>10}  withheld blocks [{diagnosis.case.axis.push}]"]
     for kind, steps in (("+ ", diagnosis.steps), ("refined by ", diagnosis.refinements)):
         for step in steps:
-            name = " + ".join(diagnosis.case.baseline) if not step.added else kind + step.added
+            name = taken_for_granted(diagnosis.case, " + ") if not step.added else kind + step.added
             blocks = "" if step.held is None else f"{step.held.rmse_before:.3f} -> {step.held.rmse_after:.3f}"
             if step.carried[1] < 0.0:
                 blocks += "  does not carry over to the withheld record"

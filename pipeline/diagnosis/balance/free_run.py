@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pmg.pipeline.diagnosis.balance.estimate import INERTIA
+from pmg.pipeline.diagnosis.balance.known_terms import SetTerm, missing_parameters, set_terms
 from pmg.pipeline.diagnosis.balance.library.term import Motion
 
 if TYPE_CHECKING:
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 
     from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.estimate import FittedTerms
-    from pmg.pipeline.diagnosis.balance.library.term import Term
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.sim.signals import Array
 
@@ -27,25 +27,6 @@ RUNS_AWAY = 1e6
 
 HARDLY = 1e-9
 """Speed [SI] that stands for setting out from rest in one sense or the other."""
-
-
-@dataclass(frozen=True)
-class SetTerm:
-    """A term with its numbers.
-
-    Parameters
-    ----------
-    term : Term
-        The term.
-    amplitudes : (a,) array
-        Its amplitudes.
-    shape : float
-        Its shape; NaN without one.
-    """
-
-    term: Term[Motion]
-    amplitudes: Array
-    shape: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -112,28 +93,18 @@ class _Instant(Motion):
 
 
 def of_fit(fitted: FittedTerms, case: Case) -> tuple[SetTerm, ...]:
-    """Terms of a fit with their numbers; those whose amplitude is known besides."""
+    """Terms of a fit with their numbers; those that are known besides."""
     shapes = [(term, float("nan")) for term in fitted.baseline] + [(fit.candidate, fit.shape) for fit in fitted.fits]
     ends = np.cumsum([len(term.amplitudes) for term, _ in shapes])[:-1]
     parts = np.split(fitted.values, ends)
     known = [SetTerm(t, np.array([case.fixed[t.key]])) for t in case.library if t.key in case.fixed]
-    return (*known, *(SetTerm(term, part, shape) for (term, shape), part in zip(shapes, parts, strict=True)))
+    found = (SetTerm(term, part, shape) for (term, shape), part in zip(shapes, parts, strict=True))
+    return (*known, *case.known, *found)
 
 
 def of_published(case: Case) -> tuple[SetTerm, ...]:
     """Terms whose parameters were published, all of them; none where a parameter of one is missing."""
-    values = {(row.term, row.parameter): row.value for row in case.published}
-    named = [term for term in case.library if any(name == term.key for name, _ in values)]
-    if any((term.key, q.name) not in values for term in named for q in term.parameters):
-        return ()
-    return tuple(
-        SetTerm(
-            term,
-            np.array([values[term.key, q.name] for q in term.amplitudes]),
-            float("nan") if term.shape is None else values[term.key, term.shape.name],
-        )
-        for term in named
-    )
+    return () if missing_parameters(case.library, case.published) else set_terms(case.library, case.published)
 
 
 def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRun | None:

@@ -1,40 +1,61 @@
-"""What other low-passes name, beside what is told, in words."""
+"""What other low-passes name, beside what is told, in words; and when that is a warning."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from pmg.pipeline.diagnosis.balance.document import titled
+from pmg.pipeline.diagnosis.balance.library.elastic import RESONANCE
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.recording.remark import Remark
+from pmg.pipeline.wording.plurals import capitalised
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
     from pmg.pipeline.diagnosis.balance.low_passes import LowPassTried
 
-SAME = "the same"
+SAME = "the search says the same"
 """Said of a low-pass with which nothing changes."""
 
 
 def said_with(d: TermsDiagnosis, tried: LowPassTried) -> str:
     """What the search says with another low-pass, against what is told: `SAME`, or how it differs."""
-    seen = tried.p_value <= d.mismatch.false_alarm_rate / max(len(d.low_passes), 1)
     terms = " and ".join(titled(fit.candidate) for fit in tried.fits) or "no term"
     if not d.mismatch.found:
-        return "a mismatch is seen" if seen else SAME
-    if not seen:
+        return "a mismatch is seen" if _seen(d, tried) else SAME
+    if not _seen(d, tried):
         return "no mismatch is seen"
     if not d.verdict.names:
-        open_still = d.verdict is Verdict.NOT_IN_LIBRARY and not tried.explained
-        return SAME if open_still or d.impossible else f"{terms}, with which nothing is left"
+        return f"{terms} explains it" if _explains_what_is_open(d, tried) else SAME
     leading = frozenset(step.added for step in d.steps[1:])
-    sets = [leading, *(contest.rival.ids for contest in d.contests if contest.open)]
-    if tried.ids in sets:
+    if tried.ids in [leading, *(contest.rival.ids for contest in d.contests if contest.open)]:
         return SAME
     more = " and ".join(titled(fit.candidate) for fit in tried.fits if fit.identifier not in leading)
     if leading < tried.ids:
-        return f"{SAME} with {more} beside"
-    return terms if tried.explained else f"{terms}, which does not explain it"
+        return f"more comes in: {more}"
+    if _lets_in_a_resonance(d, tried):
+        return f"a resonance comes in, and hides what is named here: {more}"
+    return f"the search names {terms}{'' if tried.explained else ', which does not explain it'}"
+
+
+def _seen(d: TermsDiagnosis, tried: LowPassTried) -> bool:
+    return tried.p_value <= d.mismatch.false_alarm_rate / max(len(d.low_passes), 1)
+
+
+def _explains_what_is_open(d: TermsDiagnosis, tried: LowPassTried) -> bool:
+    return d.verdict is Verdict.NOT_IN_LIBRARY and not d.impossible and tried.explained and bool(tried.fits)
+
+
+def _lets_in_a_resonance(d: TermsDiagnosis, tried: LowPassTried) -> bool:
+    return tried.low_pass_hz > d.case.prepare.low_pass_hz and RESONANCE in tried.ids
+
+
+def _contradicts(d: TermsDiagnosis, tried: LowPassTried) -> bool:
+    """Whether another low-pass names other terms where it sees a mismatch, and lets in nothing that would hide them."""
+    said = said_with(d, tried)
+    leading = frozenset(step.added for step in d.steps[1:])
+    other = d.verdict.names and _seen(d, tried) and said != SAME and not leading < tried.ids
+    return other and not _lets_in_a_resonance(d, tried)
 
 
 def low_pass_sentence(d: TermsDiagnosis) -> str:
@@ -43,14 +64,21 @@ def low_pass_sentence(d: TermsDiagnosis) -> str:
         return ""
     told = [(f"{each.low_pass_hz:g} Hz", said_with(d, each)) for each in d.low_passes]
     if all(said == SAME for _, said in told):
-        return f"With a low-pass of {' or '.join(at for at, _ in told)} the search says the same."
+        return f"With a low-pass of {' or '.join(at for at, _ in told)} {SAME}."
     others = "; ".join(f"at {at} {said}" for at, said in told)
-    return f"It hangs on the low-pass of {d.case.prepare.low_pass_hz:g} Hz: {others}."
+    if any(_contradicts(d, each) for each in d.low_passes):
+        return f"It hangs on the low-pass of {d.case.prepare.low_pass_hz:g} Hz: {others}."
+    return f"Another low-pass: {others}."
 
 
 def low_pass_remarks(d: TermsDiagnosis) -> tuple[Remark, ...]:
-    """A warning where another low-pass says something else."""
-    if all(said_with(d, each) == SAME for each in d.low_passes):
+    """A warning where another low-pass names other terms, or explains what is open here."""
+    if any(_contradicts(d, each) for each in d.low_passes):
+        do = "Set it below the first resonance, and high enough to keep what follows a reversal."
+        return (Remark("warning", "low_pass_Hz", f"{low_pass_sentence(d)} {do}"),)
+    better = next((each for each in d.low_passes if _seen(d, each) and _explains_what_is_open(d, each)), None)
+    if better is None:
         return ()
-    do = "Set it below the first resonance, and high enough to keep what follows a reversal."
-    return (Remark("warning", "low_pass_Hz", f"{low_pass_sentence(d)} {do}"),)
+    do = f"set low_pass_Hz = {better.low_pass_hz:g} and keep_every = {better.keep_every}, and run again."
+    at = f"At {better.low_pass_hz:g} Hz {said_with(d, better)}"
+    return (Remark("warning", "low_pass_Hz", capitalised(f"{at}: {do}")),)

@@ -38,7 +38,7 @@ def _free_terms(case: Case) -> tuple[Term[Motion], ...]:
 
 
 def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
-    """Terms that may be named; one whose amplitude is taken as known may be off by what its bounds allow.
+    """Terms that may be named; one whose amplitudes are taken as known may be off by what their bounds allow.
 
     Of a machine that coasts, none that goes with its acceleration, or with the force that is zero; none that needs a
     channel which was not recorded; no zero where each recording has its own; of a machine that moves one way only,
@@ -47,6 +47,8 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
     channels, coasts = recorded.motion.besides, recorded.coasts
     ways = recorded.motion.direction
     one_way = not (ways > 0.0).any() or not (ways < 0.0).any()
+    known = {key: (value,) for key, value in case.fixed.items()}
+    known |= {each.term.key: tuple(each.amplitudes) for each in case.known}
     terms = []
     for term in case.library:
         if coasts and (term.needs_drive or term.of_model):
@@ -57,11 +59,9 @@ def _searched_terms(case: Case, recorded: Recorded) -> tuple[Term[Motion], ...]:
             continue
         if term.of_angle and RECORDING in channels:
             term = term.in_each(len(recorded.motion.starts))
-        known = case.fixed.get(term.key)
-        if known is not None:
-            (quantity,) = term.amplitudes
-            low, high = quantity.bounds
-            terms.append(replace(term, amplitudes=(replace(quantity, bounds=(low - known, high - known)),)))
+        sizes = known.get(term.key)
+        if sizes is not None and not term.whole:
+            terms.append(term.beyond(sizes))
         elif term.identifier not in case.baseline:
             terms.append(term)
     return tuple(terms)

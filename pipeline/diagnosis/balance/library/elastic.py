@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from pmg.pipeline.machine.axis import Axis
     from pmg.sim.signals import Array
 
+RESONANCE = "two_masses"
+"""Term of a mass on a spring."""
+
 DAMPED = (0.02, 0.1)
 """Parts of critical damping of a mass on a spring: of steel, and of an elastomer or a belt."""
 
@@ -37,7 +40,7 @@ def elastic_terms(axis: Axis) -> Iterator[Term[Motion]]:
     """A part of the mass on a spring, lightly and well damped."""
     for damping, variant in zip(DAMPED, ("", "damped"), strict=True):
         yield Term(
-            "two_masses",
+            RESONANCE,
             "A part of the mass on a spring (a resonance behind an elastic coupling or belt)",
             f"m (a_far - a), a_far of a mass on a spring of f Hz with {damping:g} of critical damping",
             amount("m", axis.mass, 1e5),

@@ -38,6 +38,9 @@ LAG, INPUT_LAG, OUTPUT_LAG = "lag", "input_lag", "output_lag"
 """References of columns: delay of the motion, of the input's or the output's torque about which a change in time is
 taken [s]; absent where a first derivative fits better."""
 
+OF_LAGS = {"delay": LAG, "input_torque_lag": INPUT_LAG, "output_torque_lag": OUTPUT_LAG}
+"""Terms of a lag, and the reference that each takes."""
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -257,6 +260,12 @@ class Term(Generic[M]):
             return self
         own = [replace(q, name=f"{q.name}{k}") for k in range(1, recordings + 1) for q in self.amplitudes]
         return replace(self, amplitudes=tuple(own))
+
+    def beyond(self, known: tuple[float, ...]) -> Term[M]:
+        """The same beside amplitudes that are known: what they may be off by."""
+        pairs = zip(self.amplitudes, known, strict=True)
+        left = (replace(q, bounds=(q.bounds[0] - size, q.bounds[1] - size)) for q, size in pairs)
+        return replace(self, amplitudes=tuple(left))
 
     @property
     def whole(self) -> bool:

@@ -6,7 +6,8 @@ from dataclasses import replace
 from fnmatch import fnmatch
 from typing import TYPE_CHECKING
 
-from pmg.pipeline.diagnosis.balance.case import OUTPUT, Case, SecondFile, check_model, check_published
+from pmg.pipeline.diagnosis.balance.case import OUTPUT, Case, SecondFile, check_model
+from pmg.pipeline.diagnosis.balance.known_terms import check_known, check_parameters, set_terms
 from pmg.pipeline.diagnosis.balance.library.drive import DRIVE, ROTARY_DRIVE
 from pmg.pipeline.diagnosis.balance.library.two_torques import TWO_TORQUES
 from pmg.pipeline.diagnosis.balance.library.warmth import warm_term
@@ -70,7 +71,8 @@ def case_of(machine: Machine, records: Path) -> Case:
         raise machine.file.refusal("constant_offset", "terms that recordings share", do, "model", "baseline")
     try:
         check_model(library, baseline, fixed, ("model",), "baseline")
-        check_published(library, machine.published)
+        check_parameters(library, machine.published, "published")
+        check_known(library, baseline, machine.model.known, "model", "known")
     except RefusalError as fault:
         raise machine.file.refusal(fault.came, fault.expected, fault.do, *fault.key) from fault
     return Case(
@@ -84,6 +86,7 @@ def case_of(machine: Machine, records: Path) -> Case:
         prepare=table,
         baseline=baseline,
         fixed=fixed,
+        known=set_terms(library, machine.model.known),
         published=machine.published,
         published_errors=machine.published_errors,
         ratio=machine.gear.ratio if two and machine.gear is not None else None,

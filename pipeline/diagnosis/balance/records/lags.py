@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.library.term import INPUT_LAG, LAG, OUTPUT_LAG
+from pmg.pipeline.diagnosis.balance.library.term import OF_LAGS
 
 if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.case import Case
@@ -15,10 +15,7 @@ if TYPE_CHECKING:
     from pmg.pipeline.diagnosis.balance.records.recorded import Recorded
     from pmg.sim.signals import Array
 
-OF_TERMS = {"delay": LAG, "input_torque_lag": INPUT_LAG, "output_torque_lag": OUTPUT_LAG}
-"""Terms of a lag, and the reference that each takes."""
-
-TURNS = 3
+STEPS_OF_LAG = 3
 """Steps in which a delay settles."""
 
 
@@ -34,7 +31,7 @@ def with_lags(recorded: Recorded, case: Case) -> Recorded:
         return recorded
     freed = [term for term in case.library if term.key in set(case.baseline) - set(case.fixed)]
     free = np.hstack([recorded.columns(term) for term in freed])
-    named = ((term, OF_TERMS[term.identifier]) for term in case.library if term.identifier in OF_TERMS)
+    named = ((term, OF_LAGS[term.identifier]) for term in case.library if term.identifier in OF_LAGS)
     found = {name: _delay(recorded, free, term, name) for term, name in named}
     told = {name: delay for name, delay in found.items() if delay != 0.0}
     motion = recorded.motion
@@ -45,7 +42,7 @@ def _delay(recorded: Recorded, free: Array, term: Term[Motion], name: str) -> fl
     low, high = term.amplitudes[0].bounds
     straight, least = _beside(recorded, free, term, {})
     delay, best = straight, 0.0
-    for _ in range(TURNS):
+    for _ in range(STEPS_OF_LAG):
         if not low < delay < high or abs(delay) < 0.5 * recorded.motion.sample_time:
             return best
         at = delay

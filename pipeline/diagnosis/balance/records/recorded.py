@@ -14,7 +14,7 @@ from pmg.pipeline.diagnosis.balance.library.term import KNOWN, NOISY, OF_NONE, O
 from pmg.sim.errors import RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from pmg.pipeline.diagnosis.balance.case import Case
     from pmg.pipeline.diagnosis.balance.library.term import Term
@@ -29,6 +29,9 @@ REST = 4.0
 
 SHORT = 20
 """Samples of a record up to which its acceleration is not parted."""
+
+TURNS = 4
+"""Times that known faults and a baseline beside them are taken anew: a baseline that hides one changes it."""
 
 VANISHES = 1e-9
 """Part of a column that is left of it where it is the same throughout each recording, and only rounding remains."""
@@ -120,6 +123,12 @@ class Recorded:
         """Time of the thinned samples [s]."""
         return np.concatenate([part[:: self.keep_every] for part in np.split(self.motion.time, self.motion.starts[1:])])
 
+    @property
+    def elapsed(self) -> Array:
+        """Time of the thinned samples since their recording began [s]."""
+        parts = np.split(self.motion.elapsed, self.motion.starts[1:])
+        return np.concatenate([part[:: self.keep_every] for part in parts])
+
     def each(self) -> tuple[Recorded, ...]:
         """The recordings one by one."""
         m, ends = self.motion, (*self.motion.starts, len(self.motion.time))
@@ -175,6 +184,14 @@ def joined(motions: Sequence[Motion]) -> Motion:
     )
 
 
+def _check_channels(recorded: Recorded, case: Case) -> None:
+    """Refuse a known term that needs a channel which was not recorded."""
+    for each in case.known:
+        if missing := set(each.term.needs) - set(recorded.motion.besides):
+            came, do = f"no {' and no '.join(sorted(missing))}", f"Name the channel, or leave {each.term.key} out."
+            raise RecordingError(recorded.name, came, f"what the known term {each.term.key} needs", do)
+
+
 def _check_seen(recorded: Recorded, free: Array, names: Sequence[str]) -> None:
     """Refuse a term of the baseline that recordings with zeros of their own cannot show."""
     gone = [name for name, column in zip(names, free.T, strict=True) if recorded.own_zeros and not column.any()]
@@ -223,7 +240,20 @@ def with_known(
     known = np.zeros_like(motion.force)
     for key, value in case.fixed.items():
         known = known + value * columns[key]
-    freed = [key for key in case.baseline if key not in case.fixed]
+    _check_channels(plain, case)
+    known = known + sum(each.of(motion) for each in case.known if not each.term.of_model)
+    found = _freed(replace(plain, motion=motion), case, columns, known, of)
+    faults, distorted = [each for each in case.known if each.term.of_model], np.zeros_like(known)
+    for _ in range(TURNS if faults else 0):  # each distorts what the rest gives, which is known better each time
+        rest = replace(found.motion, modelled=found.motion.modelled - distorted)
+        distorted = np.asarray(sum(each.of(rest) for each in faults))
+        found = _freed(replace(plain, motion=motion), case, columns, known + distorted, of)
+    return found
+
+
+def _freed(plain: Recorded, case: Case, columns: Mapping[str, Array], known: Array, of: Recorded | None) -> Recorded:
+    """Recordings with a known force (n,) taken out, and what the baseline gives by the columns of its terms (n,)."""
+    motion, freed = plain.motion, [key for key in case.baseline if key not in case.fixed]
     free = np.stack([columns[key] for key in freed], axis=1)
     few = plain.thin(np.c_[motion.force, known, free])
     _check_seen(plain, few[:, 2:], freed)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from dataclasses import replace
+from io import StringIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,21 +28,18 @@ from pmg.pipeline.diagnosis.balance.machine.found_and_stated import found_and_st
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
 from pmg.pipeline.diagnosis.balance.machine.machine_document import machine_document
 from pmg.pipeline.diagnosis.balance.machine.power import steady_points
+from pmg.pipeline.diagnosis.balance.machine.with_cause import with_cause
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.files.atomic import write_atomic
 from pmg.pipeline.files.digest import sha256_of
 from pmg.pipeline.files.progress import Steps
-from pmg.pipeline.machine.gear_page import shown_bench
 from pmg.pipeline.machine.machine_file import read_machine
-from pmg.pipeline.machine.magnetic import remarks_on_bench, usual
 from pmg.pipeline.machine.shipped import machine_path
-from pmg.pipeline.machine.show import listed_machines, new_machine, shown_machine
 from pmg.pipeline.recording.remark import Remark
 from pmg.pipeline.report.document import Facts, Report
 from pmg.pipeline.report.document import Headline as Headline
 from pmg.pipeline.report.write import write_report
-from pmg.pipeline.settings.bench_in_force import bench_in_force
 from pmg.sim.errors import BenchError
 
 if TYPE_CHECKING:
@@ -61,6 +60,9 @@ RESIDUALS = "residuals.csv"
 
 STEPS = ("recordings", "terms and their proof", "half the low-pass, and twice", "report")
 """Steps of a diagnosis, as its progress names them."""
+
+WITH_CAUSE = "machine-with-cause.toml"
+"""The machine file with what was named as a known term."""
 
 OF_A_CASE = Remark(
     "info", "case", "a machine file says the same and more: 'pmg machine new', then 'pmg run RECORDINGS --machine FILE'"
@@ -112,85 +114,11 @@ def run_machine(
     return _run(case_of(described, recordings), path, out, seed, described, progress)
 
 
-def begin_machine(file: Path, like: str) -> Outcome:
-    """Write a machine file to begin from.
-
-    Parameters
-    ----------
-    file : Path
-        Where; never a file that is there.
-    like : str
-        Name of a machine that ships.
-    """
-    return Outcome({"file": str(file), "like": like}, new_machine(file, like))
-
-
-def show_machine(which: str | None) -> Outcome:
-    """A machine on one page.
-
-    Parameters
-    ----------
-    which : str, optional
-        Machine file, or the name of one that ships; left out, all that ship.
-    """
-    return Outcome(*(listed_machines() if which is None else shown_machine(which)))
-
-
-def show_bench(machine: str | None) -> Outcome:
-    """The bench in force on one page.
-
-    Parameters
-    ----------
-    machine : str, optional
-        Machine file, or the name of one that ships; left out, the bench of the thesis.
-    """
-    return Outcome(*shown_bench(bench_in_force(None, machine)))
-
-
-def check_machine(machine: str, recordings: Path | None) -> Outcome:
-    """Whether a machine file is sound, and whether recordings hold what it names.
-
-    Parameters
-    ----------
-    machine : str
-        Machine file, or the name of one that ships.
-    recordings : Path, optional
-        Folder of its recordings, or one of them.
-    """
-    described = read_machine(machine_path(machine))
-    lines = [f"{described.path}: sound, {described.title}"]
-    bare = [
-        f"{name}.{key}" for name, shaft in described.shafts.items() for key, n in shaft.numbers.items() if n.u is None
-    ]
-    if bare:
-        lines.append(f"without an uncertainty: {', '.join(bare)}")
-    data: dict[str, Any] = {"machine": described.title, "without_uncertainty": bare, "recordings": []}
-    findings = remarks_on_bench(described) if usual(described) else not_compared(described)
-    if recordings is not None and usual(described):
-        survey = "pmg doctor RECORDINGS --machine FILE"
-        raise BenchError(str(recordings), "recordings in layout pmg.v1", "none", f"Look at them by '{survey}'.")
-    if recordings is not None:
-        case = case_of(described, recordings)
-        fit, withheld = read_recordings(case)
-        for kind, found in (("fitted", fit), ("withheld", withheld)):
-            for one in () if found is None else found.each():
-                m, unit = one.motion, case.axis.speed
-                seconds = float(m.time[-1] - m.time[0])
-                lines.append(
-                    f"{one.name}: {kind}, {seconds:.1f} s, speed {m.speed.min():.3g} to {m.speed.max():.3g} {unit}, "
-                    f"{case.axis.pushes} balance {m.force.min():.3g} to {m.force.max():.3g} {case.axis.push}"
-                )
-                data["recordings"].append({"name": one.name, "use": kind, "seconds": seconds})
-        findings = (*findings, *_findings(fit), *_findings(withheld))
-    return Outcome(data, tuple(lines), findings)
-
-
 def _run(
     case: Case, file: Path, out: Path, seed: int | None, machine: Machine | None, progress: Progress | None
 ) -> Outcome:
     began = now()
-    if out.exists() and not out.is_dir():
-        raise BenchError(f"--report {out}", "a file", "a folder, or none yet", "Name a folder.")
+    _check_out(out, file)
     seed = SEED if seed is None else seed
     steps = Steps(progress, *STEPS)
     steps.begin(STEPS[0])
@@ -214,13 +142,18 @@ def _run(
         compared = found_and_stated(diagnosis, machine)
         document |= machine_document(machine, points, compared)
         sections = machine_sections(machine, points, compared)
-    write_atomic(out / DOCUMENT, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
-    write_atomic(out / RESIDUALS, _residual_table(diagnosis).encode())
-    page = write_report(_page(diagnosis, seed, digests, sections), out)
-    written = [str(path) for path in (*page, out / DOCUMENT, out / RESIDUALS)]
+    tables = {DOCUMENT: json.dumps(document, indent=1, allow_nan=False) + "\n", RESIDUALS: _residual_table(diagnosis)}
+    if machine is not None and (text := with_cause(file.read_text(encoding="utf-8"), diagnosis)):
+        tables[WITH_CAUSE] = text
+    else:
+        (out / WITH_CAUSE).unlink(missing_ok=True)
+    for name, text in tables.items():
+        write_atomic(out / name, text.encode())
+    page = _page(diagnosis, seed, digests, sections, goes_on=WITH_CAUSE in tables)
+    written = (*write_report(page, out), *(out / name for name in tables))
     command = "pmg terms" if machine is None else "pmg run"
-    leave_crate_of_files(out, command, tuple(files), (*page, out / DOCUMENT, out / RESIDUALS), began)
-    data_out: dict[str, Any] = document | {"report": str(page[0]), "files": written}
+    leave_crate_of_files(out, command, tuple(files), written, began)
+    data_out: dict[str, Any] = document | {"report": str(written[0]), "files": [str(path) for path in written]}
     return Outcome(
         data_out,
         (
@@ -228,11 +161,12 @@ def _run(
             "",
             *cause_lines(causes, case.axis.push),
             *nearest_lines(diagnosis),
-            f"report: {page[0]}",
+            f"report: {written[0]}",
+            *((f"go on with: --machine {out / WITH_CAUSE}",) if WITH_CAUSE in tables else ()),
         ),
         (
-            *_findings(recorded),
-            *_findings(withheld),
+            *findings_of(recorded),
+            *findings_of(withheld),
             *low_pass_remarks(diagnosis),
             *((OF_A_CASE,) if machine is None else not_compared(machine)),
         ),
@@ -240,7 +174,17 @@ def _run(
     )
 
 
-def _findings(recorded: Recorded | None) -> tuple[Remark, ...]:
+def _check_out(out: Path, file: Path) -> None:
+    """Refuse a folder that is none, or one in which the file that was given would be written over."""
+    if out.exists() and not out.is_dir():
+        raise BenchError(f"--report {out}", "a file", "a folder, or none yet", "Name a folder.")
+    if (out / WITH_CAUSE).resolve() == file.resolve():
+        do = "Name another folder, or copy the file first."
+        raise BenchError(f"--report {out}", "the folder that holds the machine file", "another one", do)
+
+
+def findings_of(recorded: Recorded | None) -> tuple[Remark, ...]:
+    """What was found in reading some recordings."""
     return () if recorded is None else recorded.findings
 
 
@@ -251,21 +195,29 @@ def _inertia(diagnosis: TermsDiagnosis) -> float:
 
 
 def _residual_table(diagnosis: TermsDiagnosis) -> str:
-    """Thinned samples of the fitted recordings, and what baseline, named terms and refinements leave, as CSV."""
+    """Thinned samples of the fitted recordings, each on its own clock, and what the models leave, as CSV."""
     recorded = diagnosis.recorded
     truth = recorded.force + recorded.known
     last = (diagnosis.refinements or diagnosis.steps)[-1]
     models = (diagnosis.steps[0], diagnosis.steps[-1], last)
     motion = recorded.thin(np.c_[recorded.motion.position, recorded.motion.speed, recorded.motion.acceleration])
-    columns = np.c_[recorded.time, motion, truth, *(truth - step.fitted.predict(recorded) for step in models)]
+    columns = np.c_[recorded.elapsed, motion, truth, *(truth - step.fitted.predict(recorded) for step in models)]
     axis = diagnosis.case.axis
-    head = f"time [s],position [{axis.length}],speed [{axis.speed}],acceleration [{axis.acceleration}],"
-    head += f"{axis.pushes} [{axis.push}],residual_baseline [{axis.push}],residual_named [{axis.push}]"
-    rows = "\n".join(",".join(f"{value:.9g}" for value in row) for row in columns)
-    return f"{head},residual_refined [{axis.push}]\n{rows}\n"
+    head = ["recording", "time [s]", f"position [{axis.length}]", f"speed [{axis.speed}]"]
+    head += [f"acceleration [{axis.acceleration}]", f"{axis.pushes} [{axis.push}]"]
+    head += [f"residual_{name} [{axis.push}]" for name in ("baseline", "named", "refined")]
+    text = StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(head)
+    ends = (*recorded.starts, len(columns))
+    for k, name in enumerate(recorded.names):
+        table.writerows([name, *(f"{value:.9g}" for value in row)] for row in columns[ends[k] : ends[k + 1]])
+    return text.getvalue()
 
 
-def _page(diagnosis: TermsDiagnosis, seed: int, digests: dict[str, str], own: tuple[Section, ...]) -> Report:
+def _page(
+    diagnosis: TermsDiagnosis, seed: int, digests: dict[str, str], own: tuple[Section, ...], *, goes_on: bool
+) -> Report:
     first, *others = terms_sections(diagnosis)
     good = diagnosis.verdict is Verdict.CONSISTENT
     asks = "" if good else asked_of(diagnosis.verdict)
@@ -274,7 +226,7 @@ def _page(diagnosis: TermsDiagnosis, seed: int, digests: dict[str, str], own: tu
         subtitle=f"Terms of its {diagnosis.case.axis.pushes} balance: what the baseline lacks, and the proof",
         verdict=Headline(headline(diagnosis), "good" if good else "attention", asks=asks),
         sections=(first, *own, *others),
-        sheet=machine_sheet(diagnosis),
+        sheet=machine_sheet(diagnosis, goes_on=goes_on),
         provenance=Facts(
             (
                 *((f"SHA-256 of {name}", digest) for name, digest in digests.items()),

@@ -1,0 +1,1 @@
+"""Machines of other kinds: their files, and the balance of their forces or torques."""

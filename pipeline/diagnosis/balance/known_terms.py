@@ -1,0 +1,112 @@
+"""Terms with their numbers: as somebody published them, or as a machine file knows them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pmg.pipeline.diagnosis.balance.library.term import OF_LAGS
+from pmg.pipeline.files.strict_tables import number_within, refuse, refusing, word_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pmg.pipeline.diagnosis.balance.library.term import Motion, Term
+    from pmg.pipeline.machine.tables import TermParameter
+    from pmg.sim.signals import Array
+
+
+@dataclass(frozen=True)
+class SetTerm:
+    """A term with its numbers.
+
+    Parameters
+    ----------
+    term : Term
+        The term.
+    amplitudes : (a,) array
+        Its amplitudes.
+    shape : float
+        Its shape; NaN without one.
+    """
+
+    term: Term[Motion]
+    amplitudes: Array
+    shape: float = float("nan")
+
+    def of(self, motion: Motion) -> Array:
+        """What it adds to the force (n,); a lag acts over all of its time."""
+        if (lag := OF_LAGS.get(self.term.identifier)) is not None:
+            motion = replace(motion, references={**motion.references, lag: float(self.amplitudes[0])})
+        return np.asarray(self.term.columns(motion, self.shape) @ self.amplitudes)
+
+
+def missing_parameters(library: Sequence[Term[Motion]], rows: Sequence[TermParameter]) -> list[str]:
+    """Parameters that rows lack of the terms that they tell of."""
+    given = {(row.term, row.parameter) for row in rows}
+    named = {row.term for row in rows}
+    terms = (term for term in library if term.key in named)
+    return [f"{term.key} {q.name}" for term in terms for q in term.parameters if (term.key, q.name) not in given]
+
+
+def set_terms(library: Sequence[Term[Motion]], rows: Sequence[TermParameter]) -> tuple[SetTerm, ...]:
+    """Terms of which rows give all parameters."""
+    values = {(row.term, row.parameter): row.value for row in rows}
+    named = {row.term for row in rows}
+    return tuple(
+        SetTerm(
+            term,
+            np.array([values[term.key, q.name] for q in term.amplitudes]),
+            float("nan") if term.shape is None else values[term.key, term.shape.name],
+        )
+        for term in library
+        if term.key in named
+    )
+
+
+def check_parameters(library: Sequence[Term[Motion]], rows: Sequence[TermParameter], *table: str) -> None:
+    """Refuse a parameter that no term of a library has; `table` leads to the rows.
+
+    Raises
+    ------
+    RefusalError
+        There is one.
+    """
+    terms = {term.key: term for term in library}
+    for i, row in enumerate(rows):
+        term = terms[word_of(row.term, terms, *table, i, "term")]
+        quantities = {quantity.name: quantity for quantity in term.parameters}
+        word_of(row.parameter, quantities, *table, i, "parameter")
+        word_of(row.unit, [quantities[row.parameter].unit], *table, i, "unit")
+
+
+def check_known(
+    library: Sequence[Term[Motion]], baseline: Sequence[str], rows: Sequence[TermParameter], *table: str
+) -> None:
+    """Refuse known terms that are not whole, given twice, out of their range, or in the baseline besides.
+
+    Raises
+    ------
+    RefusalError
+        There is one.
+    """
+    check_parameters(library, rows, *table)
+    quantities = {(term.key, q.name): q for term in library for q in term.parameters}
+    count = Counter((row.term, row.parameter) for row in rows)
+    for i, row in enumerate(rows):
+        if count[row.term, row.parameter] > 1:
+            came = f"{row.parameter} of {row.term} given {count[row.term, row.parameter]} times"
+            refuse(came, "each parameter once", "Keep one of them.", *table, i, "parameter")
+        if row.term in baseline:
+            do = "Leave it out of one of them; [model.fixed] holds what is known of the baseline."
+            refuse(f"{row.term}, which is in the baseline", "a further term", do, *table, i, "term")
+        low, high = quantities[row.term, row.parameter].bounds
+        if np.isfinite([low, high]).all():
+            with refusing(*table, i, "value"):
+                number_within(row.value, low, high, row.unit)
+    if missing := missing_parameters(library, rows):
+        came = f"{', '.join(missing)} not given"
+        refuse(came, "every parameter of a term", "Add a row for each.", *table)

@@ -1,0 +1,145 @@
+"""What was named goes on as a known term: written into the machine file, taken out of other recordings, found amiss."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from tests.balance import wheel
+
+from pmg.pipeline.commands.machines.terms import WITH_CAUSE, run_machine
+from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
+from pmg.pipeline.diagnosis.balance.document import terms_lines
+from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
+from pmg.pipeline.diagnosis.balance.machine.with_cause import with_cause
+from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
+from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.machine.machine_file import read_machine
+from pmg.sim.errors import BenchError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tests.balance.wheel import Turning
+
+    from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
+    from pmg.sim.signals import Array
+
+MACHINE = """
+schema = "pmg.machine/1"
+title = "A wheel made for a test"
+
+[shaft.wheel.channel]
+velocity = { name = "n", unit = "rpm" }
+torque = { name = "T", unit = "mN m" }
+
+[records]
+time = { name = "t", unit = "s" }
+rate_Hz = 500
+low_pass_Hz = 20
+keep_every = 10
+withheld = ["withheld.csv"]
+
+[model]
+baseline = ["inertia", "viscous", "coulomb"]
+"""
+
+
+def dragging(m: Turning) -> Array:
+    """Dry friction, and a drag with the square of the speed."""
+    return wheel.plain(m) + 0.05 * np.sign(m.speed) + 4e-4 * np.sign(m.speed) * m.speed**2
+
+
+def records(folder: Path, torque: Callable[[Turning], Array], seed: int) -> Path:
+    rng = np.random.default_rng(seed)
+    folder.mkdir()
+    for name in ("fit.csv", "withheld.csv"):
+        m = wheel.turning(rng, 30.0)
+        wheel.record(folder / name, m, torque(m), rng)
+    return folder
+
+
+def diagnosed(machine: Path, folder: Path) -> TermsDiagnosis:
+    case = case_of(read_machine(machine), folder)
+    return diagnose_terms(case, *read_recordings(case), np.random.default_rng(1))
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "wheel.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def known(*rows: tuple[str, str, float, str]) -> str:
+    return MACHINE + "".join(
+        f'\n[[model.known]]\nterm = "{term}"\nparameter = "{name}"\nvalue = {value}\nunit = "{unit}"\n'
+        for term, name, value, unit in rows
+    )
+
+
+def test_what_was_named_is_known_of_further_recordings(tmp_path: Path) -> None:
+    """The file that a run writes makes other recordings of the same machine consistent, and one that wears is told."""
+    done = run_machine(str(written(tmp_path, MACHINE)), records(tmp_path / "a", dragging, 3), tmp_path / "out")
+    file = tmp_path / "out" / WITH_CAUSE
+    assert f"go on with: --machine {file}" in done.lines
+    rows = (tmp_path / "out" / "residuals.csv").read_text(encoding="utf-8").splitlines()
+    assert {row.split(",")[0] for row in rows[1:]} == {"fit.csv"}
+    assert float(rows[1].split(",")[1]) < 1.0
+    assert WITH_CAUSE in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    (term,) = case_of(read_machine(file), tmp_path / "a").known
+    assert term.term.identifier == "drag_of_power"
+    assert term.shape == pytest.approx(2.0, abs=0.1)
+    again = diagnosed(file, records(tmp_path / "b", dragging, 8))
+    assert again.verdict is Verdict.CONSISTENT
+    assert "; known: drag" in terms_lines(again)[3]
+    worn = diagnosed(file, records(tmp_path / "c", lambda m: dragging(m) + 2e-4 * np.sign(m.speed) * m.speed**2, 9))
+    assert {step.added for step in worn.steps[1:]} == {"drag_of_power"}
+    assert not with_cause(file.read_text(encoding="utf-8"), worn)
+
+
+def test_a_delay_is_known_as_a_distortion_of_what_the_rest_gives(tmp_path: Path) -> None:
+    def late(m: Turning) -> Array:
+        return np.interp(m.t - 0.012, m.t, wheel.plain(m) + 0.05 * np.sign(m.speed))
+
+    folder = records(tmp_path / "late", late, 5)
+    found = diagnosed(written(tmp_path, MACHINE), folder)
+    assert {step.added for step in found.steps[1:]} == {"delay"}
+    (own,) = (e for e in found.steps[-1].fitted.estimates if e.term == "delay")
+    file = written(tmp_path, known(("delay", own.name, own.value, own.unit)))
+    first = diagnosed(file, folder).steps[0]
+    assert first.error_fit < 1.02 * found.steps[-1].error_fit < 0.2 * found.steps[0].error_fit
+    assert first.error_withheld < 1.02 * found.steps[-1].error_withheld
+
+
+POWER = (("drag_of_power", "d", 1e-3, "N m"), ("drag_of_power", "n", 2.0, "1"))
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ((("drag_of_powr", "B", 1e-3, "N m"),), "drag_of_power"),
+        (POWER[:1], "drag_of_power n not given"),
+        ((*POWER, POWER[0]), "given 2 times"),
+        ((("coulomb", "Fc", 0.05, "N m"),), "which is in the baseline"),
+        ((POWER[0], ("drag_of_power", "n", 40.0, "1")), "40"),
+        ((("drag_of_power", "d", 1e-3, "N"), POWER[1]), "N m"),
+    ],
+)
+def test_known_terms_that_are_not_whole_are_refused(
+    tmp_path: Path, rows: tuple[tuple[str, str, float, str], ...], words: str
+) -> None:
+    folder = records(tmp_path / "a", dragging, 3)
+    with pytest.raises(BenchError, match=r"model\.known") as refused:
+        case_of(read_machine(written(tmp_path, known(*rows))), folder)
+    assert words in str(refused.value)
+
+
+def test_a_file_that_the_report_would_write_over_is_kept(tmp_path: Path) -> None:
+    folder = records(tmp_path / "a", dragging, 3)
+    file = tmp_path / WITH_CAUSE
+    file.write_text(MACHINE, encoding="utf-8")
+    with pytest.raises(BenchError, match="holds the machine file"):
+        run_machine(str(file), folder, tmp_path)
+    assert file.read_text(encoding="utf-8") == MACHINE
