@@ -7,7 +7,7 @@ import re
 import pytest
 from tests.house import ROOT
 
-from pmg.pipeline.diagnosis.grid.track_record import IN_MOTION, RECORD, TrackRecord
+from pmg.pipeline.diagnosis.grid.track_record import IN_MOTION, OF_MACHINES, RECORD, TrackRecord
 
 
 def test_the_record_is_that_of_the_trial_on_its_page() -> None:
@@ -23,6 +23,14 @@ def test_the_record_in_motion_is_that_of_its_trial() -> None:
     told = re.search(r"holds the truth in (\d+) of (\d+) campaigns in motion", page)
     assert told is not None
     held, of = (sum(getattr(record, name) for record in IN_MOTION.values()) for name in ("held", "of"))
+    assert (held, of) == (int(told[1]), int(told[2]))
+
+
+def test_the_record_of_other_machines_is_that_of_their_trial() -> None:
+    page = (ROOT / "pipeline" / "trials" / "machines" / "README.md").read_text(encoding="utf-8")
+    told = re.search(r"holds the truth in (\d+) of (\d+) campaigns of other machines", page)
+    assert told is not None
+    held, of = (sum(getattr(record, name) for record in OF_MACHINES.values()) for name in ("held", "of"))
     assert (held, of) == (int(told[1]), int(told[2]))
 
 

@@ -12,6 +12,7 @@ from pmg.pipeline.diagnosis.balance.low_pass_told import low_pass_sentence
 from pmg.pipeline.diagnosis.balance.parts import ONE_SHAFT, TWO_SHAFTS, part_of
 from pmg.pipeline.diagnosis.engine.conclusion import in_the_main_sentence
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
+from pmg.pipeline.diagnosis.grid.track_record import OF_MACHINES, track_record
 from pmg.pipeline.report.action_sheet import ActionSheet, MachinePart, SheetAnswer
 from pmg.pipeline.report.document import Chart, Figure, Series
 from pmg.pipeline.wording.plurals import capitalised, counted
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
 
 GROUNDS, MODELS, CAUSES = "verdict-terms", "terms-models", "terms-causes"
 """Sections and tables of the report that hold the grounds."""
+
+SHOWN = 400
+"""Thinned samples of the picture: a few reversals or periods can be told apart."""
 
 TITLES = {
     Verdict.CONSISTENT: "Consistent with the model",
@@ -108,6 +112,8 @@ def _sureness(d: TermsDiagnosis, first: ModelStep, last: ModelStep) -> Iterator[
         yield f"p ≤ {d.mismatch.p_value:.2g}, from {counted(d.mismatch.draws, 'synthetic record')}."
     else:
         yield f"p = {d.mismatch.p_value:.2g}, from {counted(d.mismatch.draws, 'synthetic record')}."
+    if (record := track_record(d, OF_MACHINES)) is not None:
+        yield record.sentence
     if d.verdict.names and (main := in_the_main_sentence(d.naming)):
         yield main
     if told := low_pass_sentence(d):
@@ -152,16 +158,32 @@ def _costs(d: TermsDiagnosis, first: ModelStep, last: ModelStep) -> Iterator[str
 
 
 def _picture(d: TermsDiagnosis) -> Figure:
-    """Residual before and after, where what was named takes most of it."""
+    """Residual before and after, in the stretch where what was named takes most of it, or where most of it is."""
     first, last, push = d.steps[0], d.steps[-1], d.case.axis.push
     stages = [("model", _missing(d, first), 1)]
     if last is not first:
         stages.append(("with the cause", _missing(d, last), 0))
-    time, u = d.recorded.time, d.noise.noise.standard_deviation
-    ends = np.array([float(time.min()), float(time.max())])
+    shown, name = _clearest(d, stages[0][1] ** 2 - (stages[1][1] ** 2 if len(stages) > 1 else 0.0))
+    time, u = d.recorded.elapsed[shown], d.noise.noise.standard_deviation
+    ends = np.array([float(time[0]), float(time[-1])])
     series = [Series("noise, 95 %", ends, 0.0 * ends, np.array([u, u]), "band", 7)]
-    series += [Series(name, time, left, None, "line", colour) for name, left, colour in stages]
-    sizes = ", ".join(f"{name} {float(np.sqrt(np.mean(left**2))):.3g} {push} rms" for name, left, _ in stages)
-    title = f"Measured less modelled {d.case.axis.pushes}"
+    series += [Series(words, time, left[shown], None, "line", colour) for words, left, colour in stages]
+    sizes = ", ".join(f"{words} {float(np.sqrt(np.mean(left**2))):.3g} {push} rms" for words, left, _ in stages)
+    title = f"Measured less modelled {d.case.axis.pushes}, where it is clearest in {name}"
     chart = Chart("time [s]", f"{d.case.axis.pushes} [{push}]", tuple(series), references=(("", 0.0),))
-    return Figure("before-and-after", title, f"{capitalised(sizes)}.", (chart,), narrow=True)
+    whole = "in all of it" if len(d.recorded.names) == 1 else "in all recordings that were fitted"
+    return Figure("before-and-after", title, f"{capitalised(sizes)} {whole}.", (chart,), narrow=True)
+
+
+def _clearest(d: TermsDiagnosis, squares: Array) -> tuple[slice, str]:
+    """Thinned samples in a row, `SHOWN` of them at most, whose squares (n,) add up to most; and their recording."""
+    found: tuple[float, slice, str] | None = None
+    ends = (*d.recorded.starts, len(squares))
+    for name, begin, end in zip(d.recorded.names, ends, ends[1:], strict=False):
+        width = min(SHOWN, end - begin)
+        sums = np.convolve(squares[begin:end], np.ones(width), "valid")
+        at = int(np.argmax(sums))
+        if found is None or sums[at] > found[0]:
+            found = float(sums[at]), slice(begin + at, begin + at + width), name
+    assert found is not None  # there is a recording
+    return found[1:]

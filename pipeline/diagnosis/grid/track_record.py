@@ -75,6 +75,16 @@ IN_MOTION = {
 """The same of runs in motion, from the trial of 240 campaigns in ``pipeline/trials/motion/README.md``."""
 
 
+OF_MACHINES = {
+    "named": TrackRecord("a cause named", "The cause named was right", 58, 64),
+    "ambiguous": TrackRecord("several causes given", "The true cause was among those given", 21, 23),
+    "not_in_library": TrackRecord(
+        "no known cause given, with those that come near", "None known, or the closest, was right", 22, 25
+    ),
+}
+"""The same of other machines, from the trial of 160 campaigns in ``pipeline/trials/machines/README.md``."""
+
+
 def track_record(diagnosis: Conclusion[Any, Any], records: Mapping[str, TrackRecord] = RECORD) -> TrackRecord | None:
     """The record of answers like this one among some records; None where none was found."""
     weak = diagnosis.verdict is Verdict.AMBIGUOUS and diagnosis.weak
