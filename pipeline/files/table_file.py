@@ -31,7 +31,7 @@ LONGEST = 4 << 20
 SHOWN = 60
 """Characters of a name that cannot be one that are repeated in a message."""
 
-EMPTY = re.compile(r"([\w.-]+)\s*=\s*(?=[,}#]|$)")
+EMPTY = re.compile(r"([\w.-]+)\"?\s*=\s*(?=[,}#]|$)")
 """An entry of a line of TOML without a value."""
 
 KINDS = {
@@ -215,12 +215,20 @@ def _fault_of_form(path: Path, text: str, fault: tomllib.TOMLDecodeError, error:
     do = "Correct the line."
     if "Unescaped '\\'" in came or "hex value" in came:
         do = 'Between " a backslash begins a sign: write / instead, or put the text between single quotes.'
-    elif came == "Invalid value" and (empty := EMPTY.search(text.splitlines()[int(line) - 1])):
+    elif came == "Invalid value" and (empty := _empty_before(text, place)):
         came, do = f"no value after '{empty[1]} ='", "Complete the line, or leave the entry out."
         return error(f"{path}: line {line}", came, "a value", do)
     elif came == "Invalid value":
         do = "Correct the line; text stands in quotation marks."
     return error(f"{path}: line {line}{column}", came, "TOML", do)
+
+
+def _empty_before(text: str, place: re.Match[str] | None) -> re.Match[str] | None:
+    """The entry without a value that ends where the parser stopped."""
+    if place is None or not place[1]:
+        return None
+    line, column = text.splitlines()[int(place[1]) - 1], int(place[2]) - 1
+    return next((each for each in EMPTY.finditer(line) if each.end() >= column), None) if "=" in line[:column] else None
 
 
 def _rank(found: Mapping[str, Any]) -> int:

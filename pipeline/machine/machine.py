@@ -154,7 +154,7 @@ class Machine:
     published : tuple of TermParameter
         Parameters to compare with.
     published_errors : mapping of str to float
-        TermParameter relative errors, as parts of 1.
+        Published relative errors, as parts of 1.
     """
 
     file: TableFile[Any]

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from tests.balance import wheel
 
+from pmg.pipeline.chapters.explained.machine_sheet import machine_sheet
 from pmg.pipeline.commands.machines.terms import WITH_CAUSE, run_machine
+from pmg.pipeline.diagnosis.balance.causes import named_causes
 from pmg.pipeline.diagnosis.balance.decide import diagnose_terms
 from pmg.pipeline.diagnosis.balance.document import terms_lines
 from pmg.pipeline.diagnosis.balance.machine.machine_case import case_of
@@ -17,7 +19,7 @@ from pmg.pipeline.diagnosis.balance.machine.with_cause import with_cause
 from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.machine.machine_file import read_machine
-from pmg.sim.errors import BenchError
+from pmg.sim.errors import BenchError, RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -97,6 +99,12 @@ def test_what_was_named_is_known_of_further_recordings(tmp_path: Path) -> None:
     worn = diagnosed(file, records(tmp_path / "c", lambda m: dragging(m) + 2e-4 * np.sign(m.speed) * m.speed**2, 9))
     assert {step.added for step in worn.steps[1:]} == {"drag_of_power"}
     assert not with_cause(file.read_text(encoding="utf-8"), worn)
+    (cause,) = named_causes(worn)
+    assert cause.remark.startswith("beyond what the machine file knows, d = 0.000")
+    said = {each.question: " ".join(each.sentences) for each in machine_sheet(worn, goes_on=False).answers}
+    assert "take its rows out of `[[model.known]]`" in said["In the model"]
+    braces = MACHINE.replace("[model]\nbaseline", "[unused]\nbaseline")
+    assert not with_cause(f"model = {{ known = [] }}\n{braces}", diagnosed(tmp_path / "wheel.toml", tmp_path / "a"))
 
 
 def test_a_delay_is_known_as_a_distortion_of_what_the_rest_gives(tmp_path: Path) -> None:
@@ -111,6 +119,36 @@ def test_a_delay_is_known_as_a_distortion_of_what_the_rest_gives(tmp_path: Path)
     first = diagnosed(file, folder).steps[0]
     assert first.error_fit < 1.02 * found.steps[-1].error_fit < 0.2 * found.steps[0].error_fit
     assert first.error_withheld < 1.02 * found.steps[-1].error_withheld
+
+
+def fading(m: Turning) -> Array:
+    return np.asarray((wheel.plain(m) + 0.05 * np.sign(m.speed)) / (1.0 - 0.3 * m.t / m.t[-1]))
+
+
+def wavy(m: Turning) -> Array:
+    return np.asarray(wheel.plain(m) + 0.05 * np.sign(m.speed) + 0.05 * np.sin(m.angle))
+
+
+@pytest.mark.parametrize(("torque", "named"), [(fading, "drive_fade"), (wavy, "position_ripple")])
+def test_a_size_that_goes_with_its_recordings_is_not_written_and_not_taken(
+    tmp_path: Path, torque: Callable[[Turning], Array], named: str
+) -> None:
+    """A fade is told over the length of its recordings, a ripple from the angle at which each began."""
+    folder = records(tmp_path / "a", torque, 3)
+    done = run_machine(str(written(tmp_path, MACHINE)), folder, tmp_path / "out")
+    assert named in {step["added"] for step in done.data["models"]}
+    assert not (tmp_path / "out" / WITH_CAUSE).exists()
+    rows = {
+        "drive_fade": (("drive_fade", "f", 0.3, "1"),),
+        "position_ripple": (
+            ("position_ripple", "A", 0.05, "N m"),
+            ("position_ripple", "B", 0.0, "N m"),
+            ("position_ripple", "p", 6.283, "rad"),
+        ),
+    }
+    case = case_of(read_machine(written(tmp_path, known(*rows[named]))), folder)
+    with pytest.raises(RecordingError, match="goes with the recordings"):
+        read_recordings(case)
 
 
 POWER = (("drag_of_power", "d", 1e-3, "N m"), ("drag_of_power", "n", 2.0, "1"))

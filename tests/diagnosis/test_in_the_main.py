@@ -55,6 +55,7 @@ def proof(after: float, kept: float) -> HeldOut:
         (named(UNSEEN), proof(1.9, 1.0), Verdict.NOT_IN_LIBRARY),
         (named(SEEN, in_the_main=False), proof(1.05, 1.0), Verdict.NOT_IN_LIBRARY),
         (named(UNSEEN, explained=True), proof(1.05, 0.75), Verdict.NAMED),
+        (named(UNSEEN, explained=True), proof(1.6, 1.0), Verdict.NAMED),
         (named(UNSEEN, explained=True, in_the_main=False), proof(1.6, 1.0), Verdict.NOT_IN_LIBRARY),
     ],
 )
@@ -65,9 +66,12 @@ def test_what_leaves_a_small_part_is_named_where_every_part_of_the_rows_names_it
 ) -> None:
     found = conclude(NOTHING, TermCatalogue(), naming, lambda _: held)
     assert found.verdict is verdict
-    told = in_the_main_sentence(found.naming)
-    assert (told == "") is naming.explained
-    assert "12.0% of it is left" in told or naming.explained
+    if not found.verdict.names:
+        return
+    told = in_the_main_sentence(found.naming, found.held_out)
+    assert (told == "") is (naming.explained and held.predicts)
+    assert naming.explained or "12.0% of its squares are left" in told
+    assert held.predicts or not naming.explained or "are not predicted" in told
 
 
 def test_mechanisms_in_motion_share_what_may_be_left() -> None:

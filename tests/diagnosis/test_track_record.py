@@ -32,6 +32,14 @@ def test_the_record_of_other_machines_is_that_of_their_trial() -> None:
     assert told is not None
     held, of = (sum(getattr(record, name) for record in OF_MACHINES.values()) for name in ("held", "of"))
     assert (held, of) == (int(told[1]), int(told[2]))
+    for answer, words in (
+        ("named", "a cause named"),
+        ("ambiguous", "one of several sets"),
+        ("not_in_library", "none known or the closest"),
+    ):
+        row = re.search(rf"{words} in (\d+) of (\d+)", page)
+        assert row is not None, answer
+        assert (OF_MACHINES[answer].held, OF_MACHINES[answer].of) == (int(row[1]), int(row[2]))
 
 
 def test_the_words_give_rate_and_interval() -> None:

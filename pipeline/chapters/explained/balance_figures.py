@@ -25,7 +25,7 @@ def residuals_figure(d: TermsDiagnosis) -> Figure:
         left = truth - step.fitted.predict(d.recorded)
         panels.append(
             Chart(
-                "time [s]",
+                "time, recordings one after the other [s]" if len(d.recorded.names) > 1 else "time [s]",
                 f"residual [{d.case.axis.push}]",
                 (Series("", time, left, None, "line", i),),
                 title=f"Residual, {name}",

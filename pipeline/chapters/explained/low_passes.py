@@ -38,7 +38,7 @@ def low_passes_table(d: TermsDiagnosis) -> tuple[Table, ...]:
             Column("p_value", "p-value", format=".2g"),
             Column("terms", "Terms found"),
             Column("sizes", "Their sizes"),
-            Column("beside", "Beside what is told"),
+            Column("beside", "Compared with the verdict"),
         ),
         tuple(rows),
     )

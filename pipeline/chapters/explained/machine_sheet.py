@@ -90,7 +90,9 @@ def _answers(d: TermsDiagnosis, causes: tuple[NamedCause, ...], *, goes_on: bool
     elif causes:
         added = "Add the term with its fitted size; `terms.json` and `residuals.csv` hold both models."
         written = "`machine-with-cause.toml` holds it with its size: go on with that file as `--machine`."
-        yield SheetAnswer("In the model", (written if goes_on else added,))
+        changed = "A known size has changed: take its rows out of `[[model.known]]`, and run again."
+        again = {cause.identifier for cause in causes} & {each.term.identifier for each in d.case.known}
+        yield SheetAnswer("In the model", (changed if again else written if goes_on else added,))
     if causes and last is not first:
         yield SheetAnswer("If ignored", tuple(_costs(d, first, last)))
 
@@ -112,9 +114,9 @@ def _sureness(d: TermsDiagnosis, first: ModelStep, last: ModelStep) -> Iterator[
         yield f"p ≤ {d.mismatch.p_value:.2g}, from {counted(d.mismatch.draws, 'synthetic record')}."
     else:
         yield f"p = {d.mismatch.p_value:.2g}, from {counted(d.mismatch.draws, 'synthetic record')}."
-    if (record := track_record(d, OF_MACHINES)) is not None:
+    if not d.impossible and (record := track_record(d, OF_MACHINES)) is not None:
         yield record.sentence
-    if d.verdict.names and (main := in_the_main_sentence(d.naming)):
+    if d.verdict.names and (main := in_the_main_sentence(d.naming, d.held_out)):
         yield main
     if told := low_pass_sentence(d):
         yield told

@@ -129,9 +129,7 @@ def _run(
     diagnosis = replace(diagnosis, low_passes=try_low_passes(case, np.random.default_rng(seed)))
     steps.begin(STEPS[3])
     files = [file, *case.files]
-    names = [path.name for path in files]
-    labels = [path.name if names.count(path.name) == 1 else f"{path.parent.name}/{path.name}" for path in files]
-    digests = {label: sha256_of(path) for label, path in zip(labels, files, strict=True)}
+    digests = {file.name: sha256_of(file), **{case.label(path): sha256_of(path) for path in case.files}}
     causes = named_causes(diagnosis)
     document = terms_document(diagnosis) | {"causes": [cause.document for cause in causes]}
     document |= {"near": [cause.document for cause in near_causes(diagnosis)]}
@@ -145,7 +143,7 @@ def _run(
     tables = {DOCUMENT: json.dumps(document, indent=1, allow_nan=False) + "\n", RESIDUALS: _residual_table(diagnosis)}
     if machine is not None and (text := with_cause(file.read_text(encoding="utf-8"), diagnosis)):
         tables[WITH_CAUSE] = text
-    else:
+    elif machine is not None:
         (out / WITH_CAUSE).unlink(missing_ok=True)
     for name, text in tables.items():
         write_atomic(out / name, text.encode())

@@ -111,6 +111,11 @@ class Case:
         first = (*self.fit, *self.withheld)
         return first if self.second is None else (*first, *(self.second.of(path) for path in first))
 
+    def label(self, path: Path) -> str:
+        """Name of one of its files; with its folder where others are called alike."""
+        alike = [other for other in self.files if other.name == path.name]
+        return path.name if len(alike) == 1 else f"{path.parent.name}/{path.name}"
+
 
 def check_model(
     library: tuple[Term[Motion], ...],

@@ -108,10 +108,20 @@ def _cause(diagnosis: TermsDiagnosis, fit: TermFit, group: int) -> NamedCause:
         titled(fit.candidate),
         group,
         ", ".join(parts),
-        _factor(fit.identifier, values[0]),
+        _factor(fit.identifier, values[0]) or _beyond_known(diagnosis, fit),
         float(np.sqrt(np.mean(effect**2))),
         separating_test(diagnosis, (fit.identifier,)),
     )
+
+
+def _beyond_known(diagnosis: TermsDiagnosis, fit: TermFit) -> str:
+    """What a size of a term is beside what the machine file knows of it; empty where it knows nothing."""
+    known = next((each for each in diagnosis.case.known if each.term.key == fit.candidate.key), None)
+    if known is None:
+        return ""
+    sizes = zip(known.term.amplitudes, known.amplitudes, strict=True)
+    told = ", ".join(size_of(quantity.name, float(value), None, quantity.unit) for quantity, value in sizes)
+    return f"beyond what the machine file knows, {told}"
 
 
 def size_of(name: str, value: float, error: float | None, unit: str) -> str:

@@ -206,7 +206,7 @@ def headline(diagnosis: TermsDiagnosis) -> str:
             rivals = [c for c in diagnosis.contests if c.open]
             sets = "; ".join(" and ".join(titled(f.candidate) for f in c.rival.fits) for c in rivals)
             head = f"Ambiguous: {', '.join(named)}; or {sets}."
-    main = in_the_main_sentence(diagnosis.naming) if diagnosis.verdict.names else ""
+    main = in_the_main_sentence(diagnosis.naming, diagnosis.held_out) if diagnosis.verdict.names else ""
     told = (*_impossible(diagnosis), head, main, _errors(diagnosis, first, last))
     return " ".join(sentence for sentence in told if sentence)
 

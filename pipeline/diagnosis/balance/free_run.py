@@ -168,8 +168,11 @@ def free_run(model: str, recorded: Recorded, terms: Sequence[SetTerm]) -> FreeRu
 
 def _driving(motion: Motion, terms: Sequence[SetTerm]) -> Array:
     """Force that acts on the machine when its position is what was recorded [N], (n,)."""
-    sizes = {each.term.identifier: float(each.amplitudes[0]) for each in terms if each.term.of_model}
     whole = replace(motion, modelled=np.ones_like(motion.time))
+
+    def size_of(name: str) -> float:
+        """Delay or gain in all."""
+        return sum(float(e.amplitudes[0]) for e in terms if e.term.of_model and e.term.identifier == name)
 
     def of(name: str) -> Array:
         """What a fault takes of the command, or of each unit of what the baseline gives (n,)."""
@@ -177,5 +180,5 @@ def _driving(motion: Motion, terms: Sequence[SetTerm]) -> Array:
         parts = (each.term.columns(whole, each.shape)[:, 0] * each.amplitudes[0] for each in named)
         return np.asarray(sum(parts, np.zeros_like(motion.time)))
 
-    late = np.interp(motion.time - sizes.get(DELAY, 0.0), motion.time, motion.force - of(LIMIT))
-    return np.asarray(late / (1.0 + sizes.get(GAIN, 0.0) + of(FADE)))
+    late = np.interp(motion.time - size_of(DELAY), motion.time, motion.force - of(LIMIT))
+    return np.asarray(late / (1.0 + size_of(GAIN) + of(FADE)))

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pmg.pipeline.diagnosis.balance.library.term import OF_LAGS
+from pmg.pipeline.diagnosis.balance.library.term import OF_LAGS, RECORDING
 from pmg.pipeline.files.strict_tables import number_within, refuse, refusing, word_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from pmg.pipeline.diagnosis.balance.library.term import Motion, Term
     from pmg.pipeline.machine.tables import TermParameter
@@ -42,6 +42,34 @@ class SetTerm:
         if (lag := OF_LAGS.get(self.term.identifier)) is not None:
             motion = replace(motion, references={**motion.references, lag: float(self.amplitudes[0])})
         return np.asarray(self.term.columns(motion, self.shape) @ self.amplitudes)
+
+
+class _AskedReferences(dict[str, float]):
+    """References of columns that note which are asked for."""
+
+    def __init__(self, given: Mapping[str, float]) -> None:
+        super().__init__(given)
+        self.names: set[str] = set()
+
+    def __getitem__(self, name: str) -> float:
+        self.names.add(name)
+        return super().__getitem__(name)
+
+    def get(self, name: str, default: Any = None) -> Any:  # noqa: ANN401 - as a dict has it
+        self.names.add(name)
+        return super().get(name, default)
+
+
+def of_its_recordings(term: Term[Motion], motion: Motion, shape: float) -> bool:
+    """Whether the size of a term goes with the recordings that it was fitted to.
+
+    Their length, the middle of their travel, their first temperature, the angle at which each begins: what was found
+    there is another size elsewhere. Of what distorts the rest of the model, only a lag is the same with it known.
+    """
+    asked = _AskedReferences(motion.references)
+    term.columns(replace(motion, references=asked), shape)
+    of_angle = term.of_angle and RECORDING in motion.besides
+    return of_angle or bool(asked.names - set(OF_LAGS.values())) or (term.of_model and term.identifier not in OF_LAGS)
 
 
 def missing_parameters(library: Sequence[Term[Motion]], rows: Sequence[TermParameter]) -> list[str]:

@@ -8,10 +8,12 @@ from pmg.pipeline.diagnosis.balance.document import titled
 from pmg.pipeline.diagnosis.balance.library.elastic import RESONANCE
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 from pmg.pipeline.recording.remark import Remark
-from pmg.pipeline.wording.plurals import capitalised
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from pmg.pipeline.diagnosis.balance.decide import TermsDiagnosis
+    from pmg.pipeline.diagnosis.balance.fitting import TermFit
     from pmg.pipeline.diagnosis.balance.low_passes import LowPassTried
 
 SAME = "the search says the same"
@@ -20,29 +22,41 @@ SAME = "the search says the same"
 
 def said_with(d: TermsDiagnosis, tried: LowPassTried) -> str:
     """What the search says with another low-pass, against what is told: `SAME`, or how it differs."""
-    terms = " and ".join(titled(fit.candidate) for fit in tried.fits) or "no term"
+    limit = d.mismatch.false_alarm_rate
     if not d.mismatch.found:
-        return "a mismatch is seen" if _seen(d, tried) else SAME
-    if not _seen(d, tried):
+        return "a mismatch is seen" if tried.p_value <= limit / len(d.low_passes) else SAME
+    if tried.p_value > limit:
         return "no mismatch is seen"
     if not d.verdict.names:
-        return f"{terms} explains it" if _explains_what_is_open(d, tried) else SAME
-    leading = frozenset(step.added for step in d.steps[1:])
+        return _said_of_open(d, tried)
+    leading, terms = _leading(d), _titles(tried.fits)
     if tried.ids in [leading, *(contest.rival.ids for contest in d.contests if contest.open)]:
         return SAME
-    more = " and ".join(titled(fit.candidate) for fit in tried.fits if fit.identifier not in leading)
     if leading < tried.ids:
-        return f"more comes in: {more}"
+        return f"more comes in: {_titles(fit for fit in tried.fits if fit.identifier not in leading)}"
+    if tried.ids < leading:
+        return f"less is seen: {terms}"
     if _lets_in_a_resonance(d, tried):
-        return f"a resonance comes in, and hides what is named here: {more}"
+        return f"noise or a resonance may have come in: {terms}"
     return f"the search names {terms}{'' if tried.explained else ', which does not explain it'}"
 
 
-def _seen(d: TermsDiagnosis, tried: LowPassTried) -> bool:
-    return tried.p_value <= d.mismatch.false_alarm_rate / max(len(d.low_passes), 1)
+def _said_of_open(d: TermsDiagnosis, tried: LowPassTried) -> str:
+    """The same where nothing is named."""
+    if d.impossible:
+        return f"the search names {_titles(tried.fits)}"
+    return f"{_titles(tried.fits)} may explain it" if _may_explain(d, tried) else SAME
 
 
-def _explains_what_is_open(d: TermsDiagnosis, tried: LowPassTried) -> bool:
+def _titles(fits: Iterable[TermFit]) -> str:
+    return " and ".join(titled(fit.candidate) for fit in fits) or "no term"
+
+
+def _leading(d: TermsDiagnosis) -> frozenset[str]:
+    return frozenset(step.added for step in d.steps[1:])
+
+
+def _may_explain(d: TermsDiagnosis, tried: LowPassTried) -> bool:
     return d.verdict is Verdict.NOT_IN_LIBRARY and not d.impossible and tried.explained and bool(tried.fits)
 
 
@@ -52,10 +66,9 @@ def _lets_in_a_resonance(d: TermsDiagnosis, tried: LowPassTried) -> bool:
 
 def _contradicts(d: TermsDiagnosis, tried: LowPassTried) -> bool:
     """Whether another low-pass names other terms where it sees a mismatch, and lets in nothing that would hide them."""
-    said = said_with(d, tried)
-    leading = frozenset(step.added for step in d.steps[1:])
-    other = d.verdict.names and _seen(d, tried) and said != SAME and not leading < tried.ids
-    return other and not _lets_in_a_resonance(d, tried)
+    same = not d.verdict.names or tried.p_value > d.mismatch.false_alarm_rate or said_with(d, tried) == SAME
+    leading = _leading(d)
+    return not (same or leading < tried.ids or tried.ids < leading or _lets_in_a_resonance(d, tried))
 
 
 def low_pass_sentence(d: TermsDiagnosis) -> str:
@@ -76,9 +89,10 @@ def low_pass_remarks(d: TermsDiagnosis) -> tuple[Remark, ...]:
     if any(_contradicts(d, each) for each in d.low_passes):
         do = "Set it below the first resonance, and high enough to keep what follows a reversal."
         return (Remark("warning", "low_pass_Hz", f"{low_pass_sentence(d)} {do}"),)
-    better = next((each for each in d.low_passes if _seen(d, each) and _explains_what_is_open(d, each)), None)
+    better = next((each for each in d.low_passes if _may_explain(d, each)), None)
     if better is None:
         return ()
-    do = f"set low_pass_Hz = {better.low_pass_hz:g} and keep_every = {better.keep_every}, and run again."
-    at = f"At {better.low_pass_hz:g} Hz {said_with(d, better)}"
-    return (Remark("warning", "low_pass_Hz", capitalised(f"{at}: {do}")),)
+    at = f"At {better.low_pass_hz:g} Hz {said_with(d, better)}; that is not proved."
+    given = f"low_pass_Hz = {better.low_pass_hz:g} and keep_every = {better.keep_every}"
+    do = f"Run again with {given}, on other recordings."
+    return (Remark("warning", "low_pass_Hz", f"{at} {do}"),)

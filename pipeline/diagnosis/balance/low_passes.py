@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pmg.pipeline.diagnosis.balance.estimate import fit_together
-from pmg.pipeline.diagnosis.balance.records.reading import read_recordings
+from pmg.pipeline.diagnosis.balance.records.reading import KEPT, read_recordings
 from pmg.pipeline.diagnosis.balance.search_record import search_record
 from pmg.sim.errors import RecordingError
 
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 FACTORS = (0.5, 2.0)
 """Other low-passes that are tried, as parts of the one in force."""
+
+MOST_THINNED = 100
+"""Samples of which one may be kept."""
 
 HIGHEST_TRIED = 0.45
 """Low-pass, over the rate of the samples, above which none is tried."""
@@ -82,13 +86,13 @@ class LowPassTried:
 
 
 def _others(given: PrepareTable) -> Iterator[PrepareTable]:
-    """The other low-passes, thinned in proportion."""
+    """The other low-passes, thinned in proportion at least, so that the force keeps no more than the motion."""
     for factor in FACTORS:
         low_pass = factor * given.low_pass_hz
-        if low_pass <= HIGHEST_TRIED * given.rate_hz:
-            thinned = max(1, round(given.keep_every / factor)) if given.keep_every > 1 else 1
-            changed = {"low_pass_hz": low_pass, "keep_every": min(thinned, 100), "drop": None}
-            yield given.model_copy(update=changed)
+        keep = max(round(given.keep_every / factor), math.ceil(KEPT * given.rate_hz / low_pass - 0.01), 1)
+        if low_pass <= HIGHEST_TRIED * given.rate_hz and keep <= MOST_THINNED:
+            drop = None if given.drop is None else max(given.drop, round(given.drop / factor))
+            yield given.model_copy(update={"low_pass_hz": low_pass, "keep_every": keep, "drop": drop})
 
 
 def try_low_passes(case: Case, rng: np.random.Generator) -> tuple[LowPassTried, ...]:

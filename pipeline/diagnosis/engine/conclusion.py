@@ -117,12 +117,14 @@ def _proved(naming: Naming[F, P], held: HeldOut) -> bool:
     return naming.in_the_main and held.kept == 1.0 and (held.predicts or unseen)
 
 
-def in_the_main_sentence(naming: Naming[Any, Any] | None) -> str:
-    """What is said of a named cause that leaves more than noise; empty of one that does not."""
-    if naming is None or naming.explained:
+def in_the_main_sentence(naming: Naming[Any, Any] | None, held: HeldOut | None) -> str:
+    """What is said of a named cause that leaves more than noise, or predicts a part only; empty of another one."""
+    if naming is None or (naming.explained and (held is None or held.predicts)):
         return ""
+    if naming.explained and held is not None:
+        return f"In the main: {held.left:.0%} of the squares withheld are not predicted, so its form may differ."
     part = naming.remainder.excess / naming.best.gain
-    return f"In the main: {part:.1%} of it is left, so its form differs or something smaller is missing."
+    return f"In the main: {part:.1%} of its squares are left, so its form differs or something smaller is missing."
 
 
 def probabilities(conclusion: Conclusion[Any, Any]) -> list[float]:

@@ -190,7 +190,7 @@ def proof_sentence(diagnosis: MotionDiagnosis) -> str:
         return ""
     low, high = held.gain_interval
     change = "drops" if low > 0.0 else ("rises" if high < 0.0 else "does not clearly drop:")
-    main = "" if diagnosis.weak else in_the_main_sentence(diagnosis.naming)
+    main = "" if diagnosis.weak else in_the_main_sentence(diagnosis.naming, diagnosis.held_out)
     return (
         f"With it in the model, the error on runs not used for the fit {change} from "
         f"{held.rmse_before / MILLI:.1f} to {held.rmse_after / MILLI:.1f} mN m; noise alone makes "

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import tomllib
 from typing import TYPE_CHECKING
 
+from pmg.pipeline.diagnosis.balance.known_terms import of_its_recordings
 from pmg.pipeline.diagnosis.engine.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -17,8 +19,8 @@ if TYPE_CHECKING:
 def with_cause(text: str, diagnosis: TermsDiagnosis) -> str:
     """A machine file with what was named as known terms, to go on with; empty where there is nothing to write.
 
-    Not written is a term with a size of its own in each recording, or one that the file knows already: its size is
-    then another one.
+    Not written is a term whose size is that of its recordings alone, one that the file knows already, one of a size
+    that no file may give, and what does not fit into the form of the file.
 
     Parameters
     ----------
@@ -30,15 +32,21 @@ def with_cause(text: str, diagnosis: TermsDiagnosis) -> str:
     fits = [step.fitted.fits[-1] for step in diagnosis.steps[1:]]
     if diagnosis.verdict is not Verdict.NAMED or not fits:
         return ""
-    library = {term.key: term for term in diagnosis.case.library}
-    for fit in fits:
-        same = library[fit.candidate.key].parameters == fit.candidate.parameters
-        if not same or fit.candidate.key in {known.term.key for known in diagnosis.case.known}:
-            return ""
+    known = {each.term.key for each in diagnosis.case.known}
+    motion = diagnosis.recorded.motion
+    if any(fit.candidate.key in known or of_its_recordings(fit.candidate, motion, fit.shape) for fit in fits):
+        return ""
     found = {(e.term, e.name): e for e in diagnosis.steps[-1].fitted.estimates}
-    parameters = ((fit.candidate, found[fit.identifier, q.name]) for fit in fits for q in fit.candidate.parameters)
-    rows = "\n".join(row for term, estimate in parameters for row in _row(term, estimate))
-    return f"{text.rstrip()}\n\n# Named, and known from here on.\n{rows}\n"
+    parameters = [(fit.candidate, q, found[fit.identifier, q.name]) for fit in fits for q in fit.candidate.parameters]
+    if not all(q.bounds[0] <= estimate.value <= q.bounds[1] for _, q, estimate in parameters):
+        return ""
+    rows = "\n".join(row for term, _, estimate in parameters for row in _row(term, estimate))
+    whole = f"{text.rstrip()}\n\n# Named, and known from here on.\n{rows}\n"
+    try:
+        tomllib.loads(whole)
+    except tomllib.TOMLDecodeError:  # the file has its model in braces, to which nothing can be added
+        return ""
+    return whole
 
 
 def _row(term: Term[Motion], estimate: Estimate) -> Iterator[str]:

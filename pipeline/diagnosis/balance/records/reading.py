@@ -124,7 +124,8 @@ def _read(path: Path, case: Case) -> list[_Read]:
     for short in (stretch for stretch in clock.stretches if len(stretch.time) < fewest):
         message = f"the {len(short.time)} samples from {short.start:g} s are left out: filters need {fewest}"
         findings.info(Code.SAMPLES_GAP, "time", message, "Nothing to do, or record without pauses.")
-    names = [path.name if len(whole) == 1 else f"{path.name} ({k})" for k in range(1, len(whole) + 1)]
+    name = case.label(path)
+    names = [name if len(whole) == 1 else f"{name} ({k})" for k in range(1, len(whole) + 1)]
     begun = clock.stretches[0].start
     motions = [_moved(path, stretch, begun, smoother, case, findings) for stretch in whole]
     told = findings.listed()

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.signal import butter, cheby1, sosfiltfilt
 
 from pmg.pipeline.diagnosis.balance.case import OUTPUT
+from pmg.pipeline.diagnosis.balance.known_terms import of_its_recordings
 from pmg.pipeline.diagnosis.balance.library.term import KNOWN, NOISY, OF_NONE, OUT, RECORDING, Motion
 from pmg.sim.errors import RecordingError
 
@@ -185,11 +186,14 @@ def joined(motions: Sequence[Motion]) -> Motion:
 
 
 def _check_channels(recorded: Recorded, case: Case) -> None:
-    """Refuse a known term that needs a channel which was not recorded."""
+    """Refuse a known term that needs a channel which was not recorded, or whose size these recordings do not share."""
     for each in case.known:
         if missing := set(each.term.needs) - set(recorded.motion.besides):
             came, do = f"no {' and no '.join(sorted(missing))}", f"Name the channel, or leave {each.term.key} out."
             raise RecordingError(recorded.name, came, f"what the known term {each.term.key} needs", do)
+        if of_its_recordings(each.term, recorded.motion, each.shape):
+            came = f"the known term {each.term.key}, whose size goes with the recordings that it was found in"
+            raise RecordingError(recorded.name, came, "one that is the same in all", "Leave it out of [model.known].")
 
 
 def _check_seen(recorded: Recorded, free: Array, names: Sequence[str]) -> None:
@@ -240,7 +244,7 @@ def with_known(
     known = np.zeros_like(motion.force)
     for key, value in case.fixed.items():
         known = known + value * columns[key]
-    _check_channels(plain, case)
+    _check_channels(replace(plain, motion=motion), case)
     known = known + sum(each.of(motion) for each in case.known if not each.term.of_model)
     found = _freed(replace(plain, motion=motion), case, columns, known, of)
     faults, distorted = [each for each in case.known if each.term.of_model], np.zeros_like(known)

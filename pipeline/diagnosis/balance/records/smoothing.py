@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
-from scipy.signal import butter, filtfilt
+from scipy.signal import butter, sosfiltfilt
 
 if TYPE_CHECKING:
     from pmg.pipeline.machine.channel import PrepareTable
@@ -43,21 +43,22 @@ class Smoother:
 
     def __init__(self, given: PrepareTable, step: float) -> None:
         self.step, self.keep_every = step, given.keep_every
-        self.filter = butter(given.order, given.low_pass_hz, fs=1.0 / step)
+        self.order = given.order
+        self.filter = butter(given.order, given.low_pass_hz, fs=1.0 / step, output="sos")
         self.beyond = 1.0 - 2.0 * given.low_pass_hz * step
         """Part of white noise that the low-pass takes out."""
 
     def smooth(self, values: Array) -> Array:
         """Low-passed without phase (n,)."""
-        return np.asarray(filtfilt(*self.filter, values))
+        return np.asarray(sosfiltfilt(self.filter, values))
 
     def smoothed_further(self, values: Array) -> Array:
         """A reading that columns are made of (n,), low-passed `FURTHER` times as low.
 
         The force that they explain holds its noise too: left in, it would explain itself.
         """
-        order = len(self.filter[0]) - 1
-        return np.asarray(filtfilt(*butter(order, self._cut_off / FURTHER, fs=1.0 / self.step), values))
+        lower = butter(self.order, self._cut_off / FURTHER, fs=1.0 / self.step, output="sos")
+        return np.asarray(sosfiltfilt(lower, values))
 
     def slope(self, values: Array) -> Array:
         """Central differences in time (n,); zero at either end."""
